@@ -14,7 +14,6 @@ from benchmarks.result import Cell, ResultTable, StudyResult
 from fieldkit.cache import StageCache
 from fieldkit.clouds import Cloud, icp, read_cloud, read_las
 from fieldkit.clouds.neighbors import PointIndex
-from fieldkit.evaluation.figures import source_frame
 from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, SCENE_FILE, build_reference
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.similarity import fit_similarity
@@ -116,7 +115,7 @@ def reference_of_set(
     if published.is_file():
         # The rigs' files are in millimetres, poses.csv and so our source frame in metres.
         known = read_cloud(published).transformed(Similarity(0.001, np.eye(3), np.zeros(3)))
-        to_plot = source_frame(report.metric_source, report.frame).from_source
+        to_plot = report.frame.of_source(report.metric_source).from_source
         recall = recall_of(known.transformed(to_plot), read_cloud(folder / SCENE_FILE))
     laz = (folder / CLOUD_FILE).with_suffix(".laz")
     return ReferenceResult(

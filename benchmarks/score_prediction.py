@@ -48,6 +48,7 @@ from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.evidence import evidence
 from fieldkit.reconstruction.pipeline import reconstruct
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.evaluation import ReconstructionEntry
 from fieldkit.runtime.progress import Progress, Silent
 
 Array = NDArray[np.float64]
@@ -162,7 +163,8 @@ def stored_features(plot: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> di
         seen = np.zeros((len(poses), len(sparse)), dtype=np.int64)
         seen[arrays["tracks"][:, 1], arrays["tracks"][:, 0]] = 1
         found = evidence(stored_cloud(arrays), poses, cameras, sparse, seen @ seen.T, plot["plant_voxel_m"])
-    return plot_features(plot, found)
+    own = {name: plot[name] for name in ReconstructionEntry.model_fields if name in plot}
+    return plot_features(ReconstructionEntry.model_construct(**own), found)
 
 
 def fit(plots: Sequence[Plot]) -> tuple[PredictionModel, dict[tuple[str, ...], float]]:
@@ -374,7 +376,7 @@ def recorded_plot(name: str, scene: str, folder: Path, reference: Reference, cac
     except ReconstructionError:
         return None
     entry = plot_evaluation(name, found, settings, score=None, seconds=0.0, cpu_seconds=0.0)
-    features = reconstruction_features(found, entry.model_dump(mode="json"))
+    features = reconstruction_features(found, entry)
     known = reference.known_plot()
     moved = known.source.from_source.after(found.sparse.frame.plot_from_source.inverse())
     own = crop(found.plants.transformed(moved), known.volume)

@@ -206,7 +206,7 @@ def _problem(plan: Plan, vehicle: Vehicle | None, plants: Cloud, plot: SitePlot 
         kept_clear, volume, margin_m=limits.margin_m, height_m=limits.height_m, clearance_m=limits.clearance_m,
         pitch_deg=limits.pitch_deg, separation_m=limits.separation_m, vehicle_clearance_m=limits.vehicle_clearance_m,
     )  # fmt: skip
-    camera = plan.camera.intrinsics.without_distortion()
+    camera = plan.camera.without_distortion()
     return PlanningProblem(len(plan.stations), envelope, camera, (Plot.without_others(plants),))
 
 

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from fieldkit.campaign.reading import CampaignPlot
 from fieldkit.captures.model import Capture
 from fieldkit.clouds.canopy import Outline
-from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.volume import Volume
 from fieldkit.evaluation.georeferencing import COARSE_M
 from fieldkit.evaluation.traits import PlotOutline
@@ -27,6 +26,7 @@ from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.plot_frame import find_ground, moved_plane
 from fieldkit.reconstruction.prior_mapping import region_of_interest
+from fieldkit.results.frame import Plane
 from fieldkit.results.plan import Plan
 
 ON_STATION_M = 0.5
@@ -240,4 +240,4 @@ def _accuracy_m(capture: Capture) -> float:
 
 
 def _height_at_origin(plane: Plane) -> float:
-    return float(plane.offset / plane.normal[2])
+    return float(plane.offset_m / plane.normal[2])

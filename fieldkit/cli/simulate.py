@@ -84,7 +84,7 @@ class StationOptions:
                 from fieldkit.sites.fitted import fitted_to_height
 
                 loaded = fitted_to_height(loaded, self.plant_height)
-            return [s.pose for s in loaded.stations], None if loaded.camera is None else loaded.camera.intrinsics
+            return [s.pose for s in loaded.stations], loaded.camera
         if self.poses is not None:
             return poses_from_csv(self.poses), None
         return ring_about(int(circle[0]), *circle[1:]) if circle else dense_about(self.dense), None

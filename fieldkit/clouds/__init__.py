@@ -2,7 +2,7 @@
 
 from fieldkit.clouds.alignment import AlignmentStats, icp
 from fieldkit.clouds.cloud import Cloud, concatenate
-from fieldkit.clouds.ground import Plane, fit_ground_plane
+from fieldkit.clouds.ground import fit_ground_plane
 from fieldkit.clouds.io import read_cloud, write_cloud
 from fieldkit.clouds.las import LasCloud, read_las, write_las
 from fieldkit.clouds.metrics import (
@@ -29,7 +29,6 @@ __all__ = [
     "CloudScore",
     "FScore",
     "LasCloud",
-    "Plane",
     "PointIndex",
     "ReferenceIndex",
     "Volume",

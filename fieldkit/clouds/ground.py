@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.errors import EmptyCloudError, ReconstructionError
-from fieldkit.geometry import Similarity
+from fieldkit.results.fields import vector
+from fieldkit.results.frame import Plane
 from fieldkit.runtime.kernels import kernel
 
 _HYPOTHESES = 8192
@@ -21,55 +20,6 @@ _MOST_BELOW = 3.0  # times as many may lie below it
 _CAMERAS_ABOVE = 0.8
 _MAX_TILT_DEG = 30.0
 _REFINEMENTS = 20
-
-
-@dataclass(frozen=True, eq=False)
-class Plane:
-    """A plane normal · x = offset with how well it fits."""
-
-    normal: NDArray[np.float64]
-    """(3,) unit vector, upwards: towards the cameras."""
-    offset: float
-    """The plane's distance from the origin along the normal, metres."""
-    rms_m: float
-    """Root mean square distance of the inliers."""
-    inlier_share: float
-    """Share of the cloud's points within ``tolerance_m`` of the plane."""
-    tolerance_m: float
-    """Distance up to which a point counts as ground."""
-
-    def __post_init__(self) -> None:
-        normal = np.array(self.normal, dtype=np.float64).reshape(3)
-        normal.setflags(write=False)
-        object.__setattr__(self, "normal", normal)
-        object.__setattr__(self, "offset", float(self.offset))
-
-    def heights(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Signed heights (n,) of points (n, 3) above the plane, metres."""
-        heights: NDArray[np.float64] = np.asarray(points, dtype=np.float64) @ self.normal - self.offset
-        return heights
-
-    def tilt_deg(self) -> float:
-        """Angle between the normal and the z axis, degrees."""
-        return float(np.degrees(np.arctan2(np.hypot(self.normal[0], self.normal[1]), self.normal[2])))
-
-    def levelling(self, origin: ArrayLike | None = None) -> Similarity:
-        """The rigid transform that turns the normal to +z by the shortest way and puts the plane at z = 0.
-
-        Args:
-            origin: (3,) point whose foot on the plane becomes (0, 0, 0); without it x and y move only by the turn.
-        """
-        x, y, z = self.normal
-        if z > -1.0 + 1e-12:
-            # Rodrigues' formula with the axis normal × z, free of angles.
-            cross = np.array([[0.0, 0.0, -x], [0.0, 0.0, -y], [x, y, 0.0]])
-            rotation = np.eye(3) + cross + cross @ cross / (1.0 + z)
-        else:
-            rotation = np.diag([1.0, -1.0, -1.0])
-        shift = np.array([0.0, 0.0, -self.offset])
-        if origin is not None:
-            shift[:2] = -(rotation @ np.asarray(origin, dtype=np.float64))[:2]
-        return Similarity(1.0, rotation, shift)
 
 
 def fit_ground_plane(
@@ -119,8 +69,8 @@ def fit_ground_plane(
     distances = np.abs(p @ normal - offset)
     inliers = distances[distances <= tolerance]
     return Plane(
-        normal,
-        offset,
+        vector(normal),
+        float(offset),
         rms_m=float(np.sqrt(np.mean(inliers**2))) if len(inliers) else 0.0,
         inlier_share=len(inliers) / len(p),
         tolerance_m=tolerance,

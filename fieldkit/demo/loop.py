@@ -176,7 +176,6 @@ def _captures_and_scores(
     folder: Path, plan: Plan, circle: Sequence[Pose], flight: RecordedFlight, seed: int, cache: StageCache,
     progress: Progress, workers: int,
 ) -> dict[str, EvaluationReport]:  # fmt: skip
-    camera = None if plan.camera is None else plan.camera.intrinsics
     carried = {PLANNED: plan, CIRCLE: plan.model_copy(update={"stations": plan_from_poses(circle).stations})}
     plots = (SEEN, UNSEEN)
     heights = {plot: measured_height_m(plot) for plot in plots}
@@ -185,7 +184,7 @@ def _captures_and_scores(
             plot,
             folder / "captures" / plot / name,
             [station.pose for station in fitted_to_height(stated, heights[plot]).stations],
-            camera,
+            plan.camera,
             flight.pose_noise,
             seed * 1000 + 10 + k,
         )

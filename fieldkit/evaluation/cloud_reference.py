@@ -17,7 +17,7 @@ from fieldkit.captures import Capture
 from fieldkit.captures.crs import frame_about, height_datum, parse_crs, to_geodetic
 from fieldkit.captures.programs import METRES
 from fieldkit.clouds import Cloud, Volume, read_cloud
-from fieldkit.clouds.ground import Plane, fit_ground_plane
+from fieldkit.clouds.ground import fit_ground_plane
 from fieldkit.clouds.las import read_las
 from fieldkit.errors import CloudError, EmptyCloudError, MetadataError, ReconstructionError, UsageError
 from fieldkit.evaluation.reference import CLOUD_FILE, Reference
@@ -29,6 +29,7 @@ from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.result import clearance
 from fieldkit.regular_files import open_regular
 from fieldkit.results.finding import Finding
+from fieldkit.results.frame import Plane
 from fieldkit.results.report_files import REFERENCE_FILE
 
 _FRAME_REMEDY = (

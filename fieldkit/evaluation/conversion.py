@@ -1,34 +1,44 @@
-"""From a Reconstruction to the entries of reference.json and evaluation.json. Pure functions."""
+"""From a Reconstruction to what reference.json and evaluation.json hold. Pure functions."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
+from fieldkit.captures.model import Capture
 from fieldkit.clouds import Cloud, CloudScore
+from fieldkit.clouds.cells import voxel_edge_m
 from fieldkit.errors import FieldkitError
-from fieldkit.evaluation.figures import figures, image_entry, mean, reasons
 from fieldkit.evaluation.prediction import plot_features, predict
 from fieldkit.evaluation.traits import PlotOutline, outline_of, plot_traits
-from fieldkit.reconstruction.colmap_model import model_points
+from fieldkit.geometry import Pose
+from fieldkit.geometry.geodesy import utm_epsg_of
+from fieldkit.reconstruction.colmap_model import model_points, model_poses
 from fieldkit.reconstruction.evidence import evidence, shared_points
-from fieldkit.reconstruction.result import ImageReport, Reconstruction
+from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import (
     CorrectionEntry,
+    DenseEntry,
     ErrorEntry,
     EvaluationReport,
     FileEntry,
+    ImageReport,
+    Method,
     PlotEvaluation,
-    PredictionEntry,
+    ReconstructionEntry,
     ReferenceReport,
+    Source,
     distance_key,
 )
-from fieldkit.results.fields import clean_text
+from fieldkit.results.fields import Vector, finite, vector
 from fieldkit.results.finding import Finding
+from fieldkit.results.frame import CameraReport, FrameEntry, Row, VolumeEntry
 from fieldkit.version import __version__
 
 
@@ -50,13 +60,13 @@ def reference_report(
         files: of the result, with their hashes.
     """
     scene = reconstruction.scene
+    found = _described(reconstruction, settings, seconds, cpu_seconds, files, outline_of(settings))
     return ReferenceReport(
         fieldkit=__version__,
-        source=clean_text(reconstruction.sparse.capture.folder.name),
+        source=reconstruction.sparse.capture.folder.name,
         scene_points=None if scene is None else len(scene),
         settings=settings_entry(settings),
-        traits=plot_traits(reconstruction, reconstruction.plants, settings, outline_of(settings)),
-        **figures(reconstruction, settings, seconds, cpu_seconds, files),
+        **dict(found),
     )
 
 
@@ -89,100 +99,25 @@ def plot_evaluation(
         plants: that count, where they are others than the reconstruction's: moved onto the reference.
         outline: of the plot; None takes the settings' bounds.
     """
-    found = figures(reconstruction, settings, seconds, cpu_seconds, files)
-    found["findings"] += tuple(findings)
+    found = _described(
+        reconstruction, settings, seconds, cpu_seconds, files, outline or outline_of(settings), plants, findings
+    )
     return PlotEvaluation(
-        name=clean_text(name),
-        unregistered=reasons(reconstruction.sparse.images),
-        **_score(score),
+        name=name,
+        unregistered=_reasons(found.image_reports),
+        **_scores(score),
         correction=correction,
-        traits=plot_traits(
-            reconstruction, reconstruction.plants if plants is None else plants, settings,
-            outline_of(settings) if outline is None else outline,
-        ),
-        prediction=None if score is not None else prediction_entry(reconstruction, found),
-        error=None,
-        **found,
-    )  # fmt: skip
-
-
-def prediction_entry(reconstruction: Reconstruction, figures_: Mapping[str, Any]) -> PredictionEntry:
-    """What the chamfer distance is likely to be, or why nothing can be said.
-
-    Args:
-        reconstruction: of the plot.
-        figures_: its fields of `ReconstructionEntry`.
-    """
-    found = predict(reconstruction_features(reconstruction, figures_))
-    return PredictionEntry(**dataclasses.asdict(found) | {"reason": clean_text(found.reason)})
-
-
-def reconstruction_features(reconstruction: Reconstruction, figures_: Mapping[str, Any]) -> dict[str, float] | str:
-    """The figures that predictions are made from, or why there are none."""
-    found = None
-    if figures_["plant_voxel_m"] is not None:
-        sparse = reconstruction.sparse
-        names = list(sparse.poses)
-        found = evidence(
-            reconstruction.plants, [sparse.poses[n] for n in names], [sparse.intrinsics[n] for n in names],
-            model_points(sparse.model), shared_points(sparse.model, names), figures_["plant_voxel_m"],
-        )  # fmt: skip
-    return plot_features(figures_, found)
+        prediction=None if score is not None else predict(reconstruction_features(reconstruction, found)),
+        **dict(found),
+    )
 
 
 def failed_plot(
-    name: str,
-    error: FieldkitError,
-    *,
-    seconds: float,
-    cpu_seconds: float,
-    images: Sequence[ImageReport] = (),
-    photographs: int = 0,
-    models: Sequence[int] = (),
-    findings: Sequence[Finding] = (),
+    name: str, error: FieldkitError, *, seconds: float, cpu_seconds: float, photographs: int = 0
 ) -> PlotEvaluation:
-    """What evaluation.json says of a plot that could not be reconstructed or scored.
-
-    Args:
-        name: of the plot.
-        error: why.
-        seconds: wall time spent on it.
-        cpu_seconds: CPU time spent on it.
-        images: reports, where mapping came so far.
-        photographs: that could be read, where there are no reports.
-        models: sizes of what the mapper made.
-        findings: of the capture.
-    """
-    return PlotEvaluation(
-        name=clean_text(name),
-        error=ErrorEntry(type=type(error).__name__, message=clean_text(str(error)), remedy=clean_text(error.remedy)),
-        images=len(images) or photographs,
-        registered=sum(image.registered for image in images),
-        right=sum(image.counts for image in images),
-        unregistered=reasons(images),
-        models=tuple(int(size) for size in models),
-        observations=0,
-        sparse_points=0,
-        features_per_image=mean([image.features for image in images]),
-        pairs_tried=0,
-        pairs_verified=0,
-        points=0,
-        metric=False,
-        **dict.fromkeys(
-            (
-                "method", "pose_rms_m", "metric_source", "position_bound_m", "gsd_m", "reprojection_px", "track_length",
-                "points_per_plant_voxel", "plant_voxel_m", "frame", "volume", "dense", "correction",
-            )
-        ),
-        **_score(None),
-        cameras=(),
-        image_reports=tuple(image_entry(image) for image in images),
-        findings=tuple(findings),
-        times=(),
-        seconds=float(seconds),
-        cpu_seconds=float(cpu_seconds),
-        files=(),
-    )  # fmt: skip
+    """What evaluation.json says of a plot that could not be reconstructed or scored, of so many photographs."""
+    why = ErrorEntry(type=type(error).__name__, message=str(error), remedy=error.remedy)
+    return PlotEvaluation(name=name, error=why, images=photographs, seconds=seconds, cpu_seconds=cpu_seconds)
 
 
 def evaluation_report(
@@ -205,14 +140,14 @@ def evaluation_report(
     frame = {} if reference_frame is None else {"reference_frame": reference_frame}
     return EvaluationReport(
         fieldkit=__version__,
-        source=clean_text(source),
+        source=source,
         reference_sha256=reference_sha256,
         refine=refine,
         distances_m=tuple(sorted(float(d) for d in distances_m)),
         settings=settings_entry(settings) | frame,
         plots=tuple(plots),
-        seconds=float(seconds),
-        cpu_seconds=float(cpu_seconds),
+        seconds=seconds,
+        cpu_seconds=cpu_seconds,
         files=tuple(files),
     )
 
@@ -222,10 +157,161 @@ def settings_entry(settings: ReconstructionSettings) -> dict[str, Any]:
     return cast("dict[str, Any]", _plain(dataclasses.asdict(settings)))
 
 
-def _score(score: CloudScore | None) -> dict[str, Any]:
-    keys = ("chamfer_m", "accuracy_m", "completeness_m", "f_score", "precision", "recall")
+def reconstruction_features(reconstruction: Reconstruction, found: ReconstructionEntry) -> dict[str, float] | str:
+    """The figures that predictions are made from, or why there are none; ``found`` are the reconstruction's own."""
+    supported = None
+    if found.plant_voxel_m is not None:
+        sparse = reconstruction.sparse
+        names = list(sparse.poses)
+        supported = evidence(
+            reconstruction.plants, [sparse.poses[n] for n in names], [sparse.intrinsics[n] for n in names],
+            model_points(sparse.model), shared_points(sparse.model, names), found.plant_voxel_m,
+        )  # fmt: skip
+    return plot_features(found, supported)
+
+
+def _described(
+    reconstruction: Reconstruction,
+    settings: ReconstructionSettings,
+    seconds: float,
+    cpu_seconds: float,
+    files: Sequence[FileEntry],
+    outline: PlotOutline,
+    plants: Cloud | None = None,
+    findings: Sequence[Finding] = (),
+) -> ReconstructionEntry:
+    sparse = reconstruction.sparse
+    frame = sparse.frame
+    # Without a metric source the edge would be 10 mm of nothing.
+    voxel = float(voxel_edge_m(reconstruction.gsd_m)) if frame.metric else None
+    observations = sum(image.observations for image in sparse.images)
+    sparse_points = int(sparse.model.num_points3D())
+    errors = [(i.observations, i.reprojection_px) for i in sparse.images if i.reprojection_px is not None]
+    seen = sum(count for count, _ in errors)
+    return ReconstructionEntry(
+        images=len(sparse.images),
+        registered=sparse.registered,
+        right=sparse.right,
+        models=tuple(int(size) for size in sparse.model_sizes),
+        method=cast("Method", sparse.method),
+        pose_rms_m=finite(frame.rms_m),
+        metric_source=cast("Source", frame.source),
+        metric=frame.metric,
+        position_bound_m=finite(frame.bound_m),
+        points=len(reconstruction.plants),
+        gsd_m=finite(reconstruction.gsd_m),
+        reprojection_px=sum(count * error for count, error in errors) / seen if seen else None,
+        track_length=observations / sparse_points if sparse_points else None,
+        observations=observations,
+        sparse_points=sparse_points,
+        features_per_image=float(np.mean([image.features for image in sparse.images])) if sparse.images else None,
+        pairs_tried=int(sparse.pairs_tried),
+        pairs_verified=int(sparse.pairs_verified),
+        points_per_plant_voxel=None if voxel is None else points_per_voxel(reconstruction.plants.points, voxel),
+        plant_voxel_m=voxel,
+        frame=_frame_entry(frame),
+        volume=VolumeEntry(lower_m=reconstruction.volume.lower, upper_m=reconstruction.volume.upper),
+        cameras=_cameras(sparse),
+        dense=DenseEntry(
+            fidelity=settings.fidelity,
+            mask=settings.mask,
+            fusion_rule=reconstruction.fusion_rule,
+            seed=settings.seed,
+        ),
+        image_reports=_placed_images(sparse),
+        findings=(*sparse.findings, *findings),
+        times=reconstruction.times,
+        seconds=seconds,
+        cpu_seconds=cpu_seconds,
+        files=tuple(files),
+        date=_date(sparse.capture),
+        traits=plot_traits(reconstruction, reconstruction.plants if plants is None else plants, settings, outline),
+        stray=float(reconstruction.stray),
+    )
+
+
+def _frame_entry(frame: MetricFrame) -> FrameEntry:
+    rows = frame.plot_from_source.matrix().tolist()
+    return FrameEntry(
+        plot_from_source=cast("tuple[Row, Row, Row, Row]", tuple(map(tuple, rows))),
+        origin=frame.origin,
+        crs_epsg=utm_epsg_of(frame.origin),
+        ground=frame.ground,
+        notes=frame.notes,
+    )
+
+
+def _cameras(sparse: SparseResult) -> tuple[CameraReport, ...]:
+    """One for each camera of an image that counts; photographs of one group share theirs."""
+    found: list[CameraReport] = []
+    for group in sparse.capture.groups:
+        shots = Counter(sparse.intrinsics[name] for name in group.photos if name in sparse.intrinsics)
+        source = sparse.intrinsics_source.get(group.key, group.source)
+        found += [
+            CameraReport(key=group.key, source=source, photos=photos, **dataclasses.asdict(camera))
+            for camera, photos in shots.items()
+        ]
+    return tuple(found)
+
+
+def _placed_images(sparse: SparseResult) -> tuple[ImageReport, ...]:
+    """The photographs' reports with their poses and known positions, in order."""
+    poses, known = model_poses(sparse.model), known_centers(sparse)
+    return tuple(
+        image.model_copy(update={"known_center_m": known.get(image.name), **_pose_fields(poses.get(image.name))})
+        for image in sparse.images
+    )
+
+
+def _pose_fields(pose: Pose | None) -> dict[str, Any]:
+    if pose is None:
+        return {}
+    yaw, pitch, roll = (float(angle) for angle in pose.yaw_pitch_roll_deg())
+    return {"center_m": vector(pose.center), "yaw_deg": yaw, "pitch_deg": pitch, "roll_deg": roll}
+
+
+def known_centers(sparse: SparseResult) -> dict[str, Vector]:
+    """Positions in the plot frame that the metric source gives, by photograph; none without a common frame."""
+    capture, frame = sparse.capture, sparse.frame
+    positions = {name: prior.position for name, prior in capture.priors.items() if prior.position is not None}
+    if frame.source != capture.metric_source or not positions or (capture.origin is None) != (frame.origin is None):
+        return {}
+    points = np.array(list(positions.values()), dtype=np.float64)
+    if capture.origin is not None and frame.origin is not None and capture.origin != frame.origin:
+        points = frame.origin.to_local(*capture.origin.to_geodetic(points))
+    moved = frame.plot_from_source.apply(points)
+    return {name: vector(point) for name, point in zip(positions, moved, strict=True)}
+
+
+def points_per_voxel(points: NDArray[np.float64], edge_m: float) -> float | None:
+    """Mean number of points (n, 3) in a voxel of that edge that has any; None without points."""
+    if not len(points):
+        return None
+    cells = np.floor((points - points.min(axis=0)) / edge_m).astype(np.int64)
+    spans = cells.max(axis=0) + 1
+    if float(spans[0]) * float(spans[1]) * float(spans[2]) < 2.0**62:
+        occupied = len(np.unique((cells[:, 0] * spans[1] + cells[:, 1]) * spans[2] + cells[:, 2]))
+    else:
+        occupied = len(np.unique(cells, axis=0))
+    return len(points) / occupied
+
+
+def _date(capture: Capture) -> str | None:
+    """Local date of the earliest photograph, ISO 8601; None where none says when it was taken."""
+    times = [photo.captured_at for photo in capture.photos if photo.captured_at is not None]
+    return min(times).date().isoformat() if times else None
+
+
+def _reasons(images: Sequence[ImageReport]) -> dict[str, int]:
+    """Images that do not count by reason (without what stands after a colon), the most frequent first."""
+    heads = (image.reason.partition(":")[0].strip() for image in images if not image.counts)
+    counts = Counter(head or "unknown" for head in heads)
+    return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
+
+
+def _scores(score: CloudScore | None) -> dict[str, Any]:
     if score is None:
-        return dict.fromkeys(keys)
+        return {}
     by_distance = {distance_key(d): s for d, s in score.f_scores.items()}
     return {
         "chamfer_m": float(score.chamfer.chamfer_m),

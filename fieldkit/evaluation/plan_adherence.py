@@ -12,7 +12,6 @@ from fieldkit.captures import Capture, read_capture
 from fieldkit.errors import FieldkitError, UsageError
 from fieldkit.evaluation.adherence import Flight, planned_poses
 from fieldkit.evaluation.commanded_poses import FlownMission
-from fieldkit.evaluation.figures import source_frame
 from fieldkit.evaluation.pose_table import Poses, capture_poses, plan_poses, pose_adherence, reconstructed_poses
 from fieldkit.evaluation.recorded_angles import Matrix, read_angles
 from fieldkit.flightlogs.adherence import PlannedPose
@@ -89,7 +88,7 @@ class FlownPlan:
         """
         if plot.frame is None or plot.metric_source is None or not plot.metric:
             return None
-        frame = source_frame(plot.metric_source, plot.frame)
+        frame = plot.frame.of_source(plot.metric_source)
         if self.reference is None and (frame.origin is not None or plot.metric_source != _OWN_FRAME):
             return None
         stations = plan_poses(self.plan, frame if self.reference is None else None)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fieldkit.captures import Capture
-from fieldkit.evaluation.figures import number, vector
 from fieldkit.geometry import Pose
 from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.geometry.priors import SourceFrame
@@ -19,7 +18,7 @@ from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.results.evaluation import (
     AchievedSource,
     AdherenceEntry,
-    ImageEntry,
+    ImageReport,
     PhotographPosesEntry,
     PoseDifferenceEntry,
     PoseEntry,
@@ -27,7 +26,7 @@ from fieldkit.results.evaluation import (
     SpreadEntry,
     StationErrorEntry,
 )
-from fieldkit.results.fields import clean_text
+from fieldkit.results.fields import clean_text, finite, vector
 from fieldkit.results.plan import Plan, station_number
 
 POSE_SOURCES: tuple[PoseSource, ...] = ("planned", "commanded", "reported", "tagged", "reconstructed")
@@ -83,7 +82,7 @@ def plan_poses(plan: Plan, to_plot: SourceFrame | None = None) -> dict[str, Pose
 def capture_poses(capture: Capture, frame: SourceFrame) -> dict[str, PoseEntry]:
     """Poses that lie beside the photographs or in them, in the plot frame; those without a position are left out.
 
-    Names are as `ImageEntry` has them (`clean_text`).
+    Names are as `ImageReport` has them (`clean_text`).
 
     Args:
         capture: as read, or as the flight log locates it.
@@ -111,7 +110,7 @@ def capture_poses(capture: Capture, frame: SourceFrame) -> dict[str, PoseEntry]:
     return entries
 
 
-def reconstructed_poses(images: Sequence[ImageEntry]) -> dict[str, PoseEntry]:
+def reconstructed_poses(images: Sequence[ImageReport]) -> dict[str, PoseEntry]:
     """Poses by structure from motion, of the photographs that count."""
     entries = {}
     for image in images:
@@ -272,7 +271,7 @@ def _errors(
         errors.append(
             StationErrorEntry(
                 station=row.station, image=row.image, east_m=east, north_m=north, up_m=up,
-                yaw_deg=number(yaw), pitch_deg=number(pitch), speed_mps=None, turning_dps=None,
+                yaw_deg=finite(yaw), pitch_deg=finite(pitch), speed_mps=None, turning_dps=None,
             )
         )  # fmt: skip
     return tuple(sorted(errors, key=lambda error: order.index(error.station)))

@@ -6,15 +6,15 @@ docs/scores.md has the figures it is made from, how it was fitted and checked, a
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from fieldkit.reconstruction.evidence import Evidence
+from fieldkit.results.evaluation import Prediction, ReconstructionEntry
 from fieldkit.results.fields import Strict
 
 MODEL_FILE = "prediction.json"
@@ -101,29 +101,6 @@ class PredictionModel(Strict):
     """Least and greatest of the fit."""
 
 
-@dataclass(frozen=True)
-class Prediction:
-    """What is to be expected of a plot.
-
-    Attributes:
-        chamfer_m: to the true plants; None where nothing can be said.
-        low_m, high_m: nine in ten plots like those of the fit lie between.
-        reason: why nothing can be said; empty otherwise.
-        model: version of the fit.
-    """
-
-    chamfer_m: float | None
-    low_m: float | None
-    high_m: float | None
-    reason: str
-    model: int
-
-    @classmethod
-    def refused(cls, reason: str, model: PredictionModel) -> Prediction:
-        """No prediction."""
-        return cls(None, None, None, reason, model.version)
-
-
 @cache
 def prediction_model() -> PredictionModel:
     """The fit that comes with fieldkit."""
@@ -131,40 +108,40 @@ def prediction_model() -> PredictionModel:
     return PredictionModel.model_validate_json(text)
 
 
-def plot_features(figures: Mapping[str, Any], found: Evidence | None) -> dict[str, float] | str:
+def plot_features(found: ReconstructionEntry, supported: Evidence | None) -> dict[str, float] | str:
     """The figures that predictions are made from, or why there are none.
 
     Args:
-        figures: of the reconstruction, as `ReconstructionEntry` names them.
-        found: evidence of its cloud; None where it has none.
+        found: the reconstruction's own figures.
+        supported: evidence of its cloud; None where it has none.
     """
-    if not figures["metric"]:
+    if not found.metric:
         return NOTHING_METRIC
-    if figures["pose_rms_m"] is None:
+    if found.pose_rms_m is None:
         return NO_POSITIONS
-    if found is None or not figures["points"] or figures["points_per_plant_voxel"] is None:
+    if supported is None or not found.points or found.points_per_plant_voxel is None:
         return NO_CLOUD
-    right, images = int(figures["right"]), int(figures["images"])
-    if right < LEAST_IMAGES or figures["reprojection_px"] is None:
+    right = found.right
+    if right < LEAST_IMAGES or found.reprojection_px is None:
         return TOO_FEW
     # A similarity takes 7 of the 3n residuals' degrees of freedom.
     free = (3 * right / (3 * right - 7)) ** 0.5
-    place = float(figures["pose_rms_m"]) * free * found.leverage
+    place = found.pose_rms_m * free * supported.leverage
     return {
         "spread_m": float(np.hypot(place, RESTING_M)),
         "place_m": place,
-        "pose_rms_m": float(figures["pose_rms_m"]),
-        "leverage": found.leverage,
-        "noise_m": found.noise_m,
-        "roughness_m": found.roughness_high_m,
-        "gap_m": 0.1 if found.gap_m is None else found.gap_m,
-        "lone": found.lone,
-        "views": found.views,
-        "pairs_per_image": figures["pairs_verified"] / right,
-        "observations_per_image": figures["observations"] / max(1, int(figures["registered"])),
-        "right_share": right / images,
+        "pose_rms_m": found.pose_rms_m,
+        "leverage": supported.leverage,
+        "noise_m": supported.noise_m,
+        "roughness_m": supported.roughness_high_m,
+        "gap_m": 0.1 if supported.gap_m is None else supported.gap_m,
+        "lone": supported.lone,
+        "views": supported.views,
+        "pairs_per_image": found.pairs_verified / right,
+        "observations_per_image": found.observations / max(1, found.registered),
+        "right_share": right / found.images,
         "cameras": float(right),
-        "reprojection_px": float(figures["reprojection_px"]),
+        "reprojection_px": found.reprojection_px,
     }
 
 
@@ -183,16 +160,16 @@ def predict(features: Mapping[str, float] | str, model: PredictionModel | None =
     """
     model = prediction_model() if model is None else model
     if isinstance(features, str):
-        return Prediction.refused(features, model)
+        return _refused(features, model)
     limits: tuple[FeatureFit | Guard, ...] = (*model.features, *model.guards)
     for limit in limits:
         raw = features[limit.name]
         if not np.isfinite(raw):
-            return Prediction.refused(f"{limit.name} is not a number", model)
+            return _refused(f"{limit.name} is not a number", model)
         low, place, high = (logarithm(limit.name, v) for v in (limit.low, raw, limit.high))
         slack = _MARGIN * (high - low) + 1e-9
         if not low - slack <= place <= high + slack:
-            return Prediction.refused(_outside(limit, raw), model)
+            return _refused(_outside(limit, raw), model)
     return _sum(features, model)
 
 
@@ -206,7 +183,11 @@ def _sum(features: Mapping[str, float], model: PredictionModel) -> Prediction:
         f.coefficient * (logarithm(f.name, features[f.name]) - f.mean) / f.scale for f in model.features
     )
     middle, wide = float(np.exp(value)), float(np.exp(model.half_width))
-    return Prediction(middle, middle / wide, middle * wide, "", model.version)
+    return Prediction(chamfer_m=middle, low_m=middle / wide, high_m=middle * wide, reason="", model=model.version)
+
+
+def _refused(reason: str, model: PredictionModel) -> Prediction:
+    return Prediction(chamfer_m=None, low_m=None, high_m=None, reason=reason, model=model.version)
 
 
 def logarithm(name: str, value: float) -> float:

@@ -9,7 +9,6 @@ from fieldkit.captures import read_capture
 from fieldkit.captures.decode import read_image
 from fieldkit.errors import MetadataError
 from fieldkit.evaluation.reference import CLOUD_FILE, SCENE_FILE
-from fieldkit.geometry import Intrinsics
 from fieldkit.results.evaluation import ReferenceReport
 from fieldkit.results.report_files import REFERENCE_FILE, check_file, load_reference_report
 from fieldkit.runtime.progress import Progress
@@ -59,7 +58,7 @@ def make_proxy(
         plants=check_file(folder, report, CLOUD_FILE),
         scene=check_file(folder, report, SCENE_FILE),
         bounds=Bounds(report.volume.lower_m, report.volume.upper_m),
-        camera=Intrinsics(camera.model, camera.width, camera.height, camera.params),
+        camera=camera.intrinsics,
         ground_tolerance_m=0.005 if ground is None else ground.tolerance_m,
         name=report.source,
     )
@@ -73,7 +72,7 @@ def make_proxy(
 def _photographs(report: ReferenceReport, images: Path) -> list[PosedPhotograph]:
     """The photographs that the reference counts as right, with their poses."""
     found = {photo.name: photo for photo in read_capture(images).photos}
-    cameras = [Intrinsics(c.model, c.width, c.height, c.params) for c in report.cameras]
+    cameras = [c.intrinsics for c in report.cameras]
     photographs = []
     for entry in report.image_reports:
         photo = found.get(entry.name)

@@ -6,21 +6,17 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.captures.programs import PosesFile
 from fieldkit.clouds import Cloud, Volume, read_cloud, write_cloud
-from fieldkit.clouds.ground import Plane
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.conversion import reference_report, settings_entry
-from fieldkit.evaluation.figures import source_frame
 from fieldkit.evaluation.georeferencing import write_georeferenced
 from fieldkit.evaluation.rasters import Rasters, coarse_place, write_rasters
 from fieldkit.figures.spreadsheets import TRAITS_FILE, trait_row, write_traits_csv
 from fieldkit.files import atomic_folder
-from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.geometry import Pose
 from fieldkit.pictures.overview import write_overview
 from fieldkit.reconstruction.colmap_model import color_points
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
@@ -186,21 +182,15 @@ class Reference:
     def poses(self) -> dict[str, Pose]:
         """Reconstructed poses of the photographs that count, by name, in the plot frame."""
         return {
-            image.name: pose
-            for image in self.report.image_reports
-            if image.right is not False and image.registered and (pose := image.pose) is not None
+            image.name: pose for image in self.report.image_reports if image.counts and (pose := image.pose) is not None
         }
 
     def known_plot(self) -> KnownPlot:
         """Frame, volume, ground and cameras of the reference."""
         frame = self.report.frame
-        ground = None
-        if frame.ground is not None:
-            g = frame.ground
-            ground = Plane(np.array(g.normal), g.offset_m, g.rms_m, g.inlier_share, g.tolerance_m)
         return KnownPlot(
-            source=source_frame(self.report.metric_source, frame),
+            source=frame.of_source(self.report.metric_source),
             volume=Volume(self.report.volume.lower_m, self.report.volume.upper_m),
-            ground=ground,
-            calibrated={c.key: Intrinsics(c.model, c.width, c.height, c.params) for c in self.report.cameras},
+            ground=frame.ground,
+            calibrated={c.key: c.intrinsics for c in self.report.cameras},
         )

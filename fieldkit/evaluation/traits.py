@@ -19,11 +19,11 @@ from fieldkit.clouds.canopy import (
     with_room_m,
 )
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.ground import Plane
 from fieldkit.reconstruction.agreement import scale_error
 from fieldkit.reconstruction.dense.views import view_camera
 from fieldkit.reconstruction.result import Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.frame import Plane
 from fieldkit.results.traits import TRAITS, Trait, TraitsEntry, error_column
 from fieldkit.wording import count
 
@@ -267,5 +267,5 @@ def _columns(points: Array) -> Array:
 
 
 def _at_height(places: Array, ground: Plane, height: float) -> Array:
-    z = (ground.offset + height - places @ ground.normal[:2]) / ground.normal[2]
+    z = (ground.offset_m + height - places @ ground.normal[:2]) / ground.normal[2]
     return np.column_stack([places, z])

@@ -155,7 +155,7 @@ class Run:
         positions = [None if p is None else p.position for p in known]
         graph = find_ties(
             capture, self.settings, cache=self.cache, workers=self.workers, progress=self.progress,
-            fallback=None if self.plan.camera is None else self.plan.camera.intrinsics, positions=positions,
+            fallback=self.plan.camera, positions=positions,
         )  # fmt: skip
         capture, angles = angles_as_meant(capture, self.plan, site, plot, graph, seed=self.settings.seed)
         placed = place_tags(capture, self.plan, site, plot)

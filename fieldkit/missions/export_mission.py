@@ -282,7 +282,7 @@ def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
     shots = [shot for each in routed.flights for shot in each.mission.shots]
     first = shots[0].plot
     figure = draw_mission(
-        title, routed.legs(), routed.cameras(site), vehicle.camera.intrinsics, Cloud(routed.plants),
+        title, routed.legs(), routed.cameras(site), vehicle.camera, Cloud(routed.plants),
         outlines, near=_of_first_plot(routed), near_plants=Cloud(routed.plants_of.get(first, np.zeros((0, 3)))),
         stations=[str(station_number(shot.station)) for shot in shots], plots=[shot.plot for shot in shots],
         home=np.zeros(2),

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.export import Routed, RoutedFlight
-from fieldkit.results.evaluation import FileEntry, OriginEntry
+from fieldkit.results.evaluation import FileEntry
 from fieldkit.results.mission import (
     FlownPlan,
     MissionFlight,
@@ -85,7 +84,7 @@ def site_frame(record: MissionRecord) -> SiteFrame:
 
 def plot_frame(plot: MissionPlot) -> PlotFrame:
     """The frame of a plot's plan."""
-    return PlotFrame(LocalFrame(**plot.origin.model_dump()), plot.ground_m, plot.row_heading_deg, plot.gradient)
+    return PlotFrame(plot.origin, plot.ground_m, plot.row_heading_deg, plot.gradient)
 
 
 def geo_points(places: Iterable[MissionPlace]) -> tuple[GeoPoint, ...]:
@@ -114,14 +113,9 @@ def _plants(routed: Routed, plot: SitePlot, vehicle: Vehicle) -> MissionPlants |
 
 def _plot(site: Site, plot: SitePlot, plants: MissionPlants | None, plan: FlownPlan) -> MissionPlot:
     home, frame = site.home, PlotFrame.of(site, plot)
-    datum: Literal["ellipsoid", "sea level", "unknown"] = (
-        "ellipsoid" if home.ellipsoid_m is not None else "sea level" if home.amsl_m is not None else "unknown"
-    )
+    datum = "ellipsoid" if home.ellipsoid_m is not None else "sea level" if home.amsl_m is not None else "unknown"
     tangent = frame.tangent
-    origin = OriginEntry(
-        latitude_deg=tangent.latitude_deg, longitude_deg=tangent.longitude_deg, altitude_m=tangent.altitude_m,
-        datum=datum,
-    )  # fmt: skip
+    origin = LocalFrame(tangent.latitude_deg, tangent.longitude_deg, tangent.altitude_m, datum)
     return MissionPlot(
         name=plot.name, origin=origin, ground_m=frame.ground_m, row_heading_deg=frame.row_heading_deg,
         gradient=frame.gradient, length_m=plot.length_m, width_m=plot.width_m, plants=plants, plan=plan,

@@ -30,7 +30,7 @@ from fieldkit.pictures.panels import (
     png,
 )
 from fieldkit.pictures.projection import FRONT, SIDE, TOP, Direction
-from fieldkit.results.evaluation import ImageEntry, PlotEvaluation, ReconstructionEntry, ReferenceReport
+from fieldkit.results.evaluation import ImageReport, PlotEvaluation, ReconstructionEntry, ReferenceReport
 
 _WIDTH, _HEIGHT = 15.0, 10.0
 _MARGIN, _GAP = 0.45, 0.55
@@ -145,7 +145,7 @@ def _side_by_side(widths: Sequence[float]) -> list[Place]:
     return [Place(float(left), _UPPER[0], float(n), _UPPER[1]) for left, n in zip(lefts, lengths, strict=True)]
 
 
-def _draw_camera(axes: Axes, image: ImageEntry, direction: Direction, arrow: float) -> None:
+def _draw_camera(axes: Axes, image: ImageReport, direction: Direction, arrow: float) -> None:
     center = image.center_m if image.registered else image.known_center_m
     if center is None:
         return

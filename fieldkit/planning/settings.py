@@ -10,11 +10,12 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from fieldkit.documents.mistaken import as_centimetres
+from fieldkit.geometry import Intrinsics
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import MappingName
 from fieldkit.planning.score.cost_model import WEIGHTS
 from fieldkit.results.fields import Count, Length, Strict
-from fieldkit.results.plan import PlanCamera, PlanSource
+from fieldkit.results.plan import PlanSource
 
 Preset = Literal["field", "paper"]
 Range = tuple[float, float]
@@ -123,7 +124,7 @@ class SearchSettings(Strict):
     """Further given plots, of the same kind of source."""
     cameras: Annotated[int, Field(ge=3)]
     """N, the number of cameras."""
-    camera: PlanCamera | None = None
+    camera: Intrinsics | None = None
     """The plan's camera at full size; null takes the scene's or the reference's."""
     vehicle: SearchVehicle | None = None
     """The plan's vehicle; its limits are in ``envelope``."""

@@ -8,12 +8,12 @@ import numpy as np
 
 from fieldkit.clouds.cells import Stand, find_stand
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Pose
 from fieldkit.reconstruction.interest import cuts_plants
 from fieldkit.reconstruction.result import MetricFrame
 from fieldkit.results.finding import Finding
+from fieldkit.results.frame import Plane
 from fieldkit.wording import count
 
 _FEW_POINTS = 100

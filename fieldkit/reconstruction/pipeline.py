@@ -14,7 +14,6 @@ from fieldkit.captures.markers_file import MarkersFile
 from fieldkit.captures.model import Capture, Photo
 from fieldkit.clouds.cells import voxel_edge_m, without_strays
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import MetadataError, ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
@@ -38,6 +37,7 @@ from fieldkit.reconstruction.stage_times import StageTimer
 from fieldkit.reconstruction.stages import load_quality
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.results.finding import Finding
+from fieldkit.results.frame import Plane
 from fieldkit.runtime.progress import Progress
 from fieldkit.wording import count
 

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.captures.model import Capture
-from fieldkit.clouds.ground import Plane, fit_ground_plane
+from fieldkit.clouds.ground import fit_ground_plane
 from fieldkit.errors import EmptyCloudError, ReconstructionError
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.reconstruction.prior_mapping import region_of_interest
+from fieldkit.results.fields import vector
+from fieldkit.results.frame import Plane
 
 _LOOKING_UP = 0.5  # sine of the optical axis' elevation
 _RECORDED_UP_DEG = 10.0
@@ -53,7 +55,7 @@ def plot_from_world(
     if not keep_upright:
         return ground.levelling(middle)
     foot = middle.copy()
-    foot[2] = (ground.offset - ground.normal[:2] @ middle[:2]) / ground.normal[2]
+    foot[2] = (ground.offset_m - ground.normal[:2] @ middle[:2]) / ground.normal[2]
     return Similarity(1.0, np.eye(3), -foot)
 
 
@@ -85,6 +87,5 @@ def check_upright(poses: Mapping[str, Pose], capture: Capture) -> None:
 def moved_plane(plane: Plane, motion: Similarity) -> Plane:
     """The same plane after a rigid motion."""
     normal = motion.rotation @ plane.normal
-    return Plane(
-        normal, plane.offset + float(normal @ motion.translation), plane.rms_m, plane.inlier_share, plane.tolerance_m
-    )
+    offset_m = plane.offset_m + float(normal @ motion.translation)
+    return Plane(vector(normal), offset_m, plane.rms_m, plane.inlier_share, plane.tolerance_m)

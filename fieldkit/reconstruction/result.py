@@ -10,46 +10,15 @@ from numpy.typing import NDArray
 
 from fieldkit.captures.model import Capture
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.reconstruction.colmap import pycolmap
+from fieldkit.results.evaluation import ImageReport, StageTime
 from fieldkit.results.finding import Finding
+from fieldkit.results.frame import Plane
 
 _CLEARANCE_RMS = 3.0
-
-
-@dataclass(frozen=True)
-class ImageReport:
-    """What became of one photograph.
-
-    Attributes:
-        name: of the file.
-        features: found in it.
-        registered: whether the mapper gave it a pose.
-        right: whether that pose agrees with what is known of it; None when nothing is known.
-        reason: why it is not registered, or not right; empty otherwise.
-        observations: of 3D points in it.
-        reprojection_px: mean error of these, pixels of the full-size photograph; None without any.
-        position_residual_m: distance of its centre from the known position, after alignment; None when unknown.
-        angle_residual_deg: angle to the known orientation; None when unknown.
-    """
-
-    name: str
-    features: int
-    registered: bool
-    right: bool | None
-    reason: str
-    observations: int
-    reprojection_px: float | None
-    position_residual_m: float | None
-    angle_residual_deg: float | None
-
-    @property
-    def counts(self) -> bool:
-        """Registered, and not known to be wrong."""
-        return self.registered and self.right is not False
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,17 +48,6 @@ class MetricFrame:
     @property
     def metric(self) -> bool:
         return self.source != "none"
-
-
-@dataclass(frozen=True)
-class StageTime:
-    """Seconds a stage took; ``cached`` how many of its ``items`` came from the cache."""
-
-    name: str
-    wall_s: float
-    cpu_s: float
-    items: int
-    cached: int
 
 
 @dataclass(frozen=True, eq=False)

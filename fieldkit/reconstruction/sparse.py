@@ -33,7 +33,6 @@ from fieldkit.reconstruction.guided import Region
 from fieldkit.reconstruction.known_poses import KnownPoses
 from fieldkit.reconstruction.model_cache import arrays_to_model, model_to_arrays
 from fieldkit.reconstruction.prior_mapping import PriorMapping, RoughPose, map_with_priors, region_of_interest
-from fieldkit.reconstruction.result import ImageReport
 from fieldkit.reconstruction.rough_poses import (
     contradict,
     rough_from_model,
@@ -45,6 +44,8 @@ from fieldkit.reconstruction.stages import KeyedFeatures, exhaustive_pairs, keep
 from fieldkit.reconstruction.ties import Pair
 from fieldkit.reconstruction.verification import TwoView
 from fieldkit.reconstruction.versions import STAGES
+from fieldkit.results.evaluation import ImageReport
+from fieldkit.results.fields import finite
 from fieldkit.results.finding import Finding
 from fieldkit.runtime.progress import Progress
 from fieldkit.wording import count
@@ -98,12 +99,14 @@ class Mapped:
     def without_scale(self, program: str) -> Mapped:
         """The same where the known positions' lengths are no metres: a program's name says whose they are."""
         images = tuple(
-            replace(
-                image, position_residual_m=None,
-                reason=f"wrong pose: not where {program} has it" if image.right is False else image.reason,
+            image.model_copy(
+                update={
+                    "position_residual_m": None,
+                    "reason": f"wrong pose: not where {program} has it" if image.right is False else image.reason,
+                }
             )
             for image in self.images
-        )  # fmt: skip
+        )
         return replace(self, metric=False, images=images)
 
 
@@ -670,7 +673,7 @@ class _Run:
             features = len(self.keyed[index].features)
             if name not in by_name:
                 reason = reasons.get(name, "no matches")
-                reports.append(ImageReport(name, features, False, None, reason, 0, None, None, None))
+                reports.append(ImageReport(name=name, features=features, registered=False, reason=reason))
                 continue
             known = self.known.poses.get(name) if metric else None
             agreement = judge(poses[name], known)
@@ -681,8 +684,11 @@ class _Run:
                 right, reason = False, "wrong pose: the model does not fit the known positions"
             reports.append(
                 ImageReport(
-                    name, features, True, right, reason, int(by_name[name].num_points3D), errors.get(name),
-                    agreement.position_residual_m, agreement.angle_residual_deg,
+                    name=name, features=features, registered=True,
+                    right=None if right is None else bool(right), reason=reason,
+                    observations=int(by_name[name].num_points3D), reprojection_px=finite(errors.get(name)),
+                    position_residual_m=finite(agreement.position_residual_m),
+                    angle_residual_deg=finite(agreement.angle_residual_deg),
                 )
             )  # fmt: skip
         return Mapped(

@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from fieldkit.reconstruction.result import StageTime
+from fieldkit.results.evaluation import StageTime
 from fieldkit.runtime.progress import Advance, Progress
 from fieldkit.runtime.usage import processor_seconds
 
@@ -29,13 +29,13 @@ class StageTimer:
         wall, cpu = time.perf_counter(), processor_seconds()
         with self._progress.stage(name, total, weights=weights, workers=workers) as advance:
             yield advance
-        before = self._times.get(name, StageTime(name, 0.0, 0.0, 0, 0))
+        before = self._times.get(name, StageTime(name=name, wall_s=0.0, cpu_s=0.0, items=0, cached=0))
         self._times[name] = StageTime(
-            name,
-            before.wall_s + time.perf_counter() - wall,
-            before.cpu_s + processor_seconds() - cpu,
-            before.items + (total or 0),
-            before.cached,
+            name=name,
+            wall_s=before.wall_s + time.perf_counter() - wall,
+            cpu_s=max(before.cpu_s + processor_seconds() - cpu, 0.0),
+            items=before.items + (total or 0),
+            cached=before.cached,
         )
 
     def note(self, message: str) -> None:
@@ -45,6 +45,5 @@ class StageTimer:
     def times(self, cached: dict[str, int]) -> tuple[StageTime, ...]:
         """The stages in the order they were entered; ``cached`` items by stage name."""
         return tuple(
-            StageTime(t.name, t.wall_s, t.cpu_s, t.items, min(cached.get(t.name, t.cached), t.items))
-            for t in self._times.values()
+            t.model_copy(update={"cached": min(cached.get(t.name, t.cached), t.items)}) for t in self._times.values()
         )

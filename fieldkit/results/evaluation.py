@@ -11,13 +11,12 @@ from pydantic import Field
 
 from fieldkit.geometry import Pose
 from fieldkit.results.doubtful import DOUBTFUL
-from fieldkit.results.fields import Count, Latitude, Length, Longitude, Sha256, Strict, Vector
+from fieldkit.results.fields import Count, Length, Sha256, Share, Strict, Text, Vector
 from fieldkit.results.finding import Finding
+from fieldkit.results.frame import CameraReport, FrameEntry, VolumeEntry
 from fieldkit.results.traits import TraitsEntry
 
 Seconds = Annotated[float, Field(ge=0)]
-Share = Annotated[float, Field(ge=0, le=1)]
-Row = tuple[float, float, float, float]
 Distance = Annotated[str, Field(pattern=r"^\d+\.\d{3,}$")]
 """A distance in metres as a key, with at least three decimals: "0.002"."""
 ByDistance = dict[Distance, Share]
@@ -37,7 +36,7 @@ class FileEntry(Strict):
     sha256: Sha256
 
 
-class StageEntry(Strict):
+class StageTime(Strict):
     """What a stage took."""
 
     name: str
@@ -49,68 +48,6 @@ class StageEntry(Strict):
     """How many of them came from the cache."""
 
 
-class CameraEntry(Strict):
-    """A camera with its intrinsics after bundle adjustment."""
-
-    key: str
-    """Made from make, model, serial number, focal length and size."""
-    model: str
-    """COLMAP's camera model."""
-    width: Annotated[int, Field(gt=0)]
-    height: Annotated[int, Field(gt=0)]
-    params: tuple[float, ...]
-    """In COLMAP's order; pixels where they are lengths."""
-    source: str
-    """Where the start values came from: camera.toml, camera.json, EXIF or self-calibrated."""
-    photos: Count
-    """Registered photographs it took."""
-
-
-class OriginEntry(Strict):
-    """Where the georeferenced source frame's origin lies (WGS 84). Its axes are east, north, up."""
-
-    latitude_deg: Latitude
-    longitude_deg: Longitude
-    altitude_m: float
-    datum: Literal["ellipsoid", "sea level", "unknown"]
-    """What the altitude is measured from."""
-
-
-class GroundEntry(Strict):
-    """The fitted ground: normal · x = offset_m in the plot frame."""
-
-    normal: Vector
-    """Unit vector towards the cameras."""
-    offset_m: float
-    rms_m: Length
-    """Of the inliers' distances."""
-    inlier_share: Share
-    """Of the points it was fitted to."""
-    tolerance_m: Length
-    """Up to which a point counts as ground."""
-
-
-class FrameEntry(Strict):
-    """How the plot frame lies in the frame of the metric source."""
-
-    plot_from_source: tuple[Row, Row, Row, Row]
-    """Rigid motion, rows of a homogeneous matrix: plot point = matrix · source point, metres."""
-    origin: OriginEntry | None
-    """Of the source frame; null where it is not georeferenced."""
-    crs_epsg: int | None
-    """UTM zone (WGS 84) of the origin."""
-    ground: GroundEntry | None
-    notes: tuple[str, ...]
-    """Doubts about scale and place."""
-
-
-class VolumeEntry(Strict):
-    """The volume of interest, an axis-aligned box in the plot frame."""
-
-    lower_m: Vector
-    upper_m: Vector
-
-
 class DenseEntry(Strict):
     """How the dense cloud was made."""
 
@@ -120,33 +57,39 @@ class DenseEntry(Strict):
     seed: Count
 
 
-class ImageEntry(Strict):
+class ImageReport(Strict):
     """What became of one photograph."""
 
     name: str
     features: Count
     registered: bool
-    right: bool | None
+    """Whether the mapper gave it a pose."""
+    right: bool | None = None
     """Whether its pose agrees with what is known of it; null where nothing is known."""
-    reason: str
+    reason: Text = ""
     """Why it is not registered, or not right; empty otherwise."""
-    observations: Count
+    observations: Count = 0
     """Sparse points seen in it."""
-    reprojection_px: Length | None
+    reprojection_px: Length | None = None
     """Mean error of these, pixels of the full-size photograph."""
-    position_residual_m: Length | None
+    position_residual_m: Length | None = None
     """From its centre to the known position, after alignment."""
-    angle_residual_deg: Length | None
+    angle_residual_deg: Length | None = None
     """To the known orientation."""
-    known_center_m: Vector | None
+    known_center_m: Vector | None = None
     """Where the metric source puts its projection centre, in the plot frame."""
-    center_m: Vector | None
+    center_m: Vector | None = None
     """Where the reconstruction puts it, in the plot frame; null where the image is not registered."""
-    yaw_deg: float | None
+    yaw_deg: float | None = None
     """Of the optical axis, clockwise from the plot frame's +y."""
-    pitch_deg: float | None
+    pitch_deg: float | None = None
     """0 at the horizon, −90 straight down."""
-    roll_deg: float | None
+    roll_deg: float | None = None
+
+    @property
+    def counts(self) -> bool:
+        """Registered, and not known to be wrong."""
+        return self.registered and self.right is not False
 
     @property
     def pose(self) -> Pose | None:
@@ -161,55 +104,55 @@ class ReconstructionEntry(Strict):
 
     images: Count
     """Photographs that could be read."""
-    registered: Count
+    registered: Count = 0
     """Images the mapper gave a pose."""
-    right: Count
+    right: Count = 0
     """Images that count: registered, and not known to be wrong."""
-    models: tuple[Count, ...]
+    models: tuple[Count, ...] = ()
     """Registered images of every model the mapper made, largest first; more than one: the images fell apart."""
-    method: Method | None
+    method: Method | None = None
     """Of mapping."""
-    pose_rms_m: Length | None
+    pose_rms_m: Length | None = None
     """Root mean square of the position residuals of the images that count; null without known positions."""
-    metric_source: Source | None
+    metric_source: Source | None = None
     """What scale and place come from."""
-    metric: bool
+    metric: bool = False
     """Whether lengths are metres."""
-    position_bound_m: Length | None
+    position_bound_m: Length | None = None
     """The largest position residual that counts as right (median over images)."""
-    points: Count
+    points: Count = 0
     """Of the plants' cloud."""
-    gsd_m: Length | None
+    gsd_m: Length | None = None
     """Ground sampling distance at the volume's centre: metres per pixel of the full-size photographs."""
-    reprojection_px: Length | None
+    reprojection_px: Length | None = None
     """Mean over all observations."""
-    track_length: Length | None
+    track_length: Length | None = None
     """Mean number of images that see a sparse point."""
-    observations: Count
-    sparse_points: Count
-    features_per_image: Length | None
+    observations: Count = 0
+    sparse_points: Count = 0
+    features_per_image: Length | None = None
     """Mean over all images."""
-    pairs_tried: Count
-    pairs_verified: Count
-    points_per_plant_voxel: Length | None
+    pairs_tried: Count = 0
+    pairs_verified: Count = 0
+    points_per_plant_voxel: Length | None = None
     """Mean number of plants' points in a voxel that has any."""
-    plant_voxel_m: Length | None
+    plant_voxel_m: Length | None = None
     """Edge of these voxels: 10 mm, or 10 ground sampling distances where that is more."""
-    frame: FrameEntry | None
-    volume: VolumeEntry | None
-    cameras: tuple[CameraEntry, ...]
-    dense: DenseEntry | None
-    image_reports: tuple[ImageEntry, ...]
-    findings: tuple[Finding, ...]
-    times: tuple[StageEntry, ...]
+    frame: FrameEntry | None = None
+    volume: VolumeEntry | None = None
+    cameras: tuple[CameraReport, ...] = ()
+    dense: DenseEntry | None = None
+    image_reports: tuple[ImageReport, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    times: tuple[StageTime, ...] = ()
     seconds: Seconds
     """Wall time of the whole run, cached stages included."""
     cpu_seconds: Seconds
-    files: tuple[FileEntry, ...]
+    files: tuple[FileEntry, ...] = ()
     date: str | None = None
-    """Local date of the earliest photograph, ISO 8601; null where none says it, and in older files."""
+    """Local date of the earliest photograph, ISO 8601; null where none says it."""
     traits: TraitsEntry | None = None
-    """Of the plants (docs/traits.md); null where the plot failed, and in older files."""
+    """Of the plants (docs/traits.md); null where the plot failed."""
     stray: Share | None = None
     """Share of the points that were left out of the cloud: clumps smaller than leaves that touch nothing."""
 
@@ -226,7 +169,7 @@ class ReferenceReport(ReconstructionEntry):
     version: Literal[1] = 1
     fieldkit: str
     """Version that wrote it."""
-    source: str
+    source: Text
     """Name of the folder of photographs."""
     method: Method
     metric_source: Source
@@ -254,8 +197,8 @@ class ErrorEntry(Strict):
     """Why a plot has no score."""
 
     type: str
-    message: str
-    remedy: str
+    message: Text
+    remedy: Text
 
 
 PoseSource = Literal["planned", "commanded", "reported", "tagged", "reconstructed"]
@@ -364,7 +307,7 @@ class AdherenceEntry(Strict):
     """Sources that say nothing of any photograph, and why."""
 
 
-class PredictionEntry(Strict):
+class Prediction(Strict):
     """What the chamfer distance to the plot's true plants is likely to be, from figures that need no reference."""
 
     chamfer_m: Length | None
@@ -372,7 +315,7 @@ class PredictionEntry(Strict):
     low_m: Length | None
     high_m: Length | None
     """Nine in ten plots like those of the fit lie between low_m and high_m."""
-    reason: str
+    reason: Text
     """Why nothing can be said; empty otherwise."""
     model: Annotated[int, Field(ge=1)]
     """Version of the fit."""
@@ -381,29 +324,29 @@ class PredictionEntry(Strict):
 class PlotEvaluation(ReconstructionEntry):
     """A capture of one plot: how it reconstructed and, with a reference, how close it comes to it."""
 
-    name: str
+    name: Text
     """Of the plot's folder."""
-    unregistered: dict[str, Annotated[int, Field(gt=0)]]
+    unregistered: dict[str, Annotated[int, Field(gt=0)]] = {}  # noqa: RUF012 - pydantic copies it
     """Number of images that do not count, by reason (up to its colon; image_reports hold the whole)."""
-    chamfer_m: Length | None
+    chamfer_m: Length | None = None
     """accuracy_m + completeness_m."""
-    accuracy_m: Length | None
+    accuracy_m: Length | None = None
     """Mean distance from this plot's points to the reference."""
-    completeness_m: Length | None
+    completeness_m: Length | None = None
     """Mean distance from the reference's points to this plot's."""
-    f_score: ByDistance | None
+    f_score: ByDistance | None = None
     """By distance in metres: harmonic mean of precision and recall."""
-    precision: ByDistance | None
+    precision: ByDistance | None = None
     """Share of this plot's points within the distance of the reference."""
-    recall: ByDistance | None
+    recall: ByDistance | None = None
     """Share of the reference's points within the distance of this plot's."""
-    correction: CorrectionEntry | None
+    correction: CorrectionEntry | None = None
     """Null without --refine."""
     adherence: AdherenceEntry | None = None
     """Null without --plan, and where no photograph was taken near the plan's stations."""
-    prediction: PredictionEntry | None = None
-    """Null with a reference, where the plot failed, and in older files."""
-    error: ErrorEntry | None
+    prediction: Prediction | None = None
+    """Null with a reference, and where the plot failed."""
+    error: ErrorEntry | None = None
     """Null where the plot was reconstructed and, with a reference, scored."""
 
 
@@ -414,7 +357,7 @@ class EvaluationReport(Strict):
     version: Literal[1] = 1
     fieldkit: str
     """Version that wrote it."""
-    source: str
+    source: Text
     """Name of the folder of captures."""
     reference_sha256: Sha256 | None
     """Of the reference.json scored against; null without a reference."""

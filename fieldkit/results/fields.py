@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from typing import Annotated
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
@@ -9,11 +11,23 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 Vector = tuple[float, float, float]
 Count = Annotated[int, Field(ge=0)]
 Length = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(ge=0, le=1)]
 Latitude = Annotated[float, Field(ge=-90, le=90)]
 Longitude = Annotated[float, Field(ge=-180, le=180)]
 Heading = Annotated[float, Field(ge=-360, le=360)]
 Pitch = Annotated[float, Field(ge=-90, le=90)]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+
+
+def vector(values: Iterable[float]) -> Vector:
+    """Three numbers, perhaps of an array, as models hold them."""
+    x, y, z = (float(v) for v in values)
+    return x, y, z
+
+
+def finite(value: float | None) -> float | None:
+    """None where it is not finite, for JSON has no such numbers."""
+    return None if value is None or not math.isfinite(value) else float(value)
 
 
 def clean_text(text: str) -> str:

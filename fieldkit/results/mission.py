@@ -11,10 +11,10 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.results.evaluation import FileEntry, OriginEntry
+from fieldkit.results.evaluation import FileEntry
 from fieldkit.results.fields import Heading, Latitude, Length, Longitude, Pitch, Sha256, Strict
-from fieldkit.results.plan import PlanCamera
 
 FARTHEST_M = 100_000.0
 """From home; no battery lasts that long."""
@@ -44,7 +44,7 @@ class MissionVehicle(Strict):
     title: str
     dialect: str
     autopilot: str
-    camera: PlanCamera
+    camera: Intrinsics
 
 
 class FlownPlan(Strict):
@@ -70,7 +70,7 @@ class MissionPlot(Strict):
     """A plot's frame: x along the row, y to its left, z upright above the plot's ground."""
 
     name: str
-    origin: OriginEntry
+    origin: LocalFrame
     """Of the frame, on the ground; where home says no height, it is above home and of unknown datum."""
     ground_m: Height
     """Of the origin above home."""

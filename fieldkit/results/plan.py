@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.results.fields import Count, Heading, Length, Pitch, Strict, Vector
@@ -28,27 +28,6 @@ class Station(Strict):
     def pose(self) -> Pose:
         """The commanded pose; its roll is 0."""
         return Pose.from_yaw_pitch(self.position_m, self.yaw_deg, self.pitch_deg)
-
-
-class PlanCamera(Strict):
-    """The camera the stations were chosen for."""
-
-    model: str
-    """COLMAP's camera model."""
-    width: Annotated[int, Field(gt=0)]
-    height: Annotated[int, Field(gt=0)]
-    params: tuple[float, ...]
-    """In COLMAP's order; pixels where they are lengths."""
-
-    @model_validator(mode="after")
-    def _is_a_camera(self) -> PlanCamera:
-        Intrinsics(self.model, self.width, self.height, self.params)
-        return self
-
-    @property
-    def intrinsics(self) -> Intrinsics:
-        """The same as a value of the geometry layer."""
-        return Intrinsics(self.model, self.width, self.height, self.params)
 
 
 class PlanEnvelope(Strict):
@@ -129,7 +108,7 @@ class Plan(Strict):
     fieldkit: str
     """Version that wrote it."""
     stations: Annotated[tuple[Station, ...], Field(min_length=1)]
-    camera: PlanCamera | None = None
+    camera: Intrinsics | None = None
     row_heading_deg: Heading | None = None
     """Compass heading of the plot frame's x axis."""
     envelope: PlanEnvelope | None = None

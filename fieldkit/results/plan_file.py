@@ -9,7 +9,7 @@ from typing import Any
 from fieldkit.documents.json_file import read_model
 from fieldkit.files import write_atomic
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.results.plan import Plan, PlanCamera, Station
+from fieldkit.results.plan import Plan, Station
 from fieldkit.version import __version__
 
 PLAN_FILE = "plan.json"
@@ -30,12 +30,7 @@ def plan_from_poses(poses: Sequence[Pose], intrinsics: Intrinsics | None = None,
         yaw, pitch, _ = pose.yaw_pitch_roll_deg()
         x, y, z = (float(v) for v in pose.center)
         stations.append(Station(position_m=(x, y, z), yaw_deg=yaw, pitch_deg=pitch))
-    camera = None
-    if intrinsics is not None:
-        camera = PlanCamera(
-            model=intrinsics.model, width=intrinsics.width, height=intrinsics.height, params=intrinsics.params
-        )
-    return Plan(fieldkit=__version__, stations=tuple(stations), camera=camera, **more)
+    return Plan(fieldkit=__version__, stations=tuple(stations), camera=intrinsics, **more)
 
 
 def save_plan(path: Path, plan: Plan) -> None:

@@ -305,7 +305,7 @@ def _shown(facts: PlanFacts, size_m: tuple[float, float]) -> float | None:
     plan, box = facts.plan, facts.box
     if plan.camera is None:
         return None
-    camera = plan.camera.intrinsics.without_distortion()
+    camera = plan.camera.without_distortion()
     height = 0.5 * (facts.top_m or 0.0)
     xs, ys = (np.linspace(-0.5 * side, 0.5 * side, _GRID) for side in size_m)
     places = np.array([(x, y, height) for x in xs for y in ys])

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from fieldkit.geometry import Intrinsics
 from fieldkit.results.fields import Pitch, Strict
-from fieldkit.results.plan import PlanCamera
 
 Dialect = Literal["ardupilot", "px4", "dji"]
 Positive = Annotated[float, Field(ge=1e-3, le=1e6)]
@@ -101,7 +101,7 @@ class Vehicle(Strict):
     """How the profile's facts are known: measured, read, guessed."""
     mount: Mount
     trigger: Trigger
-    camera: PlanCamera
+    camera: Intrinsics
     speeds: Speeds
     battery: Battery
     min_height_m: NotNegative

@@ -21,18 +21,18 @@ from fieldkit.campaign.visit_frame import (
 )
 from fieldkit.captures.model import Capture
 from fieldkit.captures.priors import priors_from_gps
-from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.priors import PosePrior, SourceFrame
 from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.reconstruction.pipeline import KnownPlot
+from fieldkit.results.frame import Plane
 from fieldkit.results.plan_file import plan_from_poses
 from tests.campaign.examples import FIELD, PLAN, STATIONS, field, flown
 
 PLOT = field(2, 2)[3]
-GROUND = Plane(np.array([0.0, 0.0, 1.0]), 0.0, 0.01, 0.5, 0.02)
+GROUND = Plane((0.0, 0.0, 1.0), 0.0, 0.01, 0.5, 0.02)
 
 
 def tagged(accuracy_m: float = 0.015) -> Capture:
@@ -104,7 +104,7 @@ def test_coarse_positions_are_put_where_the_plan_looks() -> None:
 
 def test_a_references_ground_is_met() -> None:
     rng = np.random.default_rng(1)
-    reference = replace(GROUND, offset=0.25)
+    reference = replace(GROUND, offset_m=0.25)
     poses = {str(k): pose for k, pose in enumerate(STATIONS)}
     motion, ground = Settling(None, 1.3, reference)(scene(rng), poses)
     assert motion.translation[2] == pytest.approx(0.25, abs=0.004)

@@ -16,7 +16,7 @@ from fieldkit.campaign import Visit
 from fieldkit.campaign.visits import keep_visit, read_visits
 from fieldkit.errors import CaptureError, MetadataError, StorageError
 from fieldkit.evaluation.conversion import failed_plot
-from fieldkit.results.evaluation import PredictionEntry
+from fieldkit.results.evaluation import Prediction
 from fieldkit.results.traits import TraitsEntry
 from fieldkit.results.visit import load_visit, save_visit
 
@@ -103,7 +103,7 @@ def test_a_visit_has_the_figures_of_its_evaluation() -> None:
         "completeness_m": 0.4, "f_score": {"0.010": 0.5},
     }  # fmt: skip
     traits = TraitsEntry(height_m=0.6, cover_percent=8.0, canopy_volume_m3=0.9, unknown={"covered_area_m2": "why"})
-    prediction = PredictionEntry(chamfer_m=0.11, low_m=0.12, high_m=0.13, reason="", model=1)
+    prediction = Prediction(chamfer_m=0.11, low_m=0.12, high_m=0.13, reason="", model=1)
     failed = failed_plot("p", CaptureError("too dark", path=Path("x"), remedy=""), seconds=1, cpu_seconds=2)
     plot = failed.model_copy(update={**figures, "metric": True, "traits": traits, "prediction": prediction})
     row = Visit.of_evaluation(plot, plot="p", date="2026-06-18").row()

@@ -11,7 +11,8 @@ from fieldkit.errors import MetadataError
 from fieldkit.evaluation.conversion import failed_plot
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.results.evaluation import FrameEntry, ImageEntry, OriginEntry, PlotEvaluation
+from fieldkit.results.evaluation import ImageReport, PlotEvaluation
+from fieldkit.results.frame import FrameEntry
 
 
 def plot_report(
@@ -21,14 +22,7 @@ def plot_report(
     plot = failed_plot(name, MetadataError("none"), seconds=0.0, cpu_seconds=0.0)
     frame = FrameEntry(
         plot_from_source=cast("Any", tuple(tuple(float(v) for v in row) for row in motion.matrix())),
-        origin=None
-        if origin is None
-        else OriginEntry(
-            latitude_deg=origin.latitude_deg,
-            longitude_deg=origin.longitude_deg,
-            altitude_m=origin.altitude_m,
-            datum=cast("Any", origin.datum),
-        ),
+        origin=origin,
         crs_epsg=None,
         ground=None,
         notes=(),
@@ -42,9 +36,9 @@ def plot_report(
     )  # fmt: skip
 
 
-def _image(name: str, pose: Pose | None) -> ImageEntry:
+def _image(name: str, pose: Pose | None) -> ImageReport:
     yaw, pitch, roll = (None, None, None) if pose is None else pose.yaw_pitch_roll_deg()
-    return ImageEntry(
+    return ImageReport(
         name=name, features=100, registered=pose is not None, right=None if pose is None else True,
         reason="" if pose is not None else "no pair verified", observations=0, reprojection_px=None,
         position_residual_m=None, angle_residual_deg=None, known_center_m=None,

@@ -9,20 +9,15 @@ import pycolmap
 
 from fieldkit.captures.model import CameraGroup, Capture, Photo
 from fieldkit.clouds import Cloud, Volume
-from fieldkit.clouds.ground import Plane
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.reconstruction.colmap_model import model_points, new_model
 from fieldkit.reconstruction.features import Features
-from fieldkit.reconstruction.result import (
-    ImageReport,
-    MetricFrame,
-    Reconstruction,
-    SparseResult,
-    StageTime,
-)
+from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult
+from fieldkit.results.evaluation import ImageReport, StageTime
 from fieldkit.results.finding import Finding
+from fieldkit.results.frame import Plane
 
 INTRINSICS = Intrinsics("SIMPLE_RADIAL", 1600, 1200, (1400.0, 800.0, 600.0, -0.01))
 
@@ -126,7 +121,7 @@ def reconstruction(*, metric: bool = True, scene: bool = True, cloud: Cloud | No
             origin=ORIGIN if metric else None,
             rms_m=0.003 if metric else None,
             bound_m=0.15 if metric else None,
-            ground=Plane(np.array([0.0, 0.0, 1.0]), 0.0, 0.002, 0.8, 0.006) if metric else None,
+            ground=Plane((0.0, 0.0, 1.0), 0.0, 0.002, 0.8, 0.006) if metric else None,
             notes=(),
         ),
         pairs_tried=28,
@@ -143,5 +138,8 @@ def reconstruction(*, metric: bool = True, scene: bool = True, cloud: Cloud | No
         scene=Cloud(np.concatenate([plants.points, model_points(model)])) if scene else None,
         gsd_m=0.0004,
         fusion_rule="2 of 10 views agree",
-        times=(StageTime("Features", 1.5, 1.4, 8, 2), StageTime("Mapping", 3.0, 2.9, 1, 0)),
+        times=(
+            StageTime(name="Features", wall_s=1.5, cpu_s=1.4, items=8, cached=2),
+            StageTime(name="Mapping", wall_s=3.0, cpu_s=2.9, items=1, cached=0),
+        ),
     )

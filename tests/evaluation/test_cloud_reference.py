@@ -69,7 +69,7 @@ def test_a_clouds_plants_ground_and_volume(tmp_path: Path) -> None:
     found = opened(tmp_path / "a.ply", "metres")
     assert found.origin is None
     assert found.ground is not None
-    assert abs(found.ground.offset) < MM
+    assert abs(found.ground.offset_m) < MM
     assert same(found.cloud.points, plot_cloud().points)
     assert len(found.cloud) < 1600  # hardly any soil
     assert found.volume.contains(found.cloud.points).all()

@@ -22,7 +22,7 @@ from fieldkit.figures.terminal.results import comparison_output
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.comparison import ComparisonReport, DifferenceEntry
 from fieldkit.results.doubtful import OTHER_PLANTS
-from fieldkit.results.evaluation import PlotEvaluation, PredictionEntry
+from fieldkit.results.evaluation import PlotEvaluation, Prediction
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan, PlanMethod, Station
 from fieldkit.results.plan_file import save_plan
@@ -221,11 +221,11 @@ def test_a_plan_tells_the_noise_of_chamfer_distances(reference: Path, three: Seq
 def test_predictions_are_compared_by_their_intervals(tmp_path: Path) -> None:
     folders = []
     for name, chamfer in {"x": 0.010, "y": 0.012, "z": 0.040}.items():
-        entry = PredictionEntry(
+        entry = Prediction(
             chamfer_m=chamfer, low_m=chamfer / 1.5, high_m=chamfer * 1.5, reason="", model=1
         )  # fmt: skip
 
-        def change(plot: PlotEvaluation, entry: PredictionEntry = entry) -> PlotEvaluation:
+        def change(plot: PlotEvaluation, entry: Prediction = entry) -> PlotEvaluation:
             return plot.model_copy(update={"prediction": entry})
 
         folders.append(evaluation_folder(tmp_path / name, {"a": leaves(1, points=500)}, None, change))
@@ -306,7 +306,7 @@ def test_a_changed_cloud_is_not_drawn_from(reference: Path, tmp_path: Path) -> N
 @pytest.mark.parametrize("number", [1e308, 5e-324, 1e13])
 def test_numbers_without_sense_do_no_harm(number: float, tmp_path: Path) -> None:
     """Files may be hostile: what overflows is left out, or its noise cannot be told."""
-    entry = PredictionEntry(chamfer_m=0.01, low_m=5e-324, high_m=number, reason="", model=1)
+    entry = Prediction(chamfer_m=0.01, low_m=5e-324, high_m=number, reason="", model=1)
     update = {"prediction": entry, "track_length": number, "points": 10**300}
 
     def change(plot: PlotEvaluation) -> PlotEvaluation:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,12 +11,17 @@ from hypothesis import strategies as st
 
 from fieldkit.clouds import Cloud, score
 from fieldkit.errors import CaptureError, ReconstructionError
-from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_evaluation, reference_report
-from fieldkit.evaluation.figures import known_centers, points_per_voxel
+from fieldkit.evaluation.conversion import (
+    evaluation_report,
+    failed_plot,
+    known_centers,
+    plot_evaluation,
+    points_per_voxel,
+    reference_report,
+)
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import distance_key
-from fieldkit.results.report_files import load_evaluation_report
 from fieldkit.results.traits import TRAITS
 from tests.evaluation.examples import INTRINSICS, ORIGIN, plant_cloud, reconstruction, ring
 
@@ -121,18 +124,16 @@ class TestPlot:
         plot = plot_evaluation("p", result, SETTINGS, score=None, seconds=1, cpu_seconds=1)
         assert (plot.points, plot.points_per_plant_voxel) == (0, None)
 
-    def test_failed_with_what_is_known(self) -> None:
-        images = reconstruction().sparse.images
+    def test_failed(self) -> None:
         error = ReconstructionError("no model", path="plot 7", remedy="Take more photographs.")
-        plot = failed_plot("plot 7", error, seconds=1, cpu_seconds=1, images=images, models=(2,))
+        plot = failed_plot("plot 7", error, seconds=1, cpu_seconds=1, photographs=8)
         assert plot.error is not None
         assert plot.error.model_dump() == {
             "type": "ReconstructionError",
             "message": "plot 7: no model",
             "remedy": "Take more photographs.",
         }
-        assert (plot.images, plot.registered, plot.right) == (8, 7, 6)
-        assert plot.chamfer_m is None
+        assert (plot.images, plot.registered, plot.chamfer_m) == (8, 0, None)
 
     def test_failed_before_anything(self) -> None:
         plot = failed_plot("b\udcffd", CaptureError("no photographs"), seconds=0, cpu_seconds=0)
@@ -201,17 +202,3 @@ class TestPlants:
     def test_failed_plots_have_neither(self) -> None:
         plot = failed_plot("p", CaptureError("no photographs"), seconds=0, cpu_seconds=0)
         assert (plot.traits, plot.prediction) == (None, None)
-
-    def test_older_files_are_read(self, tmp_path: Path) -> None:
-        """evaluation.json had neither, but plants' figures by other definitions."""
-        plot = plot_evaluation("p", reconstruction(), SETTINGS, score=None, seconds=1, cpu_seconds=1)
-        document = json.loads(plot.model_dump_json())
-        del document["traits"], document["date"], document["stray"], document["prediction"]
-        report = evaluation_report(
-            "p", [plot], SETTINGS, reference_sha256=None, refine=False, distances_m=[], seconds=1, cpu_seconds=1
-        )
-        earlier = json.loads(report.model_dump_json()) | {"plots": [document | {"plants": {"height_m": 0.3}}]}
-        (tmp_path / "evaluation.json").write_text(json.dumps(earlier))
-        (read,) = load_evaluation_report(tmp_path).plots
-        assert (read.traits, read.prediction, read.date) == (None, None, None)
-        assert read.points == plot.points

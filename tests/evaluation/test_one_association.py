@@ -22,7 +22,7 @@ from fieldkit.results.evaluation import PoseEntry
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.routing.mission import GeoPoint, Home, Shot
 from fieldkit.sites.site import Site, SiteHome, SitePlot
-from tests.evaluation.test_field_check import capture_of
+from tests.fieldcheck.test_field_check import capture_of
 
 FRAME = LocalFrame(52.3, 10.4, 81.0, "ellipsoid")
 HOME = Home(52.3, 10.4, 81.0)

@@ -25,12 +25,13 @@ from fieldkit.evaluation.prediction import (
     prediction_model,
 )
 from fieldkit.reconstruction.evidence import Evidence
+from fieldkit.results.evaluation import ReconstructionEntry
 
 EVIDENCE = Evidence(0.99, 0.0008, 9.0, 0.0015, 0.0025, 0.05, 0.008, 0.5, 1)
-FIGURES: dict[str, Any] = {
-    "metric": True, "pose_rms_m": 0.016, "points": 60_000, "points_per_plant_voxel": 7.0, "right": 11, "images": 12,
-    "registered": 11, "pairs_verified": 30, "observations": 9000, "reprojection_px": 0.5,
-}  # fmt: skip
+FIGURES = ReconstructionEntry(
+    metric=True, pose_rms_m=0.016, points=60_000, points_per_plant_voxel=7.0, right=11, images=12, registered=11,
+    pairs_verified=30, observations=9000, reprojection_px=0.5, seconds=1.0, cpu_seconds=1.0,
+)  # fmt: skip
 MODEL = PredictionModel(
     version=7, intercept=math.log(0.02), half_width=math.log(2.0), coverage=0.9, plots=20, scenes=("a", "b"),
     chamfer_range_m=(0.008, 0.08),
@@ -122,7 +123,7 @@ class TestFeatures:
         ],
     )
     def test_reasons(self, change: dict[str, Any], reason: str) -> None:
-        found = plot_features(FIGURES | change, EVIDENCE)
+        found = plot_features(FIGURES.model_copy(update=change), EVIDENCE)
         assert found == reason
         assert predict(found, MODEL).reason == reason
 

@@ -124,7 +124,9 @@ class TestRefusals:
 
     def test_too_few_photographs(self) -> None:
         result = found()
-        images = tuple(replace(i, right=False) if k == 0 else i for k, i in enumerate(result.sparse.images))
+        images = tuple(
+            i.model_copy(update={"right": False}) if k == 0 else i for k, i in enumerate(result.sparse.images)
+        )
         told = traits(replace(result, sparse=replace(result.sparse, images=images)))
         assert told.unknown["height_m"] == "only 5 photographs count, and traits need 6"
         assert set(told.unknown) == set(TRAITS)

@@ -7,8 +7,8 @@ import math
 from pathlib import Path
 from typing import Any
 
+from fieldkit.geometry import Intrinsics
 from fieldkit.missions.items import MissionItem
-from fieldkit.results.plan import PlanCamera
 from fieldkit.routing.mission import GeoPoint, Home, Mission, Shot, Via
 from fieldkit.vehicles.vehicle import Battery, Dialect, Mount, Speeds, Trigger, Vehicle
 
@@ -30,7 +30,7 @@ def vehicle(dialect: Dialect = "ardupilot", **changes: Any) -> Vehicle:
         "trigger": Trigger(
             command="dji" if dialect == "dji" else "image_start_capture", settle_s=4.0, exposure_s=1.0
         ),
-        "camera": PlanCamera(model="PINHOLE", width=2000, height=1500, params=(1700.0, 1700.0, 1000.0, 750.0)),
+        "camera": Intrinsics("PINHOLE", 2000, 1500, (1700.0, 1700.0, 1000.0, 750.0)),
         "speeds": Speeds(cruise_mps=2.0, climb_mps=2.5, descent_mps=1.5, acceleration_mps2=1.0, yaw_dps=60.0),
         "battery": Battery(endurance_s=1200.0, reserve=0.25),
         "min_height_m": 1.0,

@@ -9,15 +9,15 @@ import pytest
 
 from fieldkit.cli.reconstruction_options import parse_bounds
 from fieldkit.clouds import Cloud, Volume
-from fieldkit.clouds.ground import Plane
 from fieldkit.geometry import Pose
 from fieldkit.reconstruction.doubts import doubts
 from fieldkit.reconstruction.result import MetricFrame
+from fieldkit.results.frame import Plane
 from tests.evaluation.examples import reconstruction
 from tests.reconstruction.synthetic import ring
 
 VOLUME = Volume((-1.0, -1.0, 0.0), (1.0, 1.0, 1.5))
-GROUND = Plane(np.array([0.0, 0.0, 1.0]), 0.0, 0.004, 0.3, 0.01)
+GROUND = Plane((0.0, 0.0, 1.0), 0.0, 0.004, 0.3, 0.01)
 PLANTS = Cloud(np.random.default_rng(0).uniform((-0.4, -0.4, 0.05), (0.4, 0.4, 0.9), (2000, 3)))
 
 
@@ -46,7 +46,7 @@ def test_nothing_is_said_of_a_plot_on_level_ground() -> None:
     [
         ({"plants": PLANTS.select(np.arange(12))}, "few-plant-points"),
         ({"ground": replace(GROUND, inlier_share=0.04)}, "weak-ground"),
-        ({"ground": replace(GROUND, offset=170.0)}, "volume-below-ground"),
+        ({"ground": replace(GROUND, offset_m=170.0)}, "volume-below-ground"),
         ({"roll_deg": 29.0}, "cameras-off-level"),
         ({"roll_deg": -61.0}, "cameras-off-level"),
     ],

@@ -30,7 +30,7 @@ def test_round_trip(tmp_path: Path) -> None:
     save_plan(tmp_path / "plan.json", plan)
     assert load_plan(tmp_path) == load_plan(tmp_path / "plan.json") == plan
     assert plan.camera is not None
-    assert plan.camera.intrinsics == CAMERA
+    assert plan.camera == CAMERA
     for station, pose in zip(plan.stations, POSES, strict=True):
         np.testing.assert_allclose(station.pose.center, pose.center)
         assert rotation_angle_deg(station.pose.rotation, pose.rotation) < 1e-6

@@ -99,7 +99,7 @@ def setting(*path: str | int, value: Any) -> Callable[[dict[str, Any]], Any]:
         (setting("volume", "upper_m", value=[1, 2]), "volume.upper_m.2: is missing"),
         (setting("image_reports", 3, "right", value="yes"), "image_reports.3.right: input should be a valid boolean"),
         (setting("gsd_m", value=float("nan")), "gsd_m: input should be a finite number"),
-        (setting("frame", "origin", "latitude_deg", value=91), "frame.origin.latitude_deg: input should be less"),
+        (setting("frame", "origin", "latitude_deg", value=91), "frame.origin: latitude 91.0° is outside"),
     ],
 )
 def test_wrong_fields(

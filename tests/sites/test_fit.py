@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from fieldkit.cli.main import main
 from fieldkit.errors import MissionError
+from fieldkit.geometry import Intrinsics
 from fieldkit.missions.export import route_plan
-from fieldkit.results.plan import Plan, PlanCamera, PlanPlants, Plans
+from fieldkit.results.plan import Plan, PlanPlants, Plans
 from fieldkit.results.plan_file import save_plan
 from fieldkit.sites.fit import FitFinding, fit_site, plants_outgrown, require_fit
 from fieldkit.sites.plot_plants import PlanFacts, plants_on, with_plant_height
@@ -26,7 +27,7 @@ from fieldkit.vehicles.vehicle_file import load_vehicle
 from tests.missions.test_export import planned
 
 VEHICLE = load_vehicle("ardupilot-pitch")
-CAMERA = PlanCamera(model="PINHOLE", width=2000, height=1500, params=(1700.0, 1700.0, 1000.0, 750.0))
+CAMERA = Intrinsics("PINHOLE", 2000, 1500, (1700.0, 1700.0, 1000.0, 750.0))
 
 
 def rows_of_plants(spacing: float, *, rows: int = 3, turn_deg: float = 0.0, seed: int = 0) -> NDArray[np.float64]:

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 
 from fieldkit.figures.content import Column, Mark, Picture, Table, tabulated
 from fieldkit.figures.style import DASH, decimal, format_length, format_seconds, metres, with_unit
-from fieldkit.results.evaluation import CameraEntry, ImageEntry, ReconstructionEntry, ReferenceReport
+from fieldkit.results.evaluation import ImageReport, ReconstructionEntry, ReferenceReport
 from fieldkit.results.finding import Finding
+from fieldkit.results.frame import CameraReport
 from fieldkit.wording import count
 
 _MOST_CAMERAS = 4
@@ -51,13 +52,13 @@ def quality_rows(report: ReconstructionEntry) -> tuple[tuple[str, str], ...]:
     return tuple(rows)
 
 
-def was_used(image: ImageEntry) -> bool:
+def was_used(image: ImageReport) -> bool:
     """Whether a photograph is registered and its pose not known to be wrong."""
     return image.registered and image.right is not False
 
 
 def photograph_table(
-    images: Sequence[ImageEntry], caption: str, *, metric: bool, pictures: Mapping[str, Picture] | None = None
+    images: Sequence[ImageReport], caption: str, *, metric: bool, pictures: Mapping[str, Picture] | None = None
 ) -> Table:
     """The state of photographs, unused ones first.
 
@@ -85,7 +86,7 @@ def photograph_table(
     ])  # fmt: skip
 
 
-def state(image: ImageEntry) -> Mark:
+def state(image: ImageReport) -> Mark:
     """Whether a photograph was used."""
     if not image.registered:
         return Mark("problem", "not registered")
@@ -133,7 +134,7 @@ def _metric_source(report: ReconstructionEntry) -> str:
     return f"{source}, residuals {format_length(report.pose_rms_m, metric=report.metric)} RMS{right}"
 
 
-def _cameras(cameras: Sequence[CameraEntry]) -> list[str]:
+def _cameras(cameras: Sequence[CameraReport]) -> list[str]:
     found = [
         f"{camera.model} {camera.width}×{camera.height}, f {camera.params[0]:.1f} px, {camera.source}, "
         f"{count(camera.photos, 'photograph')} ({camera.key})"

@@ -13,6 +13,7 @@ from fieldkit import wording
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.documents.json_file import first_problem
 from fieldkit.errors import MetadataError, UsageError
+from fieldkit.geometry import Intrinsics
 from fieldkit.planning.methods.registry import METHODS
 from fieldkit.planning.run.flyable import flight_noise, read_vehicle, vehicle_envelope
 from fieldkit.planning.run.run_setup import describe_sources
@@ -25,7 +26,7 @@ from fieldkit.planning.settings import (
     lag_for,
     unchanging,
 )
-from fieldkit.results.plan import PlanCamera, PlanSource
+from fieldkit.results.plan import PlanSource
 from fieldkit.version import __version__
 
 _PRESETS: dict[str, dict[str, Any]] = {
@@ -290,14 +291,13 @@ def _refuse_limits(envelope: Mapping[str, Any]) -> None:
             )
 
 
-def _camera(file: Path) -> PlanCamera:
+def _camera(file: Path) -> Intrinsics:
     cameras = read_camera_file(file)
     if len(cameras) != 1:
         raise MetadataError(
             f"holds {len(cameras)} cameras; a plan is made for one", path=file, remedy="Give a file of one camera."
         )
-    camera = cameras[0].intrinsics
-    return PlanCamera(model=camera.model, width=camera.width, height=camera.height, params=camera.params)
+    return cameras[0].intrinsics
 
 
 def _given(values: Mapping[str, Any]) -> dict[str, Any]:

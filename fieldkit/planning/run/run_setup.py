@@ -158,7 +158,7 @@ def set_up_run(
         kind = Kind(descriptions, settings.seed, folder / KIND_FOLDER)
         camera = description.camera
         if settings.camera is not None:
-            camera = _rendered(settings.camera.intrinsics, camera)
+            camera = _rendered(settings.camera, camera)
         unmet = settings.repeats if settings.plots > 1 else 0
         found = [kind.plot(number) for number in range(settings.plots + unmet)]
     drawn = kind.recorded if settings.plots > len(descriptions) else ()

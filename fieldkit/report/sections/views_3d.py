@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from fieldkit.clouds import Cloud, PointIndex, read_cloud
 from fieldkit.errors import CloudError, FieldkitError
-from fieldkit.evaluation.figures import source_frame
 from fieldkit.figures.drawings import FrustumLayer, LineLayer, PlaceName, PointLayer, ViewerScene
 from fieldkit.figures.style import format_length
 from fieldkit.files import file_beside
@@ -25,13 +24,13 @@ from fieldkit.report.sections.loaded_results import (
     Results,
 )
 from fieldkit.results.evaluation import (
-    CameraEntry,
     EvaluationReport,
-    ImageEntry,
+    ImageReport,
     PlotEvaluation,
     ReconstructionEntry,
     ReferenceReport,
 )
+from fieldkit.results.frame import CameraReport
 from fieldkit.results.plan import Plan, station_number
 from fieldkit.results.report_files import check_file
 
@@ -199,7 +198,7 @@ def mission_view(result: MissionResult, results: Results) -> ViewerScene:
                 np.pad(np.array(frame.outline((*ring, ring[0]))), ((0, 0), (0, 1))).astype(np.float32) for ring in rings
             ]
             lines.append(LineLayer(name, closed, color))
-    half = _half_view(record.vehicle.camera.intrinsics)
+    half = _half_view(record.vehicle.camera)
     frusta = FrustumLayer("Photographs", poses, labels, *half, _PLANNED, numbers=numbers)
     places = [PlaceName("home", (0.0, 0.0, 0.0))]
     for plot in record.plots:
@@ -276,7 +275,7 @@ class _AsReport:
 
 
 def _camera_layers(
-    images: Sequence[ImageEntry], cameras: Sequence[CameraEntry], name: str, numbers: Mapping[str, str] | None = None
+    images: Sequence[ImageReport], cameras: Sequence[CameraReport], name: str, numbers: Mapping[str, str] | None = None
 ) -> list[FrustumLayer]:  # fmt: skip
     half = _HALF_VIEW
     if cameras:
@@ -296,7 +295,7 @@ def _camera_layers(
     return layers
 
 
-def _label(image: ImageEntry) -> str:
+def _label(image: ImageReport) -> str:
     off = image.position_residual_m
     return image.name if off is None else f"{image.name}, {format_length(off)} from its known position"
 
@@ -314,7 +313,7 @@ def _ways(report: ReferenceReport, results: Results) -> list[LineLayer]:
 
     Mission heights are above home. If home's height above the reference's datum is unknown, the ways cannot be placed.
     """
-    frame = source_frame(report.metric_source, report.frame)
+    frame = report.frame.of_source(report.metric_source)
     if frame.origin is None:
         return []
     layers = []
@@ -337,7 +336,7 @@ def _ways(report: ReferenceReport, results: Results) -> list[LineLayer]:
 def _planned_layer(result: PlanResult) -> FrustumLayer:
     plan: Plan | None = result.plan
     assert plan is not None
-    half = _HALF_VIEW if plan.camera is None else _half_view(plan.camera.intrinsics)
+    half = _HALF_VIEW if plan.camera is None else _half_view(plan.camera)
     poses = [station.pose for station in plan.stations]
     numbers = [f"{station_number(index)}" for index in range(len(poses))]
     labels = [f"station {number}" for number in numbers]
@@ -352,7 +351,7 @@ def _north_of(report: ReconstructionEntry) -> tuple[float, float] | None:
     """True north in a plot frame; None where it is not georeferenced."""
     if report.metric_source is None or report.frame is None or report.frame.origin is None:
         return None
-    x, y, _ = source_frame(report.metric_source, report.frame).from_source.rotation[:, 1]
+    x, y, _ = report.frame.of_source(report.metric_source).from_source.rotation[:, 1]
     return float(x / np.hypot(x, y)), float(y / np.hypot(x, y))
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from fieldkit.documents.csv_text import on_one_line
 from fieldkit.figures.spreadsheets import plot_columns, plots_csv, write_plots_csv
-from fieldkit.results.evaluation import PredictionEntry
+from fieldkit.results.evaluation import Prediction
 from tests.figures.terminal.test_results import FAILED, report, scored
 
 
@@ -27,7 +27,7 @@ class TestCsv:
         assert (second["plot"], second["chamfer_m"], second["error"]) == ("[plot] 8", "", "no photographs")
 
     def test_prediction(self) -> None:
-        none = PredictionEntry(chamfer_m=None, low_m=None, high_m=None, reason="=too far", model=1)
+        none = Prediction(chamfer_m=None, low_m=None, high_m=None, reason="=too far", model=1)
         plot = scored("a").model_copy(update={"prediction": none})
         (row,) = csv.DictReader(io.StringIO(plots_csv(report(plot))))
         assert (row["predicted_chamfer_m"], row["no_prediction"]) == ("", "'=too far")

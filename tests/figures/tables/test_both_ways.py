@@ -14,7 +14,7 @@ from fieldkit.figures.tables import adherence, comparison, reconstruction, score
 from fieldkit.figures.terminal.blocks import rendered
 from fieldkit.report.html.document import render
 from fieldkit.results.comparison import ComparedEvaluation, ComparisonReport, DifferenceEntry, ValueEntry
-from fieldkit.results.evaluation import AdherenceEntry, PoseDifferenceEntry, PredictionEntry, SpreadEntry
+from fieldkit.results.evaluation import AdherenceEntry, PoseDifferenceEntry, Prediction, SpreadEntry
 from tests.figures.terminal.test_results import FAILED, TRAITS, scored
 from tests.report.page_checks import checked
 
@@ -26,7 +26,7 @@ KEPT = AdherenceEntry(
     stations=(), missing=("station 5",), extra=("b.jpg",), horizontal_rms_m=0.21, yaw_rms_deg=1.5, pitch_rms_deg=0.5,
     unknown={"commanded": "no mission was given"}, differences=(DIFFERENCE,),
 )  # fmt: skip
-PREDICTION = PredictionEntry(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
+PREDICTION = Prediction(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
 PLOT = scored("plot 7").model_copy(update={"traits": TRAITS, "prediction": PREDICTION, "adherence": KEPT})
 GAPS = adherence.gaps(KEPT)
 EVALUATIONS = tuple(

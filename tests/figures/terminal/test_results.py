@@ -13,7 +13,7 @@ from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_
 from fieldkit.figures.style import table
 from fieldkit.figures.terminal.results import evaluation_output, reference_output
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.results.evaluation import CorrectionEntry, EvaluationReport, PlotEvaluation, PredictionEntry
+from fieldkit.results.evaluation import CorrectionEntry, EvaluationReport, PlotEvaluation, Prediction
 from fieldkit.results.finding import Finding
 from fieldkit.results.traits import TraitsEntry
 from tests.evaluation.examples import plant_cloud, reconstruction
@@ -119,7 +119,7 @@ class TestTables:
         assert "Scores against" not in text
 
     def test_plants_and_prediction_of_one_plot(self) -> None:
-        told = PredictionEntry(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
+        told = Prediction(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
         plot = scored("a").model_copy(update={"traits": TRAITS, "prediction": told})
         text = shown(evaluation_output(report(plot, reference=False)), 120)
         assert "plant height 0.81 ± 0.03 m of the highest leaf" in text
@@ -128,8 +128,8 @@ class TestTables:
         assert "distance to its plants 12.0 mm predicted; nine in ten such plots: 6.00 to 24.0 mm" in text
 
     def test_plants_and_predictions_of_many(self) -> None:
-        told = PredictionEntry(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
-        none = PredictionEntry(chamfer_m=None, low_m=None, high_m=None, reason="[place] is too far", model=1)
+        told = Prediction(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
+        none = Prediction(chamfer_m=None, low_m=None, high_m=None, reason="[place] is too far", model=1)
         plots = [
             scored(name).model_copy(update={"traits": traits, "prediction": prediction})
             for name, traits, prediction in (("a", TRAITS, told), ("b", None, none), ("c", TRAITS, None))

@@ -22,7 +22,7 @@ from fieldkit.report.sections.summary import summarise
 from fieldkit.report.sections.views_3d import plan_view, plot_view, points_of, within_budget
 from fieldkit.report.write_report import write_report
 from fieldkit.results.doubtful import OTHER_PLANTS
-from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, PredictionEntry
+from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, Prediction
 from fieldkit.results.finding import Finding
 from fieldkit.results.mission import MissionHome, MissionPlace
 from fieldkit.results.traits import TraitsEntry
@@ -172,10 +172,8 @@ class TestSummary:
         write_evaluation(tmp_path / "eval")
         results = read_results(tmp_path)
         traits = TraitsEntry(height_m=0.42, cover_percent=31.0, covered_area_m2=0.1, canopy_volume_m3=0.012)
-        likely = PredictionEntry(chamfer_m=0.011, low_m=0.008, high_m=0.016, reason="", model=1)
-        none = PredictionEntry(
-            chamfer_m=None, low_m=None, high_m=None, reason="nothing like it was in the fit", model=1
-        )
+        likely = Prediction(chamfer_m=0.011, low_m=0.008, high_m=0.016, reason="", model=1)
+        none = Prediction(chamfer_m=None, low_m=None, high_m=None, reason="nothing like it was in the fit", model=1)
         assert "likely to be 11.0 mm from its true plants" in _told(results, prediction=likely)
         assert "lie between 8.00 mm and 16.0 mm" in _told(results, prediction=likely)
         assert "is not known: nothing like it was in the fit." in _told(results, prediction=none)
