@@ -22,8 +22,8 @@ from fieldkit.missions.autopilots.writing import render
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.routing.mission import Mission
 from fieldkit.runtime.progress import Progress
+from fieldkit.runtime.shipped import shipped_folder
 from fieldkit.scenes.rigs import ring
-from fieldkit.standin.recording import recordings_folder
 from fieldkit.vehicles.vehicle_file import load_vehicle
 
 NO_RECORDINGS = "the recordings of flights (sim/sitl) come with the repository, not with the installed package"
@@ -55,7 +55,7 @@ class MissionOptions:
 
 def recordings() -> dict[str, Path]:
     """The recorded flights in the repository, by name; empty without the repository."""
-    folder = recordings_folder()
+    folder = shipped_folder("sim/sitl")
     return {name: file for name in _LOGS if (file := folder / f"{name}.tlog").is_file()}
 
 
@@ -134,7 +134,7 @@ def _uploads(options: MissionOptions, progress: Progress) -> StudyResult:
         figures[f"loss {loss:g}"] = asdict(done)
         rows.append(
             (
-                f"{loss:.0%}", f"{done.succeeded} of {done.count}", done.identical, done.attempts, done.downloads,
+                f"{loss:.0%}", f"{done.succeeded} of {done.count}", done.identical, done.attempts,
                 done.packets, done.lost, f"{done.seconds:.0f}",
             )
         )  # fmt: skip
@@ -143,7 +143,7 @@ def _uploads(options: MissionOptions, progress: Progress) -> StudyResult:
     figures["cut"] = asdict(cut)
     counts = ", ".join(f"{count} {name.lower()}" for name, count in sorted(cut.reported.items()))
     columns = (
-        "loss each way>", "succeeded>", "identical>", "attempts>", "read-backs>", "packets>", "lost>", "seconds>",
+        "loss each way>", "succeeded>", "identical>", "attempts>", "packets>", "lost>", "seconds>",
     )  # fmt: skip
     cuts = ResultTable(
         "Links broken after a random packet, then mended",
@@ -153,7 +153,7 @@ def _uploads(options: MissionOptions, progress: Progress) -> StudyResult:
     return StudyResult(
         name="uploads",
         title=title,
-        tables=(ResultTable(f"{len(items)} items and home through MAVSDK", columns, tuple(rows)), cuts),
+        tables=(ResultTable(f"{len(items)} items and home over a connection of MAVSDK", columns, tuple(rows)), cuts),
         notes=(f"The vehicle is the replay at {_SPEED:g} times its time, both sides' time-outs scaled alike.",),
         figures=figures,
         wall_s=time.perf_counter() - wall,

@@ -9,16 +9,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fieldkit.errors import FieldkitError, LinkError
-from fieldkit.link.compare import to_wire
-from fieldkit.link.item_rules import stored
-from fieldkit.link.upload import connected, upload_to
-from fieldkit.link.upload_outcome import Held, ItemRefused, Patience, UploadError
+from fieldkit.link.items import stored, to_wire
+from fieldkit.link.upload import Held, ItemRefused, UploadError, UploadReport, upload_mission
+from fieldkit.link.vehicle import Vehicle
 from fieldkit.missions.items import MissionItem
-from fieldkit.standin.faults import Faults
-from fieldkit.standin.recording import read_recording
-from fieldkit.standin.replay import Replay
+from fieldkit_sim.standin.faults import Faults
+from fieldkit_sim.standin.recording import read_recording
+from fieldkit_sim.standin.replay import Replay
 
-_MAVSDK_REPLY_S = 0.5
+_AGAIN_S, _SILENCE_S = 0.7, 9.0
+"""Of `Vehicle`; they are shortened as the vehicle's time is."""
 _WITH_GPS_S = 45.0
 """Time in the recordings at which the vehicle stands at home with a position."""
 
@@ -32,7 +32,6 @@ class Trials:
         succeeded: uploads reported as successful.
         identical: of these, uploads after which the vehicle held exactly what was read back, except home.
         attempts: uploads within them, one each without failures.
-        downloads: read-backs within them.
         packets, lost: of the whole link, both ways.
         seconds: of wall time.
         vehicle_s: the same in vehicle time.
@@ -43,7 +42,6 @@ class Trials:
     succeeded: int
     identical: int
     attempts: int
-    downloads: int
     packets: int
     lost: int
     seconds: float
@@ -78,30 +76,32 @@ def upload_trials(
     source = read_recording(recording)
     begun = time.monotonic()
     old = tuple(items[: max(1, len(items) // 2)])
-    succeeded = identical = attempts = downloads = packets = lost = 0
+    succeeded = identical = attempts = packets = lost = 0
     failures = []
-    patience = Patience(reply_s=_MAVSDK_REPLY_S / speed, connect_s=20.0)
     for number in range(count):
         faults = Faults(loss=loss, duplicate=duplicate, delay_s=delay_s, seed=seed * 100_003 + number)
         vehicle = Replay(source, speed=speed, faults=faults, begin_s=_WITH_GPS_S, rate_hz=1.0)
         vehicle.hold(old)
         with vehicle:
             try:
-                with connected(vehicle.url, patience=patience) as link:
-                    report = upload_to(link, items, patience=patience)
+                report = _uploaded(vehicle, items, speed)
             except FieldkitError as error:
                 failures.append(str(error))
             else:
                 succeeded += 1
                 attempts += report.attempts
-                downloads += report.downloads
                 identical += report.read_back[1:] == vehicle.autopilot.items[1:]
             packets += vehicle.traffic.heard + vehicle.traffic.said
             lost += vehicle.traffic.lost
     seconds = time.monotonic() - begun
-    return Trials(
-        count, succeeded, identical, attempts, downloads, packets, lost, seconds, seconds * speed, tuple(failures)
-    )
+    return Trials(count, succeeded, identical, attempts, packets, lost, seconds, seconds * speed, tuple(failures))
+
+
+def _uploaded(
+    vehicle: Replay, items: Sequence[MissionItem], speed: float, connect_s: float = 20.0
+) -> UploadReport:  # fmt: skip
+    with Vehicle(vehicle.url, connect_s=connect_s, again_s=_AGAIN_S / speed, silence_s=_SILENCE_S / speed) as link:
+        return upload_mission(link, items)
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class CutTrials:
         count: links that broke.
         unheard: that broke before the vehicle was heard; nothing was sent.
         completed: links that broke after the upload had ended well.
-        reported: states reported of the vehicle, by the names of `Held`.
+        reported: states reported of the vehicle, by the names of `Held`, or "WHOLE".
         untrue: reports that were wrong.
         whole: repeated uploads after which the vehicle held the whole new mission.
         failures: messages of the repeated uploads that failed.
@@ -147,8 +147,6 @@ def cut_trials(
     reported: dict[str, int] = {}
     unheard = completed = untrue = whole = 0
     failures = []
-    hasty = Patience(reply_s=0.01, attempts=1, downloads=1, connect_s=2.0)
-    patient = Patience(reply_s=_MAVSDK_REPLY_S / speed, connect_s=20.0)
     for number in range(count):
         faults = Faults(loss=loss, seed=seed * 100_003 + number)
         vehicle = Replay(source, speed=speed, faults=faults, begin_s=_WITH_GPS_S, rate_hz=1.0)
@@ -158,8 +156,7 @@ def cut_trials(
             vehicle.cut_after(generator.randint(1, 2 * len(items) + 20))
             held: Held | None = None
             try:
-                with connected(vehicle.url, patience=hasty) as link:
-                    upload_to(link, items, patience=hasty)
+                _uploaded(vehicle, items, speed, connect_s=2.0)
             except (UploadError, ItemRefused) as error:
                 held = error.held
             except LinkError:
@@ -167,15 +164,14 @@ def cut_trials(
                 held = Held.UNTOUCHED
             else:
                 completed += 1
-                held = Held.WHOLE
-            reported[held.name] = reported.get(held.name, 0) + 1
+            name = "WHOLE" if held is None else held.name
+            reported[name] = reported.get(name, 0) + 1
             now = vehicle.autopilot.items[1:]
-            true = {Held.UNTOUCHED: before, Held.CLEARED: (), Held.WHOLE: new}
+            true = {Held.UNTOUCHED: before, Held.CLEARED: (), None: new}
             untrue += held in true and now != true[held]
             vehicle.cut_after(None)
             try:
-                with connected(vehicle.url, patience=patient) as link:
-                    upload_to(link, items, patience=patient)
+                _uploaded(vehicle, items, speed)
             except FieldkitError as error:
                 failures.append(str(error))
             else:

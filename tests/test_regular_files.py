@@ -24,7 +24,6 @@ from fieldkit.errors import CaptureError, FieldkitError, StorageError, UsageErro
 from fieldkit.files import write_atomic
 from fieldkit.flightlogs.reading import read_flight_log
 from fieldkit.flightlogs.tlog_frames import read_frames
-from fieldkit.link.signing import read_key
 from fieldkit.missions.files.litchi import read_litchi
 from fieldkit.missions.files.qgc_plan import read_plan
 from fieldkit.missions.files.reading import read_mission
@@ -68,7 +67,6 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "mission as waypoints": ("field.waypoints", read_waypoints),
     "mission of DJI": ("field.kmz", read_wpml),
     "mission of Litchi": ("field.csv", read_litchi),
-    "key": ("key", read_key),
     "scene": ("scene.toml", read_scene),
     "mesh": ("plant.ply", check_mesh_file),
     "poses": ("poses.csv", read_poses_csv),

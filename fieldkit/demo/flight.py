@@ -10,11 +10,11 @@ from fieldkit.errors import MetadataError
 from fieldkit.evaluation.adherence import adherence_entry, angle_noise_deg, position_noise_m
 from fieldkit.flightlogs import read_flight_log
 from fieldkit.flightlogs.adherence import PlannedPose, adherence
-from fieldkit.link.upload import upload_mission
-from fieldkit.link.upload_outcome import Patience, UploadReport
+from fieldkit.link.upload import UploadReport, upload_mission
+from fieldkit.link.vehicle import Vehicle
 from fieldkit.missions.files.reading import read_mission
-from fieldkit.standin.recording import read_recording, recordings_folder
-from fieldkit.standin.replay import Replay
+from fieldkit.runtime.shipped import shipped_folder
+from fieldkit.scenes.simulated_field import simulated_field
 
 FLOWN = "mount_then_yaw"
 STANDING, _STANDS_AT_HOME_S = "probe_items", 45.0
@@ -50,12 +50,14 @@ def upload_to_stand_in(mission: Path) -> UploadReport:
         MetadataError: the recording is missing.
     """
     read = read_mission(mission)
-    recording = read_recording(recordings_folder() / f"{STANDING}.tlog")
-    with Replay(recording, speed=_SPEED, begin_s=_STANDS_AT_HOME_S, rate_hz=1.0) as vehicle:
-        return upload_mission(
-            read.items, vehicle.url, home=read.home, fence=read.fence, dialect=read.firmware,
-            patience=Patience(connect_s=20.0),
-        )  # fmt: skip
+    recording = simulated_field("standin.recording").read_recording(_recordings() / f"{STANDING}.tlog")
+    replay = simulated_field("standin.replay").Replay(recording, speed=_SPEED, begin_s=_STANDS_AT_HOME_S, rate_hz=1.0)
+    with replay, Vehicle(replay.url, connect_s=20.0) as vehicle:
+        return upload_mission(vehicle, read.items, home=read.home, dialect=read.firmware)
+
+
+def _recordings() -> Path:
+    return shipped_folder("sim/sitl")
 
 
 def recorded_flight() -> RecordedFlight:
@@ -64,7 +66,7 @@ def recorded_flight() -> RecordedFlight:
     Raises:
         MetadataError: the recording is missing or damaged.
     """
-    folder = recordings_folder()
+    folder = _recordings()
     log = read_flight_log(folder / f"{FLOWN}.tlog")
     found = adherence(_stations(folder / f"{FLOWN}.json"), log.triggers)
     kept = adherence_entry(found, [f"photograph {k}" for k in range(len(log.triggers))])

@@ -1,26 +1,22 @@
-"""fieldkit replay and fieldkit upload."""
+"""fieldkit upload, and the stand-in's own command."""
 
 from __future__ import annotations
 
 import json
-import os
-import pty
 import re
 import socket
-import sys
 import threading
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from fieldkit.cli import replay as replay_command
 from fieldkit.cli import upload as upload_command
-from fieldkit.errors import MetadataError, MissionError, UsageError
+from fieldkit.errors import MissionError
 from fieldkit.missions.items import MissionItem
-from fieldkit.standin.recording import Recording
-from fieldkit.standin.replay import Replay
 from fieldkit.vehicles.vehicle_file import missions_folder
+from fieldkit_sim.__main__ import main
+from fieldkit_sim.standin.recording import Recording
+from fieldkit_sim.standin.replay import Replay
 
 SITE = """\
 format = 1
@@ -61,7 +57,7 @@ def test_upload(mission: Path, vehicle: Replay, capsys: pytest.CaptureFixture[st
         upload_command.command(mission, vehicle.url)
         assert "The ArduPilot holds the new mission whole: 67 items" in capsys.readouterr().err
     assert printed["vehicle_holds"] == "new mission"
-    assert (printed["items"], printed["attempts"], printed["started"], printed["signed"]) == (67, 1, False, False)
+    assert (printed["items"], printed["attempts"]) == (67, 1)
 
 
 def swapped(mission: Path) -> Path:
@@ -116,53 +112,15 @@ def test_force_sends_what_has_errors_and_says_so(
     assert "other-home" in {finding["code"] for finding in printed["findings"]}
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"signed": True}, "needs a key"),
-        ({"start": True, "site": "site.toml", "force": True}, "what was forced"),
-        ({"start": True}, "where home is"),
-        ({"start": True, "site": "site.toml"}, "no terminal"),
-    ],
-)
-def test_refused_before_anything(
-    mission: Path, options: dict[str, Any], message: str, monkeypatch: pytest.MonkeyPatch
+def test_a_fence_stays_behind_and_that_is_said(
+    mission: Path, vehicle: Replay, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("sys.stdin", (mission.parent / "site.toml").open())
-    if "site" in options:
-        options = {**options, "site": mission.parent / options["site"]}
-    with pytest.raises(UsageError, match=message):
-        upload_command.command(mission, "udpin://127.0.0.1:0", **options)
-    sys.stdin.close()
-
-
-def test_the_key_is_read_from_a_file_only_its_owner_reads(mission: Path, tmp_path: Path) -> None:
-    (tmp_path / "key").write_bytes(bytes(32))
-    (tmp_path / "key").chmod(0o644)
-    with pytest.raises(MetadataError, match="others may read"):
-        upload_command.command(mission, "udpin://127.0.0.1:0", signed=True, signing_key=tmp_path / "key")
-
-
-@pytest.mark.parametrize("typed", ["START\n", "yes\n"])
-def test_start_is_typed(
-    mission: Path, vehicle: Replay, typed: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    master, slave = pty.openpty()
-    with os.fdopen(slave, "r") as terminal, vehicle:
-        monkeypatch.setattr("sys.stdin", terminal)
-        monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
-        os.write(master, typed.encode())
-        options: dict[str, Any] = {"site": mission.parent / "site.toml", "start": True, "as_json": True}
-        if typed == "START\n":
-            upload_command.command(mission, vehicle.url, **options)
-            assert (vehicle.autopilot.armed, vehicle.autopilot.mode) == (True, 3)
-        else:
-            with pytest.raises(MissionError, match="not started"):
-                upload_command.command(mission, vehicle.url, **options)
-            assert not vehicle.autopilot.armed
-            assert len(vehicle.autopilot.items) == 68
-    os.close(master)
-    assert "ARM, TAKE OFF" in capsys.readouterr().err
+    site = mission.with_name("fenced.toml")
+    corners = "[[50.864, 6.446], [50.864, 6.449], [50.867, 6.449], [50.867, 6.446]]"
+    site.write_text(SITE.replace("[home]", f"fence = [{corners}]\n\n[home]"))
+    with vehicle:
+        upload_command.command(mission, vehicle.url, site=site)
+    assert "fence and rally points are not uploaded" in capsys.readouterr().err
 
 
 def test_replay(sitl: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -173,13 +131,12 @@ def test_replay(sitl: Path, capsys: pytest.CaptureFixture[str]) -> None:
         listen = threading.Thread(target=lambda: heard.append(station.recv(300)))
         listen.start()
         url = f"udpout://127.0.0.1:{station.getsockname()[1]}"
-        replay_command.command(
-            sitl / "probe_items.tlog", serve=url, begin=60.0, speed=10.0, duration=0.3, loss=0.2, as_json=True
-        )  # fmt: skip
+        options = ["--serve", url, "--from", "60", "--speed", "10", "--for", "0.3", "--loss", "0.2"]
+        assert main(["replay", str(sitl / "probe_items.tlog"), *options]) == 0
         listen.join()
-    printed = json.loads(capsys.readouterr().out)
     assert heard
     assert heard[0][:1] == b"\xfd"
-    assert printed["said"] > 50
-    assert printed["lost"] > 0
-    assert (printed["items"], printed["heard"]) == (0, 0)
+    said = capsys.readouterr().err
+    assert "Connect a station to udpin://127.0.0.1:" in said
+    assert "It holds 0 mission items; 0 packets heard, " in said
+    assert main(["replay", str(sitl / "hold0.json")]) == 3

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldkit.errors import UsageError
-from fieldkit.standin.faults import Channel, Faults
+from fieldkit_sim.standin.faults import Channel, Faults
 
 
 def test_a_perfect_link_keeps_everything_in_order() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 import math
+import re
 import select
 import socket
 import struct
@@ -16,24 +17,15 @@ from types import TracebackType
 from fieldkit.errors import LinkError, UsageError
 from fieldkit.flightlogs.dialect import mavlink
 from fieldkit.flightlogs.mavlink_frames import MAGIC_2, Message, Splitter, checksum, decode
-from fieldkit.link.compare import home_item, to_wire
-from fieldkit.link.filter_flags import uses_gps
-from fieldkit.link.item_rules import Kind, stored
-from fieldkit.link.signing import Signer
-from fieldkit.link.wires import parse_address
+from fieldkit.link.items import ARDUPILOT, WireItem, mission_items, stored
 from fieldkit.missions.autopilots.accepting import Result, in_centimetres
 from fieldkit.missions.items import MissionItem, command_name
-from fieldkit.standin import autopilot_model
-from fieldkit.standin.autopilot_state import Autopilot
-from fieldkit.standin.faults import Channel, Faults
-from fieldkit.standin.recording import Recording, Telemetry
-from fieldkit.standin.telemetry_source import TelemetrySource
-from fieldkit.standin.transfers import ItemList
+from fieldkit_sim.standin.autopilot import Autopilot, on_message, on_time
+from fieldkit_sim.standin.faults import Channel, Faults
+from fieldkit_sim.standin.recording import Recording, Telemetry, TelemetrySource
 
-_HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 _HOME = mavlink.MAVLINK_MSG_ID_HOME_POSITION
-_EKF = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
-_ARMED = 128
+_ADDRESS = re.compile(r"(udpin|udpout)://([^:/]+):([0-9]{1,5})")
 _TICK_S = 0.05
 _MAX_WAIT_S = 0.1
 
@@ -46,13 +38,11 @@ class Traffic:
         heard: of ground stations, that arrived.
         said: to them, answers and telemetry, before any were lost.
         lost: both ways.
-        refused: that were not signed with the vehicle's key.
     """
 
     heard: int
     said: int
     lost: int
-    refused: int
 
 
 class Replay:
@@ -66,7 +56,6 @@ class Replay:
         faults: of the link; the delay is in vehicle time.
         begin_s: where in the recording it begins.
         rate_hz: at most so many of each kind of message per vehicle second; None for all that were recorded.
-        key: the vehicle signs with it and hears nobody who does not.
 
     Raises:
         UsageError: an argument is wrong, or ``serve`` is another machine: a flight that is not real must not reach
@@ -82,7 +71,6 @@ class Replay:
         faults: Faults | None = None,
         begin_s: float = 0.0,
         rate_hz: float | None = None,
-        key: bytes | None = None,
     ) -> None:
         if not (math.isfinite(speed) and 0.0 < speed <= 1000.0):
             raise UsageError(f"speed: cannot be {speed:g}", remedy="Give vehicle seconds per second, such as 1 or 10.")
@@ -91,20 +79,19 @@ class Replay:
         if rate_hz is not None and not (math.isfinite(rate_hz) and rate_hz > 0.0):
             raise UsageError(f"rate: cannot be {rate_hz:g}", remedy="Give messages per second, such as 2.")
         self._recording, self._speed, self._begin_s, self._rate_hz = recording, speed, begin_s, rate_hz
-        self._address = parse_address(serve)
-        if self._address.scheme not in ("udpin", "udpout") or not _is_this_machine(self._address.place):
+        address = _ADDRESS.fullmatch(serve)
+        if address is None or int(address[3]) > 65535 or not _is_this_machine(address[2]):
             raise UsageError(
                 f"serves on this machine only, not at {serve}",
                 remedy="Give --serve udpout://127.0.0.1:PORT or udpin://127.0.0.1:PORT.",
             )
+        self._waits, self._place = address[1] == "udpin", (address[2], int(address[3]))
         faults = faults or Faults()
         self._heard, self._said = Channel(faults, 0), Channel(faults, 1)
-        self._signer = None if key is None else Signer(key)
         known = {} if recording.version is None else {recording.version.get_msgId(): recording.version}
         self._state = Autopilot(
             recording.system, recording.component, parameters=recording.parameters, known=known
         )  # fmt: skip
-        self._commanded = False
         self._cut_after: int | None = None
         self._packets = 0
         self._seq = 0
@@ -123,16 +110,15 @@ class Replay:
     @property
     def url(self) -> str:
         """Where a ground station on this machine finds it, as an address for it to open."""
-        if self._address.scheme == "udpout":
-            return f"udpin://{self._address.place}:{self._address.number}"
+        if not self._waits:
+            return f"udpin://{self._place[0]}:{self._place[1]}"
         assert self._socket is not None, "start it first"
-        return f"udpout://{self._address.place}:{self._socket.getsockname()[1]}"
+        return f"udpout://{self._place[0]}:{self._socket.getsockname()[1]}"
 
     @property
     def traffic(self) -> Traffic:
         """Packets so far."""
-        refused = 0 if self._signer is None else self._signer.refused
-        return Traffic(self._packets, self._said.sent, self._heard.lost + self._said.lost, refused)
+        return Traffic(self._packets, self._said.sent, self._heard.lost + self._said.lost)
 
     def hold(self, items: Sequence[MissionItem]) -> None:
         """Give it a mission before it starts, as an earlier upload would have left it.
@@ -140,14 +126,13 @@ class Replay:
         Raises:
             UsageError: an item is not one that this autopilot takes.
         """
-        kept = []
-        for item in to_wire(items):
+        kept: list[WireItem] = []
+        for item in mission_items(items, None, ARDUPILOT):
             taken = stored(item)
             if isinstance(taken, Result):
                 raise UsageError(f"the vehicle would refuse {command_name(item.command)}: {taken.name}")
             kept.append(taken)
-        mission = ItemList(Kind.MISSION, (home_item(None), *kept))
-        self._state = replace(self._state, mission=mission)
+        self._state = replace(self._state, mission=tuple(kept))
 
     def cut_after(self, packets: int | None) -> None:
         """Break the link for good once this many more packets have been heard; None mends it."""
@@ -159,17 +144,16 @@ class Replay:
         Raises:
             LinkError: the address is in use.
         """
-        place, number = self._address.place, self._address.number
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            if self._address.scheme == "udpin":
-                self._socket.bind((place, number))
+            if self._waits:
+                self._socket.bind(self._place)
             else:
-                self._peers = [(place, number)]
+                self._peers = [self._place]
         except OSError as error:
             self._socket.close()
             raise LinkError(
-                f"cannot serve at {place}:{number}: {error.strerror}",
+                f"cannot serve at {self._place[0]}:{self._place[1]}: {error.strerror}",
                 remedy="Stop what uses this port, or take another.",
             ) from error
         self._thread = threading.Thread(target=self._run, name="replay", daemon=True)
@@ -223,12 +207,12 @@ class Replay:
             now_s = self._begin_s + (time.monotonic() - begun) * self._speed
             for frame in source.due(now_s):
                 self._follow(frame)
-                self._send(self._as_it_is_now(frame), now_s)
+                self._send(frame.data, now_s)
             for packet in self._heard.arrived(now_s):
                 self._hear(packet, now_s)
             if now_s >= tick_s:
                 tick_s = now_s + _TICK_S
-                self._state, messages = autopilot_model.on_time(self._state, now_s)
+                self._state, messages = on_time(self._state, now_s)
                 self._send_all(messages, now_s)
             self._flush(now_s)
             next_s = min(source.next_s, self._heard.next_s, self._said.next_s, tick_s)
@@ -242,7 +226,7 @@ class Replay:
             data, peer = self._socket.recvfrom(65535)
         except (ConnectionRefusedError, ConnectionResetError):  # Windows has the second
             return  # nobody listens at the other end yet
-        if self._address.scheme == "udpin" and peer not in self._peers:
+        if self._waits and peer not in self._peers:
             self._peers = [*self._peers[-7:], peer]
         splitters = self._splitters
         if peer not in splitters and len(splitters) > 64:
@@ -254,61 +238,29 @@ class Replay:
         if self._is_cut():
             return
         self._packets += 1
-        admitted = frame if self._signer is None else self._signer.admit(frame)
-        message = None if admitted is None else decode(admitted)
-        if message is None:
-            return
-        before = self._state
-        self._state, messages = autopilot_model.on_message(before, message, now_s)
-        if (before.armed, before.mode) != (self._state.armed, self._state.mode):
-            self._commanded = True
-        self._send_all(messages, now_s)
+        message = decode(frame)
+        if message is not None:
+            self._state, messages = on_message(self._state, message, now_s)
+            self._send_all(messages, now_s)
 
     def _is_cut(self) -> bool:
         return self._cut_after is not None and self._packets >= self._cut_after
 
     def _follow(self, frame: Telemetry) -> None:
         """Take from the telemetry what the model says of itself."""
-        if frame.message_id not in (_HOME, _EKF, _HEARTBEAT):
-            return
-        message = decode(frame.data)
-        if message is None:
-            return
-        if frame.message_id == _HOME:
+        message = decode(frame.data) if frame.message_id == _HOME else None
+        if message is not None:
             home = (message.latitude, message.longitude, in_centimetres(message.altitude / 1000))
             self._state = replace(self._state, home=home, known={**self._state.known, _HOME: message})
-        elif frame.message_id == _EKF:
-            self._state = replace(self._state, has_position=uses_gps(message.flags))
-        elif not self._commanded:
-            armed = bool(message.base_mode & _ARMED)
-            self._state = replace(self._state, armed=armed, mode=message.custom_mode)
-
-    def _as_it_is_now(self, frame: Telemetry) -> bytes:
-        if frame.message_id != _HEARTBEAT or not self._commanded:
-            return frame.data
-        message = decode(frame.data)
-        if message is None:
-            return frame.data
-        base_mode = message.base_mode | _ARMED if self._state.armed else message.base_mode & ~_ARMED
-        now = mavlink.MAVLink_heartbeat_message(
-            message.type, message.autopilot, base_mode, self._state.mode, message.system_status, 3
-        )
-        return self._packed(now)
-
-    def _packed(self, message: Message) -> bytes:
-        packer = mavlink.MAVLink(None, srcSystem=self._state.system, srcComponent=self._state.component)
-        return bytes(message.pack(packer))
 
     def _send_all(self, messages: list[Message], now_s: float) -> None:
+        packer = mavlink.MAVLink(None, srcSystem=self._state.system, srcComponent=self._state.component)
         for message in messages:
-            self._send(self._packed(message), now_s)
+            self._send(bytes(message.pack(packer)), now_s)
 
     def _send(self, frame: bytes, now_s: float) -> None:
         self._seq = (self._seq + 1) & 0xFF
-        frame = _numbered(frame, self._seq)
-        if self._signer is not None and frame[0] == MAGIC_2:
-            frame = self._signer.sign(frame)
-        self._said.put(frame, now_s)
+        self._said.put(_numbered(frame, self._seq), now_s)
 
     def _flush(self, now_s: float) -> None:
         assert self._socket is not None

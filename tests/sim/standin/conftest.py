@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from fieldkit.missions.items import POSITIONAL, MissionItem
-from fieldkit.standin.recording import Recording, read_recording
+from fieldkit_sim.standin.recording import Recording, read_recording
 
-SITL = Path(__file__).parents[2] / "sim" / "sitl"
+SITL = Path(__file__).parents[3] / "sim" / "sitl"
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,4 @@
-"""What is sent against what is read back."""
+"""Items against what ArduCopter 4.5.6 answered, and what is sent against what is read back."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldkit.errors import MissionError
-from fieldkit.link.compare import differences, fence_items, home_item, mission_items, roundings, to_wire
-from fieldkit.link.item_rules import Kind, WireItem, fence_problem, stored, stored_fence_item
-from fieldkit.link.listener import ARDUPILOT, PX4
+from fieldkit.link.items import ARDUPILOT, PX4, WireItem, differences, mission_items, stored, to_wire
+from fieldkit.missions.autopilots.accepting import MAX_ALTITUDE_M, MEASURED, TAKEN, Result, in_centimetres
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.items import MissionItem
-from fieldkit.routing.mission import Circle, Fence, Home
+from fieldkit.routing.mission import Home
 
-HOME = home_item(None)
+HOME = mission_items((), None, ARDUPILOT)[0]
 
 
 def kept(items: tuple[WireItem, ...]) -> tuple[WireItem, ...]:
@@ -46,21 +46,6 @@ def test_any_change_is_found(flown: tuple[MissionItem, ...]) -> None:
     assert differences(sent, right[:-1], ARDUPILOT) == ("68 items were sent, 67 are there",)
     mixed = (*right[:8], *reversed(right[8:]))
     assert differences(sent, mixed, ARDUPILOT)
-
-
-def test_roundings_are_told() -> None:
-    items = (
-        MissionItem(16, 3, (2.7, 0.0, 0.0, 90.0, 50.0, 6.0, 2.345)),
-        MissionItem(1000, 2, (-38.66, 0, 0, 0, 0, 0, 0)),
-    )
-    sent = (HOME, *to_wire(items))
-    notes = roundings(sent, (HOME, *kept(sent[1:])), ARDUPILOT)
-    assert notes == (
-        "item 1 NAV_WAYPOINT: param 1 2.7 is kept as 2",
-        "item 1 NAV_WAYPOINT: param 4 90 is kept as 0",
-        "item 1 NAV_WAYPOINT: param 7 2.345 is kept as 2.34",
-        "item 2 DO_GIMBAL_MANAGER_PITCHYAW: param 1 -38.66 is kept as -38",
-    )
 
 
 def test_other_autopilots_keep_nan_and_have_no_home() -> None:
@@ -106,29 +91,6 @@ def test_numbers_that_do_not_fit(params: Any) -> None:
         to_wire((MissionItem(70000, 3, (0,) * 7),))
 
 
-def test_fences() -> None:
-    square = ((50.0, 6.0), (50.0, 6.001), (50.001, 6.001), (50.001, 6.0))
-    items = fence_items(Fence(inside=(square,), outside=(square[:3],)))
-    assert [item.command for item in items] == [5001] * 4 + [5002] * 3
-    assert [item.params[0] for item in items] == [4.0] * 4 + [3.0] * 3
-    read_back = tuple(replace(item, autocontinue=0) for item in items)
-    assert differences(items, read_back, ARDUPILOT, Kind.FENCE) == ()
-    assert differences(items, (*read_back[:-1], replace(read_back[-1], x=1)), ARDUPILOT, Kind.FENCE)
-    circles = fence_items(Fence(inside_circles=(Circle(50.0, 6.0, 60.5),), outside_circles=(Circle(50.0, 6.0, 5.0),)))
-    assert [(item.command, item.params[0], item.x) for item in circles] == [
-        (5003, 60.5, 500000000), (5004, 5.0, 500000000),
-    ]  # fmt: skip
-    assert fence_problem(circles) is None
-    kept_circles = tuple(item for item in map(stored_fence_item, circles) if isinstance(item, WireItem))
-    assert differences(circles, kept_circles, ARDUPILOT, Kind.FENCE) == ()
-    assert differences(circles, tuple(replace(item, params=(9.0, 0, 0, 0)) for item in kept_circles), ARDUPILOT,
-                       Kind.FENCE)  # fmt: skip
-    with pytest.raises(MissionError, match="fewer than three"):
-        fence_items(Fence(inside=(square[:2],)))
-    with pytest.raises(MissionError, match="nowhere on earth"):
-        fence_items(Fence(inside=(((91.0, 0.0), *square),)))
-
-
 def test_jumps_lead_to_the_same_items_on_every_autopilot() -> None:
     land = MissionItem(21, 3, (0.0,) * 7)
     items = (MissionItem(22, 3, (0.0,) * 7), MissionItem(177, 2, (3.0, 2.0, 0, 0, 0, 0, 0)), land)
@@ -142,5 +104,76 @@ def test_jumps_lead_to_the_same_items_on_every_autopilot() -> None:
 
 
 def test_home() -> None:
-    item = home_item(Home(50.8649, 6.4473, 92.0))
+    (item,) = mission_items((), Home(50.8649, 6.4473, 92.0), ARDUPILOT)
     assert (item.command, item.frame, item.x, item.y, item.z) == (16, 0, 508649000, 64473000, 92.0)
+
+
+def test_all_measured_items(probe: dict[str, Any]) -> None:
+    assert len(probe["cases"]) == 119
+    wrong = []
+    for case in probe["cases"]:
+        answer = stored(wire(case["sent"]))
+        if case["ack"] == "MAV_MISSION_ACCEPTED":
+            right = answer == wire(case["read_back"])
+        else:
+            right = isinstance(answer, Result) and f"MAV_MISSION_{answer.name}" == case["ack"]
+        if not right:
+            wrong.append((case["case"], case["ack"], answer))
+    assert not wrong
+
+
+def test_what_was_measured_and_what_was_not(probe: dict[str, Any]) -> None:
+    accepted = {case["sent"]["cmd"] for case in probe["cases"] if case["ack"] == "MAV_MISSION_ACCEPTED"}
+    sent = {case["sent"]["cmd"] for case in probe["cases"]}
+    assert accepted == MEASURED
+    # What the source takes was never sent; it is kept as it comes.
+    assert not (TAKEN - MEASURED) & sent
+    for command in TAKEN - MEASURED:
+        item = WireItem(command, 3, (1.0, 2.5, 0.0, -3.0), 508650000, 64473000, 2.0)
+        kept = stored(item)
+        assert isinstance(kept, WireItem)
+        assert kept.params == item.params
+
+
+def test_the_highest_altitude_is_the_sources() -> None:
+    item = WireItem(16, 3, (1.0, 0.0, 0.0, 0.0), 508650000, 64473000, MAX_ALTITUDE_M - 1.0)
+    assert isinstance(stored(item), WireItem)
+    assert stored(replace(item, z=MAX_ALTITUDE_M)) is Result.INVALID_PARAM7
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.sampled_from([16, 18, 19, 21, 31, 85, 93, 94, 115, 177, 201, 203, 205, 1000, 2000, 42600, 42703, 65535]),
+    st.integers(0, 255),
+    st.tuples(*[st.floats(width=32)] * 4),
+    st.integers(-(2**31), 2**31 - 1),
+    st.integers(-(2**31), 2**31 - 1),
+    st.floats(width=32),
+)
+def test_what_is_kept_is_kept_again(
+    command: int, frame: int, params: tuple[float, float, float, float], x: int, y: int, z: float
+) -> None:
+    item = WireItem(command, frame, params, x, y, z)
+    once = stored(item)
+    if isinstance(once, WireItem):
+        assert all(map(math.isfinite, (*once.params, once.z)))
+        again = stored(once)
+        assert isinstance(again, WireItem)
+        assert (again.params, again.x, again.y) == (once.params, once.x, once.y)
+        assert again.z == pytest.approx(once.z, abs=0.0101)
+
+
+@given(st.floats(-1000, 1000, width=32))
+def test_heights_are_cut_to_centimetres(metres: float) -> None:
+    kept = in_centimetres(metres)
+    assert abs(kept) <= abs(metres) + 1e-4
+    assert abs(kept - metres) < 0.0102
+    assert kept == pytest.approx(round(kept * 100) / 100, abs=1e-4)
+
+
+def wire(item: dict[str, Any]) -> WireItem:
+    p1, p2, p3, p4 = (float(np.float32(value)) for value in item["p"])
+    return WireItem(
+        item["cmd"], item["frame"], (p1, p2, p3, p4), item["x"], item["y"], float(np.float32(item["z"])),
+        item.get("autocontinue", 1),
+    )  # fmt: skip

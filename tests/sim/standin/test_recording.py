@@ -17,7 +17,7 @@ from fieldkit.errors import MetadataError
 from fieldkit.flightlogs.dialect import mavlink
 from fieldkit.flightlogs.mavlink_frames import Splitter, decode, frame_length, intact
 from fieldkit.flightlogs.tlog_frames import LogReader, read_frames, read_messages
-from fieldkit.standin.recording import read_recording
+from fieldkit_sim.standin.recording import read_recording
 
 
 def test_every_frame_is_read(sitl: Path) -> None:
@@ -65,7 +65,7 @@ def test_the_last_frame_may_be_cut_off(sitl: Path, tmp_path: Path) -> None:
 @settings(max_examples=150, deadline=None)
 @given(st.data())
 def test_damaged_logs_never_fail_but_cleanly(data: st.DataObject) -> None:
-    whole = (Path(__file__).parents[2] / "sim/sitl/probe_items.tlog").read_bytes()
+    whole = (Path(__file__).parents[3] / "sim/sitl/probe_items.tlog").read_bytes()
     begin = data.draw(st.integers(0, 50_000))
     piece = bytearray(whole[begin : begin + data.draw(st.integers(0, 3000))])
     for place, value in data.draw(st.lists(st.tuples(st.integers(0, 2999), st.integers(0, 255)), max_size=40)):
