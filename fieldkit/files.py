@@ -14,8 +14,14 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from fieldkit.errors import StorageError, UsageError
-from fieldkit.locks import lock, open_folder
 from fieldkit.regular_files import is_other_than_file
+
+try:
+    import fcntl
+except ImportError:  # Windows has no locks that take folders: there it is as on a disk without locks
+    HAS_LOCKS = False
+else:
+    HAS_LOCKS = True
 
 _REMEDIES = {
     errno.ENOSPC: "Free some space there, or write to another disk.",
@@ -33,6 +39,18 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _PARTIAL = ".partial"
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
+
+
+def open_folder(path: Path) -> int | None:
+    """A descriptor of a folder, to lock or sync it; None on Windows, which opens none."""
+    return None if os.name == "nt" else os.open(path, os.O_RDONLY)
+
+
+def lock(descriptor: int, *, shared: bool = False, wait: bool = False) -> None:
+    """Lock an open file or folder until it is closed or the process ends, perhaps beside other shared locks."""
+    if not HAS_LOCKS:
+        raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS))
+    fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (0 if wait else fcntl.LOCK_NB))
 
 
 @contextmanager

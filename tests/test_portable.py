@@ -141,7 +141,7 @@ def test_a_name_of_another_encoding_is_told(tmp_path: Path) -> None:
 @pytest.fixture
 def without_locks(monkeypatch: pytest.MonkeyPatch) -> None:
     """As on Windows: no locks, and folders cannot be opened."""
-    monkeypatch.setattr("fieldkit.locks.HAS_LOCKS", False)
+    monkeypatch.setattr("fieldkit.files.HAS_LOCKS", False)
     monkeypatch.setattr("fieldkit.files.open_folder", lambda path: None)
     monkeypatch.setattr("fieldkit.files._exchange", lambda a, b: False)
     rename = Path.rename

@@ -11,8 +11,7 @@ from datetime import datetime
 from pathlib import Path
 
 from fieldkit.errors import UsageError
-from fieldkit.files import storage_errors
-from fieldkit.locks import lock
+from fieldkit.files import lock, storage_errors
 
 LOCK_FILE = ".lock"
 _POLL_S = 0.5

@@ -185,6 +185,10 @@ def _plain(report: CheckReport) -> dict[str, Any]:
     from fieldkit.results.plan import station_number
 
     facts = {name: value for name, value in asdict(report).items() if name != "folder"}
+    facts["findings"] = [
+        {"code": f.code, "station": f.station, "photograph": f.subject, "message": f.message, "remedy": f.remedy}
+        for f in report.findings
+    ]
     for row in (*facts["stations"], *facts["findings"]):  # as people number them
         row["station"] = None if row["station"] is None else station_number(row["station"])
         if "neighbours" in row:
@@ -226,7 +230,7 @@ def check_blocks(report: CheckReport) -> list[Block]:
         found = tuple(
             (
                 "" if finding.station is None else str(station_number(finding.station)), finding.code,
-                f"{f'{finding.photograph}: ' if finding.photograph else ''}{finding.message}\n→ {finding.remedy}",
+                f"{finding}\n→ {finding.remedy}",
             )
             for finding in report.findings
         )  # fmt: skip

@@ -1,11 +1,10 @@
 """Before leaving the field: will the photographs of a plot do, and which stations are to be flown again?"""
 
 from fieldkit.fieldcheck.check import check_captures
-from fieldkit.fieldcheck.model import CheckFinding, CheckReport, CheckSettings, StationCheck
+from fieldkit.fieldcheck.model import CheckReport, CheckSettings, StationCheck
 from fieldkit.fieldcheck.refly import write_refly
 
 __all__ = [
-    "CheckFinding",
     "CheckReport",
     "CheckSettings",
     "StationCheck",

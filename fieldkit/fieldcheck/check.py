@@ -15,16 +15,15 @@ from fieldkit.captures import Capture, read_capture
 from fieldkit.errors import CaptureError, UsageError
 from fieldkit.evaluation.adherence import Flight
 from fieldkit.evaluation.plots import find_plots
-from fieldkit.fieldcheck.angles import angles_as_meant
 from fieldkit.fieldcheck.consistency import Consistency, check_tags
-from fieldkit.fieldcheck.guided_ties import with_guided_ties
-from fieldkit.fieldcheck.model import CheckFinding, CheckReport, CheckSettings
+from fieldkit.fieldcheck.model import CheckReport, CheckSettings, finding_of
 from fieldkit.fieldcheck.pictures import PictureVerdict, judge_pictures, load_pictures
-from fieldkit.fieldcheck.placement import Placed, place_tags
-from fieldkit.fieldcheck.ties import TieGraph, find_ties
+from fieldkit.fieldcheck.placement import Placed, angles_as_meant, place_tags
+from fieldkit.fieldcheck.ties import TieGraph, find_ties, with_guided_ties
 from fieldkit.fieldcheck.verdicts import Evidence, believed_poses, judge, tag_pose
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.stations import REACH_M
+from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan
 from fieldkit.runtime.machine import this_machine
@@ -202,10 +201,10 @@ def _consistency(placed: Placed, plan: Plan, graph: TieGraph, settings: CheckSet
     return check_tags(priors, graph, settings, doubts)
 
 
-def _of_capture(capture: Capture) -> list[CheckFinding]:
+def _of_capture(capture: Capture) -> list[Finding]:
     """Files that could not be used: their stations are missing below, and this says why."""
     return [
-        CheckFinding(f.code, None, f.subject, f.message, _REMEDIES.get(f.code, "Copy it again from the camera."))
+        finding_of(f.code, None, f.subject, f.message, _REMEDIES.get(f.code, "Copy it again from the camera."))
         for f in capture.findings
         if f.left_out
     ]
@@ -228,7 +227,7 @@ _SHIFTED = {
 
 def common_findings(
     placed: Placed, settings: CheckSettings, site: Site | None = None, plot: SitePlot | None = None
-) -> list[CheckFinding]:
+) -> list[Finding]:
     """What all photographs have in common: of the receiver, the compass, or the whole flight.
 
     A shift is told where it is more than the positions' accuracy allows; the frame of a poses.csv may lie anywhere.
@@ -242,14 +241,14 @@ def common_findings(
             there = None if site is None or plot is None else _plot_there(site, plot, placed.shift_m)
             if there is not None:
                 remedy = f"{there} lies there: are these its photographs? Check them with --plot {there}."
-            found.append(CheckFinding(
+            found.append(finding_of(
                 "shifted", None, "",
                 f"all photographs lie {level:.2f} m beside the plan ({placed.shift_m[0]:+.2f} m along x, "
                 f"{placed.shift_m[1]:+.2f} m along y), which has been taken out",
                 remedy,
             ))  # fmt: skip
     if placed.turn_deg is not None and abs(placed.turn_deg) > _TOLD_TURN_DEG:
-        found.append(CheckFinding(
+        found.append(finding_of(
             "turned", None, "", f"all headings are {placed.turn_deg:+.1f}° off the plan's, which has been taken out",
             "Calibrate the compass; nothing to do where the plants are in the pictures.",
         ))  # fmt: skip
@@ -298,7 +297,7 @@ def _without_stations(
     findings = _of_capture(capture)
     for name, look in looks.items():
         if look.problem:
-            findings.append(CheckFinding(look.problem, None, name, look.message, "Fly its station again."))
+            findings.append(finding_of(look.problem, None, name, look.message, "Fly its station again."))
     why = (
         "the photographs fit the plan in more than one way; give --site, or photographs with headings"
         if placed.ambiguous
@@ -308,7 +307,7 @@ def _without_stations(
     if lacking > 0:
         unseen = count(lacking, "stations has", "stations have", of=len(plan.stations))
         message = f"{unseen} no photograph; which, nothing tells"
-        findings.append(CheckFinding("missing", None, "", message, "Give --log, or fly all stations again."))
+        findings.append(finding_of("missing", None, "", message, "Give --log, or fly all stations again."))
     tied = {k for pair in graph.ties for k in pair}
     return replace(
         report,

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.fieldcheck.model import CheckFinding
-from fieldkit.fieldcheck.pose_graph import tie_errors_deg
-from fieldkit.fieldcheck.ties import TieGraph
+from fieldkit.fieldcheck.model import finding_of
+from fieldkit.fieldcheck.ties import TieGraph, tie_errors_deg
 from fieldkit.geometry import Pose
 from fieldkit.reconstruction.prior_mapping import region_of_interest
 from fieldkit.reconstruction.ties import connected_parts
+from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan, station_number
 
 _TURN_DEG, _DIRECTION_DEG = 15.0, 35.0
@@ -40,7 +40,7 @@ class Connection:
     """Stations with few matches, and nothing flown again that would add any."""
     beside_gaps: frozenset[int]
     """Stations without a tie beside one that is flown again, which may tie them."""
-    findings: tuple[CheckFinding, ...]
+    findings: tuple[Finding, ...]
     """Of the whole capture."""
 
 
@@ -95,12 +95,12 @@ def _should_be_held(angles: NDArray[np.float64], station: int, good: Sequence[in
     return bool(nearest <= min([_NEAR_DEG, *(_GAP_SHARE * angles[o] for o in again if o != station)]))
 
 
-def _apart(parts: list[list[int]]) -> tuple[CheckFinding, ...]:
+def _apart(parts: list[list[int]]) -> tuple[Finding, ...]:
     if len(parts) < 2:
         return ()
     told = "; ".join(", ".join(str(station_number(s)) for s in part) for part in parts)
     return (
-        CheckFinding(
+        finding_of(
             "disconnected", None, "",
             f"blind matching leaves {len(parts)} groups of stations that do not hang together: {told}",
             "Mapping by the tags may still join them. For later flights plan stations nearer to each other.",

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fieldkit.fieldcheck.model import CheckSettings
-from fieldkit.fieldcheck.pose_graph import Solution, solve, spread_from, tie_errors_deg
-from fieldkit.fieldcheck.ties import TieGraph
+from fieldkit.fieldcheck.pose_graph import Solution, solve, spread_from
+from fieldkit.fieldcheck.ties import TieGraph, tie_errors_deg
 from fieldkit.geometry import Pose
 from fieldkit.geometry.priors import PosePrior
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from fieldkit.results.finding import Finding
 from fieldkit.results.plan import station_number
 
 Verdict = Literal["fine", "fix tags", "fly again"]
@@ -38,20 +39,9 @@ class CheckSettings:
     seed: int = 0
 
 
-@dataclass(frozen=True)
-class CheckFinding:
-    """Something that is not as planned."""
-
-    code: str
-    """Docs/commands/check.md lists them."""
-    station: int | None
-    """Number in the plan, from 0; None where it concerns the whole capture or no station."""
-    photograph: str
-    """File name; empty where there is none."""
-    message: str
-    """What is wrong."""
-    remedy: str
-    """What to do."""
+def finding_of(code: str, station: int | None, photograph: str, message: str, remedy: str) -> Finding:
+    """Something that is not as planned, at a station (from 0) or of the whole capture; docs/commands/check.md."""
+    return Finding(photograph, code, message, remedy=remedy, station=station)
 
 
 @dataclass(frozen=True)
@@ -96,7 +86,7 @@ class CheckReport:
     """That could be read."""
     stations: tuple[StationCheck, ...]
     """One for each of the plan, in its order."""
-    findings: tuple[CheckFinding, ...]
+    findings: tuple[Finding, ...]
     """In the stations' order; those of the whole capture first."""
     plot: str | None = None
     """Of the site; None without one."""

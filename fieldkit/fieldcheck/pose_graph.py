@@ -114,17 +114,6 @@ def spread_from(
             found[i] = Pose(tie.rotation.T @ found[j].rotation, found[j].center + length_m * along)
 
 
-def tie_errors_deg(a: Pose, b: Pose, rotation: Array, translation: Array) -> tuple[float, float]:
-    """By how much a tie's rotation and direction differ from those between two poses, degrees."""
-    turn = Rotation.from_matrix(rotation.T @ (b.rotation @ a.rotation.T)).magnitude()
-    between = b.rotation @ (a.center - b.center)
-    length = float(np.linalg.norm(between))
-    if length < 1e-9:
-        return float(np.degrees(turn)), 180.0
-    cross, dot = np.linalg.norm(np.cross(between, translation)), float(between @ translation)
-    return float(np.degrees(turn)), float(np.degrees(np.arctan2(cross, dot)))
-
-
 @dataclass(frozen=True, eq=False)
 class _Edges:
     ends: NDArray[np.int64]

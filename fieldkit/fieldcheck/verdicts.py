@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fieldkit.fieldcheck.connection import Connection, connect
+from fieldkit.fieldcheck.connection import connect
 from fieldkit.fieldcheck.consistency import Consistency, SeenPose
-from fieldkit.fieldcheck.model import CheckFinding, CheckSettings, StationCheck, Verdict
+from fieldkit.fieldcheck.model import CheckSettings, StationCheck, Verdict, finding_of
 from fieldkit.fieldcheck.pictures import PictureVerdict
 from fieldkit.fieldcheck.placement import Placed, axis_turn_deg
 from fieldkit.fieldcheck.ties import TieGraph
 from fieldkit.geometry import Pose
+from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan, station_number
 from fieldkit.wording import count
 
@@ -30,7 +31,7 @@ class Judged:
     """The parts of a report that come of judging."""
 
     stations: tuple[StationCheck, ...]
-    findings: tuple[CheckFinding, ...]
+    findings: tuple[Finding, ...]
     extra: tuple[str, ...]
     components: tuple[int, ...]
 
@@ -81,7 +82,7 @@ def judge(evidence: Evidence) -> Judged:
     shown = _shown_stations(evidence)
     photo_of = _photographs(evidence, shown)
     rows: list[StationCheck] = []
-    findings: list[CheckFinding] = []
+    findings: list[Finding] = []
     for station in range(len(evidence.plan.stations)):
         row, found = _judge_station(evidence, station, photo_of.get(station), shown)
         rows.append(row)
@@ -90,14 +91,20 @@ def judge(evidence: Evidence) -> Judged:
     joined = connect(evidence.plan, evidence.graph, {k: s for s, k in photo_of.items()}, again, _poses(evidence, shown))
     for station in sorted(joined.lonely):
         name = evidence.names[photo_of[station]]
-        findings.append(CheckFinding(
+        findings.append(finding_of(
             "no-matches", station, name,
             "it shows nothing that its neighbours show, though they are near enough", _FLY,
         ))  # fmt: skip
-        rows[station] = _with(rows[station], "fly again")
-    rows = [_with_ties(row, joined) for row in rows]
+        rows[station] = replace(rows[station], verdict="fly again")
+    rows = [
+        replace(
+            row, matches=joined.matches.get(row.station, 0),
+            neighbours=tuple(sorted(joined.neighbours.get(row.station, ()))),
+        )
+        for row in rows
+    ]  # fmt: skip
     findings += [
-        CheckFinding(
+        finding_of(
             "few-matches", row.station, row.photograph,
             f"only {count(row.matches, 'match ties', 'matches tie')} it to its neighbours; it may fail to register",
             "None needed.",
@@ -106,7 +113,7 @@ def judge(evidence: Evidence) -> Judged:
         if row.verdict == "fine" and row.station in joined.thin
     ]  # fmt: skip
     findings += [
-        CheckFinding(
+        finding_of(
             "few-matches", row.station, row.photograph, "nothing ties it while a station beside it is missing",
             "Check again once the stations beside it are flown.",
         )
@@ -181,9 +188,9 @@ def believed_poses(
 
 def _judge_station(
     evidence: Evidence, station: int, k: int | None, shown: Mapping[int, int | None]
-) -> tuple[StationCheck, list[CheckFinding]]:
+) -> tuple[StationCheck, list[Finding]]:
     if k is None:
-        missing = CheckFinding("missing", station, "", "it has no photograph", _FLY)
+        missing = finding_of("missing", station, "", "it has no photograph", _FLY)
         return StationCheck(station, verdict="fly again"), [missing]
     name = evidence.names[k]
     picture, deviation = evidence.pictures[name], _deviation(evidence, station, k, shown)
@@ -191,7 +198,7 @@ def _judge_station(
     findings = []
     if picture.problem:
         verdict = "fly again"
-        findings.append(CheckFinding(picture.problem, station, name, picture.message, _FLY))
+        findings.append(finding_of(picture.problem, station, name, picture.message, _FLY))
     else:  # where it is to be flown again anyway, its tags do not matter
         verdict, finding = _judge_place(evidence, station, k, shown, deviation)
         findings += [] if finding is None else [finding]
@@ -204,21 +211,21 @@ def _judge_station(
 
 def _judge_place(
     evidence: Evidence, station: int, k: int, shown: Mapping[int, int | None], deviation: _Deviation
-) -> tuple[Verdict, CheckFinding | None]:
+) -> tuple[Verdict, Finding | None]:
     """Where a good photograph was taken, and what its tags say of that."""
     name, consistency = evidence.names[k], evidence.consistency
     if k in shown and shown[k] is None:
         message = f"by its matches it was taken {deviation.words()}, which its tags do not say"
-        return "fly again", CheckFinding("displaced", station, name, message, _FLY)
+        return "fly again", finding_of("displaced", station, name, message, _FLY)
     if k in consistency.contradicted:
-        return "fix tags", CheckFinding("mis-tagged", station, name, _contradiction(evidence, k), _TAGS)
+        return "fix tags", finding_of("mis-tagged", station, name, _contradiction(evidence, k), _TAGS)
     if k in consistency.untagged:
         message = "it has no position; by its matches it is of this station"
-        return "fix tags", CheckFinding("no-position", station, name, message, _TAGS)
+        return "fix tags", finding_of("no-position", station, name, message, _TAGS)
     if deviation.far:
         alone = "" if k in consistency.seen else "; no matches tell whether the tags or the flight are wrong"
         message = f"it was taken {deviation.words()}{alone}"
-        return "fly again", CheckFinding("displaced", station, name, message, _FLY)
+        return "fly again", finding_of("displaced", station, name, message, _FLY)
     return "fine", None
 
 
@@ -261,18 +268,4 @@ def _contradiction(evidence: Evidence, k: int) -> str:
     return (
         f"its tags (nearest station {station_number(told)}) are {difference.shift_m:.1f} m and "
         f"{difference.turn_deg:.0f}° off what it shows beside the others"
-    )
-
-
-def _with(row: StationCheck, verdict: Verdict) -> StationCheck:
-    return StationCheck(**{**vars(row), "verdict": verdict})
-
-
-def _with_ties(row: StationCheck, joined: Connection) -> StationCheck:
-    return StationCheck(
-        **{
-            **vars(row),
-            "matches": joined.matches.get(row.station, 0),
-            "neighbours": tuple(sorted(joined.neighbours.get(row.station, ()))),
-        }
     )

@@ -9,8 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from fieldkit.files import remove_if_abandoned
-from fieldkit.locks import lock, open_folder
+from fieldkit.files import lock, open_folder, remove_if_abandoned
 
 _PREFIX = "fieldkit-run-"
 _VARIABLES = ("TMPDIR", "TEMP", "TMP")

@@ -17,17 +17,14 @@ from hypothesis import strategies as st
 from fieldkit.captures import CameraGroup, Capture, Photo
 from fieldkit.errors import UsageError
 from fieldkit.fieldcheck import CheckSettings, StationCheck, write_refly
-from fieldkit.fieldcheck.angles import angles_as_meant
 from fieldkit.fieldcheck.check import common_findings
 from fieldkit.fieldcheck.connection import connect
 from fieldkit.fieldcheck.consistency import Consistency, check_tags
-from fieldkit.fieldcheck.model import CheckFinding, CheckReport
-from fieldkit.fieldcheck.pictures import judge_pictures, measure_picture
-from fieldkit.fieldcheck.placement import Placed, Tags, axis_turn_deg, place_tags
-from fieldkit.fieldcheck.pose_graph import tie_errors_deg
+from fieldkit.fieldcheck.model import CheckReport
+from fieldkit.fieldcheck.pictures import DIRECTIONS, blur_ratios, edge_widths, judge_pictures, measure_picture
+from fieldkit.fieldcheck.placement import Placed, Tags, angles_as_meant, axis_turn_deg, place_tags
 from fieldkit.fieldcheck.refly import part_of_plan
-from fieldkit.fieldcheck.sharpness import DIRECTIONS, blur_ratios, edge_widths
-from fieldkit.fieldcheck.ties import LengthRatio, Tie, TieGraph
+from fieldkit.fieldcheck.ties import LengthRatio, Tie, TieGraph, tie_errors_deg
 from fieldkit.fieldcheck.verdicts import tag_pose
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
@@ -37,6 +34,7 @@ from fieldkit.geometry.stations import PoseArray
 from fieldkit.reconstruction.cameras import CameraSet
 from fieldkit.reconstruction.epipolar import relative_pose
 from fieldkit.report.sections.read_results import read_results
+from fieldkit.results.finding import Finding
 from fieldkit.results.mission_file import load_mission
 from fieldkit.results.plan import Plan, PlanPlants
 from fieldkit.results.plan_file import plan_bytes, plan_from_poses
@@ -329,7 +327,7 @@ Angles = tuple[float, float, float]
 class TestAngles:
     def read(
         self, write: Callable[[Angles], Angles], *, ties: bool = True, nadir: bool = False, only: range = range(13)
-    ) -> tuple[Placed, Consistency, list[CheckFinding], list[Pose]]:
+    ) -> tuple[Placed, Consistency, list[Finding], list[Pose]]:
         """Angles of a flight written in another way, of all photographs or of some, as the check reads them."""
         planned = stations(seed=3)
         if nadir:

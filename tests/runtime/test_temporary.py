@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.locks import HAS_LOCKS
+from fieldkit.files import HAS_LOCKS
 from fieldkit.runtime.temporary import temporary_folder
 
 KILLED = """

@@ -20,7 +20,7 @@ from fieldkit.captures.crs import local_from_crs, parse_crs
 from fieldkit.captures.programs.model import METRES, PosesFile, ProgramPoses
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.regular_files import check_regular
+from fieldkit.regular_files import check_regular, open_regular
 from fieldkit.results.finding import Finding
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def _check(file: Path, kind: str) -> None:
         raise MetadataError("is larger than 4 GiB", path=file, remedy="Use a model of one plot's photographs.")
     if kind in ("images", *_SINCE_3_12):
         try:
-            with file.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            with open_regular(file) as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
                 if _end(data, kind) == size:
                     return
         except (struct.error, ValueError, IndexError, OSError):

@@ -12,8 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from fieldkit.files import write_atomic
-from fieldkit.locks import lock
+from fieldkit.files import lock, write_atomic
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.scenes.renderer import Renderer

@@ -14,8 +14,7 @@ from pydantic import Field, JsonValue, ValidationError
 from fieldkit.clouds.metrics import DISTANCES_M
 from fieldkit.documents.json_file import first_problem, read_json_object, validated
 from fieldkit.errors import MetadataError, StorageError, UsageError
-from fieldkit.files import atomic_folder, storage_errors, write_atomic
-from fieldkit.locks import lock
+from fieldkit.files import atomic_folder, lock, storage_errors, write_atomic
 from fieldkit.planning.objective.evaluation import Evaluation, StageCost
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.problem import Result, Trial
