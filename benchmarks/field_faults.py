@@ -30,7 +30,7 @@ from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import Sidecars, poses_table, simulate_capture
-from fieldkit.scenes.simulation import wind_sway
+from fieldkit.scenes.sway import wind_sway
 from fieldkit.sites.site import Site, SiteHome, SitePlot
 
 STATIONS = 13

@@ -28,7 +28,7 @@ from fieldkit.reconstruction.features import Features, FeatureSettings, extract_
 from fieldkit.reconstruction.matching import match_features
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.simulation import wind_sway
+from fieldkit.scenes.sway import wind_sway
 
 SETTINGS = FeatureSettings(working_side=1600, max_features=8192, contrast_threshold=0.04)
 """OpenCV's own contrast threshold, as in the recorded figures for field maize."""

@@ -14,10 +14,10 @@ from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.results.plan import Plan, PlanPlants
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.routing.tour import shortest_tour
-from fieldkit.scenes.rigs import ring
 from fieldkit.sites.placement import SiteFrame
 from fieldkit.sites.site import Site, SiteHome, SitePlot
 from fieldkit.vehicles.vehicle import Vehicle
+from fieldkit_sim.simulation import ring
 
 _COLUMNS, _EAST_M, _NORTH_M = 20, 10.0, 12.0
 

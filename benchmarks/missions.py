@@ -23,8 +23,8 @@ from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.routing.mission import Mission
 from fieldkit.runtime.progress import Progress
 from fieldkit.runtime.shipped import shipped_folder
-from fieldkit.scenes.rigs import ring
 from fieldkit.vehicles.vehicle_file import load_vehicle
+from fieldkit_sim.simulation import ring
 
 NO_RECORDINGS = "the recordings of flights (sim/sitl) come with the repository, not with the installed package"
 _LOGS = ("mount_then_yaw", "naive", "hold0", "probe_items")

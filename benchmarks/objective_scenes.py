@@ -11,7 +11,7 @@ from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.projection import project
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.scene_file import read_scene
-from fieldkit.scenes.simulation import ring_about
+from fieldkit_sim.simulation import ring_about
 
 SCENES = ("tuning-1", "tuning-2", "tuning-3")
 """A row of three plants, five on a grid, and four at random between neighbour rows."""

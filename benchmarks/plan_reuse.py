@@ -28,10 +28,10 @@ from fieldkit.results.plan import Plan
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.description import SceneDescription, build
 from fieldkit.scenes.library import find_scene
-from fieldkit.scenes.rigs import ring
 from fieldkit.scenes.sampling import neighbour_points
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.sites.terrain import LEVEL, Gradient
+from fieldkit_sim.simulation import ring
 
 VIEWS, RADIUS_M, HEIGHT_M, TARGET_M = 13, 1.3, 1.6, (0.0, 0.0, 0.3)
 """The ring flown if no plan is given."""

@@ -11,11 +11,11 @@ from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.description import SceneDescription, build
 from fieldkit.scenes.library import find_scene, scene_names
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.rigs import ring
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import simulate_capture
-from fieldkit.scenes.simulation import wind_sway
+from fieldkit.scenes.sway import wind_sway
+from fieldkit_sim.simulation import ring
 
 CAMERA = Intrinsics.pinhole(2000, 1500, 1700.0)
 """The camera of every scene, so that counts can be compared."""

@@ -7,9 +7,9 @@ from typing import Literal
 
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.scenes.plot_description import PRINTED, PlotDescription
-from fieldkit.scenes.rigs import ring
 from fieldkit.scenes.scene import Light
 from fieldkit_sim.generator import plant_layout
+from fieldkit_sim.simulation import ring
 
 Split = Literal["tuning", "test"]
 

@@ -41,7 +41,8 @@ from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import Sidecars, simulate_capture
-from fieldkit.scenes.simulation import ring_about, wind_sway
+from fieldkit.scenes.sway import wind_sway
+from fieldkit_sim.simulation import ring_about
 
 FITTED = tuple(f"tuning-{k}" for k in range(1, 7))
 HELD_OUT = (*(f"case-{k}" for k in range(1, 4)), *(f"test-case-{k}" for k in range(1, 6)))

@@ -22,8 +22,9 @@ from fieldkit.results.plan_file import plan_from_poses, save_plan
 from fieldkit.scenes.description import SceneDescription, build, sample_reference
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Site, simulate_capture
-from fieldkit.scenes.simulation import ring_about, wind_sway
+from fieldkit.scenes.sway import wind_sway
 from fieldkit_sim.generator import new_scene
+from fieldkit_sim.simulation import ring_about
 
 STATIONS = 13
 DATES = (datetime(2026, 6, 11, 9, 0), datetime(2026, 6, 25, 9, 0))

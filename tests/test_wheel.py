@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 
 from fieldkit.results.plan_file import plan_from_poses, save_plan
-from fieldkit.scenes.rigs import ring
+from fieldkit_sim.simulation import ring
 from tests.cli.test_scene_commands import TINY
 
 ROOT = Path(__file__).parents[1]

@@ -19,10 +19,10 @@ from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.scenes.description import SceneDescription, build
 from fieldkit.scenes.plot_description import PRINTED, PlotDescription
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.rigs import ring
 from fieldkit.scenes.scene import Light, Scene
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Site, simulate_capture
 from fieldkit_sim.generator import plant_layout
+from fieldkit_sim.simulation import ring
 
 CAMERA = Intrinsics.pinhole(320, 240, 304.0)
 STATIONS = ring(8, 0.85, 0.75, (0.0, 0.0, 0.18))  # on a circle of 0.85 m, 0.75 m above the ground

@@ -10,7 +10,7 @@ from small_plot import scene
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.scenes.rigs import ring
+from fieldkit_sim.simulation import ring
 
 # %% [markdown]
 # A proxy is a scene and its truth: points on the plants, and the volume that counts.

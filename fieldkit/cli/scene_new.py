@@ -50,10 +50,10 @@ def command(
     import sys
 
     from fieldkit.scenes.scene_file import scene_text, write_scene
-    from fieldkit.scenes.simulated_field import simulated_field
+    from fieldkit_sim.generator import new_scene
 
     name = f"plants-{plants}-seed-{seed}" if output is None else output.stem
-    scene = simulated_field("generator").new_scene(
+    scene = new_scene(
         plants, seed, layout=layout, spacing_m=spacing, row_spacing_m=row_spacing, name=name,
         notes=f"fieldkit scene new --plants {plants} --seed {seed} --layout {layout}",
     )  # fmt: skip

@@ -102,7 +102,7 @@ def _draw(description: SceneDescription, output: Path) -> dict[str, object]:
     from fieldkit.geometry import Intrinsics
     from fieldkit.scenes.description import build, scene_digest
     from fieldkit.scenes.renderer import Renderer
-    from fieldkit.scenes.simulation import ring_about
+    from fieldkit_sim.simulation import ring_about
 
     scene = build(description)
     camera = Intrinsics.pinhole(1600, 1200, 1360.0)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from fieldkit.geometry import Intrinsics, Pose
-    from fieldkit.scenes.simulation import Stations
+    from fieldkit_sim.simulation import Stations
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class StationOptions:
             MissionError: the plants are too different for the plan.
         """
         circle = self.circle()
-        from fieldkit.scenes.simulation import dense_about, poses_from_csv, ring_about
+        from fieldkit_sim.simulation import dense_about, poses_from_csv, ring_about
 
         if self.plan is not None:
             from fieldkit.results.plan_file import load_plan
@@ -180,7 +180,7 @@ def command(
     from fieldkit.cli.progress import open_progress
     from fieldkit.scenes.library import find_scene
     from fieldkit.scenes.scene_file import read_scene
-    from fieldkit.scenes.simulation import simulate, with_noise
+    from fieldkit_sim.simulation import simulate, with_noise
 
     description = read_scene(find_scene(scene))
     commanded, camera = stations.read()

@@ -18,7 +18,7 @@ from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.library import scenes_folder
 from fieldkit.scenes.scene_file import read_scene
-from fieldkit.scenes.simulation import Stations, dense_about, simulate, with_noise
+from fieldkit_sim.simulation import Stations, dense_about, simulate, with_noise
 
 SEEN, UNSEEN = "seen", "unseen"
 SCENES = {SEEN: "demo", UNSEEN: "demo-unseen"}

@@ -32,6 +32,7 @@ class Intrinsics:
     """A key of `PARAMETER_NAMES`."""
     width: int
     height: int
+    """Pixels."""
     params: tuple[float, ...]
     """In COLMAP's order; focal lengths and principal point in pixels, with (0, 0) the upper left corner of the upper
     left pixel, so that its centre is (0.5, 0.5)."""

@@ -27,38 +27,35 @@ _MIDDLE_GREY = 128.0
 
 @dataclass(frozen=True)
 class CameraEffects:
-    """Strength of each effect; at 0 it is off.
-
-    Attributes:
-        exposure_s: exposure time. The camera moves meanwhile: this switches motion blur on.
-        drift_m_s: standard deviation of the camera's velocity per axis while it exposes.
-        turn_deg_s: standard deviation of its rate of turn about each of its axes.
-        defocus_px: standard deviation of the lens's blur, pixels.
-        vignetting: share of the light that is lost in the corners, growing with the distance's fourth power.
-        veiling_glare: stray light that the lens spreads evenly over the picture, as a share of white. Under a bright
-            sky it lifts dark soil and takes its contrast away.
-        exposure_ev: standard deviation of a photograph's exposure, stops.
-        white_balance: standard deviation of a photograph's red and blue gains against green, relative.
-        photon_noise: standard deviation of photon noise, grey levels (the same at every level, see the module).
-        read_noise: standard deviation of read noise at grey level 128, grey levels; twice that at 64.
-        grain: standard deviation of the noise that is left in a file after demosaicing and denoising, grey levels.
-        grain_px: size of its grains, pixels.
-        jpeg_quality: of the files, 1 to 100.
-    """
+    """Strength of each effect; at 0 it is off."""
 
     exposure_s: float = 0.0
+    """Exposure time. The camera moves meanwhile: this switches motion blur on."""
     drift_m_s: float = 0.15
+    """Standard deviation of the camera's velocity per axis while it exposes."""
     turn_deg_s: float = 2.0
+    """Standard deviation of its rate of turn about each of its axes."""
     defocus_px: float = 0.0
+    """Standard deviation of the lens's blur, pixels."""
     vignetting: float = 0.0
+    """Share of the light that is lost in the corners, growing with the distance's fourth power."""
     veiling_glare: float = 0.0
+    """Stray light that the lens spreads evenly over the picture, as a share of white. Under a bright sky it lifts dark
+    soil and takes its contrast away."""
     exposure_ev: float = 0.0
+    """Standard deviation of a photograph's exposure, stops."""
     white_balance: float = 0.0
+    """Standard deviation of a photograph's red and blue gains against green, relative."""
     photon_noise: float = 0.0
+    """Standard deviation of photon noise, grey levels (the same at every level, see the module)."""
     read_noise: float = 0.0
+    """Standard deviation of read noise at grey level 128, grey levels; twice that at 64."""
     grain: float = 0.0
+    """Standard deviation of the noise that is left in a file after demosaicing and denoising, grey levels."""
     grain_px: float = 2.0
+    """Size of its grains, pixels."""
     jpeg_quality: int = 93
+    """Of the files, 1 to 100."""
 
     def __post_init__(self) -> None:
         numbers = {name: value for name, value in vars(self).items() if name != "jpeg_quality"}
@@ -92,15 +89,12 @@ class CameraEffects:
 
 @dataclass(frozen=True)
 class Motion:
-    """How the camera moves while it exposes, about the pose the photograph is drawn from (mid-exposure).
-
-    Attributes:
-        shift_m: (3,) from the shutter's opening to its closing, in the camera's axes.
-        turn_rad: (3,) rotation vector over the same time, in the camera's axes.
-    """
+    """How the camera moves while it exposes, about the pose the photograph is drawn from (mid-exposure)."""
 
     shift_m: tuple[float, float, float]
+    """(3,) from the shutter's opening to its closing, in the camera's axes."""
     turn_rad: tuple[float, float, float]
+    """(3,) rotation vector over the same time, in the camera's axes."""
 
 
 def draw_motion(effects: CameraEffects, rng: np.random.Generator) -> Motion:
@@ -124,9 +118,6 @@ def photographed(
         rng: of this photograph; every effect draws from it whether it is on or not, so that switching one off leaves
             the others as they were.
         economy: draw the sensor's noise from a table (`fieldkit.scenes.sensor_noise`): other pixels, the same look.
-
-    Raises:
-        ValueError: there is motion but no depth map.
     """
     motion = draw_motion(effects, rng)
     gain = 2.0 ** (rng.normal() * effects.exposure_ev)

@@ -32,15 +32,12 @@ MAX_WIND_M = 0.2
 
 @dataclass(frozen=True)
 class Bounds:
-    """The plot as a box, plot frame.
-
-    Attributes:
-        lower_m: lowest corner x, y, z.
-        upper_m: highest corner x, y, z.
-    """
+    """The plot as a box, plot frame."""
 
     lower_m: tuple[float, float, float] = (-0.8, -0.8, 0.0)
+    """Lowest corner x, y, z."""
     upper_m: tuple[float, float, float] = (0.8, 0.8, 1.5)
+    """Highest corner x, y, z."""
 
     def __post_init__(self) -> None:
         Volume(self.lower_m, self.upper_m)
@@ -53,15 +50,12 @@ class Bounds:
 
 @dataclass(frozen=True)
 class ReferenceSampling:
-    """How the reference cloud is sampled from the plants' surfaces.
-
-    Attributes:
-        points: visible points, spread evenly by area.
-        seed: of the choice.
-    """
+    """How the reference cloud is sampled from the plants' surfaces."""
 
     points: int = 150_000
+    """Visible points, spread evenly by area."""
     seed: int = 0
+    """Of the choice."""
 
     def __post_init__(self) -> None:
         if not 1_000 <= self.points <= _MOST_POINTS:
@@ -70,38 +64,35 @@ class ReferenceSampling:
 
 @dataclass(frozen=True)
 class SceneDescription:
-    """Everything there is to a simulated plot. The same description gives the same scene, bit for bit.
-
-    Attributes:
-        plot: plants, soil and light.
-        name: of the scene; the file's where it is empty.
-        notes: for people.
-        bounds: the plot as a box.
-        row_heading_deg: compass heading of the plot frame's x axis: 90 where it is east.
-        recorded: surfaces made from a reference; then nothing of ``plot`` is built, and it has no plants.
-        reference: how the truth is sampled.
-        camera: of photographs where nothing else is asked for; without distortion.
-        camera_effects: what the camera does to photographs.
-        noise: of poses, GPS and pixels.
-        wind_m: how far leaves sway between photographs, half a metre out along a leaf (root mean square per axis);
-            0.005 is a calm, 0.02 a breeze.
-        site: where on Earth the plot lies.
-    """
+    """Everything there is to a simulated plot. The same description gives the same scene, bit for bit."""
 
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
 
     plot: PlotDescription = field(default_factory=lambda: PlotDescription(()))
+    """Plants, soil and light."""
     name: str = ""
+    """Of the scene; the file's where it is empty."""
     notes: str = ""
+    """For people."""
     bounds: Bounds = field(default_factory=Bounds)
+    """The plot as a box."""
     row_heading_deg: float = 90.0
+    """Compass heading of the plot frame's x axis: 90 where it is east."""
     recorded: RecordedSurface | None = None
+    """Surfaces made from a reference; then nothing of ``plot`` is built, and it has no plants."""
     reference: ReferenceSampling = field(default_factory=ReferenceSampling)
+    """How the truth is sampled."""
     camera: Intrinsics = field(default_factory=lambda: Intrinsics.pinhole(2000, 1500, 1700.0))
+    """Of photographs where nothing else is asked for; without distortion."""
     camera_effects: CameraEffects = field(default_factory=CameraEffects)
+    """What the camera does to photographs."""
     noise: CaptureNoise = field(default_factory=CaptureNoise)
+    """Of poses, GPS and pixels."""
     wind_m: float = 0.0
+    """How far leaves sway between photographs, half a metre out along a leaf (root mean square per axis); 0.005 is a
+    calm, 0.02 a breeze."""
     site: Site = field(default_factory=Site)
+    """Where on Earth the plot lies."""
 
     def __post_init__(self) -> None:
         if not -360.0 <= self.row_heading_deg <= 360.0:
@@ -115,11 +106,7 @@ class SceneDescription:
 
 
 def build(description: SceneDescription) -> Scene:
-    """The scene that ``description`` means.
-
-    Raises:
-        SceneError: a mesh or cloud file cannot be used.
-    """
+    """The scene that ``description`` means."""
     if description.recorded is not None:
         return build_recorded(description.recorded)
     return build_scene(description.plot)

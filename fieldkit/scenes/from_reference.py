@@ -45,40 +45,34 @@ _REMEDY = "Build it again: `fieldkit reference IMAGES -o REF --overwrite`."
 
 @dataclass(frozen=True)
 class ReferenceFiles:
-    """What a scene needs of a reference.
-
-    Attributes:
-        plants: cloud.ply.
-        scene: scene.ply, ground included, in the same frame.
-        bounds: its volume of interest.
-        camera: of its photographs.
-        ground_tolerance_m: how far from z = 0 a point counts as ground.
-        name: of the reference.
-    """
+    """What a scene needs of a reference."""
 
     plants: Path
+    """Cloud.ply."""
     scene: Path
+    """Scene.ply, ground included, in the same frame."""
     bounds: Bounds
+    """Its volume of interest."""
     camera: Intrinsics
+    """Of its photographs."""
     ground_tolerance_m: float
+    """How far from z = 0 a point counts as ground."""
     name: str
+    """Of the reference."""
 
 
 @dataclass(frozen=True)
 class RecordedScene:
-    """What `scene_from_reference` wrote.
-
-    Attributes:
-        scene: the scene file.
-        plant_surfels, ground_surfels: how many.
-        plant_surfel_m, ground_surfel_m: their sides.
-    """
+    """What `scene_from_reference` wrote."""
 
     scene: Path
+    """The scene file."""
     plant_surfels: int
     ground_surfels: int
+    """How many."""
     plant_surfel_m: float
     ground_surfel_m: float
+    """Their sides."""
 
 
 def scene_from_reference(
@@ -90,12 +84,6 @@ def scene_from_reference(
     The plants are the reference's cloud without its strays. Everything else is the scene's points, without strays,
     that do not repeat a plant's, thinned to at most ``max_ground_surfels``. With ``photographs`` each surfel has a
     patch of 4 × 4 pixels of the one that sees it best, else the colour of its point.
-
-    Raises:
-        SceneError: a cloud is empty or has no colours or normals.
-        CloudError: a cloud cannot be read.
-        UsageError: ``output`` exists.
-        StorageError: the disk is full or not writable.
     """
     plants = without_strays(_usable(reference.plants), _PLANT_STRAY)
     everything = without_strays(_usable(reference.scene), _GROUND_STRAY)

@@ -25,9 +25,6 @@ def find_scene(name: str | Path) -> Path:
     """The scene file that a person means: a path, a folder with scene.toml, or a name such as "case-1".
 
     A file of that name in the current folder comes before a scene of fieldkit's own.
-
-    Raises:
-        SceneError: there is neither.
     """
     path = Path(name)
     if path.is_dir() and (path / "scene.toml").is_file():

@@ -19,27 +19,24 @@ _RTK_FIXED = 50
 
 @dataclass(frozen=True)
 class Geotag:
-    """What the drone believes of one photograph.
-
-    Attributes:
-        latitude_deg, longitude_deg: WGS 84.
-        altitude_m: above the ellipsoid.
-        relative_altitude_m: above the take-off point.
-        yaw_deg, pitch_deg, roll_deg: of the gimbal, as `Pose.from_yaw_pitch` takes them.
-        rtk: whether the position is a fixed RTK solution.
-        horizontal_accuracy_m, vertical_accuracy_m: standard deviations, written with RTK only.
-    """
+    """What the drone believes of one photograph."""
 
     latitude_deg: float
     longitude_deg: float
+    """WGS 84."""
     altitude_m: float
+    """Above the ellipsoid."""
     relative_altitude_m: float
+    """Above the take-off point."""
     yaw_deg: float
     pitch_deg: float
     roll_deg: float
+    """Of the gimbal, as `Pose.from_yaw_pitch` takes them."""
     rtk: bool
+    """Whether the position is a fixed RTK solution."""
     horizontal_accuracy_m: float
     vertical_accuracy_m: float
+    """Standard deviations, written with RTK only."""
 
 
 def exif_block(intrinsics: Intrinsics, taken_at: datetime, geotag: Geotag | None = None) -> Image.Exif:

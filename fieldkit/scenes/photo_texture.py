@@ -27,17 +27,14 @@ _HIDDEN_SIDES = 4.0
 
 @dataclass(frozen=True, eq=False)
 class PosedPhotograph:
-    """A photograph and where it was taken.
-
-    Attributes:
-        read: gives the (h, w, 3) uint8 image.
-        pose: plot frame.
-        intrinsics: at the image's size, with distortion.
-    """
+    """A photograph and where it was taken."""
 
     read: Callable[[], NDArray[np.uint8]]
+    """Gives the (h, w, 3) uint8 image."""
     pose: Pose
+    """Plot frame."""
     intrinsics: Intrinsics
+    """At the image's size, with distortion."""
 
 
 def photo_patches(
@@ -48,9 +45,6 @@ def photo_patches(
 
     The best photograph is the one that looks at a surfel most squarely and from near among those that see it: inside
     the frame and not behind other surfels. A surfel that no photograph sees keeps its point's colour.
-
-    Raises:
-        RenderingError: this machine cannot render, so what is hidden cannot be told.
     """
     progress = progress or Silent()
     parts = [_Surfels(cloud, side_m, texels) for cloud, side_m in clouds]

@@ -51,21 +51,18 @@ _CLEARLY = 1.1
 
 @dataclass(frozen=True, eq=False)
 class PlantsApart:
-    """Which plant each point belongs to. The arrays are read-only.
-
-    Attributes:
-        numbers: (n,) int32: the point's plant, from 1; 0 for what belongs to none, such as weeds, and for every point
-            where plants cannot be told apart.
-        feet_m: (k, 3) metres: where each plant stands, on the level of the lowest points, by x; k is 0 where plants
-            cannot be told apart.
-        clear: share of the points that are clearly nearer to their own foot than to any other, 0 to 1.
-        refused: why the plants cannot be told apart; empty where they can.
-    """
+    """Which plant each point belongs to. The arrays are read-only."""
 
     numbers: NDArray[np.int32]
+    """(n,) int32: the point's plant, from 1; 0 for what belongs to none, such as weeds, and for every point where
+    plants cannot be told apart."""
     feet_m: NDArray[np.float64]
+    """(k, 3) metres: where each plant stands, on the level of the lowest points, by x; k is 0 where plants cannot be
+    told apart."""
     clear: float
+    """Share of the points that are clearly nearer to their own foot than to any other, 0 to 1."""
     refused: str = ""
+    """Why the plants cannot be told apart; empty where they can."""
 
     def __post_init__(self) -> None:
         for name, dtype in (("numbers", np.int32), ("feet_m", np.float64)):

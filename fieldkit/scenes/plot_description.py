@@ -32,29 +32,26 @@ SCALE_RANGE = (0.9, 1.1)
 
 @dataclass(frozen=True)
 class MaizeDescription:
-    """One maize plant.
-
-    Attributes:
-        seed: of its individual form and colour; no two leaves of a plant are alike.
-        x_m, y_m: where it stands, plot frame.
-        yaw_deg: direction of the plane its leaves stand in, clockwise from north.
-        scale: of all lengths.
-        leaves: draws the plain plant of the engine's benchmark with so many blades (5 to 12) instead of a plant at a
-            ``stage``; kept so that those scenes stay as they were measured.
-        stage: growth stage.
-        markings: how strong blotches, flecks, lesions, dust and grain are on its leaves and stem; 0 for none.
-        kind: tells plants of different kinds apart in scene files.
-    """
+    """One maize plant."""
 
     seed: int
+    """Of its individual form and colour; no two leaves of a plant are alike."""
     x_m: float = 0.0
     y_m: float = 0.0
+    """Where it stands, plot frame."""
     yaw_deg: float = 0.0
+    """Direction of the plane its leaves stand in, clockwise from north."""
     scale: float = 1.0
+    """Of all lengths."""
     leaves: int | None = None
+    """Draws the plain plant of the engine's benchmark with so many blades (5 to 12) instead of a plant at a ``stage``;
+    kept so that those scenes stay as they were measured."""
     stage: Stage = "V8"
+    """Growth stage."""
     markings: float = 0.5
+    """How strong blotches, flecks, lesions, dust and grain are on its leaves and stem; 0 for none."""
     kind: Literal["maize"] = "maize"
+    """Tells plants of different kinds apart in scene files."""
 
     def __post_init__(self) -> None:
         if self.leaves is not None and not 5 <= self.leaves <= 12:
@@ -71,33 +68,30 @@ class MaizeDescription:
 
 @dataclass(frozen=True)
 class MeshPlantDescription:
-    """One plant from a mesh file.
-
-    Attributes:
-        file: OBJ, PLY, GLB, glTF or STL.
-        seed: of the procedural colour, where the file has none.
-        x_m, y_m: where its foot stands, plot frame: the middle of its lowest hundredth.
-        yaw_deg: turned about the vertical by this, clockwise from above.
-        scale: of all lengths, beside ``unit_m``.
-        unit_m: metres per unit of the file; 0.001 for millimetres.
-        up: the file's axis that points upwards; y in most GLB files.
-        color: "file" keeps the file's texture or colours where it has any, "leaf" paints over them (scans often hold
-            labels in their colours).
-        sha256: of the file; it is compared where given.
-        kind: tells plants of different kinds apart in scene files.
-    """
+    """One plant from a mesh file."""
 
     file: Path
+    """OBJ, PLY, GLB, glTF or STL."""
     seed: int = 0
+    """Of the procedural colour, where the file has none."""
     x_m: float = 0.0
     y_m: float = 0.0
+    """Where its foot stands, plot frame: the middle of its lowest hundredth."""
     yaw_deg: float = 0.0
+    """Turned about the vertical by this, clockwise from above."""
     scale: float = 1.0
+    """Of all lengths, beside ``unit_m``."""
     unit_m: float = 1.0
+    """Metres per unit of the file; 0.001 for millimetres."""
     up: Axis = "z"
+    """The file's axis that points upwards; y in most GLB files."""
     color: Literal["file", "leaf"] = "file"
+    """"file" keeps the file's texture or colours where it has any, "leaf" paints over them (scans often hold labels in
+    their colours)."""
     sha256: str = ""
+    """Of the file; it is compared where given."""
     kind: Literal["mesh"] = "mesh"
+    """Tells plants of different kinds apart in scene files."""
 
     def __post_init__(self) -> None:
         if not np.isfinite([self.x_m, self.y_m, self.yaw_deg]).all():
@@ -108,29 +102,26 @@ class MeshPlantDescription:
 
 @dataclass(frozen=True)
 class SoilDescription:
-    """What the ground looks like.
-
-    Attributes:
-        seed: of everything random about it.
-        core_m: side of the square about the origin where the grid is finest.
-        spacing_m: grid spacing there; it widens outwards.
-        texture_px: side of the colour texture.
-        clod_height_m: height of the largest clods of a tilled soil; the other kinds are flatter in proportion.
-        stones, residues: how many stones and pieces of straw lie within `SCATTER_M` of the origin.
-        contrast: of the colour, 1 as a dry tilled loam; what is seen beyond it is shading.
-        kind: "tilled" with clods, "crumb" a fine seedbed, "crusted" bare and sealed by rain with cracks; "printed" is
-            the height field on a 5 mm grid under a contrasty colour texture of the engine's benchmark.
-    """
+    """What the ground looks like."""
 
     seed: int = 0
+    """Of everything random about it."""
     core_m: float = 1.2
+    """Side of the square about the origin where the grid is finest."""
     spacing_m: float = 0.005
+    """Grid spacing there; it widens outwards."""
     texture_px: int = 2048
+    """Side of the colour texture."""
     clod_height_m: float = 0.030
+    """Height of the largest clods of a tilled soil; the other kinds are flatter in proportion."""
     stones: int = 120
     residues: int = 60
+    """How many stones and pieces of straw lie within `SCATTER_M` of the origin."""
     contrast: float = 0.5
+    """Of the colour, 1 as a dry tilled loam; what is seen beyond it is shading."""
     kind: SoilKind = "tilled"
+    """"tilled" with clods, "crumb" a fine seedbed, "crusted" bare and sealed by rain with cracks; "printed" is the
+    height field on a 5 mm grid under a contrasty colour texture of the engine's benchmark."""
 
     def __post_init__(self) -> None:
         if self.kind not in get_args(SoilKind):
@@ -149,21 +140,18 @@ PRINTED = SoilDescription(kind="printed", spacing_m=0.005, texture_px=4096, ston
 
 @dataclass(frozen=True)
 class WeedsDescription:
-    """What grows between the plants.
-
-    Attributes:
-        seed: of everything random about it.
-        cover_per_m2: small prostrate plants (clover-like, 1 to 3 cm high) per square metre where they grow densest.
-        weeds_per_m2: larger broad-leaved weeds (rosettes, 3 to 8 cm high) per square metre.
-        patchiness: 0 even cover, 1 patches with bare soil between them.
-        radius_m: how far from the origin they grow.
-    """
+    """What grows between the plants."""
 
     seed: int = 0
+    """Of everything random about it."""
     cover_per_m2: float = 0.0
+    """Small prostrate plants (clover-like, 1 to 3 cm high) per square metre where they grow densest."""
     weeds_per_m2: float = 0.0
+    """Larger broad-leaved weeds (rosettes, 3 to 8 cm high) per square metre."""
     patchiness: float = 0.5
+    """0 even cover, 1 patches with bare soil between them."""
     radius_m: float = 2.5
+    """How far from the origin they grow."""
 
     def __post_init__(self) -> None:
         if not (0 <= self.cover_per_m2 <= 2000 and 0 <= self.weeds_per_m2 <= 200):
@@ -174,25 +162,22 @@ class WeedsDescription:
 
 @dataclass(frozen=True)
 class NeighboursDescription:
-    """Plants that stand around the plot in its rows and beside them.
-
-    Attributes:
-        seed: of everything random about them.
-        rows: on each side of the plot's rows; 0 for none.
-        row_spacing_m: between rows, and from the plot's bounds to the nearest one.
-        plant_spacing_m: within a row.
-        length_m: of a row.
-        heading_deg: direction of the rows, clockwise from north.
-        stage: growth stage of all of them.
-    """
+    """Plants that stand around the plot in its rows and beside them."""
 
     seed: int = 0
+    """Of everything random about them."""
     rows: int = 0
+    """On each side of the plot's rows; 0 for none."""
     row_spacing_m: float = 0.75
+    """Between rows, and from the plot's bounds to the nearest one."""
     plant_spacing_m: float = 0.18
+    """Within a row."""
     length_m: float = 3.0
+    """Of a row."""
     heading_deg: float = 90.0
+    """Direction of the rows, clockwise from north."""
     stage: Stage = "V8"
+    """Growth stage of all of them."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.rows <= 5:
@@ -208,25 +193,22 @@ Plant = MaizeDescription | MeshPlantDescription
 
 @dataclass(frozen=True)
 class PlotDescription:
-    """Everything a scene is built from; the same description gives the same scene.
-
-    Attributes:
-        plants: each with its seed and place.
-        soil: the ground.
-        light: sun and sky; a hazy day where not given.
-        extent_m: side of the square that belongs to the plot; everything in it casts shadows.
-        weeds: leafy ground cover and weeds between the plants; not part of the reference.
-        neighbours: rows of maize around the plot; not part of the reference.
-        effects: what of the light's behaviour is drawn.
-    """
+    """Everything a scene is built from; the same description gives the same scene."""
 
     plants: tuple[Plant, ...]
+    """Each with its seed and place."""
     soil: SoilDescription = field(default_factory=SoilDescription)
+    """The ground."""
     light: Light = HAZE
+    """Sun and sky; a hazy day where not given."""
     extent_m: float = 1.6
+    """Side of the square that belongs to the plot; everything in it casts shadows."""
     weeds: WeedsDescription = field(default_factory=WeedsDescription)
+    """Leafy ground cover and weeds between the plants; not part of the reference."""
     neighbours: NeighboursDescription = field(default_factory=NeighboursDescription)
+    """Rows of maize around the plot; not part of the reference."""
     effects: EffectsDescription = field(default_factory=EffectsDescription)
+    """What of the light's behaviour is drawn."""
 
     def __post_init__(self) -> None:
         if not 0.2 <= self.extent_m <= 20.0:
@@ -234,11 +216,7 @@ class PlotDescription:
 
 
 def check_mesh_file(path: Path, sha256: str = "") -> None:
-    """Make sure that a mesh file is there, of a known kind, of a sensible size, and the one meant.
-
-    Raises:
-        SceneError: it is not.
-    """
+    """Make sure that a mesh file is there, of a known kind, of a sensible size, and the one meant."""
     if path.suffix.lower() not in SUFFIXES:
         raise SceneError(
             f"{path.suffix or 'a file without a suffix'} is not one of {', '.join(SUFFIXES)}", path=path,

@@ -24,29 +24,26 @@ _BELOW_M = 0.004
 
 @dataclass(frozen=True)
 class RecordedSurface:
-    """Clouds of a reference and how they are drawn.
-
-    Attributes:
-        plants: PLY with colours and normals: the plants, plot frame.
-        ground: PLY with colours and normals: everything else.
-        plant_surfel_m: side of a plant's surfels.
-        ground_surfel_m: side of the others'.
-        plant_atlas, ground_atlas: pictures with ``texels`` × ``texels`` pixels for each surfel, in the points' order,
-            in rows of equal length; without them a surfel has its point's one colour.
-        texels: along a surfel's side.
-        ground_color: sRGB in [0, 1] of the plane z = 0 beyond and below them.
-        background: sRGB in [0, 1] above the horizon.
-    """
+    """Clouds of a reference and how they are drawn."""
 
     plants: Path
+    """PLY with colours and normals: the plants, plot frame."""
     ground: Path
+    """PLY with colours and normals: everything else."""
     plant_surfel_m: float
+    """Side of a plant's surfels."""
     ground_surfel_m: float
+    """Side of the others'."""
     plant_atlas: Path | None = None
     ground_atlas: Path | None = None
+    """Pictures with ``texels`` × ``texels`` pixels for each surfel, in the points' order, in rows of equal length;
+    without them a surfel has its point's one colour."""
     texels: int = 4
+    """Along a surfel's side."""
     ground_color: tuple[float, float, float] = (0.5, 0.45, 0.4)
+    """SRGB in [0, 1] of the plane z = 0 beyond and below them."""
     background: tuple[float, float, float] = (0.78, 0.84, 0.90)
+    """SRGB in [0, 1] above the horizon."""
 
     def __post_init__(self) -> None:
         for name in ("plant_surfel_m", "ground_surfel_m"):
@@ -63,11 +60,7 @@ class RecordedSurface:
 
 
 def build_recorded(surface: RecordedSurface) -> Scene:
-    """The scene: plants (the reference), everything else, and the ground's plane.
-
-    Raises:
-        SceneError: a cloud cannot be read, is empty, has no colours, or has more than `MAX_SURFELS` points.
-    """
+    """The scene: plants (the reference), everything else, and the ground's plane."""
     parts = []
     for name, cloud_file, atlas_file, side_m in (
         ("plants", surface.plants, surface.plant_atlas, surface.plant_surfel_m),
@@ -81,11 +74,7 @@ def build_recorded(surface: RecordedSurface) -> Scene:
 
 
 def recorded_plants(surface: RecordedSurface) -> Cloud:
-    """The plants' points, which are the truth of such a scene.
-
-    Raises:
-        SceneError: as `build_recorded`.
-    """
+    """The plants' points, which are the truth of such a scene."""
     return _read(surface.plants)
 
 
@@ -155,11 +144,7 @@ def unpack_atlas(atlas: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
 
 
 def read_atlas(path: Path, count: int, texels: int) -> NDArray[np.uint8]:
-    """The atlas of ``count`` patches of ``texels`` × ``texels`` pixels in a file.
-
-    Raises:
-        SceneError: it cannot be read, or has another size.
-    """
+    """The atlas of ``count`` patches of ``texels`` × ``texels`` pixels in a file."""
     from PIL import Image
 
     remedy = "Make the scene again with `fieldkit scene from-reference`."

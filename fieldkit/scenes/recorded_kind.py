@@ -35,20 +35,17 @@ _MARGIN_M = 0.01
 
 @dataclass(frozen=True)
 class Change:
-    """What is done to a plant, or to a whole plot, about a place.
-
-    Attributes:
-        about_m: x, y, z of the place, plot frame; it stays where it is.
-        turn_deg: about the vertical, anticlockwise seen from above.
-        scale: about the place.
-        mirror_deg: before that, mirrored across the vertical plane through the place in this direction, anticlockwise
-            from x; None where not mirrored.
-    """
+    """What is done to a plant, or to a whole plot, about a place."""
 
     about_m: tuple[float, float, float]
+    """x, y, z of the place, plot frame; it stays where it is."""
     turn_deg: float
+    """About the vertical, anticlockwise seen from above."""
     scale: float = 1.0
+    """About the place."""
     mirror_deg: float | None = None
+    """Before that, mirrored across the vertical plane through the place in this direction, anticlockwise from x; None
+    where not mirrored."""
 
     @property
     def rotation(self) -> NDArray[np.float64]:
@@ -70,17 +67,14 @@ class Change:
 
 @dataclass(frozen=True)
 class Variation:
-    """How another plot of the kind comes from the recorded one.
-
-    Attributes:
-        plants: per plant, in the order of their numbers; empty where plants could not be told apart.
-        left_out: number of the plant that is left out; 0 where none is.
-        whole: of the whole plot, where plants could not be told apart.
-    """
+    """How another plot of the kind comes from the recorded one."""
 
     plants: tuple[Change, ...] = ()
+    """Per plant, in the order of their numbers; empty where plants could not be told apart."""
     left_out: int = 0
+    """Number of the plant that is left out; 0 where none is."""
     whole: Change | None = None
+    """Of the whole plot, where plants could not be told apart."""
 
     def __post_init__(self) -> None:
         if bool(self.plants) == (self.whole is not None):
@@ -104,9 +98,6 @@ def draw_variation(cloud: Cloud, apart: PlantsApart, seed: int, number: int) -> 
         apart: of these points.
         seed: of the kind.
         number: 0 or more.
-
-    Raises:
-        ValueError: ``number`` is negative, or ``apart`` is of other points.
     """
     if number < 0:
         raise ValueError(f"variations are numbered from 0, not {number}")
@@ -133,9 +124,6 @@ def varied_cloud(cloud: Cloud, apart: PlantsApart, variation: Variation) -> Clou
     """The plants of a variation; points are in the order of ``cloud``, without those of a plant left out.
 
     What belongs to no plant stays where it is.
-
-    Raises:
-        ValueError: ``apart`` is of other points, or ``variation`` of other plants.
     """
     return _varied(cloud, apart, variation)[0]
 
@@ -155,13 +143,6 @@ def write_varied_scene(description: SceneDescription, apart: PlantsApart, variat
         apart: of the points of its plants (`recorded_plants`).
         variation: what is changed.
         output: folder.
-
-    Raises:
-        ValueError: ``description`` is not made from a reference, ``apart`` is of other points, or ``variation`` of
-            other plants.
-        SceneError: a file of the recorded scene cannot be read.
-        UsageError: ``output`` exists.
-        StorageError: the disk is full or not writable.
     """
     surface = description.recorded
     if surface is None:
@@ -302,11 +283,7 @@ def _notes(name: str, variation: Variation) -> str:
 
 
 def _link(source: Path, target: Path) -> None:
-    """The same file in a second place; a copy where file systems differ or have no links.
-
-    Raises:
-        SceneError: there is no such file.
-    """
+    """The same file in a second place; a copy where file systems differ or have no links."""
     source = source.resolve()
     if not source.is_file():
         raise SceneError("is not there", path=source, remedy="Make the recorded scene again.")

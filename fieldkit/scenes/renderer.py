@@ -48,13 +48,6 @@ class Renderer:
 
     Args:
         scene: what to render.
-
-    Raises:
-        RenderingError: no OpenGL context can be made; the remedy names the packages.
-
-    Images follow COLMAP's pixel convention exactly: a world point is drawn at
-    ``intrinsics.project(pose.to_camera(point))``, with (0, 0) the upper left corner of the upper left pixel. The
-    same scene gives the same pixels on the same machine.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -101,10 +94,6 @@ class Renderer:
 
         Args:
             vertices: (n, 3) by mesh name, as many as the mesh has; meshes that are not named keep their place.
-
-        Raises:
-            RenderingError: the renderer is closed.
-            ValueError: there is no such mesh, or it has another number of vertices.
         """
         if self._platform is None:
             raise RenderingError("the renderer is closed")
@@ -123,21 +112,13 @@ class Renderer:
         self.move({m.name: m.vertices for m in self.scene.meshes if m.plant or m.flex_m is not None})
 
     def photograph(self, pose: Pose, intrinsics: Intrinsics, *, samples: int = 4) -> NDArray[np.uint8]:
-        """(height, width, 3) uint8 sRGB image with ``samples`` samples per pixel (0: no anti-aliasing).
-
-        Raises:
-            ValueError: the camera has distortion; render without it.
-        """
+        """(height, width, 3) uint8 sRGB image with ``samples`` samples per pixel (0: no anti-aliasing)."""
         self._aim(pose, intrinsics)
         image: NDArray[np.uint8] = self._gl.draw(self._content, samples=samples, output="color")
         return image
 
     def depth(self, pose: Pose, intrinsics: Intrinsics) -> NDArray[np.float32]:
-        """(height, width) float32: metres along the optical axis at each pixel's centre, 0 where nothing is hit.
-
-        Raises:
-            ValueError: the camera has distortion.
-        """
+        """(height, width) float32: metres along the optical axis at each pixel's centre, 0 where nothing is hit."""
         self._aim(pose, intrinsics)
         return self._metres(self._gl.draw(self._content, samples=0, output="depth"))
 

@@ -15,34 +15,32 @@ class Mesh:
 
     The colour of a surface point is texture × vertex colour (each white where absent), lit by the scene's light
     where ``shading`` is given and drawn as it is where not.
-
-    Attributes:
-        name: unique within a scene.
-        vertices: (n, 3) float32, metres.
-        faces: (m, 3) int32 indices into ``vertices``.
-        normals: (n, 3) float32 unit vertex normals; needed for lit meshes.
-        uv: (n, 2) float32 texture coordinates, (0, 0) at the texture's lower left corner.
-        texture: (h, w, 3) uint8 sRGB, row 0 at the top.
-        colors: (n, 3) float32 in [0, 1], sRGB.
-        shading: (n, 4) float32 in [0, 1]: share of the sun's disc that is seen, share of the sky that is seen,
-            share of sunlight on the far side that shines through, strength of the gloss.
-        plant: whether the mesh belongs to the reference (plants) or not (soil, stones, sky).
-        two_sided: whether triangles are also drawn from behind, where their corners run clockwise.
-        flex_m: (n,) float32 distance along a leaf from where it is fixed, metres: how far wind can move a vertex; None
-            where it is not known.
     """
 
     name: str
+    """Unique within a scene."""
     vertices: NDArray[np.float32]
+    """(n, 3) float32, metres."""
     faces: NDArray[np.int32]
+    """(m, 3) int32 indices into ``vertices``."""
     normals: NDArray[np.float32] | None = None
+    """(n, 3) float32 unit vertex normals; needed for lit meshes."""
     uv: NDArray[np.float32] | None = None
+    """(n, 2) float32 texture coordinates, (0, 0) at the texture's lower left corner."""
     texture: NDArray[np.uint8] | None = None
+    """(h, w, 3) uint8 sRGB, row 0 at the top."""
     colors: NDArray[np.float32] | None = None
+    """(n, 3) float32 in [0, 1], sRGB."""
     shading: NDArray[np.float32] | None = None
+    """(n, 4) float32 in [0, 1]: share of the sun's disc that is seen, share of the sky that is seen, share of sunlight
+    on the far side that shines through, strength of the gloss."""
     plant: bool = False
+    """Whether the mesh belongs to the reference (plants) or not (soil, stones, sky)."""
     two_sided: bool = True
+    """Whether triangles are also drawn from behind, where their corners run clockwise."""
     flex_m: NDArray[np.float32] | None = None
+    """(n,) float32 distance along a leaf from where it is fixed, metres: how far wind can move a vertex; None where it
+    is not known."""
 
     def __post_init__(self) -> None:
         n = len(self.vertices)
@@ -62,19 +60,16 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Light:
-    """Sun and sky. Radiances are linear and relative: white paper in full sun is about 1.
-
-    Attributes:
-        sun: unit vector towards the sun, in the plot frame.
-        sun_color: linear RGB of direct sunlight on a surface that faces it.
-        sky_color: linear RGB of skylight from the zenith side.
-        ground_color: linear RGB of light that comes back from the ground.
-    """
+    """Sun and sky. Radiances are linear and relative: white paper in full sun is about 1."""
 
     sun: tuple[float, float, float] = (0.45, -0.35, 0.8216)
+    """Unit vector towards the sun, in the plot frame."""
     sun_color: tuple[float, float, float] = (1.00, 0.95, 0.86)
+    """Linear RGB of direct sunlight on a surface that faces it."""
     sky_color: tuple[float, float, float] = (0.42, 0.46, 0.53)
+    """Linear RGB of skylight from the zenith side."""
     ground_color: tuple[float, float, float] = (0.18, 0.15, 0.12)
+    """Linear RGB of light that comes back from the ground."""
 
 
 HAZE = Light(sun_color=(0.585, 0.572, 0.533), sky_color=(0.884, 0.936, 1.014))
@@ -83,19 +78,16 @@ HAZE = Light(sun_color=(0.585, 0.572, 0.533), sky_color=(0.884, 0.936, 1.014))
 
 @dataclass(frozen=True)
 class EffectsDescription:
-    """Switches of what makes a surface look different from elsewhere or under the sky.
-
-    Attributes:
-        gloss: the sun's and the sky's reflection on leaves, which moves with the camera.
-        translucency: sunlight through leaves.
-        shadows: cast by the sun.
-        sky_light: less of it where less of the sky is seen (ambient occlusion).
-    """
+    """Switches of what makes a surface look different from elsewhere or under the sky."""
 
     gloss: bool = True
+    """The sun's and the sky's reflection on leaves, which moves with the camera."""
     translucency: bool = True
+    """Sunlight through leaves."""
     shadows: bool = True
+    """Cast by the sun."""
     sky_light: bool = True
+    """Less of it where less of the sky is seen (ambient occlusion)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,10 +6,11 @@ What is left out has its default. Unknown keys, other types and numbers that are
 
 from __future__ import annotations
 
+import ast
 import dataclasses
+import inspect
 import json
 import os
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, cast
@@ -44,10 +45,6 @@ def read_scene(path: Path) -> SceneDescription:
 
     Mesh and cloud files it names are relative to it and lie in its folder or below; only an absolute path may lead
     elsewhere. They become absolute paths and must exist.
-
-    Raises:
-        SceneError: missing, malformed, of another format version, an unknown key, a value that makes no sense, or a
-            file it names that is not there.
     """
     path = Path(path)
     refuse_other(path, "scene file", _REMEDY, error=SceneError)
@@ -82,11 +79,7 @@ def scene_text(description: SceneDescription, folder: Path | None = None, *, com
 
 
 def write_scene(path: Path, description: SceneDescription, *, complete: bool = False) -> None:
-    """Write a scene file.
-
-    Raises:
-        StorageError: the place is full or not writable.
-    """
+    """Write a scene file."""
     path = Path(path)
     write_atomic(path, scene_text(description, Path(os.path.abspath(path.parent)), complete=complete))  # noqa: PTH100
 
@@ -119,14 +112,17 @@ def described_types() -> list[type]:
 
 
 def key_docs(kind: type) -> dict[str, str]:
-    """What the docstring of a dataclass says of each field."""
+    """What a dataclass says of each field: the string behind it, or behind the next field that has one."""
+    fields = {field.name for field in dataclasses.fields(kind)}
     docs: dict[str, str] = {}
-    body = (kind.__doc__ or "").partition("Attributes:")[2].split("\n\n")[0]
-    for entry in re.split(r"\n {8}(?=\w)", body):
-        names, _, text = entry.strip().partition(":")
-        for name in names.split(","):
-            docs[name.strip()] = " ".join(text.split())
-    return {field.name: docs[field.name] for field in dataclasses.fields(kind) if field.name in docs}
+    waiting: list[str] = []
+    for part in cast(ast.ClassDef, ast.parse(inspect.getsource(kind)).body[0]).body:
+        if isinstance(part, ast.AnnAssign) and isinstance(part.target, ast.Name) and part.target.id in fields:
+            waiting.append(part.target.id)
+        elif isinstance(part, ast.Expr) and isinstance(part.value, ast.Constant) and waiting:
+            docs |= dict.fromkeys(waiting, " ".join(str(part.value.value).split()))
+            waiting = []
+    return docs
 
 
 def _hints(kind: type) -> dict[str, Any]:

@@ -30,22 +30,19 @@ _ANGLE_DECIMALS, _LENGTH_DECIMALS = 4, 5
 
 @dataclass(frozen=True)
 class CaptureNoise:
-    """Standard deviations of everything that is not exact in a capture; each Gaussian and independent.
-
-    Attributes:
-        position_m: true minus commanded position, per axis.
-        angle_deg: true against commanded attitude, about each camera axis.
-        gps_horizontal_m, gps_vertical_m: reported minus true position; east and north each, up.
-        gimbal_deg: reported minus true yaw, pitch and roll.
-        image_sigma: of the sensor, grey levels per channel.
-    """
+    """Standard deviations of everything that is not exact in a capture; each Gaussian and independent."""
 
     position_m: float = 0.0
+    """True minus commanded position, per axis."""
     angle_deg: float = 0.0
+    """True against commanded attitude, about each camera axis."""
     gps_horizontal_m: float = 0.015
     gps_vertical_m: float = 0.025
+    """Reported minus true position; east and north each, up."""
     gimbal_deg: float = 0.3
+    """Reported minus true yaw, pitch and roll."""
     image_sigma: float = 2.0
+    """Of the sensor, grey levels per channel."""
 
     def __post_init__(self) -> None:
         if min(vars(self).values()) < 0:
@@ -54,32 +51,26 @@ class CaptureNoise:
 
 @dataclass(frozen=True)
 class Site:
-    """Where on Earth the plot frame stands and how the drone knows its position.
-
-    Attributes:
-        origin: of the plot frame.
-        rtk: whether geotags are marked as fixed RTK solutions.
-        accuracy_m: horizontal and vertical standard deviation that the drone claims.
-    """
+    """Where on Earth the plot frame stands and how the drone knows its position."""
 
     origin: LocalFrame = field(default_factory=lambda: LocalFrame(52.2960, 10.4370, 81.0, "ellipsoid"))
+    """Of the plot frame."""
     rtk: bool = True
+    """Whether geotags are marked as fixed RTK solutions."""
     accuracy_m: tuple[float, float] = (0.015, 0.025)
+    """Horizontal and vertical standard deviation that the drone claims."""
 
 
 @dataclass(frozen=True)
 class Sidecars:
-    """Files written beside the photographs, as a person who planned the flight would put them there.
-
-    Attributes:
-        poses: poses.csv with the commanded poses.
-        accuracy_m: what poses.csv states; by default the noise's ``position_m``, at least 1 mm.
-        camera: camera.toml with the exact intrinsics.
-    """
+    """Files written beside the photographs, as a person who planned the flight would put them there."""
 
     poses: bool = False
+    """Poses.csv with the commanded poses."""
     accuracy_m: float | None = None
+    """What poses.csv states; by default the noise's ``position_m``, at least 1 mm."""
     camera: bool = False
+    """Camera.toml with the exact intrinsics."""
 
 
 class Sway(Protocol):
@@ -143,10 +134,6 @@ def simulate_capture(
 
     Returns:
         The true poses.
-
-    Raises:
-        UsageError: ``folder`` exists, ``truth`` lies in it, or no pose is given.
-        StorageError: the disk is full or not writable.
     """
     noise, effects, sidecars = noise or CaptureNoise(), effects or CameraEffects(), sidecars or Sidecars()
     if not poses:

@@ -21,11 +21,7 @@ def build_plants(plot: PlotDescription) -> Scene:
 
 
 def simulated_field(module: str) -> Any:
-    """A module of `fieldkit_sim`.
-
-    Raises:
-        SceneError: the package is not installed.
-    """
+    """A module of `fieldkit_sim`."""
     try:
         return import_module(f"fieldkit_sim.{module}")
     except ModuleNotFoundError as error:

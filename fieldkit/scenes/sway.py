@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.scene import Mesh, Scene
+from fieldkit.scenes.simulate import Sway
 
 REFERENCE_M = 0.5
 """Distance from the collar at which a leaf moves by the strength."""
@@ -28,9 +31,6 @@ def sway(scene: Scene, strength_m: float, seed: int) -> dict[str, NDArray[np.flo
         strength_m: root mean square of the sideways motion, per axis, `REFERENCE_M` out along a leaf. 0.005 is a calm,
             0.02 a breeze in which photographs of leaves no longer agree.
         seed: of the moment; give each photograph its own.
-
-    Raises:
-        ValueError: the strength is negative.
     """
     if not strength_m >= 0:
         raise ValueError(f"the wind's strength is at least 0, not {strength_m}")
@@ -65,3 +65,15 @@ def _flex(mesh: Mesh, points: NDArray[np.float64]) -> NDArray[np.float64]:
     # A plant that came as a mesh: it stands on its lowest point and bends with the distance from there.
     foot = points[points[:, 2] <= np.quantile(points[:, 2], 0.02)].mean(axis=0)
     return np.asarray(np.linalg.norm(points - foot, axis=1))
+
+
+def wind_sway(strength_m: float, seed: int) -> Sway | None:
+    """Leaves bent by wind, another moment in each photograph (see `fieldkit.scenes.sway`); None where it is calm."""
+    if strength_m == 0:
+        return None
+
+    def moved(scene: Scene, photograph: int) -> Mapping[str, NDArray[np.float32]]:
+        moment = int(np.random.default_rng([seed, 4, photograph]).integers(1 << 30))
+        return sway(scene, strength_m, moment)
+
+    return moved

@@ -18,25 +18,22 @@ _SHAPES = 24
 
 @dataclass(frozen=True)
 class Crumbs:
-    """A class of bodies.
-
-    Attributes:
-        name: of their mesh.
-        inner_m, outer_m: they lie between the squares of these half sides about the origin.
-        per_m2: how many.
-        smallest_m, largest_m: diameters, distributed as diameter to the power −2.5.
-        detail: subdivisions of the icosahedron each is made from.
-        stone: share of stones among them: rounder, greyer, more varied than clods.
-    """
+    """A class of bodies."""
 
     name: str
+    """Of their mesh."""
     inner_m: float
     outer_m: float
+    """They lie between the squares of these half sides about the origin."""
     per_m2: float
+    """How many."""
     smallest_m: float
     largest_m: float
+    """Diameters, distributed as diameter to the power −2.5."""
     detail: int
+    """Subdivisions of the icosahedron each is made from."""
     stone: float = 0.0
+    """Share of stones among them: rounder, greyer, more varied than clods."""
 
 
 def scatter_crumbs(crumbs: Crumbs, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

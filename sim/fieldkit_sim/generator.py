@@ -62,9 +62,6 @@ def new_scene(
         neighbour_rows: rows of maize on each side of the plot.
         name: of the scene.
         notes: for people.
-
-    Raises:
-        ValueError: a number is out of range.
     """
     if not 1 <= plants <= 60:
         raise ValueError(f"a scene has 1 to 60 plants, not {plants}")
@@ -108,11 +105,7 @@ def varied(description: SceneDescription, seed: int, *, name: str = "", notes: s
 
 
 def without_plant(description: SceneDescription, number: int, *, name: str = "", notes: str = "") -> SceneDescription:
-    """The same scene without its plant ``number`` (from 1), as BOSfM's test cases 4 and 5.
-
-    Raises:
-        ValueError: it has no such plant.
-    """
+    """The same scene without its plant ``number`` (from 1), as BOSfM's test cases 4 and 5."""
     plants = description.plot.plants
     if not 1 <= number <= len(plants):
         raise ValueError(f"the scene has plants 1 to {len(plants)}, not {number}")

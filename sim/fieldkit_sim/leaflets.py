@@ -15,27 +15,24 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Leaves:
-    """Form and place of n leaves; lengths in metres, angles in radians.
-
-    Attributes:
-        base: (n, 3) where each is fixed.
-        azimuth, elevation: (n,) of its axis there.
-        length, width: (n,).
-        curl: (n,) by which the elevation falls to the tip.
-        fold: (n,) of both halves about the midrib.
-        color: (n, 3) sRGB in [0, 1].
-        blunt: (n,) 0 widest in the middle, 1 widest near the tip.
-    """
+    """Form and place of n leaves; lengths in metres, angles in radians."""
 
     base: Array
+    """(n, 3) where each is fixed."""
     azimuth: Array
     elevation: Array
+    """(n,) of its axis there."""
     length: Array
     width: Array
+    """(n,)."""
     curl: Array
+    """(n,) by which the elevation falls to the tip."""
     fold: Array
+    """(n,) of both halves about the midrib."""
     color: Array
+    """(n, 3) sRGB in [0, 1]."""
     blunt: Array
+    """(n,) 0 widest in the middle, 1 widest near the tip."""
 
     def select(self, which: NDArray[np.bool_]) -> Leaves:
         """Some of them."""

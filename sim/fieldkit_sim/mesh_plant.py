@@ -24,9 +24,6 @@ def build_mesh_plant(plant: MeshPlantDescription, ground_m: float = 0.0) -> Mesh
 
     The texture or the vertex or face colours of the file are kept. Where it has none the triangles are divided to
     3 mm (up to 200,000 of them) and coloured as leaves: green, paler and yellower in flecks, browner at the foot.
-
-    Raises:
-        SceneError: the file is missing, broken, has no triangles or too many, or its size makes no sense for a plant.
     """
     path = Path(plant.file)
     loaded = _load(path, plant.sha256)

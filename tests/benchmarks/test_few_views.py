@@ -13,7 +13,7 @@ from benchmarks.rigs import RigSet
 from fieldkit.captures.model import Capture
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.pose import rotation_from_vector
-from fieldkit.scenes.rigs import ring
+from fieldkit_sim.simulation import ring
 
 
 @pytest.fixture

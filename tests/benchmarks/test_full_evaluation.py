@@ -19,7 +19,7 @@ from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.renderer import RenderingError
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise
-from fieldkit.scenes.simulation import ring_about, simulate
+from fieldkit_sim.simulation import ring_about, simulate
 
 
 @pytest.fixture(scope="module")

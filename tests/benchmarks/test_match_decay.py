@@ -34,9 +34,9 @@ from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.library import scene_names
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.rigs import ring
 from fieldkit.scenes.scene import Scene
 from fieldkit_sim.plot import build_scene
+from fieldkit_sim.simulation import ring
 from tests.scenes.conftest import SMALL_PLOT
 
 

@@ -22,9 +22,9 @@ from fieldkit.planning.space.envelope import Envelope
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.renderer import Renderer, RenderingError
-from fieldkit.scenes.rigs import ring
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit_sim.plot import build_scene
+from fieldkit_sim.simulation import ring
 from tests.planning.conftest import CAMERA
 from tests.scenes.conftest import SMALL_PLOT
 

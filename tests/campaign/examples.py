@@ -17,7 +17,7 @@ from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.results.plan import Plan, PlanMethod, PlanPlants
 from fieldkit.results.plan_file import plan_from_poses, save_plan
-from fieldkit.scenes.rigs import ring
+from fieldkit_sim.simulation import ring
 
 FIELD = LocalFrame(52.2960, 10.4370, 81.0, "ellipsoid")
 STATIONS = ring(8, 1.4, 1.3, (0.0, 0.0, 0.3))

@@ -12,9 +12,9 @@ from PIL import Image
 from fieldkit.captures import read_capture
 from fieldkit.cli.main import main
 from fieldkit.results.plan_file import plan_from_poses, save_plan
-from fieldkit.scenes.rigs import ring
 from fieldkit.scenes.scene_file import read_scene, write_scene
 from fieldkit_sim.generator import new_scene
+from fieldkit_sim.simulation import ring
 
 TINY = """\
 format = 1

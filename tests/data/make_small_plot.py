@@ -14,11 +14,11 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.plot_description import PRINTED, PlotDescription
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.rigs import ring
 from fieldkit.scenes.scene import Light
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, simulate_capture
 from fieldkit_sim.generator import plant_layout
 from fieldkit_sim.plot import build_scene
+from fieldkit_sim.simulation import ring
 
 SEED = 3
 

@@ -17,7 +17,7 @@ from fieldkit.evaluation.adherence import flown_noise
 from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.results.plan_file import plan_from_poses, save_plan
-from fieldkit.scenes.simulation import poses_from_csv
+from fieldkit_sim.simulation import poses_from_csv
 from tests.endtoend.commands import DRAFT, CommandLine, contents, finish, set_gps, wait_until
 from tests.endtoend.conftest import Built
 

@@ -27,7 +27,7 @@ from fieldkit.scenes.description import build
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Site, simulate_capture
-from fieldkit.scenes.simulation import dense_about
+from fieldkit_sim.simulation import dense_about
 from tests.endtoend.commands import DRAFT, CommandLine
 from tests.endtoend.test_simulated_plot import run, write_scene
 from tests.evaluation.test_adherence import plan_of_the_flight

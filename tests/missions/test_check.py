@@ -26,11 +26,11 @@ from fieldkit.results.plan import PlanPlants
 from fieldkit.results.plan_file import plan_from_poses, save_plan
 from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Mission, Shot
 from fieldkit.routing.obstacles import Obstacles, Volume
-from fieldkit.scenes.rigs import ring
 from fieldkit.sites.placement import home_of, place
 from fieldkit.sites.site_file import load_site
 from fieldkit.vehicles.vehicle import Battery, Mount
 from fieldkit.vehicles.vehicle_file import load_vehicle, missions_folder
+from fieldkit_sim.simulation import ring
 from tests.missions.vehicles import HOME, recorded_items, recorded_mission, small_mission, vehicle
 
 DATA = os.environ.get("FIELDKIT_DATA")

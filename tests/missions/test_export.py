@@ -20,13 +20,13 @@ from fieldkit.pictures.mission import draw_mission
 from fieldkit.results.mission_file import load_mission
 from fieldkit.results.plan import Plan, PlanPlants, Station
 from fieldkit.routing.mission import Shot
-from fieldkit.scenes.rigs import ring
 from fieldkit.sites.placement import SiteFrame, home_of, place
 from fieldkit.sites.plot_plants import with_plant_height
 from fieldkit.sites.site import NoFly, Site
 from fieldkit.sites.site_file import load_site
 from fieldkit.sites.site_obstacles import site_obstacles
 from fieldkit.vehicles.vehicle_file import load_vehicle
+from fieldkit_sim.simulation import ring
 
 SITES = Path(__file__).parents[2] / "missions" / "sites"
 VEHICLE = load_vehicle("ardupilot-pitch")

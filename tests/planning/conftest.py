@@ -10,8 +10,8 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.scenes.renderer import RenderingError
-from fieldkit.scenes.rigs import ring
 from fieldkit_sim.plot import build_scene
+from fieldkit_sim.simulation import ring
 from tests.scenes.conftest import SMALL_PLOT
 
 CAMERA = Intrinsics.pinhole(640, 480, 560.0)

@@ -32,7 +32,7 @@ from fieldkit.scenes.plot_description import (
 from fieldkit.scenes.recorded import RecordedSurface
 from fieldkit.scenes.sampling import neighbour_points, weed_meshes
 from fieldkit.scenes.simulate import CaptureNoise
-from fieldkit.scenes.simulation import wind_sway
+from fieldkit.scenes.sway import wind_sway
 from tests.planning.conftest import CAMERA
 from tests.scenes.conftest import SMALL_PLOT, SMALL_SOIL
 

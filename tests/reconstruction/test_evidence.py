@@ -12,7 +12,7 @@ from fieldkit.clouds import Cloud
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.evidence import Evidence, evidence, leverage, shared_points
-from fieldkit.scenes.rigs import ring
+from fieldkit_sim.simulation import ring
 from tests.evaluation.examples import ring as fake_ring
 from tests.evaluation.examples import sparse_model
 

@@ -23,7 +23,7 @@ from fieldkit.reconstruction.prior_mapping import (
     map_with_priors,
     region_of_interest,
 )
-from fieldkit.scenes.simulation import poses_from_csv
+from fieldkit_sim.simulation import poses_from_csv
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, perturbed, random_descriptors, ring
 
 SIGMA_M, SIGMA_DEG = 0.01, 1.0

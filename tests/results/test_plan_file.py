@@ -16,7 +16,7 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.results.plan import Plan, PlanMethod, PlanSource, Station
 from fieldkit.results.plan_file import load_plan, plan_from_poses, save_plan
-from fieldkit.scenes.rigs import ring
+from fieldkit_sim.simulation import ring
 
 CAMERA = Intrinsics.pinhole(2000, 1500, 1700.0)
 POSES = ring(5, 1.4, 1.1)

@@ -20,7 +20,7 @@ from fieldkit.scenes.camera_effects import (
     vignette,
 )
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.rigs import ring
+from fieldkit_sim.simulation import ring
 
 CAMERA = Intrinsics.pinhole(200, 150, 170.0)
 GREY = np.full((150, 200, 3), 128, np.uint8)

@@ -11,8 +11,8 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.drawing import KeptDrawings, draw
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.rigs import ring
 from fieldkit.scenes.simulate import CaptureNoise, simulate_capture
+from fieldkit_sim.simulation import ring
 
 CAMERA = Intrinsics.pinhole(160, 120, 140.0)
 POSES = ring(3, 1.0, 0.8)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fieldkit.geometry import Intrinsics
 from fieldkit.scenes.edge_smoothing import smooth_edges
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.rigs import ring
+from fieldkit_sim.simulation import ring
 
 
 def half_plane(slope: float, samples: int) -> NDArray[np.uint8]:

@@ -13,13 +13,13 @@ from scipy.spatial import cKDTree
 from benchmarks.scenes import benchmark_cameras, benchmark_scene
 from fieldkit.scenes.noise import bumps, fractal_noise
 from fieldkit.scenes.plot_description import MaizeDescription, PlotDescription, SoilDescription
-from fieldkit.scenes.rigs import dense_rig, ring
 from fieldkit.scenes.sampling import sample_plants, sample_visible, visible_from
 from fieldkit.scenes.scene import Light, Mesh, Scene, vertex_normals
 from fieldkit_sim.generator import plant_layout
 from fieldkit_sim.light import bake_light
 from fieldkit_sim.maize import build_maize
 from fieldkit_sim.plot import build_scene
+from fieldkit_sim.simulation import dense_rig, ring
 from fieldkit_sim.soil import soil_height
 
 

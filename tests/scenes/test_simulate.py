@@ -22,8 +22,8 @@ from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.metadata import Geotag, exif_block, xmp_packet
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.rigs import ring
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Site, perturbed, poses_table, simulate_capture
+from fieldkit_sim.simulation import ring
 
 CAMERA = Intrinsics.pinhole(200, 150, 170.0)
 POSES = ring(4, 1.0, 0.8)

@@ -20,10 +20,10 @@ from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import ReferenceSampling, SceneDescription
 from fieldkit.scenes.plot_description import PlotDescription
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.rigs import ring
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.simulate import CaptureNoise, Site, simulate_capture
-from fieldkit.scenes.simulation import dense_about, poses_from_csv, ring_about, simulate, wind_sway, with_noise
+from fieldkit.scenes.sway import wind_sway
+from fieldkit_sim.simulation import dense_about, poses_from_csv, ring, ring_about, simulate, with_noise
 
 CAMERA = Intrinsics.pinhole(200, 150, 170.0)
 EXACT = CaptureNoise(gps_horizontal_m=0.0, gps_vertical_m=0.0, gimbal_deg=0.0, image_sigma=0.0)

@@ -32,7 +32,7 @@ from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.sampling import neighbour_points, plants_area_m2, sample_others, sample_plants
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Sway, simulate_capture
-from fieldkit.scenes.simulation import wind_sway
+from fieldkit.scenes.sway import wind_sway
 
 SwayOf = Callable[[int], Sway | None]
 """The plants' motion by the seed of an evaluation, for instance ``partial(wind_sway, 0.01)``; picklable."""

@@ -35,23 +35,20 @@ _BREADTH = -10.2  # of the bell, per squared share of the leaf number
 
 @dataclass(frozen=True, eq=False)
 class Architecture:
-    """A plant before scaling, standing at the origin, its leaves in the x-z plane; metres.
-
-    Attributes:
-        line: (n, 3) centre line of the stem.
-        radii: (n,) of the stem with its sheaths.
-        nodes: (k,) heights of the nodes above the ground.
-        leaves: lowest first.
-        tassel_m: length of the tassel, 0 without one.
-        ear: whether an ear with silks stands at the middle of the stem.
-    """
+    """A plant before scaling, standing at the origin, its leaves in the x-z plane; metres."""
 
     line: Array
+    """(n, 3) centre line of the stem."""
     radii: Array
+    """(n,) of the stem with its sheaths."""
     nodes: Array
+    """(k,) heights of the nodes above the ground."""
     leaves: tuple[Leaf, ...]
+    """Lowest first."""
     tassel_m: float
+    """Length of the tassel, 0 without one."""
     ear: bool
+    """Whether an ear with silks stands at the middle of the stem."""
 
     def at(self, height: float) -> Array:
         """(3,) point of the centre line at a height."""

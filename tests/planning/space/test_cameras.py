@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.scenes.rigs import ring
+from fieldkit_sim.simulation import ring
 
 lengths = st.floats(-50, 50, allow_nan=False)
 cameras_z = (

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.clouds import write_ply
@@ -19,10 +19,9 @@ from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription, build, sample_reference
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.rigs import dense_rig, ring
 from fieldkit.scenes.scene import Scene
-from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Sway, simulate_capture
-from fieldkit.scenes.sway import sway
+from fieldkit.scenes.simulate import CaptureNoise, Sidecars, simulate_capture
+from fieldkit.scenes.sway import wind_sway
 
 Stations = Callable[[Scene, Intrinsics], Sequence[Pose]]
 _RING_PITCH_DEG = 35.0
@@ -33,19 +32,16 @@ _FILL = 1.05
 
 @dataclass(frozen=True)
 class Simulation:
-    """What `simulate` wrote.
-
-    Attributes:
-        photographs: how many.
-        truth: the file with the true poses.
-        position_error_m: root mean square of true minus commanded positions.
-        triangles: of the scene.
-    """
+    """What `simulate` wrote."""
 
     photographs: int
+    """How many."""
     truth: Path
+    """The file with the true poses."""
     position_error_m: float
+    """Root mean square of true minus commanded positions."""
     triangles: int
+    """Of the scene."""
 
 
 def simulate(
@@ -71,13 +67,6 @@ def simulate(
         truth: CSV of the true poses, outside ``output``; ``output``.truth.csv where not given.
         truth_cloud: PLY for the plants' true surfaces; not written where not given.
         overwrite: replace an existing capture, and its truth.
-        progress: told about the scene and each photograph.
-
-    Raises:
-        SceneError: a file of the scene cannot be used.
-        RenderingError: this machine cannot render.
-        UsageError: ``output`` or a truth file exists, or a truth file lies in ``output``.
-        StorageError: the disk is full or not writable.
     """
     progress = progress or Silent()
     camera = (intrinsics or description.camera).without_distortion()
@@ -133,18 +122,6 @@ def with_noise(
     return noise
 
 
-def wind_sway(strength_m: float, seed: int) -> Sway | None:
-    """Leaves bent by wind, another moment in each photograph (see `fieldkit.scenes.sway`); None where it is calm."""
-    if strength_m == 0:
-        return None
-
-    def moved(scene: Scene, photograph: int) -> Mapping[str, NDArray[np.float32]]:
-        moment = int(np.random.default_rng([seed, 4, photograph]).integers(1 << 30))
-        return sway(scene, strength_m, moment)
-
-    return moved
-
-
 def ring_about(count: int, radius_m: float | None = None, height_m: float | None = None) -> Stations:
     """``count`` stations on a circle about the plants, looking at their middle.
 
@@ -181,11 +158,7 @@ def _dense(scene: Scene, intrinsics: Intrinsics, *, count: int, nearer: float) -
 
 
 def poses_from_csv(path: Path) -> list[Pose]:
-    """Commanded poses of a poses.csv in the plot frame; it needs yaw and pitch.
-
-    Raises:
-        MetadataError: malformed, or an angle is missing.
-    """
+    """Commanded poses of a poses.csv in the plot frame; it needs yaw and pitch."""
     rows, _ = read_poses_csv(path)
     poses = []
     for row in rows:
@@ -204,3 +177,38 @@ def _view(scene: Scene, intrinsics: Intrinsics) -> tuple[np.ndarray, float]:
     radius = 0.5 * float(np.linalg.norm(upper - lower))
     half_angle = min(intrinsics.width / intrinsics.fx, intrinsics.height / intrinsics.fy) / 2.0
     return 0.5 * (lower + upper), _FILL * radius / half_angle
+
+
+def ring(
+    count: int, radius_m: float, height_m: float, target: ArrayLike = (0.0, 0.0, 0.25), *, start_deg: float = 0.0
+) -> list[Pose]:
+    """``count`` cameras evenly on a horizontal circle about the target, all looking at it.
+
+    Args:
+        radius_m: horizontal distance from the target.
+        height_m: z of the cameras, plot frame.
+        start_deg: azimuth of the first camera, clockwise from north.
+    """
+    x, y, z = np.asarray(target, dtype=np.float64)
+    azimuth = np.radians(start_deg + 360.0 * np.arange(count) / count)
+    return [Pose.look_at((x + radius_m * np.sin(a), y + radius_m * np.cos(a), height_m), (x, y, z)) for a in azimuth]
+
+
+def dense_rig(
+    count: int = 45, target: ArrayLike = (0.0, 0.0, 0.25), *, radius_m: float = 1.7,
+    heights_m: tuple[float, ...] = (0.7, 1.25, 1.9),
+) -> list[Pose]:  # fmt: skip
+    """``count`` cameras on rings at several heights, each ring turned by a share of its step, lowest first.
+
+    Higher rings are narrower, so that all cameras are about equally far from the target.
+    """
+    z = float(np.asarray(target, dtype=np.float64)[2])
+    distance = float(np.hypot(radius_m, heights_m[len(heights_m) // 2] - z))
+    poses: list[Pose] = []
+    for i, height in enumerate(heights_m):
+        n = count // len(heights_m) + (i < count % len(heights_m))
+        if n == 0:
+            continue
+        radius = float(np.sqrt(max(distance**2 - (height - z) ** 2, 0.01)))
+        poses += ring(n, radius, height, target, start_deg=360.0 / n * i / len(heights_m))
+    return poses
