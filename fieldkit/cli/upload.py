@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from fieldkit.missions.findings import Finding
 
-_MOST_NAMED = 3
-
 
 def command(
     mission: Annotated[Path, Argument(help="Mission with MAVLink items: .plan or .waypoints.")],
@@ -30,13 +28,7 @@ def command(
     plots: PlotsOption = None,
     plot_id: PlotIdOption = None,
     vehicle: Annotated[
-        str | None,
-        Option(
-            "--vehicle",
-            autocompletion=vehicles_like,
-            metavar="NAME",
-            help="Vehicle profile to check for: a name or a TOML file.",
-        ),
+        str | None, Option("--vehicle", autocompletion=vehicles_like, metavar="NAME", help="Profile to check for.")
     ] = None,
     force: Annotated[bool, Option("--force", help="Send a mission that check-mission finds errors in.")] = False,
     as_json: JsonOption = False,
@@ -80,12 +72,10 @@ def command(
     profile = None if vehicle is None else load_vehicle(vehicle)
     found = findings_by_dialect(read, profile, place, file=mission)
     fewest = min(found.values(), key=_errors)
-    if not force:
-        _require_no_errors(fewest, mission)
+    _require_no_errors(fewest, mission, force=force)
     with Vehicle(connect) as connection:
         findings = found.get(connection.name.lower(), fewest)
-        if not force:
-            _require_no_errors(findings, mission)
+        _require_no_errors(findings, mission, force=force)
         with open_progress(as_json=as_json) as progress, progress.stage("upload", len(read.items)) as advance:
             dialect = read.firmware or (None if profile is None else profile.dialect)
             report = upload_mission(connection, read.items, home=read.home, dialect=dialect, advance=advance)
@@ -95,9 +85,8 @@ def command(
             "seconds": report.seconds, "vehicle_holds": "new mission", "findings": finding_entries(findings),
         })  # fmt: skip
         return
-    tries = "" if report.attempts == 1 else f" in {report.attempts} attempts"
-    items = count(report.items, "item")
-    say(f"The {report.autopilot} holds the new mission whole: {items}, read back and compared{tries}.")
+    held = f"{count(report.items, 'item')}, read back and compared, in {count(report.attempts, 'attempt')}"
+    say(f"The {report.autopilot} holds the new mission whole: {held}.")
     if read.fence is not None or read.rally or (place is not None and (place.fence or place.no_fly)):
         say("note: fence and rally points are not uploaded: set them up with your ground station")
     if findings:
@@ -110,15 +99,13 @@ def _errors(findings: Sequence[Finding]) -> int:
     return sum(finding.severity == "error" for finding in findings)
 
 
-def _require_no_errors(findings: Sequence[Finding], mission: Path) -> None:
+def _require_no_errors(findings: Sequence[Finding], mission: Path, *, force: bool) -> None:
     from fieldkit.missions.findings import grouped
 
     texts = [each.text for each in grouped(findings) if each.first.severity == "error"]
-    if not texts:
+    if not texts or force:
         return
-    more = f"; and {count(len(texts) - _MOST_NAMED, 'more kind')}" if len(texts) > _MOST_NAMED else ""
-    raise MissionError(
-        f"must not be flown: {count(_errors(findings), 'error')}: {'; '.join(texts[:_MOST_NAMED])}{more}. "
-        "Nothing was sent",
-        path=mission, remedy="Correct it (fieldkit check-mission says more), or give --force to send it all the same.",
-    )  # fmt: skip
+    more = f"; and {count(len(texts) - 3, 'more kind')}" if len(texts) > 3 else ""
+    said = f"{count(_errors(findings), 'error')}: {'; '.join(texts[:3])}{more}"
+    remedy = "Correct it (fieldkit check-mission says more), or give --force to send it all the same."
+    raise MissionError(f"must not be flown: {said}. Nothing was sent", path=mission, remedy=remedy)

@@ -1,8 +1,4 @@
-"""Mission items as MAVLink sends them, and a list that is read back against what was sent.
-
-Of ArduPilot's items the rounding is known and applied exactly: the rules of `missions.autopilots.accepting`, measured
-with ArduCopter 4.5.6.
-"""
+"""Mission items as MAVLink sends them, and those read back against those sent, by ArduPilot's measured rounding."""
 
 from __future__ import annotations
 
@@ -19,16 +15,10 @@ from fieldkit.missions.items import MissionItem, command_name, plain_frame, with
 from fieldkit.routing.mission import Home
 from fieldkit.wording import count
 
-MAX_ITEMS = 650
-"""Of a mission; measured with the stock parameters of the simulator."""
-ARDUPILOT, PX4 = 3, 12
-"""MAV_AUTOPILOT of those that fieldkit writes missions for."""
-
-_UNITS = 1e7
-"""Of latitude and longitude, to a degree."""
-_INT32 = 0x7FFF_FFFF
-_NEAR_M = 0.011
-"""Tolerance of a height where an autopilot's own rounding was not measured; of a place it is one unit."""
+MAX_ITEMS = 650  # of a mission; measured with the stock parameters of the simulator
+ARDUPILOT, PX4 = 3, 12  # MAV_AUTOPILOT of those that fieldkit writes missions for
+_UNITS = 1e7  # of latitude and longitude, to a degree
+_NEAR_M = 0.011  # tolerance of a height where an autopilot's own rounding was not measured; of a place it is one unit
 
 
 @dataclass(frozen=True)
@@ -45,16 +35,7 @@ class WireItem:
 
 
 def mission_items(items: Sequence[MissionItem], home: Home | None, autopilot: int) -> tuple[WireItem, ...]:
-    """A mission as it is sent: behind home to an ArduPilot, which puts its own there; others count from 0.
-
-    Args:
-        items: without home; jumps lead to them counted from 1.
-        home: as the file has it.
-        autopilot: MAV_AUTOPILOT.
-
-    Raises:
-        MissionError: a number does not fit into its field.
-    """
+    """A mission as it is sent: behind home to an ArduPilot, which puts its own there; others count from 0, not 1."""
     if autopilot != ARDUPILOT:
         return to_wire([with_jump_moved(item, -1) for item in items])
     place = (0, 0, 0.0)
@@ -64,11 +45,7 @@ def mission_items(items: Sequence[MissionItem], home: Home | None, autopilot: in
 
 
 def to_wire(items: Sequence[MissionItem]) -> tuple[WireItem, ...]:
-    """Items as MISSION_ITEM_INT holds them; places rounded to the nearest.
-
-    Raises:
-        MissionError: a number does not fit into its field.
-    """
+    """Items as MISSION_ITEM_INT holds them, places rounded to the nearest; MissionError where a number does not fit."""
     return tuple(_wire_item(number, item) for number, item in enumerate(items, start=1))
 
 
@@ -77,7 +54,7 @@ def _wire_item(number: int, item: MissionItem) -> WireItem:
     scale = _UNITS if item.positional else 1.0
     x, y = ((0.0 if math.isnan(value) else value) * scale for value in (p5, p6))
     z = 0.0 if math.isnan(p7) and not item.positional else p7
-    fits = all(abs(value) < _INT32 for value in (x, y)) and not any(
+    fits = all(abs(value) < 0x7FFF_FFFF for value in (x, y)) and not any(
         math.isinf(value) or abs(value) > 3.4e38 for value in (p1, p2, p3, p4, p7)
     )
     if not (fits and 0 <= item.command <= 0xFFFF and 0 <= item.frame <= 0xFF):
@@ -132,9 +109,8 @@ def _same(given: WireItem, found: WireItem, *, exact: bool) -> bool:
         return False
     height = given.z if math.isfinite(given.z) else 0.0
     there = abs(given.x - found.x) <= 1 and abs(given.y - found.y) <= 1
-    return there and abs(height - found.z) <= max(_NEAR_M, 1e-6 * abs(height)) and all(
-        map(_cut, given.params, found.params)
-    )  # fmt: skip
+    there = there and abs(height - found.z) <= max(_NEAR_M, 1e-6 * abs(height))
+    return there and all(map(_cut, given.params, found.params))
 
 
 def _near(given: float, found: float) -> bool:
@@ -148,5 +124,4 @@ def _cut(given: float, found: float) -> bool:
 
 
 def _show(item: WireItem) -> str:
-    numbers = ", ".join(f"{value:g}" for value in item.params)
-    return f"{command_name(item.command)} ({numbers}) at {item.x}, {item.y}, {item.z:g} in frame {item.frame}"
+    return f"{command_name(item.command)} {item.params} at {item.x}, {item.y}, {item.z:g} in frame {item.frame}"

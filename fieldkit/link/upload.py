@@ -19,8 +19,7 @@ from fieldkit.missions.items import MissionItem, command_name
 from fieldkit.routing.mission import Home
 
 _ATTEMPTS = 3
-_REFUSALS = frozenset(range(Result.UNSUPPORTED_FRAME, Result.INVALID_SEQUENCE))
-"""MAV_MISSION_RESULT that another try would not change."""
+_REFUSALS = frozenset(range(Result.UNSUPPORTED_FRAME, Result.INVALID_SEQUENCE))  # another try would not change these
 
 
 class Held(Enum):
@@ -58,24 +57,17 @@ class ItemRefused(MissionError):
 
 @dataclass(frozen=True)
 class UploadReport:
-    """A vehicle that holds a mission whole: its autopilot, the items without home, and what was read back, with home.
-
-    ``attempts`` are the uploads that it took, ``seconds`` all of the time.
-    """
+    """A vehicle that holds a mission whole."""
 
     autopilot: str
-    items: int
-    attempts: int
+    items: int  # without home
+    attempts: int  # uploads that it took
     seconds: float
-    read_back: tuple[WireItem, ...]
+    read_back: tuple[WireItem, ...]  # with home in front where the autopilot is an ArduPilot
 
 
 def check_size(items: Sequence[MissionItem]) -> None:
-    """Refuse a mission that is empty, that the vehicle has no room for with home, or with a number that does not fit.
-
-    Raises:
-        MissionError: it is.
-    """
+    """Refuse a mission that is empty, that is too large with home, or that has a number that does not fit."""
     if not items:
         raise MissionError("the mission is empty", remedy="Export it again.")
     if len(items) + 1 > MAX_ITEMS:
@@ -94,7 +86,7 @@ def upload_mission(
 
     Args:
         vehicle: connected.
-        items: of the mission, without home; jumps lead to them counted from 1.
+        items: without home; jumps lead to them counted from 1.
         home: as the file has it; an ArduPilot puts its own in its place.
         dialect: that the mission was written in, "ardupilot" or "px4"; another autopilot is refused where given.
         advance: called as items go over, with their number since the last call.
@@ -125,10 +117,10 @@ def upload_mission(
 
     try:
         for attempt in range(1, _ATTEMPTS + 1):
-            if attempt > 1:
-                _cleared(vehicle)
             held = Held.UNKNOWN
             try:
+                if attempt > 1:
+                    vehicle.clear()
                 vehicle.upload(sent, show)
                 read_back = vehicle.download()
             except TransferFailed as error:
@@ -142,17 +134,17 @@ def upload_mission(
                 return UploadReport(vehicle.name, len(items), attempt, time.monotonic() - begun, read_back)
             problem = f"read back differs: {found[0]}"
     except (KeyboardInterrupt, SystemExit) as error:  # Ctrl-C, or told to end
-        held = held if held is Held.UNTOUCHED else _cleared(vehicle)
-        raise UploadInterrupted("interrupted", held=held, remedy="Upload it again.") from error
+        raise UploadInterrupted("interrupted", held=_safe(vehicle, held), remedy="Upload it again.") from error
     except LinkError as error:
         problem = error.message
-    held = held if held is Held.UNTOUCHED else _cleared(vehicle)
     remedy = "Check the link, go nearer, and upload it again."
-    raise UploadError(f"the mission could not be uploaded: {problem}", held=held, remedy=remedy)
+    raise UploadError(f"the mission could not be uploaded: {problem}", held=_safe(vehicle, held), remedy=remedy)
 
 
-def _cleared(vehicle: Vehicle) -> Held:
+def _safe(vehicle: Vehicle, held: Held) -> Held:
     """Clear a mission that may be a mix; what the vehicle holds then."""
+    if held is not Held.UNKNOWN:
+        return held
     try:
         vehicle.clear()
     except (TransferFailed, LinkError, KeyboardInterrupt, SystemExit):
@@ -162,7 +154,7 @@ def _cleared(vehicle: Vehicle) -> Held:
 
 def _refusal(vehicle: Vehicle, sent: Sequence[WireItem], result: Result) -> FieldkitError:
     number, said = vehicle.asked, "; ".join(vehicle.warnings)
-    held, item, what = _cleared(vehicle), None, "the mission"
+    held, item, what = _safe(vehicle, Held.UNKNOWN), None, "the mission"
     if number is not None:
         item = number if vehicle.autopilot == ARDUPILOT else number + 1
         what = f"item {item}, {command_name(sent[number].command)}"

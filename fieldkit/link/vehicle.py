@@ -12,21 +12,17 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from queue import Empty, SimpleQueue
-from types import TracebackType
 from typing import Any
 
 from fieldkit.errors import LinkError, UsageError
 from fieldkit.link.items import ARDUPILOT, MAX_ITEMS, PX4, WireItem
 from fieldkit.missions.autopilots.accepting import Result
 
-_STATION = (245, 190)
-"""MAVSDK's own system and component id as a ground station."""
-_ARMED, _NO_AUTOPILOT, _WARNING = 128, 8, 4
-"""MAV_MODE_FLAG_SAFETY_ARMED, MAV_AUTOPILOT_INVALID, MAV_SEVERITY_WARNING; smaller is worse."""
+_STATION = (245, 190)  # MAVSDK's own system and component id as a ground station
+_ARMED, _NO_AUTOPILOT, _WARNING = 128, 8, 4  # of MAV_MODE_FLAG, MAV_AUTOPILOT and MAV_SEVERITY; smaller is worse
 _REQUESTS = ("MISSION_REQUEST", "MISSION_REQUEST_INT")
 _HEARD = ("HEARTBEAT", "STATUSTEXT", *_REQUESTS, "MISSION_ACK", "MISSION_COUNT", "MISSION_ITEM_INT")
-_ASKED = 12
-"""Times that a question is sent before it is given up."""
+_ASKED = 12  # times that a question is sent before it is given up
 
 
 class TransferFailed(Exception):
@@ -103,8 +99,7 @@ class Vehicle:
     def upload(self, items: Sequence[WireItem], advance: Callable[[int], None]) -> None:
         """Send a mission: the vehicle asks for one item after the other; ``advance`` hears how many it has.
 
-        Raises:
-            TransferFailed: the vehicle refused or fell silent; it then holds any mix of old and new.
+        After a TransferFailed the vehicle holds any mix of old and new.
         """
         self.asked, self.warnings = None, []
         sent, progress = -math.inf, time.monotonic()
@@ -119,11 +114,17 @@ class Vehicle:
                     return
                 raise TransferFailed("the vehicle fell silent")
             match self._receive(0.1):
-                case {"name": name, "seq": int(seq)} if name in _REQUESTS and seq < len(items):
+                case {"name": asks, "seq": int(seq)} if asks in _REQUESTS and seq < len(items):
                     if self.asked is None or seq > self.asked:
                         self.asked, progress = seq, now
                         advance(seq)
-                    self._send_item(seq, items[seq])
+                    item = items[seq]
+                    numbers = {f"param{k}": value for k, value in enumerate(item.params, 1)} | {"z": item.z}
+                    self._send(
+                        "MISSION_ITEM_INT", seq=seq, frame=item.frame, command=item.command, current=int(seq == 0),
+                        autocontinue=item.autocontinue, x=item.x, y=item.y,
+                        **{name: None if math.isnan(value) else value for name, value in numbers.items()},
+                    )  # fmt: skip
                 # Of an item that it has already an ArduPilot says INVALID_SEQUENCE, and goes on (measured).
                 case {"name": "MISSION_ACK", "type": int(result)} if result != Result.INVALID_SEQUENCE:
                     if result == Result.ACCEPTED:
@@ -131,11 +132,7 @@ class Vehicle:
                     raise TransferFailed("the vehicle refused", result)
 
     def download(self) -> tuple[WireItem, ...]:
-        """Fetch the mission.
-
-        Raises:
-            TransferFailed: the vehicle fell silent, or announces more than it can have.
-        """
+        """Fetch the mission."""
         count = self._ask("MISSION_REQUEST_LIST", "MISSION_COUNT")["count"]
         if count > MAX_ITEMS:
             raise TransferFailed(f"the vehicle announces {count} items")
@@ -150,11 +147,7 @@ class Vehicle:
         return tuple(found)
 
     def clear(self) -> None:
-        """Remove the mission.
-
-        Raises:
-            TransferFailed: the vehicle refused or fell silent.
-        """
+        """Remove the mission."""
         result = self._ask("MISSION_CLEAR_ALL", "MISSION_ACK")["type"]
         if result != Result.ACCEPTED:
             raise TransferFailed("the vehicle refused", result)
@@ -169,14 +162,6 @@ class Vehicle:
                 if message.get("name") == answer and all(message[key] == value for key, value in fields.items()):
                     return message
         raise TransferFailed("the vehicle fell silent")
-
-    def _send_item(self, seq: int, item: WireItem) -> None:
-        numbers = {f"param{k}": value for k, value in enumerate(item.params, 1)} | {"z": item.z}
-        self._send(
-            "MISSION_ITEM_INT", seq=seq, frame=item.frame, command=item.command, current=int(seq == 0),
-            autocontinue=item.autocontinue, x=item.x, y=item.y,
-            **{name: None if math.isnan(value) else value for name, value in numbers.items()},
-        )  # fmt: skip
 
     def _send(self, name: str, **fields: float | None) -> None:
         """Send a message about the mission; None is not a number."""
@@ -208,7 +193,5 @@ class Vehicle:
     def __enter__(self) -> Vehicle:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         self._mavsdk.destroy()

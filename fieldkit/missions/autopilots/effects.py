@@ -57,22 +57,14 @@ class ShootOnTheWay:
 
 @dataclass(frozen=True)
 class Face:
-    """Turn the vehicle.
-
-    Attributes:
-        angle_deg: heading to turn to, or angle to turn by (clockwise positive) where ``relative``.
-        way: 1 clockwise, −1 counterclockwise, 0 the short way.
-        rate_dps: the profile's where 0 or above that.
-        mount: the mount's yaw does it, and nothing waits for it.
-        nearly_deg: a turn of less goes the short way, whatever way is asked for: headings are rounded.
-    """
+    """Turn the vehicle to a heading, or by an angle (clockwise positive) where ``relative``."""
 
     angle_deg: float
-    way: int = 0
+    way: int = 0  # 1 clockwise, −1 counterclockwise, 0 the short way
     relative: bool = False
-    rate_dps: float = 0.0
-    mount: bool = False
-    nearly_deg: float = 0.0
+    rate_dps: float = 0.0  # the profile's where 0 or above that
+    mount: bool = False  # the mount's yaw does it, and nothing waits for it
+    nearly_deg: float = 0.0  # a turn of less goes the short way: headings are rounded
 
 
 @dataclass(frozen=True)
@@ -86,10 +78,7 @@ class Tilt:
 
 @dataclass(frozen=True)
 class Pan:
-    """Turn the gimbal's own yaw.
-
-    Off the nose; from north, and then along with the nose; by an angle ("itself"); or from north to stay ("lock").
-    """
+    """Turn the gimbal's own yaw, from north along with the nose, or to stay there ("lock"); "itself": by an angle."""
 
     yaw_deg: float
     base: Literal["nose", "north", "itself", "lock"]
@@ -116,20 +105,13 @@ Effects = tuple[Effect, ...]
 
 @dataclass(frozen=True)
 class Autopilot:
-    """What tells autopilots apart, and the vehicle that one flies.
-
-    Attributes:
-        commands: the table.
-        in_order: items run strictly one after the other; else those behind a NAV item run during the next one.
-        return_m, pause_s: least height of a return to home, and how long it stands there before it lands.
-        endless: whether a count of repeats below 0 never ends; else only −1 does.
-    """
+    """What tells autopilots apart."""
 
     commands: Mapping[int, Row]
-    in_order: bool
-    return_m: float
-    pause_s: float
-    endless: bool
+    in_order: bool  # items run strictly one after the other; else those behind a NAV item run during the next one
+    return_m: float  # least height of a return to home
+    pause_s: float  # that it stands there before it lands
+    endless: bool  # a count of repeats below 0 never ends; else only −1
 
 
 @dataclass(frozen=True)

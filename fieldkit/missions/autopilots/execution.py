@@ -15,38 +15,22 @@ from fieldkit.routing.motion import turn_deg
 
 @dataclass(frozen=True)
 class Photograph:
-    """A photograph as the autopilot would take it.
+    """A photograph as the autopilot would take it."""
 
-    Attributes:
-        item: number of the item that releases the shutter.
-        station: its place among the photographs of the file, from 0.
-        place: predicted, height above home (NaN where the file's datum cannot be related to home); None where unknown.
-        heading_deg: predicted heading of the camera, in [0, 360), None where nothing commands it or it cannot be told.
-        pitch_deg: predicted, None where nothing commands it or it cannot be told.
-        waypoint: number of the item whose place the photograph belongs to, None before the first one.
-        late_s: after the vehicle has left that place; 0 where it is still there.
-        moving: whether the vehicle flies by, or has left.
-        settled_s: standing still with the camera turned, before it; None where the action that takes it sees to that.
-        after_s: standing still after it.
-        turning_s: that the turn to its heading still takes; 0 where it is over.
-        heading_why, pitch_why: why nobody can say for sure what is commanded; "" elsewhere.
-        never: why it is not taken at all; "" where it is.
-    """
-
-    item: int
-    station: int
-    place: GeoPoint | None
-    heading_deg: float | None
-    pitch_deg: float | None
-    waypoint: int | None
-    late_s: float = 0.0
-    moving: bool = False
-    settled_s: float | None = 0.0
-    after_s: float = 0.0
-    turning_s: float = 0.0
-    heading_why: str = ""
+    item: int  # number of the item that releases the shutter
+    station: int  # its place among the photographs of the file, from 0
+    place: GeoPoint | None  # height above home, NaN where the datum cannot be related to it; None where unknown
+    heading_deg: float | None  # of the camera, [0, 360); None where nothing commands it or it cannot be told
+    pitch_deg: float | None  # likewise
+    waypoint: int | None  # number of the item whose place it belongs to, None before the first one
+    late_s: float = 0.0  # after the vehicle has left that place
+    moving: bool = False  # the vehicle flies by, or has left
+    settled_s: float | None = 0.0  # standing still, turned, before it; None where its action sees to that
+    after_s: float = 0.0  # standing still after it
+    turning_s: float = 0.0  # that the turn to its heading still takes
+    heading_why: str = ""  # nobody can say for sure what is commanded
     pitch_why: str = ""
-    never: str = ""
+    never: str = ""  # why it is not taken at all
 
 
 @dataclass(frozen=True)
@@ -60,25 +44,15 @@ class FlownLeg:
 
 @dataclass(frozen=True)
 class Execution:
-    """A whole flight.
-
-    Attributes:
-        photographs: in the order of the file.
-        legs: in the order they are flown.
-        seconds: of the flight, estimated.
-        skipped: items that are not carried out although the autopilot has them: number and why.
-        refused: what nobody can say the photographs of: number of the item, and words that name it.
-        uncounted: whether it also takes photographs that are not among ``photographs``.
-        upright_m: of a climb and a descent that are none of the legs, for waypoints do not say them.
-    """
+    """A whole flight: photographs in the order of the file, legs in the order they are flown."""
 
     photographs: tuple[Photograph, ...]
     legs: tuple[FlownLeg, ...]
-    seconds: float
-    skipped: tuple[tuple[int, str], ...] = ()
-    refused: tuple[tuple[int, str], ...] = ()
-    uncounted: bool = False
-    upright_m: float = 0.0
+    seconds: float  # estimated
+    skipped: tuple[tuple[int, str], ...] = ()  # not carried out although the autopilot has them: number and why
+    refused: tuple[tuple[int, str], ...] = ()  # nobody can say the photographs of: number, and words that name it
+    uncounted: bool = False  # photographs are taken that are not among these
+    upright_m: float = 0.0  # of a climb and a descent that are none of the legs, for waypoints do not say them
 
     @property
     def length_m(self) -> float:

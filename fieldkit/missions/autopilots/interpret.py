@@ -136,21 +136,13 @@ def _do(craft: Craft, log: _Log, state: State, number: int, effect: Effect) -> S
 
 @dataclass(frozen=True)
 class _Nav:
-    """The NAV item of an ArduPilot that is being carried out.
-
-    Attributes:
-        number: of the item.
-        begun: the state as it begins.
-        way: None where it stands still.
-        path: places that the way leads to.
-        dwell_s: that it stays at the end.
-    """
+    """The NAV item of an ArduPilot that is being carried out."""
 
     number: int
     begun: State
-    way: Leg | Way | None
-    path: tuple[GeoPoint, ...]
-    dwell_s: float
+    way: Leg | Way | None  # None where it stands still
+    path: tuple[GeoPoint, ...]  # places that the way leads to
+    dwell_s: float  # that it stays at the end
 
     @property
     def travel_s(self) -> float:

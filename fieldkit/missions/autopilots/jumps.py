@@ -25,26 +25,16 @@ MOST_AGAIN = 4000
 class Course:
     """What a mission comes to, jump by jump.
 
-    Attributes:
-        numbered: items with their numbers in the file, in the order that they are carried out. Of an endless loop the
-            second time around only up to the first place; nothing behind `MOST_AGAIN`.
-        unreached: items that are never come to, jumps left out.
-        trouble: code, number of the jump and words, where the mission does not end by itself or is not followed to its
-            end.
+    Of an endless loop the second time around only up to the first place; nothing behind `MOST_AGAIN`.
     """
 
-    numbered: tuple[tuple[int, MissionItem], ...]
-    unreached: tuple[tuple[int, MissionItem], ...] = ()
-    trouble: tuple[str, int, str] | None = None
+    numbered: tuple[tuple[int, MissionItem], ...]  # with their numbers in the file, as they are carried out
+    unreached: tuple[tuple[int, MissionItem], ...] = ()  # never come to, jumps left out
+    trouble: tuple[str, int, str] | None = None  # code, number of the jump and words, where it does not end by itself
 
 
 def course(read: ReadMission, dialect: str) -> Course:
-    """Follow a mission's jumps.
-
-    Args:
-        read: the file.
-        dialect: "ardupilot" or "px4".
-    """
+    """Follow a mission's jumps, as an autopilot of a dialect does."""
     numbered = list(enumerate(read.items, read.first_number))
     if dialect == "ardupilot" and read.first_number == 0:
         numbered = numbered[1:]  # the first item is overwritten by home

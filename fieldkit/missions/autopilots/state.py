@@ -35,26 +35,16 @@ _RELATIVE = "it is turned relative to a {} that nobody knows"
 
 @dataclass(frozen=True)
 class Turn:
-    """The vehicle's heading over time: still, or turning to a target.
+    """The vehicle's heading over time: still, or turning to a target."""
 
-    Attributes:
-        start_deg, target_deg: where the turn begins and ends; None where it is not known.
-        begun_s: on the flight's clock.
-        angle_deg: clockwise positive; the largest that it can be where it is not known from where.
-        rate_dps: of the turn.
-        why: why nobody can say for sure where it ends; "" elsewhere.
-        mount: whether the mount's yaw turns the vehicle.
-        free: whether the heading is the autopilot's own by now; it takes turns the short way from where it was left.
-    """
-
-    start_deg: float | None = None
-    target_deg: float | None = None
-    begun_s: float = 0.0
-    angle_deg: float = 0.0
+    start_deg: float | None = None  # None where it is not known
+    target_deg: float | None = None  # likewise
+    begun_s: float = 0.0  # on the flight's clock
+    angle_deg: float = 0.0  # clockwise positive; the largest that it can be where it is not known from where
     rate_dps: float = 1.0
-    why: str = ""
-    mount: bool = False
-    free: bool = False
+    why: str = ""  # nobody can say for sure where it ends
+    mount: bool = False  # the mount's yaw turns the vehicle
+    free: bool = False  # the heading is the autopilot's own by now; it goes on the short way from where it was left
 
     @property
     def done_s(self) -> float:
@@ -101,52 +91,31 @@ class Turn:
 
 @dataclass(frozen=True)
 class Gimbal:
-    """What the camera's mount does.
+    """What the camera's mount does."""
 
-    Attributes:
-        pitch_deg: None where nothing has turned it, or nobody knows whither.
-        pan_deg: its own yaw off the nose, or from north where ``locked``.
-        pitch_why, pan_why: why nobody can say for sure; "" elsewhere.
-        at: the place that it is aimed at, or None.
-        turned_s: when it was last turned.
-    """
-
-    pitch_deg: float | None = None
-    pan_deg: float = 0.0
+    pitch_deg: float | None = None  # None where nothing has turned it, or nobody knows whither
+    pan_deg: float = 0.0  # its own yaw off the nose, or from north where ``locked``
     locked: bool = False
-    pitch_why: str = ""
+    pitch_why: str = ""  # nobody can say for sure
     pan_why: str = ""
-    at: GeoPoint | None = None
-    turned_s: float = 0.0
+    at: GeoPoint | None = None  # the place that it is aimed at
+    turned_s: float = 0.0  # when it was last turned
 
 
 @dataclass(frozen=True)
 class State:
-    """Where the vehicle is, where it heads, and what its gimbal does.
-
-    Attributes:
-        clock_s: of the flight.
-        here: None before any place is known.
-        turn: the heading over time.
-        commanded: whether the heading is, and not the autopilot's own.
-        gimbal: the mount.
-        speeds: by now.
-        arrived_s: when the last place was reached.
-        waypoint: number of the item that led there.
-        passing: whether the vehicle does not stop there.
-        ahead_s: flown of the next leg before that place counted as reached.
-    """
+    """Where the vehicle is, where it heads, and what its gimbal does."""
 
     clock_s: float
-    here: GeoPoint | None
+    here: GeoPoint | None  # None before any place is known
     turn: Turn
-    commanded: bool
+    commanded: bool  # the heading is, and not the autopilot's own
     gimbal: Gimbal
-    speeds: Speeds
-    arrived_s: float = 0.0
-    waypoint: int | None = None
-    passing: bool = False
-    ahead_s: float = 0.0
+    speeds: Speeds  # by now
+    arrived_s: float = 0.0  # at the last place
+    waypoint: int | None = None  # number of the item that led there
+    passing: bool = False  # the vehicle does not stop there
+    ahead_s: float = 0.0  # flown of the next leg before that place counted as reached
 
 
 def begun(craft: Craft, *, commanded: bool = False) -> State:
@@ -217,14 +186,7 @@ def camera_moves(before: State, after: State) -> bool:
 
 
 def photograph(state: State, number: int, index: int, *, settles: bool = False) -> Photograph:
-    """A photograph taken now and here, where the vehicle stands or passes.
-
-    Args:
-        state: when it is taken.
-        number: of the item that takes it.
-        index: among the photographs.
-        settles: the action waits until the camera is turned.
-    """
+    """A photograph taken now and here, where the vehicle stands or passes; ``settles``: see `Shoot`."""
     now, here, turn, gimbal = state.clock_s, state.here, state.turn, state.gimbal
     turns = state.commanded and not gimbal.locked
     turned = min(max(turn.over_s if turns else 0.0, gimbal.turned_s), now)
@@ -249,15 +211,7 @@ Flown = tuple[State, Leg | Way, tuple[GeoPoint, ...]]
 
 
 def gone(craft: Craft, state: State, item: MissionItem, how: str, following: MissionItem | None = None) -> Flown:
-    """Fly to an item's place.
-
-    Args:
-        craft: that flies.
-        state: before it.
-        item: whose place it is.
-        how: see `Go`.
-        following: the NAV item after it, where the autopilot does not stop at waypoints before some of these.
-    """
+    """Fly to an item's place; ``how``: see `Go`. With the NAV item ``following`` it is passed, not stopped at."""
     ahead, here, vehicle = state.ahead_s, state.here, craft.vehicle
     state = replace(state, ahead_s=0.0)
     if how == "return":
@@ -291,10 +245,7 @@ def gone(craft: Craft, state: State, item: MissionItem, how: str, following: Mis
 
 
 def _returned(craft: Craft, state: State) -> Flown:
-    """Up, home and down, at the profile's speeds: DO_CHANGE_SPEED does not count here (ArduCopter's ModeRTL).
-
-    ArduPilot passes the corner between climbing and flying home.
-    """
+    """Up, home and down, at the profile's speeds: DO_CHANGE_SPEED does not count here (ArduCopter's ModeRTL)."""
     here, vehicle, autopilot = state.here, craft.vehicle, craft.autopilot
     if here is None or craft.home is None:
         return state, leg(0.0, 0.0, vehicle.speeds), ()
@@ -303,7 +254,7 @@ def _returned(craft: Craft, state: State) -> Flown:
     above = GeoPoint(craft.home.latitude_deg, craft.home.longitude_deg, height)
     ground = replace(above, height_m=0.0)
     climb, back = (leg(*distance(a, b), vehicle.speeds) for a, b in ((here, top), (top, above)))
-    if not autopilot.in_order:
+    if not autopilot.in_order:  # an ArduPilot passes the corner
         climb, back = corner(climb, back, 0.0, vehicle.acceptance_m)
     way = Way((climb, back, Even(0.0, autopilot.pause_s), _down(above, ground, vehicle)))
     return replace(state, here=ground), way, (top, above, ground)

@@ -14,16 +14,13 @@ from fieldkit.routing.mission import Fence, GeoPoint, Home
 class Facing:
     """Where the nose points at a waypoint and from it to the next.
 
-    Attributes:
-        mode: "angle": to the angle at the waypoint; "course": along the way; "kept": as the waypoint's actions leave
-            it; "poi": towards a place; "free": the app's or the pilot's.
-        angle_deg: of "angle"; None where the file has none that counts.
-        poi: of "poi"; None where the file has none.
+    To an angle there, along the way, as the waypoint's actions leave it ("kept"), towards a place, or as the app or the
+    pilot likes.
     """
 
     mode: Literal["angle", "course", "kept", "poi", "free"] = "free"
-    angle_deg: float | None = None
-    poi: GeoPoint | None = None
+    angle_deg: float | None = None  # of "angle"; None where the file has none that counts
+    poi: GeoPoint | None = None  # of "poi"; None where the file has none
 
 
 FREE = Facing()
@@ -31,48 +28,28 @@ FREE = Facing()
 
 @dataclass(frozen=True)
 class ReadStop:
-    """A waypoint of a format without MAVLink items (DJI WPML, Litchi).
+    """A waypoint of a format without MAVLink items (DJI WPML, Litchi)."""
 
-    Attributes:
-        number: in the file, from 0.
-        place: where; its height is above take-off.
-        height_from: "home", or what else the file says that the height is above.
-        facing: heading there and from there on.
-        pitch_deg: of the gimbal on arrival, turned on the way; None where it stays as it was.
-        before: done before the way to it.
-        actions: done there, one after the other.
-        stops: whether the vehicle stands still there.
-        speed_mps: towards the next one, or None.
-        uncounted: whether photographs are taken from it on that are not in ``actions``.
-    """
-
-    number: int
-    place: GeoPoint
-    height_from: str = "home"
+    number: int  # in the file, from 0
+    place: GeoPoint  # its height is above take-off
+    height_from: str = "home"  # or what else the file says that the height is above
     facing: Facing = FREE
-    pitch_deg: float | None = None
-    before: Effects = ()
-    actions: Effects = ()
-    stops: bool = True
-    speed_mps: float | None = None
-    uncounted: bool = False
+    pitch_deg: float | None = None  # of the gimbal on arrival, turned on the way; None where it stays as it was
+    before: Effects = ()  # done before the way to it
+    actions: Effects = ()  # done there, one after the other
+    stops: bool = True  # the vehicle stands still there
+    speed_mps: float | None = None  # towards the next one
+    uncounted: bool = False  # photographs are taken from it on that are not in ``actions``
 
 
 @dataclass(frozen=True)
 class Remark:
-    """Something a reader noticed that is no reason to refuse the file.
+    """Something a reader noticed that is no reason to refuse the file."""
 
-    Attributes:
-        code: of the finding that check-mission makes of it.
-        message: for people.
-        item: number of the item concerned.
-        error: whether the mission should not be flown so.
-    """
-
-    code: str
+    code: str  # of the finding that check-mission makes of it
     message: str
     item: int | None = None
-    error: bool = False
+    error: bool = False  # the mission should not be flown so
 
 
 def in_passing(every: float, unit: str, start: int, end: int) -> Remark:
@@ -83,33 +60,19 @@ def in_passing(every: float, unit: str, start: int, end: int) -> Remark:
 
 @dataclass(frozen=True)
 class ReadMission:
-    """A mission file, read back.
+    """A mission file, read back, whichever format it was in."""
 
-    Attributes:
-        format: "plan", "waypoints", "wpml" or "litchi".
-        items: MAVLink items without home, which has a field of its own; empty in formats without items.
-        stops: waypoints of formats without items.
-        home: None where the file has none.
-        firmware: dialect that the file names, or None.
-        fence: None where the file has none.
-        rally: places to return to.
-        remarks: what its reader noticed.
-        refused: what nobody can say the photographs of: number of the waypoint, and words that name it.
-        first_number: of ``items[0]``: 1 behind a home row and in .plan files, whose doJumpId counts from 1.
-        drone: droneEnumValue and droneSubEnumValue of the aircraft that a WPML file is for; None where it names none.
-    """
-
-    format: str
-    items: tuple[MissionItem, ...] = ()
-    stops: tuple[ReadStop, ...] = ()
+    format: str  # "plan", "waypoints", "wpml" or "litchi"
+    items: tuple[MissionItem, ...] = ()  # without home; empty in formats without items
+    stops: tuple[ReadStop, ...] = ()  # of formats without items
     home: Home | None = None
-    firmware: str | None = None
+    firmware: str | None = None  # dialect that the file names
     fence: Fence | None = None
     rally: tuple[GeoPoint, ...] = ()
     remarks: tuple[Remark, ...] = ()
-    refused: tuple[tuple[int, str], ...] = ()
-    first_number: int = 1
-    drone: tuple[int, int] | None = None
+    refused: tuple[tuple[int, str], ...] = ()  # nobody can say the photographs of: number, and words that name it
+    first_number: int = 1  # of ``items[0]``: 1 behind a home row and in .plan files, whose doJumpId counts from 1
+    drone: tuple[int, int] | None = None  # DJI's numbers of the aircraft that a WPML file is for
 
     def behind_home(self) -> ReadMission:
         """The same with items that count from 1, as behind the home that an upload puts in front of them."""
