@@ -15,19 +15,17 @@ from fieldkit.campaign.visits import stage_versions, visit_place
 from fieldkit.captures import Capture
 from fieldkit.captures.selection import FoundPhoto, capture_of
 from fieldkit.errors import FieldkitError, MetadataError, StorageError
-from fieldkit.evaluation.conversion import evaluation_report, failed_plot
-from fieldkit.evaluation.evaluate import PLOTS_FILE
-from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
+from fieldkit.evaluation.adherence import FlownPlan
+from fieldkit.evaluation.conversion import evaluation_report
+from fieldkit.evaluation.evaluate_plot import RESERVED, PlotCapture, Scoring, Spent, evaluate_plot, write_evaluation
 from fieldkit.evaluation.rasters import COARSE_RASTERS, NO_RASTERS
 from fieldkit.evaluation.reference import Reference
-from fieldkit.evaluation.scoring import Scoring, Spent, score_capture
-from fieldkit.figures.spreadsheets import write_plots_csv
 from fieldkit.files import atomic_folder
 from fieldkit.results.doubtful import TOLD
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.fields import clean_text
 from fieldkit.results.plan import Plan
-from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE, describe_files, save_report
+from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE
 from fieldkit.results.visit import VISIT_FILE, Visit, save_visit
 from fieldkit.runtime.progress import Silent
 from fieldkit.sites.fit import plants_outgrown
@@ -143,13 +141,9 @@ def _paths(job: VisitJob) -> dict[str, str]:
 def _evaluated(job: VisitJob, folder: Path) -> Visit:
     spent = Spent.now()
     settings, notes = job.evaluation.settings, list(job.notes)
-    scoring: Scoring | None = None
-    name = plot_file_name(job.plot.name, (EVALUATION_FILE, PLOTS_FILE, VISIT_FILE))
-    try:
+
+    def given() -> PlotCapture:
         reference = _reference(job.plot)
-        scoring = Scoring.against(
-            reference, refine=job.evaluation.refine and reference is not None, distances_m=job.evaluation.distances_m
-        )
         known = None if reference is None else reference.known_plot()
         capture = capture_of(job.photos, camera=job.camera)
         without = wanted_sidecars(capture, job.plan, known)
@@ -157,22 +151,22 @@ def _evaluated(job: VisitJob, folder: Path) -> Visit:
             notes.append(f"{' and '.join(sorted(without))} passed over: the positions are taken from GPS")
             capture = capture_of(job.photos, camera=job.camera, without=without)
         placed = place_visit(capture, job.plot, job.plan, known, seed=settings.seed)
-        notes += [*placed.notes, *_against_plan(capture, job.plan)]
+        notes.extend((*placed.notes, *_against_plan(capture, job.plan)))
         rasters = job.evaluation.wanted_rasters
-        plot = score_capture(
-            job.plot.name, capture, placed.plot, folder, settings, scoring,
-            spent=spent, cache=StageCache(job.cache), progress=Silent(), subfolder=name, outline=placed.outline,
-            rasters=None if rasters is None else replace(rasters, at_origin=placed.at_origin),
-        )  # fmt: skip
-        if placed.plot is not None:
-            plot = FlownPlan.of(job.plan, placed.plot.source).compare(plot, name, Path(job.captures), capture)
-            plot = write_adherence(folder, name, plot)
-    except StorageError:
-        raise
-    except FieldkitError as error:
-        plot = failed_plot(
-            job.plot.name, error, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds, photographs=len(job.photos)
+        return PlotCapture(
+            capture,
+            Scoring.against(reference, refine=job.evaluation.refine, distances_m=job.evaluation.distances_m),
+            placed.plot,
+            placed.outline,
+            None if rasters is None else replace(rasters, at_origin=placed.at_origin),
+            None if placed.plot is None else FlownPlan.of(job.plan, placed.plot.source),
         )
+
+    name = plot_file_name(job.plot.name, (*RESERVED, VISIT_FILE))
+    plot = evaluate_plot(
+        job.plot.name, given, folder, name, settings,
+        cache=StageCache(job.cache), progress=Silent(), photographs=len(job.photos),
+    )  # fmt: skip
     report = evaluation_report(
         Path(job.captures).name,
         [plot],
@@ -183,9 +177,7 @@ def _evaluated(job: VisitJob, folder: Path) -> Visit:
         seconds=spent.seconds,
         cpu_seconds=spent.cpu_seconds,
     )
-    write_plots_csv(folder / PLOTS_FILE, report)
-    report = report.model_copy(update={"files": describe_files(folder, [PLOTS_FILE])})
-    save_report(folder / EVALUATION_FILE, report)
+    write_evaluation(folder, report)
     said = _of_job(job, [*notes, *_remarks(job, plot)])
     return Visit.of_evaluation(plot, folder=job.place, cpu_s=spent.cpu_seconds, inputs=job.inputs, **said)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Context, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, emit_json, show, vehicles_like
+from fieldkit.cli.common import DebugOption, JsonOption, emit_json, show
 from fieldkit.cli.option_groups import grouped
 from fieldkit.cli.reconstruction_options import (
     DISTANCES,
@@ -50,27 +50,6 @@ class FlightOptions:
     plan: Annotated[Path | None, Option("--plan", help="plan.json that was flown: how the photographs kept to it.")] = (
         None
     )
-    mission: Annotated[
-        Path | None, Option("--mission", help="With --plan: the mission file that the vehicle was given.")
-    ] = None
-    vehicle: Annotated[
-        str,
-        Option(
-            "--vehicle",
-            autocompletion=vehicles_like,
-            help="With --mission: the vehicle's profile, a name or a TOML file.",
-        ),
-    ] = ""
-
-    def flown(self) -> tuple[Path, str] | None:
-        """The mission and its vehicle's profile.
-
-        Raises:
-            UsageError: one of them is missing.
-        """
-        if (self.mission is None) != (not self.vehicle):
-            raise UsageError("--mission and --vehicle belong together", remedy="Give both, or leave both out.")
-        return None if self.mission is None else (self.mission, self.vehicle)
 
 
 @grouped
@@ -146,7 +125,7 @@ def command(
         return _in_campaign(folder, captures, cache, run, wait=not no_wait, as_json=as_json)
     if campaign is not None:
         raise UsageError("a campaign's results go into its own folder", remedy="Leave -o out, or --campaign.")
-    mission, distances_m, settings = flight.flown(), parse_distances(distances), reconstruction.settings(run.seed)
+    distances_m, settings = parse_distances(distances), reconstruction.settings(run.seed)
     given, frame = poses.given(), parse_frame("--reference-frame", reference_frame)
     if frame and reference is None:
         raise UsageError("--reference-frame is that of --reference", remedy="Give --reference with it.")
@@ -156,7 +135,7 @@ def command(
     with run_context(as_json=as_json) as progress:
         report = evaluate_captures(
             captures, output, settings, reference=reference, reference_frame=frame, refine=refine,
-            distances_m=distances_m, log=flight.log, plan=flight.plan, mission=mission, poses=given, rasters=wanted,
+            distances_m=distances_m, log=flight.log, plan=flight.plan, poses=given, rasters=wanted,
             cache=cache, progress=progress, overwrite=run.overwrite, workers=run.processes,
         )  # fmt: skip
     if as_json:
@@ -178,8 +157,6 @@ def _campaign_folder(context: Context, campaign: Path | None, flight: FlightOpti
     """
     from fieldkit.campaign.reading import find_campaign
 
-    if flight.mission is not None:
-        raise UsageError("--mission is not taken in a campaign", remedy="Leave it out, or give -o.")
     folder = campaign or find_campaign(Path.cwd())
     if folder is None:
         raise UsageError("missing option '--output' / '-o'", remedy="Give -o FOLDER, or --campaign CAMPAIGN.")

@@ -1,4 +1,4 @@
-"""Poses of an evaluation's photographs from a flight log, and how the flight kept to the plan."""
+"""Poses of an evaluation's photographs from a flight log, and how a flight kept to its plan: achieved less planned."""
 
 from __future__ import annotations
 
@@ -7,24 +7,44 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldkit.captures import Capture, read_capture
 from fieldkit.errors import FieldkitError, MetadataError, UsageError
-from fieldkit.evaluation.pose_table import ACHIEVED, station_names
+from fieldkit.evaluation.recorded_angles import read_angles
+from fieldkit.figures.spreadsheets import write_adherence_csv
 from fieldkit.flightlogs import FlightLog, Matches, match, read_flight_log
 from fieldkit.flightlogs.adherence import Adherence, PlannedPose, adherence
 from fieldkit.flightlogs.geotag import frame_of, local_poses, stamp
 from fieldkit.geometry import Pose
+from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.geometry.priors import PosePrior, SourceFrame
-from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation, StationErrorEntry
-from fieldkit.results.fields import clean_text
+from fieldkit.geometry.stations import PoseArray, associate
+from fieldkit.reconstruction.agreement import ANGLE_SIGMAS
+from fieldkit.reconstruction.known_poses import known_poses
+from fieldkit.results.evaluation import AchievedSource, AdherenceEntry, ImageReport, PlotEvaluation, StationErrorEntry
+from fieldkit.results.fields import Vector, finite, vector
 from fieldkit.results.finding import Finding
-from fieldkit.results.plan import Plan
+from fieldkit.results.plan import Plan, station_number
+from fieldkit.results.report_files import describe_files
 from fieldkit.wording import count
 
 SOURCE = "flight log"
+ADHERENCE_FILE = "adherence.csv"
+ACHIEVED: tuple[AchievedSource, ...] = ("reported", "reconstructed", "tagged")
+"""Sources of where a photograph was really taken, the first that knows enough first: the autopilot's estimate, as plans
+are flown by it; then structure from motion, good to millimetres within a plot; then tags, which may be the commanded
+poses copied, or GPS without corrections."""
 _LEAST_POSITIONS = 3
 _LEAST_STATIONS = 3
+_OWN_FRAME = "poses.csv"
+_STEEP_SINE = float(np.sin(np.radians(75.0)))
+
+Array = NDArray[np.float64]
+PoseRow = tuple[Vector, float | None, float | None]
+"""Position in the plot frame; yaw, clockwise from +y, and pitch in degrees, None where not known."""
+Poses = Mapping[str, PoseRow]
+"""By photograph, or by station."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +133,87 @@ class Flight:
         return adherence_entry(found, names) if found.errors else None
 
 
+@dataclass(frozen=True, eq=False)
+class FlownPlan:
+    """A plan that was flown, and what is known of the flight besides the photographs."""
+
+    plan: Plan
+    """In the plot frame of the reference; without one, in the frame of poses.csv."""
+    reference: SourceFrame | None
+    """The frame of the reference; None without one."""
+    flight: Flight | None = None
+    """By its log; None without one."""
+    planned: Sequence[PlannedPose] = ()
+    """The stations on the Earth; empty without a log."""
+    datum: str = "none"
+    """Of their heights."""
+
+    @classmethod
+    def of(cls, plan: Plan, reference: SourceFrame | None, flight: Flight | None = None) -> FlownPlan:
+        """A plan with what it is compared with.
+
+        Raises:
+            UsageError: there is a log, but no georeferenced reference that puts the plan on the Earth.
+        """
+        if flight is None:
+            return cls(plan, reference)
+        if reference is None:
+            raise UsageError(
+                "a plan is compared with a flight log on the reference's plot",
+                remedy="Give --reference with --log and --plan, or leave --log or --plan out.",
+            )
+        planned, datum = planned_poses(plan, reference)
+        return cls(plan, reference, flight, planned, datum)
+
+    def adherence(self, plot: PlotEvaluation, name: str, capture: Capture) -> AdherenceEntry | None:
+        """How a plot's photographs kept to the plan; None where none was taken near its stations.
+
+        Args:
+            plot: reconstructed.
+            name: of the plot, as the flight knows it.
+            capture: that was reconstructed.
+        """
+        if plot.frame is None or plot.metric_source is None or not plot.metric:
+            return None
+        frame = plot.frame.of_source(plot.metric_source)
+        if self.reference is None and (frame.origin is not None or plot.metric_source != _OWN_FRAME):
+            return None
+        found: dict[AchievedSource, Poses] = {"reconstructed": _reconstructed(plot.image_reports)}
+        flown = None
+        if self.flight is None:
+            found["tagged"] = known_rows(_as_meant(capture, plot.image_reports, frame), frame)
+        else:
+            found["reported"] = known_rows(capture, frame)
+            flown = self.flight.adherence(name, self.planned, self.datum)
+        return kept(
+            [image.name for image in plot.image_reports],
+            _stations(self.plan, frame if self.reference is None else None),
+            found,
+            np.eye(3) if frame.origin is None else frame.from_source.rotation.T,
+            flown,
+        )
+
+    @property
+    def without_place(self) -> str:
+        """Why a plot has no adherence."""
+        if self.reference is None:
+            return "its place needs --reference, or a poses.csv in the plan's frame"
+        return "no photograph was taken near the plan's stations"
+
+
+def write_adherence(folder: Path, place: str, plot: PlotEvaluation) -> PlotEvaluation:
+    """Write adherence.csv of a plot with adherence into its folder ``place`` of an evaluation, and enter it there.
+
+    Raises:
+        StorageError: the place is full or not writable.
+    """
+    if plot.adherence is None:
+        return plot
+    write_adherence_csv(folder / place / ADHERENCE_FILE, plot.adherence)
+    files = describe_files(folder, [f"{place}/{ADHERENCE_FILE}"])
+    return plot.model_copy(update={"files": (*plot.files, *files)})
+
+
 def planned_poses(plan: Plan, source: SourceFrame) -> tuple[list[PlannedPose], str]:
     """A plan's stations on the Earth, where the reference that it was made on lies, and the datum of their heights.
 
@@ -130,13 +231,13 @@ def planned_poses(plan: Plan, source: SourceFrame) -> tuple[list[PlannedPose], s
         )
     to_source = source.from_source.inverse()
     poses = []
-    for name, station in zip(station_names(plan), plan.stations, strict=True):
+    for k, station in enumerate(plan.stations):
         # Rows are the camera's axes: in the source's frame they are those in the plot's times the rotation between.
         rotation = station.pose.rotation @ source.from_source.rotation
         yaw, pitch, _ = Pose(rotation, np.zeros(3)).yaw_pitch_roll_deg()
         place = to_source.apply(np.array(station.position_m))
         latitude, longitude, height = (float(v[0]) for v in source.origin.to_geodetic(place))
-        poses.append(PlannedPose(name, latitude, longitude, height, yaw % 360.0, pitch))
+        poses.append(PlannedPose(_name(k), latitude, longitude, height, yaw % 360.0, pitch))
     return poses, "amsl" if source.origin.datum == "sea level" else "none"
 
 
@@ -144,26 +245,174 @@ def adherence_entry(found: Adherence, images: Sequence[str]) -> AdherenceEntry:
     """What evaluation.json says of a flight's adherence; ``images`` are the triggers' photographs."""
     stations = tuple(
         StationErrorEntry(
-            station=clean_text(e.station),
-            image=clean_text(images[e.trigger]),
-            east_m=e.east_m,
-            north_m=e.north_m,
-            up_m=e.up_m,
-            yaw_deg=e.yaw_deg,
-            pitch_deg=e.pitch_deg,
-            speed_mps=e.speed_mps,
-            turning_dps=e.turning_dps,
+            station=e.station, image=images[e.trigger], east_m=e.east_m, north_m=e.north_m, up_m=e.up_m,
+            yaw_deg=e.yaw_deg, pitch_deg=e.pitch_deg, speed_mps=e.speed_mps, turning_dps=e.turning_dps,
         )
         for e in found.errors
+    )  # fmt: skip
+    return _entry(stations, found.missing, [images[k] for k in found.extra], "reported", None)
+
+
+def kept(
+    photographs: Sequence[str],
+    stations: Poses,
+    found: Mapping[AchievedSource, Poses],
+    axes: Array,
+    flown: AdherenceEntry | None = None,
+) -> AdherenceEntry | None:
+    """How a plot's photographs kept to their plan; None where none was taken near a station.
+
+    Args:
+        photographs: their names, in order.
+        stations: the plan's, by name, in its order; plot frame.
+        found: poses by source; what one does not know is left out.
+        axes: (3, 3) rows are east, north and up in the plot frame.
+        flown: by the flight log, with its assignment of photographs, its errors, speeds and turning.
+    """
+    station_of = {} if flown is None else {error.image: error.station for error in flown.stations}
+    shifts: dict[AchievedSource, Vector | None] = {}
+    for source in ACHIEVED:
+        _assign(station_of, stations, found.get(source, {}))
+        shifts[source] = _shift(station_of, stations, found.get(source, {}), axes)
+    if not station_of:
+        return None
+    known = {s: sum(name in station_of for name in found.get(s, {})) for s in ACHIEVED}
+    achieved = next((s for s in ACHIEVED if known[s] >= _LEAST_STATIONS), max(ACHIEVED, key=lambda s: known[s]))
+    if flown is not None and achieved == "reported":
+        errors = flown.stations
+    else:
+        errors = _errors(station_of, stations, found.get(achieved, {}), axes)
+    taken = set(station_of.values())
+    somewhere = {name for poses in found.values() for name in poses}
+    return _entry(
+        errors,
+        [name for name in stations if name not in taken],
+        [name for name in photographs if name in somewhere and name not in station_of],
+        achieved,
+        shifts[achieved],
     )
+
+
+def _entry(
+    stations: tuple[StationErrorEntry, ...],
+    missing: Sequence[str],
+    extra: Sequence[str],
+    achieved: AchievedSource,
+    shift: Vector | None,
+) -> AdherenceEntry:
     return AdherenceEntry(
         stations=stations,
-        missing=tuple(clean_text(name) for name in found.missing),
-        extra=tuple(clean_text(images[k]) for k in found.extra),
-        horizontal_rms_m=_rms([e.horizontal_m for e in found.errors]),
-        yaw_rms_deg=_rms([e.yaw_deg for e in found.errors]),
-        pitch_rms_deg=_rms([e.pitch_deg for e in found.errors]),
+        missing=tuple(missing),
+        extra=tuple(extra),
+        horizontal_rms_m=_rms([float(np.hypot(e.east_m, e.north_m)) for e in stations]),
+        yaw_rms_deg=_rms([e.yaw_deg for e in stations]),
+        pitch_rms_deg=_rms([e.pitch_deg for e in stations]),
+        achieved_by=achieved,
+        shift_m=shift,
     )
+
+
+def _name(station: int) -> str:
+    return f"station {station_number(station)}"
+
+
+def _row(position: Array, rotation: Array) -> PoseRow:
+    """A pose in the plot frame; ``rotation`` is that of the camera from it."""
+    yaw, pitch, _ = Pose(rotation, np.zeros(3)).yaw_pitch_roll_deg()
+    if abs(rotation[2, 2]) > _STEEP_SINE:
+        # Straight down the axis has no heading: there its yaw would follow every tenth of a degree of roll.
+        yaw = float(np.degrees(np.arctan2(-rotation[0, 1], rotation[0, 0])))
+    return vector(position), float(wrapped_deg(yaw)), float(pitch)
+
+
+def _stations(plan: Plan, to_plot: SourceFrame | None) -> dict[str, PoseRow]:
+    """A plan's stations in the plot frame; ``to_plot`` leads into it where the plan is in a metric source's frame."""
+    rows = {}
+    for k, station in enumerate(plan.stations):
+        pose = station.pose if to_plot is None else to_plot.from_source.apply_pose(station.pose)
+        rows[_name(k)] = _row(pose.center, pose.rotation)
+    return rows
+
+
+def _reconstructed(images: Sequence[ImageReport]) -> dict[str, PoseRow]:
+    return {
+        image.name: _row(pose.center, pose.rotation)
+        for image in images
+        if image.right is not False and (pose := image.pose) is not None
+    }
+
+
+def known_rows(capture: Capture, frame: SourceFrame) -> dict[str, PoseRow]:
+    """Positions and angles that lie beside a capture's photographs or in them, or that its flight log gives.
+
+    Empty where the capture's frame and the plot's are not related.
+    """
+    try:
+        known = known_poses(replace(capture, program=None), frame).poses
+    except FieldkitError:
+        return {}
+    rows: dict[str, PoseRow] = {}
+    for name, each in known.items():
+        if each.position is None:
+            continue
+        prior, yaw, pitch = capture.priors[name], None, None
+        if prior.yaw_deg is not None or prior.pitch_deg is not None:
+            camera = Pose.from_yaw_pitch(np.zeros(3), prior.yaw_deg or 0.0, prior.pitch_deg or 0.0, prior.roll_deg or 0)
+            _, yaw, pitch = _row(each.position, camera.rotation @ frame.from_source.rotation.T)
+        rows[name] = (
+            vector(each.position),
+            None if prior.yaw_deg is None else yaw,
+            None if prior.pitch_deg is None else pitch,
+        )
+    return rows
+
+
+def _as_meant(capture: Capture, images: Sequence[ImageReport], frame: SourceFrame) -> Capture:
+    """A capture with its recorded angles read as orientations in the plot frame say; see `read_angles`."""
+    found = {image.name: pose.rotation for image in images if image.right is not False and (pose := image.pose)}
+    sigmas = [p.angle_sigma_deg for p in capture.priors.values() if p.angles is not None]
+    bound = ANGLE_SIGMAS * float(np.median(sigmas)) if sigmas else 0.0
+    return read_angles(capture, found, frame.from_source.rotation, bound).capture
+
+
+def _assign(station_of: dict[str, str], stations: Poses, poses: Poses) -> None:
+    """Give photographs that have no station yet those that are left, by the poses of one source."""
+    free = [name for name in stations if name not in station_of.values()]
+    left = [name for name in poses if name not in station_of]
+    both = [name for name in station_of if name in poses]
+    shift = None
+    if len(both) >= _LEAST_STATIONS:
+        # Those that an earlier source has assigned say how far this one lies beside the plan.
+        apart = [np.subtract(poses[n][0], stations[station_of[n]][0]) for n in both]
+        shift = np.median(np.array(apart, dtype=np.float64), axis=0)
+    found = associate(PoseArray.of([poses[n] for n in left]), PoseArray.of([stations[n] for n in free]), offset_m=shift)
+    station_of.update({left[a]: free[b] for a, b in found.station_of.items()})
+
+
+def _shift(station_of: Mapping[str, str], stations: Poses, poses: Poses, axes: Array) -> Vector | None:
+    """What photographs' positions have in common against their stations': east, north, up."""
+    apart = [np.subtract(poses[n][0], stations[s][0]) for n, s in station_of.items() if n in poses]
+    return vector(np.median(np.array(apart, dtype=np.float64) @ axes.T, axis=0)) if apart else None
+
+
+def _errors(station_of: Mapping[str, str], stations: Poses, poses: Poses, axes: Array) -> tuple[StationErrorEntry, ...]:
+    """Achieved less planned, in the order of the stations."""
+    taken = {station: name for name, station in station_of.items() if name in poses}
+    errors = []
+    for station, (planned, yaw, pitch) in stations.items():
+        if station not in taken:
+            continue
+        name = taken[station]
+        position, taken_yaw, taken_pitch = poses[name]
+        east, north, up = (float(v) for v in axes @ np.subtract(position, planned))
+        errors.append(
+            StationErrorEntry(
+                station=station, image=name, east_m=east, north_m=north, up_m=up,
+                yaw_deg=None if taken_yaw is None or yaw is None else finite(wrapped_deg(taken_yaw - yaw)),
+                pitch_deg=None if taken_pitch is None or pitch is None else finite(taken_pitch - pitch),
+            )
+        )  # fmt: skip
+    return tuple(errors)
 
 
 def flown_noise(plots: Sequence[PlotEvaluation], path: Path) -> tuple[float, float]:

@@ -14,13 +14,18 @@ from typing import Any
 from fieldkit.documents.csv_text import csv_text
 from fieldkit.files import write_atomic
 from fieldkit.results.comparison import ComparisonReport, DifferenceEntry
-from fieldkit.results.evaluation import AdherenceEntry, EvaluationReport, PlotEvaluation, PoseEntry, distance_key
+from fieldkit.results.evaluation import (
+    AdherenceEntry,
+    EvaluationReport,
+    PlotEvaluation,
+    StationErrorEntry,
+    distance_key,
+)
 from fieldkit.results.traits import COLUMNS as TRAIT_COLUMNS
 from fieldkit.results.traits import REASONS, VALUES, TraitsEntry
 
 TRAITS_FILE = "traits.csv"
 TABLE_COLUMNS = ("plot", "date", *TRAIT_COLUMNS)
-ADHERENCE_SOURCES = ("planned", "commanded", "reported", "tagged", "reconstructed")
 _TRAIT_DECIMALS = 4
 
 Row = list[object]
@@ -110,15 +115,9 @@ def write_adherence_csv(path: Path, found: AdherenceEntry) -> None:
 
 
 def adherence_csv(found: AdherenceEntry) -> str:
-    """Plot frame, one row per photograph and source that knows it, in the photographs' order."""
-    poses: Iterator[tuple[Row, PoseEntry | None]] = (
-        ([row.image, row.station, source], getattr(row, source))
-        for row in found.photographs for source in ADHERENCE_SOURCES
-    )  # fmt: skip
-    return csv_text(
-        ("image", "station", "source", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg"),
-        ([*of, *pose.position_m, pose.yaw_deg, pose.pitch_deg] for of, pose in poses if pose is not None),
-    )
+    """Achieved less planned, one row per station that was photographed."""
+    columns = tuple(StationErrorEntry.model_fields)
+    return csv_text(columns, ([getattr(error, name) for name in columns] for error in found.stations))
 
 
 def compare_csv(report: ComparisonReport) -> str:

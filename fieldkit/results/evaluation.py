@@ -201,65 +201,7 @@ class ErrorEntry(Strict):
     remedy: Text
 
 
-PoseSource = Literal["planned", "commanded", "reported", "tagged", "reconstructed"]
 AchievedSource = Literal["reported", "reconstructed", "tagged"]
-
-
-class PoseEntry(Strict):
-    """A camera's pose by one source, in the plot frame."""
-
-    position_m: Vector
-    yaw_deg: float | None
-    """Of the optical axis, clockwise from +y, in [−180, 180); steeper than 75° down, of the image's upper edge."""
-    pitch_deg: float | None
-    """0 at the horizon, −90 straight down."""
-
-
-class PhotographPosesEntry(Strict):
-    """One photograph's pose by every source; null where the source does not say it (`AdherenceEntry.unknown`)."""
-
-    image: str
-    station: str | None
-    """That it belongs to; null where it belongs to none, and planned and commanded are null."""
-    planned: PoseEntry | None
-    """The plan's station."""
-    commanded: PoseEntry | None
-    """What the mission told the autopilot."""
-    reported: PoseEntry | None
-    """The autopilot's estimate at the shutter, from the flight log."""
-    tagged: PoseEntry | None
-    """What poses.csv, geo.txt or the photograph's own tags say."""
-    reconstructed: PoseEntry | None
-    """By structure from motion; null also for photographs that do not count."""
-
-
-class SpreadEntry(Strict):
-    """Statistics of differences."""
-
-    count: Annotated[int, Field(gt=0)]
-    bias: float
-    """Their mean."""
-    std_dev: Length | None
-    """About the mean, with count − 1; null for a single one."""
-    rms: Length
-    """About 0."""
-    max: Length
-    """Largest absolute value."""
-
-
-class PoseDifferenceEntry(Strict):
-    """One source's poses less another's, of the photographs that both know."""
-
-    of: PoseSource
-    less: PoseSource
-    east_m: SpreadEntry | None
-    """Along the plot frame's x, y and z where it is not georeferenced; so north_m and up_m."""
-    north_m: SpreadEntry | None
-    up_m: SpreadEntry | None
-    """Its bias is void where the sources' heights have no datum in common."""
-    yaw_deg: SpreadEntry | None
-    """The short way about."""
-    pitch_deg: SpreadEntry | None
 
 
 class StationErrorEntry(Strict):
@@ -275,9 +217,9 @@ class StationErrorEntry(Strict):
     """Of the heading; null where the log does not say it."""
     pitch_deg: float | None
     """Of the gimbal; null where the log does not say it."""
-    speed_mps: Length | None
+    speed_mps: Length | None = None
     """Of the vehicle at the shutter."""
-    turning_dps: Length | None
+    turning_dps: Length | None = None
     """How fast the camera turned at the shutter, degrees per second."""
 
 
@@ -299,12 +241,6 @@ class AdherenceEntry(Strict):
     shift_m: Vector | None = None
     """East, north, up: what all photographs of that source have in common against their stations (median): the offset
     of a receiver above all. It is in ``stations`` and the statistics, and left out of the matching."""
-    photographs: tuple[PhotographPosesEntry, ...] = ()
-    """All of the plot, in its order; empty in older files."""
-    differences: tuple[PoseDifferenceEntry, ...] = ()
-    """Of every two sources that know photographs in common."""
-    unknown: dict[PoseSource, str] = {}  # noqa: RUF012 - pydantic copies it
-    """Sources that say nothing of any photograph, and why."""
 
 
 class Prediction(Strict):

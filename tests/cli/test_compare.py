@@ -47,8 +47,6 @@ def test_tables_say_what_cannot_be_told(two: list[str], capsys: pytest.CaptureFi
     [
         (["compare", "nowhere", "neither"], 3, "no such file"),
         (["compare"], 2, "missing argument"),
-        (["evaluate", ".", "-o", "out", "--plan", "p", "--mission", "m.plan"], 2, "belong together"),
-        (["evaluate", ".", "--mission", "m.plan", "--vehicle", "x"], 2, "not taken in a campaign"),
     ],
 )
 def test_wrong_usage(

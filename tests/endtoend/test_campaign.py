@@ -101,7 +101,7 @@ def test_plots_with_and_without_reference(line: CommandLine, season: Path, small
     for plot in ("A", "B"):  # photographed at the plan's stations
         report = json.loads((season / visits[plot].folder / "evaluation.json").read_text("utf-8"))
         adherence = report["plots"][0]["adherence"]
-        assert [row["station"] for row in adherence["photographs"]] == [f"station {k}" for k in range(1, 9)]
+        assert [row["station"] for row in adherence["stations"]] == [f"station {k}" for k in range(1, 9)]
         assert (season / visits[plot].folder / plot / "adherence.csv").is_file()
     position_m, angle_deg = flown_noise(visit_plots(read_campaign(season)), season)
     assert 0.0 < position_m < 0.02  # the photographs were taken at the stations

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fieldkit.evaluation.pose_table import pose_adherence
+from fieldkit.evaluation.adherence import PoseRow, kept
 from fieldkit.fieldcheck.placement import place_tags
 from fieldkit.flightlogs import Gimbal, Place, Trigger
 from fieldkit.flightlogs.adherence import Adherence, PlannedPose, adherence
@@ -18,7 +18,6 @@ from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.stations import MOST_OFFSET_M, PoseArray, associate
 from fieldkit.missions.autopilots.execution import Photograph
 from fieldkit.missions.check_photographs import deviations
-from fieldkit.results.evaluation import PoseEntry
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.routing.mission import GeoPoint, Home, Shot
 from fieldkit.sites.site import Site, SiteHome, SitePlot
@@ -52,9 +51,9 @@ class Flight:
     true: Pairs
 
 
-def flown(stations: PoseArray, kept: list[int], offset: np.ndarray, noise_m: float, seed: int) -> Flight:
+def flown(stations: PoseArray, chosen: list[int], offset: np.ndarray, noise_m: float, seed: int) -> Flight:
     rng = np.random.default_rng(seed)
-    order = rng.permutation(kept)
+    order = rng.permutation(chosen)
     there = stations[order]
     photographs = PoseArray(
         there.positions + offset + rng.normal(0.0, noise_m, (len(order), 3)),
@@ -85,23 +84,15 @@ def by_log(flight: Flight) -> Adherence:
     return adherence(planned, triggers)
 
 
-def entries(poses: PoseArray) -> dict[str, PoseEntry]:
-    return {
-        str(k): PoseEntry(
-            position_m=tuple(position), yaw_deg=yaw, pitch_deg=pitch
-        )
-        for k, (position, yaw, pitch) in enumerate(
-            zip(poses.positions.tolist(), poses.yaws.tolist(), poses.pitches.tolist(), strict=True)
-        )
-    }  # fmt: skip
+def rows(poses: PoseArray) -> dict[str, PoseRow]:
+    values = zip(poses.positions.tolist(), poses.yaws.tolist(), poses.pitches.tolist(), strict=True)
+    return {str(k): (tuple(position), yaw, pitch) for k, (position, yaw, pitch) in enumerate(values)}
 
 
 def by_evaluation(flight: Flight) -> Pairs:
     names = [str(k) for k in range(len(flight.photographs))]
-    found = pose_adherence(
-        names, entries(flight.stations), {"tagged": entries(flight.photographs)}, unknown={}, axes=np.eye(3)
-    )
-    return {} if found is None else {int(r.image): int(r.station) for r in found.photographs if r.station is not None}
+    found = kept(names, rows(flight.stations), {"tagged": rows(flight.photographs)}, np.eye(3))
+    return {} if found is None else {int(error.image): int(error.station) for error in found.stations}
 
 
 def cameras(poses: PoseArray) -> list[Pose]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import statistics
+from collections.abc import Callable, Mapping, Sequence
 
 from fieldkit.figures.content import Column, Mark, Row, Table, Terms, tabulated
 from fieldkit.figures.style import decimal, metres
@@ -18,13 +19,18 @@ ACHIEVED_BY = {
 
 _MOST_NAMES = 20
 _AXES = {
-    "east_m": (Column("east, m", True), 3),
-    "north_m": (Column("north, m", True), 3),
-    "up_m": (Column("up, m", True), 3),
-    "yaw_deg": (Column("yaw, °", True), 2),
-    "pitch_deg": (Column("pitch, °", True), 2),
+    "east_m": (Column("east, m", True), 2),
+    "north_m": (Column("north, m", True), 2),
+    "up_m": (Column("up, m", True), 2),
+    "yaw_deg": (Column("yaw, °", True), 1),
+    "pitch_deg": (Column("pitch, °", True), 1),
 }
-_STATISTICS = (("bias", "mean"), ("std_dev", "std. dev."), ("max", "largest"))
+_STATISTICS: tuple[tuple[str, int, Callable[[list[float]], float]], ...] = (
+    ("mean", 1, statistics.fmean),
+    ("std. dev.", 2, statistics.stdev),
+    ("largest", 1, lambda values: max(map(abs, values))),
+)
+"""Name, least number of stations, and how it is computed."""
 
 
 def adherence_by_plot(plots: Sequence[PlotEvaluation]) -> Table:
@@ -43,12 +49,12 @@ def adherence_by_plot(plots: Sequence[PlotEvaluation]) -> Table:
 
 
 def station_table(found: AdherenceEntry) -> Table:
-    """Poses of photographs less their stations': one row per station."""
+    """Poses of photographs less their stations': one row per station, and what the errors come to."""
     rows: list[Row] = [
         {
             "station": s.station,
             "photograph": s.image,
-            **{column: decimal(getattr(s, axis), digits - 1) for axis, (column, digits) in _AXES.items()},
+            **_errors({axis: getattr(s, axis) for axis in _AXES}),
             Column("speed, m/s", True): decimal(s.speed_mps),
             Column("turning, °/s", True): decimal(s.turning_dps, 1),
         }
@@ -56,32 +62,25 @@ def station_table(found: AdherenceEntry) -> Table:
     ]
     empty = dict.fromkeys(rows[0]) if rows else {}
     rows += [empty | {"station": name, "photograph": Mark("problem", "no photograph")} for name in found.missing]
+    known = {axis: [v for s in found.stations if (v := getattr(s, axis)) is not None] for axis in _AXES}
+    for name, least, of in _STATISTICS:
+        figures = {axis: of(values) if len(values) >= least else None for axis, values in known.items()}
+        if any(value is not None for value in figures.values()):
+            rows.append(empty | {"station": name, **_errors(figures)})
     return tabulated(
         "How the flight kept to its plan", rows, f"Achieved less planned, by {ACHIEVED_BY[found.achieved_by]}."
     )
 
 
-def difference_table(found: AdherenceEntry) -> Table:
-    """Statistics of the differences between sources of poses; no rows with fewer than two sources."""
-    rows: list[Row] = []
-    for each in found.differences:
-        spreads = {axis: spread for axis in _AXES if (spread := getattr(each, axis)) is not None}
-        photographs = max((spread.count for spread in spreads.values()), default=0)
-        rows += [
-            {
-                "poses": f"{each.of} less {each.less}",
-                Column("photographs", True, short="photos"): f"{photographs}",
-                "figure": name,
-                **{column: decimal(getattr(spreads.get(axis), key, None), n) for axis, (column, n) in _AXES.items()},
-            }
-            for key, name in _STATISTICS
-        ]
-    return tabulated("What the sources of poses say of the same photographs", rows)
+def _errors(values: Mapping[str, float | None]) -> Row:
+    return {column: decimal(values[axis], digits) for axis, (column, digits) in _AXES.items()}
 
 
 def gaps(found: AdherenceEntry) -> Terms | None:
-    """Missing sources with reasons, stations without photograph, photographs of no station; None if complete."""
-    rows: list[tuple[str, str]] = [(source, f"not known: {why}") for source, why in found.unknown.items()]
-    for label, names in (("no photograph of", found.missing), ("of no station", found.extra)):
-        rows += [(label, listed(list(names), _MOST_NAMES))] if names else []
+    """Stations without a photograph and photographs of no station; None if complete."""
+    rows = [
+        (label, listed(list(names), _MOST_NAMES))
+        for label, names in (("no photograph of", found.missing), ("of no station", found.extra))
+        if names
+    ]
     return Terms(tuple(rows)) if rows else None

@@ -59,8 +59,6 @@ def _plot(plot: PlotEvaluation) -> Iterator[Block]:
     if plot.correction is not None:
         yield Paragraph(scores.correction_sentence(plot))
     if plot.adherence is not None:
-        if plot.adherence.differences:
-            yield adherence.difference_table(plot.adherence)
         missing = adherence.gaps(plot.adherence)
         if missing is not None:
             yield missing

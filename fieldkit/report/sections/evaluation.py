@@ -60,8 +60,6 @@ def _plot_blocks(plot: PlotEvaluation, views: Views, pictures: Mapping[str, Pict
 
 def _adherence_blocks(found: AdherenceEntry) -> Iterator[Block]:
     yield adherence.station_table(found)
-    if found.differences:
-        yield adherence.difference_table(found)
     missing = adherence.gaps(found)
     if missing is not None:
         yield missing

@@ -14,17 +14,16 @@ from fieldkit.figures.tables import adherence, comparison, reconstruction, score
 from fieldkit.figures.terminal.blocks import rendered
 from fieldkit.report.html.document import render
 from fieldkit.results.comparison import ComparedEvaluation, ComparisonReport, DifferenceEntry, ValueEntry
-from fieldkit.results.evaluation import AdherenceEntry, PoseDifferenceEntry, Prediction, SpreadEntry
+from fieldkit.results.evaluation import AdherenceEntry, Prediction, StationErrorEntry
 from tests.figures.terminal.test_results import FAILED, TRAITS, scored
 from tests.report.page_checks import checked
 
-SPREAD = SpreadEntry(count=5, bias=-0.012, std_dev=0.034, rms=0.04, max=0.101)
-DIFFERENCE = PoseDifferenceEntry(
-    of="reported", less="planned", east_m=SPREAD, north_m=SPREAD, up_m=None, yaw_deg=SPREAD, pitch_deg=SPREAD
+ERROR = StationErrorEntry(
+    station="station 1", image="a.jpg", east_m=0.11, north_m=-0.2, up_m=None, yaw_deg=1.5, pitch_deg=0.5
 )
 KEPT = AdherenceEntry(
-    stations=(), missing=("station 5",), extra=("b.jpg",), horizontal_rms_m=0.21, yaw_rms_deg=1.5, pitch_rms_deg=0.5,
-    unknown={"commanded": "no mission was given"}, differences=(DIFFERENCE,),
+    stations=(ERROR,), missing=("station 5",), extra=("b.jpg",), horizontal_rms_m=0.21, yaw_rms_deg=1.5,
+    pitch_rms_deg=0.5,
 )  # fmt: skip
 PREDICTION = Prediction(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
 PLOT = scored("plot 7").model_copy(update={"traits": TRAITS, "prediction": PREDICTION, "adherence": KEPT})
@@ -73,7 +72,7 @@ def texts(blocks: Sequence[Block]) -> set[str]:
         ),
         (KeyFigures(tuple(scores.score_figures(PLOT))), scores.distance_table(PLOT)),
         (scores.plot_table((PLOT,)), *scores.plant_tables((PLOT,)), scores.failure_table((FAILED,))),
-        (adherence.adherence_by_plot((PLOT,)), adherence.difference_table(KEPT), *([GAPS] if GAPS else [])),
+        (adherence.adherence_by_plot((PLOT,)), *([GAPS] if GAPS else [])),
         tuple(comparison.comparison_blocks(COMPARISON)),
     ],
     ids=["reconstruction", "scores", "plots", "adherence", "comparison"],

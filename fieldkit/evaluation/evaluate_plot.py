@@ -1,8 +1,10 @@
-"""One capture reconstructed, scored and written: what `evaluate_captures` and a campaign do with every plot."""
+"""One plot evaluated: its capture reconstructed, scored, compared with its plan and written."""
 
 from __future__ import annotations
 
+import shutil
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,24 +14,31 @@ from fieldkit.cache import StageCache
 from fieldkit.captures import Capture
 from fieldkit.clouds import Cloud, CloudScore, ReferenceIndex, score, write_cloud
 from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
-from fieldkit.errors import UsageError
-from fieldkit.evaluation.cloud_reference import AnyReference
-from fieldkit.evaluation.conversion import plot_evaluation
+from fieldkit.errors import FieldkitError, InputError, StorageError, UsageError
+from fieldkit.evaluation.adherence import FlownPlan, write_adherence
+from fieldkit.evaluation.cloud_reference import AnyReference, CloudReference
+from fieldkit.evaluation.conversion import failed_plot, plot_evaluation
 from fieldkit.evaluation.rasters import COARSE_RASTERS, NO_RASTERS, Rasters, coarse_place, write_rasters
 from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, Reference
 from fieldkit.evaluation.traits import PlotOutline, outline_of, scale_doubt
+from fieldkit.figures.spreadsheets import TRAITS_FILE, plot_rows, write_plots_csv, write_traits_csv
 from fieldkit.figures.style import format_length
+from fieldkit.files import storage_errors
 from fieldkit.pictures.overview import write_overview
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.doubtful import OTHER_PLANTS
-from fieldkit.results.evaluation import CorrectionEntry, PlotEvaluation
+from fieldkit.results.evaluation import CorrectionEntry, EvaluationReport, PlotEvaluation
+from fieldkit.results.fields import vector
 from fieldkit.results.finding import Finding
-from fieldkit.results.report_files import describe_files
+from fieldkit.results.report_files import EVALUATION_FILE, describe_files, save_report
 from fieldkit.runtime.progress import Progress
 from fieldkit.runtime.usage import processor_seconds
 
+PLOTS_FILE = "plots.csv"
+RESERVED = (EVALUATION_FILE, PLOTS_FILE, TRAITS_FILE)
+"""Names of an evaluation's own files, which no plot's folder has."""
 _DOUBTS = 3.0
 _OTHER_SHARE = 0.04
 """Chamfer distance of what is taken for other plants, as a share of the diagonal of the reference's box. Others, and
@@ -39,7 +48,7 @@ the same ones turned, have 5 % and more on simulated plots, the reference's own 
 
 @dataclass(frozen=True)
 class Spent:
-    """When work on a plot began: wall and CPU clock, seconds."""
+    """When work began: wall and CPU clock, seconds."""
 
     wall: float
     cpu: float
@@ -61,69 +70,109 @@ class Spent:
 
 @dataclass(frozen=True, eq=False)
 class Scoring:
-    """What captures are scored against, and how.
-
-    Attributes:
-        reference: or None, for the figures that need none.
-        index: of its cloud, for nearest neighbours.
-        refine: move each cloud onto the reference by ICP first.
-        distances_m: of precision, recall and F-score.
-    """
+    """What captures are scored against, and how."""
 
     reference: AnyReference | None
+    """None for the figures that need none."""
     index: ReferenceIndex | None
+    """Of its cloud, for nearest neighbours."""
     refine: bool
+    """Move each cloud onto the reference by ICP first."""
     distances_m: tuple[float, ...]
+    """Of precision, recall and F-score."""
 
     @classmethod
     def against(cls, reference: AnyReference | None, *, refine: bool, distances_m: tuple[float, ...]) -> Scoring:
-        return cls(reference, None if reference is None else ReferenceIndex(reference.cloud), refine, distances_m)
+        index = None if reference is None else ReferenceIndex(reference.cloud)
+        return cls(reference, index, refine and reference is not None, distances_m)
 
 
-def score_capture(
-    name: str,
-    capture: Capture,
-    known_plot: KnownPlot | None,
+@dataclass(frozen=True, eq=False)
+class PlotCapture:
+    """A plot's capture, as read, with what it is evaluated by."""
+
+    capture: Capture
+    scoring: Scoring
+    known_plot: KnownPlot | None = None
+    """The frame and volume to work in; None finds them."""
+    outline: PlotOutline | None = None
+    """Of the plot; None takes the bounds of the settings, else those of the reference."""
+    rasters: Rasters | None = None
+    """To be written, of the clouds as reconstructed; a finding says where they cannot be."""
+    flown: FlownPlan | None = None
+    """The plan that the photographs are compared with."""
+
+
+def evaluate_plot(
+    plot: str,
+    read: Callable[[], PlotCapture],
     folder: Path,
+    place: str,
     settings: ReconstructionSettings,
-    scoring: Scoring,
     *,
-    spent: Spent,
     cache: StageCache,
     progress: Progress,
     workers: int = 1,
-    subfolder: str | None = None,
-    outline: PlotOutline | None = None,
-    rasters: Rasters | None = None,
+    photographs: int = 0,
+    alone: bool = False,
 ) -> PlotEvaluation:
-    """Reconstruct a capture, score its cloud and write both.
+    """Evaluate one plot: with its error where it cannot be.
 
     Args:
-        name: of the plot.
-        capture: as read.
-        known_plot: the frame and volume to work in; None finds them.
-        folder: of the result.
+        plot: its name.
+        read: reads its photographs.
+        folder: of the evaluation.
+        place: the plot's folder in it, new.
         settings: choices.
-        scoring: what against.
-        spent: when work on this plot began.
-        cache: of stages.
-        progress: told of stages.
-        workers: processes.
-        subfolder: of ``folder``, new, for the plot's files; ``name`` where not given.
-        outline: of the plot; None takes the bounds of the settings, else those of the reference.
-        rasters: to be written, too, of the clouds as reconstructed; a finding says where they cannot be.
+        photographs: that are known of before they are read.
+        alone: raise what is wrong with its input.
 
     Raises:
-        InputError, ReconstructionError: as `reconstruct`.
         StorageError: the files cannot be written.
     """
-    place = name if subfolder is None else subfolder
+    spent = Spent.now()
+    try:
+        with storage_errors(folder):
+            return _evaluated(plot, read(), folder, place, settings, spent, cache, progress, workers)
+    except Exception as error:
+        shutil.rmtree(folder / place, ignore_errors=True)
+        if not isinstance(error, FieldkitError) or isinstance(error, StorageError):
+            raise
+        # One bad folder among many must not cost the others; alone, its own exit code says more.
+        if alone and isinstance(error, InputError):
+            raise
+        progress.note(f"{plot}: {error}")
+        return failed_plot(
+            plot, error, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds, photographs=photographs
+        )  # fmt: skip
+
+
+def write_evaluation(folder: Path, report: EvaluationReport) -> EvaluationReport:
+    """Write plots.csv, traits.csv and evaluation.json of evaluated plots."""
+    write_plots_csv(folder / PLOTS_FILE, report)
+    write_traits_csv(folder / TRAITS_FILE, plot_rows(report.plots))
+    report = report.model_copy(update={"files": describe_files(folder, [PLOTS_FILE, TRAITS_FILE])})
+    save_report(folder / EVALUATION_FILE, report)
+    return report
+
+
+def _evaluated(
+    name: str,
+    given: PlotCapture,
+    folder: Path,
+    place: str,
+    settings: ReconstructionSettings,
+    spent: Spent,
+    cache: StageCache,
+    progress: Progress,
+    workers: int,
+) -> PlotEvaluation:
+    scoring, rasters = given.scoring, given.rasters
     reference = scoring.reference
     settings_of_reference = reference.report.settings if isinstance(reference, Reference) else None
-    refine = scoring.refine and reference is not None
     found = reconstruct(
-        capture, settings, cache=cache, progress=progress, workers=workers, known_plot=known_plot,
-        reach_m=REFERENCE_REACH_M if refine else 0.0,
+        given.capture, settings, cache=cache, progress=progress, workers=workers, known_plot=given.known_plot,
+        reach_m=REFERENCE_REACH_M if scoring.refine else 0.0,
     )  # fmt: skip
     if rasters is not None:
         found = with_scene(found, settings, cache=cache, progress=progress, workers=workers)
@@ -131,7 +180,7 @@ def score_capture(
     findings: list[Finding] = []
     with progress.stage("Scoring"):
         if reference is not None and scoring.index is not None:
-            if refine:
+            if scoring.refine:
                 plants, correction, findings = _refined(found, scoring.index, name)
             result = score(scoring.index, plants, scoring.distances_m)
             findings += _other_plants(name, result, reference.cloud)
@@ -147,13 +196,21 @@ def score_capture(
             if told.message:
                 findings.append(told)
                 progress.note(f"{name}: {told.message}")
+        if isinstance(reference, CloudReference):
+            findings += reference.findings
         plot = plot_evaluation(
             name, found, settings, score=result, correction=correction, findings=findings, plants=plants,
-            outline=outline or outline_of(settings, settings_of_reference),
+            outline=given.outline or outline_of(settings, settings_of_reference),
             seconds=spent.seconds, cpu_seconds=spent.cpu_seconds,
         )  # fmt: skip
         write_overview(folder / place / OVERVIEW_FILE, plot, plants)
-    return plot.model_copy(update={"files": describe_files(folder, [f"{place}/{n}" for n in names])})
+    plot = plot.model_copy(update={"files": describe_files(folder, [f"{place}/{n}" for n in names])})
+    if given.flown is None:
+        return plot
+    kept = given.flown.adherence(plot, name, given.capture)
+    if kept is None:
+        progress.note(f"{name}: no adherence to the plan: {given.flown.without_place}")
+    return write_adherence(folder, place, plot.model_copy(update={"adherence": kept}))
 
 
 def _refined(
@@ -173,7 +230,7 @@ def _refined(
     center = found.plants.points.mean(axis=0)
     shift = np.asarray(motion.apply(center)) - center
     correction = CorrectionEntry(
-        translation_m=(float(shift[0]), float(shift[1]), float(shift[2])),
+        translation_m=vector(shift),
         angle_deg=stats.rotation_deg,
         scale=stats.scale,
         rms_m=stats.rms_m,

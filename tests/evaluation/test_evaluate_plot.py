@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fieldkit.clouds import Cloud, Volume, score
-from fieldkit.evaluation.scoring import _other_plants, _refined, scale_doubt
+from fieldkit.evaluation.evaluate_plot import _other_plants, _refined, scale_doubt
 from fieldkit.reconstruction.result import Reconstruction
 from tests.evaluation.examples import reconstruction
 from tests.evaluation.test_compare import leaves
