@@ -15,9 +15,9 @@ from fieldkit.missions.autopilots.execution import Execution, distance
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.check_items import FAR_M, item_findings, place_findings
 from fieldkit.missions.check_photographs import adjusted_findings, deviations, photograph_findings, plan_findings
-from fieldkit.missions.files.dji_models import dji_model
 from fieldkit.missions.files.limits import LEAST_WAYPOINTS, LONGEST_STAY_S, MOST_WAYPOINTS
 from fieldkit.missions.files.read_mission import ReadMission
+from fieldkit.missions.files.wpml import dji_model
 from fieldkit.missions.findings import Finding, Report, error, warning
 from fieldkit.missions.ground import Ground
 from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Shot

@@ -68,7 +68,7 @@ def test_read_back(tmp_path: Path) -> None:
         sent = read.upload_items(dialect)
         assert len(sent) == len(items)
         assert all(same_item(a, b) for a, b in zip(items, sent, strict=True))
-        assert (read.home, read.fence, read.rally) == (HOME, mission.fence, mission.rally)
+        assert (read.home, read.fence) == (HOME, mission.fence)
         assert (read.firmware, read.remarks) == (dialect, ())
 
 
@@ -241,7 +241,6 @@ def test_jumps_lead_to_ids_not_to_places(tmp_path: Path) -> None:
         (["geoFence", "polygons"], [{"polygon": [[1, 2]]}], "fewer than three"),
         (["geoFence", "polygons"], 7, "not a list"),
         (["geoFence", "circles"], [{"circle": {"center": [1, 2], "radius": -1}}], "radius"),
-        (["rallyPoints", "points"], [[1]], "rally point"),
     ],
 )
 def test_errors(tmp_path: Path, path: list[Any], value: Any, message: str) -> None:

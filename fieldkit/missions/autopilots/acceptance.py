@@ -110,9 +110,6 @@ def check_items(items: Sequence[MissionItem], dialect: str, names: Sequence[str]
         items: in the order they are uploaded; with "ardupilot" the first one is home.
         dialect: "ardupilot" or "px4".
         names: of the stations, by `MissionItem.station`, for the message.
-
-    Raises:
-        MissionError: naming the item's number, as the autopilot counts, and its station.
     """
     for number, item in enumerate(items):
         problem = item_problem(item, dialect, home=dialect == "ardupilot" and number == 0)

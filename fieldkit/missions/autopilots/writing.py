@@ -181,9 +181,6 @@ def check_shot(shot: Shot, vehicle: Vehicle) -> None:
 
     A mission does not say how high the ground below a photograph is: `fieldkit.sites.reach` checks the
     height above it, before there is a mission.
-
-    Raises:
-        MissionError: its pitch is beyond the mount, or an angle is not finite.
     """
     mount = vehicle.mount
     if not (math.isfinite(shot.yaw_deg) and math.isfinite(shot.pitch_deg)):

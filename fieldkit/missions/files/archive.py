@@ -40,9 +40,6 @@ def read_members(data: bytes, wanted: Sequence[str], path: Path) -> dict[str, by
         data: of the archive.
         wanted: names within it.
         path: for errors.
-
-    Raises:
-        MetadataError: no archive, a damaged, encrypted or far too large one, or one with names that lead out of it.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:

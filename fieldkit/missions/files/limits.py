@@ -27,20 +27,12 @@ REMEDY = "Give a .plan, .waypoints, .kmz (DJI WPML) or Litchi .csv file."
 
 
 def read_bytes(path: Path) -> bytes:
-    """The content of a mission file.
-
-    Raises:
-        MetadataError: it is missing, unreadable or far too large.
-    """
+    """The content of a mission file."""
     return file_bytes(path, REMEDY, MAX_BYTES, noun="mission")
 
 
 def read_text(path: Path) -> str:
-    """The same as text, in UTF-8 with or without a byte order mark.
-
-    Raises:
-        MetadataError: as `read_bytes`, or it is not text.
-    """
+    """The same as text, in UTF-8 with or without a byte order mark."""
     text = decoded(read_bytes(path), path)
     if "\0" in text:
         raise MetadataError("is not text", path=path, remedy=REMEDY)

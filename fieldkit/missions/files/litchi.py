@@ -37,11 +37,7 @@ COLUMNS = (
 
 
 def litchi_bytes(mission: Mission, vehicle: Vehicle) -> bytes:
-    """A Litchi CSV, heights above take-off.
-
-    Raises:
-        MissionError: a pose is beyond the mount, there are more waypoints than Litchi takes, or a pause is longer.
-    """
+    """A Litchi CSV, heights above take-off."""
     longest = max(mission.settle_s, mission.exposure_s)
     if not longest <= LONGEST_STAY_S["litchi"]:
         raise MissionError(
@@ -68,11 +64,7 @@ def _row(mission: Mission, point: RoutePoint) -> str:
 
 
 def read_litchi(path: Path) -> ReadMission:
-    """Read a Litchi CSV, metric or imperial, also with fewer action columns than there can be.
-
-    Raises:
-        MetadataError: it is no such file, or a row is not a waypoint.
-    """
+    """Read a Litchi CSV, metric or imperial, also with fewer action columns than there can be."""
     text = read_text(path)
     try:
         rows = list(csv.reader(io.StringIO(text), delimiter=";" if ";" in text.partition("\n")[0] else ","))

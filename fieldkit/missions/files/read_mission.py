@@ -68,7 +68,6 @@ class ReadMission:
     home: Home | None = None
     firmware: str | None = None  # dialect that the file names
     fence: Fence | None = None
-    rally: tuple[GeoPoint, ...] = ()
     remarks: tuple[Remark, ...] = ()
     refused: tuple[tuple[int, str], ...] = ()  # nobody can say the photographs of: number, and words that name it
     first_number: int = 1  # of ``items[0]``: 1 behind a home row and in .plan files, whose doJumpId counts from 1

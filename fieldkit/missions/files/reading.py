@@ -31,9 +31,6 @@ def read_mission_bytes(content: bytes, suffix: str) -> ReadMission:
     Args:
         content: of the file.
         suffix: of its name, such as ".plan".
-
-    Raises:
-        MetadataError: as `read_mission`.
     """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, f"mission{suffix}")

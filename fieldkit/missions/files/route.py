@@ -37,9 +37,6 @@ def route_points(mission: Mission, vehicle: Vehicle, most: int, what: str) -> li
         vehicle: whose mount limits pitches.
         most: waypoints that the format's readers take.
         what: the format, for messages.
-
-    Raises:
-        MissionError: a pose is beyond the mount, or there are too many waypoints.
     """
     home = GeoPoint(mission.home.latitude_deg, mission.home.longitude_deg, mission.takeoff_m)
     places = [home, *(stop.place for stop in mission.stops), mission.landing]

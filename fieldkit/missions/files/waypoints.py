@@ -68,11 +68,7 @@ def _text(value: float, digits: int = 6) -> str:
 
 
 def read_waypoints(path: Path) -> ReadMission:
-    """Read a QGC WPL 110 file: tabs or spaces, any line ends, with or without a byte order mark.
-
-    Raises:
-        MetadataError: it is no such file, or a row is not one.
-    """
+    """Read a QGC WPL 110 file: tabs or spaces, any line ends, with or without a byte order mark."""
     lines = read_text(path).splitlines()
     if not lines or lines[0].split() != HEADER.split():
         found = lines[0][:40] if lines else ""

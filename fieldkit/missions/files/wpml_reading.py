@@ -30,11 +30,7 @@ _INTERVALS = {"multipleTiming": "s", "multipleDistance": "m"}
 
 
 def read_wpml(path: Path) -> ReadMission:
-    """Read a WPML .kmz.
-
-    Raises:
-        MetadataError: no such archive, hostile XML, or a waypoint that is none.
-    """
+    """Read a WPML .kmz."""
     data = read_bytes(path)
     members = read_members(data, [WAYLINES], path)
     if WAYLINES not in members:

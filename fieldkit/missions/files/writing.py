@@ -6,9 +6,8 @@ from collections.abc import Callable
 
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.missions.autopilots.writing import render
-from fieldkit.missions.files.geojson_route import geojson_bytes
-from fieldkit.missions.files.kml import kml_bytes
 from fieldkit.missions.files.litchi import litchi_bytes
+from fieldkit.missions.files.maps import geojson_bytes, kml_bytes
 from fieldkit.missions.files.qgc_plan import plan_bytes
 from fieldkit.missions.files.waypoints import waypoints_bytes
 from fieldkit.missions.files.wpml import wpml_bytes
