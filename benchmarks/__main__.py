@@ -53,10 +53,8 @@ class Study(StrEnum):
     PROXY = "proxy"
     SIMULATED = "simulated"
     TRANSFER = "transfer"
-    SURROGATE = "surrogate"
     ABLATION = "ablation"
     CHOSEN = "chosen"
-    REHEARSED = "rehearsed"
     TABLES = "tables"
     POSE_NOISE = "pose-noise"
     IMAGE_NOISE = "image-noise"
@@ -161,7 +159,7 @@ def command(
 
     The engine's studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
     subset-scores, match-decay and blind-rings (quality); the objective's are cost (speed), throughput, ranks, noise,
-    recorded and proxy; the planner's are simulated, transfer, surrogate, ablation, chosen and rehearsed (of recorded
+    recorded and proxy; the planner's are simulated, transfer, ablation and chosen (of recorded
     sets); those of missions are trips, poses, uploads, routes and fuzz; campaign's are season, field-check,
     plant-figures, score-prediction, plan-reuse, next-visit and report-size; paper's are tables, pose-noise,
     image-noise, new-plots and flights, all by default. FIELDKIT_DATA names the recorded image sets; studies that need

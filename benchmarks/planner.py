@@ -14,9 +14,8 @@ import numpy as np
 from benchmarks.captures import rig_capture
 from benchmarks.curves import draw_regret
 from benchmarks.objective import NO_DATA
-from benchmarks.planner_rehearsed import rehearsed_table
 from benchmarks.planner_rest import value_against_rest
-from benchmarks.planner_runs import OF_A_KIND, Contender, Place, Ran, figures, run_all, run_name
+from benchmarks.planner_runs import Contender, Place, Ran, figures, run_all, run_name
 from benchmarks.planner_transfer import carry, transfer_table
 from benchmarks.result import Cell, ResultTable, StudyResult, spread
 from benchmarks.rigs import load_rig
@@ -27,7 +26,6 @@ from fieldkit.evaluation.reference import build_reference
 from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import MappingName
-from fieldkit.planning.run.folder import read_log, read_settings, searched
 from fieldkit.planning.run.outcome import PLAN_PICTURE
 from fieldkit.planning.run.request import KIND_PLOTS
 from fieldkit.planning.run.run_setup import set_up_run
@@ -64,7 +62,7 @@ class PlannerOptions:
         data: folder of the recorded sets, or None.
         cache: stages of recorded photographs.
         runs: folder that keeps every run; finished ones are not repeated, interrupted ones are resumed.
-        scenes: of ``simulated``, ``transfer`` and ``surrogate``; recorded sets of ``chosen``.
+        scenes: of ``simulated`` and ``transfer``; recorded sets of ``chosen``.
         evaluations: of each search.
         seeds: of methods that have one.
         cameras: N of ``simulated``.
@@ -94,7 +92,6 @@ RIGS: Mapping[str, tuple[int, ...]] = {"basil_rig": (13, 10), "arabidopsis_rig":
 """Recorded sets and the numbers of views to choose."""
 
 
-_REHEARSED = (13, 10)
 """Numbers of views to choose for the kind."""
 
 
@@ -172,32 +169,6 @@ def _transfer(options: PlannerOptions, progress: Progress) -> StudyResult:
         tables=tuple(tables),
         notes=(*_scene_notes(options), "Carried plans are evaluated at fine and fresh seeds, too."),
         figures=figures,
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
-    )
-
-
-def _surrogate(options: PlannerOptions, progress: Progress) -> StudyResult:
-    from benchmarks.planner_surrogate import prediction_errors_of_all, surrogate_table  # brings PyTorch along
-
-    wall, cpu = time.perf_counter(), time.process_time()
-    found = {}
-    for scene in options.scenes:
-        place = Place.scene(scene)
-        for ran in _on_scene(scene, ("field",), replace(options, methods=()), progress):
-            folder = options.runs / run_name(
-                place, options.cameras, options.mapping, options.fidelity, "field", ran.seed
-            )
-            problem = set_up_run(read_settings(folder), folder, cache=options.cache, progress=progress).problem
-            results = [entry.result for entry in searched(read_log(folder))]
-            with progress.stage(f"Models of {folder.name}"):
-                found[folder.name] = prediction_errors_of_all(problem, results)
-    return StudyResult(
-        name="surrogate",
-        title="Models in the field method's place",
-        tables=(surrogate_table(found),),
-        notes=("Every model learns from a run's first 20, 28, 36 … trials; the trials are those that `field` chose.",),
-        figures={run: {model: asdict(each) for model, each in by.items()} for run, by in found.items()},
         wall_s=time.perf_counter() - wall,
         cpu_s=time.process_time() - cpu,
     )
@@ -285,41 +256,6 @@ def _recorded(options: PlannerOptions, progress: Progress) -> StudyResult:
     )
     study = _study("chosen", title, found, notes, wall, cpu)
     return replace(study, tables=(*study.tables, *rests), pictures={**study.pictures, **pictures})
-
-
-def _rehearsed(options: PlannerOptions, progress: Progress) -> StudyResult:
-    title = "Views of recorded sets, chosen for their kind"
-    if options.data is None:
-        return StudyResult("rehearsed", title, skipped=NO_DATA)
-    wall, cpu = time.perf_counter(), time.process_time()
-    tables = []
-    for rig in [name for name in RIGS if name in options.scenes] or RIGS:
-        place = _rig_place(options.data, rig, options, progress)
-        for count in _REHEARSED:
-            methods = {"for the kind": f"field{OF_A_KIND}", "for these photographs": "field"}
-            runs = run_all(
-                place, _contenders(tuple(methods.values()), replace(options, methods=(), seeds=1)), options.runs,
-                cameras=count, mapping=options.mapping, fidelity=RECORDED_FIDELITY, confirm_fidelity="fine", repeats=1,
-                workers=options.workers, cache=options.cache, progress=progress,
-            )  # fmt: skip
-            chosen = {name: run.cameras for name, run in zip(methods, runs, strict=True)}
-            folder = run_name(place, count, options.mapping, RECORDED_FIDELITY, f"field{OF_A_KIND}", 0)
-            tables.append(
-                rehearsed_table(
-                    f"{rig}, {count} views", options.runs / folder, chosen, cache=options.cache, progress=progress
-                )
-            )
-    return StudyResult(
-        name="rehearsed",
-        title=title,
-        tables=tuple(tables),
-        notes=(
-            "Standard, in brackets fine; means of three draws or turns. Right photographs: what occurred.",
-            f"Planner seed 0, at most {options.evaluations} evaluations.",
-        ),
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
-    )
 
 
 def _rig_place(data: Path, name: str, options: PlannerOptions, progress: Progress) -> Place:
@@ -431,10 +367,8 @@ def _curves(runs: Sequence[Ran]) -> dict[str, list[tuple[float | None, ...]]]:
 STUDIES: dict[str, Callable[[PlannerOptions, Progress], StudyResult]] = {
     "simulated": _simulated,
     "transfer": _transfer,
-    "surrogate": _surrogate,
     "ablation": _ablation,
     "chosen": _recorded,
-    "rehearsed": _rehearsed,
 }
 
 

@@ -11,21 +11,15 @@ import pytest
 from benchmarks.planner import PlannerOptions, compare_table, run_planner
 from benchmarks.planner_ablation import StandIn, ablation_table, search
 from benchmarks.planner_ablation import variants as variants_of_search
-from benchmarks.planner_rehearsed import situations
 from benchmarks.planner_runs import Contender, Place, Ran, _purpose, run_all
-from benchmarks.planner_surrogate import prediction_errors, surrogate_table, variants
 from benchmarks.planner_transfer import Carried, transfer_table
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.planning.methods.bosfm import sample_seed
 from fieldkit.planning.methods.optimise import Effort
-from fieldkit.planning.objective.fidelity import FidelityName
-from fieldkit.planning.objective.recorded import Rehearsal
-from fieldkit.planning.problem import Result, Trial
 from fieldkit.planning.run.folder import read_log
 from fieldkit.planning.run.outcome import FinalistReport, Outcome
 from fieldkit.planning.run.request import RECORDED_CONFIRMED
-from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.plan import PlanSource
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.runtime.progress import Silent
@@ -100,39 +94,6 @@ def test_a_choice_for_a_recorded_kind_is_made_with_exact_poses_as_plan_makes_it(
     scene = Place("scene", PlanSource(kind="scene", name="scene"), Path("scene.toml"))
     assert _purpose(kind, recorded) == {"plots": 8, **RECORDED_CONFIRMED}
     assert _purpose(kind, scene)["refine"]
-
-
-def test_chosen_views_are_rehearsed_with_views_missing_and_matches_withheld() -> None:
-    cameras = bowl_problem(6).sample(0)
-    asked: list[tuple[int, Rehearsal, str]] = []
-
-    def evaluate(some: Cameras, rehearsal: Rehearsal, fidelity: FidelityName) -> tuple[float, int]:
-        asked.append((len(some), rehearsal, fidelity))
-        return 0.001 * len(some), len(some)
-
-    found = situations(cameras, evaluate)
-    assert [len(each) for each in found.values()] == [2, 3, 3, 3, 3]
-    assert {count for count, _, _ in asked} == {4, 5, 6}
-    assert {rehearsal.kept for _, rehearsal, _ in asked} == {1.0, 0.4}
-    assert [fidelity for *_, fidelity in asked].count("fine") == 1
-
-
-def test_models_that_know_foretell_better() -> None:
-    problem = bowl_problem(4)
-    sets = [problem.envelope.sample(4, k) for k in range(36)]
-    rng = np.random.default_rng(0)
-    results = [
-        Result(Trial(k, s, ""), float(0.01 * np.exp(1.5 * s.positions[:, 2].mean() + 0.01 * rng.standard_normal())))
-        for k, s in enumerate(sets)
-    ]
-    shuffled = [Result(r.trial, results[int(k)].value_m) for r, k in zip(results, rng.permutation(36), strict=True)]
-    model = variants(problem)["no geometric score"]  # for these values have nothing to do with the score
-    true, false = prediction_errors(results, model), prediction_errors(shuffled, model)
-    assert true.rank > 0.45 > false.rank
-    assert true.rmse < 0.9 * false.rmse
-    assert true.density > false.density
-    table = surrogate_table({"a": {"field": true}, "b": {"field": false}})
-    assert table.rows[0][1] == f"{(true.rmse + false.rmse) / 2:.3f}"
 
 
 def test_a_search_on_the_stand_in_ends_at_what_the_method_would_choose(monkeypatch: pytest.MonkeyPatch) -> None:
