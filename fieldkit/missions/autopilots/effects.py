@@ -22,8 +22,7 @@ from fieldkit.missions.items import Command, MissionItem, plain_frame
 from fieldkit.routing.mission import GeoPoint, Home
 from fieldkit.vehicles.vehicle import Vehicle
 
-LONGEST_S = 1e6
-"""Longest wait or turn that is believed: clocks stay finite."""
+LONGEST_S = 1e6  # longest wait or turn that is believed: clocks stay finite
 
 
 @dataclass(frozen=True)
@@ -144,10 +143,6 @@ def cannot_say(what: str) -> str:
     return f"{what}: fieldkit cannot say what photographs this gives"
 
 
-def _nothing(_item: MissionItem, _craft: Craft) -> Effects:
-    return ()
-
-
 def _go(item: MissionItem, _craft: Craft) -> Effects:
     dwells = item.command in (Command.NAV_WAYPOINT, Command.NAV_LOITER_TIME) and math.isfinite(item.params[0])
     return (Go(dwell_s=_seconds(item.params[0]) if dwells else 0.0, yaw_deg=item.params[3]),)
@@ -194,8 +189,7 @@ def _mount(item: MissionItem, _craft: Craft) -> Effects:
     return (Tilt(item.params[0]), Pan(item.params[2], "nose"))
 
 
-_YAW_LOCK = 16
-"""GIMBAL_MANAGER_FLAGS_YAW_LOCK (MAVLink common.xml): the gimbal's yaw is from north."""
+_YAW_LOCK = 16  # GIMBAL_MANAGER_FLAGS_YAW_LOCK (MAVLink common.xml): the gimbal's yaw is from north
 
 
 def _pitch_yaw(item: MissionItem, _craft: Craft) -> Effects:
@@ -236,10 +230,9 @@ _BOTH: Mapping[int, Row] = {
             Command.VIDEO_STOP_CAPTURE, Command.DO_GIMBAL_MANAGER_CONFIGURE, Command.JUMP_TAG, Command.DO_JUMP,
             Command.DO_JUMP_TAG,
         ),
-        _nothing,
+        lambda _item, _craft: (),
     ),
 }  # fmt: skip
-
 
 LANDINGS = frozenset({Command.NAV_LAND, Command.NAV_VTOL_LAND, Command.NAV_PAYLOAD_PLACE})
 TAKEOFFS = frozenset({Command.NAV_TAKEOFF, Command.NAV_VTOL_TAKEOFF})
@@ -277,32 +270,25 @@ def _mount_or_nose(item: MissionItem, craft: Craft) -> Effects:
     return (Tilt(item.params[0]), Face(item.params[2], mount=True))
 
 
-ARDUPILOT = Autopilot(
-    commands={
-        **_BOTH,
-        Command.NAV_WAYPOINT: _kept(_go),
-        Command.NAV_LOITER_TIME: _kept(_go),
-        Command.CONDITION_YAW: _kept(_condition_yaw),
-        Command.DO_MOUNT_CONTROL: _mount_or_nose,
-        Command.DO_GIMBAL_MANAGER_PITCHYAW: _kept(_pitch_yaw),
-    },
-    in_order=False,
-    return_m=15.0,  # RTL_ALT as it comes (measured)
-    pause_s=5.0,  # RTL_LOIT_TIME as it comes (read from mount_then_yaw.BIN)
-    endless=False,
-)
-PX4 = Autopilot(
-    commands=_BOTH,
-    in_order=True,
-    return_m=30.0,  # RTL_RETURN_ALT as it comes; near home it may stay lower
-    pause_s=0.0,
-    endless=True,
-)
-AUTOPILOTS: Mapping[str, Autopilot] = {"ardupilot": ARDUPILOT, "px4": PX4}
+ARDUPILOT: Mapping[int, Row] = {
+    **_BOTH,
+    Command.NAV_WAYPOINT: _kept(_go),
+    Command.NAV_LOITER_TIME: _kept(_go),
+    Command.CONDITION_YAW: _kept(_condition_yaw),
+    Command.DO_MOUNT_CONTROL: _mount_or_nose,
+    Command.DO_GIMBAL_MANAGER_PITCHYAW: _kept(_pitch_yaw),
+}
+PX4 = _BOTH
+
+# RTL_ALT and RTL_LOIT_TIME as they come (measured; read from mount_then_yaw.BIN), and RTL_RETURN_ALT as it comes: near
+# home a PX4 may stay lower.
+AUTOPILOTS: Mapping[str, Autopilot] = {
+    "ardupilot": Autopilot(ARDUPILOT, in_order=False, return_m=15.0, pause_s=5.0, endless=False),
+    "px4": Autopilot(PX4, in_order=True, return_m=30.0, pause_s=0.0, endless=True),
+}
 
 
-Values = Mapping[str, str]
-"""Parameters of a WPML action, by name."""
+Values = Mapping[str, str]  # parameters of a WPML action, by name
 
 
 def _on(values: Values, name: str) -> bool:
@@ -320,10 +306,7 @@ def _hover(values: Values) -> Effects:
 def _rotate_yaw(values: Values) -> Effects | None:
     heading = _angle(values, "aircraftHeading")
     way = {"clockwise": 1, "counterClockwise": -1}.get(values.get("aircraftPathMode", ""), 0)
-    return None if heading is None else (Face(heading, way, nearly_deg=_ROUNDED_DEG),)
-
-
-_ROUNDED_DEG = 1.0
+    return None if heading is None else (Face(heading, way, nearly_deg=1.0),)
 
 
 def _gimbal_rotate(values: Values) -> Effects | None:
@@ -350,19 +333,11 @@ def _oriented_shoot(values: Values) -> Effects | None:
     """The vehicle and its gimbal are turned, and a photograph is taken, by one action."""
     if _on(values, "accurateFrameValid"):  # it aims at what it recognises
         return None
-    heading, pitch, yaw = (
-        _angle(values, name) for name in ("aircraftHeading", "gimbalPitchRotateAngle", "gimbalYawRotateAngle")
-    )
-    turns: tuple[Effect | None, ...] = (
-        None if heading is None else Face(heading),
-        None if pitch is None else Tilt(pitch),
-        None if yaw is None else Pan(yaw, "north"),
-    )
-    return (*(turn for turn in turns if turn is not None), Shoot(settles=True))
-
-
-def _no_matter(_values: Values) -> Effects:
-    return ()
+    turns: dict[str, Callable[[float], Effect]] = {
+        "aircraftHeading": Face, "gimbalPitchRotateAngle": Tilt, "gimbalYawRotateAngle": lambda yaw: Pan(yaw, "north"),
+    }  # fmt: skip
+    given = ((turn, _angle(values, name)) for name, turn in turns.items())
+    return (*(turn(angle) for turn, angle in given if angle is not None), Shoot(settles=True))
 
 
 WPML: Mapping[str, Callable[[Values], Effects | None]] = {
@@ -375,7 +350,7 @@ WPML: Mapping[str, Callable[[Values], Effects | None]] = {
     **dict.fromkeys(
         ("stopRecord", "stopTimeLapse", "stopContinuousShooting", "focus", "setFocusType", "customDirName", "megaphone",
          "searchlight"),
-        _no_matter,
+        lambda _values: (),
     ),
 }  # fmt: skip
 """By actionActuatorFunc. gimbalEvenlyRotate is done on the way, and read with its waypoints."""

@@ -142,16 +142,8 @@ class _Nav:
     begun: State
     way: Leg | Way | None  # None where it stands still
     path: tuple[GeoPoint, ...]  # places that the way leads to
-    dwell_s: float  # that it stays at the end
-
-    @property
-    def travel_s(self) -> float:
-        return 0.0 if self.way is None else self.way.seconds
-
-    @property
-    def over_s(self) -> float:
-        """When it completes."""
-        return self.begun.clock_s + self.travel_s + self.dwell_s
+    travel_s: float
+    over_s: float  # when it completes
 
 
 def _fly_in_queues(craft: Craft, log: _Log, numbered: Numbered) -> State:
@@ -160,38 +152,32 @@ def _fly_in_queues(craft: Craft, log: _Log, numbered: Numbered) -> State:
     navs = [k for k, (_, item) in enumerate(numbered) if _is_nav(item) and refusal(item, "ardupilot") is None]
     for at, after in zip(navs, (*navs[1:], None), strict=False):
         number, item = numbered[at]
+        queue, queued = numbered[queued:at], at + 1
         effects = craft.effects(item)
         if effects is None:
             log.say_not(number, item)
         (effect,) = effects or (Go(),)
-        nav, state = _nav(craft, state, number, item, effect, None if after is None else numbered[after][1])
-        log.fly(number, nav.begun.here, nav.path)
-        if nav.way is not None:
-            log.stand_no_more(nav.begun.clock_s)
-        state = replace(_run(craft, log, state, numbered[queued:at], nav), clock_s=nav.over_s)
-        if nav.way is None:
-            state = replace(state, passing=False)
-        else:
-            passing = nav.dwell_s <= 0.0 and item.command not in TAKEOFFS
-            state = replace(state, passing=passing, waypoint=number, arrived_s=nav.over_s - nav.dwell_s)
-        queued = at + 1
+        if isinstance(effect, Stay):
+            nav = _Nav(number, state, None, (), 0.0, state.clock_s + effect.seconds)
+            state = replace(_run(craft, log, state, queue, nav), clock_s=nav.over_s, passing=False)
+            continue
+        go = effect if isinstance(effect, Go) else Go()
+        following = None if after is None else numbered[after][1]
+        stops = item.command != Command.NAV_WAYPOINT or go.dwell_s > 0.0
+        if stops or following is None or following.command not in _PASSED_FOR:
+            following = None
+        there, way, path = gone(craft, state, item, go.how, following)
+        nav = _Nav(number, state, way, path, way.seconds, state.clock_s + way.seconds + go.dwell_s)
+        log.fly(number, state.here, path)
+        log.stand_no_more(state.clock_s)
+        state = replace(
+            _run(craft, log, there, queue, nav), clock_s=nav.over_s, arrived_s=nav.over_s - go.dwell_s,
+            waypoint=number, passing=go.dwell_s <= 0.0 and item.command not in TAKEOFFS,
+        )  # fmt: skip
     for number, item in numbered[queued:]:
         over = "the mission is over before it: no NAV item follows"
         log.lose(state, number, craft.effects(item), over if refusal(item, "ardupilot") is None else _REFUSED)
     return state
-
-
-def _nav(
-    craft: Craft, state: State, number: int, item: MissionItem, effect: Effect, following: MissionItem | None
-) -> tuple[_Nav, State]:
-    """A NAV item begun, and the state with the place that it leads to."""
-    if isinstance(effect, Stay):
-        return _Nav(number, state, None, (), effect.seconds), state
-    go = effect if isinstance(effect, Go) else Go()
-    passed = item.command == Command.NAV_WAYPOINT and go.dwell_s <= 0.0
-    passed = passed and following is not None and following.command in _PASSED_FOR
-    there, way, path = gone(craft, state, item, go.how, following if passed else None)
-    return _Nav(number, state, way, path, go.dwell_s), there
 
 
 def _run(craft: Craft, log: _Log, state: State, queue: Numbered, nav: _Nav) -> State:
@@ -202,9 +188,8 @@ def _run(craft: Craft, log: _Log, state: State, queue: Numbered, nav: _Nav) -> S
         if refusal(item, "ardupilot") is not None:
             log.lose(state, number, effects, _REFUSED)
         elif nav.begun.clock_s < state.clock_s >= nav.over_s:
-            log.lose(
-                state, number, effects, f"item {nav.number} is over before the items in front of it are done"
-            )  # fmt: skip
+            over = f"item {nav.number} is over before the items in front of it are done"
+            log.lose(state, number, effects, over)
         elif effects is None:
             log.say_not(number, item)
         else:
@@ -212,9 +197,7 @@ def _run(craft: Craft, log: _Log, state: State, queue: Numbered, nav: _Nav) -> S
                 if isinstance(effect, Shoot) and not effect.never:
                     _shoot(log, state, number, nav)
                     continue
-                if leaves:
-                    # With each waypoint the heading is the autopilot's own again, until the next CONDITION_YAW
-                    # (measured).
+                if leaves:  # the heading is the autopilot's own again, until the next CONDITION_YAW (measured)
                     state, leaves = replace(state, commanded=False), False
                 state = _do(craft, log, state, number, effect)
     if leaves:

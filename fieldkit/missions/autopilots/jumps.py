@@ -17,8 +17,7 @@ from fieldkit.missions.items import Command, MissionItem
 
 Numbered = Sequence[tuple[int, MissionItem]]
 
-MOST_AGAIN = 4000
-"""Items that are come to again, jumps counted; no battery lasts for more."""
+MOST_AGAIN = 4000  # items that are come to again, jumps counted; no battery lasts for more
 
 
 @dataclass(frozen=True)
@@ -70,7 +69,8 @@ def _follow(numbered: Numbered, dialect: str) -> tuple[list[tuple[int, MissionIt
             at += 1
             continue
         if target not in places:
-            return order, ("jump-nowhere", number, f"{item.name} leads to an item that there is not: {_said(item)}")
+            what = f"{'tag' if item.command == Command.DO_JUMP_TAG else 'item'} {item.params[0]:g}"
+            return order, ("jump-nowhere", number, f"{item.name} leads to an item that there is not: {what}")
         if repeats is not None:
             done[number] = done.get(number, 0) + 1
         else:
@@ -102,7 +102,3 @@ def _jump(item: MissionItem, dialect: str, tags: dict[int, int]) -> tuple[int, i
     # ArduPilot repeats −1 without end and takes less for 0; PX4 keeps the number without a sign.
     endless = repeats == -1 or (repeats < 0 and AUTOPILOTS[dialect].endless)
     return -1 if target is None else target, None if endless else repeats
-
-
-def _said(item: MissionItem) -> str:
-    return f"{'tag' if item.command == Command.DO_JUMP_TAG else 'item'} {item.params[0]:g}"
