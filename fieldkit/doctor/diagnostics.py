@@ -9,7 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -25,6 +25,7 @@ from fieldkit.version import __version__
 
 Status = Literal["ok", "warn", "fail"]
 
+_LINUX = sys.platform == "linux"
 _GIB = 1 << 30
 _PROBE_TIMEOUT_S = 120.0
 _LOW_MEMORY_BYTES = 4 * _GIB
@@ -40,55 +41,45 @@ _EXTRAS = {
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that was looked at.
-
-    Attributes:
-        name: what.
-        status: "ok", "warn" (works, but slower or less) or "fail" (fieldkit does not work without it).
-        detail: what was found.
-        remedy: what to do, where there is something to do.
-        values: the findings for programs.
-    """
+    """One thing that was looked at."""
 
     name: str
     status: Status
+    """Whether it works, works slower or less, or fieldkit does not work without it."""
     detail: str
     remedy: str = ""
     values: dict[str, Any] = field(default_factory=dict)
+    """The findings for programs."""
 
 
 def diagnose() -> Iterator[Check]:
     """Every check in turn; they are independent of each other."""
-    checks: tuple[Callable[[], Check], ...] = (
-        check_python,
-        check_packages,
-        check_optional_packages,
-        check_renderer,
-        check_pycolmap,
-        check_cores,
-        check_memory,
-        check_cache,
-        check_exiftool,
-    )
-    for check in checks:
-        yield check()
+    yield check_python()
+    yield check_packages()
+    yield check_optional_packages()
+    yield check_renderer()
+    yield check_pycolmap()
+    yield check_cores()
+    yield check_memory()
+    yield check_cache()
 
 
 def check_python() -> Check:
     """fieldkit, Python and the operating system."""
     values = {"fieldkit": __version__, "python": platform.python_version(), "system": platform.platform()}
     detail = f"fieldkit {__version__}, Python {values['python']}, {values['system']}"
-    if sys.platform != "linux":
-        remedy = f"Only Linux is tested; {_INSTALL_PAGE} says what is missing elsewhere."
-        return Check("python", "warn", detail, remedy, values)
-    return Check("python", "ok", detail, values=values)
+    remedy = f"Only Linux is tested; {_INSTALL_PAGE} says what is missing elsewhere." if not _LINUX else ""
+    return Check("python", "ok" if _LINUX else "warn", detail, remedy, values)
 
 
 def check_packages() -> Check:
     """Whether every package fieldkit needs is installed and can be imported, with versions."""
     versions = {name: _installed(name) for name in _requirements()}
     missing = [name for name, version in versions.items() if version is None]
-    broken = _broken_imports(skip=missing)
+    lines, failure = _probe("imports")
+    broken = {line["failed"]: line["error"] for line in lines if "failed" in line and line["failed"] not in missing}
+    if failure and lines:
+        broken[lines[-1].get("importing", "import")] = failure
     values = {"versions": versions, "missing": missing, "broken": broken}
     if missing or broken:
         parts = [f"{name} is not installed" for name in missing] + [f"{name}: {text}" for name, text in broken.items()]
@@ -114,7 +105,7 @@ def check_renderer() -> Check:
     lines, failure = _probe("renderer")
     values = lines[-1] if lines else {}
     remedy = f"Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri. Others: {_INSTALL_PAGE}."
-    if failure and sys.platform != "linux":
+    if failure and not _LINUX:
         remedy = "Simulated scenes and the demo need Linux; all that works on photographs works without."
         return Check("renderer", "warn", "nothing can be rendered on this system", remedy, values)
     if failure:
@@ -147,10 +138,9 @@ def check_memory() -> Check:
     machine = this_machine()
     values = {"total_bytes": machine.memory_bytes, "available_bytes": machine.available_bytes}
     detail = f"{machine.available_bytes / _GIB:.1f} GiB free of {machine.memory_bytes / _GIB:.1f} GiB"
-    if machine.available_bytes < _LOW_MEMORY_BYTES:
-        remedy = "Close other programs; large captures need 4 GiB at --fidelity standard."
-        return Check("memory", "warn", detail, remedy, values)
-    return Check("memory", "ok", detail, values=values)
+    low = machine.available_bytes < _LOW_MEMORY_BYTES
+    remedy = "Close other programs; large captures need 4 GiB at --fidelity standard." if low else ""
+    return Check("memory", "warn" if low else "ok", detail, remedy, values)
 
 
 def check_cache(root: Path | None = None) -> Check:
@@ -164,26 +154,12 @@ def check_cache(root: Path | None = None) -> Check:
         values["writable"] = False
         remedy = f"{error.remedy} FIELDKIT_CACHE chooses another folder; without a cache every run starts anew."
         return Check("cache", "warn", str(error), remedy, values)
-    values["free_bytes"] = shutil.disk_usage(_existing(root)).free
+    existing = next(folder for folder in (root.absolute(), *root.absolute().parents) if folder.exists())
+    values["free_bytes"] = shutil.disk_usage(existing).free
     detail = f"{root}: {values['bytes'] / _GIB:.2f} GiB kept, {values['free_bytes'] / _GIB:.1f} GiB free on the disk"
-    if values["free_bytes"] < _LOW_SPACE_BYTES:
-        remedy = "Make room, e.g. `fieldkit cache prune --max-size 1G`, or choose another disk with FIELDKIT_CACHE."
-        return Check("cache", "warn", detail, remedy, values)
-    return Check("cache", "ok", detail, values=values)
-
-
-def check_exiftool() -> Check:
-    """exiftool, which fieldkit does not need: people use it to look into photographs."""
-    path = shutil.which("exiftool")
-    if path is None:
-        return Check("exiftool", "ok", "not installed (fieldkit reads metadata itself)", values={"version": None})
-    try:
-        done = subprocess.run(
-            [path, "-ver"], capture_output=True, encoding="utf-8", errors="replace", timeout=30, check=True
-        )
-    except (OSError, subprocess.SubprocessError) as error:
-        return Check("exiftool", "ok", f"{path} does not run: {error} (not needed)", values={"version": None})
-    return Check("exiftool", "ok", f"{done.stdout.strip()} at {path}", values={"version": done.stdout.strip()})
+    low = values["free_bytes"] < _LOW_SPACE_BYTES
+    remedy = "Make room, e.g. `fieldkit cache prune --max-size 1G`, or choose another disk with FIELDKIT_CACHE."
+    return Check("cache", "warn" if low else "ok", detail, remedy if low else "", values)
 
 
 def _requirements(extra: str = "") -> list[str]:
@@ -204,14 +180,6 @@ def _installed(distribution: str) -> str | None:
         return None
 
 
-def _broken_imports(skip: list[str]) -> dict[str, str]:
-    lines, failure = _probe("imports")
-    broken = {line["failed"]: line["error"] for line in lines if "failed" in line and line["failed"] not in skip}
-    if failure and lines:
-        broken[lines[-1].get("importing", "import")] = failure
-    return broken
-
-
 def _probe(name: str) -> tuple[list[dict[str, Any]], str]:
     """Run fieldkit.doctor.probes in a process of its own: its lines, and how it failed (empty: it did not)."""
     command = [sys.executable, "-X", "utf8", "-m", "fieldkit.doctor.probes", name]
@@ -227,10 +195,3 @@ def _probe(name: str) -> tuple[list[dict[str, Any]], str]:
     if done.returncode > 0:
         return lines, next(reversed(done.stderr.strip().splitlines()), f"exit code {done.returncode}")
     return lines, ""
-
-
-def _existing(path: Path) -> Path:
-    path = path.absolute()
-    while not path.exists():
-        path = path.parent
-    return path

@@ -13,24 +13,11 @@ import sys
 from typing import Any
 
 IMPORTS = {
-    "numpy": "numpy",
-    "scipy": "scipy.spatial",
-    "numba": "numba",
-    "opencv-python-headless": "cv2",
-    "pillow": "PIL.Image",
-    "pydantic": "pydantic",
-    "defusedxml": "defusedxml.ElementTree",
-    "trimesh": "trimesh",
-    "small-gicp": "small_gicp",
-    "psutil": "psutil",
-    "matplotlib": "matplotlib.figure",
-    "jinja2": "jinja2",
-    "markupsafe": "markupsafe",
-    "shapely": "shapely",
-    "pyvrp": "pyvrp",
-    "pymavlink": "pymavlink.dialects.v20.ardupilotmega",
-    "mavsdk": "mavsdk.plugins.mission_raw",
-}
+    **{name: name for name in ("numpy", "numba", "pydantic", "trimesh", "psutil", "jinja2", "markupsafe", "pyvrp")},
+    "shapely": "shapely", "scipy": "scipy.spatial", "opencv-python-headless": "cv2", "pillow": "PIL.Image",
+    "defusedxml": "defusedxml.ElementTree", "small-gicp": "small_gicp", "matplotlib": "matplotlib.figure",
+    "pymavlink": "pymavlink.dialects.v20.ardupilotmega", "mavsdk": "mavsdk.plugins.mission_raw",
+}  # fmt: skip
 """Distribution and the module that shows whether it works; pyrender and pycolmap have probes of their own."""
 
 
@@ -55,12 +42,9 @@ def probe_renderer() -> None:
     distance_m, half_m = 2.0, 0.5
     corners = [[-half_m, -half_m, 0.0], [half_m, -half_m, 0.0], [half_m, half_m, 0.0], [-half_m, half_m, 0.0]]
     square = Mesh(
-        "square",
-        np.array(corners, np.float32),
-        np.array([[0, 1, 2], [0, 2, 3]], np.int32),
-        uv=np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32),
-        texture=np.full((2, 2, 3), (255, 0, 0), np.uint8),
-    )
+        "square", np.array(corners, np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.int32),
+        uv=np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32), texture=np.full((2, 2, 3), (255, 0, 0), np.uint8),
+    )  # fmt: skip
     pose = Pose.from_yaw_pitch([0.0, 0.0, distance_m], 0.0, -90.0)
     # 64 pixels see 2 m, so the square of 1 m covers the pixels 16 to 47.
     with Renderer(Scene((square,), background=(0.0, 0.0, 1.0))) as renderer:

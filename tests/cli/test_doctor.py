@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import stat
-import sys
 import tomllib
 from pathlib import Path
 
@@ -24,7 +21,7 @@ def test_this_machine(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkey
     found = json.loads(capsys.readouterr().out)
     checks = {check["name"]: check for check in found["checks"]}
     assert checks.keys() == {
-        "python", "packages", "optional packages", "renderer", "pycolmap", "cores", "memory", "cache", "exiftool",
+        "python", "packages", "optional packages", "renderer", "pycolmap", "cores", "memory", "cache",
     }  # fmt: skip
     assert code == (3 if found["status"] == "fail" else 0)
     assert checks["packages"]["status"] == "ok", checks["packages"]
@@ -119,15 +116,3 @@ class TestCache:
         check = diagnostics.check_cache(small_disk)
         assert check.status == "warn"
         assert "prune" in check.remedy
-
-
-def test_exiftool(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATH", str(tmp_path))
-    assert diagnostics.check_exiftool().values == {"version": None}
-    tool = tmp_path / "exiftool"
-    tool.write_text(f"#!{sys.executable}\nprint('13.36')\n")
-    tool.chmod(tool.stat().st_mode | stat.S_IXUSR)
-    assert diagnostics.check_exiftool().values == {"version": "13.36"}
-    tool.write_text("#!/bin/false\n")
-    assert diagnostics.check_exiftool().status == "ok"
-    assert os.environ["PATH"] == str(tmp_path)
