@@ -111,7 +111,7 @@ def _planned(
 def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
     from fieldkit.figures.style import format_length, format_seconds
     from fieldkit.figures.terminal.blocks import rendered
-    from fieldkit.report.sections.finalists import finalist_table
+    from fieldkit.report.sections.plan import finalist_table
     from fieldkit.results.plan_file import load_plan
 
     why = {

@@ -9,8 +9,8 @@ from fieldkit.errors import UsageError
 from fieldkit.files import check_writable, write_atomic
 from fieldkit.regular_files import check_replaceable
 from fieldkit.report.html.document import render
-from fieldkit.report.sections.read_results import read_results
-from fieldkit.report.sections.report_page import build_page
+from fieldkit.report.sections.loaded import read_results
+from fieldkit.report.sections.page import build_page, counts
 from fieldkit.runtime.progress import Progress, Silent
 
 REPORT_FILE = "report.html"
@@ -23,18 +23,7 @@ _SUFFIXES = (".html", ".htm", "")
 
 @dataclass(frozen=True)
 class ReportSummary:
-    """The written report.
-
-    Attributes:
-        output: the file.
-        bytes: its size.
-        references, plans, missions, evaluations, campaigns, comparisons: how many of each it shows.
-        unreadable: names of damaged results.
-        views: number of 3D views.
-        points: of all views together.
-        points_found: number of points before thinning.
-        thumbnails: number of photographs shown.
-    """
+    """The written report, its size and how much it shows."""
 
     output: Path
     bytes: int
@@ -44,9 +33,13 @@ class ReportSummary:
     evaluations: int
     campaigns: int
     unreadable: tuple[str, ...]
+    """Names of damaged results."""
     views: int
+    """Of 3D views."""
     points: int
+    """Of all views together."""
     points_found: int
+    """Before thinning."""
     thumbnails: int
     comparisons: int = 0
 
@@ -93,14 +86,13 @@ def write_report(
     results = read_results(folder)
     check_writable(output.parent)
     progress = progress or Silent()
-    built = build_page(
-        results, title=title, command=f"fieldkit report {results.root.name}", most_points=points, progress=progress
-    )
+    command = f"fieldkit report {results.root.name}"
+    page, shown = build_page(results, title=title, command=command, most_points=points, progress=progress)
     with progress.stage("Writing the report"):
-        data = render(built.page).encode("utf-8")
+        data = render(page).encode("utf-8")
         write_atomic(output, data)
     return ReportSummary(
-        output, len(data), len(results.references), len(results.plans), len(results.missions), len(results.evaluations),
-        len(results.campaigns), tuple(each.name for each in results.unreadable), built.views, built.points,
-        built.points_found, built.thumbnails, len(results.comparisons),
+        output, len(data), unreadable=tuple(each.name for each in results.unreadable), views=shown.views,
+        points=shown.points, points_found=shown.points_found, thumbnails=shown.thumbnails,
+        **{f"{noun}s": number for noun, number in counts(results).items()},
     )  # fmt: skip

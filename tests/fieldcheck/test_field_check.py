@@ -33,7 +33,7 @@ from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.stations import PoseArray
 from fieldkit.reconstruction.cameras import CameraSet
 from fieldkit.reconstruction.epipolar import relative_pose
-from fieldkit.report.sections.read_results import read_results
+from fieldkit.report.sections.loaded import FlownMission, read_results
 from fieldkit.results.finding import Finding
 from fieldkit.results.mission_file import load_mission
 from fieldkit.results.plan import Plan, PlanPlants
@@ -534,7 +534,7 @@ class TestRefly:
         assert {entry.name for entry in record.files} == {"again.plan", "again.geojson"}
         assert record.name.endswith(", again")
         shown = read_results(tmp_path)
-        assert [each.record for each in shown.missions] == [record]
+        assert [each.report.record for each in shown.of(FlownMission)] == [record]
         with pytest.raises(UsageError, match="exists already"):
             write_refly([4], plan, "px4-gimbal", self.site, tmp_path / "again.plan")
 

@@ -28,7 +28,8 @@ from fieldkit.figures.registry import FIGURES, TRENDS, Figure, cells
 from fieldkit.figures.style import format_length
 from fieldkit.figures.tables.scores import TRAIT_FIGURES, interval, score_columns, trait_reasons
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.report.sections.loaded_results import CampaignResult
+from fieldkit.report.sections.loaded import Loaded
+from fieldkit.report.sections.shown import Shown
 from fieldkit.results.doubtful import OTHER_PLANTS
 
 _MOST_LINES = 200
@@ -37,9 +38,9 @@ _FARTHEST_M = 200_000.0
 _FOLLOWED = sorted(TRENDS, key=lambda figure: figure.group != "trait")  # what grows comes first
 
 
-def campaign_section(result: CampaignResult, anchor: str, pictures: Mapping[str, Picture]) -> Section:
-    """The results of a campaign, by plot and date; ``pictures`` are of the plots' last clouds, by plot."""
-    campaign = result.campaign
+def campaign_section(result: Loaded[Campaign], anchor: str, shown: Shown) -> Section:
+    """The results of a campaign, by plot and date."""
+    campaign, pictures = result.report, shown.pictures(anchor)
     blocks: list[Block] = [KeyFigures(tuple(_figures(campaign)))]
     if campaign.visits:
         charts = tuple(_charts(campaign, campaign.visits, "all plots"))

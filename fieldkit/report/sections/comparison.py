@@ -6,18 +6,20 @@ from collections.abc import Iterator
 
 from fieldkit.figures.content import Block, Details, KeyFigure, KeyFigures, Section, Statement, Statements
 from fieldkit.figures.tables.comparison import difference_table, leading_figures
-from fieldkit.report.sections.loaded_results import ComparisonResult
+from fieldkit.report.sections.loaded import Loaded, Results
+from fieldkit.report.sections.shown import Shown
+from fieldkit.results.comparison import ComparisonReport
 from fieldkit.wording import count, listed
 
 _MOST_NAMES = 6
 
 
-def comparison_section(result: ComparisonResult, anchor: str) -> Section:
+def comparison_section(result: Loaded[ComparisonReport], anchor: str, _: Shown) -> Section:
     """Several evaluations side by side; the leading figures stand in the report's first section."""
     report = result.report
-    beyond, within, unknown = noise_counts(result)
+    beyond, within, unknown = noise_counts(report)
     figures = KeyFigures((
-        KeyFigure("evaluations", f"{len(report.evaluations)}", listed(_labels(result), _MOST_NAMES)),
+        KeyFigure("evaluations", f"{len(report.evaluations)}", listed(_labels(report), _MOST_NAMES)),
         KeyFigure("plots", f"{len({value.plot for value in report.values})}"),
         KeyFigure(
             "differences beyond noise", f"{beyond} of {beyond + within}" if beyond + within else "not known",
@@ -34,13 +36,13 @@ def comparison_section(result: ComparisonResult, anchor: str) -> Section:
     return Section(anchor, f"Comparison: {result.name}", tuple(blocks))
 
 
-def comparison_statements(result: ComparisonResult) -> Iterator[Statement]:
+def comparison_statements(result: Loaded[ComparisonReport], _: Results) -> Iterator[Statement]:
     """How many differences are more than noise, and what to do where that cannot be told."""
-    beyond, within, unknown = noise_counts(result)
+    beyond, within, unknown = noise_counts(result.report)
     first = result.report.evaluations[0].label
     if beyond + within:
         yield Statement(
-            "fact", f"{listed(_labels(result), _MOST_NAMES)} against “{first}”: {beyond} of "
+            "fact", f"{listed(_labels(result.report), _MOST_NAMES)} against “{first}”: {beyond} of "
             f"{count(beyond + within, 'difference')} are beyond noise; the tables say which.",
         )  # fmt: skip
     if unknown:
@@ -51,12 +53,12 @@ def comparison_statements(result: ComparisonResult) -> Iterator[Statement]:
         )
 
 
-def noise_counts(result: ComparisonResult) -> tuple[int, int, int]:
+def noise_counts(report: ComparisonReport) -> tuple[int, int, int]:
     """Differences to the first evaluation beyond noise, within it, and those that cannot be told."""
-    first = result.report.evaluations[0].label
-    found = [each.beyond for each in result.report.differences if each.less == first]
+    first = report.evaluations[0].label
+    found = [each.beyond for each in report.differences if each.less == first]
     return found.count(True), found.count(False), found.count(None)
 
 
-def _labels(result: ComparisonResult) -> list[str]:
-    return [each.label for each in result.report.evaluations]
+def _labels(report: ComparisonReport) -> list[str]:
+    return [each.label for each in report.evaluations]

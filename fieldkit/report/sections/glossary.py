@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from fieldkit.figures.registry import FIGURES, f_score
+from fieldkit.campaign.reading import Campaign
+from fieldkit.figures.registry import FIGURES, Scored, f_score
+from fieldkit.report.sections.loaded import FlownMission, PlanRun, Results
+from fieldkit.results.comparison import ComparisonReport
+from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
+
+_OF_REFERENCES = ("right_share", "reprojection_px", "track_length", "gsd_m")
 
 _GENERAL = {
     "registered": "A photograph whose position and direction reconstruction found, from what it shows alone or "
@@ -40,3 +46,29 @@ def meanings(names: Iterable[str]) -> tuple[tuple[str, str], ...]:
     if unknown:
         raise KeyError(min(unknown))
     return tuple((name, meaning) for name, meaning in MEANINGS.items() if name in wanted)
+
+
+def terms_of(results: Results) -> set[str]:
+    """The terms used in a report: those of its kinds of results, and the figures that any plot has."""
+    references, plans = results.of(ReferenceReport), results.of(PlanRun)
+    plots = [plot for evaluation in results.of(EvaluationReport) for plot in evaluation.report.plots]
+    visits = [visit for campaign in results.of(Campaign) for visit in campaign.report.visits]
+    scored: list[Scored] = [*plots, *visits]
+    compared = {key for comparison in results.of(ComparisonReport) for key in comparison.report.figures}
+    used = {
+        figure.label
+        for figure in FIGURES.values()
+        if figure.key in compared or any(figure.value(each) is not None for each in scored)
+    }
+    terms = (
+        ({"registered", "reference", "residual", "RMS", "yaw, pitch"}, references or plots),
+        ({FIGURES[key].label for key in _OF_REFERENCES}, references),
+        ({"precision, recall", "F-score"}, any(plot.f_score for plot in plots)),
+        ({"adherence", "station"}, any(plot.adherence is not None for plot in plots)),
+        ({"station", "yaw, pitch", "plot frame", "chamfer distance", "reference"}, plans),
+        ({"trial", "confirmation"}, any(plan.report.settings is not None for plan in plans)),
+        ({"station", "yaw, pitch"}, results.of(FlownMission)),
+        ({"reference", "F-score"}, compared),
+        ({"reference", "F-score", "RMS"}, results.of(Campaign)),
+    )
+    return used.union(*(names for names, shown in terms if shown))

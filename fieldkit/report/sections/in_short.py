@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from fieldkit.campaign import Visit
+from fieldkit.campaign import Campaign, Visit
 from fieldkit.figures.content import (
     Block,
     Details,
@@ -22,9 +22,11 @@ from fieldkit.figures.tables.scores import plant_tables
 from fieldkit.report.sections.campaign import campaign_anchor, plot_map, traits_table
 from fieldkit.report.sections.comparison import noise_counts
 from fieldkit.report.sections.demo import demo_blocks
-from fieldkit.report.sections.loaded_results import PlanResult, Results
+from fieldkit.report.sections.loaded import FlownMission, PlanRun, Results
+from fieldkit.results.comparison import ComparisonReport
+from fieldkit.results.demo import DemoReport
 from fieldkit.results.doubtful import OTHER_PLANTS
-from fieldkit.results.evaluation import PlotEvaluation
+from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, ReferenceReport
 from fieldkit.wording import count, listed
 
 HEADING = "In short"
@@ -53,11 +55,11 @@ def in_short(results: Results, statements: Sequence[Statement], pictures: Sequen
     grouped = tuple(_grouped(to_do))
     rest = tuple(each for each in statements if each not in grouped)
     blocks: list[Block] = [Statements((verdict(results, statements),))]
-    for demo in results.demos:
-        blocks += demo_blocks(demo)
+    for demo in results.of(DemoReport):
+        blocks += demo_blocks(demo.report)
     maps = [
-        shown for k, result in enumerate(results.campaigns)
-        if (shown := plot_map(result.campaign, campaign_anchor(k))) is not None
+        shown for k, result in enumerate(results.of(Campaign))
+        if (shown := plot_map(result.report, campaign_anchor(k))) is not None
     ]  # fmt: skip
     blocks += maps
     blocks += [Still(picture, caption) for caption, picture in ([] if maps else pictures)]
@@ -77,15 +79,15 @@ def in_short(results: Results, statements: Sequence[Statement], pictures: Sequen
 
 def _plants(results: Results) -> Iterator[Table]:
     """What grows on the plots: of each campaign's last date and of each evaluation; leading figures of comparisons."""
-    for result in results.campaigns:
-        if dates := result.campaign.dates:
-            yield traits_table(result.campaign, dates[-1])
-    for comparison in results.comparisons:
+    for result in results.of(Campaign):
+        if dates := result.report.dates:
+            yield traits_table(result.report, dates[-1])
+    for comparison in results.of(ComparisonReport):
         for figure in leading_figures(comparison.report):
             if (table := difference_table(comparison.report, figure)).rows:
                 yield table
-    several = len(results.evaluations) > 1
-    for evaluation in results.evaluations:
+    several = len(results.of(EvaluationReport)) > 1
+    for evaluation in results.of(EvaluationReport):
         plots = [plot for plot in evaluation.report.plots if plot.error is None]
         yield from plant_tables(plots, evaluation.report.source if several else "")
 
@@ -117,40 +119,40 @@ def verdict(results: Results, statements: Sequence[Statement]) -> Statement:
 
 def _made(results: Results) -> Iterator[str]:
     """What there is, counted, with its main figure where there is one of a kind."""
-    references, plans, missions = results.references, results.plans, results.missions
+    references, plans, missions = results.of(ReferenceReport), results.of(PlanRun), results.of(FlownMission)
     if references:
         right, images = (sum(getattr(each.report, name) for each in references) for name in ("right", "images"))
         yield f"{count(len(references), 'reference')} from {right} of {count(images, 'photograph')}"
     for plan in plans[:1]:
-        yield _plan(plan) + (f" and {count(len(plans) - 1, 'more plan')}" if len(plans) > 1 else "")
+        yield _plan(plan.report) + (f" and {count(len(plans) - 1, 'more plan')}" if len(plans) > 1 else "")
     if missions:
-        photographs = sum(len(mission.flight.stations) for mission in missions)
+        photographs = sum(len(mission.report.flight.stations) for mission in missions)
         flown = f"{count(len(missions), 'mission')} of {count(photographs, 'photograph')}"
         if len(missions) == 1:
-            flight = missions[0].flight
+            flight = missions[0].report.flight
             flown += f" ({count(len(flight.plots), 'plot')}, {format_length(flight.length_m)}, "
             flown += f"{format_seconds(flight.time_s)})"
         yield flown
-    plots = [plot for evaluation in results.evaluations for plot in evaluation.report.plots]
+    plots = [plot for evaluation in results.of(EvaluationReport) for plot in evaluation.report.plots]
     if plots:
         done = [plot for plot in plots if plot.error is None]
         # The demo's plots are methods, whose range says nothing.
-        figures = "" if results.demos else _distances(done)
+        figures = "" if results.of(DemoReport) else _distances(done)
         yield f"{len(done)} of {count(len(plots), 'capture')} reconstructed{figures}"
-    for comparison in results.comparisons:
-        beyond, within, _ = noise_counts(comparison)
+    for comparison in results.of(ComparisonReport):
+        beyond, within, _ = noise_counts(comparison.report)
         said = f" ({beyond} of {count(beyond + within, 'difference')} beyond noise)" if beyond + within else ""
         yield f"a comparison of {count(len(comparison.report.evaluations), 'evaluation')}{said}"
-    for result in results.campaigns:
-        visits = result.campaign.visits
-        last = result.campaign.dates[-1] if visits else ""
+    for result in results.of(Campaign):
+        visits = result.report.visits
+        last = result.report.dates[-1] if visits else ""
         seen = [visit for visit in visits if visit.date == last]
         evaluated = [visit for visit in seen if not visit.error]
         told = f"{len(evaluated)} of {count(len(seen), 'plot')} of {last} evaluated{_grown(evaluated)}"
         yield told if seen else "a campaign without captures"
 
 
-def _plan(result: PlanResult) -> str:
+def _plan(result: PlanRun) -> str:
     if result.plan is None:
         return "a plan in the making"
     text, method = f"a plan of {count(len(result.plan.stations), 'view')}", result.plan.method
@@ -185,12 +187,13 @@ def _grown(visits: Sequence[Visit]) -> str:
 
 def next_step(results: Results) -> str:
     """The step that follows the furthest of the results; empty where none does."""
-    if results.demos or results.campaigns:
+    references, plans, missions = results.of(ReferenceReport), results.of(PlanRun), results.of(FlownMission)
+    if any(results.of(kind) for kind in (DemoReport, Campaign)):
         return ""
-    if results.evaluations:
-        return "" if results.references or results.plans or results.missions else _AFTER_EVALUATION
-    if results.missions:
+    if results.of(EvaluationReport):
+        return "" if references or plans or missions else _AFTER_EVALUATION
+    if missions:
         return _AFTER_MISSION
-    if any(each.plan is not None for each in results.plans):
+    if any(each.report.plan is not None for each in plans):
         return _AFTER_PLAN
-    return _AFTER_REFERENCE if results.references and not results.plans else ""
+    return _AFTER_REFERENCE if references and not plans else ""

@@ -1,18 +1,22 @@
-"""Thumbnails of a result's photographs, if their folder can be found."""
+"""Small pictures of results: thumbnails of photographs, if their folder can be found, and of campaigns' last clouds."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-import cv2
-import numpy as np
-from numpy.typing import NDArray
-
+from fieldkit.campaign.reading import Campaign
+from fieldkit.campaign.visits import visit_cloud
 from fieldkit.captures.decode import read_image
+from fieldkit.clouds import read_cloud
 from fieldkit.errors import FieldkitError
 from fieldkit.figures.content import Picture
+from fieldkit.figures.tables.reconstruction import was_used
 from fieldkit.files import file_beside
+from fieldkit.report.sections.loaded import Loaded, Results
+from fieldkit.report.sections.shown import MOST_THUMBNAILS, Shown
+from fieldkit.report.sections.stills import as_jpeg, cloud_still
+from fieldkit.results.evaluation import EvaluationReport, ReconstructionEntry, ReferenceReport
 
 SIDE = 160
 """Longer side of a thumbnail, pixels; shown at half the size."""
@@ -22,20 +26,45 @@ _LARGEST_BYTES = 64 << 20
 _MOST_FOLDERS = 400
 
 
+def add_photographs(
+    shown: Shown, anchor: str, result: Loaded[ReferenceReport] | Loaded[EvaluationReport], results: Results
+) -> None:
+    """Thumbnails of a reference's or of every evaluated plot's photographs, unused ones first: people look for them."""
+    report = result.report
+    plots: list[tuple[str, ReconstructionEntry, tuple[str, ...]]]
+    if isinstance(report, ReferenceReport):
+        plots = [("", report, (report.source,))]
+    else:
+        places = (report.source,) if len(report.plots) == 1 else ()
+        plots = [(plot.name, plot, (f"{report.source}/{plot.name}", *places)) for plot in report.plots]
+    for plot, found, sources in plots:
+        names = [image.name for image in sorted(found.image_reports, key=was_used)]
+        folders = (find_photographs(source, names, result.folder, results.root) for source in sources)
+        if (folder := next((each for each in folders if each is not None), None)) is not None:
+            shown.add_pictures(anchor, plot, thumbnails(folder, names, MOST_THUMBNAILS - shown.thumbnails))
+
+
+def add_campaign_pictures(shown: Shown, anchor: str, result: Loaded[Campaign], _: Results) -> None:
+    """Stills of the plots' last clouds, by plot."""
+    found: dict[str, Picture] = {}
+    for visit in sorted(result.report.visits, key=lambda visit: visit.date, reverse=True):
+        if visit.plot in found or shown.thumbnails + len(found) >= MOST_THUMBNAILS:
+            continue
+        try:
+            file = visit_cloud(result.folder, visit)
+            cloud = None if file is None else read_cloud(file)
+        except (FieldkitError, OSError):
+            continue
+        if cloud is not None and (picture := cloud_still(cloud, visit.plot)) is not None:
+            found[visit.plot] = picture
+    shown.add_pictures(anchor, "", found)
+
+
 def find_photographs(source: str, names: Sequence[str], near: Path, root: Path) -> Path | None:
-    """The folder of a result's photographs.
+    """The folder that holds all photographs of a result; None if it is not found.
 
-    Results know only its name. It is searched beside the result, in folders named captures there, and below the
-    report's folder. It must hold all photographs.
-
-    Args:
-        source: name of the folder, or "FOLDER/PLOT".
-        names: of the photographs.
-        near: the result's folder.
-        root: the report's.
-
-    Returns:
-        The folder; None if it is not found.
+    Results know only its name ``source``, or "FOLDER/PLOT". It is searched beside the result's folder ``near``, in
+    folders named captures there, and below the report's folder ``root``.
     """
     if not names or not source or Path(source).is_absolute() or ".." in Path(source).parts:
         return None
@@ -49,35 +78,22 @@ def find_photographs(source: str, names: Sequence[str], near: Path, root: Path) 
     return None
 
 
-def thumbnails(folder: Path | None, names: Sequence[str], most: int) -> Mapping[str, Picture]:
-    """Small JPEGs of the first ``most`` photographs, by name; unreadable ones are left out."""
+def thumbnails(folder: Path, names: Sequence[str], most: int) -> Mapping[str, Picture]:
+    """Small JPEGs of the first ``most`` photographs, without metadata, by name; unreadable ones are left out."""
     found: dict[str, Picture] = {}
-    for name in names[:most] if folder is not None else ():
-        file = None if folder is None else _file(folder, name)
-        if file is not None and (picture := thumbnail(file, name)) is not None:
-            found[name] = picture
+    for name in names[:most]:
+        file = _file(folder, name)
+        if file is None:
+            continue
+        try:
+            pixels = read_image(file, max_side=SIDE) if file.stat().st_size <= _LARGEST_BYTES else None
+        except (FieldkitError, OSError, MemoryError):
+            continue
+        jpeg = None if pixels is None else as_jpeg(pixels, _QUALITY)
+        if pixels is not None and jpeg is not None:
+            height, width = pixels.shape[:2]
+            found[name] = Picture(jpeg, max(1, width // 2), max(1, height // 2), f"photograph {name}")
     return found
-
-
-def thumbnail(file: Path, name: str) -> Picture | None:
-    """A small JPEG of a photograph, without metadata; None if it cannot be read."""
-    try:
-        if file.stat().st_size > _LARGEST_BYTES:
-            return None
-        pixels = read_image(file, max_side=SIDE)
-    except (FieldkitError, OSError, MemoryError):
-        return None
-    jpeg = as_jpeg(pixels, _QUALITY)
-    if jpeg is None:
-        return None
-    height, width = pixels.shape[:2]
-    return Picture(jpeg, max(1, width // 2), max(1, height // 2), f"photograph {name}")
-
-
-def as_jpeg(pixels: NDArray[np.uint8], quality: int) -> bytes | None:
-    """RGB pixels (h, w, 3) as a JPEG file; None where they cannot be written as one."""
-    done, jpeg = cv2.imencode(".jpg", pixels[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
-    return jpeg.tobytes() if done else None
 
 
 def _places(near: Path, root: Path) -> Iterator[Path]:

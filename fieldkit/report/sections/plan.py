@@ -11,12 +11,10 @@ from fieldkit.figures.content import (
     Details,
     KeyFigure,
     KeyFigures,
-    Paragraph,
     Row,
     Section,
     Table,
     Terms,
-    View,
     tabulated,
 )
 from fieldkit.figures.drawings import LineChart, Series
@@ -28,40 +26,42 @@ from fieldkit.figures.style import (
     format_seconds,
     format_with_error,
     metres,
+    millimetres,
 )
 from fieldkit.missions.export_record import geo_points, site_frame
-from fieldkit.planning.run.outcome import best_so_far, models_of, weights_of
-from fieldkit.report.sections.finalists import finalist_table
-from fieldkit.report.sections.loaded_results import MissionResult, PlanResult
+from fieldkit.planning.run.outcome import Outcome, best_so_far, models_of, weights_of
+from fieldkit.planning.settings import SearchSettings
+from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun
+from fieldkit.report.sections.shown import Shown
 from fieldkit.results.mission import MissionStation
-from fieldkit.results.plan import Station, station_number
+from fieldkit.results.plan import Plan, Station, station_number
 from fieldkit.wording import count
 
+_FINALISTS_NOTE = (
+    "Finalists are evaluated again with new random numbers: the lowest of many noisy values is partly luck. Compare "
+    "values within a column only: confirmations may be at a finer quality than the search."
+)
 _LATER = 0.97  # quantile of the values within the curve's axis; the first random sets are often much worse
 
 
-def plan_section(result: PlanResult, anchor: str, view: View | None, note: str) -> Section:
+def plan_section(result: Loaded[PlanRun], anchor: str, shown: Shown) -> Section:
     """A plan's stations, and the search for them."""
-    blocks: list[Block] = [KeyFigures(tuple(_figures(result)))]
-    if view is not None:
-        blocks.append(view)
-    elif note:
-        blocks.append(Paragraph(note, faint=True))
-    charts = tuple(_charts(result))
-    if charts:
+    run = result.report
+    blocks: list[Block] = [KeyFigures(tuple(_figures(run))), *shown.view_blocks(anchor)]
+    if charts := tuple(_charts(run)):
         blocks.append(Charts(charts))
-    if result.plan is not None:
-        blocks.append(_stations(result))
-    if result.outcome is not None and result.outcome.finalists:
-        blocks.append(finalist_table(result.outcome))
-    if result.settings is not None:
-        blocks.append(Details("What the search was asked for", (Terms(tuple(_settings(result))),)))
+    if run.plan is not None:
+        blocks.append(_stations(run.plan))
+    if run.outcome is not None and run.outcome.finalists:
+        blocks.append(finalist_table(run.outcome))
+    if run.settings is not None:
+        blocks.append(Details("What the search was asked for", (Terms(tuple(_settings(run.settings))),)))
     return Section(anchor, "Plan" if result.name == "plan" else f"Plan: {result.name}", tuple(blocks))
 
 
-def mission_section(result: MissionResult, anchor: str, view: View | None) -> Section:
+def mission_section(result: Loaded[FlownMission], anchor: str, shown: Shown) -> Section:
     """A mission's way over the plots."""
-    flight = result.flight
+    mission, flight = result.report, result.report.flight
     stations = flight.stations
     figures = [
         KeyFigure("photographs", f"{len(stations)}"),
@@ -72,7 +72,7 @@ def mission_section(result: MissionResult, anchor: str, view: View | None) -> Se
     if stations:
         heights = [station.height_m for station in stations]
         figures.append(KeyFigure("heights of photographs", format_range(heights), "above home"))
-    positions = site_frame(result.record).points(geo_points(stations)).tolist()
+    positions = site_frame(mission.record).points(geo_points(stations)).tolist()
     table = tabulated("Photographs in the order they are flown", [
         {
             "photograph": f"{number}",
@@ -85,12 +85,30 @@ def mission_section(result: MissionResult, anchor: str, view: View | None) -> Se
         }
         for number, (station, (east, north, up)) in enumerate(zip(stations, positions, strict=True), 1)
     ])  # fmt: skip
-    blocks: tuple[Block, ...] = (KeyFigures(tuple(figures)), *([view] if view is not None else []))
+    blocks: tuple[Block, ...] = (KeyFigures(tuple(figures)), *shown.view_blocks(anchor))
     blocks += (table,) if len(table.rows) <= 14 else (Details(f"All {len(stations)} photographs", (table,)),)
-    return Section(anchor, f"Mission: {result.mission_file or result.name}", blocks)
+    return Section(anchor, f"Mission: {mission.mission_file or flight.name}", blocks)
 
 
-def _figures(result: PlanResult) -> Iterator[KeyFigure]:
+def finalist_table(outcome: Outcome) -> Table:
+    """The finalists of a search, the plan first; trials count from 1, the `number` of evaluations.jsonl from 0."""
+    best = outcome.finalists[0].number if outcome.finalists else -1
+    return tabulated("Finalists", [
+        {
+            "trial": f"{found.number + 1}{', the plan' * (found.number == best)}",
+            Column("how it was proposed", short="from"): found.origin,
+            Column("expected, mm", True): millimetres(found.expected_m),
+            Column("in the search, mm", True, short="search, mm"): millimetres(found.search_value_m),
+            Column("confirmed, mm", True): millimetres(found.value_m),
+            Column("spread, mm", True, short="±, mm"): millimetres(found.spread_m),
+            Column("expected after all evaluations, mm", True, short="kind, mm"): millimetres(found.kind_m),
+            Column("photographs used", short="used"): ", ".join(map(str, found.right)),
+        }
+        for found in outcome.finalists
+    ], _FINALISTS_NOTE)  # fmt: skip
+
+
+def _figures(result: PlanRun) -> Iterator[KeyFigure]:
     plan, settings, outcome = result.plan, result.settings, result.outcome
     if plan is not None:
         yield KeyFigure("camera poses", f"{len(plan.stations)}")
@@ -111,7 +129,7 @@ def _figures(result: PlanResult) -> Iterator[KeyFigure]:
         )
 
 
-def _charts(result: PlanResult) -> Iterator[LineChart]:
+def _charts(result: PlanRun) -> Iterator[LineChart]:
     trials = result.trials
     if len(trials) < 2:
         return
@@ -148,8 +166,7 @@ def _charts(result: PlanResult) -> Iterator[LineChart]:
         )
 
 
-def _stations(result: PlanResult) -> Table:
-    assert result.plan is not None
+def _stations(plan: Plan) -> Table:
     axes = [Column(f"{axis}, m", True) for axis in "xyz"]
     return tabulated("Stations", [
         {
@@ -157,7 +174,7 @@ def _stations(result: PlanResult) -> Table:
             **dict(zip(axes, map(metres, station.position_m), strict=True)),
             **_angles(station),
         }
-        for number, station in enumerate(result.plan.stations)
+        for number, station in enumerate(plan.stations)
     ], "Plot frame: metres from the plot's centre on the ground; z is the height above it.")  # fmt: skip
 
 
@@ -168,9 +185,8 @@ def _angles(station: Station | MissionStation) -> Row:
     }
 
 
-def _settings(result: PlanResult) -> Iterator[tuple[str, str]]:
-    assert result.settings is not None
-    s, e = result.settings, result.settings.envelope
+def _settings(s: SearchSettings) -> Iterator[tuple[str, str]]:
+    e = s.envelope
     yield "planned on", f"{s.source.kind} {s.source.name}"
     yield "method", f"{s.method} (preset {s.preset}, mapping {s.mapping})"
     yield "trials", f"{s.evaluations} at {s.fidelity}, seed {s.seed}"

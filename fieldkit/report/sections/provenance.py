@@ -5,44 +5,36 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from fieldkit.figures.content import Block, Column, Details, Paragraph, Section, Table, Terms
-from fieldkit.report.sections.loaded_results import EvaluationResult, PlanResult, ReferenceResult, Results
-from fieldkit.results.evaluation import FileEntry
+from fieldkit.campaign.reading import Campaign
+from fieldkit.figures.content import Block, Column, Details, Paragraph, Row, Section, Terms, tabulated
+from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results
+from fieldkit.results.comparison import ComparisonReport
+from fieldkit.results.demo import DemoReport
+from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
+from fieldkit.results.plan import PlanSource
 from fieldkit.version import __version__
 from fieldkit.wording import count
 
 _MOST_SETTINGS = 200
-_MOST_FILES = 1000
 _LONGEST = 200
+_SHA256 = Column("SHA-256", mono=True)
 
 
 def provenance_section(results: Results, command: str) -> Section:
-    """The command and the results that a report was made with.
-
-    Args:
-        results: shown in it.
-        command: that made it.
-    """
+    """The results that a report was made from, and the command that made it."""
+    shown = [each for each in results.found if not isinstance(each.report, DemoReport)]
+    # The flights of a mission have one file.
+    inputs = {each.file: _input(each) for each in shown}
     blocks: list[Block] = [
         Terms((("this report", f"fieldkit {__version__}"), ("command", command)), mono=True),
-        _inputs(results),
+        tabulated("Inputs of this report", list(inputs.values())),
     ]
-    made_with: list[tuple[str, Mapping[str, Any]]] = [
-        *((result.name, result.report.settings) for result in results.references),
-        *((result.name, result.report.settings) for result in results.evaluations),
-        *(
-            (result.name, result.settings.model_dump(mode="json"))
-            for result in results.plans
-            if result.settings is not None
-        ),
-        *((result.name, result.campaign.evaluation.model_dump(mode="json")) for result in results.campaigns),
-    ]
-    blocks += [_settings(f"Settings of {name}", settings) for name, settings in made_with]
-    files = list(_files(results))
-    if files:
-        columns = (Column("file"), Column("bytes", True), Column("SHA-256", mono=True))
-        note = "" if len(files) <= _MOST_FILES else f"The first {_MOST_FILES} of {len(files)}."
-        table = Table("Files, as the results describe them", columns, tuple(files[:_MOST_FILES]), note)
+    for each in shown:
+        if (settings := _settings(each.report)) is not None:
+            flat = tuple(_flat(settings))[:_MOST_SETTINGS] or (("settings", "none are given"),)
+            blocks.append(Details(f"Settings of {each.name}", (Terms(flat, mono=True),)))
+    if files := list(_files(shown)):
+        table = tabulated("Files, as the results describe them", files)
         blocks.append(Details(f"{count(len(files), 'file')} with SHA-256", (table,)))
     blocks.append(
         Paragraph(
@@ -54,46 +46,37 @@ def provenance_section(results: Results, command: str) -> Section:
     return Section("provenance", "Provenance", (Details("Versions, settings and hashes", tuple(blocks)),))
 
 
-def _inputs(results: Results) -> Table:
-    rows: list[tuple[str | None, ...]] = [
-        (f"{r.name}/reference.json", r.report.fieldkit, _seed(r.report.settings), f"“{r.report.source}”", r.sha256)
-        for r in results.references
-    ]
-    for p in results.plans:
-        version = p.plan.fieldkit if p.plan is not None else p.settings.fieldkit if p.settings is not None else None
-        seed = p.settings.seed if p.settings is not None else None
-        file = "plan.json" if p.plan is not None else "search.json"
-        rows.append((f"{p.name}/{file}", version, None if seed is None else str(seed), _source(p), p.sha256 or None))
-    rows += dict.fromkeys((m.name, m.record.fieldkit, None, None, m.sha256) for m in results.missions)
-    for e in results.evaluations:
-        against = e.report.reference_sha256
-        made = f"“{e.report.source}”, {f'reference {_short(against)}' if against else 'no reference'}"
-        rows.append((f"{e.name}/evaluation.json", e.report.fieldkit, _seed(e.report.settings), made, e.sha256))
-    for k in results.comparisons:
-        made = ", ".join(f"“{each.label}”" for each in k.report.evaluations)
-        rows.append((f"{k.name}/compare.json", k.report.fieldkit, None, made, k.sha256))
-    for c in results.campaigns:
-        rows.append((f"{c.name}/campaign.toml", None, str(c.campaign.evaluation.seed), None, c.sha256))
-    columns = (
-        Column("input"),
-        Column("fieldkit"),
-        Column("seed", True),
-        Column("made from"),
-        Column("SHA-256", mono=True),
-    )
-    return Table("Inputs of this report", columns, tuple(rows))
+def _input(loaded: Loaded[Any]) -> Row:
+    report = loaded.report
+    written: Any = report
+    match report:
+        case ReferenceReport():
+            made = f"“{report.source}”"
+        case EvaluationReport():
+            against = report.reference_sha256
+            made = f"“{report.source}”, {f'reference {_short(against)}' if against else 'no reference'}"
+        case PlanRun():
+            written = report.plan or report.settings
+            made = _planned_on(getattr(written, "source", None))
+        case ComparisonReport():
+            made = ", ".join(f"“{each.label}”" for each in report.evaluations)
+        case FlownMission():
+            written, made = report.record, ""
+        case _:
+            made = ""
+    seed = (_settings(report) or {}).get("seed")
+    return {
+        "input": f"{loaded.name}/{loaded.file.name}",
+        "fieldkit": getattr(written, "fieldkit", None),
+        Column("seed", True): str(seed) if isinstance(seed, int) and not isinstance(seed, bool) else None,
+        "made from": made or None,
+        _SHA256: loaded.sha256,
+    }
 
 
-def _source(result: PlanResult) -> str | None:
-    source = (
-        result.plan.source
-        if result.plan is not None
-        else result.settings.source
-        if result.settings is not None
-        else None
-    )
+def _planned_on(source: PlanSource | None) -> str:
     if source is None:
-        return None
+        return ""
     return f"{source.kind} “{source.name}”" + (f", {_short(source.sha256)}" if source.sha256 else "")
 
 
@@ -101,15 +84,16 @@ def _short(sha256: str) -> str:
     return f"{sha256[:12]}…"
 
 
-def _seed(settings: Mapping[str, Any]) -> str | None:
-    seed = settings.get("seed")
-    return str(seed) if isinstance(seed, int) and not isinstance(seed, bool) else None
-
-
-def _settings(title: str, settings: Mapping[str, Any]) -> Details:
-    flat = list(_flat(settings))
-    shown = tuple(flat[:_MOST_SETTINGS])
-    return Details(title, (Terms(shown or (("settings", "none are given"),), mono=True),))
+def _settings(report: Any) -> Mapping[str, Any] | None:
+    """The settings that a result was made with; None where it has none."""
+    match report:
+        case ReferenceReport() | EvaluationReport():
+            return report.settings
+        case PlanRun():
+            return None if report.settings is None else report.settings.model_dump(mode="json")
+        case Campaign():
+            return report.evaluation.model_dump(mode="json")
+    return None
 
 
 def _flat(value: Any, key: str = "", depth: int = 0) -> Iterator[tuple[str, str]]:
@@ -121,11 +105,13 @@ def _flat(value: Any, key: str = "", depth: int = 0) -> Iterator[tuple[str, str]
     yield key, text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
 
 
-def _files(results: Results) -> Iterator[tuple[str, str, str]]:
-    found: list[ReferenceResult | EvaluationResult] = [*results.references, *results.evaluations]
-    for result in found:
-        entries: list[FileEntry] = list(result.report.files)
-        if isinstance(result, EvaluationResult):
-            entries += [entry for plot in result.report.plots for entry in plot.files]
-        for entry in entries:
-            yield f"{result.name}/{entry.name}", f"{entry.bytes:,}", entry.sha256
+def _files(shown: list[Loaded[Any]]) -> Iterator[Row]:
+    for loaded in shown:
+        report = loaded.report
+        if not isinstance(report, ReferenceReport | EvaluationReport):
+            continue
+        plots = report.plots if isinstance(report, EvaluationReport) else ()
+        for entry in (*report.files, *(entry for plot in plots for entry in plot.files)):
+            yield {
+                "file": f"{loaded.name}/{entry.name}", Column("bytes", True): f"{entry.bytes:,}", _SHA256: entry.sha256
+            }  # fmt: skip

@@ -17,7 +17,6 @@ from fieldkit.figures.drawings import FrustumLayer, PointLayer, ViewerScene
 from fieldkit.figures.style import format_nominal
 from fieldkit.pictures.panels import drawable, nice_length
 from fieldkit.pictures.projection import FRONT, TOP, Direction, Window, draw_points
-from fieldkit.report.sections.photographs import as_jpeg
 
 _HEIGHT, _SMALL, _GAP = 420, 90, 16  # pixels
 _WIDEST = 720
@@ -88,6 +87,12 @@ def cloud_still(cloud: Cloud, name: str) -> Picture | None:
     """A small still of a plot's cloud; None for an empty one."""
     layer = PointLayer(name, cloud.points.astype(np.float32), cloud.colors)
     return still(ViewerScene(name, (layer,)), height=_SMALL, marked=False)
+
+
+def as_jpeg(pixels: NDArray[np.uint8], quality: int) -> bytes | None:
+    """RGB pixels (h, w, 3) as a JPEG file; None where they cannot be written as one."""
+    done, jpeg = cv2.imencode(".jpg", pixels[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return jpeg.tobytes() if done else None
 
 
 def _scale(direction: Direction, size: NDArray[np.float64], most: int) -> float:

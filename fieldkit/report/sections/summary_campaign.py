@@ -6,20 +6,21 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from statistics import median
 
-from fieldkit.campaign import Visit
+from fieldkit.campaign.reading import Campaign
 from fieldkit.figures.content import Statement
 from fieldkit.figures.style import format_length
-from fieldkit.report.sections.loaded_results import CampaignResult
+from fieldkit.report.sections.loaded import Loaded, Results
 from fieldkit.report.sections.summary_captures import without_height
 from fieldkit.results.doubtful import OTHER_PLANTS
+from fieldkit.results.visit import Visit
 from fieldkit.wording import count, listed
 
 _NAMED = 5  # problems named one by one
 
 
-def campaign_statements(result: CampaignResult) -> Iterator[Statement]:
+def campaign_statements(result: Loaded[Campaign], _: Results) -> Iterator[Statement]:
     """The results of a campaign, date by date."""
-    campaign = result.campaign
+    campaign = result.report
     visits, dates = campaign.visits, campaign.dates
     if not visits:
         yield Statement(

@@ -8,9 +8,16 @@ from statistics import median
 from fieldkit.figures.content import Statement
 from fieldkit.figures.style import decimal, format_length, percent
 from fieldkit.figures.tables.adherence import ACHIEVED_BY
-from fieldkit.report.sections.loaded_results import EvaluationResult, ReferenceResult
+from fieldkit.report.sections.loaded import Loaded, Results
+from fieldkit.results.demo import DemoReport
 from fieldkit.results.doubtful import DOUBTFUL, OTHER_PLANTS
-from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation, ReconstructionEntry
+from fieldkit.results.evaluation import (
+    AdherenceEntry,
+    EvaluationReport,
+    PlotEvaluation,
+    ReconstructionEntry,
+    ReferenceReport,
+)
 from fieldkit.results.traits import TraitsEntry
 from fieldkit.wording import count, listed
 
@@ -19,7 +26,7 @@ _SHOWN_M = "0.010"
 _NAMED = 5  # problems named one by one
 
 
-def reference_statements(result: ReferenceResult) -> Iterator[Statement]:
+def reference_statements(result: Loaded[ReferenceReport], _: Results) -> Iterator[Statement]:
     """The photographs of a reference, and its doubtful points."""
     report = result.report
     yield Statement(
@@ -38,15 +45,16 @@ def reference_statements(result: ReferenceResult) -> Iterator[Statement]:
         )
 
 
-def evaluation_statements(result: EvaluationResult, *, spread: bool = True) -> Iterator[Statement]:
-    """The result of one plot, or of many plots together; ``spread`` tells of their least and greatest distances."""
+def evaluation_statements(result: Loaded[EvaluationReport], results: Results) -> Iterator[Statement]:
+    """The result of one plot, or of many plots together."""
     report = result.report
     plots = [plot for plot in report.plots if plot.error is None]
     if len(report.plots) == 1:
         for plot in plots:
             yield from _plot(plot, scored=report.reference_sha256 is not None)
     elif plots:
-        yield from _plots(result, plots, spread=spread)
+        # The demo's plots are methods: their range says nothing, and its own table compares them.
+        yield from _plots(report, plots, spread=not results.of(DemoReport))
     failed = [plot for plot in report.plots if plot.error is not None]
     for plot in failed[:_NAMED]:
         assert plot.error is not None
@@ -141,13 +149,11 @@ def _distances(plot: PlotEvaluation, chamfer: float, accuracy: float, completene
         )
 
 
-def _plots(result: EvaluationResult, plots: Sequence[PlotEvaluation], *, spread: bool) -> Iterator[Statement]:
+def _plots(report: EvaluationReport, plots: Sequence[PlotEvaluation], *, spread: bool) -> Iterator[Statement]:
     images, right = sum(plot.images for plot in plots), sum(plot.right for plot in plots)
     yield Statement(
-        "good"
-        if right == images and len(plots) == len(result.report.plots) and not any(p.doubts for p in plots)
-        else "fact",
-        f"{len(plots)} of {count(len(result.report.plots), 'plot')} of “{result.report.source}” were reconstructed; "
+        "good" if right == images and len(plots) == len(report.plots) and not any(p.doubts for p in plots) else "fact",
+        f"{len(plots)} of {count(len(report.plots), 'plot')} of “{report.source}” were reconstructed; "
         f"{right} of {count(images, 'photograph')} were used.",
     )
     short = [plot for plot in plots if plot.right < plot.images]

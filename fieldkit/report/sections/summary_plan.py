@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from fieldkit.figures.content import Statement
 from fieldkit.figures.style import format_length, format_seconds, format_with_error, percent
 from fieldkit.planning.run.outcome import best_so_far
-from fieldkit.report.sections.loaded_results import MissionResult, PlanResult
+from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results
 from fieldkit.wording import count
 
 _LATE = 0.1  # the last tenth of a search
@@ -15,8 +15,9 @@ _GAIN = 0.01  # least improvement, as a share
 _FEWEST_TRIALS = 20  # before late improvement is reported
 
 
-def plan_statements(result: PlanResult) -> Iterator[Statement]:
+def plan_statements(loaded: Loaded[PlanRun], _: Results) -> Iterator[Statement]:
     """The quality of a plan by its confirmations, and against the circles tried."""
+    result = loaded.report
     plan, settings, outcome = result.plan, result.settings, result.outcome
     where = f" on “{settings.source.name}”" if settings is not None else ""
     if plan is None:
@@ -70,7 +71,7 @@ def plan_statements(result: PlanResult) -> Iterator[Statement]:
     yield from _still_improving(result)
 
 
-def _still_improving(result: PlanResult) -> Iterator[Statement]:
+def _still_improving(result: PlanRun) -> Iterator[Statement]:
     best = [value for value in best_so_far(result.trials) if value is not None]
     if len(best) < _FEWEST_TRIALS or result.settings is None:
         return
@@ -87,20 +88,20 @@ def _still_improving(result: PlanResult) -> Iterator[Statement]:
         )
 
 
-def _pace(result: PlanResult) -> float:
+def _pace(result: PlanRun) -> float:
     return max(trial.finished_s for trial in result.trials) / len(result.trials)
 
 
-def mission_statement(result: MissionResult) -> Statement:
+def mission_statements(loaded: Loaded[FlownMission], _: Results) -> Iterator[Statement]:
     """A sentence on a mission."""
-    flight = result.flight
+    result, flight = loaded.report, loaded.report.flight
     over = count(len(flight.plots), "plot")
     advice = ""
     if not result.mission_file:
         advice = "Only its record is here; the file that the vehicle takes is not beside it."
     elif result.changed:
         advice = f"{result.mission_file} was changed since it was exported; this is of the file as it was."
-    return Statement(
+    yield Statement(
         "note" if result.changed else "fact",
         f"The mission “{flight.name}” takes {count(len(flight.stations), 'photograph')} over {over} on a way of "
         f"{format_length(flight.length_m)} in {format_seconds(flight.time_s)}, from take-off to landing.",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,13 +16,7 @@ from fieldkit.figures.style import format_length
 from fieldkit.files import file_beside
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.missions.export_record import geo_points, plot_frame, site_frame, way
-from fieldkit.report.sections.loaded_results import (
-    EvaluationResult,
-    MissionResult,
-    PlanResult,
-    ReferenceResult,
-    Results,
-)
+from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results
 from fieldkit.results.evaluation import (
     EvaluationReport,
     ImageReport,
@@ -50,12 +44,12 @@ _MOST_PLANTS = 1_000_000  # points over all of a mission's plots; the first ones
 Points = NDArray[np.float64]
 
 
-def reference_view(result: ReferenceResult) -> tuple[ViewerScene | None, str]:
-    """The reference's cloud, with the ground if it was kept, and its cameras.
+View = tuple[ViewerScene | None, str]
+"""A view, and a note on it; None where there is none, and why."""
 
-    Returns:
-        The view, None if the cloud cannot be read; and a note.
-    """
+
+def reference_view(result: Loaded[ReferenceReport], _: Results) -> View:
+    """The reference's cloud, with the ground if it was kept, and its cameras."""
     report = result.report
     try:
         names = {entry.name for entry in report.files}
@@ -68,21 +62,25 @@ def reference_view(result: ReferenceResult) -> tuple[ViewerScene | None, str]:
     return ViewerScene(title, (layer,), frusta, north=_north_of(report), metric=report.metric), ""
 
 
-def plot_view(
-    result: EvaluationResult, plot: PlotEvaluation, results: Results
-) -> tuple[ViewerScene | None, str]:  # fmt: skip
+def plot_views(result: Loaded[EvaluationReport], results: Results) -> Iterator[tuple[str, ViewerScene | None, str]]:
+    """The views of an evaluation by plot: of all if they are few, else of those with the greatest distances."""
+    plots = [plot for plot in result.report.plots if plot.error is None]
+    if len(plots) > MOST_VIEWS_OF_PLOTS:
+        plots = sorted(plots, key=lambda plot: -(plot.chamfer_m or 0.0))[:MOST_VIEWS_OF_PLOTS]
+    for plot in plots:
+        yield plot.name, *plot_view(result, plot, results)
+
+
+def plot_view(result: Loaded[EvaluationReport], plot: PlotEvaluation, results: Results) -> View:
     """A plot's cloud and the reference, each coloured by its distance to the other, with cameras planned and achieved.
 
     Distances are exact: from every point to the whole other cloud.
-
-    Returns:
-        The view, None if the plot's cloud cannot be read; and a note.
     """
     try:
         cloud = _read(_plot_cloud(result, plot))
     except (FieldkitError, OSError) as error:
         return None, f"No 3D view: {error}"
-    reference = next((r for r in results.references if r.sha256 == result.report.reference_sha256), None)
+    reference = next((r for r in results.of(ReferenceReport) if r.sha256 == result.report.reference_sha256), None)
     note, distances = "", None
     stations = () if plot.adherence is None else plot.adherence.stations
     frusta = _camera_layers(
@@ -99,15 +97,18 @@ def plot_view(
             limit = min(max(result.report.distances_m, default=0.02), _LARGEST_SCALE_M)
             distances = PointIndex(other.points).nearest(cloud.points)[0]
             missing = PointIndex(cloud.points).nearest(other.points)[0]
-            layers.append(PointLayer("This capture", *_drawn(cloud), distances.astype(np.float32), limit))
-            layers.append(
-                PointLayer("Reference", *_drawn(other), missing.astype(np.float32), limit, shown=False)
-            )  # fmt: skip
+            layers = [
+                PointLayer("This capture", *_drawn(cloud), distances.astype(np.float32), limit),
+                PointLayer("Reference", *_drawn(other), missing.astype(np.float32), limit, shown=False),
+            ]
             note = (
                 "By distance, “This capture” shows accuracy (what should not be there stands out) and “Reference” "
                 "shows completeness (what is missing in this capture stands out)."
             )
-        frusta += [_planned_layer(plan) for plan in _plans_on(reference, results)]
+        plans = [run.report.plan for run in results.of(PlanRun) if run.report.plan is not None]
+        frusta += [
+            _planned_layer(plan) for plan in plans if plan.source is not None and plan.source.sha256 == reference.sha256
+        ]
         lines += _ways(reference.report, results)
     elif result.report.reference_sha256 is not None:
         note = "The reference that it was scored against is not in this folder, so distances cannot be coloured."
@@ -124,9 +125,9 @@ def plot_view(
     return ViewerScene(title, layers, frusta, lines, north=_north_of(plot), metric=plot.metric), note
 
 
-def plan_view(result: PlanResult, results: Results) -> tuple[ViewerScene | None, str]:
+def plan_view(result: Loaded[PlanRun], results: Results) -> View:
     """A plan's cameras about the plants, and the box that cameras may stand in."""
-    plan = result.plan
+    plan = result.report.plan
     if plan is None:
         return None, ""
     layers, note = _plan_plants(plan, results)
@@ -141,7 +142,7 @@ def plan_view(result: PlanResult, results: Results) -> tuple[ViewerScene | None,
     heading = None if plan.row_heading_deg is None else np.radians(plan.row_heading_deg)
     north = None if heading is None else (float(np.cos(heading)), float(np.sin(heading)))
     title = "The planned cameras"
-    return ViewerScene(title, layers, (_planned_layer(result),), lines, north=north, subject="cameras"), note
+    return ViewerScene(title, layers, (_planned_layer(plan),), lines, north=north, subject="cameras"), note
 
 
 def _plan_plants(plan: Plan, results: Results) -> tuple[list[PointLayer], str]:
@@ -149,7 +150,7 @@ def _plan_plants(plan: Plan, results: Results) -> tuple[list[PointLayer], str]:
     layers: list[PointLayer] = []
     note = ""
     source = None if plan.source is None else plan.source.sha256
-    reference = next((r for r in results.references if source is not None and r.sha256 == source), None)
+    reference = next((r for r in results.of(ReferenceReport) if source is not None and r.sha256 == source), None)
     if reference is not None:
         try:
             cloud = _read(check_file(reference.folder, reference.report, CLOUD_FILE))
@@ -163,15 +164,15 @@ def _plan_plants(plan: Plan, results: Results) -> tuple[list[PointLayer], str]:
     return layers, note
 
 
-def _mission_plants(result: MissionResult, results: Results) -> list[PointLayer]:
+def _mission_plants(result: FlownMission, results: Results) -> list[PointLayer]:
     """The plants of the plots that one of the plans is flown on."""
     home, flown = site_frame(result.record), result.flight.plots
-    for plan in results.plans:
-        plots = [plot for plot in result.record.plots if plot.name in flown and plot.plan.sha256 == plan.sha256]
-        if plan.plan is None or not plots:
+    for run in results.of(PlanRun):
+        plots = [plot for plot in result.record.plots if plot.name in flown and plot.plan.sha256 == run.sha256]
+        if run.report.plan is None or not plots:
             continue
         found = []
-        for layer in _plan_plants(plan.plan, results)[0]:
+        for layer in _plan_plants(run.report.plan, results)[0]:
             frames = [plot_frame(plot) for plot in plots[: max(1, _MOST_PLANTS // max(1, len(layer.points)))]]
             points = np.concatenate([home.to_local(*frame.to_geodetic(layer.points)) for frame in frames])
             colors = None if layer.colors is None else np.tile(layer.colors, (len(frames), 1))
@@ -180,9 +181,9 @@ def _mission_plants(result: MissionResult, results: Results) -> list[PointLayer]
     return []
 
 
-def mission_view(result: MissionResult, results: Results) -> ViewerScene:
+def mission_view(result: Loaded[FlownMission], results: Results) -> View:
     """A mission's way, photographs and limits over the plants it is planned for, in metres about home."""
-    record, flight = result.record, result.flight
+    record, flight = result.report.record, result.report.flight
     frame = site_frame(record)
     positions = frame.points(geo_points(flight.stations))
     poses = [
@@ -206,9 +207,9 @@ def mission_view(result: MissionResult, results: Results) -> ViewerScene:
             x, y, z = frame.to_local(*plot_frame(plot).to_geodetic(np.zeros((1, 3))))[0].tolist()
             places.append(PlaceName(plot.name, (x, y, z)))
     return ViewerScene(
-        f"{flight.name}: the way and its photographs", _mission_plants(result, results), (frusta,), lines, places,
-        north=(0.0, 1.0), subject="cameras",
-    )  # fmt: skip
+        f"{flight.name}: the way and its photographs", _mission_plants(result.report, results), (frusta,), lines,
+        places, north=(0.0, 1.0), subject="cameras",
+    ), ""  # fmt: skip
 
 
 def within_budget(scenes: Sequence[ViewerScene], most_points: int) -> list[ViewerScene]:
@@ -255,7 +256,7 @@ def _drawn(cloud: Cloud) -> tuple[NDArray[np.float32], NDArray[np.uint8] | None]
     return cloud.points.astype(np.float32), cloud.colors
 
 
-def _plot_cloud(result: EvaluationResult, plot: PlotEvaluation) -> Path:
+def _plot_cloud(result: Loaded[EvaluationReport], plot: PlotEvaluation) -> Path:
     name = f"{plot.name}/{CLOUD_FILE}"
     try:
         inside = file_beside(Path(name), result.folder / "evaluation.json")
@@ -263,15 +264,7 @@ def _plot_cloud(result: EvaluationResult, plot: PlotEvaluation) -> Path:
         raise FieldkitError("its name is no path") from error
     if inside is None or Path(plot.name).is_absolute():
         raise FieldkitError("its cloud does not lie in the evaluation's folder")
-    described = _AsReport(result.report, plot)
-    return check_file(result.folder, described, name)  # type: ignore[arg-type]
-
-
-class _AsReport:
-    """A plot's files, in the form that `check_file` takes."""
-
-    def __init__(self, report: EvaluationReport | ReferenceReport, plot: PlotEvaluation) -> None:
-        self.files, self.kind = plot.files, report.kind
+    return check_file(result.folder, result.report.model_copy(update={"files": plot.files}), name)
 
 
 def _camera_layers(
@@ -300,14 +293,6 @@ def _label(image: ImageReport) -> str:
     return image.name if off is None else f"{image.name}, {format_length(off)} from its known position"
 
 
-def _plans_on(reference: ReferenceResult, results: Results) -> list[PlanResult]:
-    return [
-        result
-        for result in results.plans
-        if result.plan is not None and result.plan.source is not None and result.plan.source.sha256 == reference.sha256
-    ]
-
-
 def _ways(report: ReferenceReport, results: Results) -> list[LineLayer]:
     """The ways of missions in the plot frame of a georeferenced reference, as far as they come near it.
 
@@ -317,7 +302,7 @@ def _ways(report: ReferenceReport, results: Results) -> list[LineLayer]:
     if frame.origin is None:
         return []
     layers = []
-    for mission in results.missions:
+    for mission in (each.report for each in results.of(FlownMission)):
         home = mission.record.home
         height = {"sea level": home.amsl_m, "ellipsoid": home.ellipsoid_m}.get(frame.origin.datum)
         if height is None:
@@ -329,13 +314,11 @@ def _ways(report: ReferenceReport, results: Results) -> list[LineLayer]:
         )  # fmt: skip
         line = frame.from_source.apply(local).astype(np.float32)
         if np.linalg.norm(line, axis=1).min() < _NEAR_M:
-            layers.append(LineLayer(f"Way of {mission.mission_file or mission.name}", [line], _WAY, shown=False))
+            layers.append(LineLayer(f"Way of {mission.mission_file or mission.flight.name}", [line], _WAY, shown=False))
     return layers
 
 
-def _planned_layer(result: PlanResult) -> FrustumLayer:
-    plan: Plan | None = result.plan
-    assert plan is not None
+def _planned_layer(plan: Plan) -> FrustumLayer:
     half = _HALF_VIEW if plan.camera is None else _half_view(plan.camera)
     poses = [station.pose for station in plan.stations]
     numbers = [f"{station_number(index)}" for index in range(len(poses))]

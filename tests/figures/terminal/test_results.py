@@ -122,7 +122,7 @@ class TestTables:
         told = Prediction(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
         plot = scored("a").model_copy(update={"traits": TRAITS, "prediction": told})
         text = shown(evaluation_output(report(plot, reference=False)), 120)
-        assert "plant height 0.81 ± 0.03 m of the highest leaf" in text
+        assert "height 0.81 ± 0.03 m of the highest leaf" in text
         assert "cover 16.0 ± 1.2 % of the plot, seen from above" in text
         assert "canopy volume 0.310 ± 0.031 m³ between" in text
         assert "distance to its plants 12.0 mm predicted; nine in ten such plots: 6.00 to 24.0 mm" in text
@@ -144,7 +144,7 @@ class TestTables:
 
     def test_plants_without_a_ground(self) -> None:
         plot = scored("a").model_copy(update={"traits": TRAITS.model_copy(update={"height_m": None})})
-        assert "plant height" not in shown(evaluation_output(report(plot)))
+        assert "of the highest leaf" not in shown(evaluation_output(report(plot)))
 
     def test_one_failed_plot(self) -> None:
         text = shown(evaluation_output(report(FAILED)))

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fieldkit.errors import FieldkitError, MetadataError
-from fieldkit.report.sections.plausible import check_plausible
+from fieldkit.report.sections.loaded import check_plausible
 from fieldkit.report.write_report import write_report
 from tests.report.page_checks import checked
 from tests.report.sections.examples import HOSTILE, write_campaign, write_everything

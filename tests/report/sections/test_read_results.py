@@ -11,15 +11,16 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from fieldkit.campaign.reading import Campaign
 from fieldkit.errors import FieldkitError, MetadataError
 from fieldkit.missions.export_mission import export_mission
 from fieldkit.missions.export_record import geo_points, site_frame, way
+from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results, read_results
 from fieldkit.report.sections.photographs import find_photographs, thumbnails
-from fieldkit.report.sections.read_results import read_results
-from fieldkit.report.sections.summary import summarise
-from fieldkit.report.sections.summary_plan import mission_statement
+from fieldkit.report.sections.summary_plan import mission_statements
 from fieldkit.report.sections.views_3d import mission_view
-from fieldkit.report.write_report import write_report
+from fieldkit.results.comparison import ComparisonReport
+from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
 from fieldkit.results.plan_file import save_plan
 from fieldkit.sites.placement import PlotFrame, SiteFrame
 from fieldkit.sites.site_file import load_site
@@ -40,16 +41,16 @@ HILLSIDE = SITES / "hillside.geojson"
 def test_everything_in_a_folder_is_found_and_what_is_damaged_is_told(tmp_path: Path) -> None:
     write_everything(tmp_path)
     found = read_results(tmp_path)
-    assert [part.name for part in found.references] == ["reference"]
-    assert [part.name for part in found.plans] == ["plan"]  # not the campaign's own
-    assert [(part.name, part.mission_file) for part in found.missions] == [("mission/field.mission.json", "field.plan")]
-    assert [part.name for part in found.evaluations] == ["scores"]
-    assert [part.name for part in found.comparisons] == ["comparison"]
-    assert [part.campaign.name for part in found.campaigns] == ["maize 2026"]
+    assert [part.name for part in found.of(ReferenceReport)] == ["reference"]
+    assert [part.name for part in found.of(PlanRun)] == ["plan"]  # not the campaign's own
+    assert [(part.name, part.report.mission_file) for part in found.of(FlownMission)] == [("mission", "field.plan")]
+    assert [part.name for part in found.of(EvaluationReport)] == ["scores"]
+    assert [part.name for part in found.of(ComparisonReport)] == ["comparison"]
+    assert [part.report.name for part in found.of(Campaign)] == ["maize 2026"]
     assert [each.name for each in found.unreadable] == ["broken/evaluation.json"]
     assert found.unreadable[0].message
     assert found.unreadable[0].remedy
-    assert found.count == 6
+    assert len(found.found) == 6
 
 
 @pytest.mark.parametrize("file", [True, False])
@@ -63,11 +64,10 @@ def test_a_result_of_its_own_by_folder_or_file(tmp_path: Path, file: bool) -> No
         "ref": "reference.json", "eval": "evaluation.json", "run": "plan.json", "mission": "field.plan",
         "campaign": "campaign.toml",
     }  # fmt: skip
-    kinds = ("references", "evaluations", "plans", "missions", "campaigns")
+    kinds: tuple[type, ...] = (ReferenceReport, EvaluationReport, PlanRun, FlownMission, Campaign)
     for (folder, name), kind in zip(files.items(), kinds, strict=True):
         found = read_results(tmp_path / folder / name if file else tmp_path / folder)
-        assert found.count == 1
-        assert len(getattr(found, kind)) == 1
+        assert [type(part.report) for part in found.found] == [kind]
         assert not found.unreadable
 
 
@@ -77,8 +77,9 @@ def test_a_run_that_is_not_finished_has_trials_and_no_plan(tmp_path: Path) -> No
         (tmp_path / "run" / name).unlink()
     with (tmp_path / "run" / "evaluations.jsonl").open("a") as log:
         log.write('{"number": 40, "sta')  # being written
-    (part,) = read_results(tmp_path / "run").plans
-    assert (part.plan, part.outcome, len(part.trials)) == (None, None, 40)
+    (part,) = read_results(tmp_path / "run").of(PlanRun)
+    run = part.report
+    assert (run.plan, run.outcome, len(run.trials)) == (None, None, 40)
 
 
 def test_three_levels_below_is_too_deep_and_hidden_folders_are_passed_over(tmp_path: Path) -> None:
@@ -86,13 +87,13 @@ def test_three_levels_below_is_too_deep_and_hidden_folders_are_passed_over(tmp_p
     write_reference(tmp_path / ".d")
     with pytest.raises(MetadataError, match="holds no result"):
         read_results(tmp_path)
-    assert len(read_results(tmp_path / "a").references) == 1
+    assert len(read_results(tmp_path / "a").of(ReferenceReport)) == 1
 
 
 def test_links_in_a_circle(tmp_path: Path) -> None:
     write_reference(tmp_path / "a")
     (tmp_path / "a" / "loop").symlink_to(tmp_path)
-    assert len(read_results(tmp_path).references) == 1
+    assert len(read_results(tmp_path).of(ReferenceReport)) == 1
 
 
 def test_nothing_of_ours(tmp_path: Path) -> None:
@@ -115,23 +116,23 @@ def test_a_single_damaged_result_is_its_own_error(tmp_path: Path) -> None:
 class TestMissions:
     def test_it_is_the_missions(self, tmp_path: Path) -> None:
         write_mission(tmp_path / "mission")
-        (part,) = read_results(tmp_path).missions
-        stations = part.flight.stations
+        (part,) = read_results(tmp_path).of(FlownMission)
+        stations = part.report.flight.stations
         assert len(stations) == 5
-        assert part.flight.plots == ("plot",)
+        assert part.report.flight.plots == ("plot",)
         assert sorted(station.index for station in stations) == [0, 1, 2, 3, 4]
         # The plot lies 0.0001° north of home: 11.1 m; stations stand 1.3 m about its middle, 1.2 m above its ground.
-        frame = site_frame(part.record)
+        frame = site_frame(part.report.record)
         east, north, up = frame.points(geo_points(stations)).T
         assert np.hypot(east, north - 11.12) == pytest.approx(1.3, abs=0.02)
         assert up == pytest.approx(1.2, abs=0.01)
-        assert 25 < part.flight.length_m < 60
-        assert len(part.record.inside) == 1
-        assert len(part.record.outside) >= 1
-        corners = frame.points(way(part.record, part.flight))
+        assert 25 < part.report.flight.length_m < 60
+        assert len(part.report.record.inside) == 1
+        assert len(part.report.record.outside) >= 1
+        corners = frame.points(way(part.report.record, part.report.flight))
         assert tuple(corners[0]) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
         legs = np.linalg.norm(np.diff(corners, axis=0), axis=1)
-        assert legs.sum() == pytest.approx(part.flight.length_m, abs=0.01)
+        assert legs.sum() == pytest.approx(part.report.flight.length_m, abs=0.01)
 
     def test_a_flight_by_its_files_name_and_all_by_the_records(self, tmp_path: Path) -> None:
         battery = VEHICLE.battery.model_copy(update={"endurance_s": 320.0})
@@ -148,37 +149,23 @@ class TestMissions:
         flights = len(done.routed.flights)
         assert flights > 1
         for name, count in (("field-2.plan", 1), ("field.mission.json", flights), ("field-1.geojson", flights)):
-            found = read_results(tmp_path / name).missions
+            found = read_results(tmp_path / name).of(FlownMission)
             assert len(found) == count
-        assert [part.mission_file for part in read_results(tmp_path / "field-2.plan").missions] == ["field-2.plan"]
-        assert len(read_results(tmp_path).missions) == flights
+        (part,) = read_results(tmp_path / "field-2.plan").of(FlownMission)
+        assert part.report.mission_file == "field-2.plan"
+        assert len(read_results(tmp_path).of(FlownMission)) == flights
 
     def test_a_mission_that_was_changed_or_is_gone_is_told(self, tmp_path: Path) -> None:
         write_mission(tmp_path / "mission")
         file = tmp_path / "mission" / "field.plan"
         file.write_text(file.read_text() + " ")
-        (part,) = read_results(tmp_path).missions
-        assert part.changed
-        assert "was changed since" in mission_statement(part).advice
+        (part,) = read_results(tmp_path).of(FlownMission)
+        assert part.report.changed
+        assert "was changed since" in _advice(part)
         file.unlink()
-        (part,) = read_results(tmp_path).missions
-        assert (part.changed, part.mission_file) == (False, "")
-        assert "Only its record is here" in mission_statement(part).advice
-
-    def test_a_mission_of_an_earlier_version_is_told_beside_its_plan(self, tmp_path: Path) -> None:
-        write_mission(tmp_path / "mission").unlink()
-        with pytest.raises(MetadataError, match="exported by an earlier version"):
-            read_results(tmp_path)
-        with pytest.raises(MetadataError, match="exported by an earlier version"):
-            read_results(tmp_path / "mission" / "field.plan")
-        write_run(tmp_path / "plan")
-        found = read_results(tmp_path)
-        assert (len(found.plans), found.missions, found.unreadable) == (1, (), ())
-        assert found.earlier == ("mission/field.geojson",)
-        told = [statement.text for statement in summarise(found)]
-        assert "was exported by an earlier version of fieldkit" in told[-1]
-        write_report(tmp_path, tmp_path / "report.html", points=1000)
-        assert "was exported by an earlier version" in (tmp_path / "report.html").read_text()
+        (part,) = read_results(tmp_path).of(FlownMission)
+        assert (part.report.changed, part.report.mission_file) == (False, "")
+        assert "Only its record is here" in _advice(part)
 
     def test_other_geojson_is_none(self, tmp_path: Path) -> None:
         (tmp_path / "plots.geojson").write_bytes((SITES / "plots.geojson").read_bytes())
@@ -193,19 +180,23 @@ class TestMissions:
             picture=False, route=False, plant_height=LOW_M,
         )  # fmt: skip
         results = read_results(tmp_path)
-        (part,), (plan,) = results.missions, results.plans
-        (layer,) = mission_view(part, results).points
-        assert plan.plan is not None
-        assert plan.plan.plants is not None
+        (part,), (plan,) = results.of(FlownMission), results.of(PlanRun)
+        view = mission_view(part, results)[0]
+        assert view is not None
+        (layer,) = view.points
+        assert plan.report.plan is not None
+        assert plan.report.plan.plants is not None
         field = load_site(SITES / "example.toml", HILLSIDE)
         wanted = np.concatenate([
-            SiteFrame(field.home).to_local(*PlotFrame.of(field, plot).to_geodetic(plan.plan.plants.points_m))
+            SiteFrame(field.home).to_local(*PlotFrame.of(field, plot).to_geodetic(plan.report.plan.plants.points_m))
             for plot in field.plots
         ])  # fmt: skip
         np.testing.assert_allclose(layer.points, wanted, atol=1e-3)
         save_plan(tmp_path / "plan" / "plan.json", planned(7))  # another one
         results = read_results(tmp_path)
-        assert mission_view(results.missions[0], results).points == []
+        view = mission_view(results.of(FlownMission)[0], results)[0]
+        assert view is not None
+        assert view.points == []
 
     @settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
     @given(st.data())
@@ -231,8 +222,10 @@ class TestMissions:
         except FieldkitError as error:
             assert error.remedy  # noqa: PT017
             return
-        for part in results.missions:
-            (line, *_) = mission_view(part, results).lines
+        for part in results.of(FlownMission):
+            view = mission_view(part, results)[0]
+            assert view is not None
+            (line, *_) = view.lines
             assert all(np.isfinite(each).all() for each in line.lines)
 
 
@@ -277,3 +270,8 @@ class TestPhotographs:
         write_photographs(tmp_path / "a", 2)
         (tmp_path / "a" / "IMG_0001.jpg").write_bytes(b"\xff\xd8\xff not a photograph")
         assert list(thumbnails(tmp_path / "a", ["IMG_0001.jpg", "IMG_0002.jpg"], 5)) == ["IMG_0002.jpg"]
+
+
+def _advice(mission: Loaded[FlownMission]) -> str:
+    (statement,) = mission_statements(mission, Results(mission.folder))
+    return statement.advice

@@ -16,13 +16,12 @@ from fieldkit.errors import MetadataError, StorageError, UsageError
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.report.sections.glossary import MEANINGS, meanings
 from fieldkit.report.sections.in_short import next_step, verdict
-from fieldkit.report.sections.loaded_results import PlanResult, Results
-from fieldkit.report.sections.read_results import read_results
-from fieldkit.report.sections.summary import summarise
+from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results, read_results
+from fieldkit.report.sections.page import summarise
 from fieldkit.report.sections.views_3d import plan_view, plot_view, points_of, within_budget
 from fieldkit.report.write_report import write_report
 from fieldkit.results.doubtful import OTHER_PLANTS
-from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, Prediction
+from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, Prediction, ReferenceReport
 from fieldkit.results.finding import Finding
 from fieldkit.results.mission import MissionHome, MissionPlace
 from fieldkit.results.traits import TraitsEntry
@@ -113,11 +112,11 @@ class TestFile:
     def test_provenance_names_versions_seeds_and_hashes(self, scored: Results, tmp_path: Path) -> None:
         write_report(scored.root, tmp_path / "r.html", overwrite=True)
         text = checked((tmp_path / "r.html").read_text()).text
-        assert scored.references[0].sha256 in text
-        assert scored.evaluations[0].sha256 in text
+        assert scored.of(ReferenceReport)[0].sha256 in text
+        assert scored.of(EvaluationReport)[0].sha256 in text
         assert fieldkit.__version__ in text
         assert f"fieldkit report {scored.root.name}" in text
-        assert scored.references[0].report.files[0].sha256 in text
+        assert scored.of(ReferenceReport)[0].report.files[0].sha256 in text
 
     def test_hostile_names_of_plots_read_nothing_outside(self, tmp_path: Path) -> None:
         write_reference(tmp_path / "r" / "ref")
@@ -136,7 +135,7 @@ class TestFile:
 
 class TestSummary:
     def test_of_a_scored_capture(self, scored: Results) -> None:
-        plot = scored.evaluations[0].report.plots[0]
+        plot = scored.of(EvaluationReport)[0].report.plots[0]
         told = [s for s in summarise(scored) if s.text.startswith("plot 7")]
         assert told[0].text == "plot 7: 6 of 8 photographs registered and used, 2,577 points of plants."
         left_out = next(s for s in told if "not used" in s.text)
@@ -178,14 +177,14 @@ class TestSummary:
         assert "lie between 8.00 mm and 16.0 mm" in _told(results, prediction=likely)
         assert "is not known: nothing like it was in the fit." in _told(results, prediction=none)
         assert "is not known." in _told(results, prediction=None)
-        part = results.evaluations[0]
+        part = results.of(EvaluationReport)[0]
         plot = part.report.plots[0].model_copy(update={"traits": traits, "prediction": likely})
         document = part.report.model_copy(update={"plots": (plot,)}).model_dump_json()
         (tmp_path / "eval" / "evaluation.json").write_text(document)
         write_report(tmp_path / "eval", tmp_path / "r.html")
         text = checked((tmp_path / "r.html").read_text()).text
         for told in (
-            "plant height 0.42\u00a0m",
+            "height 0.42\u00a0m",
             "cover 31.0\u00a0%",
             "canopy volume 0.012\u00a0m³",
             "8.00 to 16.0\u00a0mm",
@@ -205,24 +204,29 @@ class TestSummary:
 
     def test_of_plans(self, tmp_path: Path) -> None:
         write_run(tmp_path / "run")
-        (part,) = read_results(tmp_path / "run").plans
-        first, circles = summarise(Results(tmp_path, plans=(part,)))[:2]
+        (part,) = read_results(tmp_path / "run").of(PlanRun)
+        first, circles = summarise(Results(tmp_path, (part,)))[:2]
         assert "7 camera poses" in first.text
         assert "4.10 ± 0.20 mm (standard deviation of 3 confirmations)" in first.text
-        best = min(t.value_m for t in part.trials if t.origin.startswith("circle"))
+        best = min(t.value_m for t in part.report.trials if t.origin.startswith("circle"))
         assert f"{100 * (1 - 0.0051 / best):.0f} % lower than the best of 3 circles" in circles.text
         assert circles.level == "good"
         assert not _improving(tmp_path, part)
-        late = [t.model_copy(update={"value_m": t.value_m * (0.9 if t.number > 37 else 1.0)}) for t in part.trials]
-        assert "--evaluations 60" in _improving(tmp_path, replace(part, trials=tuple(late)))
-        unfinished = summarise(Results(tmp_path, plans=(replace(part, plan=None, outcome=None),)))
+        late = [
+            t.model_copy(update={"value_m": t.value_m * (0.9 if t.number > 37 else 1.0)}) for t in part.report.trials
+        ]
+        assert "--evaluations 60" in _improving(
+            tmp_path, replace(part, report=replace(part.report, trials=tuple(late)))
+        )
+        run = replace(part.report, plan=None, outcome=None)
+        unfinished = summarise(Results(tmp_path, (replace(part, report=run),)))
         assert [s.level for s in unfinished] == ["problem"]
         assert "40 of 40 trials" in unfinished[0].text
 
 
 class TestViews:
     def test_distances_are_exact_both_ways(self, scored: Results) -> None:
-        part = scored.evaluations[0]
+        part = scored.of(EvaluationReport)[0]
         scene, note = plot_view(part, part.report.plots[0], scored)
         assert scene is not None
         assert "completeness" in note
@@ -238,31 +242,32 @@ class TestViews:
         write_run(scored.root / "plan", scored.root / "ref")
         write_run(scored.root / "other")
         results = read_results(scored.root)
-        part = results.evaluations[0]
+        part = results.of(EvaluationReport)[0]
         scene, _ = plot_view(part, part.report.plots[0], results)
         assert scene is not None
         assert [layer.name for layer in scene.frusta][2:] == ["Cameras, planned"]
-        scenes = {plan.name: plan_view(plan, results)[0] for plan in results.plans}
+        scenes = {plan.name: plan_view(plan, results)[0] for plan in results.of(PlanRun)}
         assert [layer.name for layer in scenes["plan"].points] == ["Reference", "Plants, as flights keep clear of them"]  # type: ignore[union-attr]
         assert [layer.shown for layer in scenes["other"].points] == [True]  # type: ignore[union-attr]
 
     def test_a_missions_way_lies_where_the_reference_is_on_the_earth(self, scored: Results) -> None:
         # The example's source frame has its origin at 50.6° N 6.98° E, 70 m; the plot frame lies 1.2 m above it.
         write_mission(scored.root / "mission")
-        (mission,) = read_results(scored.root).missions
+        (mission,) = read_results(scored.root).of(FlownMission)
         for home_amsl, distance, shown in ((70.0, 0.0, 1), (None, 0.0, 0), (70.0, 0.01, 0)):
             frame = LocalFrame(50.6 + distance, 6.98, 70.0)
             latitude, longitude, altitude = (float(value[0]) for value in frame.to_geodetic([10.0, -4.0, 5.0]))
             end = MissionPlace(latitude_deg=latitude, longitude_deg=longitude, height_m=altitude - 70.0)
             home = MissionHome(latitude_deg=50.6 + distance, longitude_deg=6.98, amsl_m=home_amsl)
-            moved = replace(
-                mission, record=mission.record.model_copy(update={"home": home}),
-                flight=mission.flight.model_copy(update={"stops": (), "landing": end}), mission_file="m.plan",
-            )  # fmt: skip
-            takeoff_m = mission.flight.takeoff_m
+            flown = mission.report
+            moved = replace(mission, report=replace(
+                flown, record=flown.record.model_copy(update={"home": home}),
+                flight=flown.flight.model_copy(update={"stops": (), "landing": end}), mission_file="m.plan",
+            ))  # fmt: skip
+            takeoff_m = flown.flight.takeoff_m
             way = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, takeoff_m], [10.0, -4.0, 5.0], [10.0, -4.0, 0.0]])
-            part = scored.evaluations[0]
-            scene, _ = plot_view(part, part.report.plots[0], replace(scored, missions=(moved,)))
+            part = scored.of(EvaluationReport)[0]
+            scene, _ = plot_view(part, part.report.plots[0], replace(scored, found=(*scored.found, moved)))
             assert scene is not None
             ways = [layer for layer in scene.lines if layer.name == "Way of m.plan"]
             assert len(ways) == shown
@@ -272,13 +277,13 @@ class TestViews:
     def test_a_cloud_that_was_changed_is_not_shown(self, scored: Results) -> None:
         cloud = scored.root / "eval" / "plot 7" / "cloud.ply"
         cloud.write_bytes(cloud.read_bytes()[:-4] + b"\0\0\0\0")
-        part = scored.evaluations[0]
+        part = scored.of(EvaluationReport)[0]
         scene, note = plot_view(part, part.report.plots[0], scored)
         assert scene is None
         assert "was changed" in note
 
     def test_points_are_thinned_out_the_same_every_time(self, scored: Results) -> None:
-        part = scored.evaluations[0]
+        part = scored.of(EvaluationReport)[0]
         scene, _ = plot_view(part, part.report.plots[0], scored)
         assert scene is not None
         (thin,), (again,) = (within_budget([scene], 1000) for _ in range(2))
@@ -305,13 +310,13 @@ def test_thumbnails_show_what_was_left_out_first(tmp_path: Path) -> None:
 
 
 def test_other_plants_than_the_references_are_no_success(scored: Results) -> None:
-    (found,) = scored.evaluations
+    (found,) = scored.of(EvaluationReport)
     (plot,) = found.report.plots
     finding = Finding(subject="plot 7", code=OTHER_PLANTS, message="far off; check the plot", left_out=False)
     odd = replace(found, report=found.report.model_copy(
         update={"plots": (plot.model_copy(update={"findings": (finding,), "right": plot.images}),)}
     ))  # fmt: skip
-    said = summarise(replace(scored, references=(), evaluations=(odd,)))
+    said = summarise(replace(scored, found=(odd,)))
     count = f"{plot.images} of {plot.images} photographs registered and used"
     assert (said[0].level, said[0].text) == ("fact", f"plot 7: {count}, {plot.points:,} points of plants.")
     assert ("problem", "plot 7: far off.", "Check the plot.") in [(s.level, s.text, s.advice) for s in said]
@@ -377,16 +382,14 @@ def test_terms_are_explained() -> None:
 
 
 def _told(results: Results, **changed: object) -> str:
-    part = results.evaluations[0]
+    part = results.of(EvaluationReport)[0]
     plot: PlotEvaluation = part.report.plots[0].model_copy(update=changed)
     report: EvaluationReport = part.report.model_copy(update={"plots": (plot,)})
-    return " ".join(
-        s.text + s.advice for s in summarise(Results(results.root, evaluations=(replace(part, report=report),)))
-    )
+    return " ".join(s.text + s.advice for s in summarise(Results(results.root, (replace(part, report=report),))))
 
 
-def _improving(root: Path, part: PlanResult) -> str:
-    return next((s.advice for s in summarise(Results(root, plans=(part,))) if "still got better" in s.text), "")
+def _improving(root: Path, part: Loaded[PlanRun]) -> str:
+    return next((s.advice for s in summarise(Results(root, (part,))) if "still got better" in s.text), "")
 
 
 def _empty(tmp_path: Path) -> Path:

@@ -1,0 +1,298 @@
+"""Finding and reading the results of a folder, for a report."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from pydantic import BaseModel
+
+from fieldkit.campaign.reading import Campaign, read_campaign
+from fieldkit.errors import FieldkitError, MetadataError, StorageError
+from fieldkit.planning.run.folder import LOG_FILE, SETTINGS_FILE, LogEntry, read_log, read_settings, searched
+from fieldkit.planning.run.outcome import OUTCOME_FILE, Outcome, read_outcome
+from fieldkit.planning.settings import SearchSettings
+from fieldkit.results.comparison import COMPARE_FILE, load_comparison
+from fieldkit.results.demo import DEMO_FILE, DemoReport, load_demo
+from fieldkit.results.mission import MissionFlight, MissionRecord
+from fieldkit.results.mission_file import load_mission, records_in
+from fieldkit.results.plan import Plan
+from fieldkit.results.plan_file import PLAN_FILE, load_plan
+from fieldkit.results.report_files import (
+    EVALUATION_FILE,
+    REFERENCE_FILE,
+    file_sha256,
+    load_evaluation_report,
+    load_reference_report,
+)
+from fieldkit.results.visit import CAMPAIGN_FILE
+
+DEPTH = 2
+"""Levels below the folder that are searched."""
+LARGEST, LARGEST_COUNT = 1e9, 2**64
+"""Largest numbers that are shown, of measurements (metres, pixels, seconds, degrees) and of counts: beyond them
+drawings would overflow."""
+
+_REMEDY = (
+    "Give a folder that a command of fieldkit wrote (reference, plan, export-mission, evaluate, compare, campaign, "
+    "demo), or one that holds such folders."
+)
+_MOST_FOLDERS = 5000
+_MOST_MISSIONS = 100
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class PlanRun:
+    """A plan, alone or with its run."""
+
+    plan: Plan | None
+    """None for an unfinished run."""
+    settings: SearchSettings | None = None
+    """None for a plan without a run."""
+    trials: tuple[LogEntry, ...] = ()
+    """Of the search, by number."""
+    outcome: Outcome | None = None
+
+
+@dataclass(frozen=True)
+class FlownMission:
+    """A flight of a mission."""
+
+    record: MissionRecord
+    flight: MissionFlight
+    mission_file: str
+    """Name of the vehicle's file; empty if it is not beside mission.json."""
+    changed: bool
+    """Whether that file differs from the exported one."""
+
+
+@dataclass(frozen=True)
+class Loaded(Generic[T]):
+    """A result and where it lies."""
+
+    file: Path
+    """Absolute."""
+    name: str
+    """Of its folder, relative to the report's; its own name where it is that."""
+    report: T
+    """What the file says, or the run or campaign that it belongs to."""
+    sha256: str
+    """Of the file."""
+
+    @property
+    def folder(self) -> Path:
+        """Absolute."""
+        return self.file.parent
+
+
+@dataclass(frozen=True)
+class Unreadable:
+    """A damaged result."""
+
+    name: str
+    message: str
+    remedy: str
+
+
+@dataclass(frozen=True)
+class Results:
+    """All results of a folder, each kind in the order of names."""
+
+    root: Path
+    found: tuple[Loaded[Any], ...] = ()
+    unreadable: tuple[Unreadable, ...] = ()
+
+    def of(self, kind: type[T]) -> tuple[Loaded[T], ...]:
+        """The results of a kind."""
+        return tuple(each for each in self.found if isinstance(each.report, kind))
+
+
+_READERS: Mapping[str, Callable[[Path], Any]] = {
+    REFERENCE_FILE: load_reference_report,
+    EVALUATION_FILE: load_evaluation_report,
+    CAMPAIGN_FILE: read_campaign,
+    COMPARE_FILE: load_comparison,
+    DEMO_FILE: load_demo,
+}
+"""By the file that makes a folder such a result; plans and missions have readers of their own."""
+
+
+def read_results(path: Path) -> Results:
+    """Read all results of fieldkit in a folder or up to two levels below.
+
+    Damaged results are listed, if there are others to show.
+
+    Args:
+        path: the folder, or a file of a result (reference.json …, mission.json, a mission).
+
+    Raises:
+        MetadataError: there is no result of fieldkit, or all are damaged.
+        StorageError: the folder cannot be read.
+    """
+    path = Path(os.path.abspath(Path(path).expanduser()))  # noqa: PTH100 - links stay as they were given
+    if not os.path.lexists(path):
+        raise MetadataError("there is no such folder", path=path, remedy=_REMEDY)
+    reader = _Reader(path if path.is_dir() else path.parent)
+    if path.is_dir():
+        for folder in _folders(path):
+            reader.read_folder(folder)
+            reader.read_missions(folder)
+    elif path.name in (*_READERS, PLAN_FILE, SETTINGS_FILE):
+        reader.read_folder(path.parent, only=path.name)
+    else:
+        reader.read_missions(path.parent, only=path.name)
+    if all(isinstance(each.report, DemoReport) for each in reader.found):
+        if reader.first_error is not None:
+            raise reader.first_error
+        raise MetadataError("holds no result of fieldkit", path=path, remedy=_REMEDY)
+    return Results(reader.root, tuple(reader.found), tuple(reader.unreadable))
+
+
+def check_plausible(values: Any, file: Path) -> None:
+    """Refuse numbers of a file that would overflow in drawings, and name the first.
+
+    Args:
+        values: mappings, sequences and plain values, as pydantic dumps them.
+        file: for the message.
+
+    Raises:
+        MetadataError: a number beyond `LARGEST` or `LARGEST_COUNT`, or not finite.
+    """
+    waiting: list[tuple[str, Any]] = [("", values)]
+    while waiting:
+        key, value = waiting.pop()
+        within = True
+        if isinstance(value, Mapping):
+            waiting += [(f"{key}.{name}" if key else str(name), inner) for name, inner in value.items()]
+        elif isinstance(value, list | tuple):
+            waiting += [(f"{key}.{place}", inner) for place, inner in enumerate(value)]
+        elif isinstance(value, float):
+            within = abs(value) <= LARGEST  # not so for NaN
+        elif isinstance(value, int):
+            within = abs(value) <= LARGEST_COUNT
+        if not within:
+            raise MetadataError(
+                f"{key[:200]}: is a number that no measurement gives", path=file, remedy="Make the result again."
+            )
+
+
+def _folders(root: Path) -> Iterator[Path]:
+    """The folder and those below it, by level and name, without the folders within campaigns."""
+    level, seen = [root], 0
+    for depth in range(DEPTH + 1):
+        below: list[Path] = []
+        for folder in level:
+            seen += 1
+            if seen > _MOST_FOLDERS:
+                return
+            yield folder
+            if depth < DEPTH and not (folder / CAMPAIGN_FILE).is_file():
+                below += _subfolders(folder)
+        level = below
+
+
+def _subfolders(folder: Path) -> list[Path]:
+    try:
+        with os.scandir(folder) as entries:
+            names = sorted(e.name for e in entries if not e.name.startswith(".") and e.is_dir(follow_symlinks=False))
+    except OSError as error:
+        raise StorageError(f"cannot be read: {error.strerror}", path=folder, remedy="Check its permissions.") from error
+    return [folder / name for name in names]
+
+
+class _Reader:
+    """Gathers results, and notes the damaged ones."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.found: list[Loaded[Any]] = []
+        self.unreadable: list[Unreadable] = []
+        self.first_error: FieldkitError | None = None
+
+    def read_folder(self, folder: Path, only: str = "") -> None:
+        """Read the folder itself as a result, or only that file of it."""
+        for name, read in _READERS.items():
+            if (folder / name).is_file() and only in ("", name):
+                self._try(folder / name, partial(_single, read))
+        held = [name for name in (PLAN_FILE, SETTINGS_FILE) if (folder / name).is_file()]
+        # A campaign's plan is shown with the campaign.
+        if held and only in ("", *held) and not (folder / CAMPAIGN_FILE).is_file():
+            self._try(folder / held[0], lambda _: [_plan_run(folder)])
+
+    def read_missions(self, folder: Path, only: str = "") -> None:
+        """Read the flights of a folder's missions, or those of a given file."""
+        for file in records_in(folder)[:_MOST_MISSIONS]:
+            self._try(file, lambda file: _flights(file, only))
+
+    def _try(self, file: Path, read: Callable[[Path], list[Any]]) -> None:
+        try:
+            reports = read(file)
+            for report in reports:
+                check_plausible(_plain(report), file)
+            sha256 = file_sha256(file)
+        except FieldkitError as error:
+            self._damaged(error, file if error.path is None else Path(error.path))
+        except OSError as error:
+            remedy = "Check its permissions."
+            self._damaged(StorageError(f"cannot be read: {error.strerror}", path=file, remedy=remedy), file)
+        else:
+            name = self._name(file.parent)
+            self.found += [Loaded(file, name, report, sha256) for report in reports]
+
+    def _damaged(self, error: FieldkitError, file: Path) -> None:
+        self.first_error = self.first_error or error
+        self.unreadable.append(Unreadable(self._name(file), error.message, error.remedy))
+
+    def _name(self, path: Path) -> str:
+        if path == self.root or not path.is_relative_to(self.root):
+            return path.name
+        return path.relative_to(self.root).as_posix()
+
+
+def _single(read: Callable[[Path], Any], file: Path) -> list[Any]:
+    return [read(file.parent)]
+
+
+def _plain(report: Any) -> Any:
+    """The numbers of a result as plain values."""
+    match report:
+        case BaseModel():
+            return report.model_dump()
+        case Campaign():
+            return [visit.row() for visit in report.visits]
+        case PlanRun():
+            parts = {"plan": report.plan, "search": report.settings, "outcome": report.outcome}
+            trials = {f"evaluations.{k}": trial for k, trial in enumerate(report.trials)}
+            return {name: part.model_dump() for name, part in (parts | trials).items() if part is not None}
+        case _:
+            return report.record.model_dump()
+
+
+def _plan_run(folder: Path) -> PlanRun:
+    plan = load_plan(folder / PLAN_FILE) if (folder / PLAN_FILE).is_file() else None
+    if not (folder / SETTINGS_FILE).is_file():
+        return PlanRun(plan)
+    entries = read_log(folder) if (folder / LOG_FILE).is_file() else []
+    outcome = read_outcome(folder) if (folder / OUTCOME_FILE).is_file() else None
+    return PlanRun(plan, read_settings(folder), tuple(searched(entries)), outcome)
+
+
+def _flights(file: Path, only: str) -> list[FlownMission]:
+    """The flights of a mission; with ``only`` that of a file, and none if the file is another's."""
+    record = load_mission(file)
+    if only and only not in (file.name, *(entry.name for entry in record.files)):
+        return []
+    flights = []
+    for flight in record.flights:
+        entry = next(entry for entry in record.files if entry.name == flight.file)
+        beside = file.parent / flight.file
+        there = beside.is_file()
+        changed = there and file_sha256(beside) != entry.sha256
+        flights.append(FlownMission(record, flight, flight.file if there else "", changed))
+    return [each for each in flights if each.flight.file == only] or flights
