@@ -93,7 +93,8 @@ class Boundary:
 
             traceback.print_exception(error)
         if isinstance(error, FieldkitError):
-            self._tell(type(error).__name__, error.message, str(error.path or "") or None, error.remedy)
+            found = getattr(error, "findings", ())  # of a plan that is refused
+            self._tell(type(error).__name__, error.message, str(error.path or "") or None, error.remedy, found)
             return error.exit_code
         if isinstance(error, MemoryError):
             remedy = "Close other programs, or choose a lower --fidelity."
@@ -154,11 +155,12 @@ class Boundary:
         remedy = "The same command with --resume goes on from here." if self.resumable else ""
         self._tell(kind, message, None, remedy)
 
-    def _tell(self, kind: str, message: str, path: str | None, remedy: str) -> None:
+    def _tell(self, kind: str, message: str, path: str | None, remedy: str, findings: Sequence[Any] = ()) -> None:
         where = f"{path}: " if path else ""
         say(f"Error: {where}{message}" + (f"\n  {remedy}" if remedy else ""))
         if self._json:
-            emit_json({"error": {"type": kind, "message": message, "path": path, "remedy": remedy}})
+            more = {"findings": [finding_entry(finding) for finding in findings]} if findings else {}
+            emit_json({"error": {"type": kind, "message": message, "path": path, "remedy": remedy, **more}})
 
     def _show_warning(
         self,
@@ -177,6 +179,13 @@ class Boundary:
                 say(f"Warning: {message}")
         elif self._debug:
             say(warnings.formatwarning(message, category, filename, lineno, line).rstrip())
+
+
+def finding_entry(finding: Any) -> dict[str, Any]:
+    """Something about a plan on a plot, as JSON has it."""
+    station = None if finding.station is None else finding.station + 1
+    keys = ("code", "severity", "message", "remedy")
+    return {"plot": finding.subject or None, "station": station, **{key: getattr(finding, key) for key in keys}}
 
 
 def emit_json(value: Any) -> None:

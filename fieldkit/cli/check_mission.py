@@ -19,7 +19,7 @@ from fieldkit.cli.common import (
     say,
     vehicles_like,
 )
-from fieldkit.cli.mission_findings import finding_entries, show_findings, station_entry
+from fieldkit.cli.mission_findings import finding_entries, show_findings
 from fieldkit.errors import EXIT_OK, MissionError, UsageError
 from fieldkit.figures.style import format_length, format_seconds
 from fieldkit.wording import count, listed
@@ -98,13 +98,16 @@ def command(
 
 
 def _facts(report: Report, ground: Ground | None) -> dict[str, Any]:
+    from fieldkit.results.plan import station_number
+
     deviations = {d.photograph: d for d in report.deviations}
     poses = []
     for shot in report.photographs:
         near = deviations.get(shot.station)
         poses.append({
             "photograph": shot.station + 1,
-            **station_entry(None if near is None else near.planned),
+            "plot": None if near is None else near.planned.plot,
+            "station": None if near is None else station_number(near.planned.station),
             "item": shot.item,
             "taken": not shot.never,
             "latitude_deg": None if shot.place is None else shot.place.latitude_deg,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
+from fieldkit.cli.boundary import finding_entry
 from fieldkit.cli.common import (
     AdjustOption,
     DebugOption,
@@ -28,16 +28,13 @@ from fieldkit.cli.common import (
     vehicles_like,
 )
 from fieldkit.figures.style import format_length, format_seconds
-from fieldkit.wording import count, listed
+from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from fieldkit.missions.export_mission import ExportedMission
-    from fieldkit.routing.mission import Shot
-    from fieldkit.sites.fit import FitFinding
-    from fieldkit.sites.reach import Unreachable
+    from fieldkit.results.finding import Finding
 
 _MOST_MOVED = 20
-_MOST_NAMED = 3
 
 
 def command(
@@ -124,17 +121,19 @@ def _facts(done: ExportedMission) -> dict[str, object]:
         "clear_of_plants_m": routed.least_clear_m,
         "plants": [{"plot": plot, "clear_m": clear_m} for plot, clear_m in routed.clear_m.items()],
         "moved": [str(each) for each in routed.moved],
-        "fit": [asdict(each) for each in routed.fit],
+        "fit": [finding_entry(each) for each in routed.fit],
         "fitted": [each.fit.model_dump() for each in routed.own.values() if each.fit is not None],
     }  # fmt: skip
 
 
 def _say_stations(done: ExportedMission) -> None:
     """Which stations are not flown as planned."""
+    from fieldkit.results.finding import grouped, places_text
+
     routed = done.routed
-    moved = _alike(routed.moved)
-    for text in moved[:_MOST_MOVED]:
-        say(f"Moved: {text}")
+    moved = grouped((each.finding for each in routed.moved), exact=True)
+    for group in moved[:_MOST_MOVED]:
+        say(f"Moved: {places_text(group)}: {group[0].message}")
     if len(moved) > _MOST_MOVED:
         say(f"Moved: {count(len(moved) - _MOST_MOVED, 'more kind')}; --json lists all.")
     for name, flown in routed.own.items():
@@ -142,22 +141,6 @@ def _say_stations(done: ExportedMission) -> None:
         factors = {"high": flown.fit.height, "far along": flown.fit.length, "far across": flown.fit.width}
         changed = ", ".join(f"{by:.2f} times as {what}" for what, by in factors.items() if abs(by - 1.0) > 1e-9)
         say(f"Fitted to {name}: plants {changed}; evaluate its photographs with --plan {done.plans[name].name}.")
-
-
-def _alike(moved: Sequence[Unreachable]) -> list[str]:
-    """What is moved, the same of several photographs once."""
-    from fieldkit.results.plan import station_number
-
-    groups: dict[str, list[Shot]] = {}
-    for each in moved:
-        groups.setdefault(each.what, []).append(each.shot)
-    texts = []
-    for what, shots in groups.items():
-        numbers = [str(station_number(index)) for index in sorted({shot.station for shot in shots})]
-        plots = list(dict.fromkeys(shot.plot for shot in shots))
-        those = f"{count(len(shots), 'photograph')} (station {listed(numbers, 14)} of {listed(plots, 4)})"
-        texts.append(f"{shots[0].name if len(shots) == 1 else those}: {what}")
-    return texts
 
 
 def _show_flights(done: ExportedMission) -> None:
@@ -189,11 +172,10 @@ def _plants(clear_m: float | None, nearest_m: float | None) -> str:
     return f"clear of plants up to {format_length(clear_m)} high{nearest}"
 
 
-def _say_fit(findings: Sequence[FitFinding]) -> None:
+def _say_fit(findings: Sequence[Finding]) -> None:
     """What does not fit, warnings first; what is the same of several plots once."""
-    groups: dict[tuple[str, str, str], list[str]] = {}
-    for each in findings:
-        groups.setdefault((each.severity, each.message, each.remedy), []).append(each.plot)
-    for (severity, message, remedy), plots in sorted(groups.items(), key=lambda group: group[0][0] != "warning"):
-        more = f" and {len(plots) - _MOST_NAMED} more" if len(plots) > _MOST_NAMED else ""
-        say(f"{severity.capitalize()}: {', '.join(plots[:_MOST_NAMED])}{more}: {message}. {remedy}".rstrip())
+    from fieldkit.results.finding import grouped, places_text
+
+    for group in sorted(grouped(findings, exact=True), key=lambda group: group[0].severity != "warning"):
+        first = group[0]
+        say(f"{first.severity.capitalize()}: {places_text(group)}: {first.message}. {first.remedy}".rstrip())

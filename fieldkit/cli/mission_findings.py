@@ -11,41 +11,34 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from fieldkit.missions.findings import Finding
-    from fieldkit.routing.mission import Shot
+    from fieldkit.results.finding import Finding
 
 _MOST_ROWS = 30
 
 
 def finding_entries(findings: Sequence[Finding]) -> list[dict[str, Any]]:
     """Findings as JSON has them, each by itself."""
+    from fieldkit.results.plan import station_number
+
     return [
         {
             "code": f.code, "severity": f.severity, "item": f.item,
             "photograph": None if f.photograph is None else f.photograph + 1,
-            **station_entry(f.planned), "message": f.message,
+            "plot": f.subject or None, "station": None if f.station is None else station_number(f.station),
+            "message": f.message,
         }
         for f in findings
     ]  # fmt: skip
 
 
-def station_entry(planned: Shot | None) -> dict[str, Any]:
-    """The plan's station as people number it, and its plot; both None without one."""
-    from fieldkit.results.plan import station_number
-
-    if planned is None:
-        return {"plot": None, "station": None}
-    return {"plot": planned.plot, "station": station_number(planned.station)}
-
-
 def show_findings(findings: Sequence[Finding], file: Path) -> None:
     """A table of them; those that say the same are one row."""
-    from fieldkit.missions.findings import grouped
+    from fieldkit.missions.findings import group_text, ranked
 
-    groups = grouped(findings)
+    groups = ranked(findings)
     rows = [
-        (each.first.code, each.first.severity, "" if each.first.item is None else str(each.first.item), each.text)
-        for each in groups[:_MOST_ROWS]
+        (group[0].code, group[0].severity, "" if group[0].item is None else str(group[0].item), group_text(group))
+        for group in groups[:_MOST_ROWS]
     ]
     show(table(f"Findings in {file.name}", ["code", "severity", "item>", "what"], rows))
     if len(groups) > _MOST_ROWS:

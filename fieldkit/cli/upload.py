@@ -15,7 +15,7 @@ from fieldkit.wording import count
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from fieldkit.missions.findings import Finding
+    from fieldkit.results.finding import Finding
 
 
 def command(
@@ -100,9 +100,9 @@ def _errors(findings: Sequence[Finding]) -> int:
 
 
 def _require_no_errors(findings: Sequence[Finding], mission: Path, *, force: bool) -> None:
-    from fieldkit.missions.findings import grouped
+    from fieldkit.missions.findings import group_text, ranked
 
-    texts = [each.text for each in grouped(findings) if each.first.severity == "error"]
+    texts = [group_text(group) for group in ranked(findings) if group[0].severity == "error"]
     if not texts or force:
         return
     more = f"; and {count(len(texts) - 3, 'more kind')}" if len(texts) > 3 else ""

@@ -18,8 +18,9 @@ from fieldkit.missions.check_photographs import adjusted_findings, deviations, p
 from fieldkit.missions.files.limits import LEAST_WAYPOINTS, LONGEST_STAY_S, MOST_WAYPOINTS
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.wpml import dji_model
-from fieldkit.missions.findings import Finding, Report, error, warning
+from fieldkit.missions.findings import Report, error, warning
 from fieldkit.missions.ground import Ground
+from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Shot
 from fieldkit.routing.obstacles import Corners, Obstacles, Volume
 from fieldkit.sites.placement import SiteFrame, grounds_m, home_of, place
@@ -61,9 +62,7 @@ def check_mission(
         read = replace(read, home=origin)
     elif read.home is not None and read.home.amsl_m is None and origin is not None:
         read = replace(read, home=replace(read.home, amsl_m=origin.amsl_m))
-    findings = [
-        Finding(r.code, "error" if r.error else "warning", r.message, r.item) for r in read.remarks
-    ]  # fmt: skip
+    findings = [(error if r.error else warning)(r.code, r.message, r.item) for r in read.remarks]
     findings += _fit(read, vehicle)
     dialect = vehicle.dialect if vehicle.dialect != "dji" else read.firmware or "ardupilot"
     flown = interpret(read, vehicle, dialect)

@@ -12,8 +12,9 @@ from fieldkit.missions.autopilots.acceptance import dropped, refusal
 from fieldkit.missions.autopilots.effects import GOING, LANDINGS, TAKEOFFS
 from fieldkit.missions.autopilots.jumps import course
 from fieldkit.missions.files.read_mission import ReadMission
-from fieldkit.missions.findings import Finding, error, warning
+from fieldkit.missions.findings import error, warning
 from fieldkit.missions.items import Command, MissionItem, plain_frame
+from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import GeoPoint, Home
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.wording import count

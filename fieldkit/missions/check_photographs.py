@@ -11,7 +11,8 @@ import numpy as np
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.stations import PoseArray, associate
 from fieldkit.missions.autopilots.execution import Execution, Photograph, distance
-from fieldkit.missions.findings import Deviation, Finding, error, warning
+from fieldkit.missions.findings import Deviation, error, warning
+from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import GeoPoint, Home, Shot
 from fieldkit.routing.motion import turn_deg
 from fieldkit.sites.reach import Unreachable

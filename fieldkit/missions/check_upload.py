@@ -6,8 +6,8 @@ from pathlib import Path
 
 from fieldkit.missions.check import check_on_ground
 from fieldkit.missions.files.read_mission import ReadMission
-from fieldkit.missions.findings import Finding
 from fieldkit.missions.ground import ground_of
+from fieldkit.results.finding import Finding
 from fieldkit.sites.site import Site
 from fieldkit.vehicles.vehicle import Mount, Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle

@@ -9,17 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Pose
+from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan, Plans
-from fieldkit.routing.flights import Flight, Stop, plan_flights
-from fieldkit.routing.legs import Place
+from fieldkit.routing.flights import Flight, plan_flights
 from fieldkit.routing.mission import Fence, GeoPoint, Mission, Shot, Via
-from fieldkit.sites.fit import FitFinding, fit_site, require_fit
-from fieldkit.sites.fitted import flown_plans
-from fieldkit.sites.placement import PlotFrame, SiteFrame, grounds_m, home_of, place
+from fieldkit.sites.fit import fit_report
+from fieldkit.sites.placement import PlotFrame, SiteFrame, grounds_m, home_of, landing_of
 from fieldkit.sites.plot_plants import PlotPlants, facts_of, plants_on
-from fieldkit.sites.reach import Unreachable, adjusted, require_reachable
+from fieldkit.sites.reach import Unreachable
 from fieldkit.sites.site import Site
-from fieldkit.sites.site_obstacles import site_obstacles
 from fieldkit.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -62,7 +60,7 @@ class Routed:
     plants: Array
     plants_of: Mapping[str, Array]
     clear_m: Mapping[str, float | None]
-    fit: tuple[FitFinding, ...] = ()
+    fit: tuple[Finding, ...] = ()
     own: Mapping[str, Plan] = field(default_factory=dict)
 
     @property
@@ -116,23 +114,14 @@ def route_plan(
         seed: of the search for the order of many plots.
 
     Raises:
-        MissionError: the plan does not fit a plot (see `fieldkit.sites.fit`), a pose is out of reach, a
-            station stands in an obstacle, there is no safe way, or a plot takes more than a battery; stations and plots
-            are named.
+        Refused: with all that speaks against the plan there (`fieldkit.sites.fit`).
         MetadataError: the height of a plot cannot be connected with home's.
     """
-    plans = flown_plans(plan, site.plots, fit)
-    shots = place(plans, site)
-    findings = require_fit(fit_site(plans, site, vehicle.clearance_m))
-    moved: tuple[Unreachable, ...] = ()
-    obstacles = site_obstacles(site, vehicle.clearance_m, plans)
-    if adjust:
-        shots, moved = adjusted(shots, site, vehicle, obstacles)
-    else:
-        require_reachable(shots, site, vehicle)
-    frame = SiteFrame(site.home)
+    report = fit_report(plan, site, vehicle, fit=fit, adjust=adjust)
+    report.require()
+    plans, shots, frame = report.plans, report.shots, SiteFrame(site.home)
     flights = plan_flights(
-        _stops(shots, frame, vehicle), (0.0, 0.0, 0.0), _landing(site, frame), obstacles, vehicle,
+        report.stops, (0.0, 0.0, 0.0), landing_of(site), report.obstacles, vehicle,
         takeoff_m=site.takeoff_m, transit_m=site.transit_m, seed=seed,
     )  # fmt: skip
     on_plots = _plants_of(plans, site)
@@ -143,28 +132,12 @@ def route_plan(
         for number, flight in enumerate(flights, 1)
     )
     return Routed(
-        routed, moved, float(heights.min()), _nearest(flights, shots, plants) if plants else None,
+        routed, report.moved, float(heights.min()), _nearest(flights, shots, plants) if plants else None,
         np.concatenate([np.zeros((0, 3)), *plants.values()]), plants,
-        {name: None if each is None else each.clear_m for name, each in on_plots.items()}, findings,
+        {name: None if each is None else each.clear_m for name, each in on_plots.items()},
+        report.findings,
         {} if isinstance(plans, Plan) else {name: each for name, each in plans.items() if each is not plan},
     )  # fmt: skip
-
-
-def _stops(shots: Sequence[Shot], frame: SiteFrame, vehicle: Vehicle) -> list[Stop]:
-    points = frame.points(shot.place for shot in shots)
-    pause = vehicle.trigger.settle_s + vehicle.trigger.exposure_s
-    return [
-        Stop((float(x), float(y), float(z)), shot.yaw_deg, pause, shot.plot, shot.name)
-        for (x, y, z), shot in zip(points, shots, strict=True)
-    ]
-
-
-def _landing(site: Site, frame: SiteFrame) -> Place:
-    """Metres from home, on the ground."""
-    if site.landing is None:
-        return (0.0, 0.0, 0.0)
-    east, north, _ = frame.to_local(site.landing.latitude_deg, site.landing.longitude_deg, 0.0)[0]
-    return (float(east), float(north), 0.0)
 
 
 def _mission(

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 from fieldkit.missions.autopilots.execution import Photograph
+from fieldkit.results.finding import Finding, Severity, grouped
 from fieldkit.routing.mission import Shot
-
-Severity = Literal["error", "warning"]
-
-_NUMBER = re.compile(r"[-+]?[0-9][0-9.,:]*")
 
 _CAUSES = (
     "empty", "wrong-vehicle", "unknown-item", "plan-version", "lat-lon-swapped", "other-home", "far-from-home",
@@ -23,66 +18,23 @@ _CAUSES = (
 """Codes of what other findings follow from, or what is dangerous; the first matter most."""
 
 
-@dataclass(frozen=True)
-class Finding:
-    """Something wrong, or worth knowing.
-
-    Attributes:
-        code: docs/missions.md lists them.
-        severity: a mission with an error should not be flown.
-        message: for people.
-        item: number of the item concerned, as the file counts.
-        photograph: the one concerned, by its place in the file, from 0.
-        planned: the plan's station concerned.
-    """
-
-    code: str
-    severity: Severity
-    message: str
-    item: int | None = None
-    photograph: int | None = None
-    planned: Shot | None = None
-
-
-@dataclass(frozen=True)
-class FindingGroup:
-    """Findings that say the same of several items, photographs or legs.
-
-    Attributes:
-        findings: one or more, in the order of the file; their messages differ in numbers and stations' names alone.
-    """
-
-    findings: tuple[Finding, ...]
-
-    @property
-    def first(self) -> Finding:
-        """The one that stands for all."""
-        return self.findings[0]
-
-    @property
-    def text(self) -> str:
-        """For people: "35 photographs: …"; with the first one's place where they differ."""
-        first, count = self.first, len(self.findings)
-        if count == 1:
-            return first.message
-        what = "photographs" if first.photograph is not None else "legs" if first.code.startswith("leg-") else "items"
-        if first.item is None:
-            what = "times"
-        alike = len({finding.message for finding in self.findings}) == 1
-        example = "" if alike else ", the first" if first.item is None else f", the first at item {first.item}"
-        return f"{count} {what}{example}: {first.message}"
-
-
-def grouped(findings: Iterable[Finding]) -> tuple[FindingGroup, ...]:
+def ranked(findings: Iterable[Finding]) -> list[list[Finding]]:
     """Findings by what they say, errors first, and what others follow from before these."""
-    groups: dict[tuple[str, str, str], list[Finding]] = {}
-    for finding in findings:
-        name = "" if finding.planned is None else finding.planned.name
-        text = finding.message.replace(name, "a station") if name else finding.message
-        groups.setdefault((finding.severity, finding.code, _NUMBER.sub("#", text)), []).append(finding)
     ranks = {code: rank for rank, code in enumerate(_CAUSES)}
-    order = sorted(groups.values(), key=lambda g: (g[0].severity != "error", ranks.get(g[0].code, len(ranks))))
-    return tuple(FindingGroup(tuple(group)) for group in order)
+    return sorted(grouped(findings), key=lambda g: (g[0].severity != "error", ranks.get(g[0].code, len(ranks))))
+
+
+def group_text(group: list[Finding]) -> str:
+    """For people: "35 photographs: …"; with the first one's place where they differ."""
+    first, number = group[0], len(group)
+    if number == 1:
+        return first.message
+    what = "photographs" if first.photograph is not None else "legs" if first.code.startswith("leg-") else "items"
+    if first.item is None:
+        what = "times"
+    alike = len({finding.message for finding in group}) == 1
+    example = "" if alike else ", the first" if first.item is None else f", the first at item {first.item}"
+    return f"{number} {what}{example}: {first.message}"
 
 
 @dataclass(frozen=True)
@@ -145,11 +97,18 @@ def error(
     code: str, message: str, item: int | None = None, photograph: int | None = None, planned: Shot | None = None
 ) -> Finding:
     """A finding that speaks against flying."""
-    return Finding(code, "error", message, item, photograph, planned)
+    return _finding("error", code, message, item, photograph, planned)
 
 
 def warning(
     code: str, message: str, item: int | None = None, photograph: int | None = None, planned: Shot | None = None
 ) -> Finding:
     """A finding that is worth knowing."""
-    return Finding(code, "warning", message, item, photograph, planned)
+    return _finding("warning", code, message, item, photograph, planned)
+
+
+def _finding(
+    severity: Severity, code: str, message: str, item: int | None, photograph: int | None, planned: Shot | None
+) -> Finding:
+    plot, station = ("", None) if planned is None else (planned.plot, planned.station)
+    return Finding(plot, code, message, severity=severity, item=item, photograph=photograph, station=station)

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable, Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import AliasChoices, Field, model_serializer
 from pydantic.dataclasses import dataclass
 from pydantic.json_schema import SkipJsonSchema
 
+from fieldkit.errors import MissionError
 from fieldkit.results.fields import STRICT, Count, Text
+from fieldkit.results.plan import station_number
+from fieldkit.wording import count, listed
 
-Severity = Literal["error", "warning"]
+Severity = Literal["error", "warning", "note"]
+
+_NUMBER = re.compile(r"[-+]?[0-9][0-9.,:]*")
+_MOST_KINDS = 6
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -35,10 +43,61 @@ class Finding:
     station: SkipJsonSchema[Count | None] = None
     """Of the plan, from 0."""
 
+    @property
+    def place(self) -> str:
+        """For people: "station 4 of plot-7", or the subject."""
+        return self.subject if self.station is None else f"station {station_number(self.station)} of {self.subject}"
+
+    @property
+    def kind(self) -> tuple[str, str, str]:
+        """What findings that say the same of several places have in common: all but numbers and the place's name."""
+        text = self.message if self.station is None else self.message.replace(self.place, "a station")
+        return self.severity, self.code, _NUMBER.sub("#", text)
+
     def __str__(self) -> str:
-        return f"{self.subject}: {self.message}" if self.subject else self.message
+        return f"{self.place}: {self.message}" if self.place else self.message
 
     @model_serializer
     def stored(self) -> dict[str, Any]:
         """As files and `--json` have one about photographs."""
         return {"name": self.subject, "code": self.code, "message": self.message, "left_out": self.left_out}
+
+
+def grouped(findings: Iterable[Finding], *, exact: bool = False) -> list[list[Finding]]:
+    """Findings by what they say, in the order of the first of each; with ``exact`` to the last number."""
+    groups: dict[tuple[str, ...], list[Finding]] = {}
+    for finding in findings:
+        kind = (finding.severity, finding.code, finding.message, finding.remedy) if exact else finding.kind
+        groups.setdefault(kind, []).append(finding)
+    return list(groups.values())
+
+
+def places_text(findings: Sequence[Finding]) -> str:
+    """For people, the places of findings that say the same: "13 photographs (station 1, 2 … of plot-1 and plot-2)"."""
+    plots = list(dict.fromkeys(finding.subject for finding in findings))
+    stations = sorted({finding.station for finding in findings if finding.station is not None})
+    if len(findings) == 1 or not stations:
+        return findings[0].place if len(findings) == 1 else listed(plots, 4)
+    numbers = listed([str(station_number(station)) for station in stations], 14)
+    return f"{count(len(findings), 'photograph')} (station {numbers} of {listed(plots, 4)})"
+
+
+def _line(group: Sequence[Finding]) -> str:
+    place, alike = places_text(group), len({finding.message for finding in group}) == 1
+    return f"{place}{'' if alike else ', the first'}: {group[0].message}" if place else group[0].message
+
+
+class Refused(MissionError):
+    """All that speaks against flying a plan."""
+
+    def __init__(self, findings: Sequence[Finding]) -> None:
+        groups = grouped(finding for finding in findings if finding.severity == "error")
+        lines = [_line(group) for group in groups[:_MOST_KINDS]]
+        if len(groups) > _MOST_KINDS:
+            lines.append(f"and {count(len(groups) - _MOST_KINDS, 'more kind')} of errors; --json lists each of them")
+        remedies = dict.fromkeys(group[0].remedy for group in groups[:_MOST_KINDS] if group[0].remedy)
+        super().__init__(
+            "the plan cannot be flown" + (f": {lines[0]}" if len(lines) == 1 else "".join(f"\n- {x}" for x in lines)),
+            remedy="\n  ".join(remedies),
+        )
+        self.findings = tuple(findings)

@@ -10,7 +10,7 @@ at least the transit height.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.errors import MissionError
+from fieldkit.results.finding import Finding, Refused
 from fieldkit.results.plan import station_number
 from fieldkit.routing.flight_time import FlightTime, flight_time, landing_s, takeoff_s
-from fieldkit.routing.legs import Leg, Place, check_places, leg_of, legs_between, no_way
+from fieldkit.routing.legs import Leg, Place, leg_of, legs_between, no_way
 from fieldkit.routing.obstacles import Obstacles
 from fieldkit.routing.plot_tours import (
     Group,
@@ -35,6 +36,8 @@ from fieldkit.routing.splitting import Costs, Split, split
 from fieldkit.routing.tour import EXACT_PLACES, grouped_routes, ordered, shortest_tour
 from fieldkit.vehicles.vehicle import Vehicle
 
+AMONG_PLANTS = "among-plants"
+"""Code of a stop that is among plants or nearer to them than the clearance."""
 ITEMS_A_STOP = 5
 ITEMS_A_FLIGHT = 10
 """Mission items: a photograph's (gimbal, heading, waypoint, shutter, delay), and at most of take-off, home, landing."""
@@ -51,14 +54,14 @@ class Stop:
         yaw_deg: heading of the vehicle there, degrees in any range.
         pause_s: standing still: settling and exposure.
         plot: that it is of; a plot's stops are flown one after the other.
-        name: for people; its plot and number unless given.
+        station: of the plot's plan, from 0; its place among the stops unless given.
     """
 
     position_m: Place
     yaw_deg: float
     pause_s: float
     plot: str
-    name: str = ""
+    station: int | None = None
 
 
 @dataclass(frozen=True)
@@ -117,12 +120,12 @@ def plan_flights(
     """
     if not stops:
         raise MissionError("there are no stations to fly to", remedy="Give a plan with stations.")
-    _check_heights(takeoff_m, transit_m, obstacles)
-    names = [stop.name or f"station {station_number(k)} of {stop.plot}" for k, stop in enumerate(stops)]
-    check_places(np.array([stop.position_m for stop in stops], dtype=np.float64), names, obstacles)
-    start = np.array([*home[:2], home[2] + takeoff_m])
-    finish = np.array([*landing[:2], max(transit_m, landing[2])])
-    _check_uprights(np.array(home), start, np.array(landing), finish, obstacles)
+    if against := objections(stops, home, landing, obstacles, takeoff_m=takeoff_m, transit_m=transit_m):
+        raise Refused(against)
+    names = [
+        f"station {station_number(k if s.station is None else s.station)} of {s.plot}" for k, s in enumerate(stops)
+    ]
+    start, finish = _ends(home, landing, takeoff_m, transit_m)
     members: dict[str, list[int]] = {}
     for index, stop in enumerate(stops):
         members.setdefault(stop.plot, []).append(index)
@@ -133,6 +136,62 @@ def plan_flights(
     flights = [_flight(field, order, list(members.values()), stops) for order in _flights_of_plots(field, seed)]
     _check(flights, obstacles)
     return tuple(flights)
+
+
+def objections(
+    stops: Sequence[Stop], home: Place, landing: Place, obstacles: Obstacles, *, takeoff_m: float, transit_m: float
+) -> list[Finding]:
+    """What speaks against stops, home and landing by themselves; arguments as of `plan_flights`."""
+    found: list[Finding] = []
+
+    def against(code: str, message: str, remedy: str) -> None:
+        found.append(Finding("", code, message, severity="error", remedy=remedy))
+
+    for what, height in (("take-off", takeoff_m), ("transit", transit_m)):
+        if not height <= obstacles.highest_m:
+            above = f"the {what} height of {height:g} m above home is above the ceiling of {obstacles.ceiling_m} m"
+            against("height", above, "Fly lower, or correct the ceiling.")
+    start, finish = _ends(home, landing, takeoff_m, transit_m)
+    for name, ground, top in (("take-off", np.array(home), start), ("landing", np.array(landing), finish)):
+        for problem in [p for p in obstacles.leg_problems(ground, top) if p.kind != "ceiling"][:1]:
+            what = f"the {name}'s way between the ground and {top[2]:.2f} m {problem}"
+            against("home", what, "Move it, or correct the site file.")
+    places = np.array([stop.position_m for stop in stops], dtype=np.float64).reshape(-1, 3)
+    found += [_objection(k, stops[k], obstacles) for k in np.flatnonzero(obstacles.blocked(places, places)).tolist()]
+    return found
+
+
+def _objection(index: int, stop: Stop, obstacles: Obstacles) -> Finding:
+    """What a stop is in, and of plants from where it is clear."""
+    problem = obstacles.leg_problems(stop.position_m, stop.position_m)[0]
+    east, north, up = problem.place
+    if problem.kind == "plants":
+        top = obstacles.plants_top_m(problem.place)
+        code = AMONG_PLANTS
+        where = (
+            f"is {top - up:.2f} m too low over the plants of {problem.name}, which are kept clear of up to {top:.2f} m"
+        )
+        remedy = (
+            "Plan for this vehicle (fieldkit plan --vehicle), or give --adjust to fly above them: the air below leaves "
+            "counts as plants, too."
+        )
+    else:
+        code, remedy = "in-obstacle", "Move it, or correct the site file."
+        where = {
+            "obstacle": f"is in {problem.name}, or nearer to it than the clearance",
+            "no-fly zone": f"is in the no-fly zone {problem.name}, or nearer to it than the clearance",
+            "fence": "is outside the fence, or nearer to it than the clearance",
+            "ceiling": "is above the ceiling",
+        }[problem.kind]
+    return Finding(
+        stop.plot, code, f"{where}: {east:.2f} m east, {north:.2f} m north, {up:.2f} m above home",
+        severity="error", remedy=remedy, station=index if stop.station is None else stop.station,
+    )  # fmt: skip
+
+
+def _ends(home: Place, landing: Place, takeoff_m: float, transit_m: float) -> tuple[Array, Array]:
+    """Where legs begin, and where they end."""
+    return np.array([*home[:2], home[2] + takeoff_m]), np.array([*landing[:2], max(transit_m, landing[2])])
 
 
 class _Field:
@@ -208,8 +267,8 @@ class _Field:
 def _flights_of_plots(field: _Field, seed: int) -> list[list[int]]:
     """Per flight its plots in order."""
     count = len(field.plots)
-    for plot in range(count):
-        _check_alone(field, plot)
+    if too_much := [finding for plot in range(count) for finding in _too_much(field, plot)]:
+        raise Refused(too_much)
     matrix = _plot_matrix(field)
     order = [plot - 1 for plot in shortest_tour(matrix, seed=seed)[1:]]
     found = [_cut(field, order)]
@@ -253,20 +312,23 @@ def _plot_matrix(field: _Field) -> Array:
     return matrix
 
 
-def _check_alone(field: _Field, plot: int) -> None:
+def _too_much(field: _Field, plot: int) -> Iterator[Finding]:
+    """Why a plot does not fit into a flight of its own."""
     name = field.plots[plot].group.name
     seconds, _ = field.costs([plot]).ends(0, 0)
     if seconds > field.limit_s:
-        raise MissionError(
-            f"{name} alone takes {seconds:.0f} s, {math.ceil(seconds - field.limit_s)} s more than the "
+        yield Finding(
+            name, "battery",
+            f"takes {seconds:.0f} s alone, {math.ceil(seconds - field.limit_s)} s more than the "
             f"{field.limit_s:.0f} s of flight that a battery has beside its reserve",
+            severity="error",
             remedy="Plan fewer stations, take off nearer to the plot, or use a vehicle with more endurance.",
-        )
+        )  # fmt: skip
     if not field.fits_items([plot]):
-        raise MissionError(
-            f"{name} alone takes more than the {field.vehicle.max_items} mission items that the vehicle stores",
-            remedy="Plan fewer stations.",
-        )
+        yield Finding(
+            name, "items", f"takes more than the {field.vehicle.max_items} mission items that the vehicle stores alone",
+            severity="error", remedy="Plan fewer stations.",
+        )  # fmt: skip
 
 
 def _flight(field: _Field, order: list[int], members: list[list[int]], stops: Sequence[Stop]) -> Flight:
@@ -299,25 +361,6 @@ def _group(plot: str, stops: Sequence[Stop], names: Sequence[str]) -> Group:
 
 def _end(name: str, place: Array) -> Group:
     return Group(name, place[None], np.full(1, np.nan), (f"the {name}",))
-
-
-def _check_heights(takeoff_m: float, transit_m: float, obstacles: Obstacles) -> None:
-    for what, height in (("take-off", takeoff_m), ("transit", transit_m)):
-        if not height <= obstacles.highest_m:
-            raise MissionError(
-                f"the {what} height of {height:g} m above home is above the ceiling of {obstacles.ceiling_m} m",
-                remedy="Fly lower, or correct the ceiling.",
-            )
-
-
-def _check_uprights(home: Array, start: Array, landing: Array, finish: Array, obstacles: Obstacles) -> None:
-    for name, ground, top in (("take-off", home, start), ("landing", landing, finish)):
-        problems = obstacles.leg_problems(ground, top)
-        if problems:
-            raise MissionError(
-                f"the {name}'s way between the ground and {top[2]:.2f} m {problems[0]}",
-                remedy="Move it, or correct the site file.",
-            )
 
 
 def _check(flights: Sequence[Flight], obstacles: Obstacles) -> None:

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.errors import MissionError
+from fieldkit.results.finding import Finding, Refused
 from fieldkit.routing.flight_time import path_time_s, stretch_time_s
 from fieldkit.routing.obstacles import TOLERANCE_M, Obstacles
 from fieldkit.routing.roadmap import ways_around
@@ -89,46 +89,17 @@ def leg_of(places: Array, speeds: Speeds) -> Leg:
     return Leg(points, length, path_time_s(places, speeds))
 
 
-def check_places(places: Array, names: tuple[str, ...] | list[str], obstacles: Obstacles) -> None:
-    """See that places (n, 3) are clear of every obstacle.
-
-    Raises:
-        MissionError: one is not; it names the first of them, what it is in, and of plants from where it is clear.
-    """
-    wrong = np.flatnonzero(obstacles.blocked(places, places))
-    if not len(wrong):
-        return
-    problem = obstacles.leg_problems(places[wrong[0]], places[wrong[0]])[0]
-    east, north, up = problem.place
-    remedy = "Move it, or correct the site file."
-    if problem.kind == "plants":
-        top = obstacles.plants_top_m(problem.place)
-        over = f"over the plants of {problem.name}, which are kept clear of up to {top:.2f} m here"
-        where = f"{top - up:.2f} m too low {over}"
-        remedy = (
-            "Plan for this vehicle (fieldkit plan --vehicle), or give --adjust to fly above them: the air below leaves "
-            "counts as plants, too."
-        )
-    else:
-        where = {
-            "obstacle": f"in {problem.name}, or nearer to it than the clearance",
-            "no-fly zone": f"in the no-fly zone {problem.name}, or nearer to it than the clearance",
-            "fence": "outside the fence, or nearer to it than the clearance",
-            "ceiling": "above the ceiling",
-        }[problem.kind]
-    more = f" ({len(wrong)} places in all are like that)" if len(wrong) > 1 else ""
-    raise MissionError(
-        f"{names[wrong[0]]} is {where}: {east:.2f} m east, {north:.2f} m north, {up:.2f} m above home{more}",
-        remedy=remedy,
-    )
-
-
-def no_way(a: Array, b: Array, names: tuple[str, str], obstacles: Obstacles, level_m: float | None) -> MissionError:
+def no_way(a: Array, b: Array, names: tuple[str, str], obstacles: Obstacles, level_m: float | None) -> Refused:
     """Why there is no safe way from a to b, (3,) each."""
+
+    def refused(why: str, remedy: str) -> Refused:
+        message = f"no safe way from {names[0]} to {names[1]}: {why}"
+        return Refused([Finding("", "no-way", message, severity="error", remedy=remedy)])
+
     base = max(a[2], b[2], -math.inf if level_m is None else level_m)
     if base > obstacles.highest_m:
         why = f"it would be flown {base:.2f} m above home, and the ceiling is {obstacles.ceiling_m:g} m"
-        return MissionError(f"no safe way from {names[0]} to {names[1]}: {why}", remedy="Fly lower between plots.")
+        return refused(why, "Fly lower between plots.")
     level = np.array([[*a[:2], base], [*b[:2], base]])
     met = {str(p).split(" at ")[0]: p for p in (*obstacles.leg_problems(a, b), *obstacles.leg_problems(*level))}
     over = float(obstacles.prisms.tops_below(level[:1], level[1:], level[:1, 2])[0]) + TOLERANCE_M
@@ -137,9 +108,7 @@ def no_way(a: Array, b: Array, names: tuple[str, str], obstacles: Obstacles, lev
         why += ", which may not be flown over, and no way leads around"
     else:
         why += f"; over it, {over:.2f} m above home, is above the ceiling, and no way leads around"
-    return MissionError(
-        f"no safe way from {names[0]} to {names[1]}: {why}", remedy="Move a place, or correct the site file."
-    )
+    return refused(why, "Move a place, or correct the site file.")
 
 
 def legs_between(a: Array, b: Array, obstacles: Obstacles, speeds: Speeds, *, level_m: float | None = None) -> Legs:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.errors import MissionError
+from fieldkit.results.finding import Refused
 from fieldkit.routing.flight_time import turn_time_s
 from fieldkit.routing.legs import Legs, legs_between, no_way
 from fieldkit.routing.obstacles import Obstacles
@@ -140,7 +141,7 @@ def representatives(plots: Sequence[PlotTour]) -> Array:
     return np.stack(middles)
 
 
-def _unreached(group: Group, seconds: Array, obstacles: Obstacles) -> MissionError:
+def _unreached(group: Group, seconds: Array, obstacles: Obstacles) -> Refused:
     off = ~np.eye(len(group), dtype=np.bool_)
     rows, columns = np.nonzero(np.isinf(seconds) & off)
     # The station with the fewest ways is the one to name.

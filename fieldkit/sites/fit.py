@@ -1,28 +1,65 @@
-"""Whether a plan fits the plots of a site: their plants' height, size, row spacing, slope and heading.
+"""Why a plan is refused on a plot, and what else is worth knowing of it there: one list, `CODES`, and its checks.
 
-Errors are what is unsafe: photographs that would be taken among plants. Everything else is written and said, for only
-the people there know what they want of a plot: warnings, where the reconstruction will be another than the plan's, and
-notes. What the site file does not say is not checked.
+Errors are what is unsafe or cannot be flown; one is enough to refuse the plan, and `fit_report` collects all. The rest
+is said, for only the people there know what they want of a plot: warnings, where the reconstruction will be another
+than the plan's, and notes. What the site file does not say is not checked, but for plants' heights.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.errors import MissionError
 from fieldkit.geometry.angles import wrapped_deg
+from fieldkit.results.finding import Finding, Refused, Severity
 from fieldkit.results.plan import Plan, Plans, station_number
+from fieldkit.routing.flights import AMONG_PLANTS, Stop, objections
+from fieldkit.routing.mission import Shot
+from fieldkit.routing.obstacles import Obstacles
+from fieldkit.sites.fitted import flown_plans
+from fieldkit.sites.placement import landing_of, place, stops_of
 from fieldkit.sites.plot_plants import BESIDE_M, PlanFacts, PlotPlants, facts_of, other_spacing, plants_on
+from fieldkit.sites.reach import Unreachable, nearest, one_photograph
 from fieldkit.sites.site import Site, SitePlot
+from fieldkit.sites.site_obstacles import site_obstacles
+from fieldkit.vehicles.vehicle import Vehicle
 
-Severity = Literal["error", "warning", "note"]
-
+CODES: dict[str, Severity] = {
+    # The plan on the plot.
+    "not-fitted": "error",  # the plots' plants are too different from the plan's, or it does not say where they are
+    "plant-height-unknown": "error",
+    "plants-too-high": "error",  # stations would stand in plants higher than the plan's
+    "plot-larger": "error",  # stations would stand in plants where the plan knows none
+    "rows-elsewhere": "error",  # stations may stand in plants, the rows being elsewhere
+    "plants-unknown": "warning",  # nobody says where they stand
+    "plants-higher": "warning",
+    "plants-outgrown": "warning",  # measured on the photographs
+    "plot-size": "warning",  # not all of the plot is photographed
+    "row-spacing": "warning",
+    "slope-steep": "warning",
+    "plants-lower": "note",
+    "row-spacing-unknown": "note",
+    "size-unknown": "note",
+    "slope": "note",
+    "turned": "note",
+    # The vehicle there.
+    "out-of-reach": "error",  # pitch beyond the mount, or too low above the ground; --adjust flies the nearest pose
+    "one-photograph": "error",  # two stations are one when they are adjusted
+    "among-plants": "error",  # nearer to them than the clearance, or below leaves
+    "in-obstacle": "error",  # or in a no-fly zone, outside the fence, above the ceiling
+    "height": "error",  # of take-off or transit, above the ceiling
+    "home": "error",  # the way straight up at home or down at the landing is not clear
+    # Found while routing (fieldkit.routing.flights).
+    "no-way": "error",  # no leg between two stations is clear
+    "battery": "error",  # one plot takes more than a battery
+    "items": "error",  # one plot takes more mission items than the vehicle stores
+}
+"""How grave each finding is. docs/vehicles-and-sites.md says more of them."""
 STEEP_PERCENT = 10.0
 """Up to here plans have been tried on slopes (docs/vehicles-and-sites.md)."""
 HIGHER_M = 0.05
@@ -40,45 +77,85 @@ _NAMED = 4
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class FitFinding:
-    """Something about a plan on a plot.
+@dataclass(frozen=True, eq=False)
+class FitReport:
+    """A plan on the plots of a site, with all that speaks against it before its flights are looked for."""
 
-    Attributes:
-        plot: its name.
-        code: docs/vehicles-and-sites.md lists them.
-        severity: with an error the plan is not flown there.
-        message: what does not fit, without the plot's name.
-        remedy: what to do about it; empty where there is nothing to do.
-    """
+    findings: tuple[Finding, ...]
+    """In the plots' order; those of stations behind those of plots."""
+    plans: Plans
+    """As they are flown: fitted to the plots."""
+    shots: tuple[Shot, ...]
+    """Their photographs; with ``adjust`` those that the vehicle can take."""
+    moved: tuple[Unreachable, ...]
+    """What was adjusted."""
+    stops: tuple[Stop, ...]
+    obstacles: Obstacles
 
-    plot: str
-    code: str
-    severity: Severity
-    message: str
-    remedy: str = ""
-
-    def __str__(self) -> str:
-        return f"{self.plot}: {self.message}"
+    def require(self) -> None:
+        """Raise Refused where there is an error."""
+        if any(finding.severity == "error" for finding in self.findings):
+            raise Refused(self.findings)
 
 
-def fit_site(plans: Plans, site: Site, clearance_m: float) -> tuple[FitFinding, ...]:
-    """What does not fit of a plan on the plots of a site, or is worth knowing, in the plots' order.
+def fit_report(
+    plan: Plans, site: Site, vehicle: Vehicle, *, fit: bool | None = None, adjust: bool = False
+) -> FitReport:  # fmt: skip
+    """Put a plan on every plot of a site, and say all that speaks against it there.
 
     Args:
-        plans: made on another plot, or on one of these; or fitted to each.
-        site: whose plots may say how high, large, steep and far apart.
-        clearance_m: of the vehicle, from plants.
+        plan: for all plots, or each plot's own by name.
+        site: home, plots with their plants' heights, fence, zones, obstacles.
+        vehicle: flies it.
+        fit: see `flown_plans`.
+        adjust: take the nearest poses where the vehicle cannot take the plan's.
+
+    Raises:
+        MissionError: plan or site are of no use on any plot: plants or stations kilometres away, a polygon that crosses
+            itself.
+        MetadataError: the height of a plot cannot be connected with home's.
     """
-    return tuple(
-        finding
-        for plot, facts in zip(site.plots, facts_of(plans, site.plots), strict=True)
-        for finding in fit_plot(facts, plot, clearance_m)
+    plans, findings = _flown(plan, site, fit)
+    unfitted = {finding.subject for finding in findings}
+    for plot, facts in zip(site.plots, facts_of(plans, site.plots), strict=True):
+        if plot.name not in unfitted:
+            findings += fit_plot(facts, plot, vehicle.clearance_m)
+    among = {finding.subject for finding in findings if finding.severity == "error"}
+    shots, obstacles = place(plans, site), site_obstacles(site, vehicle.clearance_m, plans)
+    changed, problems = nearest(shots, site, vehicle, obstacles if adjust else None)
+    if adjust:
+        findings += one_photograph(shots, changed, site)
+    else:
+        findings += [problem.finding for problem in problems]
+        changed, problems = shots, ()
+    stops = stops_of(changed, site, vehicle)
+    against = objections(
+        stops, (0.0, 0.0, 0.0), landing_of(site), obstacles, takeoff_m=site.takeoff_m, transit_m=site.transit_m
     )
+    findings += [each for each in against if each.code != AMONG_PLANTS or each.subject not in among]
+    return FitReport(tuple(findings), plans, changed, problems, stops, obstacles)
 
 
-def fit_plot(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> tuple[FitFinding, ...]:
-    """The same of one plot."""
+def _flown(plan: Plans, site: Site, fit: bool | None) -> tuple[Plans, list[Finding]]:
+    """The plans as they are flown; unfitted where they cannot be fitted, which is a finding."""
+    try:
+        return flown_plans(plan, site.plots, fit), []
+    except MissionError:
+        assert isinstance(plan, Plan)
+    flown, findings = dict[str, Plan](), []
+    for plot in site.plots:
+        flown[plot.name] = plan
+        try:
+            fitted = flown_plans(plan, [plot], fit)
+            flown[plot.name] = fitted if isinstance(fitted, Plan) else fitted[plot.name]
+        except MissionError as refused:
+            message = refused.message.removeprefix(f"{plot.name}: ")
+            findings.append(_finding(plot, "not-fitted", message, refused.remedy))
+    return flown, findings
+
+
+def fit_plot(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> tuple[Finding, ...]:
+    """What does not fit of a plan on a plot, or is worth knowing; without the vehicle's limits but its clearance."""
     parts = (
         _plants(facts, plot, clearance_m),
         _size(facts, plot, clearance_m),
@@ -89,21 +166,12 @@ def fit_plot(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> tuple[FitF
     return tuple(finding for part in parts for finding in part)
 
 
-def require_fit(findings: Sequence[FitFinding]) -> tuple[FitFinding, ...]:
-    """The findings, where none is an error.
-
-    Raises:
-        MissionError: there are errors; the first is named, and the plots that have more are counted.
-    """
-    errors = [finding for finding in findings if finding.severity == "error"]
-    if not errors:
-        return tuple(findings)
-    others = len({finding.plot for finding in errors} - {errors[0].plot})
-    more = f" ({others} more {'plot does' if others == 1 else 'plots do'} not fit)" if others else ""
-    raise MissionError(f"the plan does not fit {errors[0]}{more}", remedy=errors[0].remedy)
+def _finding(plot: SitePlot | str, code: str, message: str, remedy: str = "") -> Finding:
+    name = plot if isinstance(plot, str) else plot.name
+    return Finding(name, code, message, severity=CODES[code], remedy=remedy)
 
 
-def plants_outgrown(plan: Plan, plant_height_m: float, *, plot: str = "plot") -> FitFinding | None:
+def plants_outgrown(plan: Plan, plant_height_m: float, *, plot: str = "plot") -> Finding | None:
     """What to say of plants that were measured on photographs of a plan's flight.
 
     Args:
@@ -118,8 +186,8 @@ def plants_outgrown(plan: Plan, plant_height_m: float, *, plot: str = "plot") ->
     top = PlanFacts(plan).top_m
     if top is None or not math.isfinite(plant_height_m) or plant_height_m <= top + HIGHER_M:
         return None
-    return FitFinding(
-        plot, "plants-outgrown", "warning",
+    return _finding(
+        plot, "plants-outgrown",
         f"plants are {plant_height_m:.2f} m high, {plant_height_m - top:.2f} m higher than those that the plan keeps "
         f"clear of ({top:.2f} m)",
         f"Give plant_height_m = {math.ceil(20 * plant_height_m) / 20:.2f} for this plot and export the mission again: "
@@ -127,20 +195,20 @@ def plants_outgrown(plan: Plan, plant_height_m: float, *, plot: str = "plot") ->
     )  # fmt: skip
 
 
-def _plants(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[FitFinding]:
+def _plants(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[Finding]:
     height, top, plants = plot.plant_height_m, facts.top_m, plants_on(facts, plot)
     if height is None:
         made_for = "" if top is None else f"; the plan's are {top:.2f} m high"
-        yield FitFinding(
-            plot.name, "plant-height-unknown", "error",
+        yield _finding(
+            plot, "plant-height-unknown",
             f"nobody says how high its plants are, and a mission has to keep clear of them{made_for}",
             "Measure the highest plants: plant_height_m in the plots file gives each plot's, --plant-height METRES one "
             "for all. --plant-height unknown keeps clear of plants 30 % taller than the plan's.",
         )  # fmt: skip
         return
     if plants is None:
-        yield FitFinding(
-            plot.name, "plants-unknown", "warning",
+        yield _finding(
+            plot, "plants-unknown",
             f"not checked against plants: neither the plan nor the site says where those of {height:.2f} m stand",
             "Make the plan again with fieldkit plan, which writes them into plan.json, or give the plot's outline.",
         )  # fmt: skip
@@ -152,26 +220,26 @@ def _plants(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[Fi
         lost = _among(facts, PlotPlants(plants.points, (), plants.cell_m), clearance_m, unless=before)
         higher = f"plants of {height:.2f} m are {height - top:.2f} m higher than the plan's"
         if lost:
-            yield FitFinding(
-                plot.name, "plants-too-high", "error",
+            yield _finding(
+                plot, "plants-too-high",
                 f"{higher}: {_stations(lost)} would stand in them, or nearer to them than {clearance_m:g} m",
                 "Fit the plan to them with --fit, or plan again on plants of this height.",
             )  # fmt: skip
         else:
-            yield FitFinding(
-                plot.name, "plants-higher", "warning",
+            yield _finding(
+                plot, "plants-higher",
                 f"{higher}; the mission keeps clear of them, but they fill more of the pictures than planned",
                 "Fit the plan to them with --fit, or look at what the photographs show.",
             )  # fmt: skip
     elif height < LOWER_SHARE * top:
-        yield FitFinding(
-            plot.name, "plants-lower", "note",
+        yield _finding(
+            plot, "plants-lower",
             f"plants of {height:.2f} m are {top - height:.2f} m lower than the plan's: they are photographed from "
             "farther away than planned",
         )  # fmt: skip
 
 
-def _size(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[FitFinding]:
+def _size(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[Finding]:
     if plot.size_m is None:
         return
     length, width = plot.size_m
@@ -185,8 +253,8 @@ def _size(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[FitF
                 if len(beyond.points)
                 else "counts as full, for the plan knows no plants"
             )
-            yield FitFinding(
-                plot.name, "plot-larger", "error",
+            yield _finding(
+                plot, "plot-larger",
                 f"the plot of {sizes} {why}, and {_stations(inside)} would stand among its "
                 f"plants of {plot.plant_height_m:.2f} m, or nearer to them than {clearance_m:g} m",
                 "Plan on a plot of this size, or give length_m and width_m of what is planted there.",
@@ -195,30 +263,30 @@ def _size(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[FitF
     extent = None if facts.box is None else facts.box[1] - facts.box[0]
     told = "" if extent is None else f"; the plan knows plants on {extent[0]:.1f} × {extent[1]:.1f} m"
     if share is not None and share < SEEN_SHARE:
-        yield FitFinding(
-            plot.name, "plot-size", "warning",
+        yield _finding(
+            plot, "plot-size",
             f"{share:.0%} of the plot of {sizes} is in {_VIEWS} or more of the plan's photographs{told}",
             "Plan on a plot of this size; one plan photographs one part of a larger plot.",
         )  # fmt: skip
     elif share is None and extent is not None and ((length, width) > extent + 2 * BESIDE_M).any():
-        yield FitFinding(
-            plot.name, "plot-size", "warning", f"the plot of {sizes} reaches beyond the plan's{told}",
+        yield _finding(
+            plot, "plot-size", f"the plot of {sizes} reaches beyond the plan's{told}",
             "Plan on a plot of this size; one plan photographs one part of a larger plot.",
         )  # fmt: skip
     elif share is None and extent is None:
-        yield FitFinding(
-            plot.name, "size-unknown", "note",
+        yield _finding(
+            plot, "size-unknown",
             f"whether the plan shows all of the plot of {sizes} cannot be told: it has neither camera nor plants",
         )  # fmt: skip
 
 
-def _spacing(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[FitFinding]:
+def _spacing(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[Finding]:
     wanted, known = plot.row_spacing_m, facts.spacing_m if plot.row_spacing_m is not None else None
     if wanted is None:
         return
     if known is None:
-        yield FitFinding(
-            plot.name, "row-spacing-unknown", "note",
+        yield _finding(
+            plot, "row-spacing-unknown",
             f"whether rows {wanted:.2f} m apart are as the plan's cannot be told: no rows along x are found in the "
             "plan's plants",
         )  # fmt: skip
@@ -230,20 +298,20 @@ def _spacing(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[F
     inside = _among(facts, PlotPlants(np.zeros((0, 3)), plants.blocks[:1], plants.cell_m), clearance_m)
     rows = f"rows are {wanted:.2f} m apart, the plan's {known:.2f} m"
     if inside:
-        yield FitFinding(
-            plot.name, "rows-elsewhere", "error",
+        yield _finding(
+            plot, "rows-elsewhere",
             f"{rows}: {_stations(inside)} may stand among plants, being lower than {clearance_m:g} m over them",
             "Plan on a plot with these rows, or leave row_spacing_m out where you know that the stations stand clear.",
         )  # fmt: skip
     else:
-        yield FitFinding(
-            plot.name, "row-spacing", "warning",
+        yield _finding(
+            plot, "row-spacing",
             f"{rows}: what hides what differs; the mission stays above all that the plan's plants cover",
             "Compare the scores of such plots with those of the plan's spacing.",
         )  # fmt: skip
 
 
-def _slope(facts: PlanFacts, plot: SitePlot) -> Iterator[FitFinding]:
+def _slope(facts: PlanFacts, plot: SitePlot) -> Iterator[Finding]:
     along, across = plot.gradient
     if (along, across) == (0.0, 0.0):
         return
@@ -251,18 +319,16 @@ def _slope(facts: PlanFacts, plot: SitePlot) -> Iterator[FitFinding]:
     rise = stations[:, 0] * along + stations[:, 1] * across
     shifted = f"stations are shifted by {rise.min():+.2f} to {rise.max():+.2f} m".replace("-", "−")
     if plot.slope_percent > STEEP_PERCENT:
-        yield FitFinding(
-            plot.name, "slope-steep", "warning",
+        yield _finding(
+            plot, "slope-steep",
             f"the ground rises by {plot.slope_percent:.1f} %; plans have been tried to {STEEP_PERCENT:g} %; {shifted}",
             "Plan on a plot with this slope.",
         )  # fmt: skip
     else:
-        yield FitFinding(
-            plot.name, "slope", "note", f"the ground rises by {plot.slope_percent:.1f} %: {shifted}, and pitches turn"
-        )
+        yield _finding(plot, "slope", f"the ground rises by {plot.slope_percent:.1f} %: {shifted}, and pitches turn")
 
 
-def _heading(facts: PlanFacts, plot: SitePlot) -> Iterator[FitFinding]:
+def _heading(facts: PlanFacts, plot: SitePlot) -> Iterator[Finding]:
     if facts.plan.row_heading_deg is None:
         return
     turn = wrapped_deg(plot.row_heading_deg - facts.plan.row_heading_deg)
@@ -272,8 +338,8 @@ def _heading(facts: PlanFacts, plot: SitePlot) -> Iterator[FitFinding]:
     if abs(turn) > 90.0:
         back = (plot.row_heading_deg + 180.0) % 360.0 % 360.0
         remedy = f"The other direction of its rows, row_heading_deg = {back:.1f}, turns it by {180.0 - abs(turn):.0f}°."
-    yield FitFinding(
-        plot.name, "turned", "note",
+    yield _finding(
+        plot, "turned",
         f"lies turned by {abs(turn):.0f}° against the plot that the plan was made on: at the same hour light and shade "
         "fall otherwise on its rows",
         remedy,

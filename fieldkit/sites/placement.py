@@ -37,9 +37,12 @@ from numpy.typing import ArrayLike, NDArray
 from fieldkit.errors import MetadataError, MissionError
 from fieldkit.geometry.geodesy import LocalFrame, plot_from_enu
 from fieldkit.results.plan import Plan, Plans, plan_on, station_number
+from fieldkit.routing.flights import Stop
+from fieldkit.routing.legs import Place
 from fieldkit.routing.mission import GeoPoint, Home, Shot
 from fieldkit.sites.site import Site, SiteHome, SitePlot
 from fieldkit.sites.terrain import LEVEL, Gradient
+from fieldkit.vehicles.vehicle import Vehicle
 
 MAX_SHOTS = 100_000
 FARTHEST_STATION_M = 10_000.0
@@ -242,6 +245,24 @@ def _on_plot(plan: Plan, name: str, frame: PlotFrame) -> list[Shot]:
         Shot(where, heading, pitch, name, index)
         for index, (where, heading, pitch) in enumerate(zip(places, headings, pitches, strict=True))
     ]
+
+
+def stops_of(shots: Sequence[Shot], site: Site, vehicle: Vehicle) -> tuple[Stop, ...]:
+    """Where a vehicle stands still for photographs, site frame."""
+    pause_s = vehicle.trigger.settle_s + vehicle.trigger.exposure_s
+    points = SiteFrame(site.home).points(shot.place for shot in shots).tolist()
+    return tuple(
+        Stop((x, y, z), shot.yaw_deg, pause_s, shot.plot, shot.station)
+        for (x, y, z), shot in zip(points, shots, strict=True)
+    )
+
+
+def landing_of(site: Site) -> Place:
+    """Where flights end, on the ground, site frame."""
+    if site.landing is None:
+        return (0.0, 0.0, 0.0)
+    east, north, _ = SiteFrame(site.home).to_local(site.landing.latitude_deg, site.landing.longitude_deg, 0.0)[0]
+    return (float(east), float(north), 0.0)
 
 
 def ground_above_home(site: Site, plot: SitePlot) -> float:

@@ -3,14 +3,14 @@
 A multicopter turns to any heading and is as level as it flies, so what limits a pose is the mount's pitch, the least
 height above the ground, and the air over plants that a vehicle keeps clear of. The nearest pose keeps place and
 heading: the pitch is turned to the mount's limit (to its only pitch, where it is fixed), the camera is raised straight
-up. What it then sees is not what the plan chose, and two
-stations that differed in what is taken from them would be photographed twice: that is an error.
+up. What it then sees is not what the plan chose, and two stations that differed in what is taken from them would be
+photographed twice: that is an error.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from fieldkit.errors import MissionError
 from fieldkit.geometry import Pose
+from fieldkit.results.finding import Finding
 from fieldkit.results.plan import station_number
 from fieldkit.routing.mission import Shot
 from fieldkit.routing.obstacles import Obstacles
@@ -55,7 +55,15 @@ class Unreachable:
     nearest: Shot
 
     def __str__(self) -> str:
-        return f"{self.shot.name}: {self.what}"
+        return str(self.finding)
+
+    @property
+    def finding(self) -> Finding:
+        """What speaks against flying it as planned."""
+        return Finding(
+            self.shot.plot, "out-of-reach", self.what, severity="error", station=self.shot.station,
+            remedy="Give --adjust to fly the nearest poses, or plan within this vehicle's limits.",
+        )  # fmt: skip
 
 
 def unreachable(
@@ -68,60 +76,32 @@ def unreachable(
         site: whose plots say where the ground is, on slopes that below each station.
         vehicle: its mount and least height.
         obstacles: whose plants are kept clear of, site frame; none are looked at without.
-
-    Raises:
-        MissionError: a shot is of a plot that the site does not have, or its pose is not finite.
-        MetadataError: the height of a plot cannot be connected with home's.
     """
-    known = {plot.name for plot in site.plots}
-    for shot in shots:
-        if shot.plot not in known:
-            raise MissionError(f"{shot.name}: the site has no plot of that name", remedy="Place the plan on this site.")
-    found = []
     points = SiteFrame(site.home).points(shot.place for shot in shots)
     clear = [-math.inf if obstacles is None else obstacles.plants_top_m(point) for point in points]
-    for shot, ground, top in zip(shots, grounds_m(site, shots).tolist(), clear, strict=True):
-        problem = _problem(shot, ground, top, vehicle)
-        if problem is not None:
-            found.append(problem)
-    return tuple(found)
-
-
-def adjusted(
-    shots: Sequence[Shot], site: Site, vehicle: Vehicle, obstacles: Obstacles | None = None
-) -> tuple[tuple[Shot, ...], tuple[Unreachable, ...]]:
-    """All shots, those out of reach replaced by their nearest poses, and which those are.
-
-    Raises:
-        MissionError: two stations of a plot become one photograph; or as `unreachable`.
-        MetadataError: as `unreachable`.
-    """
-    changed, problems = nearest(shots, site, vehicle, obstacles)
-    _require_different(shots, changed, site)
-    return changed, problems
+    known = zip(shots, grounds_m(site, shots).tolist(), clear, strict=True)
+    problems = (_problem(shot, ground, top, vehicle) for shot, ground, top in known)
+    return tuple(problem for problem in problems if problem is not None)
 
 
 def nearest(
     shots: Sequence[Shot], site: Site, vehicle: Vehicle, obstacles: Obstacles | None = None
 ) -> tuple[tuple[Shot, ...], tuple[Unreachable, ...]]:
-    """As `adjusted`, also where two stations become one photograph.
-
-    Raises:
-        MissionError, MetadataError: as `unreachable`.
-    """
+    """All shots, those out of reach replaced by their nearest poses, and which those are; as `unreachable`."""
     problems = unreachable(shots, site, vehicle, obstacles)
     instead = {id(problem.shot): problem.nearest for problem in problems}
     return tuple(instead.get(id(shot), shot) for shot in shots), problems
 
 
-def _require_different(before: Sequence[Shot], after: Sequence[Shot], site: Site) -> None:
-    """Refuse two stations of a plot that are one photograph and were not, as planned."""
+def one_photograph(before: Sequence[Shot], after: Sequence[Shot], site: Site) -> Iterator[Finding]:
+    """Two stations of a plot that are one photograph when they are adjusted, and were not, as planned."""
     moved = np.array([a is not b for a, b in zip(before, after, strict=True)], dtype=np.bool_)
     if not moved.any():
         return
     frame = SiteFrame(site.home)
     planned, points = (frame.points(shot.place for shot in shots) for shots in (before, after))
     plots: dict[str, list[int]] = {}
+    told: set[tuple[int, int]] = set()
     for index, shot in enumerate(after):
         plots.setdefault(shot.plot, []).append(index)
     for rows in map(np.array, plots.values()):
@@ -134,13 +114,18 @@ def _require_different(before: Sequence[Shot], after: Sequence[Shot], site: Site
                 if was_m < SAME_M and was_deg < SAME_DEG:
                     continue
                 first, second = sorted((row, other))
+                if (first, second) in told:
+                    continue
+                told.add((first, second))
                 now_m, now_deg = _apart(points[row], points[other], after[row], after[other])
-                raise MissionError(
-                    f"{after[first].name} and station {station_number(after[second].station)} become one photograph "
-                    f"when they are adjusted to this vehicle: {now_m:.2f} m and {now_deg:.1f}° apart, {was_m:.2f} m "
-                    f"and {was_deg:.1f}° as planned",
+                yield Finding(
+                    after[first].plot, "one-photograph",
+                    f"it and station {station_number(after[second].station)} become one photograph when they are "
+                    f"adjusted to this vehicle: {now_m:.2f} m and {now_deg:.1f}° apart, {was_m:.2f} m and "
+                    f"{was_deg:.1f}° as planned",
+                    severity="error", station=after[first].station,
                     remedy="Plan for this vehicle (fieldkit plan --vehicle), or leave one of the two out of the plan.",
-                )
+                )  # fmt: skip
 
 
 def _apart(a: NDArray[np.float64], b: NDArray[np.float64], one: Shot, other: Shot) -> tuple[float, float]:
@@ -153,28 +138,8 @@ def _turn_deg(a: Shot, b: Shot) -> float:
     return math.degrees(math.acos(min(max((float(np.trace(one @ other.T)) - 1.0) / 2.0, -1.0), 1.0)))
 
 
-def require_reachable(shots: Sequence[Shot], site: Site, vehicle: Vehicle) -> None:
-    """Refuse poses that a vehicle cannot take.
-
-    Raises:
-        MissionError: there are any; the first is named, with its nearest pose, and the others are counted.
-        MetadataError: as `unreachable`.
-    """
-    problems = unreachable(shots, site, vehicle)
-    if not problems:
-        return
-    others = len(problems) - 1
-    more = f" ({others} more {'station is' if others == 1 else 'stations are'} out of reach)" if others else ""
-    raise MissionError(
-        f"{problems[0]}{more}",
-        remedy="Give --adjust to fly the nearest poses, or plan within this vehicle's limits.",
-    )
-
-
 def _problem(shot: Shot, ground_m: float, plants_m: float, vehicle: Vehicle) -> Unreachable | None:
     above = shot.place.height_m - ground_m
-    if not all(math.isfinite(value) for value in (shot.pitch_deg, shot.yaw_deg, above)):
-        raise MissionError(f"{shot.name}: its pose is not a number", remedy="Make the plan again.")
     mount = vehicle.mount
     pitch, limits, sentences = shot.pitch_deg, list[Limit](), []
     if not mount.reaches(pitch):

@@ -56,7 +56,7 @@ def test_people_are_told(plan: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "exists already" in capsys.readouterr().err
     save_plan(plan, planned(5, height_m=0.4))
     assert main(export(plan, "-o", str(tmp_path / "low"))) == 5
-    assert "station 1 of plot" in capsys.readouterr().err
+    assert "5 photographs (station 1, 2, 3, 4 and 5 of plot)" in capsys.readouterr().err
     assert not (tmp_path / "low.plan").exists()
 
 
@@ -69,13 +69,13 @@ def test_moved_stations_are_told_and_those_that_coincide_are_refused(
     fixed = ["export-mission", str(plan), "--vehicle", "fixed-gimbal", "--site", str(SITES / "example.toml"), *HEIGHT]
     save_plan(plan, given.model_copy(update={"stations": tuple(tilted)}))
     assert main([*fixed, "-o", str(tmp_path / "m"), "--no-picture"]) == 5
-    assert "(4 more stations are out of reach)" in capsys.readouterr().err
+    assert "5 photographs (station 1, 2, 3, 4 and 5 of plot): pitch" in " ".join(capsys.readouterr().err.split())
     assert main([*fixed, "-o", str(tmp_path / "m"), "--no-picture", "--adjust"]) == 0
     assert capsys.readouterr().err.count("Moved: station") == 5
     twice = (first, first.model_copy(update={"pitch_deg": -80.0}), *given.stations[2:])
     save_plan(plan, given.model_copy(update={"stations": twice}))
     assert main([*fixed, "-o", str(tmp_path / "n"), "--no-picture", "--adjust"]) == 5
-    assert "station 1 of plot and station 2 become one photograph" in " ".join(capsys.readouterr().err.split())
+    assert "station 1 of plot: it and station 2 become one photograph" in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "n.plan").exists()
 
 

@@ -20,7 +20,7 @@ from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.waypoints import waypoints_bytes
 from fieldkit.missions.files.writing import mission_bytes
-from fieldkit.missions.findings import Report, error, grouped
+from fieldkit.missions.findings import Report, error, group_text, ranked
 from fieldkit.missions.items import Command, MissionItem
 from fieldkit.results.plan import PlanPlants
 from fieldkit.results.plan_file import plan_from_poses, save_plan
@@ -387,25 +387,24 @@ def test_a_vehicles_battery_and_mount_count() -> None:
 
 def test_findings_that_say_the_same_are_one_and_causes_come_first(tmp_path: Path) -> None:
     naive = check_mission(read_mission(file_of(tmp_path, "naive", "plan")), vehicle(), planned=recorded_mission().shots)
-    groups = grouped(naive.findings)
-    assert sum(len(each.findings) for each in groups) == len(naive.findings)
+    groups = ranked(naive.findings)
+    assert sum(len(each) for each in groups) == len(naive.findings)
     assert len(groups) < 12
-    severities = [each.first.severity for each in groups]
+    severities = [each[0].severity for each in groups]
     assert severities == sorted(severities)  # errors first
-    (late,) = (each for each in groups if each.first.code == "photo-late")
-    assert late.text.startswith("13 photographs, the first at item 5: taken ")
-    (rejected,) = grouped([error("item-rejected", "CONDITION_YAW is refused (UNSUPPORTED)", 3)])
-    assert rejected.text == "CONDITION_YAW is refused (UNSUPPORTED)"
+    (late,) = (each for each in groups if each[0].code == "photo-late")
+    assert group_text(late).startswith("13 photographs, the first at item 5: taken ")
+    (rejected,) = ranked([error("item-rejected", "CONDITION_YAW is refused (UNSUPPORTED)", 3)])
+    assert group_text(rejected) == "CONDITION_YAW is refused (UNSUPPORTED)"
     same = [error("photo-moving", "taken in passing", k, k) for k in range(35)]
     home = error("other-home", "the file's home is 6403.5 km from the site's")
-    cause, photographs = grouped([*same, home])
-    assert (cause.text, photographs.text) == (home.message, "35 photographs: taken in passing")
+    cause, photographs = ranked([*same, home])
+    assert (group_text(cause), group_text(photographs)) == (home.message, "35 photographs: taken in passing")
     names = [Shot(GeoPoint(50.0, 6.0, 2.0), 0.0, -30.0, plot, k) for k, plot in enumerate(("A01", "north", "D 8"))]
-    (missing,) = grouped(error("missing-photo", f"{s.name} is not photographed", planned=s) for s in names)
-    assert missing.text == "3 times, the first: station 1 of A01 is not photographed"
-    assert grouped(error("leg-fence", f"the leg to item {k} leaves the fence", k) for k in (4, 9))[0].text == (
-        "2 legs, the first at item 4: the leg to item 4 leaves the fence"
-    )
+    (missing,) = ranked(error("missing-photo", f"{s.name} is not photographed", planned=s) for s in names)
+    assert group_text(missing) == "3 times, the first: station 1 of A01 is not photographed"
+    legs = ranked(error("leg-fence", f"the leg to item {k} leaves the fence", k) for k in (4, 9))[0]
+    assert group_text(legs) == ("2 legs, the first at item 4: the leg to item 4 leaves the fence")
 
 
 def test_the_command_with_a_plan_and_a_site(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -168,7 +168,9 @@ def test_many_plots_take_several_flights_in_numbered_files(tmp_path: Path) -> No
 
 def test_out_of_reach_is_refused_or_adjusted_and_said() -> None:
     low = planned(height_m=0.6, plants=False)
-    with pytest.raises(MissionError, match=r"station 1 of plot: .*the nearest pose is 1\.00 m") as caught:
+    with pytest.raises(
+        MissionError, match=r"7 photographs \(station 1, 2, 3, 4, 5, 6 and 7 of plot\).*: .*the nearest pose is 1\.00 m"
+    ) as caught:
         route_plan(low, VEHICLE, site())
     assert caught.value.exit_code == 5
     routed = route_plan(low, VEHICLE, site(), adjust=True)

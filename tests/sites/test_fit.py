@@ -16,12 +16,13 @@ from fieldkit.cli.main import main
 from fieldkit.errors import MissionError
 from fieldkit.geometry import Intrinsics
 from fieldkit.missions.export import route_plan
+from fieldkit.results.finding import Finding, Refused
 from fieldkit.results.plan import Plan, PlanPlants, Plans
 from fieldkit.results.plan_file import save_plan
-from fieldkit.sites.fit import FitFinding, fit_site, plants_outgrown, require_fit
+from fieldkit.sites.fit import CODES, fit_plot, fit_report, plants_outgrown
 from fieldkit.sites.plot_plants import PlanFacts, plants_on, with_plant_height
 from fieldkit.sites.rows import row_spacing_m
-from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit.sites.site import Obstacle, Site, SiteHome, SitePlot
 from fieldkit.sites.site_obstacles import site_obstacles
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from tests.missions.test_export import planned
@@ -62,10 +63,10 @@ def site_with(*plots: dict[str, Any]) -> Site:
     )
 
 
-def findings(plan: Plan, **plot: Any) -> dict[str, FitFinding]:
+def findings(plan: Plan, **plot: Any) -> dict[str, Finding]:
     """What is found on a plot whose plants are those of `planned`, unless it says otherwise."""
-    site = site_with({"plant_height_m": 0.9, **plot})
-    return {finding.code: finding for finding in fit_site(plan, site, VEHICLE.clearance_m)}
+    (known,) = site_with({"plant_height_m": 0.9, **plot}).plots
+    return {finding.code: finding for finding in fit_plot(PlanFacts(plan), known, VEHICLE.clearance_m)}
 
 
 def test_nothing_is_said_of_what_nobody_said() -> None:
@@ -115,9 +116,7 @@ def test_higher_plants_are_flown_clear_of_or_refused() -> None:
     refused = findings(over, plant_height_m=1.4)["plants-too-high"]
     assert refused.severity == "error"
     assert "station 8 would stand in them, or nearer to them than 0.5 m" in refused.message
-    with pytest.raises(
-        MissionError, match=r"does not fit p1: plants of 1\.40 m.*\(1 more plot does not fit\)"
-    ) as caught:
+    with pytest.raises(Refused, match=r"(?s)cannot be flown: p1 and p2, the first: plants of 1\.40 m") as caught:
         route_plan(over, VEHICLE, site_with(*({"plant_height_m": m} for m in (0.9, 1.4, 1.5))))
     assert caught.value.exit_code == 5
     assert "--fit, or plan again" in caught.value.remedy
@@ -270,7 +269,7 @@ def test_measured_plants_that_have_outgrown_the_plan() -> None:
     plan = planned()
     told = plants_outgrown(plan, 1.31, plot="plot-7")
     assert told is not None
-    assert (told.plot, told.code, told.severity) == ("plot-7", "plants-outgrown", "warning")
+    assert (told.subject, told.code, told.severity) == ("plot-7", "plants-outgrown", "warning")
     assert "1.31 m high, 0.4" in told.message
     assert "plant_height_m = 1.35" in told.remedy
     assert plants_outgrown(plan, 0.92) is None
@@ -285,11 +284,35 @@ def test_plants_where_none_can_be() -> None:
             route_plan(plan, VEHICLE, site_with({"plant_height_m": 1.0}))
 
 
-def test_only_errors_are_refused() -> None:
-    some = (FitFinding("a", "plot-size", "warning", "small"), FitFinding("b", "slope", "note", "rises"))
-    assert require_fit(some) == some
-    with pytest.raises(MissionError, match=r"the plan does not fit c: too high$"):
-        require_fit((*some, FitFinding("c", "plants-too-high", "error", "too high")))
+def test_all_that_speaks_against_a_plan_is_one_list() -> None:
+    """Of all plots and stations, each with what to do; people get what is the same once."""
+    plan = planned(4, height_m=0.6)
+    site = site_with({}, {"plant_height_m": 0.9, "length_m": 3.0, "width_m": 3.0}, {"plant_height_m": 0.5})
+    report = fit_report(plan, site.model_copy(update={"ceiling_m": 4.0}), VEHICLE)
+    found = [(each.subject, each.code, each.station) for each in report.findings if each.severity == "error"]
+    assert found[:2] == [("p0", "plant-height-unknown", None), ("p1", "plot-larger", None)]
+    assert set(found[2:14]) == {(f"p{plot}", "out-of-reach", station) for plot in range(3) for station in range(4)}
+    assert set(found[14:]) == {("", "height", None)}
+    assert {each.severity for each in report.findings} == {"error", "warning"}
+    assert all(
+        CODES[each.code] == each.severity and (each.remedy or each.severity == "note") for each in report.findings
+    )
+    with pytest.raises(Refused) as caught:
+        report.require()
+    assert caught.value.exit_code == 5
+    assert caught.value.findings == report.findings
+    assert "- 12 photographs (station 1, 2, 3 and 4 of p0, p1 and p2): 0.60 m above the ground" in caught.value.message
+    assert "--adjust" in caught.value.remedy
+    fit_report(planned(height_m=2.0), site_with({"plant_height_m": 0.9}), VEHICLE).require()
+
+
+def test_stations_in_what_is_kept_clear_of_are_named_with_those_that_do_not_fit() -> None:
+    site = site_with({"plant_height_m": 0.9}, {"plant_height_m": 2.4})
+    hut = Obstacle(name="hut", latitude_deg=50.8650, longitude_deg=6.4473, radius_m=3.0, top_m=3.0)
+    report = fit_report(planned(4, height_m=2.0), site.model_copy(update={"obstacles": (hut,)}), VEHICLE, fit=True)
+    assert {(each.subject, each.code) for each in report.findings if each.severity == "error"} == {
+        ("p1", "not-fitted"), ("p0", "in-obstacle"),
+    }  # fmt: skip
 
 
 def test_the_command_says_what_does_not_fit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -307,8 +330,8 @@ def test_the_command_says_what_does_not_fit(tmp_path: Path, capsys: pytest.Captu
     call += ["--plots", str(plots), "--no-picture", "-o", str(tmp_path / "m.plan")]
     assert main(call) == 0
     told = " ".join(capsys.readouterr().err.split())
-    assert "Warning: n0, n1, n2 and 1 more: plants of 1.30 m are 0.40 m higher than the plan's" in told
+    assert "Warning: n0, n1, n2 and n3: plants of 1.30 m are 0.40 m higher than the plan's" in told
     assert main([*call, "--overwrite", "--json"]) == 0
     fit = json.loads(capsys.readouterr().out)["fit"]
     assert [(each["plot"], each["code"]) for each in fit] == [(f"n{k}", "plants-higher") for k in range(4)]
-    assert fit[0].keys() == {"plot", "code", "severity", "message", "remedy"}
+    assert fit[0].keys() == {"plot", "station", "code", "severity", "message", "remedy"}

@@ -15,7 +15,7 @@ from fieldkit.errors import MissionError
 from fieldkit.missions.export_mission import export_mission
 from fieldkit.results.plan import Plan, PlanEnvelope
 from fieldkit.results.plan_file import load_plan, save_plan
-from fieldkit.sites.fit import fit_site
+from fieldkit.sites.fit import fit_report
 from fieldkit.sites.fitted import fitted, fitted_to, fitted_to_height, flown_plans
 from fieldkit.sites.plot_plants import PlanFacts
 from fieldkit.sites.site import SitePlot
@@ -119,8 +119,8 @@ def test_a_plan_stated_for_plants_of_a_height_is_fitted_unless_it_must_not_be() 
 def test_where_no_height_is_known_that_is_said() -> None:
     plan = plan_in_envelope().model_copy(update={"plant_height_m": 0.9})
     site = site_with({"name": "a"}, {"name": "b", "plant_height_m": 0.9})
-    (finding,) = fit_site(flown_plans(plan, site.plots), site, VEHICLE.clearance_m)
-    assert (finding.plot, finding.code, finding.severity) == ("a", "plant-height-unknown", "error")
+    (finding,) = fit_report(plan, site, VEHICLE).findings
+    assert (finding.subject, finding.code, finding.severity) == ("a", "plant-height-unknown", "error")
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fieldkit.errors import MissionError
 from fieldkit.results.plan import Plan, Station
 from fieldkit.routing.mission import Shot
 from fieldkit.sites.placement import place
-from fieldkit.sites.reach import adjusted, require_reachable, unreachable
+from fieldkit.sites.reach import nearest, one_photograph, unreachable
 from fieldkit.sites.site import Site, SiteHome, SitePlot
 from fieldkit.vehicles.vehicle_file import load_vehicle, vehicle_names
 
@@ -35,8 +34,7 @@ def test_what_can_be_reached_is_left_alone() -> None:
     shots = shots_of((1.0, -90.0), (2.0, 30.0), (1.5, -45.0))
     vehicle = load_vehicle("ardupilot-pitch")
     assert unreachable(shots, SITE, vehicle) == ()
-    assert adjusted(shots, SITE, vehicle) == (shots, ())
-    require_reachable(shots, SITE, vehicle)
+    assert nearest(shots, SITE, vehicle) == (shots, ())
 
 
 def test_a_pitch_beyond_the_mount() -> None:
@@ -64,7 +62,7 @@ def test_too_low_is_above_the_plots_ground_and_not_above_home() -> None:
 
 def test_a_fixed_camera_has_one_pitch() -> None:
     vehicle = load_vehicle("fixed-gimbal")
-    shots, problems = adjusted(shots_of((2.0, -45.0), (2.0, -60.0), (0.5, 10.0)), SITE, vehicle)
+    shots, problems = nearest(shots_of((2.0, -45.0), (2.0, -60.0), (0.5, 10.0)), SITE, vehicle)
     assert {shot.pitch_deg for shot in shots} == {-45.0}
     assert [(each.shot.station, each.limits) for each in problems if each.shot.plot == "low"] == [
         (1, ("pitch",)), (2, ("pitch", "height")),
@@ -81,39 +79,24 @@ def test_stations_that_become_one_photograph_are_named() -> None:
         made = tuple(Station(position_m=place, yaw_deg=yaw_deg, pitch_deg=pitch) for place, pitch in stations)
         return place(Plan(fieldkit="0", stations=made), SITE)
 
-    with pytest.raises(MissionError) as caught:
-        adjusted(plan(*at), SITE, vehicle)
-    assert caught.value.exit_code == 5
-    assert caught.value.message == (
-        "station 1 of low and station 3 become one photograph when they are adjusted to this vehicle: "
+    def told(shots: tuple[Shot, ...]) -> list[str]:
+        return [str(found) for found in one_photograph(shots, nearest(shots, SITE, vehicle)[0], SITE)]
+
+    assert told(plan(*at)) == [
+        f"station 1 of {plot}: it and station 3 become one photograph when they are adjusted to this vehicle: "
         "0.04 m and 0.0° apart, 0.04 m and 60.0° as planned"
-    )
+        for plot in ("low", "high")
+    ]
     # One of them as planned; and by height alone.
-    with pytest.raises(MissionError, match="station 1 of low and station 2 become one photograph"):
-        adjusted(plan(((0.0, 0.0, 2.0), -45.0), ((0.0, 0.02, 2.0), -60.0)), SITE, vehicle)
-    low = (((0.0, 0.0, 0.2), -45.0), ((0.0, 0.0, 0.7), -45.0))
-    with pytest.raises(MissionError, match=r"0.00 m and 0.0° apart, 0.50 m and 0.0° as planned"):
-        adjusted(plan(*low), SITE, vehicle)
+    one, _ = told(plan(((0.0, 0.0, 2.0), -45.0), ((0.0, 0.02, 2.0), -60.0)))
+    assert one.startswith("station 1 of low: it and station 2 become one photograph")
+    one, _ = told(plan(((0.0, 0.0, 0.2), -45.0), ((0.0, 0.0, 0.7), -45.0)))
+    assert one.endswith("0.00 m and 0.0° apart, 0.50 m and 0.0° as planned")
     # Apart, or planned so, or looking elsewhere: left alone.
-    far = plan(at[0], ((0.12, 0.0, 2.0), -20.0))
-    assert len(adjusted(far, SITE, vehicle)[1]) == 4
-    twice = plan(((0.0, 0.0, 2.0), -60.0), ((0.0, 0.0, 2.0), -60.0))
-    assert len(adjusted(twice, SITE, vehicle)[1]) == 4
+    assert told(plan(at[0], ((0.12, 0.0, 2.0), -20.0))) == []
+    assert told(plan(((0.0, 0.0, 2.0), -60.0), ((0.0, 0.0, 2.0), -60.0))) == []
     (a, *_), (b, *_) = plan(at[0]), plan(at[2], yaw_deg=15.0)
-    assert len(adjusted((a, replace(b, station=1)), SITE, vehicle)[1]) == 2
-
-
-def test_the_error_names_the_first_and_counts_the_others() -> None:
-    vehicle = load_vehicle("ardupilot-pitch")
-    with pytest.raises(MissionError) as caught:
-        require_reachable(shots_of((0.2, 50.0), (0.2, -30.0)), SITE, vehicle)
-    assert caught.value.exit_code == 5
-    assert caught.value.message.startswith("station 1 of low: pitch 50°, but the mount")
-    assert "0.20 m above the ground, but" in caught.value.message
-    assert caught.value.message.endswith("with pitch 30° (3 more stations are out of reach)")
-    assert "--adjust" in caught.value.remedy
-    with pytest.raises(MissionError, match=r"with pitch -30°$"):
-        require_reachable(shots_of((0.2, -30.0))[:1], SITE, vehicle)
+    assert told((a, replace(b, station=1))) == []
 
 
 @settings(max_examples=60, deadline=None)
@@ -123,7 +106,7 @@ def test_the_error_names_the_first_and_counts_the_others() -> None:
 def test_the_nearest_pose_is_reachable_and_the_nearest(name: str, poses: list[tuple[float, float]]) -> None:
     vehicle = load_vehicle(name)
     shots = shots_of(*poses)
-    changed, problems = adjusted(shots, SITE, vehicle)
+    changed, problems = nearest(shots, SITE, vehicle)
     assert unreachable(changed, SITE, vehicle) == ()
     assert [each.nearest for each in problems] == [b for a, b in zip(shots, changed, strict=True) if a != b]
     low, high = vehicle.mount.pitch_deg
@@ -136,12 +119,3 @@ def test_the_nearest_pose_is_reachable_and_the_nearest(name: str, poses: list[tu
         assert near == replace(
             shot, pitch_deg=near.pitch_deg, place=replace(shot.place, height_m=near.place.height_m)
         )  # fmt: skip
-
-
-def test_shots_of_another_site() -> None:
-    vehicle = load_vehicle("ardupilot-pitch")
-    (shot, *_) = shots_of((2.0, -30.0))
-    with pytest.raises(MissionError, match="the site has no plot of that name"):
-        unreachable([replace(shot, plot="other")], SITE, vehicle)
-    with pytest.raises(MissionError, match="not a number"):
-        unreachable([replace(shot, pitch_deg=float("nan"))], SITE, vehicle)
