@@ -18,6 +18,7 @@ reject a mission that takes off to less than NAV_ACC_RAD + 1 m (3 m on multicopt
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from fieldkit.errors import MissionError
 from fieldkit.geometry.geodesy import LocalFrame
@@ -66,18 +67,13 @@ def _ardupilot_items(mission: Mission, vehicle: Vehicle) -> tuple[MissionItem, .
 
     The mission ends with a waypoint over the landing place and NAV_LAND: RTL would climb to 15 m first.
     """
-    home = mission.home
+    home, nothing = mission.home, (0.0, 0.0, 0.0, 0.0)
+    place = (round(home.latitude_deg, 9), round(home.longitude_deg, 9), home.amsl_m or 0.0)
     items = [
-        MissionItem(
-            Command.NAV_WAYPOINT, Frame.GLOBAL,
-            (0.0, 0.0, 0.0, 0.0, round(home.latitude_deg, 9), round(home.longitude_deg, 9), home.amsl_m or 0.0),
-        ),
-        MissionItem(
-            Command.NAV_TAKEOFF, Frame.GLOBAL_RELATIVE_ALT,
-            (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, round(mission.takeoff_m, 4)),
-        ),
+        MissionItem(Command.NAV_WAYPOINT, Frame.GLOBAL, (*nothing, *place)),
+        position(Command.NAV_TAKEOFF, GeoPoint(0.0, 0.0, mission.takeoff_m), nothing),
         speed(mission),
-    ]  # fmt: skip
+    ]
     station = 0
     for stop, turning in zip(mission.stops, unfinished_turns(mission, vehicle), strict=True):
         if isinstance(stop, Shot):
@@ -86,13 +82,7 @@ def _ardupilot_items(mission: Mission, vehicle: Vehicle) -> tuple[MissionItem, .
         else:
             items.append(_ardupilot_waypoint(stop.place, LEAST_HOLD_S))
     items.append(_ardupilot_waypoint(mission.landing, LEAST_HOLD_S))
-    items.append(
-        position(
-            Command.NAV_LAND,
-            GeoPoint(mission.landing.latitude_deg, mission.landing.longitude_deg, 0.0),
-            (0.0, 0.0, 0.0, 0.0),
-        )
-    )
+    items.append(position(Command.NAV_LAND, replace(mission.landing, height_m=0.0), nothing))
     return tuple(items)
 
 
@@ -116,7 +106,7 @@ def _ardupilot_photograph(
 
 def _shutter(vehicle: Vehicle, station: int) -> MissionItem:
     if vehicle.trigger.command == "image_start_capture":
-        return action(Command.IMAGE_START_CAPTURE, p3=1.0, station=station)
+        return action(Command.IMAGE_START_CAPTURE, 0.0, 0.0, 1.0, station=station)
     if vehicle.trigger.command == "digicam_control":
         return action(Command.DO_DIGICAM_CONTROL, p5=1.0, station=station)  # shoots only so
     raise MissionError(
@@ -149,10 +139,7 @@ def _px4_items(mission: Mission, vehicle: Vehicle) -> tuple[MissionItem, ...]:
         else:
             items.append(_px4_waypoint(stop.place, _NAN, vehicle))
     items.append(_px4_waypoint(mission.landing, _NAN, vehicle))
-    latitude, longitude, _ = coordinates(mission.landing)
-    items.append(
-        MissionItem(Command.NAV_LAND, Frame.GLOBAL_RELATIVE_ALT, (0.0, 0.0, 0.0, _NAN, latitude, longitude, 0.0))
-    )
+    items.append(position(Command.NAV_LAND, replace(mission.landing, height_m=0.0), (0.0, 0.0, 0.0, _NAN)))
     return tuple(items)
 
 
@@ -160,13 +147,12 @@ def _px4_photograph(shot: Shot, station: int, mission: Mission, vehicle: Vehicle
     check_shot(shot, vehicle)
     items = []
     if vehicle.mount.kind != "fixed":
-        pitch = round(shot.pitch_deg, 3)
-        turn = Command.DO_GIMBAL_MANAGER_PITCHYAW
-        items.append(action(turn, pitch, 0.0, _NAN, _NAN, p5=_LEVEL, station=station))
+        turn = (round(shot.pitch_deg, 3), 0.0, _NAN, _NAN)
+        items.append(action(Command.DO_GIMBAL_MANAGER_PITCHYAW, *turn, p5=_LEVEL, station=station))
     items.append(_px4_waypoint(shot.place, heading(shot.yaw_deg), vehicle, station))
     if mission.settle_s >= 0.001:  # files hold milliseconds, and a delay of 0 is none
         items.append(delay(mission.settle_s, station))
-    items.append(action(Command.IMAGE_START_CAPTURE, p3=1.0, station=station))
+    items.append(action(Command.IMAGE_START_CAPTURE, 0.0, 0.0, 1.0, station=station))
     items.append(delay(max(mission.exposure_s, LEAST_EXPOSURE_S), station))
     return items
 
@@ -196,27 +182,16 @@ def check_shot(shot: Shot, vehicle: Vehicle) -> None:
 def position(
     command: Command, place: GeoPoint, params: tuple[float, float, float, float], station: int | None = None
 ) -> MissionItem:
-    """An item at a place, its height above home."""
-    return MissionItem(command, Frame.GLOBAL_RELATIVE_ALT, (*params, *coordinates(place)), station=station)
-
-
-def coordinates(place: GeoPoint) -> tuple[float, float, float]:
-    """Latitude, longitude and height, rounded to 0.1 mm so that files hold no digits without meaning."""
-    return round(place.latitude_deg, 9), round(place.longitude_deg, 9), round(place.height_m, 4)
+    """An item at a place, its height above home, rounded to 0.1 mm so that files hold no digits without meaning."""
+    there = (round(place.latitude_deg, 9), round(place.longitude_deg, 9), round(place.height_m, 4))
+    return MissionItem(command, Frame.GLOBAL_RELATIVE_ALT, (*params, *there), station=station)
 
 
 def action(
-    command: Command,
-    p1: float = 0.0,
-    p2: float = 0.0,
-    p3: float = 0.0,
-    p4: float = 0.0,
-    *,
-    p5: float = 0.0,
-    p7: float = 0.0,
-    station: int | None = None,
-) -> MissionItem:
-    """An item without a place."""
+    command: Command, *first: float, p5: float = 0.0, p7: float = 0.0, station: int | None = None
+) -> MissionItem:  # fmt: skip
+    """An item without a place; parameters that are not given are 0."""
+    p1, p2, p3, p4 = (*first, 0.0, 0.0, 0.0, 0.0)[:4]
     return MissionItem(command, Frame.MISSION, (p1, p2, p3, p4, p5, 0.0, p7), station=station)
 
 
@@ -246,9 +221,8 @@ def unfinished_turns(mission: Mission, vehicle: Vehicle) -> list[float]:
     yaw: float | None = None
     left: list[float] = []
     for stop in mission.stops:
-        a, b = (
-            frame.to_local(p.latitude_deg, p.longitude_deg, p.height_m)[0] for p in (before, stop.place)
-        )  # fmt: skip
+        ends = (before, stop.place)
+        a, b = (frame.to_local(p.latitude_deg, p.longitude_deg, p.height_m)[0] for p in ends)
         wait = 0.0
         if isinstance(stop, Shot):
             way = leg(math.hypot(*(b - a)[:2]), float((b - a)[2]), vehicle.speeds, mission.speed_mps)

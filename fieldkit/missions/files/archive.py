@@ -13,8 +13,7 @@ from fieldkit.errors import MetadataError
 
 _MAX_MEMBERS = 1024
 _MAX_MEMBER_BYTES = 32 << 20
-_STAMP = (1980, 1, 1, 0, 0, 0)
-"""The earliest that zip can say, so that the same mission gives the same bytes at any time."""
+_STAMP = (1980, 1, 1, 0, 0, 0)  # the earliest that zip can say: the same mission gives the same bytes at any time
 _REMEDY = "Save it again with DJI Pilot 2, or export it with `fieldkit export-mission --format wpml`."
 
 
@@ -35,11 +34,6 @@ def read_members(data: bytes, wanted: Sequence[str], path: Path) -> dict[str, by
     """The wanted members that an archive has, by name.
 
     Sizes are limited as they are declared and as they turn out; other members are never opened.
-
-    Args:
-        data: of the archive.
-        wanted: names within it.
-        path: for errors.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:

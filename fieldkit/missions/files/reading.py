@@ -26,12 +26,7 @@ READERS: dict[str, Callable[[Path], ReadMission]] = {
 
 
 def read_mission_bytes(content: bytes, suffix: str) -> ReadMission:
-    """The same of a file's content.
-
-    Args:
-        content: of the file.
-        suffix: of its name, such as ".plan".
-    """
+    """The same of the content of a file whose name has a suffix, such as ".plan"."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, f"mission{suffix}")
         path.write_bytes(content)

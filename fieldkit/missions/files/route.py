@@ -12,31 +12,19 @@ from fieldkit.vehicles.vehicle import Vehicle
 
 @dataclass(frozen=True)
 class RoutePoint:
-    """A waypoint.
-
-    Attributes:
-        place: its height above home.
-        yaw_deg: heading, clockwise from north, [0, 360).
-        pitch_deg: of the gimbal.
-        shot: the photograph taken there, or None.
-    """
+    """A waypoint."""
 
     place: GeoPoint
-    yaw_deg: float
-    pitch_deg: float
-    shot: Shot | None
+    yaw_deg: float  # heading, [0, 360)
+    pitch_deg: float  # of the gimbal
+    shot: Shot | None  # the photograph taken there
 
 
 def route_points(mission: Mission, vehicle: Vehicle, most: int, what: str) -> list[RoutePoint]:
     """Every place that is flown to: above home at take-off height, the stops, above the landing place.
 
-    Where nothing is photographed, heading and pitch are already those of the next photograph.
-
-    Args:
-        mission: to fly.
-        vehicle: whose mount limits pitches.
-        most: waypoints that the format's readers take.
-        what: the format, for messages.
+    Where nothing is photographed, heading and pitch are already those of the next photograph. The format's readers take
+    ``most`` waypoints.
     """
     home = GeoPoint(mission.home.latitude_deg, mission.home.longitude_deg, mission.takeoff_m)
     places = [home, *(stop.place for stop in mission.stops), mission.landing]

@@ -25,12 +25,7 @@ _REMEDY = "Save it again with Mission Planner or QGroundControl, or export it wi
 
 
 def waypoints_bytes(items: Sequence[MissionItem], *, home: Home) -> bytes:
-    """A .waypoints file.
-
-    Args:
-        items: without the home item. What is left to the autopilot (NaN) is written as `definite` has it.
-        home: row 0; its altitude is written as 0 where it is not known.
-    """
+    """A .waypoints file of items without home, which is row 0; its altitude is written as 0 where it is not known."""
     place = (round(home.latitude_deg, 9), round(home.longitude_deg, 9), home.amsl_m or 0.0)
     rows = [MissionItem(Command.NAV_WAYPOINT, Frame.GLOBAL, (0.0, 0.0, 0.0, 0.0, *place)), *items]
     lines = [HEADER]
