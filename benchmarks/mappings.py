@@ -15,11 +15,12 @@ from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.errors import ReconstructionError
 from fieldkit.reconstruction.pipeline import place
-from fieldkit.reconstruction.settings import MappingMethod, ReconstructionSettings
+from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stage_times import StageTimer
 from fieldkit.runtime.progress import Progress
+from fieldkit.vocabulary import MappingChoice
 
-WAYS: tuple[tuple[MappingMethod, ...], ...] = (("incremental", "global"), ("prior",))
+WAYS: tuple[tuple[MappingChoice, ...], ...] = (("incremental", "global"), ("prior",))
 """Ways that share a cache: the blind mappers share their matches."""
 
 
@@ -76,7 +77,7 @@ def run_mappings(data: Path, names: Sequence[str] = SETS, *, progress: Progress)
 
 
 def map_set(
-    name: str, data: Path, method: MappingMethod, cache: StageCache, progress: Progress, matching_s: float | None = None
+    name: str, data: Path, method: MappingChoice, cache: StageCache, progress: Progress, matching_s: float | None = None
 ) -> MappingRun:
     """Map a recorded set; ``matching_s`` is the time of the cached matching, None if there is none yet."""
     timer = StageTimer(progress)

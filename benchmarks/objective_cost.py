@@ -10,10 +10,10 @@ import numpy as np
 from benchmarks.objective_scenes import VIEWS, TuningPlot, tuning_plot
 from benchmarks.result import Cell, ResultTable, StudyResult
 from fieldkit.planning.objective.evaluation import Evaluation
-from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.run.executor import Job, ProcessExecutor
 from fieldkit.runtime.progress import Progress
+from fieldkit.vocabulary import SearchFidelity
 
 LIMITS_S: dict[str, float] = {"draft": 5.0, "standard": 9.0}
 SCENE = "case-1"
@@ -22,7 +22,7 @@ _KEPT = ", drawings kept"
 
 def run_cost(
     plot: TuningPlot | None = None,
-    fidelities: Sequence[FidelityName] = ("draft", "standard", "fine"),
+    fidelities: Sequence[SearchFidelity] = ("draft", "standard", "fine"),
     *,
     repeats: int = 3,
     progress: Progress,
@@ -80,7 +80,7 @@ def cost_table(measured: dict[str, list[Evaluation]]) -> ResultTable:
 
 def run_throughput(
     plot: TuningPlot | None = None,
-    fidelity: FidelityName = "draft",
+    fidelity: SearchFidelity = "draft",
     *,
     evaluations: int = 100,
     progress: Progress,

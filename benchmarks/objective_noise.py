@@ -14,11 +14,11 @@ from benchmarks.objective_scenes import TuningPlot, tuning_plot
 from benchmarks.result import Cell, ResultTable, StudyResult, spread
 from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation
-from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.run.executor import Job, ProcessExecutor
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.simulate import CaptureNoise
+from fieldkit.vocabulary import SearchFidelity
 
 POSITIONS_M = (0.0, 0.002, 0.005, 0.010, 0.020, 0.050)
 ANGLES_DEG = (0.0, 0.1, 0.5, 1.0, 2.0)
@@ -28,7 +28,7 @@ QUIET = CaptureNoise(position_m=0.0, angle_deg=0.0, image_sigma=0.0)
 
 def run_noise(
     plot: TuningPlot | None = None,
-    fidelity: FidelityName = "standard",
+    fidelity: SearchFidelity = "standard",
     *,
     positions_m: Sequence[float] = POSITIONS_M,
     angles_deg: Sequence[float] = ANGLES_DEG,

@@ -14,12 +14,12 @@ from benchmarks.objective_scenes import SCENES, VIEWS, TuningPlot, tuning_plot
 from benchmarks.result import Cell, ResultTable, StudyResult
 from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation
-from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import SimulatedSource
 from fieldkit.planning.run.executor import Job, ProcessExecutor
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.progress import Progress
+from fieldkit.vocabulary import SearchFidelity
 
 _NOISE_SETS = 5
 
@@ -64,7 +64,7 @@ def run_ranks(
     seeds: int = 5,
     scenes: int = len(SCENES),
     workers: int = 1,
-    fidelities: tuple[FidelityName, FidelityName] = ("standard", "fine"),
+    fidelities: tuple[SearchFidelity, SearchFidelity] = ("standard", "fine"),
     progress: Progress,
 ) -> StudyResult:
     """Evaluate random feasible configurations at two fidelities, and five of them at more seeds."""
@@ -98,7 +98,7 @@ def run_ranks(
 
 def compare(
     plot: TuningPlot,
-    fidelities: tuple[FidelityName, FidelityName],
+    fidelities: tuple[SearchFidelity, SearchFidelity],
     configurations: int,
     seeds: int,
     workers: int,
@@ -147,7 +147,7 @@ def _repeated(sets: Sequence[Cameras], seeds: Sequence[int]) -> list[Job]:
 
 
 def _evaluated(
-    title: str, source: SimulatedSource, fidelity: FidelityName, jobs: Sequence[Job], workers: int, progress: Progress
+    title: str, source: SimulatedSource, fidelity: SearchFidelity, jobs: Sequence[Job], workers: int, progress: Progress
 ) -> list[Evaluation]:
     found = []
     objective = Objective(source, ObjectiveSettings(fidelity))

@@ -20,8 +20,7 @@ from fieldkit.cache import StageCache, digest
 from fieldkit.files import write_atomic
 from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation
-from fieldkit.planning.objective.fidelity import FidelityName
-from fieldkit.planning.objective.objective import MappingName, Objective, ObjectiveSettings
+from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import SimulatedSource
 from fieldkit.planning.run.executor import Job, ProcessExecutor
 from fieldkit.planning.run.request import KIND_PLOTS
@@ -31,6 +30,7 @@ from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.scene_file import read_scene, write_scene
 from fieldkit.scenes.simulate import CaptureNoise
+from fieldkit.vocabulary import MappingName, SearchFidelity
 from fieldkit_sim.generator import new_scene
 
 CASES = ("case-1", "case-2", "case-3")
@@ -54,7 +54,7 @@ _QUICK = ("circle", "field", _KIND)
 _REPEATS = 2
 _CAMERAS = 10
 _MAPPING: MappingName = "prior"
-_FIDELITY: FidelityName = "standard"
+_FIDELITY: SearchFidelity = "standard"
 NEW_PLANTS, _FLOWN, _PLANNED = 3, range(8001, 8011), range(8101, 8111)
 """Number of plants, and seeds of the plots that plans are flown over and made on."""
 POSITIONS_M = (0.0, 0.005, 0.01, 0.02, 0.05)

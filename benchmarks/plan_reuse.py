@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from benchmarks.result import Cell, ResultTable, StudyResult, spread
 from benchmarks.sloped_plots import SlopedSource, sheared, shifted, sloped_proxy, turned
 from fieldkit.clouds import Cloud
-from fieldkit.clouds.metrics import DISTANCES_M, ReferenceIndex, nearest_distances, score_distances
+from fieldkit.clouds.metrics import ReferenceIndex, nearest_distances, score_distances
 from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.errors import UsageError
 from fieldkit.planning.objective.evaluation import Evaluation
-from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.rule import Rule, value_m
 from fieldkit.planning.objective.simulated import Proxy
@@ -31,6 +30,7 @@ from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.sampling import neighbour_points
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.sites.terrain import LEVEL, Gradient
+from fieldkit.vocabulary import DISTANCES_M, SearchFidelity
 from fieldkit_sim.simulation import ring
 
 VIEWS, RADIUS_M, HEIGHT_M, TARGET_M = 13, 1.3, 1.6, (0.0, 0.0, 0.3)
@@ -80,7 +80,7 @@ def run_plan_reuse(
     *,
     scene: str = "tuning-1",
     names: Sequence[str] = (),
-    fidelity: FidelityName = "standard",
+    fidelity: SearchFidelity = "standard",
     repeats: int = 1,
     evaluate: bool = True,
     progress: Progress,
@@ -147,7 +147,7 @@ def ring_plan() -> Cameras:
 
 
 def carried(
-    description: SceneDescription, variant: Variant, cameras: Cameras, fidelity: FidelityName, repeats: int,
+    description: SceneDescription, variant: Variant, cameras: Cameras, fidelity: SearchFidelity, repeats: int,
     progress: Progress,
 ) -> list[Evaluation]:  # fmt: skip
     """A plan evaluated on another plot, without optimisation.

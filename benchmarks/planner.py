@@ -24,8 +24,6 @@ from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.reference import build_reference
 from fieldkit.pictures.panels import png
-from fieldkit.planning.objective.fidelity import FidelityName
-from fieldkit.planning.objective.objective import MappingName
 from fieldkit.planning.run.outcome import PLAN_PICTURE
 from fieldkit.planning.run.request import KIND_PLOTS
 from fieldkit.planning.run.run_setup import set_up_run
@@ -33,9 +31,10 @@ from fieldkit.results.plan import PlanSource
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.scene_file import read_scene, write_scene
+from fieldkit.vocabulary import MappingName, SearchFidelity
 from fieldkit_sim.generator import plots_of_kind
 
-RECORDED_FIDELITY: FidelityName = "standard"
+RECORDED_FIDELITY: SearchFidelity = "standard"
 PLANNERS = ("bosfm", "bosfm-tuned", "field")
 _OPTIMISED = ("circle", "circle-aim", "two-rings", "hemisphere", "mcp", "geometric", "smith", "score")
 """Methods optimised on another plot, to compare carried plans with."""
@@ -82,7 +81,7 @@ class PlannerOptions:
     seeds: int = 3
     cameras: int = 10
     mapping: MappingName = "prior"
-    fidelity: FidelityName = "standard"
+    fidelity: SearchFidelity = "standard"
     workers: int = 2
     methods: tuple[str, ...] = ()
     onto: tuple[str, ...] = ("test-case-1", "test-case-4")

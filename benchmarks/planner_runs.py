@@ -14,8 +14,6 @@ from benchmarks.result import Cell, spread
 from fieldkit import __version__
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
-from fieldkit.planning.objective.fidelity import FidelityName
-from fieldkit.planning.objective.objective import MappingName
 from fieldkit.planning.run.flyable import flight_noise
 from fieldkit.planning.run.folder import LOG_FILE, SETTINGS_FILE, LogEntry, read_log, read_settings, searched
 from fieldkit.planning.run.outcome import Outcome, best_so_far, read_outcome
@@ -27,6 +25,7 @@ from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.plan import Plan, PlanSource
 from fieldkit.results.plan_file import PLAN_FILE, load_plan
 from fieldkit.runtime.progress import Progress
+from fieldkit.vocabulary import MappingName, SearchFidelity
 
 
 @dataclass(frozen=True)
@@ -153,7 +152,7 @@ def name_of(planned: Contender | SearchSettings) -> str:
     return f"{planned.method}{OF_A_KIND}" if planned.plots > 1 else planned.method
 
 
-def run_name(place: Place, cameras: int, mapping: MappingName, fidelity: FidelityName, method: str, seed: int) -> str:
+def run_name(place: Place, cameras: int, mapping: MappingName, fidelity: SearchFidelity, method: str, seed: int) -> str:
     """Name of a run's folder."""
     return f"{place.name}-{cameras}-{mapping}-{fidelity}-{method}-{seed}"
 
@@ -165,8 +164,8 @@ def run_all(
     *,
     cameras: int,
     mapping: MappingName,
-    fidelity: FidelityName,
-    confirm_fidelity: FidelityName,
+    fidelity: SearchFidelity,
+    confirm_fidelity: SearchFidelity,
     repeats: int,
     workers: int,
     cache: StageCache,

@@ -11,8 +11,6 @@ import numpy as np
 from benchmarks.planner_runs import Place, Ran, confirmed_m, figures, mean_of
 from benchmarks.result import Cell, ResultTable
 from fieldkit.cache import StageCache
-from fieldkit.planning.objective.fidelity import FidelityName
-from fieldkit.planning.objective.objective import MappingName
 from fieldkit.planning.problem import Trial
 from fieldkit.planning.run.executor import ProcessExecutor
 from fieldkit.planning.run.folder import SETTINGS_FILE, create_run, open_run
@@ -22,6 +20,7 @@ from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot
 from fieldkit.runtime.progress import Progress
 from fieldkit.sites.fitted import fitted_to_height
+from fieldkit.vocabulary import MappingName, SearchFidelity
 
 _METHOD = "given"
 """Stands for the method in search.json of such a folder."""
@@ -49,7 +48,7 @@ class Carried:
 
 def carry(
     plans: Sequence[Ran], origin: str, place: Place, folder: Path, *, cameras: int, mapping: MappingName,
-    fidelity: FidelityName, repeats: int, workers: int, cache: StageCache, progress: Progress,
+    fidelity: SearchFidelity, repeats: int, workers: int, cache: StageCache, progress: Progress,
 ) -> list[Carried]:  # fmt: skip
     """Plans evaluated at ``fine`` on another plot, without optimisation, flown as `flown_over` says.
 

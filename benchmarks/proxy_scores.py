@@ -23,7 +23,6 @@ from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.geometry import Pose
 from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation
-from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.recorded import RecordedSource
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
@@ -32,6 +31,7 @@ from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.scene_file import read_scene
+from fieldkit.vocabulary import SearchFidelity
 
 REAL, REAL_DENSE = "photographs", "photographs, poses of all"
 Found = Mapping[str, Sequence[Evaluation]]
@@ -75,7 +75,7 @@ def run_proxy(
     *,
     rig_name: str = RIG,
     views: int = VIEWS,
-    fidelities: Sequence[FidelityName] = ("standard", "draft"),
+    fidelities: Sequence[SearchFidelity] = ("standard", "draft"),
     effects: CameraEffects | None = None,
     sets: Sequence[str] | None = None,
     cache: StageCache,
@@ -172,7 +172,7 @@ def _source(
 
 
 def _evaluated(
-    title: str, source: PhotoSource, sets: Sequence[Cameras], fidelity: FidelityName, progress: Progress
+    title: str, source: PhotoSource, sets: Sequence[Cameras], fidelity: SearchFidelity, progress: Progress
 ) -> list[Evaluation]:
     objective = Objective(source, ObjectiveSettings(fidelity, bands_px=BANDS_PX))
     found = []

@@ -22,7 +22,6 @@ from fieldkit.clouds import Cloud, chamfer_distance
 from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation
-from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.recorded import RecordedSource
 from fieldkit.reconstruction.dense import DenseSettings, compute_depth_maps, fuse, prepare_view
@@ -31,6 +30,7 @@ from fieldkit.reconstruction.result import clearance
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stage_times import StageTimer
 from fieldkit.runtime.progress import Progress
+from fieldkit.vocabulary import SearchFidelity
 
 RIG, VIEWS = "basil_rig", 13
 LIMIT_S = 5.0
@@ -42,7 +42,7 @@ def run_recorded(
     data: Path,
     *,
     subsets: int = 20,
-    fidelity: FidelityName = "standard",
+    fidelity: SearchFidelity = "standard",
     cache: StageCache,
     progress: Progress,
     rig_name: str = RIG,

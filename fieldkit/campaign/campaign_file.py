@@ -16,8 +16,8 @@ from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.fields import Strict
 from fieldkit.runtime.shipped import shipped_page
 from fieldkit.sites.site import Name
+from fieldkit.vocabulary import DISTANCES_M, Fidelity, MappingChoice, Mask
 
-DISTANCES_M = (0.002, 0.005, 0.010, 0.020)
 _MAX_BYTES = 1 << 20
 _REMEDY = f"{shipped_page('docs/campaigns.md')} lists the keys of campaign.toml."
 
@@ -28,9 +28,9 @@ Distance = Annotated[float, Field(gt=0, le=10)]
 class EvaluationTable(Strict):
     """How every visit is evaluated; see `ReconstructionSettings`."""
 
-    mapping: Literal["auto", "incremental", "global", "prior"] = "auto"
-    fidelity: Literal["draft", "standard", "fine", "full"] = "standard"
-    mask: Literal["exg", "none", "file"] = "exg"
+    mapping: MappingChoice = "auto"
+    fidelity: Fidelity = "standard"
+    mask: Mask = "exg"
     bounds_m: tuple[float, float, float, float, float, float] | None = None
     """Volume of interest for every plot, plot frame: xmin, ymin, zmin, xmax, ymax, zmax."""
     refine: bool = False

@@ -18,8 +18,8 @@ from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.plan import Plan
 from fieldkit.results.traits import Trait, error_column
 from fieldkit.results.visit import Visit
+from fieldkit.vocabulary import NINE_IN_TEN
 
-_NINE_IN_TEN = 1.645
 DRIFTING = ("chamfer_m", "predicted_chamfer_m", "height_m", "cover_percent", "canopy_volume_m3")
 
 
@@ -96,7 +96,7 @@ def score_of(visit: Visit, plan: Plan) -> Score | None:
 def measured_noise_m(plan: Plan) -> float | None:
     """Half the interval of a measured chamfer distance; None where the plan does not say its repeats' spread."""
     spread = None if plan.method is None else plan.method.known_spread_m
-    return None if spread is None else _NINE_IN_TEN * spread
+    return None if spread is None else NINE_IN_TEN * spread
 
 
 def ranking(visits: Sequence[Visit], plan: Plan, date: str) -> list[Ranked]:

@@ -28,6 +28,7 @@ from fieldkit.reconstruction.plot_frame import find_ground, moved_plane
 from fieldkit.reconstruction.prior_mapping import region_of_interest
 from fieldkit.results.frame import Plane
 from fieldkit.results.plan import Plan
+from fieldkit.vocabulary import LEAST_POSITIONS
 
 ON_STATION_M = 0.5
 """poses.csv is in the plot frame where its positions are this near to the plan's stations (median)."""
@@ -36,7 +37,6 @@ _LEAST_MARGIN_M = 0.10
 _GROWTH = 0.5  # of the plants' height: other plots and later dates are higher than what was planned on
 _LEAST_GROWTH_M = 0.30
 _BELOW_M = 0.05
-_LEAST_POSITIONS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ def wanted_sidecars(capture: Capture, plan: Plan, reference: KnownPlot | None) -
     Where the plot's reference is georeferenced, GPS is, where there is enough of it; where there is no reference,
     poses.csv that is not in the plan's frame is passed over for GPS.
     """
-    tagged = sum(photo.geotag is not None for photo in capture.photos) >= _LEAST_POSITIONS
+    tagged = sum(photo.geotag is not None for photo in capture.photos) >= LEAST_POSITIONS
     if capture.metric_source != "poses.csv" or not tagged:
         return frozenset()
     if reference is not None:

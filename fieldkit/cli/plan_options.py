@@ -12,6 +12,7 @@ from fieldkit.cli.common import RUN, SEED, OverwriteOption, ResumeOption, scenes
 from fieldkit.cli.numbers import read_numbers, read_pose_noise
 from fieldkit.cli.reconstruction_options import WorkersOption
 from fieldkit.errors import UsageError
+from fieldkit.vocabulary import MappingName, SearchFidelity
 
 if TYPE_CHECKING:
     from fieldkit.planning.run.request import PlanRequest
@@ -20,9 +21,7 @@ _FROM = "from:"
 _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0}
 Preset = Literal["field", "paper"]
 Method = Literal["score", "field", "bosfm", "circle", "uniform"]
-Fidelity = Literal["draft", "standard", "fine"]
 Purpose = Literal["kind", "this-plot"]
-Mapping = Literal["prior", "incremental", "global"]
 
 
 @dataclass(frozen=True)
@@ -86,9 +85,11 @@ class SearchOptions:
     time_budget_s: Annotated[
         str, Option("--time-budget", metavar="TIME", help="No trial starts later: 600, 10m, 2h.")
     ] = ""
-    fidelity: Annotated[Fidelity | None, Option("--fidelity", help="Of the search; standard where not given.")] = None
+    fidelity: Annotated[
+        SearchFidelity | None, Option("--fidelity", help="Of the search; standard where not given.")
+    ] = None
     confirm_fidelity: Annotated[
-        Fidelity | None, Option("--confirm", help="Of the finalists; fine where not given.")
+        SearchFidelity | None, Option("--confirm", help="Of the finalists; fine where not given.")
     ] = None
     finalists: Annotated[int | None, Option("--finalists", min=1, help="Evaluated again at fresh seeds.")] = None
     repeats: Annotated[int | None, Option("--repeats", min=0, help="Fresh seeds for each; 0: no confirmation.")] = None
@@ -105,7 +106,7 @@ class SearchOptions:
             help="Leave room above the plants in the pictures, as plants' heights need it.",
         ),
     ] = None
-    mapping: Annotated[Mapping | None, Option("--mapping", help="Of the evaluations.")] = None
+    mapping: Annotated[MappingName | None, Option("--mapping", help="Of the evaluations.")] = None
 
     def values(self) -> dict[str, Any]:
         """By the keys of `SearchSettings`; None where nothing is given."""

@@ -6,13 +6,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, ClassVar, TypeAlias
 
 from typer import Option
 
 from fieldkit.cli.common import RUN, OverwriteOption, ResumeOption, SeedOption
 from fieldkit.cli.numbers import finite_numbers
 from fieldkit.errors import UsageError
+from fieldkit.vocabulary import DISTANCES_M, Fidelity, MappingChoice, Mask
 
 if TYPE_CHECKING:
     from fieldkit.cache import StageCache
@@ -22,13 +23,10 @@ if TYPE_CHECKING:
     from fieldkit.runtime.progress import Progress
 
 Box: TypeAlias = tuple[float, float, float, float, float, float]
-Mapping = Literal["auto", "incremental", "global", "prior"]
-Fidelity = Literal["draft", "standard", "fine", "full"]
-Mask = Literal["exg", "none", "file"]
 _DISTANCES_REMEDY = "Write it like --distances 0.002,0.005,0.01 (metres)."
 _FARTHEST_M = 100.0
 """Of --bounds; a plot is smaller, in metres."""
-DISTANCES = "0.002,0.005,0.010,0.020"
+DISTANCES = ",".join(f"{distance:.3f}" for distance in DISTANCES_M)
 DistancesOption = Annotated[
     str, Option("--distances", metavar="M,M,…", help="Distances for precision, recall and F-score, metres.")
 ]
@@ -48,7 +46,8 @@ class ReconstructionOptions:
     panel: ClassVar[str] = "Reconstruction"
 
     mapping: Annotated[
-        Mapping, Option("--mapping", help="How poses are found; auto: prior with known positions, else incremental.")
+        MappingChoice,
+        Option("--mapping", help="How poses are found; auto: prior with known positions, else incremental."),
     ] = "auto"
     fidelity: Annotated[
         Fidelity,

@@ -6,7 +6,6 @@ from fieldkit.clouds.ground import fit_ground_plane
 from fieldkit.clouds.io import read_cloud, write_cloud
 from fieldkit.clouds.las import LasCloud, read_las, write_las
 from fieldkit.clouds.metrics import (
-    DISTANCES_M,
     Chamfer,
     CloudScore,
     FScore,
@@ -22,7 +21,6 @@ from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume, crop
 
 __all__ = [
-    "DISTANCES_M",
     "AlignmentStats",
     "Chamfer",
     "Cloud",

@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.errors import EmptyCloudError
-
-DISTANCES_M = (0.002, 0.005, 0.010, 0.020)
-"""Distances at which F-scores are reported where nobody asks for others."""
+from fieldkit.vocabulary import DISTANCES_M
 
 
 @dataclass(frozen=True)

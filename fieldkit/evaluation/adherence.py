@@ -27,6 +27,7 @@ from fieldkit.results.fields import Vector, finite, vector
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan, station_number
 from fieldkit.results.report_files import describe_files
+from fieldkit.vocabulary import LEAST_POSITIONS
 from fieldkit.wording import count
 
 SOURCE = "flight log"
@@ -35,7 +36,6 @@ ACHIEVED: tuple[AchievedSource, ...] = ("reported", "reconstructed", "tagged")
 """Sources of where a photograph was really taken, the first that knows enough first: the autopilot's estimate, as plans
 are flown by it; then structure from motion, good to millimetres within a plot; then tags, which may be the commanded
 poses copied, or GPS without corrections."""
-_LEAST_POSITIONS = 3
 _LEAST_STATIONS = 3
 _OWN_FRAME = "poses.csv"
 _STEEP_SINE = float(np.sin(np.radians(75.0)))
@@ -110,10 +110,10 @@ class Flight:
         ]
         first = capture.photos[0].name
         findings += [Finding(first, "flight-log", text) for text in (*self.log.remarks, *self.matches.remarks)]
-        enough = len(priors) >= _LEAST_POSITIONS
+        enough = len(priors) >= LEAST_POSITIONS
         if not enough:
             located = count(len(priors), "photograph")
-            text = f"the flight log locates {located}; scale and orientation need {_LEAST_POSITIONS}"
+            text = f"the flight log locates {located}; scale and orientation need {LEAST_POSITIONS}"
             findings.append(Finding(first, "too-few-positions", text))
         return replace(
             capture,

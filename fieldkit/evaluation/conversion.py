@@ -29,7 +29,6 @@ from fieldkit.results.evaluation import (
     EvaluationReport,
     FileEntry,
     ImageReport,
-    Method,
     PlotEvaluation,
     ReconstructionEntry,
     ReferenceReport,
@@ -40,6 +39,7 @@ from fieldkit.results.fields import Vector, finite, vector
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import CameraReport, FrameEntry, Row, VolumeEntry
 from fieldkit.version import __version__
+from fieldkit.vocabulary import MappingName
 
 
 def reference_report(
@@ -193,7 +193,7 @@ def _described(
         registered=sparse.registered,
         right=sparse.right,
         models=tuple(int(size) for size in sparse.model_sizes),
-        method=cast("Method", sparse.method),
+        method=cast("MappingName", sparse.method),
         pose_rms_m=finite(frame.rms_m),
         metric_source=cast("Source", frame.source),
         metric=frame.metric,

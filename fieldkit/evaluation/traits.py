@@ -25,6 +25,7 @@ from fieldkit.reconstruction.result import Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.frame import Plane
 from fieldkit.results.traits import TRAITS, Trait, TraitsEntry, error_column
+from fieldkit.vocabulary import LEAST_POSITIONS, NINE_IN_TEN
 from fieldkit.wording import count
 
 HEIGHT_ERROR_M = 0.03
@@ -37,12 +38,10 @@ NEAR_M, MOST_NEAR = 0.0035, 3.2
 """What a pixel of `standard` depth maps covers from where leaves that sway by 1 cm stay within the errors above: from
 nearer the same sway is more pixels, and more of them are lost; and by how much the errors are larger at most."""
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
-_NINE_IN_TEN = 1.645
 _SEEN_BY, _SEEN_SHARE = 2, 0.95
 _STEP_M, _MOST_STEPS = 0.05, 40
 _MATCH_DEG, _MATCH_FARTHER, _PARTNERS = (3.0, 36.0), 1.6, 2
 _MATCH_AT, _MATCH_SHARE = (0.3, 0.8), 0.9
-_LEAST_POSITIONS = 3
 _OF_HEIGHT: tuple[Trait, ...] = ("height_m", "canopy_volume_m3")
 _OF_AREA: tuple[Trait, ...] = ("cover_percent", "covered_area_m2", "canopy_volume_m3")
 _CODES: Mapping[str, tuple[Trait, ...]] = {
@@ -114,13 +113,13 @@ def plot_traits(
     cover = None if area is None else min(100.0, 100.0 * covered / area)
     standard = replace(settings, fidelity="standard")
     near = min(MOST_NEAR, max(1.0, (NEAR_M / depth_pixel_m(found, points, standard)) ** 2))
-    area_error = float(np.hypot(near * AREA_ERROR, 2.0 * _NINE_IN_TEN * doubt))
+    area_error = float(np.hypot(near * AREA_ERROR, 2.0 * NINE_IN_TEN * doubt))
     values: dict[Trait, tuple[float | None, float]] = {
-        "height_m": (max(0.0, height), float(np.hypot(near * HEIGHT_ERROR_M, _NINE_IN_TEN * doubt * height))),
+        "height_m": (max(0.0, height), float(np.hypot(near * HEIGHT_ERROR_M, NINE_IN_TEN * doubt * height))),
         # The plot's area has the scale's error only where its outline is measured in the photographs, too.
         "cover_percent": (cover, area_error * (cover or 0.0)),
         "covered_area_m2": (covered, area_error * covered),
-        "canopy_volume_m3": (volume, float(np.hypot(near * VOLUME_ERROR, 3.0 * _NINE_IN_TEN * doubt)) * volume),
+        "canopy_volume_m3": (volume, float(np.hypot(near * VOLUME_ERROR, 3.0 * NINE_IN_TEN * doubt)) * volume),
     }
     known: dict[str, float | None] = {}
     for trait, (value, error) in values.items():
@@ -151,7 +150,7 @@ def scale_doubt(sparse: SparseResult) -> float:
     what the limits and the errors of traits were set by.
     """
     centers = np.array([pose.center for pose in sparse.poses.values()]).reshape(-1, 3)
-    if sparse.frame.rms_m is None or len(centers) < _LEAST_POSITIONS:
+    if sparse.frame.rms_m is None or len(centers) < LEAST_POSITIONS:
         return 0.0
     return scale_error(centers, sparse.frame.rms_m, with_errors=False)
 

@@ -11,11 +11,10 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from fieldkit.documents.mistaken import as_centimetres
 from fieldkit.geometry import Intrinsics
-from fieldkit.planning.objective.fidelity import FidelityName
-from fieldkit.planning.objective.objective import MappingName
 from fieldkit.planning.score.cost_model import WEIGHTS
 from fieldkit.results.fields import Count, Length, Strict
 from fieldkit.results.plan import PlanSource
+from fieldkit.vocabulary import MappingName, SearchFidelity
 
 Preset = Literal["field", "paper"]
 Range = tuple[float, float]
@@ -139,9 +138,9 @@ class SearchSettings(Strict):
     """Trials before the surrogate is used; None takes the method's own."""
     time_budget_s: Annotated[float, Field(gt=0)] | None = None
     """No trial starts later; finalists are still confirmed."""
-    fidelity: FidelityName = "standard"
+    fidelity: SearchFidelity = "standard"
     """Of the search. Draft costs two fifths less, but its best of good sets is not the best."""
-    confirm_fidelity: FidelityName = "fine"
+    confirm_fidelity: SearchFidelity = "fine"
     """Of the confirmations."""
     mapping: MappingName = "prior"
     refine: bool = False

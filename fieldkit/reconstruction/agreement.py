@@ -13,6 +13,7 @@ from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.colmap import pycolmap
+from fieldkit.vocabulary import LEAST_POSITIONS
 
 # A position counts as right within 4.03 standard deviations: 99.9 % of a 3D normal error (χ², 3 degrees of freedom).
 POSITION_SIGMAS = 4.03
@@ -21,7 +22,6 @@ LARGEST_SCALE_ERROR = 0.2
 """Relative standard error from which positions give no scale: chance alone never comes near five times its spread."""
 LEAST_APART = 0.25
 """Of a stated σ: so much at least differs between the photographs of a flight."""
-_LEAST_POSITIONS = 3
 _SIMILARITY = 7  # parameters
 
 
@@ -50,7 +50,7 @@ def scale_error(positions: NDArray[np.float64], sigma_m: float, *, with_errors: 
         with_errors: whether the positions are the measured ones; False for those that a model puts in their place,
             whose spread holds no such errors.
     """
-    if len(positions) < _LEAST_POSITIONS:
+    if len(positions) < LEAST_POSITIONS:
         return float("inf")
     own = 3.0 * (len(positions) - 1) * sigma_m**2 if with_errors else 0.0
     squares = ((positions - positions.mean(axis=0)) ** 2).sum() - own

@@ -31,7 +31,7 @@ from fieldkit.reconstruction.marker_detection import detect_markers
 from fieldkit.reconstruction.markers import MarkerScale, marker_scale
 from fieldkit.reconstruction.plot_frame import check_upright, find_ground, moved_plane, plot_from_world
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult, clearance, of_interest
-from fieldkit.reconstruction.settings import MaskKind, ReconstructionSettings
+from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.sparse import POSITIONS_TOO_COARSE, Mapped, map_capture
 from fieldkit.reconstruction.stage_times import StageTimer
 from fieldkit.reconstruction.stages import load_quality
@@ -39,6 +39,7 @@ from fieldkit.reconstruction.versions import STAGES
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import Plane
 from fieldkit.runtime.progress import Progress
+from fieldkit.vocabulary import Mask
 from fieldkit.wording import count
 
 _MIN_DENSE_VIEWS = 2
@@ -300,7 +301,7 @@ class _Dense:
     def options(self) -> DenseSettings:
         return DenseSettings(fidelity=self.settings.fidelity, min_agreeing=self.settings.min_agreeing_views)
 
-    def cloud(self, mask: MaskKind) -> Cloud:
+    def cloud(self, mask: Mask) -> Cloud:
         """The fused cloud of all views that count."""
         what = "plants" if mask != "none" else "scene"
         with self.progress.stage(f"Undistortion ({what})", len(self.sparse.poses)) as advance:
@@ -317,7 +318,7 @@ class _Dense:
         with self.progress.stage(f"Fusion ({what})"):
             return fuse(views, maps, self.volume, self.options)
 
-    def views(self, mask: MaskKind, advance: Callable[[int], None]) -> list[View]:
+    def views(self, mask: Mask, advance: Callable[[int], None]) -> list[View]:
         """The photographs that count, undistorted at working size."""
         views = []
         for photo in self.sparse.capture.photos:
@@ -328,7 +329,7 @@ class _Dense:
             advance(1)
         return views
 
-    def _view(self, photo: Photo, pose: Pose, mask: MaskKind) -> View:
+    def _view(self, photo: Photo, pose: Pose, mask: Mask) -> View:
         intrinsics, fidelity = self.sparse.intrinsics[photo.name], self.settings.fidelity
         # Where a calibration is held, the same photograph gives the same view in every capture it is part of.
         source = self.sparse.intrinsics_source[self.sparse.capture.group_of(photo.name).key]

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
 
 from fieldkit.clouds.volume import Volume
 from fieldkit.reconstruction.blind_mapping import METHODS
 from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
 from fieldkit.reconstruction.verification import VerificationSettings
+from fieldkit.vocabulary import LEAST_POSITIONS, Fidelity, MappingChoice, Mask
 
-MappingMethod = Literal["auto", "incremental", "global", "prior"]
-Fidelity = Literal["draft", "standard", "fine", "full"]
-MaskKind = Literal["exg", "none", "file"]
-LEAST_POSITIONS = 3
 """Photographs with known positions that prior mapping needs."""
 _SHARE_FOR_PRIOR = 0.8
 
@@ -41,16 +37,16 @@ class ReconstructionSettings:
     features: FeatureSettings = field(default_factory=FeatureSettings)
     verification: VerificationSettings = field(default_factory=VerificationSettings)
     prior: PriorMappingSettings = field(default_factory=PriorMappingSettings)
-    mapping: MappingMethod = "auto"
+    mapping: MappingChoice = "auto"
     fidelity: Fidelity = "standard"
-    mask: MaskKind = "exg"
+    mask: Mask = "exg"
     bounds: Volume | None = None
     min_agreeing_views: int = 2
     trust_orientations: bool = False
     seed: int = 0
 
 
-def mapping_methods(mapping: MappingMethod, positioned: int, photographs: int) -> tuple[str, ...]:
+def mapping_methods(mapping: MappingChoice, positioned: int, photographs: int) -> tuple[str, ...]:
     """The methods that a choice stands for; each is tried where those before it make no model.
 
     ``auto`` is ``prior`` where at least 80 % of the photographs, and three, have known positions; else it is

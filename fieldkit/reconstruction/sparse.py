@@ -39,7 +39,7 @@ from fieldkit.reconstruction.rough_poses import (
     rough_from_pairs,
     rough_from_records,
 )
-from fieldkit.reconstruction.settings import LEAST_POSITIONS, ReconstructionSettings, mapping_methods
+from fieldkit.reconstruction.settings import ReconstructionSettings, mapping_methods
 from fieldkit.reconstruction.stages import KeyedFeatures, exhaustive_pairs, keep_matches, load_features, load_pairs
 from fieldkit.reconstruction.ties import Pair
 from fieldkit.reconstruction.verification import TwoView
@@ -48,6 +48,7 @@ from fieldkit.results.evaluation import ImageReport
 from fieldkit.results.fields import finite
 from fieldkit.results.finding import Finding
 from fieldkit.runtime.progress import Progress
+from fieldkit.vocabulary import LEAST_POSITIONS
 from fieldkit.wording import count
 
 POSITIONS_TOO_COARSE = "positions-too-coarse"

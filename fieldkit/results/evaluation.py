@@ -15,13 +15,13 @@ from fieldkit.results.fields import Count, Length, Sha256, Share, Strict, Text, 
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import CameraReport, FrameEntry, VolumeEntry
 from fieldkit.results.traits import TraitsEntry
+from fieldkit.vocabulary import Fidelity, MappingName, Mask
 
 Seconds = Annotated[float, Field(ge=0)]
 Distance = Annotated[str, Field(pattern=r"^\d+\.\d{3,}$")]
 """A distance in metres as a key, with at least three decimals: "0.002"."""
 ByDistance = dict[Distance, Share]
 
-Method = Literal["incremental", "global", "prior"]
 Source = Literal[
     "poses.csv", "geo.txt", "COLMAP", "OpenDroneMap", "Metashape", "EXIF GPS", "flight log", "markers", "none"
 ]  # fmt: skip
@@ -51,8 +51,8 @@ class StageTime(Strict):
 class DenseEntry(Strict):
     """How the dense cloud was made."""
 
-    fidelity: Literal["draft", "standard", "fine", "full"]
-    mask: Literal["exg", "none", "file"]
+    fidelity: Fidelity
+    mask: Mask
     fusion_rule: str
     seed: Count
 
@@ -110,7 +110,7 @@ class ReconstructionEntry(Strict):
     """Images that count: registered, and not known to be wrong."""
     models: tuple[Count, ...] = ()
     """Registered images of every model the mapper made, largest first; more than one: the images fell apart."""
-    method: Method | None = None
+    method: MappingName | None = None
     """Of mapping."""
     pose_rms_m: Length | None = None
     """Root mean square of the position residuals of the images that count; null without known positions."""
@@ -171,7 +171,7 @@ class ReferenceReport(ReconstructionEntry):
     """Version that wrote it."""
     source: Text
     """Name of the folder of photographs."""
-    method: Method
+    method: MappingName
     metric_source: Source
     gsd_m: Length
     frame: FrameEntry

@@ -12,17 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.cli.main import main
-from fieldkit.cli.reconstruction_options import (
-    Fidelity,
-    Mapping,
-    Mask,
-    ReconstructionOptions,
-    open_cache,
-    parse_bounds,
-    parse_distances,
-)
+from fieldkit.cli.reconstruction_options import ReconstructionOptions, open_cache, parse_bounds, parse_distances
 from fieldkit.errors import UsageError
 from fieldkit.reconstruction import settings
+from fieldkit.vocabulary import Fidelity, MappingChoice, Mask
 
 
 @pytest.fixture(autouse=True)
@@ -33,7 +26,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("chosen", "library"),
     [
-        (Mapping, settings.MappingMethod),
+        (MappingChoice, settings.MappingMethod),
         (Fidelity, settings.Fidelity),
         (Mask, settings.MaskKind),
     ],

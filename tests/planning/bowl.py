@@ -11,7 +11,6 @@ from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.objective.evaluation import Evaluation, StageCost
-from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.settings import SearchSettings
@@ -19,6 +18,7 @@ from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
 from fieldkit.results.plan import PlanSource
+from fieldkit.vocabulary import SearchFidelity
 
 VOLUME = Volume((-0.5, -0.5, 0.03), (0.5, 0.5, 0.8))
 CAMERA = Intrinsics.pinhole(2000, 1500, 1700.0)
@@ -56,7 +56,7 @@ class Bowl(Objective):
         pass
 
     def evaluate(
-        self, cameras: Cameras, *, seed: int | None = None, fidelity: FidelityName | None = None
+        self, cameras: Cameras, *, seed: int | None = None, fidelity: SearchFidelity | None = None
     ) -> Evaluation:
         time.sleep(self.seconds * (1 + float(cameras.yaw_deg[0]) % 1.0))
         value = float(np.mean(np.sum((cameras.positions - BEST) ** 2, axis=1)))

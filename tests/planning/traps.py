@@ -11,9 +11,9 @@ import numpy as np
 
 from fieldkit.errors import InputError, UsageError
 from fieldkit.planning.objective.evaluation import Evaluation
-from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.space.cameras import Cameras
+from fieldkit.vocabulary import SearchFidelity
 
 EXIT, SEGFAULT, HANG, GROW, RAISE, REFUSE, ONCE, SLOW = (100.0 + k for k in range(8))
 
@@ -36,7 +36,7 @@ class Trap(Objective):
         pass
 
     def evaluate(
-        self, cameras: Cameras, *, seed: int | None = None, fidelity: FidelityName | None = None
+        self, cameras: Cameras, *, seed: int | None = None, fidelity: SearchFidelity | None = None
     ) -> Evaluation:
         what = float(cameras.positions[0, 0])
         with (self.folder / "attempts").open("a") as file:

@@ -15,8 +15,9 @@ from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.cameras import assumed_camera, cameras_of, spread_deg
 from fieldkit.reconstruction.pipeline import place
 from fieldkit.reconstruction.result import SparseResult
-from fieldkit.reconstruction.settings import MappingMethod, ReconstructionSettings
+from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.runtime.progress import Silent
+from fieldkit.vocabulary import MappingChoice
 from tests.captures.photographs import exif_block
 
 WIDTH, HEIGHT, FLYING_M = 480, 360, 12.0
@@ -56,7 +57,7 @@ def nadir(tilt_deg: float = 0.5) -> list[Pose]:
     return [Pose.from_yaw_pitch(c, 10.0 * k, -90.0 + tilt_deg * (k % 3)) for k, c in enumerate(CENTERS)]
 
 
-def mapped(folder: Path, tmp_path: Path, mapping: MappingMethod) -> SparseResult:
+def mapped(folder: Path, tmp_path: Path, mapping: MappingChoice) -> SparseResult:
     capture = read_capture(folder)
     settings = ReconstructionSettings(mapping=mapping)
     return place(capture, settings, list(capture.findings), StageCache(tmp_path / "cache"), Silent(), 1, None)[0]
@@ -68,7 +69,7 @@ def codes(result: SparseResult) -> list[str]:
 
 @pytest.mark.parametrize("mapping", ["prior", "incremental"])
 def test_without_a_focal_length_one_is_held_and_heights_are_undetermined(
-    tmp_path: Path, mapping: MappingMethod
+    tmp_path: Path, mapping: MappingChoice
 ) -> None:
     result = mapped(photographed(tmp_path / "flight", nadir(), equivalent=None), tmp_path, mapping)
     assert result.right == len(CENTERS)
@@ -78,7 +79,7 @@ def test_without_a_focal_length_one_is_held_and_heights_are_undetermined(
 
 
 @pytest.mark.parametrize("mapping", ["prior", "incremental"])
-def test_a_known_focal_length_is_held_and_gives_the_height(tmp_path: Path, mapping: MappingMethod) -> None:
+def test_a_known_focal_length_is_held_and_gives_the_height(tmp_path: Path, mapping: MappingChoice) -> None:
     result = mapped(photographed(tmp_path / "flight", nadir(), equivalent=20), tmp_path, mapping)
     assert result.right == len(CENTERS)
     assert [camera.fx for camera in result.intrinsics.values()] == pytest.approx([FOCAL] * len(CENTERS), rel=0.05)

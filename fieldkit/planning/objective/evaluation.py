@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from fieldkit.clouds.metrics import DISTANCES_M
+from fieldkit.vocabulary import DISTANCES_M
 
 
 @dataclass(frozen=True)

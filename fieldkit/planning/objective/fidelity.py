@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
 
 from fieldkit.geometry import Intrinsics
-from fieldkit.reconstruction.dense.settings import Fidelity as DenseFidelity
 from fieldkit.reconstruction.features import FeatureSettings
-
-FidelityName = Literal["draft", "standard", "fine"]
+from fieldkit.vocabulary import Fidelity as DenseFidelity
+from fieldkit.vocabulary import SearchFidelity
 
 
 @dataclass(frozen=True)
@@ -24,7 +22,7 @@ class Fidelity:
         dense: fidelity of dense stereo.
     """
 
-    name: FidelityName
+    name: SearchFidelity
     drawn_side: int = 2000
     economy: bool = True
     features: FeatureSettings = field(default_factory=FeatureSettings)
@@ -36,7 +34,7 @@ class Fidelity:
         return camera if scale >= 1.0 else camera.scaled(round(camera.width * scale), round(camera.height * scale))
 
 
-FIDELITIES: dict[FidelityName, Fidelity] = {
+FIDELITIES: dict[SearchFidelity, Fidelity] = {
     "draft": Fidelity("draft", 1200, features=FeatureSettings(working_side=900, max_features=3000), dense="draft"),
     "standard": Fidelity("standard", 1600, features=FeatureSettings(working_side=1400)),
     "fine": Fidelity("fine", dense="fine"),

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from fieldkit.cache import digest
 from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.metrics import DISTANCES_M, nearest_distances, score_distances
+from fieldkit.clouds.metrics import nearest_distances, score_distances
 from fieldkit.errors import ReconstructionError, UsageError
 from fieldkit.planning.objective.evaluation import Evaluation, StageCost
-from fieldkit.planning.objective.fidelity import FIDELITIES, FidelityName
+from fieldkit.planning.objective.fidelity import FIDELITIES
 from fieldkit.planning.objective.rule import Rule, value_m
 from fieldkit.planning.objective.source import PhotoSet, PhotoSource
 from fieldkit.planning.space.cameras import Cameras
@@ -22,8 +22,8 @@ from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stage_times import StageTimer
 from fieldkit.runtime.progress import Silent
 from fieldkit.sites.stretch import Stretch
+from fieldkit.vocabulary import DISTANCES_M, MappingName, SearchFidelity
 
-MappingName = Literal["prior", "incremental", "global"]
 _LEAST_CAMERAS = 2
 
 
@@ -44,7 +44,7 @@ class ObjectiveSettings:
             cameras' places.
     """
 
-    fidelity: FidelityName = "standard"
+    fidelity: SearchFidelity = "standard"
     mapping: MappingName = "prior"
     rule: Rule = field(default_factory=Rule)
     min_agreeing_views: int = 2
@@ -116,7 +116,7 @@ class Objective:
         return self
 
     def evaluate(
-        self, cameras: Cameras, *, seed: int | None = None, fidelity: FidelityName | None = None
+        self, cameras: Cameras, *, seed: int | None = None, fidelity: SearchFidelity | None = None
     ) -> Evaluation:
         """Evaluate a set of cameras.
 
@@ -136,7 +136,7 @@ class Objective:
         return self.evaluate_cloud(cameras, seed=seed, fidelity=fidelity)[0]
 
     def evaluate_cloud(
-        self, cameras: Cameras, *, seed: int | None = None, fidelity: FidelityName | None = None
+        self, cameras: Cameras, *, seed: int | None = None, fidelity: SearchFidelity | None = None
     ) -> tuple[Evaluation, Cloud]:
         """As `evaluate`, with the plants' cloud (plot frame); empty if there is none."""
         if len(cameras) < _LEAST_CAMERAS:

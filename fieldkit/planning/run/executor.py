@@ -12,10 +12,10 @@ from typing import Protocol, Self
 
 from fieldkit.errors import FieldkitError
 from fieldkit.planning.objective.evaluation import Evaluation
-from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.worker_pool import Limits, WorkerPool
+from fieldkit.vocabulary import SearchFidelity
 
 ATTEMPTS = 2
 """Attempts at an evaluation that breaks."""
@@ -35,7 +35,7 @@ class Job:
 
     cameras: Cameras
     seed: int | None = None
-    fidelity: FidelityName | None = None
+    fidelity: SearchFidelity | None = None
     plot: int = 0
 
 

@@ -11,17 +11,16 @@ from typing import Annotated, Any, BinaryIO, Literal
 import numpy as np
 from pydantic import Field, JsonValue, ValidationError
 
-from fieldkit.clouds.metrics import DISTANCES_M
 from fieldkit.documents.json_file import first_problem, read_json_object, validated
 from fieldkit.errors import MetadataError, StorageError, UsageError
 from fieldkit.files import atomic_folder, lock, storage_errors, write_atomic
 from fieldkit.planning.objective.evaluation import Evaluation, StageCost
-from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.problem import Result, Trial
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.regular_files import is_other_than_file, open_regular, read_regular
 from fieldkit.results.fields import Count, Length, Strict
+from fieldkit.vocabulary import DISTANCES_M, SearchFidelity
 
 SETTINGS_FILE, LOG_FILE = "search.json", "evaluations.jsonl"
 _MAX_BYTES = 1 << 20
@@ -40,7 +39,7 @@ class LogEntry(Strict):
     origin: str
     seed: Count
     """Of the photographs' noise."""
-    fidelity: FidelityName
+    fidelity: SearchFidelity
     plot: Count = 0
     """Number of the photographed plot; 0 is the plan's own."""
     cameras: Annotated[tuple[Row, ...], Field(min_length=1)]
@@ -70,7 +69,7 @@ class LogEntry(Strict):
 
     @classmethod
     def of(
-        cls, trial: Trial, found: Evaluation, *, stage: Stage, seed: int, fidelity: FidelityName,
+        cls, trial: Trial, found: Evaluation, *, stage: Stage, seed: int, fidelity: SearchFidelity,
         proposal_cpu_s: float, finished_s: float, plot: int = 0,
     ) -> LogEntry:  # fmt: skip
         """The log entry of an evaluation."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from fieldkit.planning.objective.evaluation import Evaluation
-from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.run.executor import Executor, Job
 from fieldkit.planning.run.folder import LogEntry
 from fieldkit.planning.space.cameras import Cameras
+from fieldkit.vocabulary import SearchFidelity
 
 
 class Recalling(Executor):
@@ -20,9 +20,9 @@ class Recalling(Executor):
         fidelity: of jobs without one.
     """
 
-    def __init__(self, executor: Executor, known: Iterable[LogEntry], fidelity: FidelityName) -> None:
+    def __init__(self, executor: Executor, known: Iterable[LogEntry], fidelity: SearchFidelity) -> None:
         self._executor, self._fidelity = executor, fidelity
-        self._known: dict[tuple[Cameras, int | None, FidelityName, int], Evaluation] = {
+        self._known: dict[tuple[Cameras, int | None, SearchFidelity, int], Evaluation] = {
             (entry.trial.cameras, entry.seed, entry.fidelity, entry.plot): entry.evaluation
             for entry in known
             if entry.measured

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import get_args
 
 from fieldkit.errors import UsageError
-
-Fidelity = Literal["draft", "standard", "fine", "full"]
-MaskKind = Literal["exg", "none", "file"]
+from fieldkit.vocabulary import Fidelity
 
 FIDELITY_SIZE: dict[str, tuple[int, int]] = {"draft": (500, 375), "standard": (750, 562), "fine": (1000, 750)}
 """Width and height of a 4:3 view; `full` is native. Other shapes get the same number of pixels."""

@@ -13,7 +13,8 @@ from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.dense.masks import plant_mask
 from fieldkit.reconstruction.dense.patchmatch import Active
-from fieldkit.reconstruction.dense.settings import FIDELITY_SIZE, Fidelity, MaskKind
+from fieldkit.reconstruction.dense.settings import FIDELITY_SIZE
+from fieldkit.vocabulary import Fidelity, Mask
 
 _NEAREST_SHARE = 0.05
 
@@ -90,7 +91,7 @@ def prepare_view(
     intrinsics: Intrinsics,
     pose: Pose,
     fidelity: Fidelity,
-    mask_kind: MaskKind = "exg",
+    mask_kind: Mask = "exg",
     mask_image: NDArray[Any] | None = None,
 ) -> View:
     """An undistorted view at working size from a photograph.

@@ -1,0 +1,23 @@
+"""The words and numbers that settings, commands and result files share. Imports nothing but typing."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+MappingName = Literal["incremental", "global", "prior"]
+"""How poses are found: blind, image by image or all at once, or from what is known of them."""
+MappingChoice = Literal["auto", "incremental", "global", "prior"]
+"""The same as a person chooses it; auto takes prior where enough positions are known."""
+Fidelity = Literal["draft", "standard", "fine", "full"]
+"""Size of the depth maps."""
+SearchFidelity = Literal["draft", "standard", "fine"]
+"""The same in a search, where photographs are never taken at their full size."""
+Mask = Literal["exg", "none", "file"]
+"""What counts as plants: what is green (excess green index), everything, or what masks show."""
+
+DISTANCES_M = (0.002, 0.005, 0.010, 0.020)
+"""Distances of precision, recall and F-score."""
+NINE_IN_TEN = 1.645
+"""Nine in ten draws of a normal distribution lie within so many standard deviations."""
+LEAST_POSITIONS = 3
+"""Fewer positions give neither a scale nor an orientation."""
