@@ -69,7 +69,9 @@ def test_moved_stations_are_told_and_those_that_coincide_are_refused(
     fixed = ["export-mission", str(plan), "--vehicle", "fixed-gimbal", "--site", str(SITES / "example.toml"), *HEIGHT]
     save_plan(plan, given.model_copy(update={"stations": tuple(tilted)}))
     assert main([*fixed, "-o", str(tmp_path / "m"), "--no-picture"]) == 5
-    assert "5 photographs (station 1, 2, 3, 4 and 5 of plot), the first: pitch" in " ".join(capsys.readouterr().err.split())
+    assert "5 photographs (station 1, 2, 3, 4 and 5 of plot), the first: pitch" in " ".join(
+        capsys.readouterr().err.split()
+    )
     assert main([*fixed, "-o", str(tmp_path / "m"), "--no-picture", "--adjust"]) == 0
     assert capsys.readouterr().err.count("Moved: station") == 5
     twice = (first, first.model_copy(update={"pitch_deg": -80.0}), *given.stations[2:])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from contextlib import suppress
 from pathlib import Path
-from typing import get_args
 
 import pytest
 from hypothesis import given
@@ -15,24 +14,11 @@ from fieldkit.cli.main import main
 from fieldkit.cli.reconstruction_options import ReconstructionOptions, open_cache, parse_bounds, parse_distances
 from fieldkit.errors import UsageError
 from fieldkit.reconstruction import settings
-from fieldkit.vocabulary import Fidelity, MappingChoice, Mask
 
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FIELDKIT_CACHE", str(tmp_path / "cache"))
-
-
-@pytest.mark.parametrize(
-    ("chosen", "library"),
-    [
-        (MappingChoice, settings.MappingMethod),
-        (Fidelity, settings.Fidelity),
-        (Mask, settings.MaskKind),
-    ],
-)
-def test_choices_are_the_librarys(chosen, library) -> None:  # type: ignore[no-untyped-def]
-    assert get_args(chosen) == get_args(library)
 
 
 def test_settings() -> None:
