@@ -7,7 +7,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SeedOption, emit_json, show
+from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, emit_json, show
 
 
 def command(
@@ -18,13 +18,6 @@ def command(
     output: Annotated[
         Path | None, Option("--output", "-o", help="The result's folder. Without: only the tables.")
     ] = None,
-    reference: Annotated[
-        Path | None, Option("--reference", help="That all were scored against: its cloud tells the distances' noise.")
-    ] = None,
-    plan: Annotated[
-        Path | None, Option("--plan", help="plan.json that was flown: its repeats tell the chamfer's noise.")
-    ] = None,
-    seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
     debug: DebugOption = False,
@@ -33,16 +26,16 @@ def command(
 
     Plots are matched by their names. Each evaluation is compared with the first and with the one before it. Distances
     and F-scores are compared only where all were scored against the same reference. Evaluations of one label repeat one
-    another: their scatter is then the noise.
+    another: their scatter is then the noise; else traits and predictions have the errors that the benchmark found.
 
     Examples:
-        fieldkit compare may-scores june-scores --reference plot_7-reference -o spring
+        fieldkit compare may-scores june-scores -o spring
         fieldkit compare windy=flight_1 windy=flight_2 calm=flight_3
 
     Exit codes:
         0  done
         2  wrong usage, or the output exists already
-        3  an evaluation, the reference or the plan cannot be used
+        3  an evaluation cannot be used
 
     See Also:
         fieldkit evaluate, fieldkit campaign show, fieldkit report
@@ -51,9 +44,7 @@ def command(
     from fieldkit.evaluation.compare import compare_evaluations
 
     with open_progress(as_json=as_json) as progress:
-        done = compare_evaluations(
-            evaluations, output, reference=reference, plan=plan, seed=seed, overwrite=overwrite, progress=progress
-        )
+        done = compare_evaluations(evaluations, output, overwrite=overwrite, progress=progress)
     if as_json:
         emit_json({"output": done.output, **done.report.model_dump(mode="json")})
         return

@@ -1,90 +1,140 @@
-"""fieldkit compare: several evaluations side by side, and which differences are more than noise."""
+"""fieldkit compare: several evaluations side by side, and which differences are more than noise.
+
+Noise is known from repeats, the scatter within labels that have several evaluations; else from what the benchmark found
+between flights, the errors of traits and the intervals of predictions. Where neither says it, it is not guessed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from math import hypot
 from pathlib import Path
 
-from fieldkit.clouds import Volume
-from fieldkit.errors import MetadataError, UsageError
-from fieldkit.evaluation.cloud_reference import AnyReference, open_reference, reference_file
-from fieldkit.evaluation.comparing import Comparer, Run
+import numpy as np
+from scipy.special import stdtrit
+
+from fieldkit.errors import UsageError
+from fieldkit.figures.registry import Figure, figures_of
+from fieldkit.figures.spreadsheets import compare_csv
 from fieldkit.files import atomic_folder, write_atomic
-from fieldkit.results.comparison import COMPARE_FILE, ComparisonReport
-from fieldkit.results.plan_file import load_plan
-from fieldkit.results.report_files import file_sha256, load_evaluation_report
+from fieldkit.results.comparison import (
+    COMPARE_FILE,
+    ComparedEvaluation,
+    ComparisonReport,
+    DifferenceEntry,
+    NoiseSource,
+    ValueEntry,
+)
+from fieldkit.results.doubtful import OTHER_PLANTS
+from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
+from fieldkit.results.report_files import load_evaluation_report
 from fieldkit.results.visit import CAMPAIGN_FILE
 from fieldkit.runtime.progress import Progress, Silent
+from fieldkit.version import __version__
+from fieldkit.wording import listed
 
 TABLE_FILE = "compare.csv"
 MOST_EVALUATIONS = 100
+_NINE_IN_TEN = 1.644854
+_NORMAL_95 = 1.959964
+_LARGEST = 1e12  # numbers of hostile files
+_NAMED = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One evaluation as read."""
+
+    label: str
+    report: EvaluationReport
+    plots: Mapping[str, PlotEvaluation]
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """What was compared.
-
-    Attributes:
-        report: values, differences and what is said of them; what compare.json holds.
-        output: folder with compare.json and compare.csv; None where nothing was to be written.
-    """
+    """What was compared."""
 
     report: ComparisonReport
+    """Values, differences and what is said of them; what compare.json holds."""
     output: Path | None
+    """Folder with compare.json and compare.csv; None where nothing was to be written."""
 
 
 def compare_evaluations(
     evaluations: Sequence[Path | str],
     output: Path | None = None,
     *,
-    reference: Path | None = None,
-    plan: Path | None = None,
-    seed: int = 0,
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> Comparison:
     """Compare evaluations plot by plot, each with the first and with the one before it.
 
-    A difference is beyond noise where its 95 % interval leaves 0 out. What the noise is known from, the first that can
-    be had: repeats (evaluations of one label); else the spread of the plan's own repeats and the block bootstrap of the
-    clouds' distances to the reference, both where both are there; for predicted distances, the prediction's interval.
+    A difference is beyond noise where its 95 % interval leaves 0 out.
 
     Args:
         evaluations: folders or evaluation.json in the order of their dates, each with a label before it where one is
             wanted (``"LABEL=PATH"``); those of one label repeat one another.
         output: folder to write; None writes nothing.
-        reference: that all were scored against: its cloud tells the noise of distances.
-        plan: that was flown: the spread of its objective tells the noise of chamfer distances.
-        seed: of the bootstrap.
         overwrite: replace an earlier comparison in ``output``.
         progress: told of stages.
 
     Raises:
         UsageError: there is nothing to compare, or ``output`` exists.
-        MetadataError: an evaluation, the reference or the plan cannot be used.
+        MetadataError: an evaluation cannot be used.
         StorageError: ``output`` cannot be written.
     """
-    progress = progress or Silent()
     runs = _read(evaluations)
-    labels = list(dict.fromkeys(run.label for run in runs))
-    if len(labels) < 2:
+    if len({run.label for run in runs}) < 2:
         raise UsageError("there is nothing to compare", remedy="Give two evaluations or more, of different labels.")
-    method = None if plan is None else load_plan(plan).method
-    known = None
-    if reference is not None:
-        _check_reference(reference, runs)
-        known = _as_scored(reference, runs[0])
-    with progress.stage("Comparing"):
-        report = Comparer(runs, labels, known, method, seed).report()
+    with (progress or Silent()).stage("Comparing"):
+        report = comparison_of(runs)
     if output is None:
         return Comparison(report, None)
-    from fieldkit.figures.spreadsheets import compare_csv
-
     with atomic_folder(output, overwrite=overwrite, marker=COMPARE_FILE) as folder:
         write_atomic(folder / TABLE_FILE, compare_csv(report))
         write_atomic(folder / COMPARE_FILE, report.model_dump_json(indent=2) + "\n")
     return Comparison(report, Path(output))
+
+
+def comparison_of(runs: Sequence[Run]) -> ComparisonReport:
+    """All values and differences of evaluations, in order."""
+    labels = list(dict.fromkeys(run.label for run in runs))
+    by_label = {label: [run for run in runs if run.label == label] for label in labels}
+    references = {run.report.reference_sha256 for run in runs}
+    scored = len(references) == 1 and None not in references
+    distances = [d for d in runs[0].report.distances_m if all(d in run.report.distances_m for run in runs)]
+    figures = figures_of("distance" if scored else "prediction", "trait", "reconstruction", distances_m=distances)
+    names = list(dict.fromkeys(name for run in runs for name in run.plots))
+    values: list[ValueEntry] = []
+    differences: list[DifferenceEntry] = []
+    for name in names:
+        plots = {label: [run.plots[name] for run in by_label[label] if name in run.plots] for label in labels}
+        for figure in figures:
+            found = {label: _numbers(figure, plots[label]) for label in labels}
+            values += [
+                ValueEntry(
+                    plot=name, figure=figure.key, label=label, value=float(np.mean(numbers)), repeats=len(numbers),
+                    spread=float(np.std(numbers, ddof=1)) if len(numbers) > 1 else None,
+                )
+                for label, numbers in found.items() if numbers
+            ]  # fmt: skip
+            differences += [
+                _difference(name, figure, label, less, found, plots)
+                for label, less in _pairs(labels)
+                if found[label] and found[less]
+            ]
+    present = {value.figure for value in values}
+    notes = [*_what_differs(runs, by_label, names, scored), *_what_is_untold(differences)]
+    return ComparisonReport(
+        fieldkit=__version__,
+        evaluations=tuple(_evaluation(label, own) for label, own in by_label.items()),
+        figures=tuple(figure.key for figure in figures if figure.key in present),
+        values=tuple(values),
+        differences=tuple(differences),
+        notes=tuple(dict.fromkeys(notes)),
+    )
 
 
 def _read(evaluations: Sequence[Path | str]) -> list[Run]:
@@ -106,7 +156,7 @@ def _read(evaluations: Sequence[Path | str]) -> list[Run]:
             numbered = (name, *(f"{name} {k}" for k in range(2, len(evaluations) + 2)))
             label = next(each for each in numbered if each not in taken)
         taken.add(label)
-        runs.append(Run(label, folder, report, {plot.name: plot for plot in report.plots}))
+        runs.append(Run(label, report, {plot.name: plot for plot in report.plots}))
     return runs
 
 
@@ -119,24 +169,109 @@ def _labelled(text: Path | str) -> tuple[str, Path]:
     return label.strip(), Path(path)
 
 
-def _as_scored(reference: Path, run: Run) -> AnyReference:
-    """The reference as a run took it: a bare cloud in the same frame, and within the same bounds."""
-    settings = run.report.settings
-    bounds = settings.get("bounds")
-    volume = Volume(tuple(bounds["lower"]), tuple(bounds["upper"])) if isinstance(bounds, dict) else None
-    return open_reference(reference, str(settings.get("reference_frame") or ""), volume)
+def _pairs(labels: Sequence[str]) -> list[tuple[str, str]]:
+    """Each label with the first, then with the one before it."""
+    first = [(label, labels[0]) for label in labels[1:]]
+    return [*first, *((label, before) for before, label in pairwise(labels) if before != labels[0])]
 
 
-def _check_reference(reference: Path, runs: Sequence[Run]) -> None:
-    try:
-        sha = file_sha256(reference_file(reference))
-    except OSError as error:
-        raise MetadataError(
-            "there is no reference", path=reference, remedy="Give what the evaluations were scored against."
-        ) from error
-    for run in runs:
-        if run.report.reference_sha256 != sha:
-            raise UsageError(
-                f"{run.label} was not scored against this reference", path=reference,
-                remedy="Give the reference of all evaluations, or leave --reference out.",
-            )  # fmt: skip
+def _numbers(figure: Figure, plots: Sequence[PlotEvaluation]) -> list[float]:
+    """A figure's values, one per repeat; without those of failures, distances to other plants and senseless numbers."""
+    found = [
+        figure.value(plot)
+        for plot in plots
+        if plot.error is None and not (figure.group == "distance" and OTHER_PLANTS in plot.doubts)
+    ]
+    return [float(value) for value in found if value is not None and abs(value) <= _LARGEST]
+
+
+def _difference(
+    plot: str,
+    figure: Figure,
+    label: str,
+    less: str,
+    found: Mapping[str, Sequence[float]],
+    plots: Mapping[str, Sequence[PlotEvaluation]],
+) -> DifferenceEntry:
+    noise: NoiseSource | None = None
+    sd, width = np.inf, _NORMAL_95
+    repeated = pooled_spread(list(found.values()))
+    if repeated is not None:
+        noise, width = "repeats", float(stdtrit(repeated[1], 0.975))
+        sd = repeated[0] * float(np.sqrt(1.0 / len(found[label]) + 1.0 / len(found[less])))
+    else:
+        after, before = figure.error(plots[label][0]), figure.error(plots[less][0])
+        if after is not None and before is not None:
+            noise, sd = "flights", hypot(after, before) / _NINE_IN_TEN
+    difference = float(np.mean(found[label]) - np.mean(found[less]))
+    if not sd < _LARGEST:
+        return DifferenceEntry(plot=plot, figure=figure.key, label=label, less=less, difference=difference)
+    low, high = difference - width * sd, difference + width * sd
+    return DifferenceEntry(
+        plot=plot, figure=figure.key, label=label, less=less, difference=difference, noise=noise, noise_sd=sd,
+        low=low, high=high, beyond=bool(low > 0.0 or high < 0.0),
+    )  # fmt: skip
+
+
+def pooled_spread(groups: Sequence[Sequence[float]]) -> tuple[float, int] | None:
+    """Standard deviation within groups of repeats, and its degrees of freedom; None without a repeat."""
+    squares, freedom = 0.0, 0
+    for group in groups:
+        if len(group) > 1:
+            values = np.asarray(group, dtype=np.float64)
+            squares += float(((values - values.mean()) ** 2).sum())
+            freedom += len(values) - 1
+    return (float(np.sqrt(squares / freedom)), freedom) if freedom else None
+
+
+def _evaluation(label: str, runs: Sequence[Run]) -> ComparedEvaluation:
+    references = {run.report.reference_sha256 for run in runs}
+    return ComparedEvaluation(
+        label=label,
+        sources=tuple(run.report.source for run in runs),
+        reference_sha256=references.pop() if len(references) == 1 else None,
+        plots=tuple(dict.fromkeys(name for run in runs for name in run.plots)),
+    )
+
+
+def _what_differs(
+    runs: Sequence[Run], by_label: Mapping[str, Sequence[Run]], names: Sequence[str], scored: bool
+) -> Iterator[str]:
+    """What of the evaluations is not alike, or not to be compared."""
+    if len({run.report.reference_sha256 for run in runs}) > 1:
+        yield (
+            "the evaluations have different references, so distances and F-scores are not compared: only figures that "
+            "need none"
+        )
+    elif not scored:
+        yield "the evaluations have no reference: only figures that need none are compared"
+    if scored and len({run.report.refine for run in runs}) > 1:
+        yield "some clouds were moved onto the reference before they were scored, others not (refine)"
+    first = runs[0].report.settings
+    others = [run.report.settings for run in runs[1:]]
+    changed = {key for each in others for key in {*first, *each} if first.get(key) != each.get(key)}
+    if changed:
+        yield f"the evaluations were made with different settings: {', '.join(sorted(changed))}"
+    for label, own in by_label.items():
+        having = {name for run in own for name in run.plots}
+        without = [name for name in names if name not in having]
+        if without:
+            yield f"{label} has no plot named {listed(without, _NAMED)}"
+        for plots in (run.plots for run in own):
+            failed = [name for name, plot in plots.items() if plot.error is not None]
+            foreign = [name for name, plot in plots.items() if OTHER_PLANTS in plot.doubts]
+            doubtful = [name for name, plot in plots.items() if plot.doubts and name not in foreign]
+            if failed:
+                yield f"{label}: failed: {listed(failed, _NAMED)}"
+            if foreign:
+                yield f"{label}: hardly the reference's plants, distances and F-scores left out: {listed(foreign)}"
+            if doubtful:
+                yield f"{label}: doubtful, its findings say why: {listed(doubtful)}"
+
+
+def _what_is_untold(differences: Sequence[DifferenceEntry]) -> Iterator[str]:
+    if any(each.noise is not None for each in differences):
+        yield "of twenty differences that are noise alone, one is called beyond it"
+    untold = list(dict.fromkeys(each.figure for each in differences if each.noise is None))
+    if untold:
+        yield f"whether differences of these are beyond noise cannot be told without repeats: {', '.join(untold)}"

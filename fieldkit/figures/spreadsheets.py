@@ -121,7 +121,7 @@ def adherence_csv(found: AdherenceEntry) -> str:
 
 
 def compare_csv(report: ComparisonReport) -> str:
-    """One row per plot, figure and evaluation, and one per further difference; means over plots have an empty plot."""
+    """One row per plot, figure and evaluation, and one per further difference."""
     columns = (
         "plot", "figure", "evaluation", "value", "repeats", "spread", "less", "difference", "noise", "noise_sd", "low",
         "high", "beyond_noise",
@@ -135,7 +135,7 @@ def compare_csv(report: ComparisonReport) -> str:
     rows += [
         [each.plot, each.figure, each.label, None, None, None, *_difference(each)]
         for each in report.differences
-        if each.plot is None or each.less != first
+        if each.less != first
     ]
     return csv_text(columns, rows)
 

@@ -8,13 +8,14 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from fieldkit.documents.json_file import read_model
-from fieldkit.results.fields import Count, Length, Sha256, Strict
+from fieldkit.results.fields import Length, Sha256, Strict
 
 COMPARE_FILE = "compare.json"
 _MAX_BYTES = 1 << 26
 _AGAIN = "Run `fieldkit compare` again."
 
-NoiseSource = Literal["repeats", "plan", "blocks", "plan and blocks", "prediction", "plots"]
+NoiseSource = Literal["repeats", "flights"]
+"""Evaluations of one label; what the benchmark found between flights."""
 
 
 class ComparedEvaluation(Strict):
@@ -44,33 +45,21 @@ class ValueEntry(Strict):
 class DifferenceEntry(Strict):
     """A figure's difference between two evaluations, and whether that is more than noise."""
 
-    plot: str | None
-    """Null: mean over all plots that both have."""
+    plot: str
     figure: str
     label: str
     less: str
     """The other evaluation: the first one, or the one before."""
     difference: float
-    noise: NoiseSource | None
+    noise: NoiseSource | None = None
     """Where the noise is known from; null where it cannot be told."""
-    noise_sd: Length | None
+    noise_sd: Length | None = None
     """Standard deviation of the difference if nothing but noise differed."""
-    low: float | None
-    high: float | None
+    low: float | None = None
+    high: float | None = None
     """95 % interval of the difference."""
-    beyond: bool | None
+    beyond: bool | None = None
     """Whether the interval leaves 0 out; null where the noise cannot be told."""
-
-
-class BlockEntry(Strict):
-    """The spatial block bootstrap of nearest-neighbour distances."""
-
-    edge_m: Annotated[float, Field(gt=0)]
-    """Of the largest cubes that are drawn."""
-    fewest: Count
-    """Cubes of a plot, at least."""
-    resamples: Count
-    seed: Count
 
 
 class ComparisonReport(Strict):
@@ -86,8 +75,6 @@ class ComparisonReport(Strict):
     """Those that were compared."""
     values: tuple[ValueEntry, ...]
     differences: tuple[DifferenceEntry, ...]
-    blocks: BlockEntry | None
-    """Null where no clouds were drawn from."""
     notes: tuple[str, ...]
     """What could not be compared or told, and why."""
 

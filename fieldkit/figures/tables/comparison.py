@@ -9,7 +9,6 @@ from fieldkit.figures.registry import F_SCORE, figure
 from fieldkit.figures.style import signed
 from fieldkit.results.comparison import ComparisonReport, DifferenceEntry
 
-ALL_PLOTS = "all plots"
 _LEADING = ("chamfer_m", "predicted_chamfer_m", "height_m", "cover_percent")
 
 
@@ -30,7 +29,7 @@ def leading_figures(report: ComparisonReport) -> list[str]:
 
 
 def difference_table(report: ComparisonReport, key: str) -> Table:
-    """A figure's differences to the first evaluation, those over all plots first; no rows without differences."""
+    """A figure's differences to the first evaluation; no rows without differences."""
     shown, first = figure(key), report.evaluations[0].label
     values = {(v.plot, v.label): f"{shown.factor * v.value:.4g}" for v in report.values if v.figure == key}
     found = [d for d in report.differences if d.less == first and d.figure == key]
@@ -42,14 +41,14 @@ def difference_table(report: ComparisonReport, key: str) -> Table:
 
     return tabulated(f"{shown.title}, against {first}", [
         {
-            "plot": each.plot or ALL_PLOTS,
+            "plot": each.plot,
             "evaluation": each.label,
-            Column("value", True): "" if each.plot is None else values.get((each.plot, each.label), ""),
+            Column("value", True): values.get((each.plot, each.label), ""),
             Column("difference", True): signed(shown.factor * each.difference, 3),
             Column("95\u00a0%", True): half(each),
             "beyond noise": verdict(each),
         }
-        for each in sorted(found, key=lambda each: each.plot is not None)
+        for each in found
     ])  # fmt: skip
 
 

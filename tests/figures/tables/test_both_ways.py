@@ -32,15 +32,15 @@ EVALUATIONS = tuple(
     ComparedEvaluation(label=label, sources=(label,), reference_sha256=None, plots=("a",)) for label in ("may", "june")
 )
 COMPARISON = ComparisonReport(
-    fieldkit="0", evaluations=EVALUATIONS, figures=("chamfer_m", "f_score_0.005"), blocks=None, notes=("A note.",),
+    fieldkit="0", evaluations=EVALUATIONS, figures=("chamfer_m", "f_score_0.005"), notes=("A note.",),
     values=(ValueEntry(plot="a", figure="chamfer_m", label="june", value=0.0132, repeats=1, spread=None),),
     differences=(
         DifferenceEntry(
-            plot="a", figure="chamfer_m", label="june", less="may", difference=-0.0034, noise="blocks",
+            plot="a", figure="chamfer_m", label="june", less="may", difference=-0.0034, noise="repeats",
             noise_sd=0.0001, low=-0.0036, high=-0.0032, beyond=True,
         ),
         DifferenceEntry(
-            plot=None, figure="f_score_0.005", label="june", less="may", difference=0.0124, noise=None, noise_sd=None,
+            plot="a", figure="f_score_0.005", label="june", less="may", difference=0.0124, noise=None, noise_sd=None,
             low=None, high=None, beyond=None,
         ),
     ),

@@ -184,14 +184,14 @@ def write_comparison(folder: Path, label: str = "june") -> None:
     )
     told = {"plot": "a", "less": "may", "label": label}
     report = ComparisonReport(
-        fieldkit="0", evaluations=evaluations, figures=("chamfer_m", "height_m", "points"), blocks=None,
+        fieldkit="0", evaluations=evaluations, figures=("chamfer_m", "height_m", "points"),
         notes=(f"A note of {label}.",),
         values=(ValueEntry(plot="a", figure="chamfer_m", label=label, value=0.0132, repeats=1, spread=None),),
         differences=(
-            DifferenceEntry(**told, figure="chamfer_m", difference=-0.0034, noise="blocks", noise_sd=0.0001,
+            DifferenceEntry(**told, figure="chamfer_m", difference=-0.0034, noise="repeats", noise_sd=0.0001,
                             low=-0.0036, high=-0.0032, beyond=True),
-            DifferenceEntry(**told, figure="height_m", difference=0.12, noise="plots", noise_sd=0.1, low=-0.1, high=0.3,
-                            beyond=False),
+            DifferenceEntry(**told, figure="height_m", difference=0.12, noise="flights", noise_sd=0.1, low=-0.1,
+                            high=0.3, beyond=False),
             DifferenceEntry(**told, figure="points", difference=1200.0, noise=None, noise_sd=None, low=None, high=None,
                             beyond=None),
         ),
