@@ -17,15 +17,14 @@ from fieldkit.captures.decode import PngMetadata, dark_refusal, jpeg_is_complete
 from fieldkit.captures.exif import with_exif
 from fieldkit.captures.folder import Candidate, FolderContents, folders_of_photographs, list_capture
 from fieldkit.captures.geo_txt import read_geo_txt
-from fieldkit.captures.gps_tags import Problem
-from fieldkit.captures.hemispheres import settle_hemispheres
-from fieldkit.captures.listed_names import match_names
+from fieldkit.captures.gps_tags import Problem, settle_hemispheres
 from fieldkit.captures.markers_file import read_markers_file
 from fieldkit.captures.model import CameraGroup, Capture, Photo
 from fieldkit.captures.one_camera import one_camera
 from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps, priors_from_poses, priors_from_program
 from fieldkit.captures.programs import PosesFile, ProgramPoses, program_of
+from fieldkit.captures.tables import match_names
 from fieldkit.errors import CaptureError, MetadataError
 from fieldkit.results.finding import Finding
 from fieldkit.wording import count

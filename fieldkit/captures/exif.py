@@ -16,7 +16,7 @@ from fieldkit.captures.gps_tags import Problem, geotag_of
 from fieldkit.captures.gps_tags import number as _number
 from fieldkit.captures.gps_tags import text as _text
 from fieldkit.captures.model import Photo
-from fieldkit.captures.sensors import sensor_of
+from fieldkit.captures.one_camera import sensor_of
 from fieldkit.captures.xmp import XmpData, parse_xmp
 from fieldkit.documents.xml_tree import XmlError
 

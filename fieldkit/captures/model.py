@@ -56,7 +56,7 @@ class Photo:
     lens: str | None = None
     """Of the camera, as in the EXIF."""
     sensor: str = ""
-    """Which of a payload's lenses or bands (`fieldkit.captures.sensors`), "" where nothing says."""
+    """Which of a payload's lenses or bands (`fieldkit.captures.one_camera`), "" where nothing says."""
     focal_mm: float | None = None
     """Focal length, millimetres."""
     focal_35mm: float | None = None

@@ -9,10 +9,10 @@ import numpy as np
 
 from fieldkit.captures.geo_txt import GeoRow, settled_heights
 from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M, choose_heights
-from fieldkit.captures.listed_names import match_names
 from fieldkit.captures.model import GeoTag, Photo
 from fieldkit.captures.poses_csv import PoseRow
 from fieldkit.captures.programs.model import ProgramPoses
+from fieldkit.captures.tables import match_names
 from fieldkit.captures.units import suspicious_unit
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import LocalFrame, geodetic_to_ecef

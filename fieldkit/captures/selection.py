@@ -16,12 +16,12 @@ from fieldkit.captures.cameras import group_cameras
 from fieldkit.captures.capture import assembled, camera_entries, listed_names, names_in, read_photo
 from fieldkit.captures.folder import FolderContents, list_folder, natural_key
 from fieldkit.captures.geo_txt import read_geo_txt
-from fieldkit.captures.hemispheres import settle_hemispheres
-from fieldkit.captures.listed_names import match_names
+from fieldkit.captures.gps_tags import settle_hemispheres
 from fieldkit.captures.model import CameraGroup, Capture, Photo
 from fieldkit.captures.one_camera import one_camera
 from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps, priors_from_poses
+from fieldkit.captures.tables import match_names
 from fieldkit.errors import CaptureError
 from fieldkit.results.finding import Finding
 from fieldkit.runtime.progress import Progress, Silent

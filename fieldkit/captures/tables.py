@@ -5,11 +5,13 @@ from __future__ import annotations
 import codecs
 import math
 import re
+import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TypeVar
 
+from fieldkit.captures.folder import PHOTO_SUFFIXES
 from fieldkit.errors import MetadataError
 from fieldkit.regular_files import read_regular
 
@@ -17,6 +19,9 @@ _MAX_BYTES = 64 << 20
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
 _ANY_NUMBER = re.compile(r"[+-]?[0-9.,]*[0-9][0-9.,]*(?:[eE][+-]?[0-9]{1,3})?")
 _GROUP = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
+
+
+Row = TypeVar("Row")
 
 
 def read_text(path: Path) -> str:
@@ -94,9 +99,6 @@ def parse_number(text: str, style: NumberStyle | None = None) -> float | None:
     return value if math.isfinite(value) else None
 
 
-Row = TypeVar("Row")
-
-
 def keep_row(kept: dict[str, tuple[int, Row]], name: str, row: Row, line: int, what: str, path: Path | None) -> str:
     """Keep what a line says of a photograph, with the line's number; returns what is odd about it, "" for nothing."""
     first, earlier = kept.setdefault(name, (line, row))
@@ -107,3 +109,56 @@ def keep_row(kept: dict[str, tuple[int, Row]], name: str, row: Row, line: int, w
             remedy="Keep one line per photograph.",
         )
     return "" if first == line else f"listed twice (lines {first} and {line})"
+
+
+def match_names(listed: Iterable[str], names: Iterable[str]) -> dict[str, str]:
+    """Which photograph each listed name means.
+
+    The same name; else one that ends alike, by whole folders; else so without regard to case; else, for a name without
+    a photograph's suffix, so without suffixes. Unicode is compared in its composed form (NFC), since file systems
+    differ in it. Ambiguous names stay unmatched.
+
+    Returns:
+        listed name → photograph name, for those found.
+    """
+    names = list(names)
+    exact = {_nfc(name): name for name in names}
+    by_end: tuple[dict[str, list[str]], ...] = ({}, {}, {})
+    for name in names:
+        for keyed, key in zip(by_end, _keys(_parts(name)), strict=True):
+            keyed.setdefault(key[-1], []).append(name)
+    matched: dict[str, str] = {}
+    for entry in listed:
+        if _nfc(entry) in exact:
+            matched[entry] = exact[_nfc(entry)]
+            continue
+        levels = _keys(_parts(entry))
+        for level, (keyed, key) in enumerate(zip(by_end, levels, strict=True)):
+            if level == 2 and PurePosixPath(levels[1][-1]).suffix in PHOTO_SUFFIXES:
+                break
+            alike = [name for name in keyed.get(key[-1], []) if _ends_alike(_keys(_parts(name))[level], key)]
+            if len(alike) == 1:
+                matched[entry] = alike[0]
+            if alike:
+                break
+    return matched
+
+
+def _keys(parts: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+    """A path as it is, without regard to case, and so without its suffix."""
+    folded = tuple(part.casefold() for part in parts)
+    stem = PurePosixPath(folded[-1])
+    return parts, folded, (*folded[:-1], stem.stem if stem.suffix in PHOTO_SUFFIXES else folded[-1])
+
+
+def _ends_alike(a: tuple[str, ...], b: tuple[str, ...]) -> bool:
+    shared = min(len(a), len(b))
+    return a[-shared:] == b[-shared:]
+
+
+def _parts(name: str) -> tuple[str, ...]:
+    return PurePosixPath(_nfc(name).replace("\\", "/")).parts or ("",)
+
+
+def _nfc(name: str) -> str:
+    return unicodedata.normalize("NFC", name)

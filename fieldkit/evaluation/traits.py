@@ -235,16 +235,8 @@ def matched_share(sparse: SparseResult, points: Array) -> float:
 
 def _in_pictures(sparse: SparseResult, points: Array) -> NDArray[np.bool_]:
     """Which of the photographs that count has a point in the picture: (n, photographs), in the order of the poses."""
-    return np.stack([_in_picture(sparse, name, points) for name in sparse.poses], axis=1)
-
-
-def _in_picture(sparse: SparseResult, name: str, points: Array) -> NDArray[np.bool_]:
-    camera = sparse.intrinsics[name].without_distortion()
-    local = sparse.poses[name].to_camera(points)
-    pixels = camera.project(local)
-    with np.errstate(invalid="ignore"):
-        inside = (pixels >= 0).all(axis=1) & (pixels <= (camera.width, camera.height)).all(axis=1)
-    return np.asarray(inside & (local[:, 2] > 0))
+    cameras = {name: sparse.intrinsics[name].without_distortion() for name in sparse.poses}
+    return np.stack([cameras[name].sees(pose.to_camera(points)) for name, pose in sparse.poses.items()], axis=1)
 
 
 def _grid(outline: Outline, ground: Plane) -> Array:

@@ -104,6 +104,12 @@ class Intrinsics:
         pixels[points[:, 2] <= 0] = np.nan
         return pixels
 
+    def sees(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(n,) which camera-frame points (n, 3) fall into the picture, hidden or not."""
+        pixels = self.project(points)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(((pixels >= 0.0) & (pixels <= (self.width, self.height))).all(axis=1))
+
     def undistort(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
         """Pixels (n, 2) of this camera as pixels (n, 2) of `without_distortion` (fixed-point iteration)."""
         if not self.distorted:

@@ -177,13 +177,11 @@ def _supported(
         towards = pose.center - points
         distance = np.linalg.norm(towards, axis=1)
         ray = towards / np.maximum(distance, 1e-9)[:, None]
-        pixels = camera.without_distortion().project(pose.to_camera(points))
-        with np.errstate(invalid="ignore"):
-            seen = (pixels >= 0).all(axis=1) & (pixels <= (camera.width, camera.height)).all(axis=1)
+        seen = camera.without_distortion().sees(pose.to_camera(points))
         pixel = distance * camera.width / (camera.fx * _QUALITY.width)
         rays.append(ray)
         footprint.append(pixel)
-        quality.append(_QUALITY.of_views(np.asarray(seen), np.abs((normals * ray).sum(axis=1)), pixel))
+        quality.append(_QUALITY.of_views(seen, np.abs((normals * ray).sum(axis=1)), pixel))
     fails = np.ones((len(poses), len(points)))
     information = np.full(len(points), _QUALITY.cap_m**-2)
     for a in range(len(poses)):

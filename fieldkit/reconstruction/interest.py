@@ -45,11 +45,7 @@ def volume_of_interest(
         near = np.linalg.norm(points - np.array(region.center), axis=1) <= region.radius
         seen = np.zeros(len(points))
         for name, pose in poses.items():
-            camera = intrinsics[name].without_distortion()
-            pixels = camera.project(pose.to_camera(points))
-            with np.errstate(invalid="ignore"):
-                inside = (pixels >= 0).all(axis=1) & (pixels[:, 0] <= camera.width) & (pixels[:, 1] <= camera.height)
-            seen += inside
+            seen += intrinsics[name].without_distortion().sees(pose.to_camera(points))
         shared = near & (seen >= _SHARED_BY * len(poses))
         chosen = points[shared] if shared.sum() >= _MIN_POINTS else points[near]
     if len(chosen) < _MIN_POINTS:

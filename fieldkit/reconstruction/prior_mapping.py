@@ -562,12 +562,10 @@ def _overlapping(
     if len(points) < _POINTS_FOR_SLAB:
         return list(pairs)
     poses, cameras = _state(problem, model)
-    seen = []
-    for pose, k in zip(poses, problem.camera_of, strict=True):
-        camera = cameras[k].without_distortion()
-        pixels = camera.project(pose.to_camera(points))
-        with np.errstate(invalid="ignore"):
-            seen.append((pixels >= 0).all(axis=1) & (pixels <= (camera.width, camera.height)).all(axis=1))
+    seen = [
+        cameras[k].without_distortion().sees(pose.to_camera(points))
+        for pose, k in zip(poses, problem.camera_of, strict=True)
+    ]
     shared = {(i, j): int((seen[i] & seen[j]).sum()) for i, j in pairs}
     return [(i, j) for i, j in pairs if shared[i, j] >= _MIN_OVERLAP * min(seen[i].sum(), seen[j].sum())]
 

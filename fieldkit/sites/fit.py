@@ -380,9 +380,7 @@ def _shown(facts: PlanFacts, size_m: tuple[float, float]) -> float | None:
     far = _FAR * float(np.median(np.linalg.norm(stations - middle, axis=1)))
     counts = np.zeros(len(places), dtype=np.int64)
     for station in plan.stations:
-        pixels = camera.project(station.pose.to_camera(places))
-        with np.errstate(invalid="ignore"):
-            pictured = ((pixels >= 0.0) & (pixels <= (camera.width, camera.height))).all(axis=1)
+        pictured = camera.sees(station.pose.to_camera(places))
         counts += pictured & (np.linalg.norm(places - np.array(station.position_m), axis=1) <= far)
     return float((counts >= min(_VIEWS, len(plan.stations))).mean())
 

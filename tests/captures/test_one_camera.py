@@ -12,8 +12,8 @@ import pytest
 from PIL import Image
 
 from fieldkit.captures import Capture, read_capture
+from fieldkit.captures.one_camera import sensor_of
 from fieldkit.captures.selection import capture_of, find_photographs
-from fieldkit.captures.sensors import sensor_of
 from fieldkit.results.finding import Finding
 from tests.captures.photographs import MakePhoto, dji_xmp, exif_block
 

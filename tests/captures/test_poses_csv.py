@@ -4,9 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fieldkit.captures.listed_names import match_names
 from fieldkit.captures.poses_csv import PoseRow, parse_poses_csv
-from fieldkit.captures.tables import decode_text
+from fieldkit.captures.tables import decode_text, match_names
 from fieldkit.errors import FieldkitError, MetadataError
 
 HEADER = "image,x_m,y_m,z_m"

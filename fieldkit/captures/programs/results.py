@@ -8,11 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from fieldkit import wording
-from fieldkit.captures.listed_names import match_names
 from fieldkit.captures.programs.colmap import colmap_suffix, read_colmap
 from fieldkit.captures.programs.metashape import read_metashape_xml
 from fieldkit.captures.programs.model import POSITION_SHARE, PosesFile, ProgramPoses
 from fieldkit.captures.programs.opendronemap import SHOTS, read_shots
+from fieldkit.captures.tables import match_names
 from fieldkit.errors import MetadataError
 from fieldkit.regular_files import open_regular
 from fieldkit.results.finding import Finding

@@ -35,11 +35,7 @@ def pair_scores(views: Sequence[View], volume: Volume, settings: DenseSettings) 
     rays = np.zeros((count, len(points), 3))
     scale = np.zeros((count, len(points)))
     for i, view in enumerate(views):
-        camera = view.pose.to_camera(points)
-        pixels = view.intrinsics.project(camera)
-        size = np.array([view.intrinsics.width, view.intrinsics.height])
-        with np.errstate(invalid="ignore"):
-            seen[i] = np.isfinite(pixels).all(axis=1) & ((pixels >= 0) & (pixels <= size)).all(axis=1)
+        seen[i] = view.intrinsics.sees(view.pose.to_camera(points))
         offset = points - view.pose.center
         distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
         rays[i] = offset / distance[:, None]
