@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.result import Cell, ResultTable, StudyResult
-from fieldkit.cache import StageCache
 from fieldkit.campaign.next_visit import GROWTH, grown, plan_for_plants
 from fieldkit.clouds import Cloud
 from fieldkit.planning.methods.score import ScoreOptimum
@@ -25,6 +24,7 @@ from fieldkit.planning.run.run_setup import plan_envelope, set_up_run
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import plan_from_poses
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.library import find_scene
@@ -130,7 +130,7 @@ def older(description: SceneDescription) -> SceneDescription:
 def _campaign_plan(scene: str, progress: Progress) -> Plan:
     settings = search_settings(scene=Path(scene), cameras=_CAMERAS, method="score")
     with tempfile.TemporaryDirectory() as folder:
-        problem = set_up_run(settings, Path(folder), cache=StageCache(None), progress=progress).problem
+        problem = set_up_run(settings, Path(folder), Context(progress=progress)).problem
     cameras = ScoreOptimum(problem, settings.weights).choose(2)[0].cameras
     return plan_from_poses(
         cameras.poses(), problem.camera, envelope=plan_envelope(problem.envelope), plants=plants_of(problem)

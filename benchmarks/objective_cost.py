@@ -11,7 +11,8 @@ from benchmarks.objective_scenes import VIEWS, TuningPlot, tuning_plot
 from benchmarks.result import Cell, ResultTable, StudyResult
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
-from fieldkit.planning.run.executor import Job, ProcessExecutor
+from fieldkit.planning.run.evaluations import Job, evaluating
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.vocabulary import SearchFidelity
 
@@ -94,14 +95,14 @@ def run_throughput(
     results: dict[int, list[Evaluation]] = {}
     for workers in (1, 2):
         with (
-            ProcessExecutor(objective, workers=workers) as pool,
+            evaluating(objective, Context(workers=workers)) as pool,
             progress.stage(f"{workers} workers", evaluations) as advance,
         ):
-            for _ in pool.run(Job(plot.ring) for _ in range(2 * workers)):  # all workers started and warm
+            for _ in pool.each(Job(plot.ring) for _ in range(2 * workers)):  # all workers started and warm
                 pass
             start = time.perf_counter()
             found = []
-            for evaluation in pool.run(Job(cameras) for cameras in sets):
+            for evaluation in pool.each(Job(cameras) for cameras in sets):
                 found.append(evaluation)
                 advance(1)
             seconds[workers], results[workers] = time.perf_counter() - start, found

@@ -15,7 +15,8 @@ from benchmarks.result import Cell, ResultTable, StudyResult, spread
 from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
-from fieldkit.planning.run.executor import Job, ProcessExecutor
+from fieldkit.planning.run.evaluations import Job, evaluating
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.simulate import CaptureNoise
 from fieldkit.vocabulary import SearchFidelity
@@ -52,9 +53,9 @@ def run_noise(
             if noise in done:
                 continue
             objective = Objective(plot.source.with_noise(noise), ObjectiveSettings(fidelity))
-            with ProcessExecutor(objective, workers=workers) as pool:
+            with evaluating(objective, Context(workers=workers)) as evaluations:
                 done[noise] = []
-                for evaluation in pool.run(Job(plot.ring, seed) for seed in range(seeds)):
+                for evaluation in evaluations.each(Job(plot.ring, seed) for seed in range(seeds)):
                     done[noise].append(evaluation)
                     advance(1)
     found = {name: {x: done[noise] for x, noise in levels.items()} for name, levels in series.items()}

@@ -16,8 +16,9 @@ from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import SimulatedSource
-from fieldkit.planning.run.executor import Job, ProcessExecutor
+from fieldkit.planning.run.evaluations import Job, evaluating
 from fieldkit.planning.space.cameras import Cameras
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.vocabulary import SearchFidelity
 
@@ -151,8 +152,11 @@ def _evaluated(
 ) -> list[Evaluation]:
     found = []
     objective = Objective(source, ObjectiveSettings(fidelity))
-    with ProcessExecutor(objective, workers=workers) as pool, progress.stage(title, len(jobs)) as advance:
-        for evaluation in pool.run(jobs):
+    with (
+        evaluating(objective, Context(workers=workers)) as evaluations,
+        progress.stage(title, len(jobs)) as advance,
+    ):
+        for evaluation in evaluations.each(jobs):
             found.append(evaluation)
             advance(1)
     return found

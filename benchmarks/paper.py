@@ -22,10 +22,11 @@ from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import SimulatedSource
-from fieldkit.planning.run.executor import Job, ProcessExecutor
+from fieldkit.planning.run.evaluations import Job, evaluating
 from fieldkit.planning.run.request import KIND_PLOTS
 from fieldkit.planning.settings import GivenPlot
 from fieldkit.planning.space.plots import Plot
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.scene_file import read_scene, write_scene
@@ -295,10 +296,10 @@ def _noise(
         with progress.stage(f"{test}: {name}", len(carried) * len(levels) * draws) as advance:
             for sigma, noise in levels.items():
                 objective = Objective(source.with_noise(noise), ObjectiveSettings(_FIDELITY, _MAPPING, refine=True))
-                with ProcessExecutor(objective, workers=options.workers) as pool:
+                with evaluating(objective, Context(workers=options.workers)) as evaluations:
                     for method, plans in carried.items():
                         found: list[Evaluation] = []
-                        for evaluation in pool.run(Job(plans[0].cameras, seed) for seed in range(draws)):
+                        for evaluation in evaluations.each(Job(plans[0].cameras, seed) for seed in range(draws)):
                             found.append(evaluation)
                             advance(1)
                         curves.setdefault(method, {})[sigma] = [each.value_m for each in found]
@@ -373,10 +374,10 @@ def _flights(options: PaperOptions, progress: Progress) -> StudyResult:
         objective = Objective(source, ObjectiveSettings("draft", _MAPPING, refine=True))
         with (
             progress.stage(f"{place.name}: flights", 2 * flights) as advance,
-            ProcessExecutor(objective, workers=options.workers) as pool,
+            evaluating(objective, Context(workers=options.workers)) as evaluations,
         ):
             found = []
-            for evaluation in pool.run(Job(cameras, draw) for cameras in sets for draw in range(flights)):
+            for evaluation in evaluations.each(Job(cameras, draw) for cameras in sets for draw in range(flights)):
                 found.append(evaluation)
                 advance(1)
         source.close()

@@ -28,6 +28,7 @@ from fieldkit.planning.run.outcome import PLAN_PICTURE
 from fieldkit.planning.run.request import KIND_PLOTS
 from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.results.plan import PlanSource
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.scene_file import read_scene, write_scene
@@ -188,7 +189,7 @@ def _ablation(options: PlannerOptions, progress: Progress) -> StudyResult:
         place = Place.scene(scene)
         settings = place.settings(cameras=options.cameras, method="field")
         with tempfile.TemporaryDirectory() as folder:
-            problem = set_up_run(settings, Path(folder), cache=options.cache, progress=progress).problem
+            problem = set_up_run(settings, Path(folder), Context(options.cache, progress)).problem
         makers = {name: make for name, make in variants().items() if not options.methods or name in options.methods}
         found[place.name] = {}
         for name, make in makers.items():

@@ -12,6 +12,7 @@ from fieldkit.evaluation.reference import build_reference
 from fieldkit.planning.objective.recorded import RecordedSource
 from fieldkit.planning.run.folder import read_settings
 from fieldkit.planning.run.run_setup import set_up_run
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 
 _REFERENCE = "rest-reference"
@@ -42,7 +43,7 @@ def value_against_rest(
         build_reference(rest, reference, cache=cache, progress=progress, workers=workers, scene=False)
         shutil.rmtree(rest)
     settings = read_settings(run).model_copy(update={"reference_path": str(reference)})
-    objective = set_up_run(settings, run, cache=cache, progress=progress, workers=workers).objective.on(0)
+    objective = set_up_run(settings, run, Context(cache, progress, workers)).objective.on(0)
     source = objective.source
     assert isinstance(source, RecordedSource)
     index = [k for k, view in enumerate(source.views) if view.name in chosen]

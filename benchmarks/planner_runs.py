@@ -15,7 +15,7 @@ from fieldkit import __version__
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.planning.run.flyable import flight_noise
-from fieldkit.planning.run.folder import LOG_FILE, SETTINGS_FILE, LogEntry, read_log, read_settings, searched
+from fieldkit.planning.run.folder import SETTINGS_FILE, LogEntry, read_log, read_settings, searched
 from fieldkit.planning.run.outcome import Outcome, best_so_far, read_outcome
 from fieldkit.planning.run.plan_views import plan_views, resume_plan
 from fieldkit.planning.run.request import KIND_CONFIRMED, KIND_METHOD, RECORDED_CONFIRMED
@@ -183,24 +183,19 @@ def run_all(
     runs = {
         folder / run_name(place, cameras, mapping, fidelity, name_of(contender), seed): place.settings(
             cameras=cameras, method=contender.method, seed=seed, evaluations=contender.evaluations, mapping=mapping,
-            fidelity=fidelity, confirm_fidelity=confirm_fidelity, lag=lag_for(workers, deterministic=False),
+            fidelity=fidelity, confirm_fidelity=confirm_fidelity, lag=lag_for(workers),
             **({"repeats": repeats} | _purpose(contender, place)),
         )
         for contender in contenders
         for seed in contender.seeds
     }  # fmt: skip
-    known: dict[object, list[LogEntry]] = {}
     for output, settings in runs.items():
-        if _is_kept(output, settings):  # also runs of later contenders, left by an earlier call
-            known.setdefault(_photographed(settings), []).extend(read_log(output))
+        _refuse_another(output, settings)  # also runs of later contenders, left by an earlier call
     found: list[Ran] = []
     for output, settings in runs.items():
-        shared = known.setdefault(_photographed(settings), [])
         with progress.stage(output.name):
-            outcome = _outcome(output, settings, workers, cache, progress, shared)
-        entries = read_log(output)
-        shared += entries
-        found.append(_ran(settings, outcome, load_plan(output / PLAN_FILE), entries))
+            outcome = _outcome(output, settings, workers, cache, progress)
+        found.append(_ran(settings, outcome, load_plan(output / PLAN_FILE), read_log(output)))
     return found
 
 
@@ -214,39 +209,24 @@ def _purpose(contender: Contender, place: Place) -> dict[str, Any]:
     return {"plots": contender.plots, "noise": NoiseSettings(**flight_noise(None)), "refine": True, **confirmed}
 
 
-def _photographed(settings: SearchSettings) -> object:
-    """The settings that evaluations at one seed depend on: the plots and the noise."""
-    return None if settings.plots == 1 else (settings.seed, settings.noise, settings.refine)
-
-
-def _is_kept(output: Path, settings: SearchSettings) -> bool:
-    """Whether there is a run with these settings, or with fewer evaluations.
-
-    Raises:
-        UsageError: the run there has other settings.
-    """
+def _refuse_another(output: Path, settings: SearchSettings) -> None:
+    """Raise a UsageError if the run there, if any, has other settings than these, or more evaluations."""
     if not (output / SETTINGS_FILE).is_file():
-        return False
+        return
     kept = read_settings(output)
     extended = kept.model_copy(update={"evaluations": settings.evaluations})
     if kept.evaluations > settings.evaluations or extended != settings:
         raise UsageError(
             "holds a run of other settings", path=output, remedy="Give another folder with --runs, or remove that run."
         )
-    return (output / LOG_FILE).is_file()
 
 
-def _outcome(
-    output: Path, settings: SearchSettings, workers: int, cache: StageCache, progress: Progress,
-    known: Sequence[LogEntry],
-) -> Outcome:  # fmt: skip
+def _outcome(output: Path, settings: SearchSettings, workers: int, cache: StageCache, progress: Progress) -> Outcome:
     if not (output / SETTINGS_FILE).is_file():
-        return plan_views(
-            output, settings, cache=cache, workers=workers, progress=progress, known=known, methods=PLANNERS
-        )
+        return plan_views(output, settings, cache=cache, workers=workers, progress=progress, methods=PLANNERS)
     if read_settings(output) == settings and (output / PLAN_FILE).is_file():
         return read_outcome(output)
-    return resume_plan(output, settings, cache=cache, workers=workers, progress=progress, known=known, methods=PLANNERS)
+    return resume_plan(output, settings, cache=cache, workers=workers, progress=progress, methods=PLANNERS)
 
 
 def _ran(settings: SearchSettings, outcome: Outcome, plan: Plan, entries: Sequence[LogEntry]) -> Ran:

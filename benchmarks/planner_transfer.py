@@ -12,12 +12,13 @@ from benchmarks.planner_runs import Place, Ran, confirmed_m, figures, mean_of
 from benchmarks.result import Cell, ResultTable
 from fieldkit.cache import StageCache
 from fieldkit.planning.problem import Trial
-from fieldkit.planning.run.executor import ProcessExecutor
+from fieldkit.planning.run.evaluations import evaluating
 from fieldkit.planning.run.folder import SETTINGS_FILE, create_run, open_run
 from fieldkit.planning.run.loop import Finalist, evaluate_again, no_watch
 from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.sites.fitted import fitted_to_height
 from fieldkit.vocabulary import MappingName, SearchFidelity
@@ -73,15 +74,15 @@ def carry(
     )  # fmt: skip
     opened = open_run(output) if (output / SETTINGS_FILE).is_file() else create_run(output, settings)
     with opened as run, progress.stage(output.name):
-        setup = set_up_run(settings, run.path, cache=cache, progress=progress, workers=workers)
+        setup = set_up_run(settings, run.path, Context(cache, progress, workers))
         trials, moved = [], {}
         for number, plan in enumerate(plans):
             flown = flown_over(plan, setup.problem.plots[0])
             there = setup.problem.nearest(flown)
             moved[number] = float(np.linalg.norm(there.positions - flown.positions, axis=1).max())
             trials.append(Trial(number, there, f"{plan.method}-{plan.seed}"))
-        with ProcessExecutor(setup.objective, workers=workers) as executor:
-            found = evaluate_again(executor, run, trials, watch=no_watch)
+        with evaluating(setup.objective, Context(workers=workers)) as evaluations:
+            found = evaluate_again(evaluations, run, trials, watch=no_watch)
     by_number = {each.trial.number: each for each in found}
     return [_carried(plan, by_number[number], moved[number]) for number, plan in enumerate(plans)]
 

@@ -34,8 +34,8 @@ from fieldkit.planning.space.families import families
 from fieldkit.reconstruction.pipeline import reconstruct
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.runtime.machine import processor_seconds
 from fieldkit.runtime.progress import Progress, Silent
-from fieldkit.runtime.usage import processor_seconds
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.renderer import Renderer

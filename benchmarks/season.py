@@ -21,9 +21,9 @@ from benchmarks.season_plots import DATES, STATIONS, Flown, make_campaign, photo
 from fieldkit.campaign.visits import read_visits
 from fieldkit.clouds import read_cloud, score
 from fieldkit.errors import ReconstructionError
-from fieldkit.runtime.parallel import map_parallel
+from fieldkit.runtime.executor import map_parallel
+from fieldkit.runtime.machine import processor_seconds
 from fieldkit.runtime.progress import Progress
-from fieldkit.runtime.usage import processor_seconds
 
 PLOTS = 40
 _KILLED_AT = (1 / 3, 2 / 3)

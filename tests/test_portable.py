@@ -58,7 +58,7 @@ POSIX_ONLY = {
         ),
         (),
     ),
-    "pthread_sigmask": ("runtime/colmap.py", "runtime/worker.py", "runtime/worker_pool.py"),
+    "pthread_sigmask": ("runtime/colmap.py", "runtime/worker.py", "runtime/executor.py"),
     "sched_getaffinity": ("runtime/machine.py",),
 }  # fmt: skip
 

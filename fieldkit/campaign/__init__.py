@@ -12,7 +12,7 @@ beside its evaluation; tables, ranks and exports are made of these files.
 | What does `fieldkit evaluate` do in a campaign? | run.py; one run at a time: lock.py |
 | Which plot and date is a photograph of? | sorting.py; by its geotag: layout.py; by its time: dates_and_passes.py |
 | How is a visit resumed, what is computed again? | resuming.py |
-| What does a worker do with a visit? | evaluate_visit.py; how it is watched: fieldkit/runtime/worker_pool.py |
+| What does a worker do with a visit? | evaluate_visit.py; how it is watched: fieldkit/runtime/executor.py |
 | In which frame is a visit reconstructed? | visit_frame.py |
 | Which fieldkit computed a visit? | visits.py; versions of its stages: fieldkit/reconstruction/versions.py |
 | Which plot is better, and what changed? | ranking.py; as `campaign show` says it: overview.py |

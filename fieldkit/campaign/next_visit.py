@@ -29,7 +29,7 @@ from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
 from fieldkit.results.plan import Plan, PlanMethod, PlanPlants, PlanSource
 from fieldkit.results.plan_file import plan_from_poses, save_plan
-from fieldkit.runtime.parallel import map_parallel
+from fieldkit.runtime.executor import map_parallel
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.plants_apart import tell_apart
 from fieldkit.sites.fitted import fitted_to_height

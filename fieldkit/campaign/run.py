@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Generator, Sequence
-from contextlib import closing, suppress
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, as_completed
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -24,9 +25,9 @@ from fieldkit.files import check_writable
 from fieldkit.results.finding import Finding
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE
 from fieldkit.results.visit import VISITS_FOLDER, Visit
-from fieldkit.runtime.parallel import each_in_workers
+from fieldkit.runtime.context import Context
+from fieldkit.runtime.executor import WorkerError
 from fieldkit.runtime.progress import Progress
-from fieldkit.runtime.worker import Outcome
 from fieldkit.wording import count
 
 _RESULTS = (EVALUATION_FILE, REFERENCE_FILE)
@@ -67,6 +68,7 @@ def evaluate_campaign(
     cache: StageCache,
     progress: Progress,
     workers: int = 1,
+    scheduler: str = "",
     wait: bool = True,
     overwrite: bool = False,
 ) -> CampaignRun:
@@ -83,6 +85,7 @@ def evaluate_campaign(
         cache: of stages.
         progress: told of stages, visits and findings.
         workers: processes, a visit each; the results do not depend on it.
+        scheduler: address of a Dask cluster that evaluates instead; its workers see the same files.
         wait: for another run in this campaign to end; else it is an error.
         overwrite: evaluate also what is there already.
 
@@ -93,6 +96,7 @@ def evaluate_campaign(
         CaptureError: there are no photographs, or none belongs to any plot.
         StorageError: the disk is full or not writable.
     """
+    context = Context(cache, progress, workers, scheduler=scheduler)
     campaign = read_campaign(folder)
     folder = campaign.folder
     check_writable(folder)
@@ -112,7 +116,7 @@ def evaluate_campaign(
             weights = [1.0] * len(kept) + [float(len(job.photos)) for job in todo]
             with progress.stage("Visits", len(weights), weights=weights, workers=workers) as advance:
                 advance(len(kept))
-                evaluated = _evaluated(folder, todo, workers, progress, advance)
+                evaluated = _evaluated(folder, todo, context, advance)
         finally:
             sweep(folder)  # of workers that were stopped in the middle
         campaign = read_campaign(folder)
@@ -122,38 +126,29 @@ def evaluate_campaign(
 
 
 def _evaluated(
-    folder: Path, todo: Sequence[VisitJob], workers: int, progress: Progress, advance: Callable[[int], None]
+    folder: Path, todo: Sequence[VisitJob], context: Context, advance: Callable[[int], None]
 ) -> tuple[Visit, ...]:
     """The visits, each kept in the campaign's folder and told of as it is done."""
     evaluated = []
-    with closing(_evaluate(todo, workers)) as results:
-        for visit in results:
+    with context.executor() as executor:
+        jobs = {executor.submit(evaluate_visit, job): job for job in todo}
+        for future in as_completed(jobs):
+            visit = _visit(jobs[future], future)
             if not visit.folder:
                 keep_visit(folder, visit)
             evaluated.append(visit)
-            progress.note(f"{visit.plot} {visit.date}: {_sentence(visit)}")
+            context.progress.note(f"{visit.plot} {visit.date}: {_sentence(visit)}")
             advance(1)
     return tuple(evaluated)
 
 
-def _evaluate(todo: Sequence[VisitJob], workers: int) -> Generator[Visit, None, None]:
-    """Visits as they are done; those whose worker died are tried once more, one at a time."""
-    again: list[VisitJob] = []
-    with closing(each_in_workers(evaluate_visit, todo, workers=workers)) as results:
-        for number, outcome in results:
-            if outcome.result is None and workers > 1:
-                again.append(todo[number])
-            else:
-                yield _visit(todo[number], outcome)
-    with closing(each_in_workers(evaluate_visit, again, workers=1)) as results:
-        for number, outcome in results:
-            yield _visit(again[number], outcome)
-
-
-def _visit(job: VisitJob, outcome: Outcome[VisitResult]) -> Visit:
-    result = outcome.result
-    if result is None:
-        return failed_visit(job, outcome.failure)
+def _visit(job: VisitJob, future: Future[VisitResult]) -> Visit:
+    try:
+        result = future.result()
+    except WorkerError as error:
+        return failed_visit(job, error.message)
+    except Exception as error:
+        return failed_visit(job, f"{type(error).__name__}: {error}")
     if result.storage is not None:
         message, path, remedy = result.storage
         raise StorageError(message, path=path, remedy=remedy)

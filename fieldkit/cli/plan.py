@@ -100,7 +100,7 @@ def _planned(
                 output, settings, cache=cache, workers=workers, scheduler=options.scheduler, progress=progress,
                 watch=watch, expect=expect,
             )  # fmt: skip
-    settings = new_settings(request, workers, deterministic=options.deterministic)
+    settings = new_settings(request, workers)
     with open_watch(settings, [], as_json=as_json) as (watch, expect):
         return settings, plan_views(
             output, settings, cache=cache, workers=workers, scheduler=options.scheduler, overwrite=options.overwrite,

@@ -95,9 +95,7 @@ class SearchOptions:
     repeats: Annotated[int | None, Option("--repeats", min=0, help="Fresh seeds for each; 0: no confirmation.")] = None
     weights: Annotated[
         str,
-        Option(
-            "--weights", metavar="GAP,NOISE,TIE", help="Of the geometric score's terms; from:RUN fits them to a run."
-        ),
+        Option("--weights", metavar="GAP,NOISE,TIE", help="Of the geometric score's terms."),
     ] = ""
     heights: Annotated[
         bool | None,
@@ -112,7 +110,7 @@ class SearchOptions:
         """By the keys of `SearchSettings`; None where nothing is given."""
         return asdict(self) | {
             "time_budget_s": _seconds(self.time_budget_s) if self.time_budget_s else None,
-            "weights": _score_weights(self.weights) if self.weights else None,
+            "weights": read_numbers("--weights", self.weights, (3,)) if self.weights else None,
         }
 
 
@@ -136,9 +134,6 @@ class NoiseOptions:
     wind_m: Annotated[
         float | None, Option("--wind", metavar="M", min=0, max=0.2, help="Plan for leaves that sway by this.")
     ] = None
-    risk: Annotated[
-        float | None, Option("--risk", metavar="SHARE", help="Count the worst share of repeats (CVaR); 1: all.")
-    ] = None
     refine: Annotated[
         bool | None,
         Option(
@@ -150,10 +145,7 @@ class NoiseOptions:
     def values(self) -> dict[str, Any]:
         """By the keys of `NoiseSettings`; None where nothing is given."""
         pose_m, pose_deg = _pose_noise(self.pose) if self.pose else (None, None)
-        return {
-            "pose_m": pose_m, "pose_deg": pose_deg, "image_grey": self.image_grey, "wind_m": self.wind_m,
-            "risk": self.risk,
-        }  # fmt: skip
+        return {"pose_m": pose_m, "pose_deg": pose_deg, "image_grey": self.image_grey, "wind_m": self.wind_m}
 
 
 @dataclass(frozen=True)
@@ -206,7 +198,6 @@ class RunOptions:
     scheduler: Annotated[
         str, Option("--scheduler", metavar="URL", help="Evaluate on a Dask cluster: tcp://host:8786.")
     ] = ""
-    deterministic: Annotated[bool, Option("--deterministic", help="The same plan whatever --workers is.")] = False
     resume: ResumeOption = False
     overwrite: OverwriteOption = False
 
@@ -244,20 +235,6 @@ def _pose_noise(text: str) -> tuple[float, float]:
     if (file / CAMPAIGN_FILE).is_file():
         return flown_noise(visit_plots(read_campaign(file)), file)
     return flown_noise(load_evaluation_report(file).plots, file)
-
-
-def _score_weights(text: str) -> tuple[float, ...]:
-    """GAP,NOISE,TIE, or from:RUN."""
-    if not text.startswith(_FROM):
-        return read_numbers("--weights", text, (3,))
-    run = text.removeprefix(_FROM)
-    if not run:
-        raise UsageError("--weights: from what?", remedy="Write it like --weights from:RUN, the folder of a run.")
-    from fieldkit.planning.run.fitted_weights import weights_of_run
-    from fieldkit.runtime.threads import limit_threads
-
-    limit_threads(1)
-    return weights_of_run(Path(run))
 
 
 def _seconds(text: str) -> float:

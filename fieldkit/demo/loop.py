@@ -38,8 +38,9 @@ from fieldkit.results.demo import DEMO_FILE, DemoEntry, DemoReport
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, ReferenceReport
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan, plan_from_poses
-from fieldkit.runtime.parallel import map_parallel
-from fieldkit.runtime.progress import Progress, Silent
+from fieldkit.runtime.context import Context
+from fieldkit.runtime.executor import map_parallel
+from fieldkit.runtime.progress import Progress
 from fieldkit.sites.fitted import fitted_to_height
 from fieldkit.vehicles.vehicle_file import missions_folder
 
@@ -159,7 +160,7 @@ def _plan(
     )  # fmt: skip
     outcome = plan_views(output, settings, cache=cache, workers=workers, progress=progress)
     with progress.stage("The best circle"):
-        problem = set_up_run(settings, output, cache=cache, progress=Silent()).problem
+        problem = set_up_run(settings, output, Context(cache)).problem
         circle = expected_circle(problem).poses()
     return load_plan(output), outcome, circle
 

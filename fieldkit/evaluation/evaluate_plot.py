@@ -33,8 +33,8 @@ from fieldkit.results.evaluation import CorrectionEntry, EvaluationReport, PlotE
 from fieldkit.results.fields import vector
 from fieldkit.results.finding import Finding
 from fieldkit.results.report_files import EVALUATION_FILE, describe_files, save_report
+from fieldkit.runtime.machine import processor_seconds
 from fieldkit.runtime.progress import Progress
-from fieldkit.runtime.usage import processor_seconds
 
 PLOTS_FILE = "plots.csv"
 RESERVED = (EVALUATION_FILE, PLOTS_FILE, TRAITS_FILE)

@@ -31,8 +31,8 @@ from fieldkit.results.report_files import (
     load_reference_report,
     save_report,
 )
+from fieldkit.runtime.machine import processor_seconds
 from fieldkit.runtime.progress import Progress
-from fieldkit.runtime.usage import processor_seconds
 
 CLOUD_FILE = "cloud.ply"
 SCENE_FILE = "scene.ply"

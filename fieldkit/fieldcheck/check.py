@@ -26,9 +26,8 @@ from fieldkit.geometry.stations import REACH_M
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan
-from fieldkit.runtime.machine import this_machine
+from fieldkit.runtime.machine import processor_seconds, this_machine
 from fieldkit.runtime.progress import Progress, Silent
-from fieldkit.runtime.usage import processor_seconds
 from fieldkit.sites.fitted import flown_plan
 from fieldkit.sites.placement import PlotFrame
 from fieldkit.sites.site import Site, SitePlot

@@ -19,7 +19,7 @@ from fieldkit.captures import Capture, Photo, read_image
 from fieldkit.errors import CaptureError
 from fieldkit.fieldcheck.model import CheckSettings
 from fieldkit.reconstruction.stages import Advance
-from fieldkit.runtime.parallel import map_threads
+from fieldkit.runtime.executor import map_threads
 
 WORKING_SIDE = 1600
 """Longer side in pixels at which sharpness is measured: that of features and depth maps."""

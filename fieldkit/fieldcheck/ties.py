@@ -26,7 +26,7 @@ from fieldkit.reconstruction.prior_mapping import PriorMappingSettings, RoughPos
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import RATIO, KeyedFeatures, exhaustive_pairs, load_features, load_pairs
 from fieldkit.reconstruction.verification import TwoView, verify_pair
-from fieldkit.runtime.parallel import map_threads
+from fieldkit.runtime.executor import map_threads
 from fieldkit.runtime.progress import Progress
 
 _VERSION = 1

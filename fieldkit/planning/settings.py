@@ -78,8 +78,6 @@ class NoiseSettings(Strict):
     """Of each channel of each pixel; 0 leaves only the scene's own sensor noise."""
     wind_m: Length = 0.0
     """Sway of the leaves between photographs, half a metre out."""
-    risk: Annotated[float, Field(gt=0, le=1)] = 1.0
-    """Share of the worst repeats whose mean counts (CVaR): 1 is the plain mean."""
 
     @property
     def any(self) -> bool:
@@ -183,12 +181,11 @@ class SearchSettings(Strict):
         return self.mapping != "prior"
 
 
-def lag_for(workers: int, *, deterministic: bool) -> int:
+def lag_for(workers: int) -> int:
     """The number of trials by which proposals run ahead of results.
 
     0 with one worker: every proposal knows all results. 2(W − 1) with W workers, so that a worker that finishes early
     finds a trial ready, as long as no evaluation takes twice as long as another. Proposals depend on this number and
-    not on when evaluations end, so a run is repeatable for each W; ``deterministic`` takes 6 whatever W is, for the
-    same plan from any number of workers (up to 7 of them are busy).
+    not on when evaluations end, so a run is repeatable for each W.
     """
-    return 6 if deterministic else 2 * (workers - 1)
+    return 2 * (workers - 1)

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from fieldkit.results.evaluation import StageTime
+from fieldkit.runtime.machine import processor_seconds
 from fieldkit.runtime.progress import Advance, Progress
-from fieldkit.runtime.usage import processor_seconds
 
 
 class StageTimer:

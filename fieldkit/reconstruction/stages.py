@@ -18,7 +18,7 @@ from fieldkit.reconstruction.features import Features, FeatureSettings, extract_
 from fieldkit.reconstruction.matching import match_features
 from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
 from fieldkit.reconstruction.versions import STAGES
-from fieldkit.runtime.parallel import map_parallel
+from fieldkit.runtime.executor import map_parallel
 
 RATIO = 0.8
 """Lowe's ratio of blind matching."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -112,3 +113,9 @@ def _words(path: Path) -> list[str]:
         return path.read_text("ascii", "replace").split()
     except OSError:
         return []
+
+
+def processor_seconds() -> float:
+    """CPU time (user + system) of this process and, where the system keeps it, of its finished children, seconds."""
+    spent = os.times()
+    return time.process_time() + spent.children_user + spent.children_system

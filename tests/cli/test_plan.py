@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from fieldkit import __version__
-from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.cli.live_plan import Status, sparkline
 from fieldkit.cli.main import main
@@ -22,7 +21,7 @@ from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.results.plan import PlanSource
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import save_report
-from fieldkit.runtime.progress import Silent
+from fieldkit.runtime.context import Context
 from fieldkit.scenes.renderer import RenderingError
 from tests.cli.test_scene_commands import TINY
 from tests.evaluation.test_adherence import flown
@@ -49,8 +48,6 @@ SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
         (["--scene", "case-1", "--pose-noise", "20,1"], 2, "in centimetres?"),
         (["--captures", str(SMALL_PLOT), "--clearance", "0.5"], 2, "--clearance would not change the choice"),
         (["--scene", "case-1", "--for", "this-plot", "--vary", "4"], 2, "--vary 4 plans for more than this plot"),
-        (["--scene", "case-1", "--risk", "0"], 2, "risk"),
-        (["--captures", str(SMALL_PLOT), "--risk", "0"], 2, "risk"),
         (["--scene", "case-1", "--time-budget", "soon"], 2, "--time-budget"),
         (["--scene", "case-1", "--method", "matchable"], 2, "matchable"),
         (["--scene", "case-1", "--weights", "1,2"], 2, "three numbers"),
@@ -224,7 +221,7 @@ def test_photographs_are_chosen_resumed_and_extended(tmp_path: Path, capsys: pyt
     assert [json.loads(line)["number"] for line in told.err.splitlines() if line.startswith("{")][:2] == [0, 1]
     assert {"method", "cameras", "chamfer_m", "evaluations", "failed_evaluations", "seconds"} <= first.keys()
     with open_run(tmp_path / "run") as begun:
-        problem = set_up_run(begun.settings, begun.path, cache=StageCache(None), progress=Silent()).problem
+        problem = set_up_run(begun.settings, begun.path, Context()).problem
     assert problem.exact
     assert main([*begin, "--workers", "1"]) == 2
     assert "exists" in capsys.readouterr().err

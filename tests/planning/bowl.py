@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +16,7 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.planning.objective.evaluation import Evaluation, StageCost
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.problem import PlanningProblem
+from fieldkit.planning.run.evaluations import Evaluations
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
@@ -37,6 +41,27 @@ def bowl_problem(count: int = 4, views: int = 0) -> PlanningProblem:
         centers = np.stack([1.5 * np.cos(turn), 1.5 * np.sin(turn), np.full(views, 1.0)], axis=1)
         ring = Cameras.aimed(centers, (0.0, 0.0, 0.4))
     return PlanningProblem(count, envelope, CAMERA, (Plot(plants, points),), ring)
+
+
+class Here(Executor):
+    """Calls at once in this process, with an objective as their first argument as workers have it."""
+
+    def __init__(self, objective: Objective) -> None:
+        self.objective = objective
+        objective.prepare()
+
+    def submit(self, function: Callable[..., Any], /, *arguments: Any, **keywords: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        try:
+            future.set_result(function(self.objective, *arguments, **keywords))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+def here(objective: Objective) -> Evaluations:
+    """Evaluations in this process."""
+    return Evaluations(Here(objective), objective.settings.rule.worst_m)
 
 
 class Bowl(Objective):

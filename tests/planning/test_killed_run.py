@@ -9,11 +9,13 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from fieldkit.planning.run.evaluations import Evaluations
 from fieldkit.planning.run.folder import LOG_FILE, LogEntry, create_run, read_log
 from fieldkit.planning.run.loop import confirm, search
 from fieldkit.scenes.description import build
@@ -56,7 +58,7 @@ def test_a_run_survives_twenty_kills(tmp_path: Path) -> None:
     except RenderingError as error:
         pytest.skip(f"no picture can be rendered here: {error}")
     settings = ["--scene", str(scene), "-n", "4", "--evaluations", "40", "--initial", "8", "--finalists", "2",
-                "--repeats", "1", "--workers", "2", "--deterministic"]  # fmt: skip
+                "--repeats", "1", "--workers", "2"]  # fmt: skip
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     subprocess.run(command(*settings, "-o", str(whole)), check=True, capture_output=True)
 
@@ -87,7 +89,7 @@ def test_a_run_survives_twenty_kills(tmp_path: Path) -> None:
 
 def test_a_dask_cluster_that_loses_a_worker_loses_nothing(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="Dask is not installed (pip install 'fieldkit[cluster]')")
-    from fieldkit.planning.run.dask_executor import DaskExecutor
+    from fieldkit.runtime.cluster import Cluster
 
     settings = bowl_settings(lag=2)
     killed = []
@@ -95,7 +97,7 @@ def test_a_dask_cluster_that_loses_a_worker_loses_nothing(tmp_path: Path) -> Non
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
         create_run(tmp_path / "run", settings) as run,
-        DaskExecutor(Bowl(noise_m=0.1, seconds=0.2), client) as executor,
+        Cluster(client, make=partial(Bowl, noise_m=0.1, seconds=0.2)) as executor,
     ):
 
         def kill_one(entry: LogEntry) -> None:
@@ -103,7 +105,8 @@ def test_a_dask_cluster_that_loses_a_worker_loses_nothing(tmp_path: Path) -> Non
                 killed.append(next(iter(client.run(os.getpid).values())))
                 os.kill(killed[0], signal.SIGKILL)
 
-        search(Greedy(bowl_problem()), executor, run, out_of_time=never, watch=kill_one)
-        confirm(Greedy(bowl_problem()), executor, run, watch=ignore)
+        evaluations = Evaluations(executor, 0.2)
+        search(Greedy(bowl_problem()), evaluations, run, out_of_time=never, watch=kill_one)
+        confirm(Greedy(bowl_problem()), evaluations, run, watch=ignore)
         assert killed
         assert plain(run.entries) == unbroken(tmp_path, settings)

@@ -13,7 +13,7 @@ from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.score.cost_model import WEIGHTS, CostModel, Weights
 from fieldkit.planning.score.registration import Registration
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.runtime.parallel import map_parallel
+from fieldkit.runtime.executor import map_parallel
 
 _STREAM = 46
 

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
+from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.problem import Arbiter, Gain, Judge, Method, Result, Trial, lowest
-from fieldkit.planning.run.executor import Executor, Job
+from fieldkit.planning.run.evaluations import Evaluations, Job
 from fieldkit.planning.run.folder import LogEntry, RunFolder, searched
 from fieldkit.planning.settings import SearchSettings, unchanging
 
 Stopped = Literal["converged", "evaluations", "time", "exhausted"]
 Watch = Callable[[LogEntry], None]
-_POLL_S, _QUICK_POLL_S = 0.2, 0.02
 _FRESH_SEEDS = 1_000_000
 """First seed of confirmations; searches use smaller ones."""
 
@@ -43,7 +43,7 @@ class Finalist:
     Attributes:
         trial: of the search.
         entries: the confirmations.
-        value_m: mean of the confirmations, or of their worst share by the settings' risk; None without confirmations.
+        value_m: mean of the confirmations; None without confirmations.
         spread_m: standard deviation over the confirmations; None without two.
         kind_m: the method's expectation on plots of the kind, after all evaluations; None if the method has none.
     """
@@ -56,7 +56,7 @@ class Finalist:
 
 
 def search(
-    method: Method, executor: Executor, run: RunFolder, *, out_of_time: Callable[[float], bool], watch: Watch
+    method: Method, evaluations: Evaluations, run: RunFolder, *, out_of_time: Callable[[float], bool], watch: Watch
 ) -> Ending:
     """Evaluate trials until the run has its number of them or converges; logged evaluations are not repeated.
 
@@ -65,7 +65,7 @@ def search(
 
     Args:
         method: of the search.
-        executor: of the objective; its queue is empty at the end.
+        evaluations: of the objective.
         run: folder that logs the results.
         out_of_time: from the run's seconds so far, whether no trial may start any more.
         watch: called with every new entry.
@@ -78,13 +78,9 @@ def search(
         StorageError: the disk is full; the run can be resumed from the log.
     """
     with ThreadPoolExecutor(1) as thread:
-        going = _Search(method, executor, run, out_of_time, watch, thread)
-        try:
-            while going.step():
-                pass
-        except BaseException:
-            executor.cancel()
-            raise
+        going = _Search(method, evaluations, run, out_of_time, watch, thread)
+        while going.step():
+            pass
     return going.ending
 
 
@@ -92,31 +88,32 @@ class _Search:
     """The state of a search: trials proposed so far, being proposed, and being evaluated."""
 
     def __init__(
-        self, method: Method, executor: Executor, run: RunFolder, out_of_time: Callable[[float], bool], watch: Watch,
-        thread: ThreadPoolExecutor,
+        self, method: Method, evaluations: Evaluations, run: RunFolder, out_of_time: Callable[[float], bool],
+        watch: Watch, thread: ThreadPoolExecutor,
     ) -> None:  # fmt: skip
-        self._method, self._executor, self._run = method, executor, run
+        self._method, self._evaluations, self._run = method, evaluations, run
         self._out_of_time, self._watch, self._thread = out_of_time, watch, thread
         self._clock = _Clock(run)
         self._known = {entry.number: entry for entry in searched(run.entries)}
         self._trials: list[Trial] = []
         self._results: dict[int, Result] = {}
         self._thinking: Future[tuple[Trial | None, float]] | None = None
-        self._running: dict[int, tuple[Trial, float]] = {}
+        self._running: dict[Future[Evaluation], tuple[Trial, Job, float]] = {}
         self._open_ended = True
         self.ending = Ending("evaluations")
 
     def step(self) -> bool:
         """Do the next step: start, collect or wait; False when nothing is left to do."""
         self._think()
-        if self._thinking is not None and self._thinking.done():
-            self._take_up(*self._thinking.result())
-        elif self._running:
-            self._gather()
-        elif self._thinking is not None:
-            wait([self._thinking])
-        else:
+        thinking = self._thinking
+        busy: list[Future[Any]] = [*self._running, *(() if thinking is None else (thinking,))]
+        if not busy:
             return False
+        done, _ = wait(busy, return_when=FIRST_COMPLETED)
+        if thinking in done and thinking is not None:  # first, so that workers do not idle
+            self._take_up(*thinking.result())
+        for future in [each for each in self._running if each in done]:
+            self._gather(future)
         return True
 
     def _think(self) -> None:
@@ -147,26 +144,24 @@ class _Search:
             return
         self._trials.append(trial)
         job = Job(trial.cameras, search_seed(self._run.settings, trial.number), plot=trial.plot)
-        self._running[self._executor.submit(job)] = (trial, cpu_s)
+        self._running[self._evaluations.submit(job)] = (trial, job, cpu_s)
 
     def _end(self, ending: Ending) -> None:
         self._open_ended, self.ending = False, ending
 
-    def _gather(self) -> None:
-        # Poll quickly during a proposal, so that it is queued at once and workers do not idle.
-        for ticket, found in self._executor.collect(_POLL_S if self._thinking is None else _QUICK_POLL_S):
-            trial, cpu_s = self._running.pop(ticket)
-            entry = LogEntry.of(
-                trial, found, stage="search", seed=search_seed(self._run.settings, trial.number),
-                fidelity=self._run.settings.fidelity, proposal_cpu_s=cpu_s, finished_s=self._clock.seconds,
-                plot=trial.plot,
-            )  # fmt: skip
-            self._run.append(entry)
-            self._results[trial.number] = entry.result
-            self._watch(entry)
+    def _gather(self, future: Future[Evaluation]) -> None:
+        trial, job, cpu_s = self._running.pop(future)
+        settings = self._run.settings
+        entry = LogEntry.of(
+            trial, self._evaluations.outcome(job, future), stage="search", seed=search_seed(settings, trial.number),
+            fidelity=settings.fidelity, proposal_cpu_s=cpu_s, finished_s=self._clock.seconds, plot=trial.plot,
+        )  # fmt: skip
+        self._run.append(entry)
+        self._results[trial.number] = entry.result
+        self._watch(entry)
 
 
-def confirm(method: Method, executor: Executor, run: RunFolder, *, watch: Watch) -> list[Finalist]:
+def confirm(method: Method, evaluations: Evaluations, run: RunFolder, *, watch: Watch) -> list[Finalist]:
     """Evaluate the search's best sets again at fresh seeds.
 
     A `Judge` chooses the sets; else they are those of the lowest values. The lowest of many noisy values is partly
@@ -181,7 +176,7 @@ def confirm(method: Method, executor: Executor, run: RunFolder, *, watch: Watch)
     results = [entry.result for entry in searched(run.entries)]
     judge = method.favourites if isinstance(method, Judge) else lowest
     chosen = judge(results, run.settings.finalists)
-    return ranked(method, run, evaluate_again(executor, run, chosen, watch=watch))
+    return ranked(method, run, evaluate_again(evaluations, run, chosen, watch=watch))
 
 
 def ranked(method: object, run: RunFolder, confirmed: Sequence[Finalist]) -> list[Finalist]:
@@ -190,14 +185,16 @@ def ranked(method: object, run: RunFolder, confirmed: Sequence[Finalist]) -> lis
     Plots differ by more than good sets do, so the mean of few confirmations says less than all results together.
     """
     settings = run.settings
-    if settings.plots == 1 or settings.noise.risk < 1 or not settings.repeats or not isinstance(method, Arbiter):
+    if settings.plots == 1 or not settings.repeats or not isinstance(method, Arbiter):
         return list(confirmed)
     costs = method.expect_m([f.trial.cameras for f in confirmed], [entry.result for entry in run.entries])
     known = [replace(finalist, kind_m=cost) for finalist, cost in zip(confirmed, costs, strict=True)]
     return sorted(known, key=lambda finalist: (finalist.kind_m, finalist.trial.number))
 
 
-def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], *, watch: Watch) -> list[Finalist]:
+def evaluate_again(
+    evaluations: Evaluations, run: RunFolder, chosen: Sequence[Trial], *, watch: Watch
+) -> list[Finalist]:
     """Evaluate trials at the fresh seeds of a run's settings, and log them as confirmations.
 
     If the plan is for plots of a kind, each repeat is on its own plot, one that no trial has met. The first is the
@@ -224,7 +221,7 @@ def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], 
     wanted = [each for each in wanted if (each[0].cameras, *each[1:]) not in there]
     jobs = [Job(trial.cameras, seed, fidelity, plot) for trial, seed, plot in wanted]
     clock = _Clock(run)
-    for (trial, seed, plot), found in zip(wanted, executor.run(jobs), strict=True):
+    for (trial, seed, plot), found in zip(wanted, evaluations.each(jobs), strict=True):
         entry = LogEntry.of(
             trial, found, stage="confirmation", seed=seed, fidelity=fidelity, proposal_cpu_s=0.0,
             finished_s=clock.seconds, plot=plot,
@@ -237,7 +234,7 @@ def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], 
         entries = tuple(there[trial.cameras, seed, plot] for seed, plot in fresh)
         values = [entry.value_m for entry in entries]
         spread = float(np.std(values, ddof=1)) if len(values) > 1 else None
-        value = worst_mean(values, settings.noise.risk)
+        value = float(np.mean(sorted(values, reverse=True)))
         confirmed.append((value, trial.number, Finalist(trial, entries, value, spread)))
     return [finalist for _, _, finalist in sorted(confirmed, key=lambda found: found[:2])]
 
@@ -249,15 +246,6 @@ def _plots_of_repeats(settings: SearchSettings, evaluated: bool) -> list[int]:
     unmet = list(range(settings.plots, settings.plots + settings.repeats))
     # The given plot is the only real one of its kind.
     return unmet if evaluated else [0, *unmet[:-1]]
-
-
-def worst_mean(values: Sequence[float], share: float) -> float:
-    """The mean of the worst ``share`` of values, at least one: conditional value at risk, a cost's upper tail.
-
-    The sample's, after Rockafellar and Uryasev (2000); ``share`` 1 gives the mean.
-    """
-    count = max(1, round(share * len(values)))
-    return float(np.mean(sorted(values, reverse=True)[:count]))
 
 
 def search_seed(settings: SearchSettings, number: int) -> int:

@@ -39,7 +39,7 @@ class FinalistReport(Strict):
     expected_m: Length | None = None
     """Expected by the geometric score, if the method uses only the score."""
     value_m: Length | None
-    """Mean of the confirmations, or of their worst share; null without any."""
+    """Mean of the confirmations; null without any."""
     spread_m: Length | None
     """Standard deviation over the confirmations."""
     kind_m: Length | None = None

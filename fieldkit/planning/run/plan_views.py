@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from fieldkit.cache import StageCache
-from fieldkit.errors import FieldkitError, ReconstructionError, UsageError
+from fieldkit.errors import FieldkitError, ReconstructionError
 from fieldkit.planning.methods.registry import METHODS, MethodEntry, method_entry
 from fieldkit.planning.problem import Chooser, Limited, Trial
-from fieldkit.planning.run.executor import Evaluator, Executor, ProcessExecutor
-from fieldkit.planning.run.folder import LogEntry, RunFolder, create_run, open_run
+from fieldkit.planning.run.evaluations import Evaluations, evaluating
+from fieldkit.planning.run.folder import RunFolder, create_run, open_run
 from fieldkit.planning.run.loop import Ending, Finalist, Watch, confirm, evaluate_again, no_watch, ranked, search
 from fieldkit.planning.run.outcome import Outcome, write_outcome
-from fieldkit.planning.run.recalling import Recalling
 from fieldkit.planning.run.run_setup import RunSetup, set_up_run
 from fieldkit.planning.settings import SearchSettings
+from fieldkit.runtime.context import Context
+from fieldkit.runtime.machine import processor_seconds
 from fieldkit.runtime.progress import Progress, Silent
-from fieldkit.runtime.usage import processor_seconds
 from fieldkit.scenes.renderer import RenderingError
 from fieldkit.version import __version__
 
@@ -37,7 +35,6 @@ def plan_views(
     progress: Progress | None = None,
     watch: Watch | None = None,
     expect: Callable[[int], None] = lambda _: None,
-    known: Sequence[LogEntry] = (),
     methods: Mapping[str, MethodEntry] = METHODS,
 ) -> Outcome:
     """Find the cameras and write the plan.
@@ -53,7 +50,6 @@ def plan_views(
         progress: receives the stages before the search, and the confirmations of a `Chooser` that nobody watches.
         watch: called with every evaluation.
         expect: called with the most evaluations that the search can have, before the first.
-        known: evaluations of the same plot, mapping and noise by other runs, which are not repeated.
         methods: by name; other planners plug in here.
 
     Raises:
@@ -65,8 +61,8 @@ def plan_views(
     method_entry(settings.method, methods)
     with create_run(output, settings, overwrite=overwrite) as run:
         try:
-            progress, watch = progress or Silent(), watch or no_watch
-            return _planned(run, cache, workers, scheduler, progress, watch, expect, known, methods)
+            context = Context(cache, progress or Silent(), workers, settings.seed, scheduler)
+            return _planned(run, context, watch or no_watch, expect, methods)
         except FieldkitError:
             if not run.entries:  # so that the same call, put right, is not refused
                 shutil.rmtree(run.path, ignore_errors=True)
@@ -83,7 +79,6 @@ def resume_plan(
     progress: Progress | None = None,
     watch: Watch | None = None,
     expect: Callable[[int], None] = lambda _: None,
-    known: Sequence[LogEntry] = (),
     methods: Mapping[str, MethodEntry] = METHODS,
 ) -> Outcome:
     """Resume an interrupted run, or extend a finished one; no evaluation is repeated.
@@ -91,7 +86,7 @@ def resume_plan(
     Args:
         output: the run's folder.
         settings: to go on with; None takes the run's own. Only `settings.CHANGEABLE` and paths may differ.
-        cache, workers, scheduler, progress, watch, expect, known, methods: as `plan_views`.
+        cache, workers, scheduler, progress, watch, expect, methods: as `plan_views`.
 
     Raises:
         MetadataError: ``output`` is not a run's folder, or is damaged.
@@ -107,30 +102,27 @@ def resume_plan(
                 f"this run was begun with fieldkit {run.settings.fieldkit} and goes on with {__version__}: where the "
                 "changelog names the objective, values of the two do not compare"
             )
-        return _planned(run, cache, workers, scheduler, progress, watch or no_watch, expect, known, methods)
+        context = Context(cache, progress, workers, run.settings.seed, scheduler)
+        return _planned(run, context, watch or no_watch, expect, methods)
 
 
 def _planned(
-    run: RunFolder, cache: StageCache, workers: int, scheduler: str, progress: Progress, watch: Watch,
-    expect: Callable[[int], None], known: Sequence[LogEntry], methods: Mapping[str, MethodEntry],
-) -> Outcome:  # fmt: skip
+    run: RunFolder, context: Context, watch: Watch, expect: Callable[[int], None], methods: Mapping[str, MethodEntry]
+) -> Outcome:
     settings = run.settings
     entry = method_entry(settings.method, methods)
-    setup = set_up_run(
-        settings, run.path, cache=cache, progress=progress, workers=workers,
-        count_matches=entry.matches,
-    )  # fmt: skip
+    setup = set_up_run(settings, run.path, context, count_matches=entry.matches)
     method = entry.make(setup.problem, settings)
     if isinstance(method, Chooser):
         expect(0)
-        return _chosen(method, run, setup, workers, scheduler, progress, watch, known)
+        return _chosen(method, run, setup, context, watch)
     expect(min(settings.evaluations, method.trials) if isinstance(method, Limited) else settings.evaluations)
     budget = settings.time_budget_s
-    with _executor(setup.objective, workers, scheduler, known, settings) as executor:
+    with evaluating(setup.objective, context) as evaluations:
         ending = search(
-            method, executor, run, out_of_time=lambda s: budget is not None and s >= budget, watch=watch
+            method, evaluations, run, out_of_time=lambda s: budget is not None and s >= budget, watch=watch
         )  # fmt: skip
-        confirmed = confirm(method, executor, run, watch=watch)
+        confirmed = confirm(method, evaluations, run, watch=watch)
     if not confirmed:
         raise ReconstructionError(
             "no evaluation succeeded", path=run.path,
@@ -139,14 +131,11 @@ def _planned(
     return write_outcome(run, setup, confirmed, ending)
 
 
-def _chosen(
-    method: Chooser, run: RunFolder, setup: RunSetup, workers: int, scheduler: str, progress: Progress,
-    watch: Watch, known: Sequence[LogEntry],
-) -> Outcome:  # fmt: skip
+def _chosen(method: Chooser, run: RunFolder, setup: RunSetup, context: Context, watch: Watch) -> Outcome:
     """The best of several sets by their confirmations; without confirmations, the one expected to be best."""
-    settings = run.settings
+    settings, progress = run.settings, context.progress
     confirming = settings.repeats > 0
-    if confirming and not scheduler:  # its workers may be able to render
+    if confirming and not context.scheduler:  # its workers may be able to render
         try:
             setup.check_renderer()
         except RenderingError as error:
@@ -154,52 +143,19 @@ def _chosen(
             confirming = False
     begun, cpu = time.monotonic(), processor_seconds()
     with progress.stage("Optimising the geometric score"):
-        trials = method.choose(settings.finalists if confirming else 1, workers)
+        trials = method.choose(settings.finalists if confirming else 1, context.workers)
     cost = (time.monotonic() - begun, processor_seconds() - cpu)
     confirmed = [Finalist(trial) for trial in trials]
     if confirming:
-        with _executor(setup.objective, workers, scheduler, known, settings) as executor:
-            confirmed = ranked(method, run, _confirmed(executor, run, trials, workers, progress, watch))
+        with evaluating(setup.objective, context) as evaluations:
+            confirmed = ranked(method, run, _confirmed(evaluations, run, trials, context, watch))
     return write_outcome(run, setup, confirmed, Ending("exhausted"), choice_s=cost)
 
 
 def _confirmed(
-    executor: Executor, run: RunFolder, trials: Sequence[Trial], workers: int, progress: Progress, watch: Watch
+    evaluations: Evaluations, run: RunFolder, trials: Sequence[Trial], context: Context, watch: Watch
 ) -> list[Finalist]:
     if watch is not no_watch:
-        return evaluate_again(executor, run, trials, watch=watch)
-    with progress.stage("Confirming", len(trials) * run.settings.repeats, workers=workers) as advance:
-        return evaluate_again(executor, run, trials, watch=lambda _: advance(1))
-
-
-@contextmanager
-def _executor(
-    objective: Evaluator, workers: int, scheduler: str, known: Sequence[LogEntry], settings: SearchSettings
-) -> Iterator[Executor]:
-    with _evaluating(objective, workers, scheduler) as executor:
-        yield Recalling(executor, known, settings.fidelity) if known else executor
-
-
-@contextmanager
-def _evaluating(objective: Evaluator, workers: int, scheduler: str) -> Iterator[Executor]:
-    if not scheduler:
-        with ProcessExecutor(objective, workers=workers) as pool:
-            yield pool
-        return
-    try:
-        from distributed import Client
-    except ImportError as error:
-        raise UsageError(
-            "--scheduler needs Dask", remedy="Install it with `pip install 'fieldkit[cluster]'`."
-        ) from error
-    from fieldkit.planning.run.dask_executor import DaskExecutor
-
-    try:
-        client: Any = Client(scheduler, timeout="20s")  # type: ignore[no-untyped-call]
-    except (OSError, ValueError) as error:
-        raise UsageError(
-            f"cannot reach the Dask scheduler {scheduler}: {error}",
-            remedy="Start it with `dask scheduler`, and give its address like tcp://host:8786.",
-        ) from error
-    with client, DaskExecutor(objective, client) as executor:
-        yield executor
+        return evaluate_again(evaluations, run, trials, watch=watch)
+    with context.progress.stage("Confirming", len(trials) * run.settings.repeats, workers=context.workers) as advance:
+        return evaluate_again(evaluations, run, trials, watch=lambda _: advance(1))

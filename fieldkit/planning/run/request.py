@@ -78,7 +78,7 @@ def search_settings(
     *, scene: Paths = (), reference: Paths = (), captures: Path | None = None, images: Paths = (),
     vehicle: str | Path | None = None, camera: Path | None = None, purpose: str | None = None,
     noise: Mapping[str, Any] | None = None, envelope: Mapping[str, Any] | None = None,
-    workers: int = 1, deterministic: bool = False, **more: Any,
+    workers: int = 1, **more: Any,
 ) -> SearchSettings:  # fmt: skip
     """The settings of a new run, for `plan_views`.
 
@@ -93,8 +93,7 @@ def search_settings(
             photographs.
         noise: fields of `NoiseSettings`; without them plans for the kind take the flight's noise of poses.
         envelope: fields of `EnvelopeSettings`.
-        workers: that will evaluate.
-        deterministic: see `lag_for`.
+        workers: that will evaluate; see `lag_for`.
         more: fields of `SearchSettings`: cameras, evaluations, method, seed and others.
 
     Raises:
@@ -108,16 +107,15 @@ def search_settings(
         more, noise or {}, envelope or {}, _paths(scene), _paths(reference), captures, _paths(images), vehicle, camera,
         purpose,
     )  # fmt: skip
-    return new_settings(request, workers, deterministic=deterministic)
+    return new_settings(request, workers)
 
 
-def new_settings(request: PlanRequest, workers: int, *, deterministic: bool) -> SearchSettings:
+def new_settings(request: PlanRequest, workers: int) -> SearchSettings:
     """The settings of a new run.
 
     Args:
         request: the given options.
-        workers: that will evaluate.
-        deterministic: see `lag_for`.
+        workers: that will evaluate; see `lag_for`.
 
     Raises:
         UsageError: they contradict themselves, or leave the vehicle's limits.
@@ -142,7 +140,7 @@ def new_settings(request: PlanRequest, workers: int, *, deterministic: bool) -> 
         "source": source,
         "path": str(path),
         "cameras": _DEFAULT_CAMERAS,
-        "lag": lag_for(workers, deterministic=deterministic),
+        "lag": lag_for(workers),
     }
     if source.kind == "captures":
         if request.vehicle is None:  # with one they limit the views

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
@@ -24,7 +23,7 @@ from fieldkit.planning.objective.plots_objective import PlotsObjective
 from fieldkit.planning.objective.recorded import EXACT, RecordedSource
 from fieldkit.planning.objective.recorded_kind import RecordedKind, RecordedPlots
 from fieldkit.planning.problem import PlanningProblem
-from fieldkit.planning.run.executor import Evaluator
+from fieldkit.planning.run.evaluations import Evaluator
 from fieldkit.planning.run.flyable import check_views
 from fieldkit.planning.score.match_graph import match_graph
 from fieldkit.planning.settings import EnvelopeSettings, GivenPlot, NoiseSettings, SearchSettings, unchanging
@@ -34,6 +33,7 @@ from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.results.doubtful import DOUBTFUL, PLANTS_APART
 from fieldkit.results.plan import PlanEnvelope, PlanSource
 from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_reference_report
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.library import find_scene, scene_reference
 from fieldkit.scenes.plants_apart import PlantsApart
@@ -126,18 +126,13 @@ def _described_reference(reference: Path) -> tuple[PlanSource, Path]:
     return PlanSource(kind="reference", name=folder.name, sha256=file_sha256(folder / REFERENCE_FILE)), folder
 
 
-def set_up_run(
-    settings: SearchSettings, folder: Path, *, cache: StageCache, progress: Progress, workers: int = 1,
-    count_matches: bool = False,
-) -> RunSetup:  # fmt: skip
+def set_up_run(settings: SearchSettings, folder: Path, context: Context, *, count_matches: bool = False) -> RunSetup:
     """The problem and the objective of a run.
 
     Args:
         settings: of the run.
         folder: of the run; keeps what is made from the source (a reference's proxy, a recorded set's reference).
-        cache: of stages.
-        progress: receives the stages.
-        workers: number of processes that prepare the source.
+        context: prepares the source.
         count_matches: whether to count the matches between all pairs of recorded photographs.
 
     Raises:
@@ -145,12 +140,13 @@ def set_up_run(
         UsageError: the envelope has no room.
         ReconstructionError: a recorded set does not reconstruct.
     """
+    progress = context.progress
     for plot in settings.given:
         _check_unchanged(plot)
         for told in source_doubts(plot):
             progress.note(told)
     if settings.source.kind == "captures":
-        return _recorded(settings, folder, cache, progress, workers, count_matches)
+        return _recorded(settings, folder, context, count_matches)
     files = [_scene_of(plot, folder, number, progress) for number, plot in enumerate(settings.given)]
     with progress.stage("Reading the scene"):
         descriptions = tuple(read_scene(file) for file in files)
@@ -229,22 +225,23 @@ def _told_apart(apart: PlantsApart) -> str:
     )
 
 
-def _recorded(
-    settings: SearchSettings, folder: Path, cache: StageCache, progress: Progress, workers: int, count_matches: bool
-) -> RunSetup:
+def _recorded(settings: SearchSettings, folder: Path, context: Context, count_matches: bool) -> RunSetup:
+    progress = context.progress
     images = Path(settings.path)
     place = folder / BUILT_REFERENCE
     if settings.reference_path is not None:
         place = Path(settings.reference_path)
     elif not place.is_dir():
         progress.note("no --reference is given: one is built of all photographs first")
-        build_reference(images, place, cache=cache, progress=progress, workers=workers, scene=False)
+        build_reference(
+            images, place, cache=context.cache, progress=progress, workers=context.workers, scene=False
+        )  # fmt: skip
     reference = Reference(place)
     plot = reference.known_plot()
     capture = read_capture(images)
     noise = CaptureNoise(position_m=settings.noise.pose_m, angle_deg=settings.noise.pose_deg, image_sigma=0.0)
     source = RecordedSource(
-        capture, plot, reference.cloud, cache=cache, noise=noise if settings.noise.any else EXACT,
+        capture, plot, reference.cloud, cache=context.cache, noise=noise if settings.noise.any else EXACT,
         reconstructed=reference.poses(),
     )  # fmt: skip
     views = source.cameras()
@@ -260,7 +257,7 @@ def _recorded(
         (float(low[0]), float(high[0])), (float(low[1]), float(high[1])), (float(low[2]), float(high[2])), plot.volume,
         clearance_m=0.0, pitch_deg=(float(views.pitch_deg.min()), float(views.pitch_deg.max())), separation_m=0.0,
     )  # fmt: skip
-    matches = match_graph(source, FeatureSettings(), workers=workers, progress=progress) if count_matches else None
+    matches = match_graph(source, FeatureSettings(), context) if count_matches else None
     kind = RecordedKind(source, settings.seed)
     met, unmet = settings.plots, settings.repeats if settings.plots > 1 else 0
     plots = [kind.plot(number, matches) for number in range(met + unmet)]

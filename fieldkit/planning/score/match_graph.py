@@ -13,8 +13,8 @@ from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.guided import GuidedSettings, IndexedFeatures, PosedFeatures, Region, match_guided
 from fieldkit.reconstruction.stages import load_features
 from fieldkit.reconstruction.ties import chance_matches
-from fieldkit.runtime.parallel import map_threads
-from fieldkit.runtime.progress import Progress
+from fieldkit.runtime.context import Context
+from fieldkit.runtime.executor import map_threads
 
 _VERSION = 1
 _WIDEST_DEG = 60.0
@@ -23,9 +23,7 @@ _BAND_PX = 10.0
 """In a photograph 1600 pixels wide; commanded poses are good enough for it."""
 
 
-def match_graph(
-    source: RecordedSource, features: FeatureSettings, *, workers: int = 1, progress: Progress
-) -> Array:  # fmt: skip
+def match_graph(source: RecordedSource, features: FeatureSettings, context: Context) -> Array:
     """(m, m) matches above chance of each pair of recorded views, symmetric, 0 on the diagonal.
 
     Matches are guided by the known poses; those found in a displaced band are chance and are subtracted. Pairs more
@@ -34,9 +32,9 @@ def match_graph(
     Args:
         source: the recorded views.
         features: detection; the same as in evaluations, which then find them in the cache.
-        workers: number of processes that detect features, then of threads that match.
-        progress: receives both stages.
+        context: its workers are processes that detect features, then threads that match.
     """
+    workers, progress = context.workers, context.progress
     names = [view.name for view in source.views]
     cameras = cameras_of(source.capture, source.plot.calibrated)
     photos = {photo.name: photo for photo in source.capture.photos}

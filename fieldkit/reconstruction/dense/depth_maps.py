@@ -17,7 +17,7 @@ from fieldkit.reconstruction.dense.settings import DenseSettings
 from fieldkit.reconstruction.dense.source_views import choose_sources
 from fieldkit.reconstruction.dense.views import DepthMap, View, active_pixels
 from fieldkit.reconstruction.versions import STAGES
-from fieldkit.runtime.parallel import map_threads
+from fieldkit.runtime.executor import map_threads
 from fieldkit.runtime.progress import Progress
 
 STAGE = "depth"

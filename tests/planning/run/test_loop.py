@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -14,14 +13,15 @@ import pytest
 from benchmarks.planners.random_sets import Random
 from fieldkit.planning.objective.objective import Objective
 from fieldkit.planning.problem import Gain, PlanningProblem, Result, Trial, lowest
-from fieldkit.planning.run.executor import Executor, ProcessExecutor, SerialExecutor
+from fieldkit.planning.run.evaluations import Evaluations, evaluating
 from fieldkit.planning.run.folder import LogEntry, RunFolder, create_run, open_run
-from fieldkit.planning.run.loop import Ending, confirm, evaluate_again, search, worst_mean
+from fieldkit.planning.run.loop import Ending, confirm, evaluate_again, search
 from fieldkit.planning.run.request import PlanRequest, resumed_settings
-from fieldkit.planning.settings import NoiseSettings, SearchSettings, lag_for
+from fieldkit.planning.settings import NoiseSettings, SearchSettings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.plan import PlanSource
-from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
+from fieldkit.runtime.context import Context
+from tests.planning.bowl import Bowl, bowl_problem, bowl_settings, here
 
 
 @dataclass
@@ -65,24 +65,26 @@ def plain(entries: Sequence[LogEntry]) -> list[dict[str, object]]:
     return sorted(listed, key=lambda e: (e["stage"], e["number"], e["seed"]))
 
 
-@contextmanager
-def serial(folder: Path | None = None, noise_m: float = 0.0) -> Iterator[Executor]:
-    with SerialExecutor(Bowl(folder, noise_m=noise_m)) as executor:
-        yield executor
+def serial(folder: Path | None = None, noise_m: float = 0.0) -> Evaluations:
+    return here(Bowl(folder, noise_m=noise_m))
 
 
 def unbroken(tmp_path: Path, settings: SearchSettings) -> list[dict[str, object]]:
-    with create_run(tmp_path / "unbroken", settings) as run, serial(noise_m=0.1) as executor:
-        assert search(Greedy(bowl_problem()), executor, run, out_of_time=never, watch=ignore) == Ending("evaluations")
-        confirm(Greedy(bowl_problem()), executor, run, watch=ignore)
+    with create_run(tmp_path / "unbroken", settings) as run:
+        evaluations = serial(noise_m=0.1)
+        assert search(Greedy(bowl_problem()), evaluations, run, out_of_time=never, watch=ignore) == Ending(
+            "evaluations"
+        )
+        confirm(Greedy(bowl_problem()), evaluations, run, watch=ignore)
         return plain(run.entries)
 
 
 def test_without_repeats_finalists_stay_as_the_method_has_them(tmp_path: Path) -> None:
     settings = bowl_settings(repeats=0)
-    with create_run(tmp_path / "run", settings) as run, serial() as executor:
-        search(Greedy(bowl_problem()), executor, run, out_of_time=never, watch=ignore)
-        found = confirm(Greedy(bowl_problem()), executor, run, watch=ignore)
+    with create_run(tmp_path / "run", settings) as run:
+        evaluations = serial()
+        search(Greedy(bowl_problem()), evaluations, run, out_of_time=never, watch=ignore)
+        found = confirm(Greedy(bowl_problem()), evaluations, run, watch=ignore)
         assert [f.trial.number for f in found] == [t.number for t in lowest([e.result for e in run.entries], 3)]
         assert all((f.value_m, f.spread_m, f.entries) == (None, None, ()) for f in found)
         assert all(entry.stage == "search" for entry in run.entries)
@@ -91,8 +93,9 @@ def test_without_repeats_finalists_stay_as_the_method_has_them(tmp_path: Path) -
 @pytest.mark.parametrize("lag", [0, 1, 3])
 def test_a_method_knows_what_the_lag_says(tmp_path: Path, lag: int) -> None:
     method = Greedy(bowl_problem())
-    with create_run(tmp_path / "run", bowl_settings(lag=lag)) as run, serial() as executor:
-        search(method, executor, run, out_of_time=never, watch=ignore)
+    with create_run(tmp_path / "run", bowl_settings(lag=lag)) as run:
+        evaluations = serial()
+        search(method, evaluations, run, out_of_time=never, watch=ignore)
     for number in range(12):
         known = max(0, number - lag)
         assert method.told[number] == (list(range(known)), list(range(known, number)))
@@ -111,15 +114,17 @@ def test_an_interrupted_run_ends_as_an_unbroken_one(tmp_path: Path, stop: int, l
             raise KeyboardInterrupt
         seen += 1
 
-    def go(run: RunFolder, executor: Executor, watch: object) -> None:
-        search(Greedy(bowl_problem()), executor, run, out_of_time=never, watch=watch)  # type: ignore[arg-type]
-        confirm(Greedy(bowl_problem()), executor, run, watch=watch)  # type: ignore[arg-type]
+    def go(run: RunFolder, evaluations: Evaluations, watch: object) -> None:
+        search(Greedy(bowl_problem()), evaluations, run, out_of_time=never, watch=watch)  # type: ignore[arg-type]
+        confirm(Greedy(bowl_problem()), evaluations, run, watch=watch)  # type: ignore[arg-type]
 
-    with create_run(tmp_path / "run", settings) as run, serial(tmp_path, noise_m=0.1) as executor:
+    with create_run(tmp_path / "run", settings) as run:
+        evaluations = serial(tmp_path, noise_m=0.1)
         with pytest.raises(KeyboardInterrupt):
-            go(run, executor, break_off)
-    with open_run(tmp_path / "run") as run, serial(tmp_path, noise_m=0.1) as executor:
-        go(run, executor, ignore)
+            go(run, evaluations, break_off)
+    with open_run(tmp_path / "run") as run:
+        evaluations = serial(tmp_path, noise_m=0.1)
+        go(run, evaluations, ignore)
         assert plain(run.entries) == whole
     evaluated = (tmp_path / "evaluated").read_text().splitlines()
     assert len(evaluated) == len(set(evaluated)) == 18  # nothing was done twice
@@ -128,24 +133,26 @@ def test_an_interrupted_run_ends_as_an_unbroken_one(tmp_path: Path, stop: int, l
 def test_more_evaluations_extend_a_finished_run(tmp_path: Path) -> None:
     long = unbroken(tmp_path, bowl_settings(evaluations=20))
     settings = bowl_settings(evaluations=9)
-    with create_run(tmp_path / "run", settings) as run, serial(noise_m=0.1) as executor:
-        search(Greedy(bowl_problem()), executor, run, out_of_time=never, watch=ignore)
-        confirm(Greedy(bowl_problem()), executor, run, watch=ignore)
-    with open_run(tmp_path / "run") as run, serial(noise_m=0.1) as executor:
+    with create_run(tmp_path / "run", settings) as run:
+        evaluations = serial(noise_m=0.1)
+        search(Greedy(bowl_problem()), evaluations, run, out_of_time=never, watch=ignore)
+        confirm(Greedy(bowl_problem()), evaluations, run, watch=ignore)
+    with open_run(tmp_path / "run") as run:
+        evaluations = serial(noise_m=0.1)
         run.save_settings(run.settings.model_copy(update={"evaluations": 20}))
-        search(Greedy(bowl_problem()), executor, run, out_of_time=never, watch=ignore)
+        search(Greedy(bowl_problem()), evaluations, run, out_of_time=never, watch=ignore)
         searched = [e for e in plain(run.entries) if e["stage"] == "search"]
     assert searched == [e for e in long if e["stage"] == "search"]
 
 
 def test_the_same_whatever_the_workers_with_one_lag(tmp_path: Path) -> None:
-    settings = bowl_settings(lag=lag_for(1, deterministic=True))
+    settings = bowl_settings(lag=6)
     whole = unbroken(tmp_path, settings)
     for workers in (1, 3):
         folder = tmp_path / f"run-{workers}"
         with (
             create_run(folder, settings) as run,
-            ProcessExecutor(Bowl(noise_m=0.1, seconds=0.02), workers=workers) as pool,
+            evaluating(Bowl(noise_m=0.1, seconds=0.02), Context(workers=workers)) as pool,
         ):
             search(Greedy(bowl_problem()), pool, run, out_of_time=never, watch=ignore)
             confirm(Greedy(bowl_problem()), pool, run, watch=ignore)
@@ -153,13 +160,15 @@ def test_the_same_whatever_the_workers_with_one_lag(tmp_path: Path) -> None:
 
 
 def test_a_run_stops_when_its_time_is_up_or_its_method_is(tmp_path: Path) -> None:
-    with create_run(tmp_path / "a", bowl_settings()) as run, serial() as executor:
+    with create_run(tmp_path / "a", bowl_settings()) as run:
+        evaluations = serial()
         full: Callable[[float], bool] = lambda _: len(run.entries) >= 5  # noqa: E731
-        ending = search(Greedy(bowl_problem()), executor, run, out_of_time=full, watch=ignore)
+        ending = search(Greedy(bowl_problem()), evaluations, run, out_of_time=full, watch=ignore)
         assert ending == Ending("time")
         assert len(run.entries) == 5
-    with create_run(tmp_path / "b", bowl_settings()) as run, serial() as executor:
-        ending = search(Greedy(bowl_problem(), most=3), executor, run, out_of_time=never, watch=ignore)
+    with create_run(tmp_path / "b", bowl_settings()) as run:
+        evaluations = serial()
+        ending = search(Greedy(bowl_problem(), most=3), evaluations, run, out_of_time=never, watch=ignore)
         assert ending == Ending("exhausted")
         assert len(run.entries) == 3
 
@@ -169,14 +178,16 @@ def test_a_run_stops_where_nothing_is_left_to_gain_and_goes_on_when_told(tmp_pat
     whole = unbroken(tmp_path, bowl_settings(lag=lag))
     method = Greedy(bowl_problem(), converges=7)
     stopped = Ending("converged", Gain(0.001, 0.002))
-    with create_run(tmp_path / "run", bowl_settings(lag=lag)) as run, serial(noise_m=0.1) as executor:
-        assert search(method, executor, run, out_of_time=never, watch=ignore) == stopped
+    with create_run(tmp_path / "run", bowl_settings(lag=lag)) as run:
+        evaluations = serial(noise_m=0.1)
+        assert search(method, evaluations, run, out_of_time=never, watch=ignore) == stopped
         assert [entry.number for entry in run.entries] == list(range(7))
-    with open_run(tmp_path / "run") as run, serial(noise_m=0.1) as executor:
-        assert search(method, executor, run, out_of_time=never, watch=ignore) == stopped
+    with open_run(tmp_path / "run") as run:
+        evaluations = serial(noise_m=0.1)
+        assert search(method, evaluations, run, out_of_time=never, watch=ignore) == stopped
         assert len(run.entries) == 7
         run.save_settings(resumed_settings(run.settings, PlanRequest({"evaluations": 12}, {}, {})))
-        assert search(method, executor, run, out_of_time=never, watch=ignore) == Ending("evaluations")
+        assert search(method, evaluations, run, out_of_time=never, watch=ignore) == Ending("evaluations")
         assert plain(run.entries) == [entry for entry in whole if entry["stage"] == "search"]
 
 
@@ -189,13 +200,15 @@ class Bowls(Bowl):
 
 def test_plans_for_a_kind_are_confirmed_on_plots_that_no_trial_has_met(tmp_path: Path) -> None:
     settings = bowl_settings(plots=4, repeats=3)
-    with create_run(tmp_path / "run", settings) as run, SerialExecutor(Bowls()) as executor:
-        search(Random(bowl_problem()), executor, run, out_of_time=never, watch=ignore)
+    with create_run(tmp_path / "run", settings) as run:
+        evaluations = here(Bowls())
+        search(Random(bowl_problem()), evaluations, run, out_of_time=never, watch=ignore)
         chosen = [entry.trial for entry in run.entries[:2]]
-        first = evaluate_again(executor, run, chosen, watch=ignore)
+        first = evaluate_again(evaluations, run, chosen, watch=ignore)
         count = len(run.entries)
-    with open_run(tmp_path / "run") as run, SerialExecutor(Bowls()) as executor:
-        again = evaluate_again(executor, run, chosen, watch=ignore)
+    with open_run(tmp_path / "run") as run:
+        evaluations = here(Bowls())
+        again = evaluate_again(evaluations, run, chosen, watch=ignore)
         assert len(run.entries) == count  # nothing is done twice
     assert {entry.plot for entry in run.entries if entry.stage == "search"} == {0}
     for found in (*first, *again):
@@ -211,23 +224,25 @@ class Opinionated(Random):
 
 
 def test_finalists_of_a_kind_are_ranked_by_what_the_method_expects(tmp_path: Path) -> None:
-    for plots, risk, ascending in ((1, 1.0, True), (4, 0.5, True), (4, 1.0, False)):
-        settings = bowl_settings(plots=plots, repeats=2, finalists=3, noise=NoiseSettings(risk=risk))
-        with create_run(tmp_path / f"{plots}-{risk}", settings) as run, SerialExecutor(Bowls()) as executor:
+    for plots, ascending in ((1, True), (4, False)):
+        settings = bowl_settings(plots=plots, repeats=2, finalists=3)
+        with create_run(tmp_path / f"{plots}", settings) as run:
+            evaluations = here(Bowls())
             method = Opinionated(bowl_problem())
-            search(method, executor, run, out_of_time=never, watch=ignore)
-            found = [finalist.value_m for finalist in confirm(method, executor, run, watch=ignore)]
+            search(method, evaluations, run, out_of_time=never, watch=ignore)
+            found = [finalist.value_m for finalist in confirm(method, evaluations, run, watch=ignore)]
         assert found == sorted(found, reverse=not ascending)
 
 
 def test_sets_that_change_their_numbers_keep_their_own_values(tmp_path: Path) -> None:
-    with create_run(tmp_path / "run", bowl_settings(repeats=2)) as run, serial(tmp_path) as executor:
-        search(Random(bowl_problem()), executor, run, out_of_time=never, watch=ignore)
+    with create_run(tmp_path / "run", bowl_settings(repeats=2)) as run:
+        evaluations = serial(tmp_path)
+        search(Random(bowl_problem()), evaluations, run, out_of_time=never, watch=ignore)
         first, second, third = (entry.trial for entry in run.entries[:3])
-        once = evaluate_again(executor, run, [first, second], watch=ignore)
+        once = evaluate_again(evaluations, run, [first, second], watch=ignore)
         done = len((tmp_path / "evaluated").read_text().splitlines())
         renumbered = [replace(third, number=0), replace(first, number=1)]
-        again = evaluate_again(executor, run, renumbered, watch=ignore)
+        again = evaluate_again(evaluations, run, renumbered, watch=ignore)
     values = {found.trial.cameras: found.value_m for found in once}
     assert {f.trial.number: f.trial.cameras for f in again} == {0: third.cameras, 1: first.cameras}
     assert next(f.value_m for f in again if f.trial.number == 1) == values[first.cameras]
@@ -237,11 +252,12 @@ def test_sets_that_change_their_numbers_keep_their_own_values(tmp_path: Path) ->
 
 def test_finalists_are_chosen_anew_at_fresh_seeds(tmp_path: Path) -> None:
     settings = bowl_settings(evaluations=30, finalists=5, repeats=3)
-    with create_run(tmp_path / "run", settings) as run, serial(noise_m=1.0) as executor:
-        search(Random(bowl_problem()), executor, run, out_of_time=never, watch=ignore)
-        confirmed = confirm(Greedy(bowl_problem()), executor, run, watch=ignore)
+    with create_run(tmp_path / "run", settings) as run:
+        evaluations = serial(noise_m=1.0)
+        search(Random(bowl_problem()), evaluations, run, out_of_time=never, watch=ignore)
+        confirmed = confirm(Greedy(bowl_problem()), evaluations, run, watch=ignore)
         by_search = sorted((e for e in run.entries if e.stage == "search"), key=lambda e: e.value_m)
-        again = confirm(Greedy(bowl_problem()), executor, run, watch=ignore)
+        again = confirm(Greedy(bowl_problem()), evaluations, run, watch=ignore)
     assert {f.trial.number for f in confirmed} == {e.number for e in by_search[:5]}
     assert [f.value_m for f in confirmed] == sorted(f.value_m for f in confirmed)
     for found in confirmed:
@@ -262,8 +278,9 @@ def test_finalists_are_chosen_anew_at_fresh_seeds(tmp_path: Path) -> None:
 )
 def test_every_trial_has_a_seed_of_its_own(tmp_path: Path, kind: Any, noise: NoiseSettings, seeds: int) -> None:
     settings = bowl_settings(noise=noise, source=PlanSource(kind=kind, name="bowl"))
-    with create_run(tmp_path / "run", settings) as run, serial() as executor:
-        search(Random(bowl_problem()), executor, run, out_of_time=never, watch=ignore)
+    with create_run(tmp_path / "run", settings) as run:
+        evaluations = serial()
+        search(Random(bowl_problem()), evaluations, run, out_of_time=never, watch=ignore)
     assert len({e.seed for e in run.entries}) == seeds
 
 
@@ -274,10 +291,3 @@ def test_no_set_is_a_finalist_twice() -> None:
         Result(Trial(k, c, ""), v, measured=k != 3) for k, (c, v) in enumerate(zip(cameras, values, strict=True))
     ]
     assert [trial.number for trial in lowest(results, 3)] == [1, 2]
-
-
-def test_the_mean_of_the_worst() -> None:
-    values = [1.0, 4.0, 2.0, 3.0]
-    assert worst_mean(values, 1.0) == 2.5
-    assert worst_mean(values, 0.5) == 3.5
-    assert worst_mean(values, 0.01) == 4.0

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.conversion import reference_report
 from fieldkit.planning.run.request import search_settings
@@ -19,7 +18,7 @@ from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import PlanSource
 from fieldkit.results.report_files import save_report
-from fieldkit.runtime.progress import Silent
+from fieldkit.runtime.context import Context
 from tests.evaluation.examples import reconstruction
 
 
@@ -27,14 +26,14 @@ def test_a_scene_of_fieldkits_own_is_planned_on_by_its_name(tmp_path: Path, monk
     settings = search_settings(scene=Path("demo"), cameras=4)
     assert settings.path == "demo"  # on any machine
     monkeypatch.chdir(tmp_path)
-    setup = set_up_run(settings, tmp_path, cache=StageCache(None), progress=Silent())
+    setup = set_up_run(settings, tmp_path, Context())
     assert setup.problem.count == 4
     assert len(setup.problem.envelope.plants) > 100
     assert setup.problem.contains(setup.problem.sample(0))
     assert not setup.problem.blind
     assert not setup.problem.exact  # photographs are taken anew at every seed
     blind = search_settings(scene=Path("demo"), cameras=4, mapping="incremental")
-    assert set_up_run(blind, tmp_path, cache=StageCache(None), progress=Silent()).problem.blind
+    assert set_up_run(blind, tmp_path, Context()).problem.blind
 
 
 def test_what_a_reference_says_against_itself_is_told_before_a_plan_for_it(tmp_path: Path) -> None:
@@ -52,7 +51,7 @@ def test_what_a_reference_says_against_itself_is_told_before_a_plan_for_it(tmp_p
 
 def test_plans_for_a_kind_are_stated_for_the_given_plots_height(tmp_path: Path) -> None:
     settings = search_settings(scene=Path("demo"), cameras=4, method="score", plots=3)
-    setup = set_up_run(settings, tmp_path, cache=StageCache(None), progress=Silent())
+    setup = set_up_run(settings, tmp_path, Context())
     problem, height_m = setup.problem, setup.plant_height_m
     given, *drawn = problem.plots
     assert height_m == given.height_m
@@ -69,7 +68,7 @@ def test_plans_for_a_kind_are_stated_for_the_given_plots_height(tmp_path: Path) 
         )
         assert of_plan.distance_m == of_flown.distance_m
     alone = search_settings(scene=Path("demo"), cameras=4, purpose="this-plot")
-    setup = set_up_run(alone, tmp_path, cache=StageCache(None), progress=Silent())
+    setup = set_up_run(alone, tmp_path, Context())
     assert setup.plant_height_m is None
     assert setup.problem.plots[0].stretch is None
 
@@ -78,7 +77,7 @@ def test_a_scene_that_is_no_longer_the_same_is_refused(tmp_path: Path) -> None:
     settings = search_settings(scene=Path("demo"), cameras=4)
     other = settings.model_copy(update={"path": "case-1"})
     with pytest.raises(UsageError, match="has changed"):
-        set_up_run(other, tmp_path, cache=StageCache(None), progress=Silent())
+        set_up_run(other, tmp_path, Context())
     gone = settings.model_copy(update={"path": str(tmp_path / "gone.toml")})
     with pytest.raises(UsageError, match="gone"):
-        set_up_run(gone, tmp_path, cache=StageCache(None), progress=Silent())
+        set_up_run(gone, tmp_path, Context())

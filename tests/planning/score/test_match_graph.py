@@ -12,6 +12,7 @@ from fieldkit.planning.objective.fidelity import FIDELITIES
 from fieldkit.planning.objective.recorded import RecordedSource
 from fieldkit.planning.score.match_graph import match_graph
 from fieldkit.planning.score.matchability import view_angles_deg
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
 from tests.planning.objective.test_recorded import PLOT, RANDOM_CLOUD, SMALL_PLOT
 
@@ -20,7 +21,7 @@ FEATURES = FIDELITIES["draft"].features
 
 def test_neighbours_match_and_strangers_do_not(tmp_path: Path) -> None:
     source = RecordedSource(read_capture(SMALL_PLOT), PLOT, RANDOM_CLOUD, cache=StageCache(tmp_path))
-    counted = match_graph(source, FEATURES, progress=Silent())
+    counted = match_graph(source, FEATURES, Context())
     np.testing.assert_array_equal(counted, counted.T)
     assert not np.diag(counted).any()
     centers = np.array([view.pose.center for view in source.views])
@@ -30,12 +31,12 @@ def test_neighbours_match_and_strangers_do_not(tmp_path: Path) -> None:
     assert len(neighbours) == 2 * len(counted)
     assert np.median(neighbours) > 50
     elsewhere = RecordedSource(source.capture, PLOT, RANDOM_CLOUD, cache=StageCache(tmp_path / "other"))
-    np.testing.assert_array_equal(match_graph(elsewhere, FEATURES, workers=2, progress=Silent()), counted)
+    np.testing.assert_array_equal(match_graph(elsewhere, FEATURES, Context(workers=2)), counted)
 
 
 def test_it_is_kept(tmp_path: Path) -> None:
     source = RecordedSource(read_capture(SMALL_PLOT), PLOT, RANDOM_CLOUD, cache=StageCache(tmp_path))
-    first = match_graph(source, FEATURES, progress=Silent())
+    first = match_graph(source, FEATURES, Context())
     stages = []
 
     class Told(Silent):
@@ -43,5 +44,5 @@ def test_it_is_kept(tmp_path: Path) -> None:
             stages.append(name)
             return super().stage(name, total, **work)
 
-    np.testing.assert_array_equal(match_graph(source, FEATURES, progress=Told()), first)
+    np.testing.assert_array_equal(match_graph(source, FEATURES, Context(progress=Told())), first)
     assert stages == ["Features"]

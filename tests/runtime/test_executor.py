@@ -7,14 +7,17 @@ import subprocess
 import sys
 import textwrap
 import time
+import warnings
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import psutil
 import pytest
 
+from fieldkit.cache import CacheWarning
 from fieldkit.errors import UsageError
-from fieldkit.runtime.parallel import each_in_workers, map_parallel, map_threads
-from fieldkit.runtime.worker import WorkerError
+from fieldkit.runtime.executor import Processes, WorkerError, map_parallel, map_threads
 
 LIMIT_S = 120.0
 
@@ -120,7 +123,7 @@ def test_ctrl_c_while_workers_start_is_the_parents_alone(tmp_path: Path) -> None
         textwrap.dedent("""
         import sys, time
         from pathlib import Path
-        from fieldkit.runtime.parallel import each_in_workers
+        from fieldkit.runtime.executor import Processes
 
         if __name__ == "__mp_main__":
             Path(sys.argv[1]).touch()
@@ -128,7 +131,8 @@ def test_ctrl_c_while_workers_start_is_the_parents_alone(tmp_path: Path) -> None
 
         if __name__ == "__main__":
             try:
-                list(each_in_workers(abs, [1], workers=2))
+                with Processes(2) as executor:
+                    executor.submit(abs, 1).result()
             except KeyboardInterrupt:
                 print("interrupted")
     """)
@@ -149,16 +153,48 @@ def test_ctrl_c_while_workers_start_is_the_parents_alone(tmp_path: Path) -> None
 
 @pytest.mark.slow
 def test_a_worker_that_dies_costs_its_job_only() -> None:
-    items = [1, 2, 3, 4, 5]
-    done = [(items[number], outcome) for number, outcome in each_in_workers(job, items, workers=2)]
-    assert sorted(item for item, _ in done) == items
-    by_job = dict(done)
+    with Processes(2) as executor:
+        futures = {number: executor.submit(job, number) for number in (1, 2, 3, 4, 5)}
     for number in (1, 2, 5):
-        result = by_job[number].result
-        assert result is not None
-        assert result[1] == number * number
-    assert by_job[3].death == "its process was ended by SIGKILL (out of memory?)"
-    assert by_job[4].death == "its process ended with exit code 7"
+        assert futures[number].result()[1] == number * number
+    for number, words in ((3, r"ended by SIGKILL \(out of memory\?\)"), (4, "exit code 7")):
+        with pytest.raises(WorkerError, match=words):
+            futures[number].result()
+
+
+def once(folder: Path, number: int) -> int:
+    """Dies at the first attempt, next to others."""
+    with suppress(FileExistsError):
+        (folder / str(number)).touch(exist_ok=False)
+        os._exit(7)
+    return number
+
+
+def test_a_call_whose_worker_died_is_repeated(tmp_path: Path) -> None:
+    with Processes(2) as executor:
+        assert list(executor.map(once, [tmp_path] * 3, [1, 2, 3])) == [1, 2, 3]
+    with pytest.raises(RuntimeError, match="has ended"):
+        executor.submit(abs, 1)
+
+
+def made(folder: Path) -> list[int]:
+    return [len(list(folder.iterdir()))]
+
+
+def noted(own: list[int], number: int) -> tuple[int, int]:
+    own.append(number)
+    warnings.warn(CacheWarning(f"of {number}"), stacklevel=1)
+    return id(own), len(own)
+
+
+def test_every_worker_makes_its_state_once_and_its_warnings_come_with_results(tmp_path: Path) -> None:
+    with Processes(1, make=partial(made, tmp_path)) as executor:
+        futures = [executor.submit(noted, number) for number in (5, 6)]
+        with pytest.warns(CacheWarning, match="of 5"):
+            first, count = futures[0].result()
+        assert futures[0].result() == (first, count) == (first, 2)
+        with pytest.warns(CacheWarning, match="of 6"):
+            assert futures[1].result() == (first, 3)
 
 
 @pytest.mark.slow
@@ -169,14 +205,15 @@ def test_workers_end_with_their_run(tmp_path: Path) -> None:
         textwrap.dedent("""
         import os, sys, time
         from pathlib import Path
-        from fieldkit.runtime.parallel import each_in_workers
+        from fieldkit.runtime.executor import Processes
 
         def job(folder):
             (Path(folder) / str(os.getpid())).touch()
             time.sleep(600)
 
         if __name__ == "__main__":
-            list(each_in_workers(job, [sys.argv[1]] * 2, workers=2))
+            with Processes(2) as executor:
+                list(executor.map(job, [sys.argv[1]] * 2))
     """)
     )
     started = tmp_path / "started"

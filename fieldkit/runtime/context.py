@@ -1,0 +1,47 @@
+"""What a run carries through its functions: cache, progress, workers and seed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from fieldkit.cache import StageCache
+from fieldkit.runtime.executor import Limits, map_parallel, open_executor
+from fieldkit.runtime.progress import Progress, Silent
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def _no_cache() -> StageCache:
+    return StageCache(None)
+
+
+@dataclass(frozen=True, eq=False)
+class Context:
+    """How a run computes. No result depends on it but for the seed."""
+
+    cache: StageCache = field(default_factory=_no_cache)
+    """Of stages."""
+    progress: Progress = field(default_factory=Silent)
+    """Told of stages and remarks."""
+    workers: int = 1
+    """Processes."""
+    seed: int = 0
+    scheduler: str = ""
+    """Address of a Dask cluster that computes instead of processes; its workers see the same files."""
+
+    def executor(
+        self, *, make: Callable[[], Any] | None = None, limits: Limits | None = None
+    ) -> AbstractContextManager[Executor]:
+        """See `open_executor`."""
+        return open_executor(self.workers, self.scheduler, make=make, limits=limits)
+
+    def map(
+        self, function: Callable[[Item], Result], items: Sequence[Item], advance: Callable[[int], None] = lambda _: None
+    ) -> list[Result]:
+        """See `map_parallel`."""
+        return map_parallel(function, items, workers=self.workers, scheduler=self.scheduler, advance=advance)
