@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.planning.objective.evaluation import Evaluation, StageCost
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.problem import PlanningProblem
-from fieldkit.planning.run.evaluations import Evaluations
+from fieldkit.planning.run.evaluations import Evaluations, Job
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
@@ -59,9 +59,16 @@ class Here(Executor):
         return future
 
 
+class InTurn(Evaluations):
+    """One evaluation after the other, each when it is asked for."""
+
+    def each(self, jobs: Iterable[Job]) -> Iterator[Evaluation]:
+        return (self.outcome(job, self.submit(job)) for job in jobs)
+
+
 def here(objective: Objective) -> Evaluations:
     """Evaluations in this process."""
-    return Evaluations(Here(objective), objective.settings.rule.worst_m)
+    return InTurn(Here(objective), objective.settings.rule.worst_m)
 
 
 class Bowl(Objective):

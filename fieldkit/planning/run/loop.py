@@ -110,10 +110,10 @@ class _Search:
         if not busy:
             return False
         done, _ = wait(busy, return_when=FIRST_COMPLETED)
-        if thinking in done and thinking is not None:  # first, so that workers do not idle
-            self._take_up(*thinking.result())
         for future in [each for each in self._running if each in done]:
             self._gather(future)
+        if thinking is not None and thinking in done:
+            self._take_up(*thinking.result())
         return True
 
     def _think(self) -> None:

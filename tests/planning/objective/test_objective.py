@@ -20,13 +20,15 @@ from fieldkit.errors import UsageError
 from fieldkit.planning.objective.fidelity import FIDELITIES
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
-from fieldkit.planning.run.executor import Job, ProcessExecutor, SerialExecutor
+from fieldkit.planning.run.evaluations import Job, evaluating
 from fieldkit.planning.space.cameras import Cameras
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.renderer import RenderingError
 from fieldkit.scenes.simulate import CaptureNoise
+from tests.planning.bowl import here
 from tests.scenes.conftest import SMALL_PLOT
 
 DRAFT = ObjectiveSettings("draft")
@@ -55,8 +57,8 @@ def test_the_same_bytes_again_and_in_another_process(source: SimulatedSource, ar
     other = objective.evaluate(arc, seed=4)
     assert objective.evaluate(arc, seed=3) == first
     assert other.cloud_digest != first.cloud_digest
-    with ProcessExecutor(objective, workers=1) as pool:
-        (elsewhere,) = pool.run([Job(arc, 3)])
+    with evaluating(objective, Context()) as pool:
+        (elsewhere,) = pool.each([Job(arc, 3)])
     assert json.dumps(elsewhere.figures()) == json.dumps(first.figures())
 
 
@@ -148,9 +150,9 @@ def test_a_described_proxy_is_photographed_as_its_file_says(
 def test_serial_and_parallel_agree(source: SimulatedSource, arc: Cameras) -> None:
     sets = [arc, arc.select([0, 1, 2]), arc.select([3, 4, 5, 0])]
     objective = Objective(source, DRAFT)
-    with ProcessExecutor(objective, workers=2) as pool:
-        parallel = list(pool.run(Job(cameras) for cameras in sets))
-    assert parallel == list(SerialExecutor(objective).run(Job(cameras) for cameras in sets))
+    with evaluating(objective, Context(workers=2)) as pool:
+        parallel = list(pool.each(Job(cameras) for cameras in sets))
+    assert parallel == list(here(objective).each(Job(cameras) for cameras in sets))
 
 
 def test_without_a_renderer_the_error_names_the_remedy(tmp_path: Path) -> None:

@@ -11,8 +11,9 @@ import pytest
 from fieldkit.planning.objective.objective import ObjectiveSettings
 from fieldkit.planning.objective.plots_objective import PlotsObjective
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
-from fieldkit.planning.run.executor import Job, ProcessExecutor
+from fieldkit.planning.run.evaluations import Job, evaluating
 from fieldkit.planning.space.cameras import Cameras
+from fieldkit.runtime.context import Context
 from fieldkit.scenes.description import ReferenceSampling, SceneDescription
 from fieldkit.sites.stretch import Stretch
 from fieldkit_sim.generator import plots_of_kind
@@ -34,8 +35,8 @@ def test_each_plot_is_built_once_for_all_workers(
 ) -> None:  # the source says whether anything can be rendered here
     objective = PlotsObjective(partial(build, tmp_path / "built"), SimulatedSource, ObjectiveSettings("draft"))
     plots = [0, 1, 2, 0, 1, 2]
-    with ProcessExecutor(objective, workers=2) as pool:
-        found = list(pool.run(Job(arc, 5, plot=plot) for plot in plots))
+    with evaluating(objective, Context(workers=2)) as pool:
+        found = list(pool.each(Job(arc, 5, plot=plot) for plot in plots))
     assert sorted((tmp_path / "built").read_text().split()) == ["0", "1", "2"]
     digests = [evaluation.cloud_digest for evaluation in found]
     assert digests[:3] == digests[3:]
