@@ -102,11 +102,7 @@ def f_score(distance: str) -> Figure:
 
 
 def figure(key: str) -> Figure:
-    """The figure of a key.
-
-    Raises:
-        KeyError: there is none.
-    """
+    """The figure of a key; KeyError if there is none."""
     return f_score(key.removeprefix(F_SCORE)) if key.startswith(F_SCORE) else FIGURES[key]
 
 

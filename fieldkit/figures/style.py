@@ -33,11 +33,8 @@ _FIRST_METRE = 0.0995  # longer lengths are written in metres
 
 
 def format_length(length_m: float | None, *, metric: bool = True) -> str:
-    """A length with its unit: ``4.40 mm``, ``0.27 m``, ``12.3 m``, ``1,250 m``; a dash for None.
-
-    Args:
-        length_m: metres; units of its own where ``metric`` is false.
-        metric: whether it is metres: else ``0.27 units``.
+    """A length with its unit: ``4.40 mm``, ``0.27 m``, ``12.3 m``, ``1,250 m``, or ``0.27 units`` where it is none in
+    metres; a dash for None.
     """
     if length_m is None:
         return DASH

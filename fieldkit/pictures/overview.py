@@ -44,24 +44,12 @@ _CAMERAS_WIDTH = 4.25
 
 
 def write_overview(path: Path, report: ReferenceReport | PlotEvaluation, plants: Cloud) -> None:
-    """Write the overview picture (PNG).
-
-    Raises:
-        StorageError: the place is full or not writable.
-    """
+    """Write the overview picture (PNG)."""
     write_atomic(path, png(draw_overview(report, plants)))
 
 
 def draw_overview(report: ReferenceReport | PlotEvaluation, plants: Cloud) -> Figure:
-    """The overview picture.
-
-    Args:
-        report: of a reconstruction that did not fail.
-        plants: its dense cloud, in the plot frame.
-
-    Raises:
-        ValueError: the report has no volume, because the reconstruction failed.
-    """
+    """The overview picture of a reconstruction and its dense cloud, in the plot frame; ValueError if it failed."""
     if report.volume is None:
         raise ValueError("a reconstruction that failed has nothing to show")
     name = f"{report.source}: reference" if isinstance(report, ReferenceReport) else report.name

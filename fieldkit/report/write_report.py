@@ -58,13 +58,12 @@ def write_report(
     The same results give the same file, byte for byte.
 
     Args:
-        folder: a result of fieldkit (a reference, a plan, a mission, an evaluation, a comparison, a campaign), or a
-            folder that holds results up to two levels below. Only the report is written to it, if ``output`` is None.
+        folder: a result of fieldkit, or a folder that holds results up to two levels below. Only the report is
+            written to it, if ``output`` is None.
         output: the file; None takes report.html in the folder.
         points: largest number in all 3D views together; more are thinned at random from a fixed seed.
         title: of the report; empty takes the folder's name.
         overwrite: replace an older file.
-        progress: receives the stages.
 
     Raises:
         UsageError: the file is not HTML by its suffix, it exists and ``overwrite`` is off, no regular file is there, or

@@ -60,14 +60,7 @@ def was_used(image: ImageReport) -> bool:
 def photograph_table(
     images: Sequence[ImageReport], caption: str, *, metric: bool, pictures: Mapping[str, Picture] | None = None
 ) -> Table:
-    """The state of photographs, unused ones first.
-
-    Args:
-        images: to tell of.
-        caption: of the table.
-        metric: whether lengths are metres.
-        pictures: thumbnails by name.
-    """
+    """The state of photographs, unused ones first, with thumbnails by name."""
     return tabulated(caption, [
         {
             "photograph": i.name,

@@ -80,12 +80,7 @@ def correction_sentence(plot: PlotEvaluation) -> str:
 
 
 def score_columns(plots: Iterable[Scored], only: Sequence[str] = ()) -> list[Figure]:
-    """Distances and the F-scores at those distances that any plot has, from short to long.
-
-    Args:
-        plots: of the table.
-        only: these F-scores where any plot has one of them, else the first.
-    """
+    """Distances and the F-scores that any plot has, from short to long; of these ``only`` some, else the first."""
     found = sorted({distance for plot in plots for distance in plot.f_score or ()}, key=float)
     if only:
         found = [distance for distance in found if distance in only] or found[:1]
@@ -126,12 +121,7 @@ def traits_table(caption: str, plots: Iterable[Scored]) -> Table:
 
 
 def plant_tables(plots: Sequence[PlotEvaluation], of: str = "") -> Iterator[Table]:
-    """Traits by plot, then predicted distances, and why some are missing; none of what no plot has.
-
-    Args:
-        plots: a row each.
-        of: what they are the plots of, for the captions; empty where that is plain.
-    """
+    """Traits by plot, then predicted distances, and why some are missing; captions say ``of`` what they are."""
     more = f" of {of}" if of else ""
     if any(trait.value(plot) is not None for plot in plots for trait in TRAIT_FIGURES):
         yield traits_table(f"Plants{more}", plots)

@@ -30,13 +30,7 @@ _COLORS = {"good": "green", "fact": "", "note": "yellow", "problem": "red"}
 def rendered(
     blocks: Iterable[Block], heading: str = "", *, most_rows: int | None = MOST_ROWS
 ) -> Iterator[RenderableType]:
-    """The blocks for Rich to print, from top to bottom.
-
-    Args:
-        blocks: to show.
-        heading: above them; empty for none.
-        most_rows: limit of a table's rows; None shows all.
-    """
+    """The blocks for Rich to print, from top to bottom, with at most so many rows of each table."""
     if heading:
         yield _text(f"{heading}\n", "bold")
     for block in blocks:

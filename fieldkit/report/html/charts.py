@@ -17,21 +17,16 @@ _NARROWEST = 1e-11  # a range below it counts as one value: ticks have twelve de
 
 @dataclass(frozen=True)
 class Drawn:
-    """A series in the drawing.
-
-    Attributes:
-        name: as in the chart.
-        number: of the colour, from 1; 2 is the grey of the background.
-        style: as in the chart.
-        path: of the line, in SVG's language; empty for dots.
-        dots: (x, y, whether it lies above the axis' end).
-    """
+    """A series in the drawing."""
 
     name: str
     number: int
+    """Of the colour, from 1; 2 is the grey of the background."""
     style: SeriesStyle
     path: str
+    """Of the line, in SVG's language; empty for dots."""
     dots: tuple[tuple[str, str, bool], ...]
+    """(x, y, whether it lies above the axis' end)."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +51,7 @@ class Drawing:
 
 
 def draw(chart: LineChart) -> Drawing:
-    """Lay a chart out.
-
-    Raises:
-        ValueError: a coordinate that is not finite.
-    """
+    """Lay a chart out; ValueError for a coordinate that is not finite."""
     points = [(x, y) for series in chart.series for x, y in series.points if y is not None]
     if not all(math.isfinite(v) for point in points for v in point):
         raise ValueError(f"{chart.title}: a point that is not finite")

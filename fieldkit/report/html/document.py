@@ -46,11 +46,7 @@ _KINDS = {
 
 
 def render(page: Page) -> str:
-    """The page as HTML, ending in a newline.
-
-    Raises:
-        ValueError: an invalid or repeated anchor, or a chart's or map's coordinate that is not finite.
-    """
+    """The page as HTML, ending in a newline; ValueError for an invalid or repeated anchor."""
     anchors = [section.anchor for section in page.sections]
     anchors += [name for block in _blocks_of(page) if (name := _anchor(block))]
     if len(set(anchors)) < len(anchors) or not all(_ANCHOR.fullmatch(anchor) for anchor in anchors):
@@ -58,29 +54,17 @@ def render(page: Page) -> str:
     has_views = any(True for _ in views_of(page))
     styles = [_read("page.css"), *([viewer_style()] if has_views else [])]
     scripts = [_read("page.js"), *([viewer_script()] if has_views else [])]
-    return (
-        _environment()
-        .get_template("page.html.jinja")
-        .render(
-            page=page,
-            policy=Markup(policy(styles, scripts)),
-            styles=[_raw(text, "style") for text in styles],
-            scripts=[_raw(text, "script") for text in scripts],
-        )
-    )
+    template = _environment().get_template("page.html.jinja")
+    raw = {"styles": [_raw(text, "style") for text in styles], "scripts": [_raw(text, "script") for text in scripts]}
+    return template.render(page=page, policy=Markup(policy(styles, scripts)), **raw)
 
 
 def policy(styles: Sequence[str], scripts: Sequence[str]) -> str:
     """The Content Security Policy under which only these inline styles and scripts apply, and nothing is loaded."""
-    return "; ".join(
-        [
-            "default-src 'none'",
-            "img-src data:",
-            f"style-src {' '.join(_source(text) for text in styles)}",
-            f"script-src {' '.join(_source(text) for text in scripts)}",
-            "base-uri 'none'",
-            "form-action 'none'",
-        ]
+    style, script = (" ".join(map(_source, texts)) for texts in (styles, scripts))
+    return (
+        f"default-src 'none'; img-src data:; style-src {style}; script-src {script}; base-uri 'none'; "
+        "form-action 'none'"
     )
 
 
@@ -149,11 +133,7 @@ def _shown(value: Any) -> Any:
 
 
 def _path(path: str) -> Markup:
-    """The path of a drawing, marked so that it is not cut like foreign text.
-
-    Raises:
-        ValueError: it is not a path of `draw` or `draw_map`.
-    """
+    """The path of a drawing, marked so that it is not cut like foreign text."""
     if not _PATH.fullmatch(path):
         raise ValueError("not the path of a drawing")
     return Markup(path)

@@ -29,37 +29,27 @@ _LEAST_STEPS, _STEPS = 4095, 65535
 
 @dataclass(frozen=True)
 class PackedPoints:
-    """A layer's block.
-
-    Attributes:
-        count: number of points; points with a coordinate that is not finite are left out.
-        origin: (3,) metres; coordinate = origin + step × integer.
-        step: metres.
-        colored, valued: whether colours and values follow the coordinates.
-        text: base64.
-    """
+    """A layer's block."""
 
     count: int
+    """Points with a coordinate that is not finite are left out."""
     origin: tuple[float, float, float]
+    """Metres; coordinate = origin + step × integer."""
     step: float
     colored: bool
+    """Whether colours follow the coordinates; so ``valued`` for values."""
     valued: bool
     text: str
+    """Base64."""
 
 
 def pack_points(
     points: ArrayLike, colors: ArrayLike | None = None, values: ArrayLike | None = None, limit: float = 1.0
 ) -> PackedPoints:
-    """A cloud as a block.
+    """A cloud as a block: points (n, 3) metres, colours (n, 3) of 0 to 255, values (n,).
 
-    Args:
-        points: (n, 3) metres.
-        colors: (n, 3) of 0 to 255.
-        values: (n,); values below 0 count as 0, those beyond ``limit`` as ``limit``, NaN as none.
-        limit: the value of the scale's end, more than 0.
-
-    Raises:
-        ValueError: the arrays do not fit each other, or ``limit`` is not a positive number.
+    Values below 0 count as 0, those beyond ``limit``, the scale's end, as ``limit``, and NaN as none. ValueError where
+    the arrays do not fit each other, or ``limit`` is not a positive number.
     """
     p = np.asarray(points, dtype=np.float64).reshape(-1, 3)
     tones = None if colors is None else np.asarray(colors, dtype=np.uint8).reshape(-1, 3)
@@ -116,11 +106,7 @@ def _tones(colors: NDArray[np.uint8]) -> bytes:
 
 
 def plain_floats(values: ArrayLike, digits: int = 4) -> list[Any]:
-    """Coordinates as plain floats for JSON, rounded to ``digits`` decimals.
-
-    Raises:
-        ValueError: a coordinate is not finite.
-    """
+    """Coordinates as plain floats for JSON, rounded to ``digits`` decimals; ValueError for one that is not finite."""
     numbers = np.asarray(values, dtype=np.float64)
     if not np.isfinite(numbers).all():
         raise ValueError("a coordinate is no finite number")

@@ -23,38 +23,25 @@ GREENS = ("#eef8c4", "#b3dd8b", "#5fb96a", "#1f8a50", "#00582f")
 
 @dataclass(frozen=True)
 class Shape:
-    """A plot in the drawing on one date.
-
-    Attributes:
-        path: its outline.
-        fill: its colour; empty without a value.
-        text: its description.
-        label: its name, within or below it; empty if there is no room.
-        label_class: "on-dark", "on-light" or "on-none" within it, "below".
-        x, y: middle of a label within it; middle of the upper edge of one below it.
-        anchor: the place on the page that it leads to; empty for none.
-    """
+    """A plot in the drawing on one date."""
 
     path: str
     fill: str
+    """Empty without a value."""
     text: str
     label: str
+    """Its name, within or below it; empty if there is no room."""
     label_class: str
+    """"on-dark", "on-light" or "on-none" within it, "below"."""
     x: str
+    """Middle of a label within it; middle of the upper edge of one below it."""
     y: str
     anchor: str = ""
 
 
 @dataclass(frozen=True)
 class DrawnMeasure:
-    """A measure laid out.
-
-    Attributes:
-        measure: shown.
-        dates: (date, its shapes), the last one shown first.
-        low, high: the legend's ends.
-        stops: of the legend's ramp: (share, colour).
-    """
+    """A measure laid out, with the legend's ends and the (share, colour) stops of its ramp."""
 
     measure: Measure
     dates: tuple[tuple[str, tuple[Shape, ...]], ...]
@@ -65,34 +52,23 @@ class DrawnMeasure:
 
 @dataclass(frozen=True)
 class DrawnMap:
-    """A map laid out; numbers are texts in the drawing's units.
-
-    Attributes:
-        map: the map shown.
-        width, height: of the drawing.
-        measures: to choose from, the first shown first.
-        bar: of the scale: its length in the drawing, and its text.
-        north_x, base: where the arrow stands, and the line of bar and legend.
-        narrow: whether every name has room on a narrow screen too, in letters as large as there; else the map keeps
-            its width there and is scrolled.
-    """
+    """A map laid out; numbers are texts in the drawing's units."""
 
     map: PlotMap
     width: str
     height: str
     measures: tuple[DrawnMeasure, ...]
     bar: tuple[str, str]
+    """Of the scale: its length in the drawing, and its text."""
     north_x: str
     base: str
+    """The line of bar and legend."""
     narrow: bool
+    """Whether every name has room on a narrow screen, too; else the map keeps its width there and is scrolled."""
 
 
 def draw_map(plots: PlotMap) -> DrawnMap:
-    """Lay a map out.
-
-    Raises:
-        ValueError: no plots, or a coordinate that is not finite.
-    """
+    """Lay a map out; ValueError without plots, and for a coordinate that is not finite."""
     corners = [corner for plot in plots.plots for ring in plot.rings for corner in _outline(ring)]
     if not corners or not all(math.isfinite(v) for corner in corners for v in corner):
         raise ValueError("a map needs plots with finite coordinates")

@@ -35,11 +35,7 @@ _SIZES = (1.0, 8.0, 0.25)  # least, most and step of the point size, CSS pixels
 
 
 def viewer_script() -> str:
-    """The content of the page's one ``<script>``: the view with three.js and its licence.
-
-    Raises:
-        InputError: the bundle was not built.
-    """
+    """The content of the page's one ``<script>``: the view with three.js and its licence."""
     bundle = _folder() / "vendor" / BUNDLE
     try:
         text = bundle.read_text(encoding="utf-8")
@@ -63,12 +59,7 @@ def viewer_style() -> str:
 def viewer_html(scene: ViewerScene, *, identifier: str) -> str:
     """A view as a fragment: its data, and the markup of its switches, scale, point size and buttons.
 
-    Args:
-        scene: the content; its text is escaped.
-        identifier: the element's id, unique in the page.
-
-    Raises:
-        ValueError: arrays of a layer do not fit each other, or a position is not finite.
+    The scene's text is escaped; ``identifier`` is the element's id, unique in the page.
     """
     packed = [pack_points(layer.points, layer.colors, layer.values, layer.limit) for layer in scene.points]
     data = {

@@ -36,16 +36,9 @@ MEANINGS = _GENERAL | {figure.label: figure.meaning for figure in FIGURES.values
 
 
 def meanings(names: Iterable[str]) -> tuple[tuple[str, str], ...]:
-    """The meanings of terms, in the order of `MEANINGS`.
-
-    Raises:
-        KeyError: an unknown term.
-    """
-    wanted = set(names)
-    unknown = wanted - MEANINGS.keys()
-    if unknown:
-        raise KeyError(min(unknown))
-    return tuple((name, meaning) for name, meaning in MEANINGS.items() if name in wanted)
+    """The meanings of terms, in the order of `MEANINGS`; KeyError for an unknown one."""
+    order = {name: place for place, name in enumerate(MEANINGS)}
+    return tuple((name, MEANINGS[name]) for name in sorted(set(names), key=order.__getitem__))
 
 
 def terms_of(results: Results) -> set[str]:

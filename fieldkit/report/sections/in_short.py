@@ -44,13 +44,7 @@ _AFTER_EVALUATION = "Several dates or plots: fieldkit campaign init keeps them t
 
 
 def in_short(results: Results, statements: Sequence[Statement], pictures: Sequence[tuple[str, Picture]]) -> Section:
-    """The first section of a report.
-
-    Args:
-        results: shown in it.
-        statements: all that is said of them.
-        pictures: stills of plots with their captions; maps of campaigns come before them.
-    """
+    """The first section of a report, of all that is said of its results; maps of campaigns come before pictures."""
     to_do = tuple(each for each in statements if each.level in ("problem", "note") and each.advice)
     grouped = tuple(_grouped(to_do))
     rest = tuple(each for each in statements if each not in grouped)

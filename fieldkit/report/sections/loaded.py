@@ -155,15 +155,7 @@ def read_results(path: Path) -> Results:
 
 
 def check_plausible(values: Any, file: Path) -> None:
-    """Refuse numbers of a file that would overflow in drawings, and name the first.
-
-    Args:
-        values: mappings, sequences and plain values, as pydantic dumps them.
-        file: for the message.
-
-    Raises:
-        MetadataError: a number beyond `LARGEST` or `LARGEST_COUNT`, or not finite.
-    """
+    """Refuse a file with numbers that would overflow in drawings; ``values`` are plain, as pydantic dumps them."""
     waiting: list[tuple[str, Any]] = [("", values)]
     while waiting:
         key, value = waiting.pop()

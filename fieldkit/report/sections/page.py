@@ -63,15 +63,7 @@ KINDS: tuple[Kind[Any], ...] = (
 def build_page(
     results: Results, *, title: str, command: str, most_points: int, progress: Progress
 ) -> tuple[Page, Shown]:
-    """The page of a report, and what it shows of its results.
-
-    Args:
-        results: found and read.
-        title: of the page; empty takes the folder's name.
-        command: the command that makes the report.
-        most_points: largest number of points of all 3D views together.
-        progress: receives the stages.
-    """
+    """The page of a report, with at most so many points in all 3D views together, and what it shows of its results."""
     shown = Shown()
     with progress.stage("Reading clouds and comparing them"):
         for kind, loaded, anchor in _each(results):

@@ -35,15 +35,8 @@ _STRIP = 30  # pixels, of scale and north
 def still(scene: ViewerScene, *, height: int = _HEIGHT, marked: bool = True) -> Picture | None:
     """The shown clouds from the front and from above, orthographic, to one scale; a flight over plots only from above.
 
-    Cameras are drawn where there is no cloud or the view is of them, with their numbers, ways and places.
-
-    Args:
-        scene: the view.
-        height: of the picture at most, pixels.
-        marked: whether a scale and north are drawn.
-
-    Returns:
-        The picture; None for a view without points and cameras.
+    Cameras are drawn where there is no cloud or the view is of them, with their numbers, ways and places. The picture
+    is at most ``height`` pixels high, with a scale and north where ``marked``; None without points and cameras.
     """
     shown = [layer for layer in scene.points if layer.shown and len(layer.points)]
     points = np.concatenate([_some(layer.points) for layer in shown]) if shown else np.zeros((0, 3), dtype=np.float32)

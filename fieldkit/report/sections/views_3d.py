@@ -241,11 +241,7 @@ def _thinned(layer: PointLayer, share: float) -> PointLayer:
 
 
 def _read(path: Path) -> Cloud:
-    """Read a cloud that can be drawn.
-
-    Raises:
-        CloudError: it cannot be read, or lies too far from the plot.
-    """
+    """Read a cloud that can be drawn, not one that lies too far from the plot."""
     cloud = read_cloud(path)
     if len(cloud) and np.abs(cloud.points).max() > _FARTHEST_M:
         raise CloudError(f"its points lie more than {_FARTHEST_M / 1000:g} km from the plot's centre", path=path)

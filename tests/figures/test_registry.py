@@ -1,0 +1,43 @@
+"""Every figure is described once, and reads the same of an evaluation and of a visit."""
+
+from __future__ import annotations
+
+import pytest
+
+from fieldkit.figures.registry import FIGURES, TRENDS, figure, figures_of
+from fieldkit.results.evaluation import Prediction
+from fieldkit.results.traits import TRAITS as TRAIT_KEYS
+from fieldkit.results.visit import Visit
+from tests.figures.terminal.test_results import TRAITS, scored
+
+
+def test_evaluations_and_visits_have_the_same_figures() -> None:
+    told = Prediction(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
+    plot = scored("a").model_copy(update={"traits": TRAITS, "prediction": told})
+    visit = Visit.of_evaluation(plot, plot="a", date="2026-06-30")
+    for each in (*figures_of("distance", "prediction", "trait", distances_m=(0.005,)), FIGURES["pose_rms_m"]):
+        assert each.value(plot) == each.value(visit) is not None
+        assert each.error(plot) == each.error(visit)
+    assert FIGURES["predicted_chamfer_m"].error(visit) == pytest.approx(0.009)
+    assert FIGURES["height_m"].with_error(visit) == "0.81 ± 0.03"
+    assert FIGURES["cover_percent"].amount(16.04) == "16.0 %"
+    assert FIGURES["right_share"].shown(plot) == 75.0
+
+
+def test_order_and_keys() -> None:
+    distances = [each.key for each in figures_of("distance", distances_m=(0.005, 0.01))]
+    assert distances == ["chamfer_m", "accuracy_m", "completeness_m", "f_score_0.005", "f_score_0.010"]
+    assert [each.key for each in figures_of("trait")] == list(TRAIT_KEYS)
+    assert [each.key for each in TRENDS] == [
+        "chamfer_m", "predicted_chamfer_m", "height_m", "cover_percent", "canopy_volume_m3",
+    ]  # fmt: skip
+    assert len({each.label for each in FIGURES.values()}) == len(FIGURES)
+    assert figure("f_score_0.010").label == "F‑score at 10 mm"
+    with pytest.raises(KeyError):
+        figure("nonsense")
+
+
+def test_lengths_without_a_scale_are_not_compared() -> None:
+    plot = scored("a").model_copy(update={"metric": False})
+    assert FIGURES["gsd_m"].value(plot) is None
+    assert FIGURES["reprojection_px"].value(plot) == plot.reprojection_px
