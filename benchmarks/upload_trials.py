@@ -25,28 +25,17 @@ _WITH_GPS_S = 45.0
 
 @dataclass(frozen=True)
 class Trials:
-    """Results of many uploads.
-
-    Attributes:
-        count: uploads.
-        succeeded: uploads reported as successful.
-        identical: of these, uploads after which the vehicle held exactly what was read back, except home.
-        attempts: uploads within them, one each without failures.
-        packets, lost: of the whole link, both ways.
-        seconds: of wall time.
-        vehicle_s: the same in vehicle time.
-        failures: messages of those that failed.
-    """
+    """Results of many uploads."""
 
     count: int
-    succeeded: int
-    identical: int
-    attempts: int
-    packets: int
+    succeeded: int  # by their own report
+    identical: int  # of these, after which the vehicle held exactly what was read back, except home
+    attempts: int  # within them, one each without failures
+    packets: int  # of the whole link, both ways
     lost: int
-    seconds: float
-    vehicle_s: float
-    failures: tuple[str, ...]
+    seconds: float  # of wall time
+    vehicle_s: float  # the same in vehicle time
+    failures: tuple[str, ...]  # messages of those that failed
 
 
 def upload_trials(
@@ -106,25 +95,15 @@ def _uploaded(
 
 @dataclass(frozen=True)
 class CutTrials:
-    """Results of uploads whose link broke, each repeated over the restored link.
-
-    Attributes:
-        count: links that broke.
-        unheard: that broke before the vehicle was heard; nothing was sent.
-        completed: links that broke after the upload had ended well.
-        reported: states reported of the vehicle, by the names of `Held`, or "WHOLE".
-        untrue: reports that were wrong.
-        whole: repeated uploads after which the vehicle held the whole new mission.
-        failures: messages of the repeated uploads that failed.
-    """
+    """Results of uploads whose link broke, each repeated over the restored link."""
 
     count: int
-    unheard: int
-    completed: int
-    reported: dict[str, int]
-    untrue: int
-    whole: int
-    failures: tuple[str, ...]
+    unheard: int  # broke before the vehicle was heard; nothing was sent
+    completed: int  # broke after the upload had ended well
+    reported: dict[str, int]  # states reported of the vehicle, by the names of `Held`, or "WHOLE"
+    untrue: int  # reports that were wrong
+    whole: int  # repeated uploads after which the vehicle held the whole new mission
+    failures: tuple[str, ...]  # messages of the repeated uploads that failed
 
 
 def cut_trials(

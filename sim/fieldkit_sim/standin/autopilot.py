@@ -44,27 +44,17 @@ class Receiving:
 
 @dataclass(frozen=True)
 class Autopilot:
-    """What the model knows and says of itself.
-
-    Attributes:
-        home: latitude and longitude in 1e-7 degrees and altitude in metres AMSL; None before it has a position.
-        mission: as it is stored; the first item is never given back: home is in its place.
-        receiving: the upload under way, or None.
-        current: item that would be next.
-        warned_of_floats: a warning that is given once.
-        parameters: PARAM_VALUE messages by name, as recorded.
-        known: messages that are sent when they are asked for, by their ids.
-    """
+    """What the model knows and says of itself."""
 
     system: int = 1
     component: int = 1
-    home: tuple[int, int, float] | None = None
-    mission: tuple[WireItem, ...] = ()
-    receiving: Receiving | None = None
-    current: int = 0
-    warned_of_floats: bool = False
-    parameters: Mapping[str, Message] = field(default_factory=dict)
-    known: Mapping[int, Message] = field(default_factory=dict)
+    home: tuple[int, int, float] | None = None  # 1e-7 degrees and metres AMSL; None before it has a position
+    mission: tuple[WireItem, ...] = ()  # the first item is never given back: home is in its place
+    receiving: Receiving | None = None  # the upload under way
+    current: int = 0  # item that would be next
+    warned_of_floats: bool = False  # a warning that is given once
+    parameters: Mapping[str, Message] = field(default_factory=dict)  # PARAM_VALUE by name, as recorded
+    known: Mapping[int, Message] = field(default_factory=dict)  # sent when they are asked for, by their ids
 
     @property
     def items(self) -> tuple[WireItem, ...]:
@@ -78,12 +68,9 @@ Step = tuple[Autopilot, list[Message]]
 
 
 def on_message(state: Autopilot, message: Message, now_s: float) -> Step:
-    """The state after a message from a ground station, and the answers in their order.
+    """The state after a message from a ground station, also one for another vehicle, and the answers in their order.
 
-    Args:
-        state: before it.
-        message: one of pymavlink's; also one that is for another vehicle or that this one ignores.
-        now_s: vehicle time, never less than before.
+    Vehicle time never runs backwards.
     """
     if getattr(message, "target_system", 0) not in (0, state.system):
         return state, []

@@ -12,22 +12,11 @@ from fieldkit.errors import UsageError
 
 @dataclass(frozen=True)
 class Faults:
-    """What a link does to packets, each way and each packet by itself.
+    """What a link does to packets, each way and each packet by itself."""
 
-    Attributes:
-        loss: share that never arrives.
-        duplicate: share that arrives twice.
-        delay_s: mean time under way; each packet takes half to one and a half times as long, so that some overtake
-            others.
-        seed: of the random numbers.
-
-    Raises:
-        UsageError: a share is outside 0…1, or the delay is negative or over a minute.
-    """
-
-    loss: float = 0.0
-    duplicate: float = 0.0
-    delay_s: float = 0.0
+    loss: float = 0.0  # share that never arrives
+    duplicate: float = 0.0  # share that arrives twice
+    delay_s: float = 0.0  # mean time under way; each takes half to one and a half times as long: some overtake others
     seed: int = 0
 
     def __post_init__(self) -> None:

@@ -30,37 +30,23 @@ _MAX_GAP_S = 60.0
 
 @dataclass(frozen=True)
 class Telemetry:
-    """A frame the vehicle sent of itself.
+    """A frame the vehicle sent of itself."""
 
-    Attributes:
-        time_s: since the recording began.
-        message_id: of its message.
-        data: the frame.
-    """
-
-    time_s: float
+    time_s: float  # since the recording began
     message_id: int
     data: bytes
 
 
 @dataclass(frozen=True)
 class Recording:
-    """What one vehicle sent.
-
-    Attributes:
-        path: of the log.
-        system, component: ids of the autopilot.
-        telemetry: in the order of their times.
-        parameters: PARAM_VALUE by name, the last one of each.
-        version: AUTOPILOT_VERSION, or None where it was not asked for.
-    """
+    """What one vehicle sent."""
 
     path: Path
     system: int
     component: int
-    telemetry: tuple[Telemetry, ...]
-    parameters: Mapping[str, Message]
-    version: Message | None
+    telemetry: tuple[Telemetry, ...]  # in the order of their times
+    parameters: Mapping[str, Message]  # PARAM_VALUE by name, the last one of each
+    version: Message | None  # AUTOPILOT_VERSION, or None where it was not asked for
 
     @property
     def length_s(self) -> float:
@@ -69,11 +55,7 @@ class Recording:
 
 
 def read_recording(path: Path) -> Recording:
-    """Read a log of one vehicle; the one whose autopilot's heartbeat comes first where there are several.
-
-    Raises:
-        MetadataError: as `read_frames`; or no autopilot is in it.
-    """
+    """Read a log of one vehicle; the one whose autopilot's heartbeat comes first where there are several."""
     frames = list(read_frames(path))
     for frame in frames:
         if frame.kind == mavlink.MAVLINK_MSG_ID_HEARTBEAT:

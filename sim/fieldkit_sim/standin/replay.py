@@ -12,7 +12,6 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from types import TracebackType
 
 from fieldkit.errors import LinkError, UsageError
 from fieldkit.flightlogs.dialect import mavlink
@@ -32,17 +31,11 @@ _MAX_WAIT_S = 0.1
 
 @dataclass(frozen=True)
 class Traffic:
-    """Packets of a link so far.
+    """Packets of a link so far."""
 
-    Attributes:
-        heard: of ground stations, that arrived.
-        said: to them, answers and telemetry, before any were lost.
-        lost: both ways.
-    """
-
-    heard: int
-    said: int
-    lost: int
+    heard: int  # of ground stations, that arrived
+    said: int  # to them, answers and telemetry, before any were lost
+    lost: int  # both ways
 
 
 class Replay:
@@ -57,9 +50,7 @@ class Replay:
         begin_s: where in the recording it begins.
         rate_hz: at most so many of each kind of message per vehicle second; None for all that were recorded.
 
-    Raises:
-        UsageError: an argument is wrong, or ``serve`` is another machine: a flight that is not real must not reach
-            a ground station that could take it for one.
+    Another machine is refused: a flight that is not real must not reach a station that could take it for one.
     """
 
     def __init__(
@@ -121,11 +112,7 @@ class Replay:
         return Traffic(self._packets, self._said.sent, self._heard.lost + self._said.lost)
 
     def hold(self, items: Sequence[MissionItem]) -> None:
-        """Give it a mission before it starts, as an earlier upload would have left it.
-
-        Raises:
-            UsageError: an item is not one that this autopilot takes.
-        """
+        """Give it a mission before it starts, as an earlier upload would have left it."""
         kept: list[WireItem] = []
         for item in mission_items(items, None, ARDUPILOT):
             taken = stored(item)
@@ -139,11 +126,7 @@ class Replay:
         self._cut_after = None if packets is None else self._packets + packets
 
     def start(self) -> Replay:
-        """Open the socket and begin to serve.
-
-        Raises:
-            LinkError: the address is in use.
-        """
+        """Open the socket and begin to serve."""
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             if self._waits:
@@ -161,11 +144,7 @@ class Replay:
         return self
 
     def stop(self) -> None:
-        """End the thread and close the socket.
-
-        Raises:
-            Exception: whatever went wrong in the thread.
-        """
+        """End the thread and close the socket; whatever went wrong in the thread is raised here."""
         self._stopping.set()
         if self._thread is not None:
             self._thread.join()
@@ -186,9 +165,7 @@ class Replay:
     def __enter__(self) -> Replay:
         return self.start()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         self.stop()
 
     def _run(self) -> None:
