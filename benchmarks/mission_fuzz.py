@@ -11,7 +11,6 @@ import numpy as np
 from benchmarks.fuzzing import Fuzzed, Target, fuzz
 from benchmarks.mission_trips import random_mission
 from fieldkit.flightlogs import read_flight_log
-from fieldkit.flightlogs.tlog_frames import read_messages
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.writing import FORMATS, mission_bytes
@@ -20,6 +19,7 @@ from fieldkit.runtime.progress import Progress
 from fieldkit.sites.site_file import load_plots, load_site
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle, missions_folder, vehicle_names
+from fieldkit_sim.standin.recording import read_messages
 
 _LOG_BYTES = 60_000
 _SHARES = {"tlog read": 0.05, "tlog replayed": 0.05}

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fieldkit.errors import FieldkitError
-from fieldkit.flightlogs.dialect import mavlink
+from fieldkit.flightlogs.mavlink import mavlink
 from fieldkit.missions.autopilots.writing import render
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.waypoints import definite

@@ -23,7 +23,6 @@ from fieldkit.clouds.ply import read_ply
 from fieldkit.errors import CaptureError, FieldkitError, StorageError, UsageError
 from fieldkit.files import write_atomic
 from fieldkit.flightlogs.reading import read_flight_log
-from fieldkit.flightlogs.tlog_frames import read_frames
 from fieldkit.missions.files.litchi import read_litchi
 from fieldkit.missions.files.qgc_plan import read_plan
 from fieldkit.missions.files.reading import read_mission
@@ -41,6 +40,7 @@ from fieldkit.scenes.scene_file import read_scene
 from fieldkit.sites.site_file import load_plots, load_site
 from fieldkit.sites.vector_files import read_features
 from fieldkit.vehicles.vehicle_file import load_vehicle
+from fieldkit_sim.standin.recording import read_frames
 from tests.special_files import KINDS, limited, put
 
 

@@ -1,4 +1,7 @@
-"""PX4's logs (.ulg). Times count from boot.
+"""PX4's logs (.ulg), by their published format (https://docs.px4.io/main/en/dev_log/ulog_file_format.html).
+
+Times count from boot. pyulog prints to the terminal, and a file whose formats nest arrays in arrays makes it run for
+hours; here only flat topics are read, which all those of a flight are. The tests compare the two.
 
 ``camera_capture.q`` is the vehicle's attitude in older PX4 and the camera's in newer ones (docs.px4.io, message
 reference of 1.13 and main), so it is not used: vehicle_attitude and gimbal_device_attitude_status say which is which.
@@ -6,16 +9,26 @@ reference of 1.13 and main), so it is not used: vehicle_attitude and gimbal_devi
 
 from __future__ import annotations
 
+import re
+import struct
+from collections.abc import Iterator, Set
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.errors import MetadataError
-from fieldkit.flightlogs.assembly import Event, complete, missing_numbers
+from fieldkit.flightlogs.assembly import (
+    Event,
+    as_boot,
+    as_place,
+    as_utc,
+    complete,
+    euler_deg,
+    gimbal_yaw_frame,
+    missing_numbers,
+)
 from fieldkit.flightlogs.model import FlightLog, Place, Series, Track
-from fieldkit.flightlogs.ulog_messages import read_topics
-from fieldkit.flightlogs.values import as_boot, as_place, as_utc, euler_deg, gimbal_yaw_frame
 
 _TRIGGERS = ("camera_capture", "camera_trigger")
 _GNSS = ("vehicle_gps_position", "sensor_gps")
@@ -28,6 +41,20 @@ _LAST_MESSAGE = 512
 _REMEDY = "Copy the log again from the autopilot's card."
 
 Topics = dict[str, NDArray[np.void]]
+
+
+HEADER = b"ULog\x01\x12\x35"
+SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
+_FIELD = re.compile(r"([a-z0-9_]+)(?:\[([0-9]{1,5})\])? ([A-Za-z0-9_]{1,80})")
+_TYPES = {
+    "int8_t": "<i1", "uint8_t": "<u1", "int16_t": "<i2", "uint16_t": "<u2", "int32_t": "<i4", "uint32_t": "<u4",
+    "int64_t": "<i8", "uint64_t": "<u8", "float": "<f4", "double": "<f8", "bool": "<u1", "char": "<u1",
+}  # fmt: skip
+_MOST_BYTES = 65536
+_APPENDED = 1
+_HEADER_BYTES = 16
+_NO_INSTANCE = 256
+_KINDS = frozenset(b"BFIMPQARDLCSO")
 
 
 def read_ulog(data: bytes, path: Path) -> FlightLog:
@@ -151,3 +178,115 @@ def _attitudes(topics: Topics, name: str, frame: str | None = None) -> Series:
         flags = _column(rows, "device_flags")
         keep = np.array([gimbal_yaw_frame(int(f) if np.isfinite(f) else 0) == frame for f in flags])
     return Series.of(_seconds(rows)[keep], euler_deg(q[keep]), 3, (0, 1, 2))
+
+
+def read_topics(data: bytes, names: Set[str]) -> tuple[dict[str, NDArray[np.void]], int]:
+    """The rows of these topics' first instances, each (n,) structured, and the bytes that belong to no message.
+
+    Args:
+        data: of a log.
+        names: such as "camera_capture"; those that the log does not hold are not in the result.
+    """
+    if len(data) < _HEADER_BYTES or not data.startswith(HEADER):
+        raise MetadataError("is no ULog file", remedy="Copy the log again from the autopilot's card.")
+    topics, skipped = _Topics(names), len(data) - _HEADER_BYTES
+    for kind, body in _messages(data):
+        skipped -= 3 + len(body)
+        if kind == ord("F"):
+            topics.define(body)
+        elif kind == ord("A"):
+            topics.subscribe(body)
+        elif kind == ord("D"):
+            topics.add(body)
+    rows = {name: np.frombuffer(b"".join(parts), topics.formats[name]) for name, parts in topics.rows.items() if parts}
+    return rows, skipped
+
+
+def _messages(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Kind and body of each message; after damage reading goes on behind the next sync message."""
+    at, end = _HEADER_BYTES, len(data)
+    breaks: list[int] = []
+    while at + 3 <= end:
+        size, kind = struct.unpack_from("<HB", data, at)
+        after = at + 3 + size
+        breaks = [place for place in breaks if place > at]
+        if breaks and after > breaks[0]:  # the message that a crash cut, before what was appended afterwards
+            at = breaks[0]
+        elif after > end or kind not in _KINDS:
+            sync = data.find(SYNC, at + 1)
+            at = end if sync < 0 else sync + len(SYNC)
+        else:
+            body = data[at + 3 : after]
+            if kind == ord("B"):
+                breaks = _appended(body, end)
+            yield kind, body
+            at = after
+
+
+class _Topics:
+    """The chosen topics as the messages tell of them, and the rows of their first instances."""
+
+    def __init__(self, names: Set[str]) -> None:
+        self.names = names
+        self.formats: dict[str, np.dtype[np.void]] = {}
+        self.rows: dict[str, list[bytes]] = {}
+        self._instances: dict[str, int] = {}
+        self._by_number: dict[int, str] = {}
+
+    def define(self, body: bytes) -> None:
+        """A format message."""
+        name, _, fields = body.decode("utf-8", "replace").partition(":")
+        if name in self.names and (layout := _layout(fields)) is not None:
+            self.formats.setdefault(name, layout)
+
+    def subscribe(self, body: bytes) -> None:
+        """A message that gives one instance of a topic its number; a lower instance takes the place of a higher one."""
+        if len(body) <= 3:
+            return
+        instance, number = struct.unpack_from("<BH", body)
+        name = body[3:].decode("utf-8", "replace")
+        known = self._instances.get(name, _NO_INSTANCE)
+        if name not in self.formats or instance > known:
+            return
+        if instance < known:
+            self.rows[name] = []
+            self._by_number = {n: other for n, other in self._by_number.items() if other != name}
+        self._instances[name] = instance
+        self._by_number[number] = name
+
+    def add(self, body: bytes) -> None:
+        """A row of a numbered topic."""
+        name = self._by_number.get(body[0] | body[1] << 8) if len(body) > 2 else None
+        if name is not None and len(body) - 2 >= self.formats[name].itemsize:
+            self.rows[name].append(body[2 : 2 + self.formats[name].itemsize])
+
+
+def _appended(body: bytes, end: int) -> list[int]:
+    """Where data was appended after a crash."""
+    if len(body) < 40:
+        return []
+    incompatible = body[8:16]
+    if incompatible[0] & ~_APPENDED or any(incompatible[1:]):
+        raise MetadataError("was written by a newer PX4 than this reads", remedy="Convert it with pyulog first.")
+    return sorted(o for o in struct.unpack_from("<3Q", body, 16) if 16 < o < end)
+
+
+def _layout(fields: str) -> np.dtype[np.void] | None:
+    """The structure of a flat topic; trailing padding is not in the data. None where it is of another kind."""
+    columns: list[tuple[str, str, tuple[int, ...]]] = []
+    for text in fields.split(";"):
+        if not text:
+            continue
+        match = _FIELD.fullmatch(text)
+        if match is None or match[1] not in _TYPES or len(columns) > 500:
+            return None
+        shape = (int(match[2]),) if match[2] else ()
+        if shape and not 0 < shape[0] <= _MOST_BYTES:
+            return None
+        columns.append((match[3], _TYPES[match[1]], shape))
+    while columns and columns[-1][0].startswith("_padding"):
+        columns.pop()
+    if not columns or len({c[0] for c in columns}) != len(columns):
+        return None
+    dtype = np.dtype(columns)
+    return dtype if dtype.itemsize <= _MOST_BYTES else None

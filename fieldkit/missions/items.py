@@ -121,7 +121,7 @@ def command_name(command: int) -> str:
     try:
         return Command(command).name
     except ValueError:
-        from fieldkit.flightlogs.dialect import mavlink  # takes a moment, and hardly any mission needs it
+        from fieldkit.flightlogs.mavlink import mavlink  # takes a moment, and hardly any mission needs it
 
         entry = mavlink.enums["MAV_CMD"].get(command)
         return f"command {command}" if entry is None else str(entry.name).removeprefix("MAV_CMD_")

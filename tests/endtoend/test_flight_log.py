@@ -18,7 +18,7 @@ from fieldkit.captures.poses_csv import parse_poses_csv
 from fieldkit.evaluation.adherence import flown_noise
 from fieldkit.evaluation.reference import Reference
 from fieldkit.flightlogs import read_flight_log
-from fieldkit.flightlogs.dialect import mavlink
+from fieldkit.flightlogs.mavlink import mavlink
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.results.plan_file import save_plan

@@ -22,9 +22,9 @@ from fieldkit.flightlogs import (
     read_flight_log,
 )
 from fieldkit.flightlogs.adherence import PlannedPose, adherence
-from fieldkit.flightlogs.dataflash_messages import read_messages
+from fieldkit.flightlogs.assembly import euler_deg, gimbal_yaw_frame
+from fieldkit.flightlogs.dataflash import read_messages
 from fieldkit.flightlogs.reading import _unpacked
-from fieldkit.flightlogs.values import euler_deg, gimbal_yaw_frame
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_angle_deg

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from fieldkit.errors import MetadataError
 from fieldkit.flightlogs import achieved_pose, match, read_flight_log
 from fieldkit.flightlogs.matching import Stamp
-from fieldkit.flightlogs.tlog_frames import LogReader
+from fieldkit.flightlogs.mavlink import LogReader
 from tests.flightlogs.recordings import recording
 from tests.flightlogs.test_px4_logs import flight
 from tests.flightlogs.ulog_file import write_ulog

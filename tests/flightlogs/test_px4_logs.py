@@ -10,7 +10,7 @@ import pytest
 from pyulog import ULog
 
 from fieldkit.flightlogs import achieved_pose, read_flight_log
-from fieldkit.flightlogs.ulog_messages import SYNC, read_topics
+from fieldkit.flightlogs.ulog import SYNC, read_topics
 from tests.flightlogs.ulog_file import Topic, message, write_ulog
 
 UTC_US = 1_795_211_730_000_000

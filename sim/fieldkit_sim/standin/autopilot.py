@@ -14,8 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fieldkit.flightlogs.dialect import mavlink
-from fieldkit.flightlogs.mavlink_frames import Message
+from fieldkit.flightlogs.mavlink import Message, mavlink
 from fieldkit.link.items import MAX_ITEMS, WireItem, stored
 from fieldkit.missions.autopilots.accepting import Result
 

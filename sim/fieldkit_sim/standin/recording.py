@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from fieldkit.errors import MetadataError
-from fieldkit.flightlogs.dialect import mavlink
-from fieldkit.flightlogs.mavlink_frames import Message
-from fieldkit.flightlogs.tlog_frames import read_frames
+from fieldkit.flightlogs.mavlink import LogFrame, LogReader, Message, mavlink
+from fieldkit.regular_files import check_regular, read_regular
 
 _ANSWERS = frozenset({
     mavlink.MAVLINK_MSG_ID_MISSION_REQUEST, mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_INT,
@@ -24,6 +23,8 @@ _KEPT_ALIVE = (
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
 )  # fmt: skip
 """What a station needs to keep a vehicle for connected and to know where it is."""
+_MAX_BYTES = 2 << 30
+_REMEDY = "Give a telemetry log as QGroundControl, Mission Planner or MAVProxy writes it (.tlog)."
 _MAX_GAP_S = 60.0
 """A longer silence in a recording is left out."""
 
@@ -135,3 +136,30 @@ class TelemetrySource:
 
     def _kept(self) -> list[Telemetry]:
         return [self._last[kind] for kind in _KEPT_ALIVE if kind in self._last]
+
+
+def read_frames(path: Path) -> Iterator[LogFrame]:
+    """The intact frames of a file, see `LogReader`."""
+    path = Path(path)
+    try:
+        if check_regular(path).st_size > _MAX_BYTES:
+            raise MetadataError("is too large for a telemetry log", path=path, remedy=_REMEDY)
+        data = read_regular(path, _MAX_BYTES)
+    except FileNotFoundError as error:
+        raise MetadataError("there is no such file", path=path, remedy=_REMEDY) from error
+    except OSError as error:
+        raise MetadataError(f"cannot be read: {error.strerror}", path=path, remedy=_REMEDY) from error
+    found = False
+    for frame in LogReader(data):
+        found = True
+        yield frame
+    if not found:
+        raise MetadataError("holds no MAVLink messages", path=path, remedy=_REMEDY)
+
+
+def read_messages(path: Path) -> Iterator[tuple[float, int, Message]]:
+    """(time, seconds since 1970; id of the sending system; message) of every message of a file."""
+    for frame in read_frames(path):
+        message = frame.message
+        if message is not None:
+            yield frame.time_s, frame.system, message

@@ -14,8 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from fieldkit.errors import LinkError, UsageError
-from fieldkit.flightlogs.dialect import mavlink
-from fieldkit.flightlogs.mavlink_frames import MAGIC_2, Message, Splitter, checksum, decode
+from fieldkit.flightlogs.mavlink import MAGIC_2, Message, checksum, checksum_right, decode, frame_length, mavlink
 from fieldkit.link.items import ARDUPILOT, WireItem, mission_items, stored
 from fieldkit.missions.autopilots.accepting import Result, in_centimetres
 from fieldkit.missions.items import MissionItem, command_name
@@ -269,3 +268,28 @@ def _numbered(frame: bytes, seq: int) -> bytes:
     end = (10 if frame[0] == MAGIC_2 else 6) + frame[1]
     struct.pack_into("<H", numbered, end, crc)
     return bytes(numbered)
+
+
+class Splitter:
+    """Cuts a stream of bytes into intact frames; noise between them and damaged ones are skipped."""
+
+    def __init__(self) -> None:
+        self._held = bytearray()
+
+    def split(self, data: bytes) -> list[bytes]:
+        """The frames that are complete with these bytes."""
+        held = self._held
+        held += data
+        frames = []
+        start = 0
+        while start < len(held):
+            length = frame_length(memoryview(held)[start : start + 3])
+            if length == 0 or (length is not None and start + length > len(held)):
+                break
+            if length is None or not checksum_right(frame := bytes(held[start : start + length])):
+                start += 1
+                continue
+            frames.append(frame)
+            start += length
+        del held[:start]
+        return frames

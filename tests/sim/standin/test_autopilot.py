@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from fieldkit.flightlogs.dialect import mavlink
-from fieldkit.flightlogs.tlog_frames import read_messages
+from fieldkit.flightlogs.mavlink import mavlink
 from fieldkit.missions.autopilots.accepting import in_centimetres
 from fieldkit_sim.standin.autopilot import Autopilot, on_message, on_time
+from fieldkit_sim.standin.recording import read_messages
 
 T0 = 1781000000.0
 ANSWERS = {

@@ -14,10 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldkit.errors import MetadataError
-from fieldkit.flightlogs.dialect import mavlink
-from fieldkit.flightlogs.mavlink_frames import Splitter, decode, frame_length, intact
-from fieldkit.flightlogs.tlog_frames import LogReader, read_frames, read_messages
-from fieldkit_sim.standin.recording import read_recording
+from fieldkit.flightlogs.mavlink import LogReader, checksum_right, decode, frame_length, mavlink
+from fieldkit_sim.standin.recording import read_frames, read_messages, read_recording
+from fieldkit_sim.standin.replay import Splitter
 
 
 def test_every_frame_is_read(sitl: Path) -> None:
@@ -131,7 +130,7 @@ def test_a_stream_is_cut_wherever_it_arrives(sitl: Path) -> None:
         assert found[1:] == frames[1:]
     damaged = bytearray(frames[3])
     damaged[12] ^= 1
-    assert not intact(bytes(damaged))
+    assert not checksum_right(bytes(damaged))
     assert frame_length(frames[3]) == len(frames[3])
 
 

@@ -1,30 +1,34 @@
-"""Telemetry logs (.tlog), as QGroundControl, Mission Planner and MAVProxy write them.
+"""MAVLink frames as bytes: found in a telemetry log (.tlog), checked and decoded.
 
-Each frame lies after its time: 8 bytes, big-endian, microseconds since 1970. Nothing says how long a frame is but the
-frame itself, so after damage the next one is searched by its first byte.
+https://mavlink.io/en/guide/serialization.html. In a log, as QGroundControl, Mission Planner and MAVProxy write it, each
+frame lies after its time: 8 bytes, big-endian, microseconds since 1970. Nothing says how long a frame is but the frame
+itself, so after damage the next one is searched by its first byte.
 """
 
 from __future__ import annotations
 
+import os
 import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Any
 
-from fieldkit.errors import MetadataError
-from fieldkit.flightlogs.mavlink_frames import (
-    MAGIC_1,
-    MAGIC_2,
-    Message,
-    checksum_right,
-    decode,
-    frame_length,
-    message_id,
-)
-from fieldkit.regular_files import check_regular, read_regular
+os.environ["MAVLINK20"] = "1"
 
-MAX_BYTES = 2 << 30
+# pymavlink reads the variable when mavutil is imported; without it, mavutil speaks MAVLink 1 whatever dialect is asked
+# for. ArduPilot's dialect contains common.xml. This is the one place that imports it.
+from pymavlink.dialects.v20 import ardupilotmega
+
+mavlink = ardupilotmega
+
+MAGIC_2 = 0xFD
+MAGIC_1 = 0xFE
+SIGNED = 0x01
+"""MAVLINK_IFLAG_SIGNED, in the third byte of a MAVLink 2 frame."""
+SIGNATURE_BYTES = 13
+_HEADER_2 = 10
+_HEADER_1 = 6
 _STAMP = struct.Struct(">Q")
 _STAMP_BYTES = 8
 _LEAST = 8
@@ -36,7 +40,53 @@ _MOST_FAILURES = 50_000
 """What may be frames and is none, before a file is given up: it bounds the time that a hostile one takes."""
 _LONG = 16
 """Frames of unknown kinds that follow on each other by their sizes alone; noise does not."""
-_REMEDY = "Give a telemetry log as QGroundControl, Mission Planner or MAVProxy writes it (.tlog)."
+
+Message = Any
+"""One of pymavlink's message objects; it has no types."""
+
+
+def frame_length(head: bytes | bytearray | memoryview) -> int | None:
+    """Bytes of the frame that ``head`` begins with; 0 where more of it is needed; None where it begins none."""
+    if not head:
+        return 0
+    if head[0] == MAGIC_1:
+        return _HEADER_1 + head[1] + 2 if len(head) > 1 else 0
+    if head[0] != MAGIC_2:
+        return None
+    if len(head) < 3:
+        return 0
+    return _HEADER_2 + head[1] + 2 + (SIGNATURE_BYTES if head[2] & SIGNED else 0)
+
+
+def message_id(frame: bytes) -> int:
+    """Of a frame, or of its first ten bytes."""
+    return frame[5] if frame[0] == MAGIC_1 else frame[7] | frame[8] << 8 | frame[9] << 16
+
+
+def checksum(frame: bytes) -> int | None:
+    """The X.25 checksum that a frame with this header and payload has; None for messages that no dialect here has."""
+    definition = mavlink.mavlink_map.get(message_id(frame))
+    if definition is None:
+        return None
+    end = (_HEADER_1 if frame[0] == MAGIC_1 else _HEADER_2) + frame[1]
+    return int(mavlink.x25crc(bytes(frame[1:end]) + bytes([definition.crc_extra])).crc)
+
+
+def checksum_right(frame: bytes) -> bool | None:
+    """Whether the checksum of a whole frame is right; None for messages that no dialect here has."""
+    expected = checksum(frame)
+    end = (_HEADER_1 if frame[0] == MAGIC_1 else _HEADER_2) + frame[1]
+    return None if expected is None else bool(struct.unpack_from("<H", frame, end)[0] == expected)
+
+
+def decode(frame: bytes) -> Message | None:
+    """The message in a frame; None where it is damaged or of an unknown kind. Signatures are not looked at."""
+    if message_id(frame) not in mavlink.mavlink_map:
+        return None
+    try:
+        return mavlink.MAVLink(None).decode(bytearray(frame))
+    except (mavlink.MAVError, struct.error, ValueError, TypeError, IndexError, UnicodeDecodeError):
+        return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,30 +184,3 @@ class LogReader:
                 return right
             end += _STAMP_BYTES + size
         return True
-
-
-def read_frames(path: Path) -> Iterator[LogFrame]:
-    """The intact frames of a file, see `LogReader`."""
-    path = Path(path)
-    try:
-        if check_regular(path).st_size > MAX_BYTES:
-            raise MetadataError("is too large for a telemetry log", path=path, remedy=_REMEDY)
-        data = read_regular(path, MAX_BYTES)
-    except FileNotFoundError as error:
-        raise MetadataError("there is no such file", path=path, remedy=_REMEDY) from error
-    except OSError as error:
-        raise MetadataError(f"cannot be read: {error.strerror}", path=path, remedy=_REMEDY) from error
-    found = False
-    for frame in LogReader(data):
-        found = True
-        yield frame
-    if not found:
-        raise MetadataError("holds no MAVLink messages", path=path, remedy=_REMEDY)
-
-
-def read_messages(path: Path) -> Iterator[tuple[float, int, Message]]:
-    """(time, seconds since 1970; id of the sending system; message) of every message of a file."""
-    for frame in read_frames(path):
-        message = frame.message
-        if message is not None:
-            yield frame.time_s, frame.system, message
