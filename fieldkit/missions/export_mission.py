@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -27,6 +25,7 @@ from fieldkit.results.mission_file import record_bytes, record_path
 from fieldkit.results.plan import Plan, Plans, station_number
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, plan_bytes
 from fieldkit.sites.placement import SiteFrame
+from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.sites.plot_plants import PlantHeight, with_plant_height
 from fieldkit.sites.site import Site
 from fieldkit.sites.site_file import Tell, load_plots, load_site, with_plots
@@ -296,13 +295,8 @@ def _of_first_plot(routed: Routed) -> int:
 
 
 def _plan_files(mission: Path, plots: Iterable[str]) -> dict[str, Path]:
-    """MISSION-PLOT.json by plot, with a number where two plots' names differ in what no file name may have."""
-    files: dict[str, Path] = {}
-    for plot in plots:
-        stem = f"{mission.stem}-" + re.sub(r"[^\w.-]", "_", plot)
-        names = (mission.with_name(f"{stem}{f'-{k}' if k > 1 else ''}.json") for k in itertools.count(1))
-        files[plot] = next(name for name in names if name not in {record_path(mission), *files.values()})
-    return files
+    """MISSION-PLOT.json by plot."""
+    return {plot: mission.with_name(f"{mission.stem}-{plot_file_name(plot)}.json") for plot in plots}
 
 
 def _names(output: Path, flights: int) -> list[Path]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fieldkit.cache import digest
-from fieldkit.sites.geojson import Feature
+from fieldkit.sites.vector_files import Feature
 from fieldkit.wording import count
 
 ID_FIELDS = ("plot_id", "id", "name", "fid")

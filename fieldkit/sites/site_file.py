@@ -25,11 +25,10 @@ from fieldkit.files import file_beside
 from fieldkit.geometry.geodesy import LocalFrame, great_circle_m
 from fieldkit.regular_files import open_regular
 from fieldkit.runtime.shipped import shipped_page
-from fieldkit.sites.geojson import Feature, wgs84_features
 from fieldkit.sites.plot_ids import ID_FIELDS, IdProblem, PlotIds, plot_ids
 from fieldkit.sites.plot_shapes import heading_near, plot_shape
 from fieldkit.sites.site import Site, SiteHome, SitePlot
-from fieldkit.sites.vector_files import NUMBERS, VectorFile, read_features, read_wgs84
+from fieldkit.sites.vector_files import NUMBERS, Feature, VectorFile, read_features, read_wgs84, wgs84_features
 from fieldkit.wording import listed
 
 FARTHEST_M = 100_000.0

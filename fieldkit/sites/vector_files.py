@@ -1,6 +1,6 @@
 """Files of plots and zones: GeoJSON, Shapefiles (also zipped), KML and KMZ, GeoPackages, in any reference system.
 
-GeoJSON in WGS 84 is read without further libraries; all else with pyogrio and pyproj, from the extra ``geo``.
+GeoJSON in WGS 84 (RFC 7946) is read without further libraries; all else with pyogrio and pyproj (extra ``geo``).
 """
 
 from __future__ import annotations
@@ -13,71 +13,103 @@ import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 import shapely
 
 from fieldkit.documents.file_bytes import file_bytes
-from fieldkit.documents.json_file import read_json_object
+from fieldkit.documents.json_file import json_number, read_json_object
+from fieldkit.documents.mistaken import (
+    DEGREES,
+    PROJECTED,
+    SWAPPED,
+    look_like_degrees,
+    look_swapped,
+    refuse_other,
+)
 from fieldkit.errors import MetadataError
-from fieldkit.sites.geojson import MAX_FEATURES, Feature, reference_system, wgs84_features
+from fieldkit.geometry.geodesy import on_earth
 
 MAX_BYTES = 16 << 20
 """Of a file, and of what an archive holds unpacked."""
+MAX_FEATURES = 2000
+MAX_CORNERS = 20_000
+"""Of all polygons of a file together."""
 NUMBERS = (
     "height_m", "slope_percent", "slope_deg", "uphill_heading_deg", "plant_height_m", "row_spacing_m",
     "row_heading_deg", "length_m", "width_m",
 )  # fmt: skip
 """Properties of plots that are numbers; KML may have them as text."""
 
-_KINDS = "GeoJSON, a Shapefile (also zipped), KML or a GeoPackage"
-_REMEDY = f"Give {_KINDS} with points or polygons; QGIS exports all of them."
+_NOUN = "file of plots or zones"
+_REMEDY = (
+    "Give GeoJSON, a Shapefile (.shp with its .shx, .dbf and .prj, or these zipped), KML or a GeoPackage with points "
+    "or polygons; QGIS exports all of them (Save Features As…), also from a table (Add Delimited Text Layer)."
+)
+_CRS = "In QGIS, set the layer's CRS to the one that its coordinates are in, then Save Features As… GeoJSON."
 _SHAPEFILE = (".shp", ".shx", ".dbf", ".prj")
-_MOST = MAX_FEATURES + 1  # one too many is refused
 _DBF_NAME = 10  # characters; longer names of fields are cut
-_DEGREES = (180.0, 90.0)
-_LATEST = "In QGIS, set the layer's CRS to the one that its coordinates are in, then Save Features As… GeoJSON."
+_WGS84 = ("crs84", "epsg::4326", "epsg:4326")
+
+Ring = tuple[tuple[float, float], ...]
+"""Corners (latitude, longitude) in degrees, without a repeated last one."""
+
+
+@dataclass(frozen=True)
+class Feature:
+    """One feature of a file."""
+
+    number: int
+    """Of it in the file, from 1."""
+    kind: Literal["Point", "Polygon"]
+    """Of its geometry; a MultiPolygon is a Polygon with several parts."""
+    parts: tuple[Ring, ...]
+    """A ring per part; of a point one with its only corner."""
+    height_m: float | None
+    """Third coordinate of its first position. Its datum is not known: RFC 7946 wants the ellipsoid's, many programs
+    write the height above sea level, some 0 for none."""
+    properties: Mapping[str, Any]
+    """What the file says of it, without those that are null; the feature's own "id" is one of them."""
+
+
+@dataclass(frozen=True)
+class VectorFile:
+    """A file as a GeoJSON document in WGS 84."""
+
+    document: Mapping[str, Any]
+    as_is: bool
+    """Whether the file itself is that document."""
 
 
 def read_features(path: Path) -> tuple[Feature, ...]:
     """The points and polygons of a file, in its order, in WGS 84.
 
     Raises:
-        MetadataError: it is missing, unreadable, too large or of another kind; a library or a part of it is missing; it
-            has several layers or no reference system; or as `wgs84_features`.
+        MetadataError: the file, or a feature of it, cannot be used.
     """
     return wgs84_features(read_wgs84(path).document, Path(path))
-
-
-@dataclass(frozen=True)
-class VectorFile:
-    """A file as GeoJSON.
-
-    Attributes:
-        document: in WGS 84.
-        as_is: whether the file itself is that document.
-    """
-
-    document: Mapping[str, Any]
-    as_is: bool
 
 
 def read_wgs84(path: Path) -> VectorFile:
     """A file of points and polygons as a GeoJSON document in WGS 84; what it holds is not looked at.
 
     Raises:
-        MetadataError: as `read_features`, but for what the features are.
+        MetadataError: it is missing, unreadable, too large or of another kind; a library or a part of it is missing; it
+            has several layers or no reference system.
     """
     path = Path(path)
-    data = file_bytes(path, _REMEDY, MAX_BYTES, noun="file of plots or zones")
-    kind, source = _kind(data, path)
-    if kind != "GeoJSON":
-        return VectorFile(_converted(path, kind, source), as_is=False)
+    data = file_bytes(path, _REMEDY, MAX_BYTES, noun=_NOUN)
+    found = _for_gdal(data, path)
+    if found is not None:
+        return VectorFile(_converted(path, *found), as_is=False)
+    if not data.removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"{", b"[")) and path.suffix != ".geojson":
+        _refuse(path)
     document = read_json_object(path, _REMEDY, noun="GeoJSON file", max_bytes=MAX_BYTES)
-    if reference_system(document) is None:
+    crs = _reference_system(document)
+    if crs is None:
         return VectorFile(document, as_is=True)
-    return VectorFile(_converted(path, f"GeoJSON in {reference_system(document)}", source), as_is=False)
+    return VectorFile(_converted(path, f"GeoJSON in {crs}", str(path.absolute())), as_is=False)
 
 
 def parts_of(path: Path) -> list[Path]:
@@ -87,82 +119,48 @@ def parts_of(path: Path) -> list[Path]:
     return sorted(p for p in path.parent.iterdir() if p.stem == path.stem and p.suffix.lower() in (*_SHAPEFILE, ".cpg"))
 
 
-def _kind(data: bytes, path: Path) -> tuple[str, str]:
-    """What a file is, by its content, and what GDAL is to open.
+def _refuse(path: Path) -> NoReturn:
+    refuse_other(path, _NOUN, _REMEDY)
+    raise MetadataError(f"is no {_NOUN}", path=path, remedy=_REMEDY)
 
-    Raises:
-        MetadataError: none of those that can be read.
-    """
-    start = data[:4096].removeprefix(b"\xef\xbb\xbf").lstrip()
-    suffix, itself = path.suffix.lower(), str(path.absolute())
+
+def _for_gdal(data: bytes, path: Path) -> tuple[str, str] | None:
+    """What a file is, by its content, and what GDAL is to open; None where it may be GeoJSON."""
+    itself = str(path.absolute())
     if data.startswith(b"SQLite format 3\0"):
         return "a GeoPackage", itself
-    if data.startswith(b"\x00\x00\x27\x0a") and suffix != ".shx":
+    if data.startswith(b"\x00\x00\x27\x0a") and path.suffix.lower() == ".shp":
+        stem = path.stem.lower()
+        _require_parts({p.suffix.lower() for p in path.parent.iterdir() if p.stem.lower() == stem}, path)
         return "a Shapefile", itself
-    if data.startswith(b"PK\x03\x04"):
-        return _archive(data, path)
-    if start.startswith(b"<"):
-        if re.search(rb"<(\w+:)?kml\b", start):
-            return "KML", itself
-        _refuse("GPX" if b"<gpx" in start else "XML", path)
-    if suffix in (".shx", ".dbf", ".prj", ".cpg", ".sbn", ".qix", ".qmd"):
-        raise MetadataError(
-            "is a part of a Shapefile", path=path, remedy=f"Give {path.with_suffix('.shp').name}; its parts lie beside."
-        )
-    first = start.partition(b"\n")[0]
-    if suffix == ".toml" or re.match(rb"\w+\s*=", first):
-        _refuse("TOML, as site files and vehicle profiles are", path)
-    table = suffix in (".csv", ".tsv", ".txt") or any(mark in first for mark in b",;\t")
-    if table and not start.startswith((b"{", b"[")):
-        _refuse("a table (CSV)", path, "In QGIS: Add Delimited Text Layer, then Save Features As… GeoJSON.")
-    return "GeoJSON", itself
-
-
-def _archive(data: bytes, path: Path) -> tuple[str, str]:
+    if re.search(rb"<(\w+:)?kml\b", data[:4096]):
+        return "KML", itself
+    if not data.startswith(b"PK\x03\x04"):
+        return None
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = archive.infolist()
+            members = {member.filename: member.file_size for member in archive.infolist()}
     except (zipfile.BadZipFile, NotImplementedError, OSError, ValueError) as error:
         raise MetadataError("is a damaged zip archive", path=path, remedy="Make or copy it again.") from error
-    names = [member.filename.lower() for member in members]
-    if sum(member.file_size for member in members) > MAX_BYTES:
-        raise MetadataError("is far too large for a file of plots or zones", path=path, remedy=_REMEDY)
-    if any(name.endswith(".wpml") for name in names):
-        _refuse("a DJI mission", path)
-    if any(name.endswith(".kml") for name in names):
-        return "KMZ", str(path.absolute())
-    if "[content_types].xml" in names:
-        _refuse("a table or text of an office program", path)
-    shapes = [member.filename for member in members if member.filename.lower().endswith(".shp")]
-    if not shapes:
-        _refuse("a zip archive without a Shapefile", path)
-    if len(shapes) > 1:
-        raise MetadataError(
-            f"holds {len(shapes)} Shapefiles: {', '.join(sorted(shapes)[:5])}", path=path,
-            remedy="Zip the one with the plots by itself.",
-        )  # fmt: skip
-    stem = shapes[0].lower().removesuffix(".shp")
-    _require_parts({name.removeprefix(stem) for name in names if name.startswith(stem)}, path)
-    return "a zipped Shapefile", f"/vsizip/{path.absolute()}/{shapes[0]}"
-
-
-def _refuse(what: str, path: Path, remedy: str = _REMEDY) -> NoReturn:
-    raise MetadataError(f"is {what}, not a file of plots or zones", path=path, remedy=remedy)
+    if sum(members.values()) > MAX_BYTES:
+        raise MetadataError(f"is far too large for a {_NOUN}", path=path, remedy=_REMEDY)
+    names = [name.lower() for name in members]
+    shapes = [name for name in members if name.lower().endswith(".shp")]
+    if len(shapes) == 1:
+        stem = shapes[0].lower().removesuffix(".shp")
+        _require_parts({name.removeprefix(stem) for name in names if name.startswith(stem)}, path)
+        return "a zipped Shapefile", f"/vsizip/{itself}/{shapes[0]}"
+    if not shapes and any(name.endswith(".kml") for name in names) and not any(n.endswith(".wpml") for n in names):
+        return "KMZ", itself
+    raise MetadataError(
+        f"is a zip archive with {len(shapes)} Shapefiles", path=path, remedy="Zip the one with the plots by itself."
+    )
 
 
 def _require_parts(suffixes: set[str], path: Path) -> None:
     """Refuse a Shapefile of which a part is missing."""
-    missing = [suffix for suffix in _SHAPEFILE if suffix not in suffixes]
-    if missing == [".prj"]:
-        raise MetadataError(
-            "does not say its coordinate reference system: its .prj is missing", path=path,
-            remedy=f"Copy the .prj as well. Where there is none: {_LATEST[0].lower()}{_LATEST[1:]}",
-        )  # fmt: skip
-    if missing:
-        raise MetadataError(
-            f"is a Shapefile without its {' and '.join(missing)}", path=path,
-            remedy="Copy all of its files (.shp, .shx, .dbf, .prj) into one folder, or zip them together.",
-        )  # fmt: skip
+    if missing := [suffix for suffix in _SHAPEFILE if suffix not in suffixes]:
+        raise MetadataError(f"is a Shapefile without its {' and '.join(missing)}", path=path, remedy=_REMEDY)
 
 
 def _converted(path: Path, kind: str, source: str) -> dict[str, Any]:
@@ -177,29 +175,20 @@ def _converted(path: Path, kind: str, source: str) -> dict[str, Any]:
             f"is {kind}; reading that needs the extra 'geo'", path=path,
             remedy="pip install 'fieldkit[geo]', or give GeoJSON in WGS 84 (EPSG:4326).",
         ) from error  # fmt: skip
-    if kind == "a Shapefile":
-        stem = path.stem.lower()
-        _require_parts({p.suffix.lower() for p in path.parent.iterdir() if p.stem.lower() == stem}, path)
     rows: list[dict[str, Any]] = []
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # pyogrio's, of geometries with measures and the like
             for layer in _layers(pyogrio.list_layers(source), kind, path):
-                meta, numbers, wkb, values = read(source, layer=layer, return_fids=True, max_features=_MOST)
+                meta, numbers, wkb, values = read(source, layer=layer, return_fids=True, max_features=MAX_FEATURES + 1)
                 shapes = shapely.from_wkb(wkb)
-                if not meta["crs"]:
-                    raise MetadataError(
-                        f"does not say its coordinate reference system; its coordinates look like {_look(shapes)}",
-                        path=path, remedy=_LATEST,
-                    )  # fmt: skip
-                crs = CRS.from_user_input(meta["crs"])
-                _check_units(shapes, crs, path)
+                crs = None if not meta["crs"] else CRS.from_user_input(meta["crs"])
+                _check_units(shapely.get_coordinates(shapes), crs, path)
                 shapes = _moved(shapes, Transformer.from_crs(crs, 4326, always_xy=True))
                 fields = {str(name): column for name, column in zip(meta["fields"], values, strict=True)}
                 if kind == "a GeoPackage" and "fid" not in map(str.casefold, fields):
                     fields["fid"] = numbers
-                names = {name: _full_name(name, kind) for name in fields}
-                rows += _rows(shapes, {names[name]: column for name, column in fields.items()})
+                rows += _rows(shapes, {_full_name(name, kind): column for name, column in fields.items()})
     except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, ProjError, shapely.GEOSException) as error:
         why = re.sub(r"\s+", " ", str(error))[:200]
         raise MetadataError(f"is {kind} that cannot be read: {why}", path=path, remedy=_REMEDY) from error
@@ -207,56 +196,29 @@ def _converted(path: Path, kind: str, source: str) -> dict[str, Any]:
 
 
 def _layers(found: Any, kind: str, path: Path) -> list[str]:
-    """The layers that are read: of KML all, for its folders are layers; else the only one with geometries."""
+    """The layers that are read: of KML all, for its folders are layers; else the only one with geometries or areas."""
     layers = [str(name) for name, geometry in found if geometry is not None]
-    areas = [str(name) for name, geometry in found if geometry is not None and "Polygon" in str(geometry)]
-    if kind in ("KML", "KMZ"):
-        return layers
-    chosen = layers if len(layers) == 1 else areas
-    if len(chosen) != 1:
+    areas = [str(name) for name, geometry in found if "Polygon" in str(geometry)]
+    chosen = layers if len(layers) == 1 or kind in ("KML", "KMZ") else areas
+    if len(chosen) != 1 and kind not in ("KML", "KMZ"):
         raise MetadataError(
-            f"has {len(layers)} layers: {', '.join(layers[:8])}" if layers else "has no layer with places", path=path,
+            f"has {len(layers)} layers with places: {', '.join(layers[:8])}", path=path,
             remedy="In QGIS, export the one with the plots by itself: Save Features As….",
         )  # fmt: skip
     return chosen
 
 
-def _check_units(shapes: Any, crs: Any, path: Path) -> None:
-    """Refuse coordinates that cannot be of the reference system that the file names."""
-    places = shapely.get_coordinates(shapes)
-    if not len(places):
-        return
-    name = f"{crs.name} ({':'.join(crs.to_authority())})" if crs.to_authority() else crs.name
-    degrees = bool((np.abs(places) <= _DEGREES).all())
-    if not crs.is_geographic and degrees:
-        message = f"has coordinates that look like degrees, and says that they are in {name}, in metres"
-        raise MetadataError(message, path=path, remedy=_LATEST)
-    if crs.is_geographic and not degrees:
-        swapped = bool((np.abs(places[:, ::-1]) <= _DEGREES).all())
-        what = "longitude and latitude look swapped" if swapped else "metres of a map projection look like this"
-        message = f"says that its coordinates are degrees ({name}), and some are beyond 180 or 90: {what}"
-        raise MetadataError(message, path=path, remedy=_LATEST)
-    if not crs.is_geographic and crs.area_of_use is not None and _are_swapped(places, crs):
-        raise MetadataError(
-            f"has coordinates that are in {name} only with east and north swapped", path=path,
-            remedy="Swap the two where the file is made.",
-        )  # fmt: skip
-
-
-def _are_swapped(places: Any, crs: Any) -> bool:
-    """Whether places are far outside the area of a projection, and within it with their coordinates swapped."""
-    from pyproj import Transformer
-
-    west, south, east, north = crs.area_of_use.bounds
-    to_degrees = Transformer.from_crs(crs, 4326, always_xy=True)
-
-    def within(x: Any, y: Any) -> bool:
-        longitude, latitude = to_degrees.transform(x, y)
-        beside, margin = (longitude - west) % 360.0, 6.0  # a zone of UTM is used beyond its edge
-        inside = (beside <= (east - west) % 360.0 + margin) | (beside >= 360.0 - margin)
-        return bool((inside & (latitude >= south - margin) & (latitude <= north + margin)).all())
-
-    return not within(places[:, 0], places[:, 1]) and within(places[:, 1], places[:, 0])
+def _check_units(places: Any, crs: Any, path: Path) -> None:
+    """Refuse coordinates without a reference system, and those that cannot be of the one that the file names."""
+    degrees = look_like_degrees(places[:, 0], places[:, 1])
+    looks = DEGREES.looks_like if degrees else PROJECTED.looks_like
+    if crs is None:
+        raise MetadataError(f"does not say its coordinate reference system; {looks}", path=path, remedy=_CRS)
+    if len(places) and crs.is_geographic != degrees:
+        if crs.is_geographic and look_like_degrees(places[:, 1], places[:, 0]):
+            looks = SWAPPED.looks_like
+        name = f"{crs.name} ({':'.join(crs.to_authority())})" if crs.to_authority() else crs.name
+        raise MetadataError(f"has coordinates that are none in {name}: {looks}", path=path, remedy=_CRS)
 
 
 def _moved(shapes: Any, transformer: Any) -> Any:
@@ -273,18 +235,8 @@ def _moved(shapes: Any, transformer: Any) -> Any:
     return shapes
 
 
-def _look(shapes: Any) -> str:
-    places = shapely.get_coordinates(shapes)
-    return "degrees" if (np.abs(places) <= _DEGREES).all() else "metres of a map projection"
-
-
 def _rows(shapes: Any, fields: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Features as GeoJSON has them.
-
-    Args:
-        shapes: (n,) in longitude and latitude; None where there is none.
-        fields: (n,) values of each.
-    """
+    """Features as GeoJSON has them, of (n,) shapes in longitude and latitude and (n,) values of each field."""
     for k, shape in enumerate(shapes):
         values = {name: _value(column[k], name) for name, column in fields.items()}
         geometry = None if shape is None else json.loads(shapely.to_geojson(shape))
@@ -317,3 +269,99 @@ def _value(value: Any, name: str) -> Any:
         except ValueError:
             return value
     return value if isinstance(value, str | int) else None
+
+
+def _reference_system(document: Mapping[str, Any]) -> str | None:
+    """What a GeoJSON document of before 2016 says of its reference system, and QGIS still does; None for WGS 84."""
+    crs = document.get("crs")
+    properties = crs.get("properties") if isinstance(crs, dict) else None
+    name = properties.get("name") if isinstance(properties, dict) else None
+    if crs is None or (isinstance(name, str) and name.lower().endswith(_WGS84)):
+        return None
+    return name if isinstance(name, str) and len(name) <= 60 and name.isprintable() else "an unknown system"
+
+
+def wgs84_features(document: Mapping[str, Any], path: Path) -> tuple[Feature, ...]:
+    """The points and polygons of a GeoJSON document in WGS 84: a FeatureCollection, a Feature or a bare geometry.
+
+    Raises:
+        MetadataError: it is not GeoJSON, holds other geometries, a polygon with a hole, or coordinates that are none or
+            look swapped; the feature is named.
+    """
+    return _GeoJson(path).features(document)
+
+
+class _GeoJson:
+    """Reads one document; all its errors name the file."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.corners = 0
+
+    def features(self, document: Mapping[str, Any]) -> tuple[Feature, ...]:
+        kind = document.get("type")
+        own = document.get("kind")
+        if kind is None and isinstance(own, str) and own.isidentifier():
+            self._fail(f"is fieldkit's {own[:40]}, not a {_NOUN}")
+        if kind == "FeatureCollection":
+            rows = document.get("features")
+        else:
+            rows = [document if kind == "Feature" else {"type": "Feature", "geometry": document}]
+        if not isinstance(rows, list) or not 0 < len(rows) <= MAX_FEATURES:
+            self._fail(f"holds no features, or too many: {MAX_FEATURES} are the most")
+        return tuple(self._feature(number, row) for number, row in enumerate(rows, 1))
+
+    def _feature(self, number: int, row: Any) -> Feature:
+        where = f"feature {number}"
+        geometry = row.get("geometry") if isinstance(row, dict) and row.get("type") == "Feature" else None
+        given = row.get("properties") if isinstance(row, dict) else None
+        if not isinstance(geometry, dict) or not isinstance(given, dict | None):
+            self._fail(f"{where}: is not a feature with a geometry and properties")
+        properties = {key: value for key, value in {"id": row.get("id"), **(given or {})}.items() if value is not None}
+        kind, coordinates = geometry.get("type"), geometry.get("coordinates")
+        if kind == "Point":
+            corner, height = self._position(coordinates, where)
+            return Feature(number, "Point", ((corner,),), height, properties)
+        polygons = [coordinates] if kind == "Polygon" else coordinates
+        if kind not in ("Polygon", "MultiPolygon") or not isinstance(polygons, list) or not polygons:
+            known = isinstance(kind, str) and len(kind) <= 40 and kind.isprintable()
+            self._fail(f"{where}: is {f'a {kind}' if known else 'something else'}, not a Point or Polygon")
+        rings = [self._ring(part, where) for part in polygons]
+        return Feature(number, "Polygon", tuple(ring for ring, _ in rings), rings[0][1], properties)
+
+    def _ring(self, rings: Any, where: str) -> tuple[Ring, float | None]:
+        """The outer ring of a polygon, and the third coordinate of its first corner."""
+        if not isinstance(rings, list) or len(rings) != 1 or not isinstance(rings[0], list):
+            self._fail(
+                f"{where}: its polygon is not a single ring, or has a hole",
+                remedy="Draw it without; a place to keep out of is a no-fly zone.",
+            )
+        self.corners += len(rings[0])
+        if self.corners > MAX_CORNERS:
+            self._fail(f"has more than {MAX_CORNERS} corners", remedy="Simplify its polygons: a few dozen are plenty.")
+        positions = [self._position(position, where) for position in rings[0]]
+        ring = tuple(corner for corner, _ in positions)
+        if len(ring) > 1 and ring[0] == ring[-1]:
+            ring = ring[:-1]
+        if len(set(ring)) < 3:
+            self._fail(f"{where}: its polygon has fewer than three different corners")
+        return ring, positions[0][1]
+
+    def _position(self, position: Any, where: str) -> tuple[tuple[float, float], float | None]:
+        """(latitude, longitude) and the third coordinate."""
+        values = [json_number(v) for v in position] if isinstance(position, list) and len(position) <= 8 else []
+        if len(values) < 2 or None in values:
+            self._fail(f"{where}: a position is not [longitude, latitude] in numbers")
+        longitude, latitude = values[0], values[1]
+        assert longitude is not None
+        assert latitude is not None
+        if not on_earth(latitude, longitude):
+            slip = SWAPPED if look_swapped(latitude, longitude) else PROJECTED
+            self._fail(
+                f"{where}: [{longitude:g}, {latitude:g}] is no longitude and latitude; {slip.looks_like}",
+                remedy=slip.remedy,
+            )
+        return (latitude, longitude), values[2] if len(values) > 2 else None
+
+    def _fail(self, message: str, *, remedy: str = _REMEDY) -> NoReturn:
+        raise MetadataError(message, path=self.path, remedy=remedy)

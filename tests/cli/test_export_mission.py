@@ -69,9 +69,8 @@ def test_moved_stations_are_told_and_those_that_coincide_are_refused(
     fixed = ["export-mission", str(plan), "--vehicle", "fixed-gimbal", "--site", str(SITES / "example.toml"), *HEIGHT]
     save_plan(plan, given.model_copy(update={"stations": tuple(tilted)}))
     assert main([*fixed, "-o", str(tmp_path / "m"), "--no-picture"]) == 5
-    assert "5 photographs (station 1, 2, 3, 4 and 5 of plot), the first: pitch" in " ".join(
-        capsys.readouterr().err.split()
-    )
+    told = " ".join(capsys.readouterr().err.split())
+    assert "5 photographs (station 1, 2, 3, 4 and 5 of plot), the first: pitch" in told
     assert main([*fixed, "-o", str(tmp_path / "m"), "--no-picture", "--adjust"]) == 0
     assert capsys.readouterr().err.count("Moved: station") == 5
     twice = (first, first.model_copy(update={"pitch_deg": -80.0}), *given.stations[2:])
@@ -126,6 +125,6 @@ def test_swapped_arguments_and_options_without_a_site(
     assert main(["export-mission", site, "--site", str(plan), *out]) == 2
     assert "plan and site are swapped" in capsys.readouterr().err
     assert main(["export-mission", str(plan), "--site", site, "--plots", site, *out]) == 3
-    assert "is TOML, as site files" in capsys.readouterr().err
+    assert "is a site file, not a file of plots or zones" in capsys.readouterr().err
     assert main(["check-mission", "m.plan", "--vehicle", "ardupilot-pitch", "--plots", site]) == 2
     assert "--plots says nothing without --site" in capsys.readouterr().err

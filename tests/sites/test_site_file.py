@@ -280,7 +280,7 @@ def test_reference_systems(tmp_path: Path) -> None:
     good = geojson(tmp_path, point(row_heading_deg=0), crs=crs("urn:ogc:def:crs:OGC:1.3:CRS84"))
     assert len(read_features(good)) == 1
     bad = geojson(tmp_path, point(row_heading_deg=0), crs=crs("urn:ogc:def:crs:EPSG::25832"))
-    with pytest.raises(MetadataError, match=r"look like degrees, and says that they are in .*EPSG:25832"):
+    with pytest.raises(MetadataError, match=r"coordinates that are none in .*EPSG:25832.*: these look like degrees"):
         read_features(bad)
 
 
