@@ -61,7 +61,7 @@ class Baseline:
             return {}
         found = model_poses(model)
         self.registered = len(found)
-        known = known_poses(self._capture, self._plot.source).poses
+        known = known_poses(self._capture, self._plot.source).by_name
         similarity = align_to_positions(found, known, seed=0)
         if similarity is None:
             return {}

@@ -17,10 +17,10 @@ from benchmarks.scene_views import SceneUnderStudy, load_scene, photograph, ring
 from fieldkit.cache import StageCache
 from fieldkit.captures import Photo, read_capture
 from fieldkit.geometry.similarity import fit_similarity
-from fieldkit.reconstruction.blind_mapping import map_blindly
 from fieldkit.reconstruction.cameras import guessed_camera
 from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.features import FeatureSettings
+from fieldkit.reconstruction.mapping.blind import map_blindly
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import exhaustive_pairs, load_features, load_pairs
 from fieldkit.runtime.progress import Progress
@@ -182,11 +182,11 @@ def _map(
     neighbours = float(np.median([len(pairs[i, j].inliers) if (i, j) in pairs else 0 for i, j in around]))
     found: list[tuple[tuple[int, ...], Centers, float]] = []
     for seed in range(seeds):
-        mapping = map_blindly(
+        models = map_blindly(
             "incremental", names, [k.features for k in keyed], [camera], [0] * n, pairs, fixed_intrinsics=False,
             seed=seed,
         )  # fmt: skip
-        sizes = tuple(int(model.num_reg_images()) for model in mapping.models)
-        poses = model_poses(mapping.models[0]) if mapping.models else {}
+        sizes = tuple(int(model.num_reg_images()) for model in models)
+        poses = model_poses(models[0]) if models else {}
         found.append((sizes, {name: pose.center for name, pose in poses.items()}, neighbours))
     return found

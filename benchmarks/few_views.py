@@ -15,13 +15,14 @@ from benchmarks.rigs import RigSet, load_rig, perturb, root_mean_square, uniform
 from fieldkit.cache import StageCache
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.similarity import fit_similarity
-from fieldkit.reconstruction.agreement import KnownPose, align_to_positions, judge
-from fieldkit.reconstruction.blind_mapping import METHODS, map_blindly
+from fieldkit.reconstruction.agreement import align_to_positions, judge
 from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.features import Features
-from fieldkit.reconstruction.prior_mapping import RoughPose, map_with_priors
-from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.mapping.blind import map_blindly
+from fieldkit.reconstruction.mapping.prior import map_with_priors
+from fieldkit.reconstruction.settings import BLIND_METHODS, ReconstructionSettings
 from fieldkit.reconstruction.stages import KeyedFeatures, exhaustive_pairs, load_features, load_pairs
 from fieldkit.runtime.progress import Progress
 
@@ -158,10 +159,10 @@ def run_subset(
     settings = ReconstructionSettings()
     photos = [rig.capture.photo(name) for name in names]
     keyed = load_features(photos, settings.features, cache=cache, workers=1, advance=lambda _: None)
-    total = draws * (len(METHODS) + len(noises))
+    total = draws * (len(BLIND_METHODS) + len(noises))
     with progress.stage(f"{rig.name}, {size} views, phase {phase}", total) as advance:
         found = [(method, "", draw, poses, cpu) for method, draw, poses, cpu in _blind(rig, names, keyed, draws)]
-        advance(draws * len(METHODS))
+        advance(draws * len(BLIND_METHODS))
         features = [k.features for k in keyed]
         map_with_noise(rig, names[:4], features[:4], noises[0], 0, settings)  # compiles the kernels
         for noise in noises:
@@ -187,7 +188,7 @@ def assess(poses: Mapping[str, Pose], rig: RigSet) -> Outcome:
     names = [name for name in rig.names if name in poses]
     if len(names) < 3:
         return Outcome(len(names), 0, None, None, None, None, None)
-    known = {n: KnownPose(rig.nominal[n].center, rig.accuracy_m, None, 0.0) for n in names}
+    known = {n: PosePrior(rig.nominal[n].center, rig.accuracy_m) for n in names}
     aligned = align_to_positions({n: poses[n] for n in names}, known, seed=0)
     right = 0
     if aligned is not None:
@@ -260,14 +261,14 @@ def _blind(
     )  # fmt: skip
     matching = time.process_time() - start
     found = []
-    for method in METHODS:
+    for method in BLIND_METHODS:
         for draw in range(draws):
             start = time.process_time()
-            mapping = map_blindly(
+            models = map_blindly(
                 method, names, [k.features for k in keyed], [rig.intrinsics], camera_of, pairs,
                 fixed_intrinsics=True, seed=draw,
             )  # fmt: skip
-            poses = model_poses(mapping.models[0]) if mapping.models else {}
+            poses = model_poses(models[0]) if models else {}
             found.append((method, draw, poses, matching + time.process_time() - start))
     return found
 
@@ -278,12 +279,12 @@ def map_with_noise(
 ) -> tuple[dict[str, Pose], float]:  # fmt: skip
     """Poses of prior mapping from noisy commanded ones, and its CPU seconds."""
     noisy = perturb(rig.nominal, noise.position_m, noise.angle_deg, draw)
-    position_sigma = np.full(3, np.hypot(noise.position_m, rig.accuracy_m))
+    position_sigma = float(np.hypot(noise.position_m, rig.accuracy_m))
     angle_sigma = float(np.hypot(noise.angle_deg, RIG_ANGLE_SIGMA_DEG))
     start = time.process_time()
     result = map_with_priors(
         names, features, [rig.intrinsics], [0] * len(names),
-        [RoughPose(noisy[name], position_sigma, angle_sigma) for name in names],
+        [PosePrior.of(noisy[name], position_sigma, angle_sigma) for name in names],
         settings.prior, fixed_intrinsics=True, seed=draw,
     )  # fmt: skip
     return model_poses(result.model), time.process_time() - start

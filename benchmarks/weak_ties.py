@@ -14,10 +14,9 @@ from benchmarks.result import Cell, ResultTable, StudyResult, spread
 from benchmarks.rigs import RigSet, load_rig, uniform_subset
 from fieldkit.cache import StageCache
 from fieldkit.reconstruction.features import FeatureSettings
-from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
+from fieldkit.reconstruction.mapping.prior import PriorMappingSettings
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import load_features
-from fieldkit.reconstruction.submodels import JoinSettings
 from fieldkit.runtime.progress import Progress
 
 SETS: Mapping[str, Sequence[int]] = {"basil_rig": (10, 13), "arabidopsis_rig": (10, 13)}
@@ -27,7 +26,7 @@ _GAP_DEG = 55.0
 _PHASES = 4
 _WAYS = {
     "put together": PriorMappingSettings(),
-    "left apart": PriorMappingSettings(join=JoinSettings(min_agreeing=sys.maxsize)),
+    "left apart": PriorMappingSettings(min_agreeing=sys.maxsize),
 }
 
 

@@ -13,7 +13,7 @@ from fieldkit.campaign.reading import CampaignPlot
 from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M
 from fieldkit.captures.model import Photo
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.reconstruction.prior_mapping import region_of_interest
+from fieldkit.reconstruction.guided import region_of_interest
 from fieldkit.results.plan import Plan
 
 _LEAST_PITCH_DEG = 15.0  # flatter, and where the axis meets the ground is not known

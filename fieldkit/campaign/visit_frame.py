@@ -23,9 +23,9 @@ from fieldkit.evaluation.traits import PlotOutline
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame, plot_from_enu
 from fieldkit.geometry.priors import SourceFrame
+from fieldkit.reconstruction.guided import region_of_interest
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.plot_frame import find_ground, moved_plane
-from fieldkit.reconstruction.prior_mapping import region_of_interest
 from fieldkit.results.frame import Plane
 from fieldkit.results.plan import Plan
 from fieldkit.vocabulary import LEAST_POSITIONS

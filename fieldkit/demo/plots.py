@@ -12,7 +12,7 @@ from fieldkit.evaluation.reference import build_reference
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.planning.space.plots import Plot
 from fieldkit.reconstruction.features import FeatureSettings
-from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
+from fieldkit.reconstruction.mapping.prior import PriorMappingSettings
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
 from fieldkit.runtime.progress import Silent

@@ -338,7 +338,7 @@ def _reconstructed(images: Sequence[ImageReport]) -> dict[str, PoseRow]:
     return {
         image.name: _row(pose.center, pose.rotation)
         for image in images
-        if image.right is not False and (pose := image.pose) is not None
+        if image.counts and (pose := image.pose) is not None
     }
 
 
@@ -348,7 +348,7 @@ def known_rows(capture: Capture, frame: SourceFrame) -> dict[str, PoseRow]:
     Empty where the capture's frame and the plot's are not related.
     """
     try:
-        known = known_poses(replace(capture, program=None), frame).poses
+        known = known_poses(replace(capture, program=None), frame).by_name
     except FieldkitError:
         return {}
     rows: dict[str, PoseRow] = {}
@@ -369,7 +369,7 @@ def known_rows(capture: Capture, frame: SourceFrame) -> dict[str, PoseRow]:
 
 def _as_meant(capture: Capture, images: Sequence[ImageReport], frame: SourceFrame) -> Capture:
     """A capture with its recorded angles read as orientations in the plot frame say; see `read_angles`."""
-    found = {image.name: pose.rotation for image in images if image.right is not False and (pose := image.pose)}
+    found = {image.name: pose.rotation for image in images if image.counts and (pose := image.pose)}
     sigmas = [p.angle_sigma_deg for p in capture.priors.values() if p.angles is not None]
     bound = ANGLE_SIGMAS * float(np.median(sigmas)) if sigmas else 0.0
     return read_angles(capture, found, frame.from_source.rotation, bound).capture

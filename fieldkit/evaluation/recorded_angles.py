@@ -1,6 +1,6 @@
 """Recorded angles as photographs and plan say they are to be read: their convention, and turns about the optical axis.
 
-`fieldkit reference` and `evaluate` tell the convention when they map (`fieldkit.reconstruction.angle_conventions`); a
+`fieldkit reference` and `evaluate` tell the convention when they map (`reconstruction.mapping.angle_conventions`); a
 check before mapping, and a comparison of tags after it, read the same angles the same way.
 """
 
@@ -16,7 +16,7 @@ from fieldkit.captures import Capture, Photo
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.priors import PosePrior
-from fieldkit.reconstruction.angle_conventions import find_convention
+from fieldkit.reconstruction.mapping.angle_conventions import find_convention
 
 Matrix = NDArray[np.float64]
 

@@ -19,9 +19,9 @@ from fieldkit.clouds.canopy import (
     with_room_m,
 )
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.reconstruction.agreement import scale_error
 from fieldkit.reconstruction.dense.views import view_camera
 from fieldkit.reconstruction.result import Reconstruction, SparseResult
+from fieldkit.reconstruction.scale import scale_error
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.frame import Plane
 from fieldkit.results.traits import TRAITS, Trait, TraitsEntry, error_column

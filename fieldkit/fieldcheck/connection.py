@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from fieldkit.fieldcheck.model import finding_of
 from fieldkit.fieldcheck.ties import TieGraph, tie_errors_deg
 from fieldkit.geometry import Pose
-from fieldkit.reconstruction.prior_mapping import region_of_interest
-from fieldkit.reconstruction.ties import connected_parts
+from fieldkit.reconstruction.guided import region_of_interest
+from fieldkit.reconstruction.mapping.view_graph import connected_parts
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan, station_number
 

@@ -19,11 +19,11 @@ from fieldkit.captures import Capture, Photo, read_image
 from fieldkit.errors import CaptureError
 from fieldkit.fieldcheck.model import CheckSettings
 from fieldkit.reconstruction.stages import Advance
+from fieldkit.reconstruction.versions import BESIDE
 from fieldkit.runtime.executor import map_threads
 
 WORKING_SIDE = 1600
 """Longer side in pixels at which sharpness is measured: that of features and depth maps."""
-_VERSION = 1
 _DARK, _BRIGHT = 3, 252
 _GAMMA = 2.2
 _EMPTY_CONTRAST = 3.0
@@ -93,7 +93,7 @@ def load_pictures(
     """Figures of photographs by name, from the cache where they are there."""
 
     def load(photo: Photo) -> Picture:
-        key = digest("field-check-picture", _VERSION, photo.sha256)
+        key = digest("field-check-picture", BESIDE["field-check-picture"], photo.sha256)
         kept = cache.get("pictures", key)
         if kept is None:
             found = _measured(photo)

@@ -15,7 +15,7 @@ from fieldkit.fieldcheck.ties import TieGraph
 from fieldkit.geometry import Pose
 from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.geometry.stations import PoseArray, associate, turn_between
-from fieldkit.reconstruction.orientation import orient_cameras
+from fieldkit.reconstruction.mapping.orientation import orient_cameras
 from fieldkit.reconstruction.verification import TwoView
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan

@@ -18,18 +18,31 @@ from fieldkit.cache import StageCache, digest
 from fieldkit.captures import Capture
 from fieldkit.fieldcheck.model import CheckSettings
 from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.geometry.priors import PosePrior
 from fieldkit.reconstruction.cameras import CameraSet, cameras_of
 from fieldkit.reconstruction.features import FeatureSettings
-from fieldkit.reconstruction.guided import IndexedFeatures, PosedFeatures, Region, match_guided
+from fieldkit.reconstruction.guided import (
+    Band,
+    IndexedFeatures,
+    PosedFeatures,
+    Region,
+    match_guided,
+    region_of_interest,
+)
+from fieldkit.reconstruction.mapping.prior import (
+    FIRST_BAND_SIGMAS,
+    FIRST_FEATURES,
+    FIRST_VERIFICATION,
+    epipolar_sigma_px,
+)
 from fieldkit.reconstruction.matching import match_features
-from fieldkit.reconstruction.prior_mapping import PriorMappingSettings, RoughPose, epipolar_sigma_px, region_of_interest
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import RATIO, KeyedFeatures, exhaustive_pairs, load_features, load_pairs
 from fieldkit.reconstruction.verification import TwoView, verify_pair
+from fieldkit.reconstruction.versions import BESIDE
 from fieldkit.runtime.executor import map_threads
 from fieldkit.runtime.progress import Progress
 
-_VERSION = 1
 _FIRST_FEATURES = 2000
 _FIRST_MATCHES = 14
 _ALL_PAIRS_UP_TO = 24
@@ -44,7 +57,7 @@ Array = NDArray[np.float64]
 
 _FEW = 30
 _FARTHEST_DEG = 48.0
-_NEIGHBOURS = 4
+_GUIDED_NEIGHBOURS = 4
 _LEAST = 12
 _SIGMA_M, _SIGMA_DEG = 0.05, 2.0
 _TURN_DEG, _DIRECTION_DEG = 10.0, 20.0
@@ -120,7 +133,8 @@ def find_ties(
 
     def count(pair: Pair) -> int:
         i, j = pair
-        key = digest("check-pair", _VERSION, features[i].key, features[j].key, _FIRST_FEATURES, RATIO)
+        version = BESIDE["check-pair"]
+        key = digest("check-pair", version, features[i].key, features[j].key, _FIRST_FEATURES, RATIO)
         kept = cache.get("check-pairs", key)
         if kept is None:
             kept = {"count": np.array(len(match_features(largest[i], largest[j], ratio=RATIO)))}
@@ -246,23 +260,22 @@ def with_guided_ties(graph: TieGraph, poses: Mapping[int, Pose], *, workers: int
     if region is None:
         return graph
     pairs = _pairs(graph, poses, region)
-    settings = PriorMappingSettings()
     posed: dict[int, PosedFeatures] = {}
     for k in sorted({k for pair in pairs for k in pair}):
         features = graph.keyed[k].features
-        chosen = features.subset(features.largest(settings.first_features))
+        chosen = features.subset(features.largest(FIRST_FEATURES))
         camera = graph.cameras.cameras[graph.cameras.camera_of[k]]
         posed[k] = PosedFeatures(IndexedFeatures.of(chosen, camera), poses[k])
 
     def tie(pair: Pair) -> Tie | None:
         a, b = posed[pair[0]], posed[pair[1]]
-        rough = [RoughPose(p.pose, np.full(3, _SIGMA_M), _SIGMA_DEG) for p in (a, b)]
+        first, second = (PosePrior.of(p.pose, _SIGMA_M, _SIGMA_DEG) for p in (a, b))
         distance = float(np.linalg.norm(a.pose.center - np.array(region.center)))
-        band = settings.first_band_sigmas * epipolar_sigma_px(rough[0], rough[1], a.camera.fx, distance)
-        matches = match_guided(a, b, max(4.0, band), settings.guided, region=region)
+        width = FIRST_BAND_SIGMAS * epipolar_sigma_px(first, second, a.camera.fx, distance)
+        matches = match_guided(a, b, Band(max(4.0, width), region))
         cameras = [graph.cameras.cameras[graph.cameras.camera_of[k]] for k in pair]
         two = verify_pair(
-            a.features, b.features, cameras[0], cameras[1], matches, settings.verification, calibrated=True, seed=seed
+            a.features, b.features, cameras[0], cameras[1], matches, FIRST_VERIFICATION, calibrated=True, seed=seed
         )
         length = float(np.linalg.norm(two.translation))
         if len(two.inliers) < _LEAST or length == 0.0:
@@ -288,5 +301,5 @@ def _pairs(graph: TieGraph, poses: Mapping[int, Pose], region: Region) -> list[P
         angles = {other: float(np.degrees(np.arccos(np.clip(rays[k] @ rays[other], -1.0, 1.0))))
                   for other in poses if other != k}  # fmt: skip
         near = sorted((other for other in angles if angles[other] <= _FARTHEST_DEG), key=lambda other: angles[other])
-        chosen.update((min(k, other), max(k, other)) for other in near[:_NEIGHBOURS])
+        chosen.update((min(k, other), max(k, other)) for other in near[:_GUIDED_NEIGHBOURS])
     return sorted(pair for pair in chosen if pair not in graph.ties)

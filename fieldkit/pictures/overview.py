@@ -141,7 +141,7 @@ def _draw_camera(axes: Axes, image: ImageReport, direction: Direction, arrow: fl
     if not image.registered:
         axes.plot(x, y, "o", color=_MISSING, fillstyle="none", markersize=5, markeredgewidth=1.2, zorder=5)
         return
-    wrong = image.right is False
+    wrong = not image.counts
     color = _WRONG if wrong else _RIGHT
     if image.yaw_deg is not None and image.pitch_deg is not None:
         forward = Pose.from_yaw_pitch(center, image.yaw_deg, image.pitch_deg).forward
@@ -151,7 +151,7 @@ def _draw_camera(axes: Axes, image: ImageReport, direction: Direction, arrow: fl
 
 
 def _legend(figure: Figure, report: ReconstructionEntry) -> None:
-    wrong = sum(image.registered and image.right is False for image in report.image_reports)
+    wrong = sum(image.registered and not image.counts for image in report.image_reports)
     missing = [image for image in report.image_reports if not image.registered]
     nowhere = sum(image.known_center_m is None for image in missing)
     where = f", {nowhere} at an unknown place" if nowhere else ""

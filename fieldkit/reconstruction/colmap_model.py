@@ -1,18 +1,26 @@
-"""COLMAP's reconstruction objects: made from our values and read back into them."""
+"""COLMAP's reconstruction objects: made from our values, read back into them, and as arrays for the stage cache."""
 
 from __future__ import annotations
 
+import itertools
+import tempfile
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from fieldkit.captures.decode import read_image
 from fieldkit.captures.model import Photo
 from fieldkit.geometry import Intrinsics, Pose, Similarity
-from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.reconstruction.features import Features
-from fieldkit.reconstruction.tracks import Track
+from fieldkit.runtime.colmap import pycolmap
+
+Track = tuple[tuple[int, int], ...]
+"""((image index, feature index), …), sorted, at most one feature per image."""
+Arrays = dict[str, np.ndarray]
 
 
 def to_colmap_camera(intrinsics: Intrinsics, camera_id: int) -> pycolmap.Camera:
@@ -137,3 +145,60 @@ def triangulate_tracks(
             model.add_point3D(found["xyz"], pycolmap.Track(kept))
             added += 1
     return added
+
+
+def build_tracks(counts: list[int], matches: Mapping[tuple[int, int], NDArray[np.uint32]]) -> list[Track]:
+    """Join matches into tracks.
+
+    Args:
+        counts: features per image.
+        matches: (k, 2) feature indices per pair (i, j) of image indices.
+
+    Returns:
+        Tracks of at least two images, in the order of their first observation. Where a track holds several
+        features of an image (some match in it is wrong), that image's observations are dropped from it.
+    """
+    offsets = np.concatenate([[0], np.cumsum(counts)])
+    left = [offsets[i] + m[:, 0].astype(np.int64) for (i, _), m in matches.items() if len(m)]
+    right = [offsets[j] + m[:, 1].astype(np.int64) for (_, j), m in matches.items() if len(m)]
+    if not left:
+        return []
+    rows, columns = np.concatenate(left), np.concatenate(right)
+    total = int(offsets[-1])
+    graph = coo_matrix((np.ones(len(rows), np.int8), (rows, columns)), shape=(total, total))
+    _, labels = connected_components(graph, directed=False)
+    used = np.unique(np.concatenate([rows, columns]))
+    images = np.repeat(np.arange(len(counts)), counts)[used]
+    _, at, occurrences = np.unique(labels[used] * len(counts) + images, return_inverse=True, return_counts=True)
+    single = occurrences[at] == 1
+    used, images = used[single], images[single]
+    by_track = np.argsort(labels[used], kind="stable")
+    ends = np.flatnonzero(np.diff(labels[used[by_track]])) + 1
+    elements = list(zip(images[by_track].tolist(), (used - offsets[images])[by_track].tolist(), strict=True))
+    starts = [0, *ends.tolist(), len(elements)]
+    return sorted(tuple(elements[a:b]) for a, b in itertools.pairwise(starts) if b - a >= 2)
+
+
+def model_to_arrays(model: pycolmap.Reconstruction, prefix: str = "") -> Arrays:
+    """COLMAP's binary files as uint8 arrays by file name.
+
+    A model always passes through this form, so that a run that computed it and one that found it in the cache go on
+    from the same bytes.
+    """
+    with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
+        model.write_binary(folder)
+        return {
+            f"{prefix}{path.stem}": np.frombuffer(path.read_bytes(), dtype=np.uint8)
+            for path in sorted(Path(folder).glob("*.bin"))
+        }
+
+
+def arrays_to_model(arrays: Arrays, prefix: str = "") -> pycolmap.Reconstruction:
+    """The model that `model_to_arrays` packed."""
+    with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
+        for name, data in arrays.items():
+            if name.startswith(prefix):
+                (Path(folder) / f"{name.removeprefix(prefix)}.bin").write_bytes(data.tobytes())
+        model = pycolmap.Reconstruction()
+        model.read_binary(folder)
+        return model

@@ -13,8 +13,8 @@ from scipy.spatial import cKDTree
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.reconstruction.stereo_quality import StereoQuality
+from fieldkit.runtime.colmap import pycolmap
 
 Array = NDArray[np.float64]
 

@@ -8,6 +8,7 @@ region of interest. A band alone admits many matches by chance; these checks rem
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.epipolar import fundamental_matrix, homogeneous
+from fieldkit.geometry.pose import cross_matrix
 from fieldkit.reconstruction.features import Features
 from fieldkit.runtime.kernels import kernel
 
@@ -35,6 +36,19 @@ class Region:
         """(k,) for points (k, 3)."""
         inside: NDArray[np.bool_] = np.linalg.norm(points - np.array(self.center), axis=1) <= self.radius
         return inside
+
+
+def region_of_interest(poses: Sequence[Pose]) -> Region | None:
+    """The sphere about the point nearest to all optical axes; None where the axes are nearly parallel."""
+    normal = sum((np.eye(3) - np.outer(p.forward, p.forward) for p in poses), np.zeros((3, 3)))
+    if len(poses) < 2 or np.linalg.eigvalsh(normal)[0] < 0.02 * len(poses):
+        return None
+    right = sum(((np.eye(3) - np.outer(p.forward, p.forward)) @ p.center for p in poses), np.zeros(3))
+    center = np.linalg.solve(normal, right)
+    distances = [float(np.linalg.norm(p.center - center)) for p in poses]
+    if np.mean([(center - p.center) @ p.forward > 0 for p in poses]) < 0.8:
+        return None
+    return Region((float(center[0]), float(center[1]), float(center[2])), 0.8 * float(np.median(distances)))
 
 
 @dataclass(frozen=True)
@@ -67,6 +81,21 @@ class GuidedSettings:
     ratio: float = 0.85
     max_rotation_deg: float = 35.0
     max_scale_octaves: float = 0.75
+
+
+@dataclass(frozen=True)
+class Band:
+    """Where matches of two posed photographs are looked for."""
+
+    px: float
+    """Largest distance to either epipolar line, pixels."""
+    region: Region | None = None
+    """What the cameras look at, to predict the features' scale; None takes equal distances."""
+    scene_bounds: Region | Slab | None = None
+    """Where matches must triangulate, in front of both cameras; None asks nothing, which is what rough poses need (rays
+    need not meet where the plant is)."""
+    rule: GuidedSettings = GuidedSettings()
+    """How a match is accepted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,25 +157,46 @@ class PosedFeatures:
         return unit
 
 
+def relative_pose(a: Pose, b: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Rotation (3, 3) and translation (3,) of camera b from camera a."""
+    return b.rotation @ a.rotation.T, b.rotation @ (a.center - b.center)
+
+
+def fundamental_matrix(a: Pose, b: Pose, camera_a: Intrinsics, camera_b: Intrinsics) -> NDArray[np.float64]:
+    """(3, 3) F with x_bᵀ F x_a = 0 for undistorted pixels (Hartley & Zisserman, eq. 9.2)."""
+    rotation, t = relative_pose(a, b)
+    essential = cross_matrix(t) @ rotation
+    fundamental: NDArray[np.float64] = np.linalg.inv(camera_b.matrix()).T @ essential @ np.linalg.inv(camera_a.matrix())
+    return fundamental
+
+
+def homogeneous(points: Floats) -> Floats:
+    """Floats (n, d) with a 1 behind their coordinates, (n, d + 1)."""
+    return np.concatenate([points, np.ones((len(points), 1))], axis=1)
+
+
+def epipolar_distance(fundamental: NDArray[np.float64], a: Floats, b: Floats) -> NDArray[np.float64]:
+    """(n,) the larger of the two point-to-epipolar-line distances of pairs a, b (n, 2), pixels."""
+    ha, hb = homogeneous(a), homogeneous(b)
+    in_b, in_a = ha @ fundamental.T, hb @ fundamental
+    residual = np.abs((hb * in_b).sum(axis=1))
+    lengths = np.minimum(np.hypot(in_b[:, 0], in_b[:, 1]), np.hypot(in_a[:, 0], in_a[:, 1]))
+    distance: NDArray[np.float64] = residual / np.maximum(lengths, 1e-12)
+    return distance
+
+
 def match_guided(
     a: PosedFeatures,
     b: PosedFeatures,
-    band_px: float,
-    settings: GuidedSettings,
+    band: Band,
     *,
-    region: Region | None = None,
-    meet_in: Region | Slab | None = None,
     shift_px: float = 0.0,
 ) -> NDArray[np.uint32]:
-    """Mutual best matches within ``band_px`` of the epipolar lines of two poses, in agreement with the poses.
+    """Mutual best matches within a band about the epipolar lines of two poses, in agreement with the poses.
 
     Args:
         a, b: the two photographs.
-        band_px: largest distance to either epipolar line, pixels.
-        settings: acceptance.
-        region: what the cameras look at, to predict the features' scale; None takes equal distances.
-        meet_in: where matches must triangulate, in front of both cameras; None asks nothing, which is what rough
-            poses need (their rays need not meet where the plant is).
+        band: where matches are looked for.
         shift_px: displaces image b across its epipolar lines; the matches that remain are chance.
 
     Returns:
@@ -159,11 +209,11 @@ def match_guided(
     lines_in_b = _unit_lines(homogeneous(a.points) @ fundamental.T)
     shift = shift_px * _mean_normal(lines_in_b) if shift_px else np.zeros(2)
     lines_in_a = _unit_lines(homogeneous(b.points + shift) @ fundamental)
-    rows, columns = _best_in_band(a, b, shift, lines_in_b, lines_in_a, band_px, settings.ratio)
+    rows, columns = _best_in_band(a, b, shift, lines_in_b, lines_in_a, band.px, band.rule.ratio)
     first = np.flatnonzero(rows >= 0)
     mutual = first[columns[rows[first]] == first]
     matches = np.stack([mutual, rows[mutual]], axis=1).astype(np.uint32)
-    return matches[_agrees(a, b, matches, settings, region, meet_in)]
+    return matches[_agrees(a, b, matches, band)]
 
 
 def midpoints(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.uint32]) -> tuple[Floats, Floats, Floats]:
@@ -179,22 +229,16 @@ def midpoints(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.uint32]) -
     return points, s, t
 
 
-def _agrees(
-    a: PosedFeatures,
-    b: PosedFeatures,
-    matches: NDArray[np.uint32],
-    settings: GuidedSettings,
-    region: Region | None,
-    meet_in: Region | Slab | None,
-) -> NDArray[np.bool_]:
+def _agrees(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.uint32], band: Band) -> NDArray[np.bool_]:
     difference = _turn_from_baseline(a, b, matches[:, 0]) - _turn_from_baseline(b, a, matches[:, 1], reverse=True)
     rotation = np.abs((difference + np.pi) % (2 * np.pi) - np.pi)
-    size_a = np.log2(a.features.keypoints[matches[:, 0], 2] * _metres_per_pixel(a, region))
-    size_b = np.log2(b.features.keypoints[matches[:, 1], 2] * _metres_per_pixel(b, region))
-    good = (rotation <= np.radians(settings.max_rotation_deg)) & (np.abs(size_a - size_b) <= settings.max_scale_octaves)
-    if meet_in is not None:
+    size_a = np.log2(a.features.keypoints[matches[:, 0], 2] * _metres_per_pixel(a, band.region))
+    size_b = np.log2(b.features.keypoints[matches[:, 1], 2] * _metres_per_pixel(b, band.region))
+    rule = band.rule
+    good = (rotation <= np.radians(rule.max_rotation_deg)) & (np.abs(size_a - size_b) <= rule.max_scale_octaves)
+    if band.scene_bounds is not None:
         points, s, t = midpoints(a, b, matches)
-        good &= meet_in.contains(points) & (s > 0) & (t > 0)
+        good &= band.scene_bounds.contains(points) & (s > 0) & (t > 0)
     agreed: NDArray[np.bool_] = good
     return agreed
 

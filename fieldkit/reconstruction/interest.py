@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.prior_mapping import region_of_interest
+from fieldkit.reconstruction.guided import region_of_interest
 from fieldkit.wording import count
 
 _SHARED_BY = 0.5  # of the cameras see a point of a converging capture

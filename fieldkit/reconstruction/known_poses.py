@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,45 +11,14 @@ from fieldkit.captures.model import Capture
 from fieldkit.captures.programs.model import POSITION_SHARE, ProgramPoses
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Similarity
-from fieldkit.geometry.priors import SourceFrame
-from fieldkit.reconstruction.agreement import KnownPose, align_to_positions, scale_error
+from fieldkit.geometry.priors import PosePrior, Priors, SourceFrame
+from fieldkit.reconstruction.agreement import align_to_positions
 
 _SPREAD = 5.0  # of cameras where lengths are not metres: about that of a plot, for limits elsewhere are in metres
 _SMALL_M = 1000.0  # coordinates beyond (UTM, say) are shifted, for bundle adjustment's sake
 
 
-@dataclass(frozen=True, eq=False)
-class KnownPoses:
-    """Known poses by image name, in the working frame of ``frame`` (None when no position is known).
-
-    ``notes`` are doubts, in sentences.
-    """
-
-    poses: dict[str, KnownPose]
-    frame: SourceFrame | None
-    notes: tuple[str, ...] = ()
-
-    @property
-    def positioned(self) -> list[str]:
-        return [name for name, known in self.poses.items() if known.position is not None]
-
-    @property
-    def sigma_m(self) -> float:
-        """Median standard deviation of the positions, per axis."""
-        return float(np.median([self.poses[name].position_sigma_m for name in self.positioned]))
-
-    def scale_error(self, sigma_m: float, names: Collection[str] | None = None) -> float:
-        """`scale_error` of the positions, of all or of those names."""
-        wanted = [n for n in self.positioned if names is None or n in names]
-        return scale_error(np.array([self.poses[n].position for n in wanted]), sigma_m)
-
-    def without_positions(self) -> KnownPoses:
-        """What is left where positions are not believed: orientations."""
-        poses = {name: replace(known, position=None) for name, known in self.poses.items()}
-        return replace(self, poses=poses, frame=None)
-
-
-def known_poses(capture: Capture, within: SourceFrame | None = None) -> KnownPoses:
+def known_poses(capture: Capture, within: SourceFrame | None = None) -> Priors:
     """Known poses of a capture's photographs.
 
     Args:
@@ -72,18 +40,13 @@ def known_poses(capture: Capture, within: SourceFrame | None = None) -> KnownPos
         position = None
         if prior.position is not None and own is not None and frame is not None:
             position = frame.from_source.apply(_in_source(prior.position, own, frame))
-        known[name] = KnownPose(
-            position=position,
-            position_sigma_m=prior.position_sigma_m,
-            rotation=None if prior.rotation is None else prior.rotation @ turn.T,
-            angle_sigma_deg=prior.angle_sigma_deg,
-        )
-    if capture.program is None or frame is None:
-        return KnownPoses(known, frame)
-    return _with_program(KnownPoses(known, frame), capture.program)
+        rotation = None if prior.rotation is None else prior.rotation @ turn.T
+        known[name] = replace(prior, position=position, rotation=rotation)
+    priors = Priors(frame, known)
+    return priors if capture.program is None or frame is None else _with_program(priors, capture.program)
 
 
-def _unscaled(program: ProgramPoses, within: SourceFrame | None) -> KnownPoses:
+def _unscaled(program: ProgramPoses, within: SourceFrame | None) -> Priors:
     """Another program's poses in a frame of their own, where nothing gives them a scale.
 
     Raises:
@@ -101,42 +64,40 @@ def _unscaled(program: ProgramPoses, within: SourceFrame | None) -> KnownPoses:
     scale = _SPREAD * POSITION_SHARE / sigma if sigma > 0 else 1.0
     to_working = Similarity(scale, np.eye(3), -scale * centers.mean(axis=0))
     placed = _of_program(program, to_working, scale * sigma)
-    return KnownPoses(placed, SourceFrame(program.program, None, to_working, scaled=False))
+    return Priors(SourceFrame(program.program, None, to_working, scaled=False), placed)
 
 
-def _with_program(known: KnownPoses, program: ProgramPoses) -> KnownPoses:
+def _with_program(known: Priors, program: ProgramPoses) -> Priors:
     """Known poses with what another program adds: orientations, and positions where they are better or missing.
 
     The program's model is moved onto the known positions. These keep their accuracy: it is that of the model's place
     and scale.
     """
-    motion = align_to_positions(program.poses, known.poses, seed=0)
+    motion = align_to_positions(program.poses, known.by_name, seed=0)
     if motion is None:
         note = (
             f"the poses that {program.program} found do not fit the known positions (fewer than three agree), and are "
             "not used"
         )
-        return KnownPoses(known.poses, known.frame, (note,))
-    sigmas = [known.poses[name].position_sigma_m for name in known.positioned]
-    sigma = float(np.median(sigmas))
+        return replace(known, notes=(note,))
     better = motion.scale * program.accuracy
-    poses = dict(known.poses)
-    for name, found in _of_program(program, motion, sigma).items():
-        own = known.poses.get(name)
+    poses = dict(known.by_name)
+    for name, found in _of_program(program, motion, known.sigma_m).items():
+        own = known.by_name.get(name)
         if own is not None and own.position is not None:
             found = replace(
                 found, position=found.position if better < own.position_sigma_m else own.position,
                 position_sigma_m=own.position_sigma_m,
             )  # fmt: skip
         poses[name] = found
-    return KnownPoses(poses, known.frame)
+    return replace(known, by_name=poses)
 
 
-def _of_program(program: ProgramPoses, motion: Similarity, sigma: float) -> dict[str, KnownPose]:
+def _of_program(program: ProgramPoses, motion: Similarity, sigma: float) -> dict[str, PosePrior]:
     """Its poses after a motion, their positions good to ``sigma``."""
     moved = {name: motion.apply_pose(pose) for name, pose in program.poses.items()}
     return {
-        name: KnownPose(
+        name: PosePrior(
             position=pose.center, position_sigma_m=sigma,
             rotation=None if name in program.unoriented else pose.rotation, angle_sigma_deg=program.angle_accuracy_deg,
         )

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from fieldkit.captures.markers_file import MarkersFile
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.reconstruction.colmap_model import to_colmap_camera, to_rigid
 from fieldkit.reconstruction.marker_detection import MarkerDetection
+from fieldkit.runtime.colmap import pycolmap
 
 Floats = NDArray[np.float64]
 

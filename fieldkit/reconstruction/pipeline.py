@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache, digest
 from fieldkit.captures import find_mask, quality_findings, read_image
-from fieldkit.captures.markers_file import MarkersFile
 from fieldkit.captures.model import Capture, Photo
 from fieldkit.clouds.cells import voxel_edge_m, without_strays
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import MetadataError, ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
-from fieldkit.geometry.priors import SourceFrame
+from fieldkit.geometry.priors import Priors, SourceFrame
+from fieldkit.reconstruction.agreement import bound_m
 from fieldkit.reconstruction.cameras import ASSUMED_35MM, assumed_camera, cameras_of, spread_deg
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_points, model_poses, transform_model
 from fieldkit.reconstruction.dense import DenseSettings, View, compute_depth_maps, fuse, prepare_view
@@ -26,13 +26,14 @@ from fieldkit.reconstruction.dense.views import view_camera
 from fieldkit.reconstruction.doubts import doubts
 from fieldkit.reconstruction.guided import Region
 from fieldkit.reconstruction.interest import looked_beside_m, volume_of_interest
-from fieldkit.reconstruction.known_poses import KnownPoses, known_poses
-from fieldkit.reconstruction.marker_detection import detect_markers
-from fieldkit.reconstruction.markers import MarkerScale, marker_scale
+from fieldkit.reconstruction.known_poses import known_poses
+from fieldkit.reconstruction.mapping.choose import map_capture
+from fieldkit.reconstruction.mapping.state import Mapped
+from fieldkit.reconstruction.markers import MarkerScale
 from fieldkit.reconstruction.plot_frame import check_upright, find_ground, moved_plane, plot_from_world
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult, clearance, of_interest
+from fieldkit.reconstruction.scale import POSITIONS_TOO_COARSE, scale_by_markers, source_of_scale
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.reconstruction.sparse import POSITIONS_TOO_COARSE, Mapped, map_capture
 from fieldkit.reconstruction.stage_times import StageTimer
 from fieldkit.reconstruction.stages import load_quality
 from fieldkit.reconstruction.versions import STAGES
@@ -172,22 +173,22 @@ def place(
     known_plot: KnownPlot | None,
 ) -> tuple[SparseResult, dict[str, int]]:
     """Map a capture and put it into the plot frame; also how many items of which stage were cached."""
-    known = known_poses(capture, known_plot.source if known_plot is not None else None)
+    priors = known_poses(capture, known_plot.source if known_plot is not None else None)
     cameras = cameras_of(capture, known_plot.calibrated if known_plot is not None else None)
     region = known_plot.region if known_plot is not None else None
     mapped = map_capture(
-        capture, cameras, known, settings, cache=cache, progress=progress, workers=workers, region=region
+        capture, cameras, priors, settings, cache=cache, progress=progress, workers=workers, region=region
     )
-    if known.frame is not None and not known.frame.scaled:
-        mapped = mapped.without_scale(known.frame.source)
+    if priors.frame is not None and not priors.frame.scaled:
+        mapped = mapped.without_scale(priors.frame.source)
     if known_plot is not None and not mapped.metric:
         raise _not_in_frame(capture, mapped)
     findings = [*findings, *mapped.findings]
     scale = None
     if not mapped.metric and capture.markers is not None:
         with progress.stage("Markers", len(capture.photos)) as advance:
-            scale = _scaled_by_markers(mapped, capture, capture.markers, settings, advance)
-    frame, motion = _frame(mapped, known, settings, known_plot, scale)
+            scale = scale_by_markers(mapped.model, capture, seed=settings.seed, advance=advance)
+    frame, motion = _frame(mapped, priors, settings, known_plot, scale)
     transform_model(mapped.model, motion)
     images = mapped.images
     counting = {image.name for image in images if image.counts}
@@ -223,28 +224,9 @@ def _undetermined(
     return [Finding(unknown[0], "height-undetermined", message)]
 
 
-def _scaled_by_markers(
-    mapped: Mapped,
-    capture: Capture,
-    markers: MarkersFile,
-    settings: ReconstructionSettings,
-    advance: Callable[[int], None],
-) -> MarkerScale:
-    """Scale a model, in place, by the printed markers seen in its photographs."""
-    detections = {}
-    for photo in capture.photos:
-        detections[photo.name] = detect_markers(read_image(photo, gray=True), markers.dictionary)
-        advance(1)
-    scale = marker_scale(
-        detections, model_poses(mapped.model), model_intrinsics(mapped.model), markers, seed=settings.seed
-    )
-    transform_model(mapped.model, Similarity(scale.scale, np.eye(3), np.zeros(3)))
-    return scale
-
-
 def _frame(
     mapped: Mapped,
-    known: KnownPoses,
+    priors: Priors,
     settings: ReconstructionSettings,
     known_plot: KnownPlot | None,
     scale: MarkerScale | None,
@@ -253,7 +235,7 @@ def _frame(
     counting = {image.name for image in mapped.images if image.counts}
     poses = {name: pose for name, pose in model_poses(mapped.model).items() if name in counting}
     points = model_points(mapped.model)
-    source = known.frame if mapped.metric else None
+    source = priors.frame if mapped.metric else None
     to_working = source.from_source if source is not None else Similarity.identity()
     upright = source is not None and source.georeferenced
     if known_plot is not None and known_plot.settle is not None and poses:
@@ -266,14 +248,9 @@ def _frame(
         motion = plot_from_world(points, poses, found, keep_upright=upright) if poses else Similarity.identity()
         ground = None if found is None else moved_plane(found, motion)
     residuals = [i.position_residual_m for i in mapped.images if i.counts and i.position_residual_m is not None]
-    bounds = [known.poses[n].bound_m for n in known.positioned]
-    notes = [*known.notes, *mapped.notes]
-    name = "none" if source is None else source.source
-    if scale is not None:
-        name = "markers"
-        notes += scale.notes
-    if name == "none":
-        notes.append("no metric source: the result has no scale, and its lengths are not metres")
+    bounds = [bound_m(priors.by_name[n]) for n in priors.positioned]
+    name, of_scale = source_of_scale(priors, scale, metric=mapped.metric)
+    notes = [*priors.notes, *mapped.notes, *of_scale]
     if ground is None:
         notes.append("no ground plane was found; nothing was removed as ground")
     frame = MetricFrame(

@@ -11,7 +11,7 @@ from fieldkit.captures.model import Capture
 from fieldkit.clouds.ground import fit_ground_plane
 from fieldkit.errors import EmptyCloudError, ReconstructionError
 from fieldkit.geometry import Pose, Similarity
-from fieldkit.reconstruction.prior_mapping import region_of_interest
+from fieldkit.reconstruction.guided import region_of_interest
 from fieldkit.results.fields import vector
 from fieldkit.results.frame import Plane
 

@@ -13,10 +13,10 @@ from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.results.evaluation import ImageReport, StageTime
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import Plane
+from fieldkit.runtime.colmap import pycolmap
 
 _CLEARANCE_RMS = 3.0
 

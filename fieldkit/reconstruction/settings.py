@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from fieldkit.clouds.volume import Volume
-from fieldkit.reconstruction.blind_mapping import METHODS
 from fieldkit.reconstruction.features import FeatureSettings
-from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
+from fieldkit.reconstruction.mapping.prior import PriorMappingSettings
 from fieldkit.reconstruction.verification import VerificationSettings
 from fieldkit.vocabulary import LEAST_POSITIONS, Fidelity, MappingChoice, Mask
 
-"""Photographs with known positions that prior mapping needs."""
+BLIND_METHODS = ("incremental", "global")
+"""In the order in which they are tried where neither is asked for."""
 _SHARE_FOR_PRIOR = 0.8
 
 
@@ -54,4 +54,4 @@ def mapping_methods(mapping: MappingChoice, positioned: int, photographs: int) -
     """
     if mapping != "auto":
         return (mapping,)
-    return ("prior",) if positioned >= max(LEAST_POSITIONS, _SHARE_FOR_PRIOR * photographs) else METHODS
+    return ("prior",) if positioned >= max(LEAST_POSITIONS, _SHARE_FOR_PRIOR * photographs) else BLIND_METHODS

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics
-from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.reconstruction.colmap_model import to_colmap_camera
 from fieldkit.reconstruction.features import Features
+from fieldkit.runtime.colmap import pycolmap
 
 
 @dataclass(frozen=True)

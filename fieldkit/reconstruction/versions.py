@@ -3,6 +3,8 @@
 A stage's version is raised when its code changes its results. It is part of the stage's keys in the cache, so that
 nothing computed before is taken for the new result, and of every visit's inputs in a campaign, so that its scores are
 computed again. Stages after the cloud are listed here, too, since a visit depends on them.
+
+Constants of a stage are no part of its keys: whoever changes one that changes results raises the version by hand.
 """
 
 from __future__ import annotations
@@ -29,3 +31,6 @@ STAGES: Mapping[str, int] = MappingProxyType(
     }
 )
 """Version by stage, in the order in which they run."""
+
+BESIDE: Mapping[str, int] = MappingProxyType({"match-graph": 1, "field-check-picture": 1, "check-pair": 1})
+"""The same of what is kept in the cache and no score depends on."""

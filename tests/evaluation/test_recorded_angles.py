@@ -9,7 +9,15 @@ import pytest
 
 from fieldkit.evaluation.recorded_angles import read_angles, without_angles
 from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
-from tests.reconstruction.test_angle_conventions import MIXED_VIEWS, NADIR, OBLIQUE, Angles, capture, found, rotation
+from tests.reconstruction.mapping.test_angle_conventions import (
+    MIXED_VIEWS,
+    NADIR,
+    OBLIQUE,
+    Angles,
+    capture,
+    found,
+    rotation,
+)
 
 BOUND_DEG = 27.0
 EAST = rotation_from_vector((0.0, 0.0, np.radians(35.0)))

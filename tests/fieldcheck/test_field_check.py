@@ -32,7 +32,7 @@ from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.stations import PoseArray
 from fieldkit.reconstruction.cameras import CameraSet
-from fieldkit.reconstruction.epipolar import relative_pose
+from fieldkit.reconstruction.guided import relative_pose
 from fieldkit.report.sections.loaded import FlownMission, read_results
 from fieldkit.results.finding import Finding
 from fieldkit.results.mission_file import load_mission

@@ -18,7 +18,7 @@ from fieldkit.errors import CaptureError, MetadataError, UsageError
 from fieldkit.fieldcheck import CheckReport, CheckSettings, check_captures
 from fieldkit.fieldcheck.ties import find_ties
 from fieldkit.geometry import Pose
-from fieldkit.reconstruction.orientation import orient_cameras
+from fieldkit.reconstruction.mapping.orientation import orient_cameras
 from fieldkit.reconstruction.verification import TwoView
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import plan_from_poses

@@ -5,19 +5,12 @@ import pytest
 
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.pose import rotation_from_vector
-from fieldkit.geometry.similarity import fit_similarity
-from fieldkit.reconstruction.agreement import (
-    LARGEST_SCALE_ERROR,
-    KnownPose,
-    align_to_positions,
-    judge,
-    scale_error,
-    sigma_apart,
-)
+from fieldkit.geometry.priors import PosePrior
+from fieldkit.reconstruction.agreement import align_to_positions, judge
 
 
-def _known(position, sigma: float = 0.005, rotation=None) -> KnownPose:
-    return KnownPose(None if position is None else np.array(position, dtype=float), sigma, rotation, 3.0)
+def _known(position, sigma: float = 0.005, rotation=None) -> PosePrior:
+    return PosePrior(None if position is None else np.array(position, dtype=float), sigma, rotation, 3.0)
 
 
 def test_nothing_known_is_neither_right_nor_wrong() -> None:
@@ -84,43 +77,3 @@ def test_positions_on_one_line_do_not_align() -> None:
     poses = {str(k): Pose(np.eye(3), np.array([k, 0.0, 0.0])) for k in range(5)}
     known = {str(k): _known([2.0 * k, 0, 0]) for k in range(5)}
     assert align_to_positions(poses, known, seed=0) is None
-
-
-@pytest.mark.parametrize(("count", "spread_m", "sigma_m"), [(20, 30.0, 3.0), (10, 0.25, 0.01)])
-def test_the_scale_s_error_is_that_of_positions_over_their_spread(count: int, spread_m: float, sigma_m: float) -> None:
-    rng = np.random.default_rng(2)
-    true = rng.normal(0.0, spread_m, (count, 3))
-    errors = []
-    for _ in range(400):
-        found = true + rng.normal(0.0, sigma_m, true.shape)
-        errors.append(fit_similarity(true, found).scale - 1.0)
-    assert scale_error(found, sigma_m) == pytest.approx(float(np.std(errors)), rel=0.15)
-
-
-def test_reconstructed_positions_have_none_of_the_errors_in_their_spread() -> None:
-    positions = np.random.default_rng(3).normal(0.0, 1.0, (10, 3))
-    spread = float(np.linalg.norm(positions - positions.mean(axis=0)))
-    assert scale_error(positions, 0.3, with_errors=False) == pytest.approx(0.3 / spread)
-    assert scale_error(positions, 0.3) == pytest.approx(0.3 / np.sqrt(spread**2 - 27 * 0.3**2))
-    assert scale_error(np.zeros((5, 3)), 0.3, with_errors=False) == float("inf")
-
-
-def test_positions_give_no_scale_where_their_errors_are_their_spread() -> None:
-    rng = np.random.default_rng(4)
-    told = []
-    for count in (5, 8, 20, 100):
-        for _ in range(50):
-            shape, positions = rng.normal(0.0, 1.0, (count, 3)), rng.normal(0.0, 5.0, (count, 3))
-            residuals = np.linalg.norm(fit_similarity(shape, positions).apply(shape) - positions, axis=1)
-            told.append(scale_error(positions, sigma_apart(5.0, residuals)))
-    assert min(told) > LARGEST_SCALE_ERROR
-    assert scale_error(np.zeros((2, 3)), 0.01) == float("inf")
-
-
-def test_residuals_tell_what_differs_between_positions() -> None:
-    rng = np.random.default_rng(5)
-    residuals = np.linalg.norm(rng.normal(0.0, 2.0, (40, 3)), axis=1)
-    assert sigma_apart(2.0, residuals) == pytest.approx(2.0, rel=0.1)
-    assert sigma_apart(40.0, residuals) == 10.0
-    assert sigma_apart(0.1, residuals) == pytest.approx(2.0, rel=0.1)
-    assert sigma_apart(3.0, residuals[:2]) == 3.0

@@ -10,6 +10,7 @@ from fieldkit.captures.model import Photo
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.reconstruction.colmap_model import (
+    Track,
     color_points,
     from_colmap_camera,
     model_intrinsics,
@@ -20,7 +21,6 @@ from fieldkit.reconstruction.colmap_model import (
     transform_model,
     triangulate_tracks,
 )
-from fieldkit.reconstruction.tracks import Track
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, ring
 
 

@@ -6,7 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.epipolar import epipolar_distance, fundamental_matrix, relative_pose
+from fieldkit.reconstruction.guided import epipolar_distance, fundamental_matrix, relative_pose
 
 A = Intrinsics("PINHOLE", 1600, 1200, (1500.0, 1480.0, 810.0, 590.0))
 B = Intrinsics("PINHOLE", 1200, 1600, (900.0, 905.0, 600.0, 800.0))

@@ -6,13 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.epipolar import epipolar_distance, fundamental_matrix
 from fieldkit.reconstruction.features import Features
 from fieldkit.reconstruction.guided import (
+    Band,
     GuidedSettings,
     IndexedFeatures,
     PosedFeatures,
     Region,
+    epipolar_distance,
+    fundamental_matrix,
     match_guided,
     midpoints,
 )
@@ -20,7 +22,6 @@ from tests.reconstruction.synthetic import FeatureScene, feature_scene, posed, r
 
 BAND_PX = 4.0
 REGION = Region((0.0, 0.0, 0.0), 0.3)
-SETTINGS = GuidedSettings()
 ANYTHING = GuidedSettings(max_rotation_deg=180.0, max_scale_octaves=1e9)
 
 
@@ -47,11 +48,11 @@ def shared(scene: FeatureScene, i: int, j: int) -> int:
 @pytest.mark.parametrize(("i", "j"), [(0, 1), (0, 2), (1, 2)])
 def test_right_matches_are_found(scene: FeatureScene, i: int, j: int) -> None:
     a, b = posed(scene, i), posed(scene, j)
-    matches = match_guided(a, b, BAND_PX, SETTINGS, region=REGION, meet_in=REGION)
+    matches = match_guided(a, b, Band(BAND_PX, REGION, REGION))
     assert right_share(scene, i, j, matches) > 0.98
     # Random 3D directions turn in other ways than the surfaces that the rotation limit was set for.
     assert len(matches) > 0.6 * shared(scene, i, j)
-    everything = match_guided(a, b, BAND_PX, ANYTHING, region=REGION)
+    everything = match_guided(a, b, Band(BAND_PX, REGION, rule=ANYTHING))
     assert len(everything) > 0.95 * shared(scene, i, j)
     assert matches.dtype == np.uint32
     assert (np.diff(matches[:, 0].astype(int)) > 0).all()
@@ -97,13 +98,13 @@ def test_brute_force_finds_the_same(
         features = Features(keypoints.astype(np.float32), descriptors[rng.permutation(max(counts))[:count]])
         posed.append(PosedFeatures(IndexedFeatures.of(features, camera), Pose.look_at(center, (0.0, 0.05, 0.0))))
     settings = GuidedSettings(ratio=ratio, max_rotation_deg=180.0, max_scale_octaves=1e9)
-    assert match_guided(*posed, band, settings).tolist() == brute_force(*posed, band, ratio)
+    assert match_guided(*posed, Band(band, rule=settings)).tolist() == brute_force(*posed, band, ratio)
 
 
 def test_what_lies_off_the_epipolar_line_is_not_matched(scene: FeatureScene) -> None:
     features = scene.features[1]
     moved = with_keypoints(features, 1, features.keypoints[:, 1] + 60)
-    matches = match_guided(posed(scene, 0), posed(scene, 1, features=moved), BAND_PX, SETTINGS, region=REGION)
+    matches = match_guided(posed(scene, 0), posed(scene, 1, features=moved), Band(BAND_PX, REGION))
     assert len(matches) < 0.05 * shared(scene, 0, 1)
 
 
@@ -111,7 +112,7 @@ def test_what_lies_off_the_epipolar_line_is_not_matched(scene: FeatureScene) -> 
 def test_wrongly_turned_features_are_not_matched(scene: FeatureScene, turn_deg: float) -> None:
     features = scene.features[1]
     turned = with_keypoints(features, 3, (features.keypoints[:, 3] + np.radians(turn_deg)) % (2 * np.pi))
-    matches = match_guided(posed(scene, 0), posed(scene, 1, features=turned), BAND_PX, SETTINGS, region=REGION)
+    matches = match_guided(posed(scene, 0), posed(scene, 1, features=turned), Band(BAND_PX, REGION))
     assert len(matches) < 0.15 * shared(scene, 0, 1)
 
 
@@ -119,7 +120,7 @@ def test_wrongly_turned_features_are_not_matched(scene: FeatureScene, turn_deg: 
 def test_features_of_another_size_are_not_matched(scene: FeatureScene, factor: float) -> None:
     features = scene.features[1]
     larger = with_keypoints(features, 2, features.keypoints[:, 2] * factor)
-    matches = match_guided(posed(scene, 0), posed(scene, 1, features=larger), BAND_PX, SETTINGS, region=REGION)
+    matches = match_guided(posed(scene, 0), posed(scene, 1, features=larger), Band(BAND_PX, REGION))
     assert len(matches) < 0.05 * shared(scene, 0, 1)
 
 
@@ -128,9 +129,9 @@ def test_sizes_are_predicted_from_the_distance() -> None:
     near, far = Pose.look_at((1, 0, 0.5), (0, 0, 0)), Pose.look_at((2.9, 0.8, 1.5), (0, 0, 0))
     scene = feature_scene([near, far])
     a, b = posed(scene, 0), posed(scene, 1)
-    matches = match_guided(a, b, BAND_PX, SETTINGS, region=REGION)
+    matches = match_guided(a, b, Band(BAND_PX, REGION))
     assert len(matches) > 0.5 * shared(scene, 0, 1)
-    assert len(match_guided(a, b, BAND_PX, SETTINGS)) < 0.1 * shared(scene, 0, 1)
+    assert len(match_guided(a, b, Band(BAND_PX))) < 0.1 * shared(scene, 0, 1)
 
 
 def test_a_rolled_camera_turns_its_features_with_it() -> None:
@@ -138,13 +139,13 @@ def test_a_rolled_camera_turns_its_features_with_it() -> None:
     level = Pose.look_at(center, (0, 0, 0))
     yaw, pitch, _ = level.yaw_pitch_roll_deg()
     rolled = feature_scene([ring(16)[0], Pose.from_yaw_pitch(center, yaw, pitch, 120.0)])
-    matches = match_guided(posed(rolled, 0), posed(rolled, 1), BAND_PX, SETTINGS, region=REGION)
+    matches = match_guided(posed(rolled, 0), posed(rolled, 1), Band(BAND_PX, REGION))
     assert len(matches) > 0.5 * shared(rolled, 0, 1)
 
 
 def test_matches_must_meet_in_the_region(scene: FeatureScene) -> None:
     a, b = posed(scene, 0), posed(scene, 1)
-    matches = match_guided(a, b, BAND_PX, SETTINGS, region=REGION, meet_in=REGION)
+    matches = match_guided(a, b, Band(BAND_PX, REGION, REGION))
     points, along_a, along_b = midpoints(a, b, matches)
     truth = scene.points[scene.point_of[0][matches[:, 0]]]
     right = scene.point_of[0][matches[:, 0]] == scene.point_of[1][matches[:, 1]]
@@ -152,14 +153,14 @@ def test_matches_must_meet_in_the_region(scene: FeatureScene) -> None:
     assert (along_a > 0).all()
     assert (along_b > 0).all()
     elsewhere = Region((0.0, 0.0, 1.0), 0.3)
-    assert len(match_guided(a, b, BAND_PX, SETTINGS, region=REGION, meet_in=elsewhere)) == 0
+    assert len(match_guided(a, b, Band(BAND_PX, REGION, elsewhere))) == 0
 
 
 def test_no_features_no_matches(scene: FeatureScene) -> None:
     nothing = Features(np.zeros((0, 4), np.float32), np.zeros((0, 128), np.uint8))
     empty = posed(scene, 0, features=nothing)
-    assert match_guided(empty, posed(scene, 1), BAND_PX, SETTINGS).shape == (0, 2)
-    assert match_guided(posed(scene, 1), empty, BAND_PX, SETTINGS).shape == (0, 2)
+    assert match_guided(empty, posed(scene, 1), Band(BAND_PX)).shape == (0, 2)
+    assert match_guided(posed(scene, 1), empty, Band(BAND_PX)).shape == (0, 2)
 
 
 def test_rays_point_at_what_the_pixels_show(scene: FeatureScene) -> None:

@@ -28,13 +28,13 @@ def test_a_capture_without_positions_has_no_frame() -> None:
     known = known_poses(_capture({"a.jpg": PosePrior(source="XMP").with_angles((10.0, -90.0, 0.0))}, None))
     assert known.frame is None
     assert known.positioned == []
-    assert known.poses["a.jpg"].rotation is not None
+    assert known.by_name["a.jpg"].rotation is not None
 
 
 def test_small_coordinates_stay_and_large_ones_are_shifted() -> None:
     near, far = known_poses(_capture(_priors(), "poses.csv")), known_poses(_capture(_priors(500_000.0), "poses.csv"))
-    assert near.poses["2.jpg"].position == pytest.approx([2.0, 4.0, 1.0])
-    moved = far.poses["2.jpg"].position
+    assert near.by_name["2.jpg"].position == pytest.approx([2.0, 4.0, 1.0])
+    moved = far.by_name["2.jpg"].position
     assert moved is not None
     assert np.abs(moved).max() < 10.0
     assert far.frame is not None
@@ -48,7 +48,7 @@ def test_a_reference_s_frame_takes_positions_and_orientations_along() -> None:
     known = known_poses(_capture(_priors(), "poses.csv"), within)
     assert known.frame is within
     wanted = turn.apply_pose(Pose.from_yaw_pitch([1.0, 2.0, 1.0], 30.0, -40.0))
-    found = known.poses["1.jpg"]
+    found = known.by_name["1.jpg"]
     assert found.position == pytest.approx(wanted.center)
     assert found.rotation is not None
     assert rotation_angle_deg(found.rotation, wanted.rotation) < 1e-6
@@ -58,7 +58,7 @@ def test_another_origin_on_earth_is_taken_into_account() -> None:
     own, other = LocalFrame(50.0, 6.0, 100.0, "ellipsoid"), LocalFrame(50.001, 6.0, 100.0, "ellipsoid")
     within = SourceFrame("EXIF GPS", other, Similarity.identity())
     known = known_poses(_capture(_priors(), "EXIF GPS", own), within)
-    position = known.poses["0.jpg"].position
+    position = known.by_name["0.jpg"].position
     assert position is not None
     assert position[1] == pytest.approx(-111.2, abs=0.2)
 

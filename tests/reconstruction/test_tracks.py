@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fieldkit.reconstruction.tracks import Track, build_tracks
+from fieldkit.reconstruction.colmap_model import Track, build_tracks
 
 Matches = dict[tuple[int, int], np.ndarray]
 

@@ -5,7 +5,7 @@ import pytest
 
 from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.pose import rotation_angle_deg
-from fieldkit.reconstruction.epipolar import epipolar_distance, relative_pose
+from fieldkit.reconstruction.guided import epipolar_distance, relative_pose
 from fieldkit.reconstruction.matching import match_features
 from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
 from tests.reconstruction.synthetic import CAMERA, FeatureScene, feature_scene, ring

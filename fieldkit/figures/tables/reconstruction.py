@@ -52,11 +52,6 @@ def quality_rows(report: ReconstructionEntry) -> tuple[tuple[str, str], ...]:
     return tuple(rows)
 
 
-def was_used(image: ImageReport) -> bool:
-    """Whether a photograph is registered and its pose not known to be wrong."""
-    return image.registered and image.right is not False
-
-
 def photograph_table(
     images: Sequence[ImageReport], caption: str, *, metric: bool, pictures: Mapping[str, Picture] | None = None
 ) -> Table:
@@ -75,7 +70,7 @@ def photograph_table(
             Column("pitch, °", True, detail=True): decimal(i.pitch_deg, 1),
             "why": i.reason or None,
         }
-        for i in sorted(images, key=was_used)
+        for i in sorted(images, key=lambda image: image.counts)
     ])  # fmt: skip
 
 

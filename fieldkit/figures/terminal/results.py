@@ -40,7 +40,7 @@ def comparison_output(report: ComparisonReport) -> Iterator[RenderableType]:
 
 def _reconstruction(report: ReconstructionEntry) -> Iterator[Block]:
     yield Terms(reconstruction.quality_rows(report))
-    unused = [image for image in report.image_reports if not reconstruction.was_used(image)]
+    unused = [image for image in report.image_reports if not image.counts]
     if unused:
         yield reconstruction.photograph_table(unused, "Photographs that do not count", metric=report.metric)
     if report.times:

@@ -15,8 +15,8 @@ from fieldkit.planning.objective.fidelity import FIDELITIES
 from fieldkit.planning.objective.rule import Rule, value_m
 from fieldkit.planning.objective.source import PhotoSet, PhotoSource
 from fieldkit.planning.space.cameras import Cameras
+from fieldkit.reconstruction.mapping.prior import PriorMappingSettings
 from fieldkit.reconstruction.pipeline import reconstruct
-from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stage_times import StageTimer

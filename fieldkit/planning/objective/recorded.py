@@ -23,9 +23,9 @@ from fieldkit.planning.objective.source import PhotoSet
 from fieldkit.planning.space.assignment import assign
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.reconstruction.features import FeatureSettings
+from fieldkit.reconstruction.guided import region_of_interest
 from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.reconstruction.pipeline import KnownPlot
-from fieldkit.reconstruction.prior_mapping import region_of_interest
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.simulate import CaptureNoise, perturbed
 from fieldkit.wording import count
@@ -77,7 +77,7 @@ def recorded_views(
     """
     known = known_poses(capture, plot.source)
     views = []
-    for name, k in known.poses.items():
+    for name, k in known.by_name.items():
         lent = (reconstructed or {}).get(name)
         if k.position is None:
             continue

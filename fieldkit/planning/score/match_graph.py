@@ -10,13 +10,13 @@ from fieldkit.planning.score.matchability import view_angles_deg
 from fieldkit.planning.space.cameras import Array
 from fieldkit.reconstruction.cameras import cameras_of
 from fieldkit.reconstruction.features import FeatureSettings
-from fieldkit.reconstruction.guided import GuidedSettings, IndexedFeatures, PosedFeatures, Region, match_guided
+from fieldkit.reconstruction.guided import Band, IndexedFeatures, PosedFeatures, Region, match_guided
+from fieldkit.reconstruction.mapping.view_graph import null_model_matches
 from fieldkit.reconstruction.stages import load_features
-from fieldkit.reconstruction.ties import chance_matches
+from fieldkit.reconstruction.versions import BESIDE
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import map_threads
 
-_VERSION = 1
 _WIDEST_DEG = 60.0
 """Leaves hardly match beyond: docs/simulated-scenes.md has 9 of 309 matches left at 48°."""
 _BAND_PX = 10.0
@@ -46,7 +46,8 @@ def match_graph(source: RecordedSource, features: FeatureSettings, context: Cont
     intrinsics = [cameras.cameras[camera_of[name]] for name in names]
     poses = [view.pose for view in source.views]
     region = source.plot.region
-    key = digest("match-graph", _VERSION, [f.key for f in keyed], intrinsics, poses, region, _BAND_PX, _WIDEST_DEG)
+    version = BESIDE["match-graph"]
+    key = digest("match-graph", version, [f.key for f in keyed], intrinsics, poses, region, _BAND_PX, _WIDEST_DEG)
     kept = source.cache.get("match-graph", key)
     if kept is not None:
         return kept["matches"]
@@ -68,6 +69,5 @@ def match_graph(source: RecordedSource, features: FeatureSettings, context: Cont
 
 
 def _above_chance(a: PosedFeatures, b: PosedFeatures, region: Region | None) -> float:
-    band, settings = _BAND_PX * a.camera.width / 1600.0, GuidedSettings()
-    found = len(match_guided(a, b, band, settings, region=region))
-    return max(0.0, found - chance_matches(a, b, band, settings, region=region, meet_in=None))
+    band = Band(_BAND_PX * a.camera.width / 1600.0, region)
+    return max(0.0, len(match_guided(a, b, band)) - null_model_matches(a, b, band))

@@ -11,7 +11,6 @@ from fieldkit.captures.decode import read_image
 from fieldkit.clouds import read_cloud
 from fieldkit.errors import FieldkitError
 from fieldkit.figures.content import Picture
-from fieldkit.figures.tables.reconstruction import was_used
 from fieldkit.files import file_beside
 from fieldkit.report.sections.loaded import Loaded, Results
 from fieldkit.report.sections.shown import MOST_THUMBNAILS, Shown
@@ -38,7 +37,7 @@ def add_photographs(
         places = (report.source,) if len(report.plots) == 1 else ()
         plots = [(plot.name, plot, (f"{report.source}/{plot.name}", *places)) for plot in report.plots]
     for plot, found, sources in plots:
-        names = [image.name for image in sorted(found.image_reports, key=was_used)]
+        names = [image.name for image in sorted(found.image_reports, key=lambda image: image.counts)]
         folders = (find_photographs(source, names, result.folder, results.root) for source in sources)
         if (folder := next((each for each in folders if each is not None), None)) is not None:
             shown.add_pictures(anchor, plot, thumbnails(folder, names, MOST_THUMBNAILS - shown.thumbnails))

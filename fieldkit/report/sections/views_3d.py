@@ -275,7 +275,7 @@ def _camera_layers(
             half = _HALF_VIEW
     layers = []
     for title, color, right in ((name, _ACHIEVED, True), ("Cameras, pose found wrong", _WRONG, False)):
-        chosen = [(i, pose) for i in images if (i.right is not False) is right and (pose := i.pose) is not None]
+        chosen = [(i, pose) for i in images if i.counts is right and (pose := i.pose) is not None]
         if chosen:
             layers.append(FrustumLayer(
                 title, [pose for _, pose in chosen], [_label(image) for image, _ in chosen], *half, color,

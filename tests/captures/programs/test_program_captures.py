@@ -13,8 +13,8 @@ from fieldkit.errors import MetadataError, ReconstructionError
 from fieldkit.evaluation.pose_table import capture_poses
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame, utm_epsg_of
-from fieldkit.geometry.priors import SourceFrame
-from fieldkit.reconstruction.known_poses import KnownPoses, known_poses
+from fieldkit.geometry.priors import Priors, SourceFrame
+from fieldkit.reconstruction.known_poses import known_poses
 from tests.captures.photographs import MakePhoto
 from tests.captures.programs.known_set import (
     CAMERA,
@@ -48,10 +48,10 @@ def prior_poses(capture: Capture) -> dict[str, Pose]:
     return {name: prior.pose for name, prior in capture.priors.items()}
 
 
-def working(known: KnownPoses) -> dict[str, Pose]:
+def working(known: Priors) -> dict[str, Pose]:
     return {
         n: Pose(p.rotation, p.position)
-        for n, p in known.poses.items()
+        for n, p in known.by_name.items()
         if p.rotation is not None and p.position is not None
     }
 
@@ -110,7 +110,7 @@ def test_a_colmap_model_takes_scale_and_place_from_positions_beside_it(photograp
     distance, angle = apart(working(known), truth())
     assert distance < 0.06
     assert angle < 0.2
-    assert {pose.position_sigma_m for pose in known.poses.values()} == {0.05}
+    assert {pose.position_sigma_m for pose in known.by_name.values()} == {0.05}
 
 
 def test_coarse_positions_are_bettered_by_a_model_and_stay_as_coarse_as_they_are(photographs: Path) -> None:
@@ -122,7 +122,7 @@ def test_coarse_positions_are_bettered_by_a_model_and_stay_as_coarse_as_they_are
         for m, a in working(known).items() for n, b in working(known).items() if m < n
     ]  # fmt: skip
     assert np.ptp(inside) < 1e-9  # the model's shape, whatever its scale
-    assert {pose.position_sigma_m for pose in known.poses.values()} == {1.0}
+    assert {pose.position_sigma_m for pose in known.by_name.values()} == {1.0}
 
 
 def test_a_model_that_does_not_fit_the_positions_is_not_used_and_it_is_said(photographs: Path) -> None:
@@ -130,7 +130,7 @@ def test_a_model_that_does_not_fit_the_positions_is_not_used_and_it_is_said(phot
     write_positions(photographs, truth())
     known = known_poses(read_capture(photographs))
     assert "do not fit the known positions" in known.notes[0]
-    assert all(pose.rotation is None for pose in known.poses.values())
+    assert all(pose.rotation is None for pose in known.by_name.values())
 
 
 def test_stated_metres(photographs: Path, tmp_path: Path) -> None:

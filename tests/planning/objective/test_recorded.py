@@ -22,8 +22,8 @@ from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.recorded import RecordedSource, recorded_views
 from fieldkit.planning.space.assignment import assign
 from fieldkit.planning.space.cameras import Cameras
+from fieldkit.reconstruction.mapping.prior import PriorMappingSettings
 from fieldkit.reconstruction.pipeline import KnownPlot
-from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
 from fieldkit.scenes.simulate import CaptureNoise
 
 SMALL_PLOT = Path(__file__).parents[2] / "data" / "small_plot"

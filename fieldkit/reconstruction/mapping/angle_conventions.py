@@ -18,6 +18,10 @@ from fieldkit.captures.xmp import LOOKING_DOWN
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
 from fieldkit.geometry.priors import PosePrior
+from fieldkit.reconstruction.agreement import ANGLE_SIGMAS
+from fieldkit.reconstruction.colmap_model import model_poses
+from fieldkit.reconstruction.mapping.state import Belief
+from fieldkit.runtime.colmap import pycolmap
 
 Matrix = NDArray[np.float64]
 Rotations = dict[str, Matrix]
@@ -74,6 +78,29 @@ def find_convention(capture: Capture, found: Mapping[str, Matrix], turn: Matrix,
     name = _fitting(rest, found, capture, turn, bound_deg)[0] if agreeing and len(rest) >= _LEAST else ""
     kind = "mixed" if name else "recorded" if most else "none"
     return Convention(kind, name, recorded, agreeing, compared)
+
+
+def adopt_convention(
+    capture: Capture, belief: Belief, model: pycolmap.Reconstruction
+) -> tuple[Belief, Convention | None]:
+    """Recorded angles read by another convention, noted, where a model in the known frame says so of all."""
+    found = {name: pose.rotation for name, pose in model_poses(model).items()}
+    sigma = float(np.median([prior.angle_sigma_deg for prior in belief.priors.by_name.values()]))
+    told = find_convention(capture, found, belief.turn, ANGLE_SIGMAS * sigma)
+    if told is None or told.kind == "recorded":
+        return belief, told
+    if told.kind == "other":
+        note = (
+            f"the recorded angles are not as fieldkit reads them: {told.name}, say the matches of "
+            f"{len(told.compared)} photographs; used so for all"
+        )
+        return belief.with_rotations(told.rotations).noting(note), told
+    rest = f"the rest fit another: {told.name}" if told.kind == "mixed" else "no other convention fits the rest"
+    note = (
+        f"the recorded angles follow no one convention: those of {len(told.agreeing)} of {len(told.compared)} "
+        f"photographs agree with the matches, and {rest}"
+    )
+    return belief.noting(note), told
 
 
 def _fitting(

@@ -12,16 +12,16 @@ import pytest
 from fieldkit.captures import read_image
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_poses
 from fieldkit.reconstruction.features import Features, FeatureSettings, extract_features
-from fieldkit.reconstruction.prior_mapping import (
+from fieldkit.reconstruction.guided import epipolar_distance, fundamental_matrix, region_of_interest
+from fieldkit.reconstruction.mapping.prior import (
     PriorMapping,
     PriorMappingSettings,
-    RoughPose,
     epipolar_sigma_px,
     map_with_priors,
-    region_of_interest,
 )
 from fieldkit_sim.simulation import poses_from_csv
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, perturbed, random_descriptors, ring
@@ -34,14 +34,14 @@ def scene() -> FeatureScene:
     return feature_scene(ring(12), points=300, clutter=100, pixel_noise=0.3)
 
 
-def rough(poses: list[Pose], sigma_m: float = SIGMA_M, sigma_deg: float = SIGMA_DEG, seed: int = 0) -> list[RoughPose]:
+def rough(poses: list[Pose], sigma_m: float = SIGMA_M, sigma_deg: float = SIGMA_DEG, seed: int = 0) -> list[PosePrior]:
     noisy = perturbed(poses, sigma_m, sigma_deg, seed)
-    return [RoughPose(pose, np.full(3, max(sigma_m, 0.001)), max(sigma_deg, 0.1)) for pose in noisy]
+    return [PosePrior.of(pose, max(sigma_m, 0.001), max(sigma_deg, 0.1)) for pose in noisy]
 
 
 def map_scene(
     scene: FeatureScene,
-    priors: list[RoughPose],
+    priors: list[PosePrior],
     *,
     features: list[Features] | None = None,
     camera: Intrinsics | None = None,
@@ -83,7 +83,7 @@ def test_rough_poses_are_corrected(scene: FeatureScene, sigma_m: float, sigma_de
 
 def test_exact_positions_and_rough_angles_give_the_truth(scene: FeatureScene) -> None:
     noisy = perturbed(scene.poses, 0.0, 1.5, seed=4)
-    mapping = map_scene(scene, [RoughPose(pose, np.full(3, 0.001), 1.5) for pose in noisy])
+    mapping = map_scene(scene, [PosePrior.of(pose, 0.001, 1.5) for pose in noisy])
     found = model_poses(mapping.model)
     errors = [np.linalg.norm(found[n].center - p.center) for n, p in zip(scene.names, scene.poses, strict=True)]
     assert max(errors) < 0.001
@@ -145,14 +145,14 @@ def test_a_survey_from_above_has_no_common_centre(heading: float) -> None:
 
 def test_a_chain_of_three_photographs_does_not_roll() -> None:
     """Two pairs of few matches each: bundle adjustment alone rolls their three cameras by 20°."""
-    folder = Path(__file__).parents[1] / "data" / "small_plot"
+    folder = Path(__file__).parents[2] / "data" / "small_plot"
     poses = list(poses_from_csv(folder / "poses.csv"))[:3]
     images = [read_image(folder / f"IMG_000{k}.jpg", gray=True) for k in (1, 2, 3)]
     features = [
         extract_features(image, FeatureSettings(max_features=4096, contrast_threshold=0.02)) for image in images
     ]
     names = ["1", "2", "3"]
-    priors = [RoughPose(pose, np.full(3, 0.003), 3.0) for pose in poses]
+    priors = [PosePrior.of(pose, 0.003, 3.0) for pose in poses]
     camera = Intrinsics.pinhole(320, 240, 304.0)
     mapping = map_with_priors(
         names, features, [camera], [0] * 3, priors, PriorMappingSettings(), fixed_intrinsics=True
@@ -191,8 +191,6 @@ def test_the_region_is_what_the_axes_share() -> None:
 
 def test_the_first_band_follows_the_priors() -> None:
     """Against the scatter of simulated priors' epipolar distances."""
-    from fieldkit.reconstruction.epipolar import epipolar_distance, fundamental_matrix
-
     a, b = ring(16)[:2]
     camera = Intrinsics.pinhole(1600, 1200, 1500.0)
     point = np.zeros((1, 3))
@@ -234,7 +232,7 @@ def test_thirteen_views_of_the_basil_register(data_folder: Path) -> None:
     settings = FeatureSettings(max_features=4096, contrast_threshold=0.03)
     features = [extract_features(read_image(folder / name, gray=True), settings) for name in subset]
     noisy = perturbed([rig[name] for name in subset], 0.01, 1.0, seed=1)
-    priors = [RoughPose(pose, np.full(3, 0.012), 4.0) for pose in noisy]
+    priors = [PosePrior.of(pose, 0.012, 4.0) for pose in noisy]
     mapping = map_with_priors(
         subset, features, [BASIL], [0] * 13, priors, PriorMappingSettings(), fixed_intrinsics=True
     )

@@ -10,7 +10,7 @@ from fieldkit.captures.model import Capture, Photo
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
 from fieldkit.geometry.priors import PosePrior
-from fieldkit.reconstruction.angle_conventions import Convention, find_convention, look_odd
+from fieldkit.reconstruction.mapping.angle_conventions import Convention, find_convention, look_odd
 
 BOUND_DEG = 27.0
 NADIR = [(43.0 + 3 * (k % 3) + 180 * (k // 4), -89.9, 0.0) for k in range(8)]

@@ -21,8 +21,9 @@ from scipy.spatial.transform import Rotation
 
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import cross_matrix
-from fieldkit.reconstruction.guided import GuidedSettings, PosedFeatures, Region, match_guided
-from fieldkit.reconstruction.ties import Pair
+from fieldkit.geometry.priors import PosePrior
+from fieldkit.reconstruction.guided import Band, PosedFeatures, Region, match_guided
+from fieldkit.reconstruction.mapping.view_graph import Pair
 
 Floats = NDArray[np.float64]
 _COARSE_PX = (24.0, 16.0, 16.0)
@@ -31,69 +32,17 @@ _NOISE_PX = 2.0
 _LEAST_WORTH = 0.5
 _WIDTH_PX = 1600.0
 _PLACING_STEPS = 4
+_WITHIN_PX = 4.0
+"""Of its epipolar line, a match agrees with a motion."""
+_STARTS, _REFINED = 400, 32
+"""Of the search for a motion, and how many of them are followed to the end."""
+_BAND_SIGMAS = 2.5
+"""Half width of the bands, in standard deviations of what is unknown."""
+MIN_AGREEING = 20
+"""Least number of a motion's inliers, in all pairs together."""
+_NULL_FACTOR = 1.5
+"""Least ratio of a motion's inliers to those of randomised matches."""
 _SCALE_SIGMA = 0.1  # of what the positions of one or two cameras leave open
-
-
-@dataclass(frozen=True)
-class JoinSettings:
-    """When sub-models are put together.
-
-    Attributes:
-        within_px: of its epipolar line, a match agrees with a motion.
-        min_agreeing: fewest matches that a motion is believed by,
-        chance_factor: and so many times those that agree with the best motion for matches without meaning.
-        starts: of the search,
-        refined: and how many of them are followed to the end.
-        band_sigmas: half width of the bands, in standard deviations of what is unknown.
-    """
-
-    within_px: float = 4.0
-    min_agreeing: int = 20
-    chance_factor: float = 1.5
-    starts: int = 400
-    refined: int = 32
-    band_sigmas: float = 2.5
-
-
-@dataclass(frozen=True, eq=False)
-class KnownCameras:
-    """Poses of n cameras that were known before.
-
-    Attributes:
-        poses: n.
-        position_sigma_m, angle_sigma_deg: (n, 3), (n,) standard deviations.
-    """
-
-    poses: Sequence[Pose]
-    position_sigma_m: Floats
-    angle_sigma_deg: Floats
-
-    def place(self, poses: Sequence[Pose], part: Sequence[int]) -> Placed:
-        """Where known positions and orientations want a sub-model (least squares), and what they leave open.
-
-        Args:
-            poses: of the sub-model's m images.
-            part: (m,) which of the n they are.
-        """
-        pivot = np.mean([pose.center for pose in poses], axis=0)
-        motion = np.zeros(7)
-        for _ in range(_PLACING_STEPS):
-            information = np.diag([*np.zeros(6), _SCALE_SIGMA**-2])
-            gradient = information @ -motion
-            for k, pose in zip(part, (moved(pose, motion, pivot) for pose in poses), strict=True):
-                known, sigma, angle = self.poses[k], self.position_sigma_m[k], np.radians(self.angle_sigma_deg[k])
-                arm = pose.center - pivot - motion[3:6]
-                moves = np.hstack([-cross_matrix(arm), np.eye(3), arm[:, None]]) / sigma[:, None]
-                turn = Rotation.from_matrix(known.rotation.T @ pose.rotation).as_rotvec()
-                information += moves.T @ moves
-                information[:3, :3] += np.eye(3) / angle**2
-                gradient += moves.T @ ((known.center - pose.center) / sigma)
-                gradient[:3] += turn / angle**2
-            step = np.linalg.solve(information, gradient)
-            turned = Rotation.from_rotvec(step[:3]) * Rotation.from_rotvec(motion[:3])
-            motion = np.concatenate([turned.as_rotvec(), motion[3:] + step[3:]])
-        placed = [moved(pose, motion, pivot) for pose in poses]
-        return Placed(placed, pivot + motion[3:6], np.linalg.inv(information))
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +73,35 @@ def moved(pose: Pose, motion: Floats, pivot: Floats) -> Pose:
     """A pose after a similarity (7,): rotation vector about ``pivot`` (3,), translation, logarithm of the scale."""
     turn = Rotation.from_rotvec(motion[:3]).as_matrix()
     return Pose(pose.rotation @ turn.T, np.exp(motion[6]) * turn @ (pose.center - pivot) + pivot + motion[3:6])
+
+
+def place_submodel(poses: Sequence[Pose], part: Sequence[int], priors: Sequence[PosePrior]) -> Placed:
+    """Where known poses want a sub-model (least squares), and what they leave open.
+
+    Args:
+        poses: of the sub-model's m images.
+        part: (m,) which of the n images of ``priors`` they are.
+        priors: n, positions and orientations.
+    """
+    pivot = np.mean([pose.center for pose in poses], axis=0)
+    motion = np.zeros(7)
+    for _ in range(_PLACING_STEPS):
+        information = np.diag([*np.zeros(6), _SCALE_SIGMA**-2])
+        gradient = information @ -motion
+        for k, pose in zip(part, (moved(pose, motion, pivot) for pose in poses), strict=True):
+            known, sigma, angle = priors[k].pose, priors[k].position_sigma_m, np.radians(priors[k].angle_sigma_deg)
+            arm = pose.center - pivot - motion[3:6]
+            moves = np.hstack([-cross_matrix(arm), np.eye(3), arm[:, None]]) / sigma
+            turn = Rotation.from_matrix(known.rotation.T @ pose.rotation).as_rotvec()
+            information += moves.T @ moves
+            information[:3, :3] += np.eye(3) / angle**2
+            gradient += moves.T @ ((known.center - pose.center) / sigma)
+            gradient[:3] += turn / angle**2
+        step = np.linalg.solve(information, gradient)
+        turned = Rotation.from_rotvec(step[:3]) * Rotation.from_rotvec(motion[:3])
+        motion = np.concatenate([turned.as_rotvec(), motion[3:] + step[3:]])
+    placed = [moved(pose, motion, pivot) for pose in poses]
+    return Placed(placed, pivot + motion[3:6], np.linalg.inv(information))
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +135,7 @@ class Across:
 
 
 def best_motion(
-    across: Across, pivot: Floats, covariance: Floats, band: float, settings: JoinSettings, rng: np.random.Generator
+    across: Across, pivot: Floats, covariance: Floats, band: float, rng: np.random.Generator
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """The small similarity about ``pivot`` that is likeliest after what is known and the matches that agree.
 
@@ -168,22 +146,21 @@ def best_motion(
         pivot: (3,).
         covariance: (7, 7) of the motion, known before.
         band: half width of what the matches were looked for in, radians.
-        settings: constants.
         rng: of the starts.
 
     Returns:
         The motion (7,) as `moved` takes it, and which matches agree (n,).
     """
-    motions = rng.multivariate_normal(np.zeros(7), covariance, settings.starts)
+    motions = rng.multivariate_normal(np.zeros(7), covariance, _STARTS)
     motions[0] = 0.0
     information = np.asarray(np.linalg.inv(covariance), np.float64)
     motions = _refined(across, pivot, motions, information, _COARSE_PX)
     likelihood, _ = _likelihood(across, pivot, motions, information, band, _COARSE_PX[-1])
-    motions = motions[np.argsort(-likelihood, kind="stable")[: settings.refined]]
+    motions = motions[np.argsort(-likelihood, kind="stable")[:_REFINED]]
     motions = _refined(across, pivot, motions, information, _FINE_PX)
-    likelihood, residual = _likelihood(across, pivot, motions, information, band, settings.within_px)
+    likelihood, residual = _likelihood(across, pivot, motions, information, band, _WITHIN_PX)
     best = int(np.argmax(likelihood))
-    agrees: NDArray[np.bool_] = np.abs(residual[best]) <= settings.within_px
+    agrees: NDArray[np.bool_] = np.abs(residual[best]) <= _WITHIN_PX
     return motions[best], agrees
 
 
@@ -245,25 +222,20 @@ class Joined:
 
 @dataclass(frozen=True, eq=False)
 class Joiner:
-    """What sub-models of n images are put together by.
+    """What sub-models of n images are put together by."""
 
-    Attributes:
-        known: cameras.
-        pairs: of images that can see the same.
-        settings: constants.
-        guided: acceptance of single matches.
-        region: what the cameras look at.
-        distance_m: from cameras to it.
-        seed: of the search.
-    """
-
-    known: KnownCameras
+    priors: Sequence[PosePrior]
+    """Of the images: positions and orientations."""
     pairs: Collection[Pair]
-    settings: JoinSettings
-    guided: GuidedSettings
-    region: Region | None
+    """Of images that can see the same."""
+    region: Region
+    """What the cameras look at."""
     distance_m: float
+    """From cameras to it."""
     seed: int
+    """Of the search."""
+    min_agreeing: int
+    """Least number of a motion's inliers."""
 
     def join(self, images: Sequence[PosedFeatures], parts: Sequence[Sequence[int]]) -> Joined:
         """Put those two sub-models together that fit best, until no two fit.
@@ -292,7 +264,7 @@ class Joiner:
         return Joined([poses[k] for k in range(len(images))], matches, left)
 
     def _place(self, images: Sequence[PosedFeatures], part: Sequence[int]) -> tuple[Placed, dict[int, Pose]]:
-        placed = self.known.place([images[k].pose for k in part], part)
+        placed = place_submodel([images[k].pose for k in part], part, self.priors)
         return placed, dict(zip(part, placed.poses, strict=True))
 
     def _fit(self, images: Sequence[PosedFeatures], still: Sequence[int], other: Sequence[int]) -> _Fit | None:
@@ -300,25 +272,23 @@ class Joiner:
         images = _at(images, poses | before)
         covariance = standing.about(moving.pivot) + moving.covariance
         angle, shift = (np.sqrt(np.linalg.eigvalsh(covariance[k, k])[-1]) for k in (slice(0, 3), slice(3, 6)))
-        band = self.settings.band_sigmas * float(np.hypot(angle, shift / self.distance_m))
+        band = _BAND_SIGMAS * float(np.hypot(angle, shift / self.distance_m))
         found: dict[Pair, NDArray[np.uint32]] = {}
         rays = []
         for i, j in sorted(self.pairs):
             if (i in still and j in other) or (i in other and j in still):
-                found[i, j] = match_guided(
-                    images[i], images[j], band * images[j].camera.fx, self.guided, region=self.region
-                )
+                found[i, j] = match_guided(images[i], images[j], Band(band * images[j].camera.fx, self.region))
                 ends = ((i, found[i, j][:, 0]), (j, found[i, j][:, 1]))
                 rays.append(_rays(images, *(ends if i in still else ends[::-1])))
-        if sum(map(len, found.values())) < self.settings.min_agreeing:
+        if sum(map(len, found.values())) < self.min_agreeing:
             return None
         across = Across(*(np.concatenate(column) for column in zip(*rays, strict=True)))
         rng = np.random.default_rng((self.seed, *still, len(images), *other))
-        motion, agrees = best_motion(across, moving.pivot, covariance, band, self.settings, rng)
+        motion, agrees = best_motion(across, moving.pivot, covariance, band, rng)
         meaningless = across.without_meaning(band, rng)
-        _, by_chance = best_motion(meaningless, moving.pivot, covariance, band, self.settings, rng)
+        _, by_chance = best_motion(meaningless, moving.pivot, covariance, band, rng)
         margin = float(agrees.sum() / max(1, by_chance.sum()))
-        if agrees.sum() < self.settings.min_agreeing or margin < self.settings.chance_factor:
+        if agrees.sum() < self.min_agreeing or margin < _NULL_FACTOR:
             return None
         own = np.split(agrees, np.cumsum([len(matches) for matches in found.values()])[:-1])
         kept = {pair: found[pair][mask] for pair, mask in zip(found, own, strict=True) if mask.any()}

@@ -8,9 +8,10 @@ import pytest
 
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.similarity import fit_similarity
-from fieldkit.reconstruction.bundle import CameraPrior, adjust, filter_points
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_poses, new_model, triangulate_tracks
+from fieldkit.reconstruction.mapping.bundle import adjust, filter_points
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, perturbed, ring
 from tests.reconstruction.test_colmap_model import true_tracks
 
@@ -28,8 +29,8 @@ def started(scene: FeatureScene, poses: list[Pose], camera: Intrinsics | None = 
     return model
 
 
-def priors(poses: list[Pose], sigma_m: float) -> dict[int, CameraPrior]:
-    return {i + 1: CameraPrior(pose.center, np.full(3, sigma_m)) for i, pose in enumerate(poses)}
+def priors(poses: list[Pose], sigma_m: float) -> dict[int, PosePrior]:
+    return {i + 1: PosePrior(pose.center, sigma_m) for i, pose in enumerate(poses)}
 
 
 def center_errors(model: pycolmap.Reconstruction, scene: FeatureScene) -> np.ndarray:
@@ -77,7 +78,7 @@ def test_coarse_priors_place_the_model_by_plain_least_squares(scene: FeatureScen
 
 def test_one_wrong_prior_does_not_move_the_frame(scene: FeatureScene) -> None:
     given = priors(scene.poses, 0.01)
-    given[3] = CameraPrior(given[3].position + np.array([0.02, 0.02, 0.01]), given[3].sigma)
+    given[3] = PosePrior(given[3].position + np.array([0.02, 0.02, 0.01]), given[3].position_sigma_m)
     model = started(scene, scene.poses)
     for loss in (4.0, 1.0):
         adjust(model, given, loss_px=loss, refine_intrinsics=False, seed=0)
@@ -139,10 +140,7 @@ def test_on_an_arc_orientations_hold_what_positions_leave_loose(seed: int) -> No
     tilts = {}
     for oriented in (False, True):
         model = started(arc, arc.poses)
-        known = {
-            i + 1: CameraPrior(p.center, np.full(3, 0.02), p.rotation if oriented else None, 1.0)
-            for i, p in enumerate(noisy)
-        }
+        known = {i + 1: PosePrior(p.center, 0.02, p.rotation if oriented else None, 1.0) for i, p in enumerate(noisy)}
         for _ in range(2):
             adjust(model, known, loss_px=1.0, refine_intrinsics=False, seed=0)
         found = model_poses(model)
@@ -156,7 +154,7 @@ def test_on_an_arc_orientations_hold_what_positions_leave_loose(seed: int) -> No
 def test_one_orientation_that_is_wrong_by_half_a_turn_changes_nothing(scene: FeatureScene) -> None:
     found = []
     for turned in (False, True):
-        known = {i + 1: CameraPrior(p.center, np.full(3, 0.01), p.rotation, 1.0) for i, p in enumerate(scene.poses)}
+        known = {i + 1: PosePrior(p.center, 0.01, p.rotation, 1.0) for i, p in enumerate(scene.poses)}
         if turned:
             known[3] = replace(known[3], rotation=np.diag([-1.0, -1.0, 1.0]) @ scene.poses[2].rotation)
         model = started(scene, scene.poses)

@@ -6,9 +6,9 @@ import pytest
 
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.pose import rotation_from_vector
-from fieldkit.reconstruction.agreement import KnownPose
+from fieldkit.geometry.priors import PosePrior
 from fieldkit.reconstruction.colmap_model import model_poses, new_model, triangulate_tracks
-from fieldkit.reconstruction.groups import Group, find_groups, held_by_positions, place_groups
+from fieldkit.reconstruction.mapping.groups import Group, find_groups, held_by_positions, place_groups
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, ring
 from tests.reconstruction.test_colmap_model import true_tracks
 
@@ -72,9 +72,9 @@ def bent(scene: FeatureScene, turn_deg: float) -> tuple[pycolmap.Reconstruction,
     return model, find_groups(model, scene.names, ties)
 
 
-def known_of(scene: FeatureScene, sigma_m: float, *, oriented: bool = False) -> dict[str, KnownPose]:
+def known_of(scene: FeatureScene, sigma_m: float, *, oriented: bool = False) -> dict[str, PosePrior]:
     return {
-        name: KnownPose(pose.center, sigma_m, pose.rotation if oriented else None, 1.0)
+        name: PosePrior(pose.center, sigma_m, pose.rotation if oriented else None, 1.0)
         for name, pose in zip(scene.names, scene.poses, strict=True)
     }
 

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
-from fieldkit.reconstruction.epipolar import relative_pose
-from fieldkit.reconstruction.orientation import orient_cameras
+from fieldkit.reconstruction.guided import relative_pose
+from fieldkit.reconstruction.mapping.orientation import orient_cameras
 from fieldkit.reconstruction.verification import TwoView
 from tests.reconstruction.synthetic import ring
 

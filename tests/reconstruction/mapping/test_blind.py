@@ -8,10 +8,12 @@ import pytest
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.similarity import fit_similarity
-from fieldkit.reconstruction.blind_mapping import METHODS, BlindMapping, map_blindly
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_poses
+from fieldkit.reconstruction.mapping.blind import map_blindly
 from fieldkit.reconstruction.matching import match_features
+from fieldkit.reconstruction.settings import BLIND_METHODS
 from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
+from fieldkit.runtime.colmap import pycolmap
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, ring
 
 SETTINGS = VerificationSettings(max_error_px=3.0)
@@ -38,7 +40,9 @@ def verified(scene: FeatureScene, candidates: list[tuple[int, int]], *, calibrat
     return found
 
 
-def map_scene(method: str, scene: FeatureScene, pairs: Pairs, *, fixed: bool = True, camera=None) -> BlindMapping:
+def map_scene(
+    method: str, scene: FeatureScene, pairs: Pairs, *, fixed: bool = True, camera=None
+) -> list[pycolmap.Reconstruction]:
     cameras = [camera or scene.camera]
     camera_of = [0] * len(scene.names)
     return map_blindly(
@@ -55,25 +59,25 @@ def errors(found: dict[str, Pose], scene: FeatureScene) -> tuple[np.ndarray, np.
     return np.linalg.norm(fit.apply(centers) - true_centers, axis=1), np.array(angles)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", BLIND_METHODS)
 def test_a_ring_is_mapped_whole(method: str, scene: FeatureScene, pairs: Pairs) -> None:
     mapping = map_scene(method, scene, pairs)
-    assert len(mapping.models) == 1
-    poses = model_poses(mapping.models[0])
+    assert len(mapping) == 1
+    poses = model_poses(mapping[0])
     assert list(poses) == scene.names
     centers, angles = errors(poses, scene)
     assert centers.max() < 0.002
     assert angles.max() < 0.1
-    assert mapping.models[0].num_points3D() > 200
-    assert model_intrinsics(mapping.models[0])[scene.names[0]] == scene.camera
+    assert mapping[0].num_points3D() > 200
+    assert model_intrinsics(mapping[0])[scene.names[0]] == scene.camera
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", BLIND_METHODS)
 def test_a_start_value_of_the_focal_length_is_refined(method: str, scene: FeatureScene, pairs: Pairs) -> None:
     f, cx, cy, k = scene.camera.params
     off = replace(scene.camera, params=(f * 1.02, cx, cy, k))
     mapping = map_scene(method, scene, pairs, fixed=False, camera=off)
-    refined = model_intrinsics(mapping.models[0])[scene.names[0]]
+    refined = model_intrinsics(mapping[0])[scene.names[0]]
     assert refined.fx == pytest.approx(f, rel=0.01)
     assert refined.fx != off.fx
 
@@ -89,22 +93,22 @@ def test_what_does_not_connect_becomes_two_models() -> None:
         one.points,
     )
     mapping = map_scene("incremental", both, verified(both, [(i, j) for i in range(9) for j in range(i + 1, 9)]))
-    names = [sorted(model_poses(model)) for model in mapping.models]
+    names = [sorted(model_poses(model)) for model in mapping]
     assert names == [both.names[:5], both.names[5:]]
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", BLIND_METHODS)
 def test_nothing_in_common_gives_no_model(method: str) -> None:
     scenes = [feature_scene(ring(4), points=60, clutter=20, seed=k) for k in range(4)]
     mixed = replace(scenes[0], features=[scene.features[k] for k, scene in enumerate(scenes)])
     pairs = verified(mixed, [(i, j) for i in range(4) for j in range(i + 1, 4)])
-    assert map_scene(method, mixed, pairs).models == ()
-    assert map_scene(method, mixed, {}).models == ()
+    assert map_scene(method, mixed, pairs) == []
+    assert map_scene(method, mixed, {}) == []
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", BLIND_METHODS)
 def test_the_same_seed_gives_the_same_bits(method: str, scene: FeatureScene, pairs: Pairs) -> None:
-    first, second = (map_scene(method, scene, pairs).models[0] for _ in range(2))
+    first, second = (map_scene(method, scene, pairs)[0] for _ in range(2))
     for one, other in zip(model_poses(first).values(), model_poses(second).values(), strict=True):
         assert one.center.tobytes() == other.center.tobytes()
         assert one.rotation.tobytes() == other.rotation.tobytes()

@@ -10,17 +10,17 @@ from hypothesis import strategies as st
 
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.features import Features
-from fieldkit.reconstruction.prior_mapping import PriorMappingSettings, RoughPose, map_with_priors
-from fieldkit.reconstruction.submodels import (
+from fieldkit.reconstruction.mapping.prior import PriorMappingSettings, map_with_priors
+from fieldkit.reconstruction.mapping.submodels import (
     Across,
-    JoinSettings,
-    KnownCameras,
     best_motion,
     epipolar_residuals,
     moved,
+    place_submodel,
 )
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, perturbed, ring
 
@@ -63,7 +63,7 @@ def test_the_motion_that_most_matches_agree_with_is_found() -> None:
         rng = np.random.default_rng(seed)
         motion = 0.8 * SIGMAS * rng.normal(size=7)
         across, pivot = matches_across(motion, 40, 100, seed)
-        found, agrees = best_motion(across, pivot, np.diag(SIGMAS**2), BAND, JoinSettings(), rng)
+        found, agrees = best_motion(across, pivot, np.diag(SIGMAS**2), BAND, rng)
         assert agrees[:40].all()
         assert agrees[40:].mean() < 0.25
         np.testing.assert_allclose(found, motion, atol=0.004)
@@ -72,8 +72,8 @@ def test_the_motion_that_most_matches_agree_with_is_found() -> None:
 def test_matches_without_meaning_agree_with_nothing() -> None:
     across, pivot = matches_across(np.zeros(7), 140, 0, 3)
     rng = np.random.default_rng(0)
-    found = best_motion(across, pivot, np.diag(SIGMAS**2), BAND, JoinSettings(), rng)[1].sum()
-    none = best_motion(across.without_meaning(BAND, rng), pivot, np.diag(SIGMAS**2), BAND, JoinSettings(), rng)
+    found = best_motion(across, pivot, np.diag(SIGMAS**2), BAND, rng)[1].sum()
+    none = best_motion(across.without_meaning(BAND, rng), pivot, np.diag(SIGMAS**2), BAND, rng)
     assert found == 140
     assert none[1].sum() < 30
 
@@ -85,9 +85,9 @@ def test_a_submodel_is_placed_by_what_is_known(share: list[float], count: int) -
     if count < 2:
         motion[6] = 0.0
     truth = ring(10)[:count]
-    known = KnownCameras(truth, np.full((count, 3), 0.01), np.full(count, 1.0))
+    known = [PosePrior.of(pose, 0.01, 1.0) for pose in truth]
     pivot = np.mean([pose.center for pose in truth], axis=0)
-    placed = known.place([moved(pose, motion, pivot) for pose in truth], range(count))
+    placed = place_submodel([moved(pose, motion, pivot) for pose in truth], range(count), known)
     for found, pose in zip(placed.poses, truth, strict=True):
         np.testing.assert_allclose(found.center, pose.center, atol=2e-3)
         assert rotation_angle_deg(found.rotation, pose.rotation) < 0.1
@@ -106,11 +106,11 @@ def two_arcs(shared: int) -> FeatureScene:
     return replace(scene, features=features)
 
 
-def worst_error_m(scene: FeatureScene, join: JoinSettings, seed: int) -> float:
+def worst_error_m(scene: FeatureScene, settings: PriorMappingSettings, seed: int) -> float:
     """Of the centres, after the best fit; positions are known to 20 mm, angles to 1° and said to be good to 3°."""
-    priors = [RoughPose(pose, np.full(3, 0.02), 3.0) for pose in perturbed(scene.poses, 0.02, 1.0, seed)]
+    priors = [PosePrior.of(pose, 0.02, 3.0) for pose in perturbed(scene.poses, 0.02, 1.0, seed)]
     mapping = map_with_priors(
-        scene.names, scene.features, [scene.camera], [0] * 10, priors, PriorMappingSettings(join=join),
+        scene.names, scene.features, [scene.camera], [0] * 10, priors, settings,
         fixed_intrinsics=True,
     )  # fmt: skip
     found = model_poses(mapping.model)
@@ -122,5 +122,6 @@ def worst_error_m(scene: FeatureScene, join: JoinSettings, seed: int) -> float:
 def test_arcs_that_no_pair_ties_are_put_together() -> None:
     """Ten shared points make five matches in a pair, and a hundred in all."""
     scene, seeds = two_arcs(10), (0, 4)
-    assert max(worst_error_m(scene, JoinSettings(), seed) for seed in seeds) < 0.002
-    assert min(worst_error_m(scene, JoinSettings(min_agreeing=10**6), seed) for seed in seeds) > 0.02
+    assert max(worst_error_m(scene, PriorMappingSettings(), seed) for seed in seeds) < 0.002
+    apart = PriorMappingSettings(min_agreeing=10**6)
+    assert min(worst_error_m(scene, apart, seed) for seed in seeds) > 0.02

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +10,11 @@ from scipy.spatial.transform import Rotation as ScipyRotation
 
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.pose import rotation_from_vector
+from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.agreement import POSITION_SIGMAS
-from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.reconstruction.colmap_model import transform_model
+from fieldkit.runtime.colmap import pycolmap
 
 _FULL_TRUST = 300
 COARSE_M = 0.1
@@ -25,26 +25,9 @@ _PLACING_ROUNDS = 20
 _MANY_CAMERAS = 5
 
 
-@dataclass(frozen=True, eq=False)
-class CameraPrior:
-    """What is known of an image's pose.
-
-    Attributes:
-        position: (3,) metres.
-        sigma: (3,) its standard deviation per axis.
-        rotation: (3, 3) camera from world, or None.
-        angle_sigma_deg: its standard deviation.
-    """
-
-    position: NDArray[np.float64]
-    sigma: NDArray[np.float64]
-    rotation: NDArray[np.float64] | None = None
-    angle_sigma_deg: float = 0.0
-
-
 def adjust(
     model: pycolmap.Reconstruction,
-    priors: Mapping[int, CameraPrior],
+    priors: Mapping[int, PosePrior],
     *,
     loss_px: float,
     refine_intrinsics: bool,
@@ -55,8 +38,8 @@ def adjust(
 
     Args:
         model: posed images with points.
-        priors: by image id; images without one are held by their observations alone. The model stays in the
-            priors' frame. With fewer than three priors the gauge would be free, so poses are adjusted without any.
+        priors: by image id, with positions; images without one are held by their observations alone. The model stays
+            in the priors' frame. With fewer than three the gauge would be free, so poses are adjusted without any.
         loss_px: scale of the Cauchy loss on reprojection errors, pixels.
         refine_intrinsics: adjust focal lengths and distortion (never the principal point).
         seed: of the alignment to the priors.
@@ -90,7 +73,7 @@ def adjust(
     _regauge(model, priors)
 
 
-def _regauge(model: pycolmap.Reconstruction, priors: Mapping[int, CameraPrior]) -> None:
+def _regauge(model: pycolmap.Reconstruction, priors: Mapping[int, PosePrior]) -> None:
     """Put the model as a whole where its priors want it.
 
     Reprojection errors do not see a similarity, and are so many that the solver moves along it in tiny steps. Positions
@@ -100,7 +83,7 @@ def _regauge(model: pycolmap.Reconstruction, priors: Mapping[int, CameraPrior]) 
     source = np.array([model.image(i).projection_center() for i in sorted(priors)])
     target = np.array([priors[i].position for i in sorted(priors)])
     observations = np.array([model.image(i).num_points3D for i in sorted(priors)])
-    reach = POSITION_SIGMAS * np.array([np.linalg.norm(priors[i].sigma) / np.sqrt(3.0) for i in sorted(priors)])
+    reach = POSITION_SIGMAS * np.array([np.linalg.norm(_axes(priors[i])) / np.sqrt(3.0) for i in sorted(priors)])
     coarse = float(np.median(reach)) > POSITION_SIGMAS * COARSE_M
     kept = np.ones(len(source), dtype=np.bool_)
     for _ in range(3):
@@ -142,7 +125,7 @@ def _placed(
     return similarity
 
 
-def _tilt(model: pycolmap.Reconstruction, priors: Mapping[int, CameraPrior]) -> Similarity:
+def _tilt(model: pycolmap.Reconstruction, priors: Mapping[int, PosePrior]) -> Similarity:
     """What known orientations change about a model that lies where its positions want it.
 
     One Gauss-Newton step about the positions' optimum. All orientations together weigh as much as one, because what is
@@ -158,7 +141,7 @@ def _tilt(model: pycolmap.Reconstruction, priors: Mapping[int, CameraPrior]) -> 
         return Similarity.identity()
     weights = near / sigmas**2 / near.sum()
     centers = np.array([model.image(i).projection_center() for i in priors])
-    trust = np.array([3.0 / float((prior.sigma**2).sum()) for prior in priors.values()])
+    trust = np.array([3.0 / float((_axes(prior) ** 2).sum()) for prior in priors.values()])
     middle = trust @ centers / trust.sum()
     arms = centers - middle
     # Of a small rotation w about the middle: Σ trust |w × arm|² + Σ weight |w − turn|².
@@ -167,7 +150,7 @@ def _tilt(model: pycolmap.Reconstruction, priors: Mapping[int, CameraPrior]) -> 
     return Similarity(1.0, rotation, middle - rotation @ middle)
 
 
-def _world_turn(model: pycolmap.Reconstruction, image_id: int, prior: CameraPrior) -> NDArray[np.float64]:
+def _world_turn(model: pycolmap.Reconstruction, image_id: int, prior: PosePrior) -> NDArray[np.float64]:
     """The rotation vector (3,) of the world, radians, that brings an image to its known orientation."""
     assert prior.rotation is not None
     found = np.array(model.image(image_id).cam_from_world().rotation.matrix())
@@ -180,11 +163,16 @@ def filter_points(model: pycolmap.Reconstruction, max_error_px: float, min_angle
     return int(pycolmap.ObservationManager(model).filter_all_points3D(max_error_px, min_angle_deg))
 
 
-def _pose_prior(model: pycolmap.Reconstruction, image_id: int, prior: CameraPrior) -> pycolmap.PosePrior:
+def _pose_prior(model: pycolmap.Reconstruction, image_id: int, prior: PosePrior) -> pycolmap.PosePrior:
     made = pycolmap.PosePrior()
     made.pose_prior_id = image_id
     made.corr_data_id = model.image(image_id).data_id
     made.coordinate_system = pycolmap.PosePriorCoordinateSystem.CARTESIAN
-    made.position = prior.position
-    made.position_covariance = np.diag(prior.sigma**2)
+    made.position = np.asarray(prior.position)
+    made.position_covariance = np.diag(_axes(prior) ** 2)
     return made
+
+
+def _axes(prior: PosePrior) -> NDArray[np.float64]:
+    """(3,) standard deviations of a position, metres: what is made of them is summed over axes, to the last bit."""
+    return np.full(3, prior.position_sigma_m)

@@ -1,4 +1,4 @@
-"""Groups of photographs that pairs tie together, and what holds them to one another.
+"""Groups of photographs that edges of the view graph join, and what holds the groups to one another.
 
 A group is accurate in itself. Between two groups single matches, none of which another contradicts, and known positions
 decide: a model can bend there by as much as the positions allow, and every pose is within its bound.
@@ -7,17 +7,19 @@ decide: a model can bend there by as much as the positions allow, and every pose
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fieldkit.geometry import Pose, Similarity
-from fieldkit.reconstruction.agreement import KnownPose, judge
-from fieldkit.reconstruction.bundle import COARSE_M
-from fieldkit.reconstruction.colmap import pycolmap
+from fieldkit.geometry.priors import PosePrior
+from fieldkit.reconstruction.agreement import judge
 from fieldkit.reconstruction.colmap_model import model_poses, to_rigid
-from fieldkit.reconstruction.submodels import KnownCameras
-from fieldkit.reconstruction.ties import Pair, TieSettings, connected_parts
+from fieldkit.reconstruction.mapping.bundle import COARSE_M
+from fieldkit.reconstruction.mapping.submodels import place_submodel
+from fieldkit.reconstruction.mapping.view_graph import EDGE_MATCHES, Pair, connected_parts
+from fieldkit.results.finding import Finding
+from fieldkit.runtime.colmap import pycolmap
 
 _FIXED_BY = 3
 """Photographs whose known positions fix a group's place, scale and rotation."""
@@ -29,7 +31,7 @@ _NAMED = 6
 
 @dataclass(frozen=True)
 class Group:
-    """Photographs that pairs tie together.
+    """Photographs that edges of the view graph join.
 
     Attributes:
         names: of them.
@@ -44,17 +46,17 @@ class Group:
         return named if len(self.names) <= _NAMED else f"{named} and {len(self.names) - _NAMED} more"
 
 
-def find_groups(model: pycolmap.Reconstruction, names: Sequence[str], ties: Collection[Pair]) -> list[Group]:
+def find_groups(model: pycolmap.Reconstruction, names: Sequence[str], edges: Collection[Pair]) -> list[Group]:
     """The groups of a model's photographs, the largest first.
 
     Args:
         model: with points.
         names: of the capture's photographs.
-        ties: pairs of them, by indices, that have matches far above chance.
+        edges: of the view graph, pairs of them by indices.
     """
     index = {name: k for k, name in enumerate(names)}
     image_of = {index[model.image(i).name]: i for i in model.reg_image_ids()}
-    parts = sorted(connected_parts(sorted(image_of), ties), key=lambda part: (-len(part), part))
+    parts = sorted(connected_parts(sorted(image_of), edges), key=lambda part: (-len(part), part))
     shared = dict.fromkeys(range(len(parts)), 0)
     if len(parts) > 1:
         part_of = {image_of[k]: number for number, part in enumerate(parts) for k in part}
@@ -66,16 +68,15 @@ def find_groups(model: pycolmap.Reconstruction, names: Sequence[str], ties: Coll
 
 
 def held_by_positions(groups: Sequence[Group]) -> set[str]:
-    """Photographs that nothing but a known position holds: one or two with fewer shared points than a tie has matches.
+    """Photographs that only a known position holds: one or two, with fewer shared points than an edge has matches.
 
     Two turn freely about the line between them.
     """
-    least = TieSettings().min_matches
-    loose = [group for group in groups[1:] if len(group.names) < _FIXED_BY and group.shared < least]
+    loose = [group for group in groups[1:] if len(group.names) < _FIXED_BY and group.shared < EDGE_MATCHES]
     return {name for group in loose for name in group.names}
 
 
-def place_groups(model: pycolmap.Reconstruction, groups: Sequence[Group], known: Mapping[str, KnownPose]) -> bool:
+def place_groups(model: pycolmap.Reconstruction, groups: Sequence[Group], known: Mapping[str, PosePrior]) -> bool:
     """Move each group of two photographs or more, in place, where its known positions and orientations want it.
 
     Poses out of their bounds do not take part. Points that several groups see go. Nothing moves where what is known
@@ -114,21 +115,16 @@ def place_groups(model: pycolmap.Reconstruction, groups: Sequence[Group], known:
     return bool(moves)
 
 
-def _own_place(poses: Mapping[str, Pose], records: Mapping[str, KnownPose]) -> Similarity | None:
+def _own_place(poses: Mapping[str, Pose], records: Mapping[str, PosePrior]) -> Similarity | None:
     """The similarity that least squares of known positions and orientations give; None where they tell too little."""
     if np.median([record.position_sigma_m for record in records.values()]) > COARSE_M:
         return None
     here = [poses[name] for name in records]
     there = [
-        Pose(pose.rotation if record.rotation is None else record.rotation, record.position)
-        for pose, record in zip(here, records.values(), strict=True) if record.position is not None
-    ]  # fmt: skip
-    cameras = KnownCameras(
-        there,
-        np.array([np.full(3, record.position_sigma_m) for record in records.values()]),
-        np.array([_FREE_DEG if record.rotation is None else record.angle_sigma_deg for record in records.values()]),
-    )
-    placed = cameras.place(here, range(len(here)))
+        replace(record, rotation=pose.rotation, angle_sigma_deg=_FREE_DEG) if record.rotation is None else record
+        for pose, record in zip(here, records.values(), strict=True)
+    ]
+    placed = place_submodel(here, range(len(here)), there)
     before, after = (np.array([pose.center for pose in each]) for each in (here, placed.poses))
     spread = np.linalg.norm(before - before.mean(axis=0))
     if spread <= 0.0 or np.sqrt(np.linalg.eigvalsh(placed.covariance[:3, :3])[-1]) > np.radians(_LOOSE_DEG):
@@ -136,3 +132,17 @@ def _own_place(poses: Mapping[str, Pose], records: Mapping[str, KnownPose]) -> S
     scale = float(np.linalg.norm(after - after.mean(axis=0)) / spread)
     turn = placed.poses[0].rotation.T @ here[0].rotation
     return Similarity(scale, turn, after.mean(axis=0) - scale * turn @ before.mean(axis=0))
+
+
+def weakly_tied(name: str, groups: Sequence[Group], *, placed: bool) -> tuple[Finding, ...]:
+    """That groups of a capture's photographs hang together by single matches only."""
+    if len(groups) < 2:
+        return ()
+    told = "; ".join(map(str, groups))
+    held = "the known poses" if placed else "single matches and known positions"
+    message = (
+        f"weakly tied: the photographs fall into {len(groups)} groups, and no pair across them has enough matches: "
+        f"{told}. Within a group poses are good; only {held} tell how the groups lie to one another; take "
+        "photographs between the groups, at most 20° apart"
+    )
+    return (Finding(name, "weakly-tied", message),)

@@ -1,4 +1,6 @@
-"""Orientations of cameras whose positions alone are known, from verified pairs.
+"""What prior mapping starts from: known positions with orientations from the records, a blind model, or pairs.
+
+Orientations of cameras whose positions alone are known come from verified pairs.
 
 The relative rotations of verified pairs, joined over a maximum spanning tree, orient the images of a component
 against each other. The pairs' translation directions must then be the known directions between the positions, which
@@ -16,7 +18,12 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
+from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.geometry.priors import PosePrior, Priors
+from fieldkit.reconstruction.agreement import ANGLE_SIGMAS, align_to_positions, judge
+from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.verification import TwoView
+from fieldkit.runtime.colmap import pycolmap
 
 Matrix = NDArray[np.float64]
 _AGREE_DEG = 8.0
@@ -25,6 +32,50 @@ _ROUNDS = 3
 _TRIALS = 500
 _MIN_SHARE = 0.4  # of the pairs' matches must agree with the positions
 _EXCHANGES, _WRONG = 10, 30
+
+FOUND_SIGMA_DEG = 6.0
+"""What orientations found from positions and pairs are good to (measured 0.3–6° on the recorded rigs)."""
+
+
+def rough_from_records(priors: Priors) -> dict[str, PosePrior]:
+    """By name, the images whose position and orientation are recorded."""
+    return {n: priors.by_name[n] for n in priors.positioned if priors.by_name[n].rotation is not None}
+
+
+def rough_from_model(model: pycolmap.Reconstruction, priors: Priors, *, seed: int) -> dict[str, PosePrior]:
+    """Known positions with the orientations of a blind model, of the images that it has right."""
+    poses = model_poses(model)
+    similarity = align_to_positions(poses, priors.by_name, seed=seed)
+    if similarity is None:
+        return {}
+    found = {}
+    for name in (n for n in priors.positioned if n in poses):
+        pose = similarity.apply_pose(poses[name])
+        if judge(pose, priors.by_name[name]).right:
+            found[name] = _found(priors.by_name[name], pose.rotation)
+    return found
+
+
+def rough_from_pairs(
+    names: Sequence[str], priors: Priors, pairs: Mapping[tuple[int, int], TwoView], *, seed: int
+) -> dict[str, PosePrior]:
+    """Known positions with the orientations that verified pairs (by indices into ``names``) give."""
+    records = [priors.by_name.get(name, PosePrior(position_sigma_m=0.0)) for name in names]
+    found = orient_cameras([r.position for r in records], [r.position_sigma_m for r in records], pairs, seed=seed)
+    return {names[k]: _found(records[k], rotation) for k, rotation in sorted(found.items())}
+
+
+def _found(record: PosePrior, rotation: Matrix) -> PosePrior:
+    return PosePrior(record.position, record.position_sigma_m, rotation, FOUND_SIGMA_DEG)
+
+
+def contradict(found: PosePrior, recorded: PosePrior) -> bool:
+    """Whether an orientation that was found lies outside a recorded one's bound.
+
+    Seen on real flights: photographs that were turned by 180° after the camera had written its yaw.
+    """
+    turn = rotation_angle_deg(found.pose.rotation, recorded.pose.rotation)
+    return turn > ANGLE_SIGMAS * float(np.hypot(recorded.angle_sigma_deg, found.angle_sigma_deg))
 
 
 @dataclass(frozen=True, eq=False)

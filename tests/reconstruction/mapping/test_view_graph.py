@@ -6,14 +6,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.geometry import Pose
-from fieldkit.reconstruction.guided import GuidedSettings, Region, match_guided
-from fieldkit.reconstruction.ties import Pair, TieSettings, chance_matches, holds, rivalless_matches, usable_matches
+from fieldkit.reconstruction.guided import Band, GuidedSettings, Region, match_guided
+from fieldkit.reconstruction.mapping.view_graph import (
+    Pair,
+    is_edge,
+    null_model_matches,
+    rivalless_matches,
+    usable_matches,
+)
 from tests.reconstruction.synthetic import feature_scene, posed, ring
 
-BAND_PX = 4.0
 REGION = Region((0.0, 0.0, 0.0), 0.3)
-GUIDED = GuidedSettings()
-TIES = TieSettings(chance_factor=3.0, min_matches=4)
+BAND = Band(4.0, REGION, REGION)
+LOOSE = GuidedSettings(ratio=0.95, max_rotation_deg=180.0, max_scale_octaves=1e9)
+LEAST = 4
 
 
 @pytest.mark.parametrize(
@@ -24,8 +30,8 @@ def test_a_displaced_band_gives_what_chance_gives(other: tuple[float, float, flo
     poses = [Pose.look_at((1.0, 0.0, 0.5), (0, 0, 0)), Pose.look_at(other, (0, 0, 0))]
     scene = feature_scene(poses, clutter=500)
     a, b = posed(scene, 0), posed(scene, 1)
-    found = match_guided(a, b, BAND_PX, GUIDED, region=REGION, meet_in=REGION)
-    chance = chance_matches(a, b, BAND_PX, GUIDED, region=REGION, meet_in=REGION)
+    found = match_guided(a, b, BAND)
+    chance = null_model_matches(a, b, BAND)
     assert len(found) > 100
     assert chance < 0.1 * len(found)
 
@@ -33,8 +39,8 @@ def test_a_displaced_band_gives_what_chance_gives(other: tuple[float, float, flo
 def test_unrelated_photographs_match_by_chance_only() -> None:
     one, other = feature_scene(ring(16)[:2], seed=1), feature_scene(ring(16)[:2], seed=2)
     a, b = posed(one, 0), posed(other, 1)
-    found = len(match_guided(a, b, BAND_PX, GUIDED, region=REGION, meet_in=REGION))
-    chance = chance_matches(a, b, BAND_PX, GUIDED, region=REGION, meet_in=REGION)
+    found = len(match_guided(a, b, BAND))
+    chance = null_model_matches(a, b, BAND)
     assert found < 25
     assert abs(found - chance) < 15
 
@@ -58,22 +64,22 @@ def nothing(i: int, j: int) -> np.ndarray:
     return np.zeros((0, 2), np.uint32)
 
 
-HOLDING = {(0, 1), (1, 2), (3, 4)}
+EDGES = {(0, 1), (1, 2), (3, 4)}
 
 
 def test_weak_pairs_inside_a_part_that_holds_are_left_out() -> None:
-    assert (0, 2) not in usable_matches(*crowded(), HOLDING, TIES, nothing)
+    assert (0, 2) not in usable_matches(*crowded(), EDGES, nothing, least=LEAST)
 
 
 def test_weak_pairs_between_parts_add_what_three_views_can_check() -> None:
-    assert usable_matches(*crowded(), HOLDING, TIES, nothing)[2, 3].tolist() == [[4, 30]]
+    assert usable_matches(*crowded(), EDGES, nothing, least=LEAST)[2, 3].tolist() == [[4, 30]]
 
 
 def test_matches_without_a_rival_are_added() -> None:
     def second(i: int, j: int) -> np.ndarray:
         return crowded()[1][i, j][1:2]
 
-    used = usable_matches(*crowded(), HOLDING, TIES, second)
+    used = usable_matches(*crowded(), EDGES, second, least=LEAST)
     assert used[2, 3].tolist() == [[4, 30], [31, 32]]
     assert used[2, 5].tolist() == [[4, 7], [33, 8], [3, 9]]
     assert (0, 2) not in used
@@ -83,9 +89,8 @@ def test_matches_without_a_rival_are_right_where_the_band_is_crowded() -> None:
     """And are some of the band's."""
     scene = feature_scene(ring(16)[:2], clutter=3000, points=100)
     a, b = posed(scene, 0), posed(scene, 1)
-    loose = GuidedSettings(ratio=0.95, max_rotation_deg=180.0, max_scale_octaves=1e9)
-    found = match_guided(a, b, 20.0, loose, region=REGION)
-    alone = rivalless_matches(a, b, 20.0, loose, region=REGION, meet_in=None)
+    band = Band(20.0, REGION, rule=LOOSE)
+    found, alone = match_guided(a, b, band), rivalless_matches(a, b, band)
 
     def right(matches: np.ndarray) -> int:
         shows = scene.point_of[0][matches[:, 0]]
@@ -97,37 +102,36 @@ def test_matches_without_a_rival_are_right_where_the_band_is_crowded() -> None:
 
 
 def test_an_image_that_lacks_ties_gets_what_touches_a_good_pair() -> None:
-    assert usable_matches(*crowded(), HOLDING, TIES, nothing)[2, 5].tolist() == [[4, 7], [3, 9]]
+    assert usable_matches(*crowded(), EDGES, nothing, least=LEAST)[2, 5].tolist() == [[4, 7], [3, 9]]
 
 
 def test_two_images_that_lack_ties_keep_all_they_have() -> None:
     counts, matches = crowded()
-    assert usable_matches(counts, matches, HOLDING, TIES, nothing)[5, 6].tolist() == matches[5, 6].tolist()
+    assert usable_matches(counts, matches, EDGES, nothing, least=LEAST)[5, 6].tolist() == matches[5, 6].tolist()
 
 
 def test_few_ties_are_as_none() -> None:
     """An image with fewer features in good pairs than a pair must have counts as lacking."""
     counts, matches = crowded()
-    strict = TieSettings(min_matches=100)
-    used = usable_matches(counts, matches, HOLDING, strict, nothing)
+    used = usable_matches(counts, matches, EDGES, nothing, least=100)
     assert used.keys() == matches.keys()
     assert all(np.array_equal(used[pair], found) for pair, found in matches.items())
 
 
 def test_without_a_pair_that_holds_all_matches_are_used() -> None:
     counts, matches = crowded()
-    used = usable_matches(counts, matches, set(), TIES, nothing)
+    used = usable_matches(counts, matches, set(), nothing, least=LEAST)
     assert all(np.array_equal(used[pair], found) for pair, found in matches.items())
 
 
 @given(st.sets(st.sampled_from(sorted(crowded()[1]))))
-def test_pairs_that_hold_are_used_whole_and_nothing_is_made_up(holding: set[Pair]) -> None:
+def test_pairs_that_hold_are_used_whole_and_nothing_is_made_up(edges: set[Pair]) -> None:
     counts, matches = crowded()
-    used = usable_matches(counts, matches, holding, TIES, nothing)
+    used = usable_matches(counts, matches, edges, nothing, least=LEAST)
     assert set(used) <= set(matches)
     for pair, found in used.items():
         assert {tuple(row) for row in found.tolist()} <= {tuple(row) for row in matches[pair].tolist()}
-        if pair in holding:
+        if pair in edges:
             assert np.array_equal(found, matches[pair])
 
 
@@ -135,12 +139,11 @@ def test_pairs_that_hold_are_used_whole_and_nothing_is_made_up(holding: set[Pair
 def test_neighbours_hold_and_strangers_do_not(share: float) -> None:
     scene = feature_scene(ring(16)[:2], clutter=500, seen_share=share)
     a, b = posed(scene, 0), posed(scene, 1)
-    found = len(match_guided(a, b, BAND_PX, GUIDED, region=REGION, meet_in=REGION))
-    assert holds(a, b, found, BAND_PX, GUIDED, TieSettings(), region=REGION, meet_in=REGION)
+    found = len(match_guided(a, b, BAND))
+    assert is_edge(a, b, found, BAND)
     stranger = posed(feature_scene(ring(16)[:2], clutter=500, seed=2), 1)
-    found = len(match_guided(a, stranger, BAND_PX, GUIDED, region=REGION, meet_in=REGION))
-    lenient = TieSettings(min_matches=1)
-    assert not holds(a, stranger, found, BAND_PX, GUIDED, lenient, region=REGION, meet_in=REGION)
+    found = len(match_guided(a, stranger, BAND))
+    assert not is_edge(a, stranger, found, BAND, least=1)
 
 
 @pytest.mark.parametrize("factor", [0.2, 0.7, 0.9, 1.1, 1.4, 5.0])
@@ -148,8 +151,8 @@ def test_one_band_decides_as_two_where_it_is_clear(factor: float) -> None:
     """And where it is not, the mean of both does."""
     scene = feature_scene(ring(16)[:2], clutter=2000, points=50)
     a, b = posed(scene, 0), posed(scene, 1)
-    band, anything = 40.0, GuidedSettings(ratio=0.95, max_rotation_deg=180.0, max_scale_octaves=1e9)
-    chance = chance_matches(a, b, band, anything, region=REGION, meet_in=None)
+    band = Band(40.0, REGION, rule=LOOSE)
+    chance = null_model_matches(a, b, band)
     assert chance > 20
-    found, settings = round(factor * 3.0 * chance), TieSettings(chance_factor=3.0, min_matches=1)
-    assert holds(a, b, found, band, anything, settings, region=REGION, meet_in=None) == (found >= 3.0 * chance)
+    found = round(factor * 3.0 * chance)
+    assert is_edge(a, b, found, band, least=1) == (found >= 3.0 * chance)

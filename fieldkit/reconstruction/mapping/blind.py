@@ -1,0 +1,277 @@
+"""Mapping without priors, by COLMAP: incremental (the paper's way) or global (GLOMAP)."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from fieldkit.cache import digest
+from fieldkit.errors import ReconstructionError
+from fieldkit.geometry import Intrinsics
+from fieldkit.reconstruction.agreement import align_to_positions
+from fieldkit.reconstruction.colmap_model import (
+    arrays_to_model,
+    model_poses,
+    model_to_arrays,
+    to_colmap_camera,
+    transform_model,
+)
+from fieldkit.reconstruction.features import Features
+from fieldkit.reconstruction.mapping.angle_conventions import adopt_convention
+from fieldkit.reconstruction.mapping.state import FOCAL_CHANGE, Belief, Inputs, Mapped
+from fieldkit.reconstruction.mapping.verdicts import judged
+from fieldkit.reconstruction.mapping.view_graph import Pair
+from fieldkit.reconstruction.stages import exhaustive_pairs, load_pairs
+from fieldkit.reconstruction.verification import TwoView
+from fieldkit.reconstruction.versions import STAGES
+from fieldkit.runtime.colmap import pycolmap
+from fieldkit.wording import count
+
+MAX_NEIGHBOURS = 40
+_FEW_FEATURES = 50
+
+
+def verified_pairs(inputs: Inputs, belief: Belief, wanted: Sequence[Pair], *, calibrated: bool) -> dict[Pair, TwoView]:
+    """Those of the pairs (of indices of photographs) that blind matching verifies."""
+    with inputs.progress.stage("Matching", len(wanted), workers=inputs.workers) as advance:
+        verified, _ = load_pairs(
+            inputs.keyed, belief.cameras.cameras, belief.cameras.camera_of, wanted, inputs.settings.verification,
+            calibrated=calibrated, seed=inputs.settings.seed, cache=inputs.cache, workers=inputs.workers,
+            advance=advance,
+        )  # fmt: skip
+    return verified
+
+
+def candidate_pairs(inputs: Inputs, belief: Belief, neighbours: int = MAX_NEIGHBOURS) -> list[Pair]:
+    """All pairs; where all positions are known, of each photograph's nearest neighbours only."""
+    return exhaustive_pairs(len(inputs.names), [belief.position(name) for name in inputs.names], neighbours)
+
+
+def blind_models(
+    inputs: Inputs, belief: Belief, method: str, pairs: Mapping[Pair, TwoView]
+) -> list[pycolmap.Reconstruction]:
+    """The models that a method makes of verified pairs, the largest first, from the cache where they are there."""
+    cameras, seed = belief.cameras, inputs.settings.seed
+    fixed = cameras.all_fixed or belief.held
+    key = digest(
+        "blind", STAGES["mapping"], method, [f.key for f in inputs.keyed], inputs.names, cameras.cameras,
+        cameras.camera_of, fixed, inputs.settings.verification, cameras.known, seed, sorted(pairs),
+    )  # fmt: skip
+    with inputs.progress.stage("Mapping"):
+        kept = inputs.cache.get("models", key)
+        if kept is None:
+            models = map_blindly(
+                method, inputs.names, [f.features for f in inputs.keyed], cameras.cameras, cameras.camera_of, pairs,
+                fixed_intrinsics=fixed, seed=seed,
+            )  # fmt: skip
+            kept = {"count": np.array(len(models))}
+            for index, model in enumerate(models):
+                kept |= model_to_arrays(model, f"{index}-")
+            inputs.cache.put("models", key, kept)
+    return [arrays_to_model(kept, f"{index}-") for index in range(int(kept["count"]))]
+
+
+def map_without_priors(inputs: Inputs, belief: Belief, methods: Sequence[str]) -> Mapped:
+    """The model of the first method that makes one, moved onto the known positions where it fits them.
+
+    Raises:
+        ReconstructionError: none does.
+    """
+    wanted = candidate_pairs(inputs, belief)
+    pairs = verified_pairs(inputs, belief, wanted, calibrated=belief.cameras.known)
+    for method in methods:
+        models = blind_models(inputs, belief, method, pairs)
+        if models:
+            break
+    else:
+        raise no_model(inputs, pairs)
+    if method != methods[0]:
+        belief = belief.noting(
+            f"{methods[0]} mapping made no model; {method} mapping made this one, and on photographs so far apart "
+            "it can be wrong without a sign of it: give positions (poses.csv, GPS) to have it checked"
+        )
+    belief, models = _recalibrated(inputs, belief, method, pairs, models)
+    model = models[0]
+    similarity = align_to_positions(model_poses(model), belief.priors.by_name, seed=inputs.settings.seed)
+    if similarity is not None:
+        transform_model(model, similarity)
+        belief, _ = adopt_convention(inputs.capture, belief, model)
+    elif belief.priors.positioned:
+        belief = belief.noting(
+            "the model's camera centres do not fit the known positions (fewer than three agree): "
+            "none of its poses can be trusted, and it has no scale"
+        )
+    elsewhere = {image for other in models[1:] for image in model_poses(other)}
+    matched = {k for pair in pairs for k in pair}
+    reasons = {}
+    for index, name in enumerate(inputs.names):
+        if len(inputs.keyed[index].features) < _FEW_FEATURES:
+            reasons[name] = "too few features"
+        elif name in elsewhere:
+            reasons[name] = "other component"
+        else:
+            reasons[name] = "not registered by the mapper" if index in matched else "no matches"
+    return judged(
+        inputs, belief, method, model, tuple(m.num_reg_images() for m in models), reasons, pairs,
+        metric=similarity is not None, pairs_tried=len(wanted), pairs_verified=len(pairs),
+    )  # fmt: skip
+
+
+def _recalibrated(
+    inputs: Inputs,
+    belief: Belief,
+    method: str,
+    pairs: Mapping[Pair, TwoView],
+    models: list[pycolmap.Reconstruction],
+) -> tuple[Belief, list[pycolmap.Reconstruction]]:
+    """The models again with cameras held, where all look the same way and the mapper has changed focal lengths."""
+    if belief.cameras.all_fixed or not belief.cannot_calibrate(model_poses(models[0]).values()):
+        return belief, models
+    held = replace(belief, cameras=belief.cameras.held(), held=True)
+    found = models[0].cameras
+    cameras = enumerate(held.cameras.cameras)
+    changes = [found[k + 1].focal_length / camera.fx for k, camera in cameras if k + 1 in found]
+    if all(abs(change - 1.0) < FOCAL_CHANGE for change in changes):
+        return belief, models
+    again = blind_models(inputs, held, method, pairs)
+    larger = bool(again) and again[0].num_reg_images() >= models[0].num_reg_images()
+    return held, again if larger else models
+
+
+def no_model(inputs: Inputs, pairs: Collection[Pair]) -> ReconstructionError:
+    """What is wrong with photographs that make no model."""
+    few = [n for n, f in zip(inputs.names, inputs.keyed, strict=True) if len(f.features) < _FEW_FEATURES]
+    if few:
+        poor = count(len(few), "has", "have", of=len(inputs.names))
+        why = f"{poor} hardly any features (for one {few[0]}): blurred, dark or empty"
+    elif pairs:
+        why = f"{count(len(pairs), 'pair matches', 'pairs match')}, too weakly to build on"
+    else:
+        why = "no two of them match: they overlap too little, or show different things"
+    return ReconstructionError(
+        f"the {len(inputs.names)} photographs do not reconstruct; {why}",
+        path=inputs.capture.folder,
+        remedy="Take views at most 20° apart, or give their poses (poses.csv, GPS) so that prior mapping can be used.",
+    )
+
+
+def map_blindly(
+    method: str,
+    names: Sequence[str],
+    features: Sequence[Features],
+    cameras: Sequence[Intrinsics],
+    camera_of: Sequence[int],
+    pairs: Mapping[tuple[int, int], TwoView],
+    *,
+    fixed_intrinsics: bool,
+    seed: int = 0,
+) -> list[pycolmap.Reconstruction]:
+    """Run COLMAP's incremental or global mapper on verified pairs, on one thread.
+
+    Args:
+        method: ``"incremental"`` or ``"global"``.
+        names: of n images; image i has COLMAP id i + 1.
+        features: of each.
+        cameras: of each camera group.
+        camera_of: each image's index into ``cameras``.
+        pairs: verified pairs by image indices.
+        fixed_intrinsics: hold the cameras as given, else focal length and distortion are refined.
+        seed: of the mapper.
+
+    Returns:
+        The models in COLMAP's arbitrary frame and scale: the largest first (most registered images, then most points).
+    """
+    with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
+        database = Path(folder) / "database.db"
+        _write_database(database, names, features, cameras, camera_of, pairs, fixed_intrinsics)
+        run = _incremental if method == "incremental" else _global
+        models = run(database, Path(folder), len(cameras), fixed_intrinsics, seed)
+    found = [m for m in models.values() if m.num_reg_images() >= 2]
+    found.sort(key=lambda m: (-m.num_reg_images(), -m.num_points3D()))
+    return found
+
+
+def _incremental(
+    database: Path, folder: Path, camera_count: int, fixed: bool, seed: int
+) -> dict[int, pycolmap.Reconstruction]:
+    options = pycolmap.IncrementalPipelineOptions()
+    options.num_threads = 1
+    options.random_seed = seed
+    options.mapper.num_threads = 1
+    options.mapper.random_seed = seed
+    options.triangulation.random_seed = seed
+    options.extract_colors = False
+    options.multiple_models = True
+    options.min_model_size = 3
+    options.ba_refine_focal_length = not fixed
+    options.ba_refine_extra_params = not fixed
+    options.mapper.abs_pose_refine_focal_length = False
+    options.mapper.abs_pose_refine_extra_params = False
+    if fixed:
+        options.constant_cameras = {k + 1 for k in range(camera_count)}
+    return pycolmap.incremental_mapping(database, folder, folder / "incremental", options)
+
+
+def _global(
+    database: Path, folder: Path, camera_count: int, fixed: bool, seed: int
+) -> dict[int, pycolmap.Reconstruction]:
+    del camera_count
+    options = pycolmap.GlobalPipelineOptions()
+    options.num_threads = 1
+    options.random_seed = seed
+    options.min_model_size = 3
+    options.mapper.num_threads = 1
+    options.mapper.random_seed = seed
+    options.mapper.bundle_adjustment.refine_focal_length = not fixed
+    options.mapper.bundle_adjustment.refine_extra_params = not fixed
+    options.mapper.bundle_adjustment.ceres.solver_options.num_threads = 1
+    return pycolmap.global_mapping(database, folder, folder / "global", options)
+
+
+def _write_database(
+    path: Path,
+    names: Sequence[str],
+    features: Sequence[Features],
+    cameras: Sequence[Intrinsics],
+    camera_of: Sequence[int],
+    pairs: Mapping[tuple[int, int], TwoView],
+    fixed_intrinsics: bool,
+) -> None:
+    database = pycolmap.Database.open(path)
+    try:
+        for index, intrinsics in enumerate(cameras):
+            camera = to_colmap_camera(intrinsics, index + 1)
+            camera.has_prior_focal_length = fixed_intrinsics
+            database.write_camera(camera, True)
+            rig = pycolmap.Rig()
+            rig.rig_id = index + 1
+            rig.add_ref_sensor(pycolmap.sensor_t(pycolmap.SensorType.CAMERA, index + 1))
+            database.write_rig(rig, True)
+        for index, name in enumerate(names):
+            image = pycolmap.Image(name=name, camera_id=camera_of[index] + 1, image_id=index + 1)
+            database.write_image(image, True)
+            frame = pycolmap.Frame()
+            frame.frame_id = index + 1
+            frame.rig_id = camera_of[index] + 1
+            frame.add_data_id(image.data_id)
+            database.write_frame(frame, True)
+            database.write_keypoints(index + 1, features[index].keypoints[:, :2])
+        for (i, j), pair in sorted(pairs.items()):
+            if len(pair.inliers) == 0:
+                continue
+            database.write_matches(i + 1, j + 1, pair.inliers)
+            database.write_two_view_geometry(i + 1, j + 1, _two_view_geometry(pair))
+    finally:
+        database.close()
+
+
+def _two_view_geometry(pair: TwoView) -> pycolmap.TwoViewGeometry:
+    geometry = pycolmap.TwoViewGeometry()
+    geometry.config = pycolmap.TwoViewGeometryConfiguration(pair.config)
+    geometry.F, geometry.E, geometry.H = pair.fundamental, pair.essential, pair.homography
+    geometry.inlier_matches = pair.inliers
+    return geometry

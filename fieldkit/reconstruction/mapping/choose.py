@@ -1,0 +1,143 @@
+"""From a capture to posed images and sparse points in the metric source's frame: which way of mapping makes them."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from fieldkit.cache import StageCache
+from fieldkit.captures.model import Capture
+from fieldkit.documents.mistaken import refuse_other
+from fieldkit.errors import ReconstructionError
+from fieldkit.geometry.priors import Priors
+from fieldkit.reconstruction.cameras import CameraSet
+from fieldkit.reconstruction.guided import Region
+from fieldkit.reconstruction.mapping.blind import map_without_priors
+from fieldkit.reconstruction.mapping.state import Belief, Inputs, Mapped
+from fieldkit.reconstruction.mapping.steps import map_by_priors
+from fieldkit.reconstruction.scale import (
+    LARGEST_SCALE_ERROR,
+    may_give_scale,
+    scale_error_of_model,
+    scale_findings,
+    stated_scale_error,
+)
+from fieldkit.reconstruction.settings import BLIND_METHODS, ReconstructionSettings, mapping_methods
+from fieldkit.reconstruction.stages import load_features
+from fieldkit.runtime.progress import Progress
+from fieldkit.vocabulary import LEAST_POSITIONS
+
+
+def map_capture(
+    capture: Capture,
+    cameras: CameraSet,
+    known: Priors,
+    settings: ReconstructionSettings,
+    *,
+    cache: StageCache,
+    progress: Progress,
+    workers: int,
+    region: Region | None = None,
+) -> Mapped:
+    """Features, matches and mapping of a capture.
+
+    Args:
+        capture: as read.
+        cameras: of its groups.
+        known: its priors in the metric source's frame.
+        settings: choices.
+        cache, progress, workers: of the run.
+        region: what prior mapping takes for the place the cameras look at; None finds it anew for each capture. Where
+            it is given, the first round's matches of a pair do not depend on the other photographs, and are kept.
+
+    Raises:
+        ReconstructionError: fewer than two photographs, or no model.
+    """
+    if len(capture.photos) < 2:
+        refuse_other(capture.folder, "folder of photographs", "Give the folder that holds the photographs.")
+        raise ReconstructionError(
+            "a reconstruction needs at least two photographs, better ten or more",
+            path=capture.folder,
+            remedy="Add the other photographs of the plot to the folder.",
+        )
+    with progress.stage("Features", len(capture.photos), workers=workers) as advance:
+        features = load_features(capture.photos, settings.features, cache=cache, workers=workers, advance=advance)
+    inputs = Inputs(capture, settings, features, cache, progress, workers, region)
+    belief = Belief(cameras, known)
+    mapped, error = _by_positions(inputs, belief) if known.positioned else (_chosen(inputs, belief), 0.0)
+    if mapped is None:
+        mapped = _chosen(inputs, replace(belief, priors=known.without_positions()))
+    findings = (*mapped.findings, *scale_findings(capture.folder.name, known, error))
+    return replace(mapped, features_cached=sum(f.cached for f in features), findings=findings)
+
+
+def _by_positions(inputs: Inputs, belief: Belief) -> tuple[Mapped | None, float]:
+    """The model by what is known, and the standard error of its scale; None where the positions give none.
+
+    Raises:
+        ReconstructionError: of mapping, where the positions do give a scale.
+    """
+    error = stated_scale_error(belief.priors)
+    if not may_give_scale(belief.priors):
+        return None, error
+    try:
+        mapped = _chosen(inputs, belief)
+    except ReconstructionError:
+        if error > LARGEST_SCALE_ERROR:
+            return None, error
+        raise
+    if mapped.metric:
+        error = scale_error_of_model(belief.priors, mapped.images)
+    return (mapped if error <= LARGEST_SCALE_ERROR else None), error
+
+
+def _chosen(inputs: Inputs, belief: Belief) -> Mapped:
+    mapping, positioned = inputs.settings.mapping, len(belief.priors.positioned)
+    if mapping == "prior" and positioned < LEAST_POSITIONS:
+        raise ReconstructionError(
+            f"prior mapping needs good positions of at least three photographs, and {positioned or 'none'} are known",
+            path=inputs.capture.folder,
+            remedy="Put a poses.csv beside the photographs, or choose --mapping global.",
+        )
+    methods = mapping_methods(mapping, positioned, len(inputs.names))
+    if methods != ("prior",):
+        return map_without_priors(inputs, belief, methods)
+    return map_by_priors(inputs, belief) if mapping == "prior" else _better(inputs, belief)
+
+
+def _better(inputs: Inputs, belief: Belief) -> Mapped:
+    """Prior mapping; blind mapping where that has more poses that agree with what is known, and prior mapping fails, or
+    loses more than a tenth of the photographs whose positions are good enough to tell.
+
+    Raises:
+        ReconstructionError: that of prior mapping, where neither makes a model that fits the positions.
+    """
+    mapped, failure = None, None
+    try:
+        mapped = map_by_priors(inputs, belief)
+    except ReconstructionError as error:
+        failure = error
+    right = 0 if mapped is None else mapped.right
+    if mapped is not None and (inputs.loses_few(right) or not _positions_tell(belief.priors)):
+        return mapped
+    with suppress(ReconstructionError):
+        blind = map_without_priors(inputs, belief, BLIND_METHODS)
+        if blind.metric and blind.right > right:
+            why = "failed" if mapped is None else f"had {right} of {len(inputs.names)} photographs right"
+            note = (
+                f"mapping from known positions {why}; without them, {blind.method} mapping has {blind.right} that "
+                "agree with them, and is used"
+            )
+            return replace(blind, notes=(*blind.notes, note))
+    if mapped is None:
+        assert failure is not None
+        raise failure
+    return mapped
+
+
+def _positions_tell(priors: Priors) -> bool:
+    """Whether the known positions are better than the spread of the cameras."""
+    positions = priors.positions()
+    return priors.sigma_m < float(np.sqrt(((positions - positions.mean(axis=0)) ** 2).sum(axis=1).mean()))

@@ -1,0 +1,537 @@
+"""Mapping that uses rough poses: what registers few views of real plants, where blind mapping cannot.
+
+1. Guided matching in bands as wide as the priors' uncertainty; per pair, a relative pose by RANSAC, kept only if it
+   agrees with the priors (an impossible pair is rejected).
+2. Bundle adjustment of those pairs' tracks from the prior poses, with position priors and a robust loss whose scale
+   falls. Where the pairs leave sub-models, all matches across put these together first (`submodels`).
+3. Guided matching again about the refined poses, in bands that narrow round by round, each followed by
+   triangulation and bundle adjustment. A round is held together by the edges of the view graph, pairs
+   that have far more matches than chance gives; the others add what these lack (`view_graph`). Where the first of these
+   rounds leaves the model out of the orientations' bounds as a whole, it is made about the priors instead.
+4. An image counts as registered only with clearly more matches than chance gives.
+
+The method is ours (the paper maps blindly); its parts are standard: RANSAC (Fischler & Bolles 1981), robust bundle
+adjustment (Triggs et al. 2000), graduated non-convexity for the falling loss.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.geometry.priors import PosePrior
+from fieldkit.reconstruction.agreement import ANGLE_SIGMAS, POSITION_SIGMAS
+from fieldkit.reconstruction.colmap_model import (
+    build_tracks,
+    from_colmap_camera,
+    model_points,
+    new_model,
+    pose_of,
+    to_colmap_camera,
+    triangulate_tracks,
+)
+from fieldkit.reconstruction.features import Features
+from fieldkit.reconstruction.guided import (
+    Band,
+    IndexedFeatures,
+    PosedFeatures,
+    Region,
+    Slab,
+    epipolar_distance,
+    fundamental_matrix,
+    match_guided,
+    region_of_interest,
+    relative_pose,
+)
+from fieldkit.reconstruction.mapping.bundle import adjust, filter_points
+from fieldkit.reconstruction.mapping.submodels import MIN_AGREEING, Joined, Joiner
+from fieldkit.reconstruction.mapping.view_graph import (
+    EDGE_MATCHES,
+    Matches,
+    Pair,
+    connected_parts,
+    is_edge,
+    null_model_matches,
+    rivalless_matches,
+    usable_matches,
+)
+from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
+from fieldkit.runtime.colmap import pycolmap
+
+KeepPair = Callable[[int, int, tuple[Any, ...], Callable[[], NDArray[np.uint32]]], NDArray[np.uint32]]
+"""A pair's matches by the images' indices, all they depend on beside the features, and how to compute them."""
+
+FIRST_BAND_SIGMAS = 2.5
+"""Half width of the first round's bands, in standard deviations of the priors' epipolar error."""
+FIRST_FEATURES = 2500
+"""Per image, the largest that the first round matches; its wide bands compare nearly all pairs."""
+FIRST_VERIFICATION = VerificationSettings(max_error_px=2.0, min_inliers=10)
+"""Of the first round's pairs."""
+_FIRST_NEIGHBOURS = 8  # per image, the nearest cameras that the first round tries
+_LEAST_BAND_PX = 4.0
+_MAX_VIEW_ANGLE_DEG = 75.0  # pairs whose viewing directions differ more are not tried
+_MIN_ANGLE_DEG = 1.0  # smallest triangulation angle of a point
+_MIN_OBSERVATIONS = 15
+"""An image with fewer observations of points, or fewer matches above chance, is not registered."""
+_NULL_FACTOR = 1.5  # matches of a pair count as above chance from this many times what a wrong geometry gives
+_DIRECTION_SIGMAS = 3.72  # 99.9 % of a 2D normal error (χ², 2 degrees of freedom)
+_POINTS_FOR_SLAB = 50
+_MIN_RESECTION = 8
+_SLAB_MARGIN = 0.3  # of the flying height above the scene, up and down
+_MIN_OVERLAP = 0.1
+_LOSSES_PX = (8.0, 2.0)
+_JOINED_PX = 16.0
+
+
+@dataclass(frozen=True)
+class PriorMappingSettings:
+    """What callers choose about prior mapping; its other constants stand beside the code that uses them."""
+
+    max_neighbours: int = 16
+    """Per image, only that many nearest cameras are tried."""
+    bands_px: tuple[float, ...] = (12.0, 6.0, 3.0)
+    """Half widths of the bands after the first, in pixels of a 1600-pixel-wide photograph."""
+    loss_px: float = 0.5
+    """Scale of the last robust loss."""
+    max_error_px: float = 4.0
+    """Largest reprojection error of an observation that stays."""
+    min_agreeing: int = MIN_AGREEING
+    """Least number of matches that put two of the first round's sub-models together."""
+
+
+@dataclass(frozen=True, eq=False)
+class PriorMapping:
+    """What prior mapping gives."""
+
+    model: pycolmap.Reconstruction
+    """In the priors' frame; holds registered images only."""
+    unregistered: Mapping[str, str]
+    """Reason by image name."""
+    pairs_tried: int
+    pairs_kept: int
+    """Of the first round."""
+    edges: tuple[Pair, ...]
+    """Of the last round's view graph: pairs of registered images, by their indices."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """What every round starts from."""
+
+    names: Sequence[str]
+    features: Sequence[Features]
+    cameras: Sequence[Intrinsics]
+    camera_of: Sequence[int]
+    priors: Sequence[PosePrior]
+    settings: PriorMappingSettings
+    fixed_intrinsics: bool
+    seed: int
+    region: Region | None
+    keep: KeepPair | None
+    indexed: Callable[[int, Intrinsics], IndexedFeatures]
+    """An image's features for a camera, made once."""
+    largest: Callable[[int], tuple[NDArray[np.int64], PosedFeatures]]
+    """Which of an image's features the first round matches, and those at their prior pose; made once."""
+
+    @property
+    def start(self) -> list[Pose]:
+        return [prior.pose for prior in self.priors]
+
+    @property
+    def by_id(self) -> dict[int, PosePrior]:
+        """Priors by COLMAP's image ids."""
+        return {i + 1: prior for i, prior in enumerate(self.priors)}
+
+    def camera(self, k: int) -> Intrinsics:
+        """Image ``k``'s, as given."""
+        return self.cameras[self.camera_of[k]]
+
+    def posed(self, poses: Sequence[Pose], cameras: Sequence[Intrinsics]) -> list[PosedFeatures]:
+        return [PosedFeatures(self.indexed(k, cameras[self.camera_of[k]]), pose) for k, pose in enumerate(poses)]
+
+    def state(self, model: pycolmap.Reconstruction) -> tuple[list[Pose], list[Intrinsics]]:
+        """A model's poses and cameras, in the problem's order."""
+        poses = [pose_of(model.image(i + 1)) for i in range(len(self.names))]
+        return poses, [from_colmap_camera(model.camera(k + 1)) for k in range(len(self.cameras))]
+
+    def distance(self, a: PosePrior, b: PosePrior) -> float:
+        """From cameras to what they look at, roughly; metres."""
+        if self.region is not None:
+            return float(np.linalg.norm(a.pose.center - np.array(self.region.center)))
+        return 3.0 * float(np.linalg.norm(a.pose.center - b.pose.center))
+
+    def first_band(self, a: PosePrior, b: PosePrior, focal_px: float) -> Band:
+        """As wide as the priors' uncertainty."""
+        sigma = epipolar_sigma_px(a, b, focal_px, self.distance(a, b))
+        return Band(max(_LEAST_BAND_PX, FIRST_BAND_SIGMAS * sigma), self.region)
+
+
+def map_with_priors(
+    names: Sequence[str],
+    features: Sequence[Features],
+    cameras: Sequence[Intrinsics],
+    camera_of: Sequence[int],
+    priors: Sequence[PosePrior],
+    settings: PriorMappingSettings,
+    *,
+    region: Region | None = None,
+    fixed_intrinsics: bool,
+    seed: int = 0,
+    advance: Callable[[int], None] = lambda _: None,
+    keep: KeepPair | None = None,
+) -> PriorMapping:
+    """Poses and points of photographs whose rough poses are known.
+
+    Args:
+        names: of n images.
+        features: of each.
+        cameras: of each camera group.
+        camera_of: each image's index into ``cameras``.
+        priors: each image's position and orientation, metres.
+        settings: choices.
+        region: what the cameras look at; None finds it from the optical axes.
+        fixed_intrinsics: hold the cameras as given; else focal length and distortion are adjusted in the last rounds.
+        seed: of every RANSAC.
+        advance: called with 1 after each round (``1 + len(settings.bands_px)`` rounds).
+        keep: finds or keeps the first round's matches of a pair, which depend on its two images only (and on
+            ``region``, which should then be given).
+    """
+    region = region or region_of_interest([prior.pose for prior in priors])
+
+    @cache
+    def largest(k: int) -> tuple[NDArray[np.int64], PosedFeatures]:
+        chosen = features[k].largest(FIRST_FEATURES)
+        indexed = IndexedFeatures.of(features[k].subset(chosen), cameras[camera_of[k]])
+        return chosen, PosedFeatures(indexed, priors[k].pose)
+
+    problem = _Problem(
+        names, features, cameras, camera_of, priors, settings, fixed_intrinsics, seed, region, keep,
+        cache(lambda k, camera: IndexedFeatures.of(features[k], camera)), largest,
+    )  # fmt: skip
+    pairs = _candidate_pairs(problem.start, settings.max_neighbours)
+    matches = _first_matches(problem)
+    model = _first_model(problem, matches, pairs)
+    advance(1)
+    scale = max(camera.width for camera in cameras) / 1600.0
+    edges: set[Pair] = set()
+    for index, width in enumerate(settings.bands_px):
+        band = Band(width * scale, region, region or _slab(model))
+        pairs = _overlapping(problem, model, pairs)
+        last = index == len(settings.bands_px) - 1
+        poses = _reconsidered(problem, model, pairs)
+        refined, edges = _round(problem, model, poses, pairs, band, last=last)
+        if index == 0 and _orientation_drift(problem, refined):
+            refined, edges = _round(problem, model, problem.start, pairs, band, last=last)
+        model = refined
+        advance(1)
+    unregistered = _unsupported(problem, model, pairs, band)
+    for name in unregistered:
+        model.deregister_frame(model.image(names.index(name) + 1).frame_id)
+    left = {k for k, name in enumerate(names) if name not in unregistered}
+    kept = tuple(sorted(pair for pair in edges if left.issuperset(pair)))
+    return PriorMapping(model, unregistered, len(pairs), len(matches), kept)
+
+
+def epipolar_sigma_px(a: PosePrior, b: PosePrior, focal_px: float, distance_m: float) -> float:
+    """Standard deviation of a feature's distance to the priors' epipolar line, pixels (first order)."""
+    angle = np.radians(np.hypot(a.angle_sigma_deg, b.angle_sigma_deg))
+    return float(focal_px * np.hypot(angle, _shift_sigma_m(a, b) / max(distance_m, 1e-9)))
+
+
+def _shift_sigma_m(a: PosePrior, b: PosePrior) -> float:
+    """Of two positions against each other; means over three axes keep results what they were to the last bit."""
+    return float(np.hypot(*(np.mean(np.full(3, prior.position_sigma_m)) for prior in (a, b))))
+
+
+def _candidate_pairs(poses: Sequence[Pose], neighbours: int) -> list[Pair]:
+    centers = np.array([p.center for p in poses])
+    forward = np.array([p.forward for p in poses])
+    seen_alike = forward @ forward.T >= np.cos(np.radians(_MAX_VIEW_ANGLE_DEG))
+    distance = np.linalg.norm(centers[:, None] - centers[None], axis=2)
+    pairs: set[Pair] = set()
+    for i in range(len(poses)):
+        near = [int(j) for j in np.argsort(distance[i], kind="stable") if j != i and seen_alike[i, j]]
+        pairs.update((min(i, j), max(i, j)) for j in near[:neighbours])
+    return sorted(pairs)
+
+
+def _first_matches(problem: _Problem) -> Matches:
+    """Verified matches of the pairs whose relative pose agrees with the priors; feature indices of the whole images."""
+    matches = {}
+    for i, j in _candidate_pairs(problem.start, _FIRST_NEIGHBOURS):
+        compute = partial(_first_pair, problem, i, j)
+        found = compute() if problem.keep is None else problem.keep(i, j, _first_inputs(problem, i, j), compute)
+        if len(found):
+            matches[i, j] = found
+    return matches
+
+
+def _first_inputs(problem: _Problem, i: int, j: int) -> tuple[Any, ...]:
+    """All that `_first_pair` depends on but the features and this module's constants."""
+    priors = [(p.rotation, p.position, p.position_sigma_m, p.angle_sigma_deg)
+              for p in (problem.priors[i], problem.priors[j])]  # fmt: skip
+    return (priors, (problem.camera(i), problem.camera(j)), problem.region, problem.seed)
+
+
+def _first_pair(problem: _Problem, i: int, j: int) -> NDArray[np.uint32]:
+    """(k, 2) verified matches of two images, or none where their relative pose contradicts the priors."""
+    a, b = problem.priors[i], problem.priors[j]
+    camera_a, camera_b = problem.camera(i), problem.camera(j)
+    chosen_a, posed_a = problem.largest(i)
+    chosen_b, posed_b = problem.largest(j)
+    found = verify_pair(
+        posed_a.features, posed_b.features, camera_a, camera_b,
+        match_guided(posed_a, posed_b, problem.first_band(a, b, camera_a.fx)), FIRST_VERIFICATION, calibrated=True,
+        seed=problem.seed,
+    )  # fmt: skip
+    if not len(found.inliers) or not _agrees_with_priors(found, a, b):
+        return np.zeros((0, 2), np.uint32)
+    columns = (chosen_a[found.inliers[:, 0]], chosen_b[found.inliers[:, 1]])
+    return np.stack(columns, axis=1).astype(np.uint32)
+
+
+def _agrees_with_priors(found: TwoView, a: PosePrior, b: PosePrior) -> bool:
+    rotation, translation = relative_pose(a.pose, b.pose)
+    baseline = float(np.linalg.norm(translation))
+    angle_sigma = float(np.hypot(a.angle_sigma_deg, b.angle_sigma_deg))
+    # Two more degrees: pairs with few matches fix the relative pose no better.
+    if rotation_angle_deg(found.rotation, rotation) > ANGLE_SIGMAS * angle_sigma + 2.0:
+        return False
+    direction_sigma = np.degrees(np.arctan2(_shift_sigma_m(a, b), max(baseline, 1e-9)))
+    cosine = float(found.translation @ translation) / max(baseline * float(np.linalg.norm(found.translation)), 1e-12)
+    turn = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    return bool(turn <= _DIRECTION_SIGMAS * np.hypot(direction_sigma, b.angle_sigma_deg) + 2.0)
+
+
+def _tracks_to_model(
+    problem: _Problem, poses: Sequence[Pose], cameras: Sequence[Intrinsics], matches: Matches, max_error_px: float
+) -> pycolmap.Reconstruction:
+    model = new_model(problem.names, cameras, problem.camera_of, poses, problem.features)
+    tracks = build_tracks([len(f) for f in problem.features], matches)
+    triangulate_tracks(
+        model, problem.features, tracks, max_error_px=max_error_px, min_angle_deg=_MIN_ANGLE_DEG, seed=problem.seed
+    )
+    return model
+
+
+def _first_model(problem: _Problem, matches: Matches, pairs: Sequence[Pair]) -> pycolmap.Reconstruction:
+    """The model of the first round's matches, its parts put together where too few of them are across."""
+    priors, region = problem.priors, problem.region
+    sigma = max(
+        epipolar_sigma_px(priors[i], priors[j], problem.cameras[0].fx, problem.distance(priors[i], priors[j]))
+        for i, j in list(matches) or [(0, 0)]
+    )
+    far_px = max(8.0, 4.0 * sigma)
+    losses_px: tuple[float, ...] = (max(2.0, sigma / 2), *_LOSSES_PX)
+    edges = {pair: found for pair, found in matches.items() if len(found) >= EDGE_MATCHES}
+    parts = connected_parts(range(len(priors)), edges)
+    if len(parts) > 1 and region is not None:
+        poses = problem.state(_adjusted(problem, problem.start, edges, far_px, losses_px))[0]
+        away = float(np.median([problem.distance(prior, prior) for prior in priors]))
+        joiner = Joiner(priors, pairs, region, away, problem.seed, problem.settings.min_agreeing)
+        joined = joiner.join(problem.posed(poses, problem.cameras), parts)
+        if joined.matches:
+            used = _agreeing(problem, joined, matches) | edges | joined.matches
+            if len(joined.parts) == 1:
+                far_px, losses_px = _JOINED_PX, _LOSSES_PX
+            return _adjusted(problem, joined.poses, used, far_px, losses_px)
+    return _adjusted(problem, problem.start, matches, far_px, losses_px)
+
+
+def _adjusted(
+    problem: _Problem, poses: Sequence[Pose], matches: Matches, max_error_px: float, losses_px: Sequence[float]
+) -> pycolmap.Reconstruction:
+    """Points of the matches, adjusted under one loss after the other."""
+    model = _tracks_to_model(problem, poses, problem.cameras, matches, max_error_px)
+    for loss in losses_px:
+        rough = loss != losses_px[-1]
+        adjust(model, problem.by_id, loss_px=loss, refine_intrinsics=False, seed=problem.seed, rough=rough)
+    return model
+
+
+def _agreeing(problem: _Problem, joined: Joined, matches: Matches) -> Matches:
+    """The first round's matches that agree with sub-models put together; all of those between ones that are apart."""
+    part = {k: number for number, images in enumerate(joined.parts) for k in images}
+    posed = problem.posed(joined.poses, problem.cameras)
+    kept = {}
+    for (i, j), found in matches.items():
+        a, b = posed[i], posed[j]
+        fundamental = fundamental_matrix(a.pose, b.pose, a.camera, b.camera)
+        away = epipolar_distance(fundamental, a.points[found[:, 0]], b.points[found[:, 1]])
+        near = found[(away <= _JOINED_PX) | (part[i] != part[j])]
+        if len(near):
+            kept[i, j] = near
+    return kept
+
+
+def _round(
+    problem: _Problem,
+    model: pycolmap.Reconstruction,
+    poses: Sequence[Pose],
+    pairs: Sequence[Pair],
+    band: Band,
+    *,
+    last: bool,
+) -> tuple[pycolmap.Reconstruction, set[Pair]]:
+    """The model of a band's matches, and the edges of their view graph."""
+    cameras = problem.state(model)[1]
+    posed = problem.posed(poses, cameras)
+    matches = {(i, j): match_guided(posed[i], posed[j], band) for i, j in pairs}
+    edges = {(i, j) for (i, j), found in matches.items() if is_edge(posed[i], posed[j], len(found), band)}
+    usable = usable_matches(
+        [len(f) for f in problem.features], matches, edges,
+        lambda i, j: rivalless_matches(posed[i], posed[j], band),
+    )  # fmt: skip
+    model = _tracks_to_model(problem, poses, cameras, usable, 1.5 * band.px)
+    loss_px, max_error_px = problem.settings.loss_px, problem.settings.max_error_px
+    refine = last and not problem.fixed_intrinsics
+    priors, seed = problem.by_id, problem.seed
+    adjust(model, priors, loss_px=2.0 * loss_px, refine_intrinsics=False, seed=seed, rough=True)
+    filter_points(model, max(max_error_px, band.px), _MIN_ANGLE_DEG)
+    adjust(model, priors, loss_px=loss_px, refine_intrinsics=refine, seed=seed, rough=True)
+    filter_points(model, max_error_px, _MIN_ANGLE_DEG)
+    adjust(model, priors, loss_px=loss_px, refine_intrinsics=refine, seed=seed)
+    return model, edges
+
+
+def _reconsidered(problem: _Problem, model: pycolmap.Reconstruction, pairs: Sequence[Pair]) -> list[Pose]:
+    """The model's poses; those that left their priors' bounds are found anew against the other images' points.
+
+    Few and partly wrong matches can pull an image away in the first rounds, and narrow bands would keep it there.
+    """
+    poses, cameras = problem.state(model)
+    turn = _common_turn(poses, problem.priors)
+    astray = {k for k, prior in enumerate(problem.priors) if _outside_prior(poses[k], prior, turn)}
+    if not astray or len(astray) > len(poses) // 2:
+        return poses
+    posed = problem.posed(poses, cameras)
+    for k in sorted(astray):
+        prior = problem.priors[k]
+        at_prior = PosedFeatures(problem.indexed(k, cameras[problem.camera_of[k]]), prior.pose)
+        pixels, points = [], []
+        for i, j in pairs:
+            other = j if i == k else i
+            if k not in (i, j) or other in astray:
+                continue
+            band = problem.first_band(prior, PosePrior.of(poses[other], 0.0, 0.0), at_prior.camera.fx)
+            image = model.image(other + 1)
+            for mine, theirs in match_guided(at_prior, posed[other], band):
+                seen = image.points2D[int(theirs)]
+                if seen.has_point3D():
+                    pixels.append(problem.features[k].keypoints[mine, :2])
+                    points.append(model.points3D[seen.point3D_id].xyz)
+        found = _resected(problem, k, np.array(pixels, np.float64), np.array(points), cameras, turn)
+        poses[k] = found or prior.pose
+    return poses
+
+
+def _resected(
+    problem: _Problem,
+    k: int,
+    pixels: NDArray[np.float64],
+    points: NDArray[np.float64],
+    cameras: Sequence[Intrinsics],
+    turn: NDArray[np.float64],
+) -> Pose | None:
+    """The pose of image ``k`` from pixels (n, 2) of points (n, 3), if it agrees with its prior."""
+    if len(pixels) < _MIN_RESECTION:
+        return None
+    options = pycolmap.AbsolutePoseEstimationOptions()
+    options.ransac.max_error = 3.0 * problem.settings.max_error_px
+    options.ransac.random_seed = problem.seed
+    camera = to_colmap_camera(cameras[problem.camera_of[k]], 1)
+    found = pycolmap.estimate_and_refine_absolute_pose(pixels, points, camera, options)
+    if found is None or found["num_inliers"] < _MIN_RESECTION:
+        return None
+    rigid = found["cam_from_world"]
+    rotation = np.array(rigid.rotation.matrix())
+    pose = Pose(rotation, -rotation.T @ np.array(rigid.translation))
+    return None if _outside_prior(pose, problem.priors[k], turn) else pose
+
+
+def _common_turn(poses: Sequence[Pose], priors: Sequence[PosePrior]) -> NDArray[np.float64]:
+    """The world's rotation (3, 3) from the priors to the model: errors of positions turn a model as a whole."""
+    turns = np.array([pose.rotation.T @ prior.pose.rotation for pose, prior in zip(poses, priors, strict=True)])
+    kept = np.ones(len(turns), dtype=np.bool_)
+    for _ in range(3):
+        u, _, vt = np.linalg.svd(turns[kept].sum(axis=0))
+        mean: NDArray[np.float64] = u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(vt)]) @ vt
+        away = np.array([rotation_angle_deg(turn, mean) for turn in turns])
+        kept = away <= 2.0 * np.median(away)
+    return mean
+
+
+def _orientation_drift(problem: _Problem, model: pycolmap.Reconstruction) -> bool:
+    """Whether a model as a whole has left its orientations' bounds, so that all its poses would be called wrong.
+
+    Bundle adjustment knows positions only, and a chain of two pairs can roll under its matches' noise.
+    """
+    turn = _common_turn(problem.state(model)[0], problem.priors)
+    sigma_deg = float(np.median([prior.angle_sigma_deg for prior in problem.priors]))
+    return rotation_angle_deg(turn, np.eye(3)) > ANGLE_SIGMAS * sigma_deg
+
+
+def _outside_prior(pose: Pose, prior: PosePrior, turn: NDArray[np.float64]) -> bool:
+    shift = float(np.linalg.norm((pose.center - prior.pose.center) / max(prior.position_sigma_m, 1e-9)))
+    angle = rotation_angle_deg(pose.rotation @ turn, prior.pose.rotation)
+    return shift > POSITION_SIGMAS or angle > ANGLE_SIGMAS * prior.angle_sigma_deg
+
+
+def _slab(model: pycolmap.Reconstruction) -> Slab | None:
+    """Where the points of a survey without a common centre lie, seen along its mean viewing direction."""
+    points = model_points(model)
+    if len(points) < _POINTS_FOR_SLAB:
+        return None
+    images = [model.image(i) for i in sorted(model.reg_image_ids())]
+    up = -np.mean([pose_of(image).forward for image in images], axis=0)
+    up /= np.linalg.norm(up)
+    height = points @ up
+    low, high = np.quantile(height, [0.02, 0.98])
+    flying = float(np.median([pose_of(image).center @ up for image in images]))
+    margin = _SLAB_MARGIN * (flying - float(np.median(height)))
+    return Slab((float(up[0]), float(up[1]), float(up[2])), float(low) - margin, float(high) + margin)
+
+
+def _overlapping(problem: _Problem, model: pycolmap.Reconstruction, pairs: Sequence[Pair]) -> list[Pair]:
+    """The pairs that see a part of the model in common; all while there are few points to tell by."""
+    points = model_points(model)
+    if len(points) < _POINTS_FOR_SLAB:
+        return list(pairs)
+    poses, cameras = problem.state(model)
+    seen = [
+        cameras[k].without_distortion().sees(pose.to_camera(points))
+        for pose, k in zip(poses, problem.camera_of, strict=True)
+    ]
+    shared = {(i, j): int((seen[i] & seen[j]).sum()) for i, j in pairs}
+    return [(i, j) for i, j in pairs if shared[i, j] >= _MIN_OVERLAP * min(seen[i].sum(), seen[j].sum())]
+
+
+def _unsupported(
+    problem: _Problem, model: pycolmap.Reconstruction, pairs: Sequence[Pair], band: Band
+) -> dict[str, str]:
+    """Images that do not register, with the reason: too few observations, or no more matches than by chance."""
+    posed = problem.posed(*problem.state(model))
+    support = np.zeros(len(posed))
+    # The nearest first, for they have the most matches; the order changes how many pairs are tried, and no verdict.
+    for i, j in sorted(pairs, key=lambda p: float(np.linalg.norm(posed[p[0]].pose.center - posed[p[1]].pose.center))):
+        if min(support[i], support[j]) >= _MIN_OBSERVATIONS:
+            continue
+        found = match_guided(posed[i], posed[j], band)
+        # Pairs without overlap give as many matches as chance; only what is above it speaks for a pose.
+        support[[i, j]] += max(0.0, len(found) - _NULL_FACTOR * null_model_matches(posed[i], posed[j], band))
+    reasons = {}
+    for index, name in enumerate(problem.names):
+        if len(problem.features[index]) < _MIN_OBSERVATIONS:
+            reasons[name] = "too few features"
+        elif support[index] < _MIN_OBSERVATIONS:
+            reasons[name] = "no more matches than chance gives"
+        elif model.image(index + 1).num_points3D < _MIN_OBSERVATIONS:
+            reasons[name] = "too few matches that fit the other photographs"
+    return reasons

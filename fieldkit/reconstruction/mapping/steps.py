@@ -1,0 +1,279 @@
+"""Mapping with priors, as steps from one belief to the next: `STEPS`, in their order.
+
+The camera is calibrated where nothing is known of it, photographs without an orientation are given one, recorded
+orientations that look odd are checked, and the model is made. Then what the model shows to be wrong is corrected, and
+it is made again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from fieldkit.cache import digest
+from fieldkit.errors import ReconstructionError
+from fieldkit.geometry.priors import PosePrior
+from fieldkit.reconstruction.colmap_model import arrays_to_model, model_poses, model_to_arrays
+from fieldkit.reconstruction.guided import region_of_interest
+from fieldkit.reconstruction.mapping.angle_conventions import adopt_convention, look_odd
+from fieldkit.reconstruction.mapping.blind import (
+    MAX_NEIGHBOURS,
+    blind_models,
+    candidate_pairs,
+    no_model,
+    verified_pairs,
+)
+from fieldkit.reconstruction.mapping.orientation import (
+    contradict,
+    rough_from_model,
+    rough_from_pairs,
+    rough_from_records,
+)
+from fieldkit.reconstruction.mapping.prior import PriorMapping, map_with_priors
+from fieldkit.reconstruction.mapping.state import Belief, Inputs, Mapped
+from fieldkit.reconstruction.mapping.verdicts import judged
+from fieldkit.reconstruction.settings import BLIND_METHODS
+from fieldkit.reconstruction.stages import keep_matches
+from fieldkit.reconstruction.versions import STAGES
+from fieldkit.runtime.colmap import pycolmap
+from fieldkit.vocabulary import LEAST_POSITIONS
+
+_NEAR_NEIGHBOURS = 12
+_MIN_CALIBRATION_IMAGES = 5
+_CORRECTION_ROUNDS = 3
+_REPEATS = 4
+
+
+def map_by_priors(inputs: Inputs, belief: Belief) -> Mapped:
+    """The model about known positions, with orientations from the records or from matches.
+
+    Raises:
+        ReconstructionError: orientations are not to be found, or no two photographs register.
+    """
+    for step in STEPS:
+        belief = step(inputs, belief)
+    found = _of(belief)
+    reasons = {name: "its position is not known" for name in inputs.names if belief.position(name) is None}
+    reasons |= {n: "its orientation is not known" for n in belief.priors.positioned if n not in belief.rough}
+    reasons |= found.unregistered
+    registered = found.model.num_reg_images()
+    if registered < 2:
+        raise no_model(inputs, {})
+    return judged(
+        inputs, belief, "prior", found.model, (registered,), reasons, found.edges,
+        metric=True, pairs_tried=found.pairs_tried, pairs_verified=found.pairs_kept,
+    )  # fmt: skip
+
+
+def calibrate(inputs: Inputs, belief: Belief) -> Belief:
+    """Self-calibrated by blind mapping, where nothing is known of a camera; held, where photographs cannot tell."""
+    if belief.cameras.known:
+        return belief
+    start, belief = belief.cameras, _calibrated(inputs, belief)
+    oriented = rough_from_records(belief.priors) or _poses_of_calibration(inputs, belief)
+    seen = [prior.pose for prior in oriented.values()]
+    if belief.calibration is not None:
+        parallel = belief.cannot_calibrate(model_poses(belief.calibration).values())
+    else:
+        parallel = bool(seen) and belief.cannot_calibrate(seen)
+    if parallel and not (seen and belief.heights_tell(seen)):
+        return replace(belief, cameras=start.held(), held=True)
+    return belief
+
+
+def _calibrated(inputs: Inputs, belief: Belief) -> Belief:
+    """A model that does not fit the known positions is bent, and its focal length wrong."""
+    pairs = verified_pairs(inputs, belief, candidate_pairs(inputs, belief, _NEAR_NEIGHBOURS), calibrated=False)
+    fits: list[tuple[int, pycolmap.Reconstruction]] = []
+    for method in BLIND_METHODS:
+        models = blind_models(inputs, belief, method, pairs)
+        if models and models[0].num_reg_images() >= _MIN_CALIBRATION_IMAGES:
+            fitting = len(rough_from_model(models[0], belief.priors, seed=inputs.settings.seed))
+            fits.append((fitting, models[0]))
+            positioned = sum(name in belief.priors.positioned for name in model_poses(models[0]))
+            if 2 * fitting >= positioned:
+                break
+    if fits:
+        _, model = max(fits, key=lambda each: each[0])
+        return replace(belief.calibrated_by(model), calibration=model)
+    focal = belief.cameras.cameras[0].fx
+    return belief.noting(
+        f"the camera could not be calibrated from these photographs; a focal length of {focal:.0f} px is assumed. "
+        "Put a camera.toml beside them, or evaluate against a reference made with this camera"
+    )
+
+
+def orient(inputs: Inputs, belief: Belief) -> Belief:
+    """Every photograph with a known position has the orientation on record, else one from matches.
+
+    Raises:
+        ReconstructionError: fewer than two have one.
+    """
+    rough = rough_from_records(belief.priors)
+    unoriented = [name for name in belief.priors.positioned if name not in rough]
+    if unoriented:
+        found = _poses_of_calibration(inputs, belief)
+        if any(name not in found for name in unoriented):
+            found = _joined(found, _pair_poses(inputs, belief, _NEAR_NEIGHBOURS))
+        rough |= {name: found[name] for name in unoriented if name in found}
+    if len(rough) < 2:
+        raise ReconstructionError(
+            "the orientations of the photographs are not known and could not be found from their matches",
+            path=inputs.capture.folder,
+            remedy="Add yaw_deg and pitch_deg to poses.csv, or choose --mapping global.",
+        )
+    return replace(belief, rough=rough)
+
+
+def doubt_odd_orientations(inputs: Inputs, belief: Belief) -> Belief:
+    """Without recorded orientations that look odd and that blind matches contradict.
+
+    Prior mapping can register photographs about wrong orientations that are consistent with one another.
+    """
+    rough = belief.rough
+    recorded = {n: p.pose.rotation @ belief.turn for n, p in rough.items() if belief.has_orientation(n)}
+    if inputs.settings.trust_orientations or not look_odd(recorded):
+        return belief
+    found = _pair_poses(inputs, belief, _NEAR_NEIGHBOURS)
+    if len(found) < LEAST_POSITIONS:
+        return belief
+    wrong = {n for n in recorded if n in found and contradict(found[n], rough[n])}
+    # Where most are wrong, those that no pair reaches are not believed either.
+    untold = {n for n in recorded if n not in found} if 2 * len(wrong) >= len(found) else set()
+    kept = {n: found[n] if n in wrong else prior for n, prior in rough.items() if n not in untold}
+    belief = replace(belief, rough=kept, contradicted=belief.contradicted | wrong | untold)
+    return belief.without_orientations(wrong | untold)
+
+
+def make_model(inputs: Inputs, belief: Belief) -> Belief:
+    """Mapped about the rough poses; the view graph's edges are indices into all photographs."""
+    chosen = [k for k, name in enumerate(inputs.names) if name in belief.rough]
+    names = [inputs.names[k] for k in chosen]
+    keyed = [inputs.keyed[k] for k in chosen]
+    priors = [belief.rough[name] for name in names]
+    cameras, settings, region = belief.cameras, inputs.settings, inputs.region
+    camera_of = [cameras.camera_of[k] for k in chosen]
+    # Focal length and height trade off where all cameras look the same way: hold what EXIF says.
+    converging = region_of_interest([prior.pose for prior in priors]) is not None
+    fixed = cameras.all_fixed or belief.held or (cameras.known and not converging)
+    key = digest(
+        "prior", STAGES["mapping"], [f.key for f in keyed], names, cameras.cameras, camera_of, fixed,
+        [(p.rotation, p.position, p.position_sigma_m, p.angle_sigma_deg) for p in priors], settings.prior,
+        settings.seed, *([region] if region is not None else []),
+    )  # fmt: skip
+    rounds = 1 + len(settings.prior.bands_px)
+    with inputs.progress.stage("Mapping", rounds) as advance:
+        kept = inputs.cache.get("models", key)
+        if kept is None:
+            result = map_with_priors(
+                names, [f.features for f in keyed], cameras.cameras, camera_of, priors, settings.prior,
+                fixed_intrinsics=fixed, seed=settings.seed, advance=advance, region=region,
+                keep=None if region is None else partial(keep_matches, keyed, inputs.cache),
+            )  # fmt: skip
+            kept = model_to_arrays(result.model)
+            kept["_counts"] = np.array([result.pairs_tried, result.pairs_kept])
+            kept["_edges"] = np.array(result.edges, np.int64).reshape(-1, 2)
+            kept["_unregistered"] = np.array([[n, r] for n, r in result.unregistered.items()], dtype=np.str_)
+            inputs.cache.put("models", key, kept)
+        else:
+            advance(rounds)
+    arrays = {name: data for name, data in kept.items() if not name.startswith("_")}
+    tried, pairs_kept = (int(v) for v in kept["_counts"])
+    unregistered = {str(n): str(r) for n, r in kept["_unregistered"].reshape(-1, 2)}
+    edges = tuple((chosen[int(i)], chosen[int(j)]) for i, j in kept["_edges"])
+    return replace(belief, mapped=PriorMapping(arrays_to_model(arrays), unregistered, tried, pairs_kept, edges))
+
+
+def correct(inputs: Inputs, belief: Belief) -> Belief:
+    """Mapped again without the recorded orientations that the photographs contradict."""
+    by_pairs: dict[str, PosePrior] | None = None
+    # Again after each correction: an image can hold on to wrong neighbours and fail once those are put right.
+    for _ in range(0 if inputs.settings.trust_orientations else _CORRECTION_ROUNDS):
+        recorded = [name for name in _of(belief).unregistered if belief.has_orientation(name)]
+        if not recorded:
+            break
+        by_pairs = _pair_poses(inputs, belief) if by_pairs is None else by_pairs
+        found = {n: by_pairs[n] for n in recorded if n in by_pairs and contradict(by_pairs[n], belief.rough[n])}
+        if not found:
+            break
+        belief = replace(belief, rough={**belief.rough, **found}, contradicted=belief.contradicted | found.keys())
+        belief = make_model(inputs, belief.without_orientations(found))
+    return belief
+
+
+def read_by_convention(inputs: Inputs, belief: Belief) -> Belief:
+    """Without orientations that are contradicted, unless another convention makes all of them right."""
+    if not belief.contradicted:
+        return belief
+    belief, told = adopt_convention(inputs.capture, belief, _of(belief).model)
+    if told is not None and told.kind == "other":
+        known = belief.priors.by_name
+        own = {name: known[name] for name in told.rotations if known[name].position is not None}
+        belief = replace(belief, rough={**belief.rough, **own})
+        return make_model(inputs, belief) if set(belief.rough) - set(model_poses(_of(belief).model)) else belief
+    return belief.noting(
+        f"the recorded orientations of {', '.join(sorted(belief.contradicted))} contradict the photographs and are "
+        "not used (were these photographs rotated?)"
+    )
+
+
+def recalibrate(inputs: Inputs, belief: Belief) -> Belief:
+    """Mapped again with the focal length and orientations of the photographs that are right, while that helps.
+
+    What a blind model that fits few positions says of the camera can be far off.
+    """
+    if belief.calibration is None or belief.held:
+        return belief
+    unknown = [name for name in belief.priors.positioned if not belief.has_orientation(name)]
+    right = rough_from_model(_of(belief).model, belief.priors, seed=inputs.settings.seed)
+    for _ in range(_REPEATS):
+        if len(right) < LEAST_POSITIONS or inputs.loses_few(len(right)):
+            break
+        again = belief.calibrated_by(_of(belief).model)
+        by_pairs = _pair_poses(inputs, again, _NEAR_NEIGHBOURS)
+        better = {name: found[name] for found in (by_pairs, right) for name in unknown if name in found}
+        again = make_model(inputs, replace(again, rough={**belief.rough, **better}))
+        now = rough_from_model(_of(again).model, belief.priors, seed=inputs.settings.seed)
+        if len(now) <= len(right):
+            break
+        belief, right = again, now
+    return belief
+
+
+Step = Callable[[Inputs, Belief], Belief]
+STEPS: tuple[Step, ...] = (
+    calibrate, orient, doubt_odd_orientations, make_model, correct, read_by_convention, recalibrate,
+)  # fmt: skip
+
+
+def _of(belief: Belief) -> PriorMapping:
+    assert belief.mapped is not None
+    return belief.mapped
+
+
+def _poses_of_calibration(inputs: Inputs, belief: Belief) -> dict[str, PosePrior]:
+    """Rough poses with orientations from the model that calibrated the camera; none where there is none."""
+    if belief.calibration is None:
+        return {}
+    return rough_from_model(belief.calibration, belief.priors, seed=inputs.settings.seed)
+
+
+def _pair_poses(inputs: Inputs, belief: Belief, neighbours: int = MAX_NEIGHBOURS) -> dict[str, PosePrior]:
+    """Rough poses with orientations from blind pairs."""
+    pairs = verified_pairs(inputs, belief, candidate_pairs(inputs, belief, neighbours), calibrated=True)
+    return rough_from_pairs(inputs.names, belief.priors, pairs, seed=inputs.settings.seed)
+
+
+def _joined(of_model: Mapping[str, PosePrior], of_pairs: Mapping[str, PosePrior]) -> dict[str, PosePrior]:
+    """Orientations by a blind model and by pairs; a model that fits few positions and contradicts more pairs is wrong.
+
+    Four positions of a ring fit a model that is turned by half a circle.
+    """
+    both = [name for name in of_model if name in of_pairs]
+    against = sum(contradict(of_pairs[name], of_model[name]) for name in both)
+    if len(of_pairs) > len(of_model) and 2 * against >= max(1, len(both)):
+        return dict(of_pairs)
+    return {**of_pairs, **of_model}
