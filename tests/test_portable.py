@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.campaign.lock import campaign_lock
+from fieldkit.campaign.run import campaign_lock
 from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.planning.run.folder import create_run, open_run
 from tests.cli.test_scene_commands import TINY

@@ -9,9 +9,8 @@ beside its evaluation; tables, ranks and exports are made of these files.
 | How is a campaign's folder made? | create.py |
 | How is it read, with plots, plan and visits? | reading.py |
 | Where is a visit kept, and how is it read? | visits.py; names of folders: fieldkit/sites/plot_ids.py |
-| What does `fieldkit evaluate` do in a campaign? | run.py; one run at a time: lock.py |
-| Which plot and date is a photograph of? | sorting.py; by its geotag: layout.py; by its time: dates_and_passes.py |
-| How is a visit resumed, what is computed again? | resuming.py |
+| What does `fieldkit evaluate` do in a campaign? What is computed again? | run.py |
+| Which plot and date is a photograph of? | sorting.py; by its geotag: layout.py |
 | What does a worker do with a visit? | evaluate_visit.py; how it is watched: fieldkit/runtime/executor.py |
 | In which frame is a visit reconstructed? | visit_frame.py |
 | Which fieldkit computed a visit? | visits.py; versions of its stages: fieldkit/reconstruction/versions.py |

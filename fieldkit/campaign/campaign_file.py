@@ -105,11 +105,7 @@ class CampaignTable(Strict):
 
 
 def read_campaign_file(path: Path) -> CampaignTable:
-    """Read campaign.toml.
-
-    Raises:
-        MetadataError: it is missing, no TOML, of another format, or a key is missing, unknown or wrong.
-    """
+    """Read campaign.toml."""
     document = read_versioned(path, "campaign", _REMEDY, _MAX_BYTES)
     return validated_toml(CampaignTable, document, path, _REMEDY)
 

@@ -39,25 +39,22 @@ _ZONES = ("geofence", "no_fly", "plots")
 
 @dataclass(frozen=True)
 class CampaignSources:
-    """What a campaign is made of.
-
-    Attributes:
-        plan: plan.json or its folder.
-        site: site file.
-        plots: file whose plots take the place of the site's; None keeps those.
-        vehicle: profile, by name or path; None for none.
-        camera: calibration for photographs that have none beside them; None for none.
-        references: folders that `fieldkit reference` wrote, by plot.
-        plot_id: field of the plots file that holds their ids; None looks for one.
-    """
+    """What a campaign is made of."""
 
     plan: Path
+    """Plan.json or its folder."""
     site: Path
+    """Site file."""
     plots: Path | None = None
+    """File whose plots take the place of the site's; None keeps those."""
     vehicle: str | None = None
+    """Profile, by name or path; None for none."""
     camera: Path | None = None
+    """Calibration for photographs that have none beside them; None for none."""
     references: Mapping[str, Path] | None = None
+    """Folders that `fieldkit reference` wrote, by plot."""
     plot_id: str | None = None
+    """Field of the plots file that holds their ids; None looks for one."""
 
 
 def init_campaign(
@@ -180,11 +177,7 @@ def _reference(plot: str, path: Path, folder: Path, plots: set[str]) -> Referenc
 
 
 def split_references(given: Sequence[str], plots: Sequence[str]) -> dict[str, Path]:
-    """PLOT=REF as people give it. Plots' names and paths may hold "=", so the longest plot that fits counts.
-
-    Raises:
-        UsageError: one names no plot or a bare cloud, or a plot has two.
-    """
+    """PLOT=REF as people give it. Plots' names and paths may hold "=", so the longest plot that fits counts."""
     found: dict[str, Path] = {}
     for text in given:
         fitting = [plot for plot in plots if text.startswith(f"{plot}=") and len(text) > len(plot) + 1]

@@ -39,33 +39,30 @@ WITHOUT_RASTERS = "no rasters: "
 
 @dataclass(frozen=True)
 class VisitJob:
-    """What a worker needs to evaluate a visit.
-
-    Attributes:
-        plot: of the campaign.
-        date: ISO 8601.
-        photos: of the visit.
-        captures: their folder, for people.
-        notes: of sorting.
-        folder: of the campaign.
-        plan: that was flown.
-        evaluation: settings.
-        camera: calibration of photographs without one.
-        cache: its root, or None.
-        inputs: digest of all that the result depends on; "" where it could not be made.
-    """
+    """What a worker needs to evaluate a visit."""
 
     plot: CampaignPlot
+    """Of the campaign."""
     date: str
+    """ISO 8601."""
     photos: tuple[FoundPhoto, ...]
+    """Of the visit."""
     captures: str
+    """Their folder, for people."""
     notes: tuple[str, ...]
+    """Of sorting."""
     folder: Path
+    """Of the campaign."""
     plan: Plan
+    """That was flown."""
     evaluation: EvaluationTable
+    """Settings."""
     camera: Path | None
+    """Calibration of photographs without one."""
     cache: Path | None
+    """Its root, or None."""
     inputs: str = ""
+    """Digest of all that the result depends on; "" where it could not be made."""
 
     @property
     def place(self) -> str:
@@ -75,15 +72,12 @@ class VisitJob:
 
 @dataclass(frozen=True)
 class VisitResult:
-    """What came of a visit.
-
-    Attributes:
-        visit: in its folder where it has one; else nothing was written, and it has no inputs, to be tried again.
-        storage: message, path and remedy, where the disk is full or not writable; then the visit is not done.
-    """
+    """What came of a visit."""
 
     visit: Visit
+    """In its folder where it has one; else nothing was written, and it has no inputs, to be tried again."""
     storage: tuple[str, str, str] | None = None
+    """Message, path and remedy, where the disk is full or not writable; then the visit is not done."""
 
 
 def evaluate_visit(job: VisitJob) -> VisitResult:

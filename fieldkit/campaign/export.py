@@ -127,12 +127,7 @@ def campaign_geojson(campaign: Campaign) -> str:
 
 
 def campaign_geopackage(campaign: Campaign) -> bytes:
-    """A GeoPackage with the layers ``visits`` and ``plots`` in EPSG:4326.
-
-    Raises:
-        UsageError: pyogrio is not installed.
-        StorageError: it cannot be written.
-    """
+    """A GeoPackage with the layers ``visits`` and ``plots`` in EPSG:4326."""
     if importlib.util.find_spec("pyogrio") is None:
         raise UsageError(
             "GeoPackages need the extra 'geo'", remedy="pip install 'fieldkit[geo]', or export CSV or GeoJSON."

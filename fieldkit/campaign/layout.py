@@ -21,25 +21,22 @@ _LEAST_PITCH_DEG = 15.0  # flatter, and where the axis meets the ground is not k
 
 @dataclass(frozen=True, eq=False)
 class FieldLayout:
-    """All plots in metres east and north of their middle.
-
-    Attributes:
-        frame: of these metres.
-        aims: (p, s, 2) places that the stations look at.
-        stations: (p, s, 2) places of the stations.
-        spacing: (p, p) distances between the plots' middles, infinite on the diagonal.
-        shapes: (p,) polygons; empty where a plot is a point.
-        height: of a camera above what it looks at.
-        most_reach: horizontal distance from a camera to that, at most.
-    """
+    """All plots in metres east and north of their middle."""
 
     frame: LocalFrame
+    """Of these metres."""
     aims: NDArray[np.float64]
+    """(p, s, 2) places that the stations look at."""
     stations: NDArray[np.float64]
+    """(p, s, 2) places of the stations."""
     spacing: NDArray[np.float64]
+    """(p, p) distances between the plots' middles, infinite on the diagonal."""
     shapes: NDArray[np.object_]
+    """(p,) polygons; empty where a plot is a point."""
     height: float
+    """Of a camera above what it looks at."""
     most_reach: float
+    """Horizontal distance from a camera to that, at most."""
 
     @classmethod
     def of(cls, plots: Sequence[CampaignPlot], plan: Plan) -> FieldLayout:

@@ -48,23 +48,20 @@ _AROUND, _ANYWHERE = Effort(moves=600), Effort(designs=16, starts=2, moves=600)
 
 @dataclass(frozen=True)
 class NextPlan:
-    """What is flown over one plot.
-
-    Attributes:
-        plot: its id.
-        plan: of it.
-        date: of the visit whose cloud it was made of; None where the plot has none and keeps the campaign's plan.
-        expected_m: what the geometric score expects of the plan on the grown plants; None without a cloud.
-        carried_m: what it expects of the campaign's plan there.
-        seconds: that it took.
-    """
+    """What is flown over one plot."""
 
     plot: str
+    """Its id."""
     plan: Plan
+    """Of it."""
     date: str | None = None
+    """Of the visit whose cloud it was made of; None where the plot has none and keeps the campaign's plan."""
     expected_m: float | None = None
+    """What the geometric score expects of the plan on the grown plants; None without a cloud."""
     carried_m: float | None = None
+    """What it expects of the campaign's plan there."""
     seconds: float = 0.0
+    """That it took."""
 
 
 def next_plans(
@@ -83,15 +80,6 @@ def next_plans(
         campaign: with visits.
         vehicle: whose limits hold; those of the campaign's plan where None.
         growth: factor.
-        seed: of the optima.
-        workers: processes; the plans do not depend on it.
-        progress: told of every plot.
-
-    Raises:
-        UsageError: ``growth`` is below 1 or above 3, or the vehicle's limits contradict each other.
-        MissionError: the campaign's plan has no camera.
-        MetadataError: a visit's evaluation cannot be read.
-        CloudError: a visit's cloud cannot be read.
     """
     if not 1.0 <= growth <= 3.0:
         raise UsageError(f"plants grow by a factor from 1 to 3, not {growth:g}", remedy="Give --growth 1.15.")
@@ -160,7 +148,6 @@ def plan_for_plants(
         plants: their surfaces, plot frame.
         name: of what they are, for people.
         vehicle: whose limits hold; those of the plan where None.
-        seed: of the optima.
         plot: the site's, whose plants beyond the known ones are kept clear of.
 
     Returns:
@@ -237,15 +224,12 @@ def _limits(plan: Plan) -> EnvelopeSettings:
 
 @dataclass(frozen=True, eq=False)
 class NextVisit:
-    """A planned visit.
-
-    Attributes:
-        plans: of all plots, in the campaign's order.
-        mission: over all of them.
-    """
+    """A planned visit."""
 
     plans: tuple[NextPlan, ...]
+    """Of all plots, in the campaign's order."""
     mission: ExportedMission
+    """Over all of them."""
 
 
 def plan_next_visit(

@@ -25,56 +25,47 @@ DRIFTING = ("chamfer_m", "predicted_chamfer_m", "height_m", "cover_percent", "ca
 
 @dataclass(frozen=True)
 class Score:
-    """How good a visit is.
-
-    Attributes:
-        visit: the row.
-        value_m: chamfer distance: measured, else predicted.
-        predicted: whether it is a prediction.
-        noise_m: half the interval that holds nine in ten; None where it is not known.
-    """
+    """How good a visit is."""
 
     visit: Visit
+    """The row."""
     value_m: float
+    """Chamfer distance: measured, else predicted."""
     predicted: bool
+    """Whether it is a prediction."""
     noise_m: float | None
+    """Half the interval that holds nine in ten; None where it is not known."""
 
 
 @dataclass(frozen=True)
 class Ranked:
-    """A place in a ranking.
-
-    Attributes:
-        rank: from 1, the lowest chamfer distance of its kind first; plots that cannot be told from a group's first
-            share its rank.
-        tied: whether others share it.
-        score: of the visit.
-    """
+    """A place in a ranking."""
 
     rank: int
+    """From 1, the lowest chamfer distance of its kind first; plots that cannot be told from a group's first share its
+    rank."""
     tied: bool
+    """Whether others share it."""
     score: Score
+    """Of the visit."""
 
 
 @dataclass(frozen=True)
 class Drift:
-    """How a plot's figure changed since its first date.
-
-    Attributes:
-        plot: id.
-        figure: field of `Visit`.
-        first_date, date: compared.
-        first, value: the figure on them.
-        beyond_noise: None where the noise is not known.
-    """
+    """How a plot's figure changed since its first date."""
 
     plot: str
+    """Id."""
     figure: str
+    """Field of `Visit`."""
     first_date: str
     date: str
+    """Compared."""
     first: float
     value: float
+    """The figure on them."""
     beyond_noise: bool | None
+    """None where the noise is not known."""
 
     @property
     def change(self) -> float:

@@ -31,26 +31,23 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True)
 class RasterRow:
-    """A visit's height models.
-
-    Attributes:
-        plot, date: of the visit.
-        canopy_height, surface: files; "" where there are none.
-        crs_epsg, cell_m: of both.
-        height_datum: that the surface's heights are above: ellipsoid, sea level or unknown.
-        no_rasters: why there are none.
-        notes: of the visit.
-    """
+    """A visit's height models."""
 
     plot: str
     date: str
+    """Of the visit."""
     canopy_height: str = ""
     surface: str = ""
+    """Files; "" where there are none."""
     crs_epsg: int | None = None
     cell_m: float | None = None
+    """Of both."""
     height_datum: str = ""
+    """That the surface's heights are above: ellipsoid, sea level or unknown."""
     no_rasters: str = ""
+    """Why there are none."""
     notes: str = ""
+    """Of the visit."""
 
 
 def export_rasters(campaign: Campaign, output: Path, *, overwrite: bool = False) -> tuple[RasterRow, ...]:

@@ -34,26 +34,23 @@ _SITE_BYTES = 256 << 10
 
 @dataclass(frozen=True)
 class CampaignPlot:
-    """A plot of a campaign.
-
-    Attributes:
-        name: in the plots file.
-        latitude_deg, longitude_deg: of the plot frame's origin, WGS 84.
-        row_heading_deg: compass heading of the plot frame's x axis.
-        shape: corners (latitude, longitude) where it is drawn as a polygon, the last not the first again; else None.
-        size_m: length along the plot frame's x and width, about its origin; None where nobody said.
-        reference: folder of its dense reference, or None.
-        reference_sha256: of the reference.json that campaign.toml names, or None.
-    """
+    """A plot of a campaign."""
 
     name: str
+    """In the plots file."""
     latitude_deg: float
     longitude_deg: float
+    """Of the plot frame's origin, WGS 84."""
     row_heading_deg: float
+    """Compass heading of the plot frame's x axis."""
     shape: tuple[tuple[float, float], ...] | None = None
+    """Corners (latitude, longitude) where it is drawn as a polygon, the last not the first again; else None."""
     size_m: tuple[float, float] | None = None
+    """Length along the plot frame's x and width, about its origin; None where nobody said."""
     reference: Path | None = None
+    """Folder of its dense reference, or None."""
     reference_sha256: str | None = None
+    """Of the reference.json that campaign.toml names, or None."""
 
     def reference_sha256_now(self) -> str:
         """The SHA-256 of the reference.json that is there; "" where there is none."""
@@ -67,36 +64,29 @@ class CampaignPlot:
 
 @dataclass(frozen=True)
 class Campaign:
-    """A campaign's folder, read.
-
-    Attributes:
-        name: in words.
-        folder: absolute.
-        plan: that is flown over every plot.
-        site: home, fence and the plots as missions need them.
-        plots: in the order of their file.
-        visits: by plot in that order (plots that are gone come last), then by date.
-        evaluation: how every visit is evaluated.
-        plan_file, vehicle_file, camera_file: in the folder; the latter two None where there is none.
-    """
+    """A campaign's folder, read."""
 
     name: str
+    """In words."""
     folder: Path
+    """Absolute."""
     plan: Plan
+    """That is flown over every plot."""
     site: Site
+    """Home, fence and the plots as missions need them."""
     plots: tuple[CampaignPlot, ...]
+    """In the order of their file."""
     visits: tuple[Visit, ...]
+    """By plot in that order (plots that are gone come last), then by date."""
     evaluation: EvaluationTable
+    """How every visit is evaluated."""
     plan_file: Path
     vehicle_file: Path | None = None
     camera_file: Path | None = None
+    """In the folder; the latter two None where there is none."""
 
     def plot(self, name: str) -> CampaignPlot:
-        """The plot of a name.
-
-        Raises:
-            KeyError: there is none.
-        """
+        """The plot of a name."""
         found = next((plot for plot in self.plots if plot.name == name), None)
         if found is None:
             raise KeyError(name)
@@ -113,9 +103,6 @@ class Campaign:
     def plan_of(self, plot: str, date: str) -> Plan:
         """That a visit flew: the plot's newest from `fieldkit campaign plan` for that date or an earlier one, else the
         campaign's, `carried_plan`.
-
-        Raises:
-            MetadataError: it is damaged.
         """
         folder = self.folder / PLANS_FOLDER
         made = sorted(each.name for each in folder.iterdir() if each.name <= date) if folder.is_dir() else []
@@ -173,11 +160,7 @@ def read_campaign(folder: Path) -> Campaign:
 
 
 def visit_plots(campaign: Campaign) -> list[PlotEvaluation]:
-    """The evaluations of all visits with a result.
-
-    Raises:
-        MetadataError: one is missing or malformed.
-    """
+    """The evaluations of all visits with a result."""
     reports = (load_evaluation_report(campaign.folder / v.folder) for v in campaign.visits if v.folder and not v.error)
     return [plot for report in reports for plot in report.plots]
 
@@ -189,11 +172,7 @@ def find_campaign(start: Path) -> Path | None:
 
 
 def campaign_folder(given: Path | None) -> Path:
-    """The folder of a campaign: as given, else the one that the current folder lies in.
-
-    Raises:
-        UsageError: none is given, and the current folder lies in none.
-    """
+    """The folder of a campaign: as given, else the one that the current folder lies in."""
     if given is not None:
         return given
     found = find_campaign(Path.cwd())

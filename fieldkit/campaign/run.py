@@ -1,35 +1,41 @@
-"""fieldkit evaluate in a campaign: photographs in, visits out. How it goes on where it was stopped: resuming.py."""
+"""fieldkit evaluate in a campaign: photographs in, visits out; a run goes on where an earlier one ended.
+
+A visit holds a digest of all that its result depends on. Where that is still the same, the visit is kept.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, as_completed
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fieldkit.cache import StageCache
+from filelock import FileLock, Timeout
+
+from fieldkit.cache import StageCache, digest
 from fieldkit.campaign.evaluate_visit import WITHOUT_RASTERS, VisitJob, VisitResult, evaluate_visit, failed_visit
-from fieldkit.campaign.lock import campaign_lock
 from fieldkit.campaign.reading import Campaign, read_campaign
-from fieldkit.campaign.resuming import earlier_photographs, sweep, unchanged, visit_inputs
 from fieldkit.campaign.sorting import Shot, Sorting, sort_photographs
-from fieldkit.campaign.visits import Visits, keep_visit
-from fieldkit.captures.selection import FoundPhoto, FoundPhotos, find_photographs
-from fieldkit.errors import CaptureError, MetadataError, StorageError
+from fieldkit.campaign.visits import Visits, keep_visit, stage_versions
+from fieldkit.captures import find_mask
+from fieldkit.captures.selection import FoundPhoto, FoundPhotos, capture_of, find_photographs, photographs_at
+from fieldkit.errors import CaptureError, MetadataError, StorageError, UsageError
 from fieldkit.evaluation.rasters import require_rasters
 from fieldkit.figures.spreadsheets import TRAITS_FILE, trait_row, write_traits_csv
 from fieldkit.figures.style import format_length
-from fieldkit.files import check_writable
+from fieldkit.files import check_writable, remove_if_abandoned, storage_errors
 from fieldkit.results.finding import Finding
-from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE
+from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE, file_sha256
 from fieldkit.results.visit import VISITS_FOLDER, Visit
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import WorkerError
 from fieldkit.runtime.progress import Progress
 from fieldkit.wording import count
 
+LOCK_FILE = ".lock"
+_POLL_S = 0.5
 _RESULTS = (EVALUATION_FILE, REFERENCE_FILE)
 _OUTER_FOLDERS = 2  # names above the searched folder that may say plot and date
 _SHOWN = 8
@@ -37,23 +43,20 @@ _SHOWN = 8
 
 @dataclass(frozen=True)
 class CampaignRun:
-    """What `evaluate_campaign` did.
-
-    Attributes:
-        campaign: as it is now, with all its visits.
-        photographs: found.
-        evaluated: visits of this run.
-        kept: visits of these photographs that were there already.
-        left_out: photographs that belong to no visit, and why.
-        findings: doubts and contradictions about the others.
-    """
+    """What `evaluate_campaign` did."""
 
     campaign: Campaign
+    """As it is now, with all its visits."""
     photographs: int
+    """Found."""
     evaluated: tuple[Visit, ...]
+    """Visits of this run."""
     kept: tuple[Visit, ...]
+    """Visits of these photographs that were there already."""
     left_out: tuple[Finding, ...]
+    """Photographs that belong to no visit, and why."""
     findings: tuple[Finding, ...]
+    """Doubts and contradictions about the others."""
 
     @property
     def failed(self) -> int:
@@ -82,10 +85,6 @@ def evaluate_campaign(
     Args:
         folder: of the campaign.
         captures: folder with photographs in it and below it; only read.
-        cache: of stages.
-        progress: told of stages, visits and findings.
-        workers: processes, a visit each; the results do not depend on it.
-        scheduler: address of a Dask cluster that evaluates instead; its workers see the same files.
         wait: for another run in this campaign to end; else it is an error.
         overwrite: evaluate also what is there already.
 
@@ -153,6 +152,92 @@ def _visit(job: VisitJob, future: Future[VisitResult]) -> Visit:
         message, path, remedy = result.storage
         raise StorageError(message, path=path, remedy=remedy)
     return result.visit
+
+
+@contextmanager
+def campaign_lock(folder: Path, *, wait: bool, note: Callable[[str], None]) -> Iterator[None]:
+    """Hold a campaign's lock within the block; it ends with the process that holds it.
+
+    Args:
+        folder: of the campaign.
+        wait: until another run ends; else it is an error.
+        note: told why nothing happens.
+    """
+    lock = FileLock(folder / LOCK_FILE)
+    with storage_errors(folder):
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            if not wait:
+                raise UsageError(
+                    "another run works in this campaign", path=folder,
+                    remedy="Let it end, or leave --no-wait out to wait for it.",
+                ) from None  # fmt: skip
+            note("waiting: another run works in this campaign")
+            lock.acquire(poll_interval=_POLL_S)
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def visit_inputs(job: VisitJob) -> str:
+    """Digest of everything a visit's result depends on: photographs, sidecars, plan, settings, plot, reference, and
+    the versions of all stages.
+    """
+    capture = capture_of(job.photos, camera=job.camera)
+    masks = [find_mask(photo.path) for photo in capture.photos] if job.evaluation.mask == "file" else []
+    plot, rasters = job.plot, job.evaluation.wanted_rasters
+    # Digests of visits without rasters are as they were before there were any.
+    evaluation = job.evaluation.model_dump_json(exclude={"rasters", "gsd_m"})
+    return digest(
+        "visit", stage_versions(), [(photo.name, photo.sha256) for photo in capture.photos], dict(capture.priors),
+        capture.groups, capture.metric_source, capture.origin, capture.markers,
+        [None if mask is None else file_sha256(mask) for mask in masks],
+        job.plan.model_dump_json(), evaluation,
+        (plot.latitude_deg, plot.longitude_deg, plot.row_heading_deg, plot.shape, plot.size_m), plot.reference_sha256,
+        plot.reference_sha256_now(), *(() if rasters is None else (rasters,)),
+    )  # fmt: skip
+
+
+def unchanged(jobs: Sequence[VisitJob], visits: Visits) -> list[Visit]:
+    """The visits of jobs that are done already."""
+    kept = []
+    for job in jobs:
+        visit = visits.get((job.plot.name, job.date))
+        same = visit is not None and job.inputs != "" and visit.inputs == job.inputs
+        if visit is not None and same and (job.folder / job.place / EVALUATION_FILE).is_file():
+            kept.append(visit)
+    return kept
+
+
+def earlier_photographs(
+    folder: Path, keys: Iterable[tuple[str, str]], visits: Visits, found: Iterable[FoundPhoto]
+) -> list[tuple[FoundPhoto, tuple[str, str]]]:
+    """Photographs that earlier runs sorted into some visits, that are still where they were, and that are new here.
+
+    Args:
+        folder: of the campaign.
+        keys: plot and date of the visits.
+        visits: of the campaign.
+        found: photographs that are known.
+    """
+    known = {each.photo.sha256 for each in found}
+    result = []
+    for key in keys:
+        photographs = visits[key].photographs if key in visits else {}
+        paths = [folder / path for sha256, path in photographs.items() if sha256 not in known]
+        for each in photographs_at(paths):
+            if each.photo.sha256 in photographs and each.photo.sha256 not in known:
+                known.add(each.photo.sha256)
+                result.append((each, key))
+    return result
+
+
+def sweep(folder: Path) -> None:
+    """Remove what killed runs left in a campaign's folder; what belongs to a run that lives is locked and stays."""
+    for place in (folder / VISITS_FOLDER).glob("*/.*.partial"):
+        remove_if_abandoned(place)
 
 
 def _sorted(campaign: Campaign, captures: Path, visits: Visits, progress: Progress) -> tuple[FoundPhotos, Sorting]:

@@ -9,15 +9,15 @@ for stations stand over the neighbours. What fits two plots equally well goes wi
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import date, datetime, timedelta
 
 import numpy as np
 
-from fieldkit.campaign.dates_and_passes import best_pass, days, folder_date
 from fieldkit.campaign.layout import FieldLayout, tag_accuracy_m
 from fieldkit.campaign.reading import CampaignPlot
 from fieldkit.captures.model import Photo
@@ -25,6 +25,10 @@ from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan
 from fieldkit.wording import count
 
+ANOTHER_PASS = timedelta(hours=2)
+"""A longer break between photographs of a plot on one date makes them another pass; a shorter one is a re-flight."""
+_MIDNIGHT = timedelta(minutes=30)
+_DATE = re.compile(r"(\d{4})-?(\d{2})-?(\d{2})")
 NEIGHBOURS = timedelta(seconds=60)
 """Photographs of one flight follow each other faster than this."""
 _LEAST_REACH_M = 1.5
@@ -35,51 +39,42 @@ _AMBIGUOUS = 0.25  # of the distance between the two plots
 
 @dataclass(frozen=True)
 class Shot:
-    """What is to be known of a photograph to sort it.
-
-    Attributes:
-        place: its path below the searched folder, with "/"; unique.
-        photo: as read.
-        folders: names of the folders that may say a plot or a date, the outermost first.
-        belongs: plot and date it was sorted into by an earlier run; counts as if folders said so.
-    """
+    """What is to be known of a photograph to sort it."""
 
     place: str
+    """Its path below the searched folder, with "/"; unique."""
     photo: Photo
+    """As read."""
     folders: tuple[str, ...] = ()
+    """Names of the folders that may say a plot or a date, the outermost first."""
     belongs: tuple[str, str] | None = None
+    """Plot and date it was sorted into by an earlier run; counts as if folders said so."""
 
 
 @dataclass(frozen=True)
 class SortedVisit:
-    """Photographs of one plot on one date.
-
-    Attributes:
-        plot: id.
-        date: ISO 8601.
-        places: of the photographs.
-        notes: what contradicts.
-    """
+    """Photographs of one plot on one date."""
 
     plot: str
+    """Id."""
     date: str
+    """ISO 8601."""
     places: tuple[str, ...]
+    """Of the photographs."""
     notes: tuple[str, ...] = ()
+    """What contradicts."""
 
 
 @dataclass(frozen=True)
 class Sorting:
-    """What `sort_photographs` found.
-
-    Attributes:
-        visits: by plot in the plots' order, then by date.
-        left_out: photographs that belong to no visit, and why.
-        findings: contradictions and doubts about photographs that do.
-    """
+    """What `sort_photographs` found."""
 
     visits: tuple[SortedVisit, ...]
+    """By plot in the plots' order, then by date."""
     left_out: tuple[Finding, ...]
+    """Photographs that belong to no visit, and why."""
     findings: tuple[Finding, ...]
+    """Contradictions and doubts about photographs that do."""
 
 
 @dataclass
@@ -313,3 +308,44 @@ def _contradicting_dates(dated: Mapping[tuple[str, str], Sequence[_Given]]) -> l
             message = f"in a folder of {day}, from here, {those} taken on {clock} by the camera's clock"
             findings.append(Finding(other[0].shot.place, "date-contradicts-clock", f"{message}; sorted under {day}"))
     return findings
+
+
+def folder_date(name: str) -> str | None:
+    """The date that a folder's name is (2026-06-30, 20260630), as ISO 8601; None where it is none."""
+    found = _DATE.fullmatch(name.strip())
+    if found is None or (name.count("-") not in (0, 2)):
+        return None
+    try:
+        return date(*map(int, found.groups())).isoformat()
+    except ValueError:
+        return None
+
+
+def days(times: Sequence[datetime]) -> list[tuple[str, list[int]]]:
+    """Indices by local date (ISO 8601), in order of time; what follows shortly after midnight belongs to before it."""
+    groups: list[tuple[str, list[int]]] = []
+    for k in sorted(range(len(times)), key=lambda k: times[k]):
+        day = times[k].date().isoformat()
+        goes_on = bool(groups) and times[k] - times[groups[-1][1][-1]] <= _MIDNIGHT
+        if groups and (groups[-1][0] == day or goes_on):
+            groups[-1][1].append(k)
+        else:
+            groups.append((day, [k]))
+    return groups
+
+
+def best_pass(times: Sequence[datetime | None]) -> tuple[list[int], list[int]]:
+    """Indices of the pass with the most photographs (of several the last), and of those of all others.
+
+    Photographs without a time stay with the best.
+    """
+    timed = sorted((taken, k) for k, taken in enumerate(times) if taken is not None)
+    passes: list[list[int]] = []
+    for place, (taken, k) in enumerate(timed):
+        if place and taken - timed[place - 1][0] <= ANOTHER_PASS:
+            passes[-1].append(k)
+        else:
+            passes.append([k])
+    best = max(range(len(passes)), key=lambda n: (len(passes[n]), n), default=0)
+    others = sorted(k for n, group in enumerate(passes) if n != best for k in group)
+    return [k for k in range(len(times)) if k not in set(others)], others

@@ -41,19 +41,16 @@ _BELOW_M = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Settling:
-    """Moves a mapped visit onto its plot's ground; see `KnownPlot.settle`.
-
-    Attributes:
-        aim: (x, y) where the plan's cameras look; None leaves the place sideways as it is.
-        height_m: of the stations' median, which the cameras' takes where no ground is found.
-        onto: ground of the plot's reference, to which the visit's is moved; None makes it z = 0 at the origin.
-        seed: of the ground's RANSAC.
-    """
+    """Moves a mapped visit onto its plot's ground; see `KnownPlot.settle`."""
 
     aim: tuple[float, float] | None
+    """(x, y) where the plan's cameras look; None leaves the place sideways as it is."""
     height_m: float
+    """Of the stations' median, which the cameras' takes where no ground is found."""
     onto: Plane | None = None
+    """Ground of the plot's reference, to which the visit's is moved; None makes it z = 0 at the origin."""
     seed: int = 0
+    """Of the ground's RANSAC."""
 
     def __call__(self, points: NDArray[np.float64], poses: Mapping[str, Pose]) -> tuple[Similarity, Plane | None]:
         shift = np.zeros(3)
@@ -73,20 +70,16 @@ class Settling:
 
 @dataclass(frozen=True, eq=False)
 class PlacedVisit:
-    """Where a visit is reconstructed.
-
-    Attributes:
-        plot: what is known; None where nothing is, and the visit's own frame is found from its cameras.
-        notes: what a person should know of it.
-        outline: of the plot; None takes the bounds that its reference was made with.
-        at_origin: the plot's place on Earth is that of the site, not that of the visit's positions, which are too
-            coarse for it.
-    """
+    """Where a visit is reconstructed."""
 
     plot: KnownPlot | None
+    """What is known; None where nothing is, and the visit's own frame is found from its cameras."""
     notes: tuple[str, ...] = ()
+    """What a person should know of it."""
     outline: PlotOutline | None = None
+    """Of the plot; None takes the bounds that its reference was made with."""
     at_origin: bool = False
+    """The plot's place on Earth is that of the site, not that of the visit's positions, which are too coarse for it."""
 
 
 def wanted_sidecars(capture: Capture, plan: Plan, reference: KnownPlot | None) -> frozenset[str]:
@@ -123,7 +116,6 @@ def place_visit(
         plot: of the site.
         plan: that was flown.
         reference: the plot's own, where it has one.
-        seed: of the ground's RANSAC.
     """
     aim, height = plan_aim(plan)
     if reference is not None:

@@ -22,20 +22,12 @@ def visit_place(plot: str, date: str) -> str:
 
 
 def visit_cloud(campaign: Path, visit: Visit) -> Path | None:
-    """The cloud of a visit's plants; None where it has none.
-
-    Raises:
-        MetadataError: its evaluation.json is missing or damaged.
-    """
+    """The cloud of a visit's plants; None where it has none."""
     return None if visit.error else visit_files(campaign, visit).get(CLOUD_FILE)
 
 
 def visit_files(campaign: Path, visit: Visit) -> dict[str, Path]:
-    """The files of a visit's evaluation that are still there, by their own name without folders.
-
-    Raises:
-        MetadataError: its evaluation.json is missing or damaged.
-    """
+    """The files of a visit's evaluation that are still there, by their own name without folders."""
     if not visit.folder:
         return {}
     folder = campaign / visit.folder
@@ -44,11 +36,7 @@ def visit_files(campaign: Path, visit: Visit) -> dict[str, Path]:
 
 
 def read_visits(campaign: Path) -> list[Visit]:
-    """All visits of a campaign's folder, by plot and date; a copy in another folder than its own is passed over.
-
-    Raises:
-        MetadataError: a visit.json is damaged or of another version.
-    """
+    """All visits of a campaign's folder, by plot and date; a copy in another folder than its own is passed over."""
     visits = []
     for file in (campaign / VISITS_FOLDER).glob(f"[!.]*/[!.]*/{VISIT_FILE}"):
         visit = load_visit(file.parent)
@@ -62,9 +50,6 @@ def keep_visit(campaign: Path, visit: Visit) -> bool:
 
     Returns:
         Whether it could be: a folder that holds something else than a visit is somebody's other work.
-
-    Raises:
-        StorageError: the disk is full or not writable.
     """
     place = campaign / visit_place(*visit.key)
     if place.is_dir() and any(place.iterdir()) and not any((place / name).is_file() for name in _OWN):

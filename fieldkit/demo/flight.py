@@ -24,17 +24,14 @@ _SPEED = 8.0
 
 @dataclass(frozen=True)
 class RecordedFlight:
-    """How a recorded flight kept to its plan.
-
-    Attributes:
-        photographs: that belong to a planned pose.
-        position_m: standard deviation of a coordinate, about the mean error.
-        angle_deg: root mean square of yaw and pitch errors.
-    """
+    """How a recorded flight kept to its plan."""
 
     photographs: int
+    """That belong to a planned pose."""
     position_m: float
+    """Standard deviation of a coordinate, about the mean error."""
     angle_deg: float
+    """Root mean square of yaw and pitch errors."""
 
     @property
     def pose_noise(self) -> tuple[float, float]:
@@ -43,12 +40,7 @@ class RecordedFlight:
 
 
 def upload_to_stand_in(mission: Path) -> UploadReport:
-    """Upload a mission file, through MAVSDK over UDP on this machine, to the recorded vehicle's stand-in.
-
-    Raises:
-        UploadError: it did not end well.
-        MetadataError: the recording is missing.
-    """
+    """Upload a mission file, through MAVSDK over UDP on this machine, to the recorded vehicle's stand-in."""
     read = read_mission(mission)
     recording = simulated_field("standin.recording").read_recording(_recordings() / f"{STANDING}.tlog")
     replay = simulated_field("standin.replay").Replay(recording, speed=_SPEED, begin_s=_STANDS_AT_HOME_S, rate_hz=1.0)
@@ -61,11 +53,7 @@ def _recordings() -> Path:
 
 
 def recorded_flight() -> RecordedFlight:
-    """How the recorded flight kept to its plan, by its log.
-
-    Raises:
-        MetadataError: the recording is missing or damaged.
-    """
+    """How the recorded flight kept to its plan, by its log."""
     folder = _recordings()
     log = read_flight_log(folder / f"{FLOWN}.tlog")
     found = adherence(_stations(folder / f"{FLOWN}.json"), log.triggers)

@@ -52,29 +52,26 @@ _FINALISTS, _REPEATS = 3, 2
 
 @dataclass(frozen=True)
 class Demo:
-    """What the demo made.
-
-    Attributes:
-        reference: report of the dense capture of the plot that is planned on.
-        outcome: of the search.
-        stations: of the mission.
-        items: that the stand-in vehicle took.
-        flight: how exactly the recorded vehicle flew; the captures have its pose noise.
-        evaluations: of planned views and of a circle, by plot.
-        compared: demo.json: the two against each other.
-        report: the HTML file.
-        seconds: of wall time.
-    """
+    """What the demo made."""
 
     reference: ReferenceReport
+    """Report of the dense capture of the plot that is planned on."""
     outcome: Outcome
+    """Of the search."""
     stations: int
+    """Of the mission."""
     items: int
+    """That the stand-in vehicle took."""
     flight: RecordedFlight
+    """How exactly the recorded vehicle flew; the captures have its pose noise."""
     evaluations: Mapping[str, Sequence[PlotEvaluation]]
+    """Of planned views and of a circle, by plot."""
     compared: DemoReport
+    """Demo.json: the two against each other."""
     report: Path
+    """The HTML file."""
     seconds: float
+    """Of wall time."""
 
 
 def run_demo(
@@ -91,11 +88,7 @@ def run_demo(
     Args:
         output: folder of the result: captures/, reference/, reference-unseen/, plan/, mission/, evaluation-seen/,
             evaluation-unseen/, report.html and demo.json.
-        seed: of the captures' noise, the search and the reconstruction.
-        cache: of stages.
-        progress: told of stages and findings.
         overwrite: replace an earlier demo in ``output``.
-        workers: processes; the result depends on it only by what the search may know when it proposes.
 
     Raises:
         UsageError: ``output`` exists.

@@ -48,25 +48,22 @@ def measured_height_m(plot: str) -> float:
 
 @dataclass(frozen=True)
 class Shooting:
-    """Photographs to take.
-
-    Attributes:
-        plot: `SEEN` or `UNSEEN`.
-        output: the capture's folder.
-        stations: commanded poses, or what makes them from the scene.
-        camera: None takes the scene's.
-        noise: of poses, metres and degrees.
-        seed: of all noise.
-        truth_cloud: PLY for the plants' true surfaces, or None.
-    """
+    """Photographs to take."""
 
     plot: str
+    """`SEEN` or `UNSEEN`."""
     output: Path
+    """The capture's folder."""
     stations: Sequence[Pose] | Stations
+    """Commanded poses, or what makes them from the scene."""
     camera: Intrinsics | None
+    """None takes the scene's."""
     noise: tuple[float, float]
+    """Of poses, metres and degrees."""
     seed: int
+    """Of all noise."""
     truth_cloud: Path | None = None
+    """PLY for the plants' true surfaces, or None."""
 
 
 def dense_shooting(plot: str, output: Path, seed: int, truth_cloud: Path | None = None) -> Shooting:
@@ -75,12 +72,7 @@ def dense_shooting(plot: str, output: Path, seed: int, truth_cloud: Path | None 
 
 
 def photograph(job: Shooting) -> int:
-    """Take the photographs of a job; returns how many.
-
-    Raises:
-        RenderingError: this machine cannot render.
-        StorageError: the disk is full or not writable.
-    """
+    """Take the photographs of a job; returns how many."""
     scene = read_scene(scene_path(job.plot))
     done = simulate(
         scene, job.stations, job.output, intrinsics=job.camera, noise=with_noise(scene.noise, pose=job.noise),
@@ -100,11 +92,7 @@ class Building:
 
 
 def build(job: Building) -> ReferenceReport:
-    """Build a reference.
-
-    Raises:
-        ReconstructionError: the photographs do not reconstruct.
-    """
+    """Build a reference."""
     return build_reference(
         job.captures, job.output, _settings(job.seed), cache=job.cache, progress=Silent(), scene=False
     )
@@ -122,11 +110,7 @@ class Scoring:
 
 
 def evaluate(job: Scoring) -> EvaluationReport:
-    """Reconstruct and score the captures; ICP takes out how far their own positions are off.
-
-    Raises:
-        ReconstructionError: none of them reconstructs.
-    """
+    """Reconstruct and score the captures; ICP takes out how far their own positions are off."""
     return evaluate_captures(
         job.captures, job.output, _settings(job.seed), reference=job.reference, refine=True, cache=job.cache,
         progress=Silent(),

@@ -49,26 +49,20 @@ Poses = Mapping[str, PoseRow]
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """A flight and the photographs that were taken on it.
-
-    Attributes:
-        log: as read.
-        matches: of all plots' photographs, whose names are PLOT/IMAGE here.
-        captures: by plot, as read without what lies beside the photographs.
-    """
+    """A flight and the photographs that were taken on it."""
 
     log: FlightLog
+    """As read."""
     matches: Matches
+    """Of all plots' photographs, whose names are PLOT/IMAGE here."""
     captures: Mapping[str, Capture]
+    """By plot, as read without what lies beside the photographs."""
 
     @classmethod
     def read(cls, log: Path, plots: Sequence[tuple[str, Path]]) -> Flight:
         """Read a log and match all plots' photographs to it at once: one camera has one clock.
 
         Plots that cannot be read are left out here; reading them again says why.
-
-        Raises:
-            MetadataError: the log cannot be used.
         """
         flight = read_flight_log(log)
         captures: dict[str, Capture] = {}
@@ -85,11 +79,7 @@ class Flight:
         return cls(flight, match(stamps, flight.triggers), captures)
 
     def capture(self, plot: str) -> Capture | None:
-        """A plot's capture with the poses that the log gives; None where it could not be read.
-
-        Raises:
-            MetadataError: the log holds no position.
-        """
+        """A plot's capture with the poses that the log gives; None where it could not be read."""
         capture = self.captures.get(plot)
         if capture is None:
             return None
@@ -150,11 +140,7 @@ class FlownPlan:
 
     @classmethod
     def of(cls, plan: Plan, reference: SourceFrame | None, flight: Flight | None = None) -> FlownPlan:
-        """A plan with what it is compared with.
-
-        Raises:
-            UsageError: there is a log, but no georeferenced reference that puts the plan on the Earth.
-        """
+        """A plan with what it is compared with."""
         if flight is None:
             return cls(plan, reference)
         if reference is None:
@@ -202,11 +188,7 @@ class FlownPlan:
 
 
 def write_adherence(folder: Path, place: str, plot: PlotEvaluation) -> PlotEvaluation:
-    """Write adherence.csv of a plot with adherence into its folder ``place`` of an evaluation, and enter it there.
-
-    Raises:
-        StorageError: the place is full or not writable.
-    """
+    """Write adherence.csv of a plot with adherence into its folder ``place`` of an evaluation, and enter it there."""
     if plot.adherence is None:
         return plot
     write_adherence_csv(folder / place / ADHERENCE_FILE, plot.adherence)
@@ -220,9 +202,6 @@ def planned_poses(plan: Plan, source: SourceFrame) -> tuple[list[PlannedPose], s
     Args:
         plan: in the reference's plot frame.
         source: the reference's georeferenced frame.
-
-    Raises:
-        UsageError: the reference is not georeferenced.
     """
     if source.origin is None:
         raise UsageError(
@@ -432,9 +411,6 @@ def flown_noise(plots: Sequence[PlotEvaluation], path: Path) -> tuple[float, flo
 
     Returns:
         Metres and degrees, to 0.01 mm and 10⁻⁵ degrees.
-
-    Raises:
-        MetadataError: the evaluation does not say how a flight kept to its plan, or of too few stations.
     """
     known = [plot.adherence for plot in plots if plot.adherence is not None]
     if not known:

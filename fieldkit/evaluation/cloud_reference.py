@@ -46,33 +46,25 @@ _MAX_DIAGONAL_M = 2_000.0
 
 @dataclass(frozen=True, eq=False)
 class CloudReference:
-    """A cloud as captures are scored against it.
-
-    Attributes:
-        cloud: of the plants, plot frame.
-        origin: of the frame, whose axes are then east, north, up; None where the frame is that of the photographs'
-            positions.
-        from_source: from ``origin``'s frame, or the positions', to the plot frame.
-        volume: that counts, plot frame.
-        ground: found in the cloud, or None.
-        findings: what was found from the cloud and not stated.
-        path: of the file.
-    """
+    """A cloud as captures are scored against it."""
 
     cloud: Cloud
+    """Of the plants, plot frame."""
     origin: LocalFrame | None
+    """Of the frame, whose axes are then east, north, up; None where the frame is that of the photographs' positions."""
     from_source: Similarity
+    """From ``origin``'s frame, or the positions', to the plot frame."""
     volume: Volume
+    """That counts, plot frame."""
     ground: Plane | None
+    """Found in the cloud, or None."""
     findings: tuple[Finding, ...]
+    """What was found from the cloud and not stated."""
     path: Path
+    """Of the file."""
 
     def known_plot(self, capture: Capture) -> KnownPlot:
-        """What the reference fixes for a capture: scale and place are those of the capture's own positions.
-
-        Raises:
-            MetadataError: one is georeferenced and the other is not.
-        """
+        """What the reference fixes for a capture: scale and place are those of the capture's own positions."""
         source = capture.metric_source
         if source is not None and (capture.origin is None) != (self.origin is None):
             lies = "lies on the Earth" if self.origin is not None else "has coordinates without a place on the Earth"
@@ -91,11 +83,7 @@ AnyReference: TypeAlias = Reference | CloudReference
 
 
 def known_plot_of(reference: AnyReference | None, capture: Capture) -> KnownPlot | None:
-    """What a reference of either kind fixes for a capture; None without a reference.
-
-    Raises:
-        MetadataError: as `CloudReference.known_plot`.
-    """
+    """What a reference of either kind fixes for a capture; None without a reference."""
     if isinstance(reference, CloudReference):
         return reference.known_plot(capture)
     return None if reference is None else reference.known_plot()

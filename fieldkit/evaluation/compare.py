@@ -78,7 +78,6 @@ def compare_evaluations(
             wanted (``"LABEL=PATH"``); those of one label repeat one another.
         output: folder to write; None writes nothing.
         overwrite: replace an earlier comparison in ``output``.
-        progress: told of stages.
 
     Raises:
         UsageError: there is nothing to compare, or ``output`` exists.

@@ -68,10 +68,7 @@ def evaluate_captures(
         plan: that was flown, on the reference's plot: the report says how the photographs kept to it.
         poses: that another program found, of all plots; None takes what lies beside each one's photographs.
         rasters: to be written into each plot's folder.
-        cache: of stages.
-        progress: told of stages and findings.
         overwrite: replace an earlier evaluation in ``output``.
-        workers: processes; the result does not depend on it.
 
     Returns:
         The report; plots that failed are in it with their error, and do not stop the others.

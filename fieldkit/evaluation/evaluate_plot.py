@@ -126,9 +126,6 @@ def evaluate_plot(
         settings: choices.
         photographs: that are known of before they are read.
         alone: raise what is wrong with its input.
-
-    Raises:
-        StorageError: the files cannot be written.
     """
     spent = Spent.now()
     try:

@@ -20,9 +20,6 @@ def to_utm(cloud: Cloud, frame: MetricFrame) -> tuple[Cloud, int]:
 
     Heights keep the datum of the frame's origin. Normals are turned by the plot frame's rotation only; the meridian
     convergence (under 3° within a zone) is left out of them.
-
-    Raises:
-        ValueError: the frame is not georeferenced, or lies where UTM is not defined.
     """
     from pyproj import Transformer
 

@@ -17,9 +17,6 @@ def find_plots(captures: Path) -> tuple[list[tuple[str, Path]], list[str]]:
     Photographs in ``captures/images``, or in a card's 100MEDIA and 101MEDIA, make ``captures`` one plot. Subfolders
     without any image file are passed over; one that cannot be read, or whose images cannot be used, still counts, so
     that it is reported. So does the folder itself where no subfolder counts.
-
-    Raises:
-        CaptureError: there is no such folder, or no photographs in it or its subfolders.
     """
     captures = Path(captures)
     itself = [(clean_text(captures.absolute().name), captures)]

@@ -154,9 +154,6 @@ def predict(features: Mapping[str, float] | str, model: PredictionModel | None =
     Args:
         features: from `plot_features`.
         model: fit; fieldkit's own where not given.
-
-    Raises:
-        KeyError: a feature of the model is missing.
     """
     model = prediction_model() if model is None else model
     if isinstance(features, str):

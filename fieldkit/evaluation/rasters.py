@@ -38,34 +38,28 @@ _SURFACE_COLORS = ("#543005", "#bf812d", "#f6e8c3", "#80cdc1", "#003c30")
 
 @dataclass(frozen=True)
 class Rasters:
-    """That rasters are to be written.
-
-    Attributes:
-        cell_m: edge of their cells; None takes `LEAST_SAMPLING_M`, or the depth maps' pixel where that is larger.
-        at_origin: put the plot frame's origin at that of the positions' frame, sideways, since the positions are too
-            coarse to say where it lies.
-    """
+    """That rasters are to be written."""
 
     cell_m: float | None = None
+    """Edge of their cells; None takes `LEAST_SAMPLING_M`, or the depth maps' pixel where that is larger."""
     at_origin: bool = False
+    """Put the plot frame's origin at that of the positions' frame, sideways, since the positions are too coarse to say
+    where it lies."""
 
 
 @dataclass(frozen=True, eq=False)
 class HeightRaster:
-    """Heights on a grid of a map projection. Row 0 is the northern one.
-
-    Attributes:
-        west, north: easting and northing of the outer corner of the first cell, metres; multiples of ``cell_m``.
-        cell_m: edge of the cells.
-        heights: (rows, columns), metres; NaN where nothing was seen.
-        epsg: of the projection.
-    """
+    """Heights on a grid of a map projection. Row 0 is the northern one."""
 
     west: float
     north: float
+    """Easting and northing of the outer corner of the first cell, metres; multiples of ``cell_m``."""
     cell_m: float
+    """Edge of the cells."""
     heights: NDArray[np.float32]
+    """(rows, columns), metres; NaN where nothing was seen."""
     epsg: int
+    """Of the projection."""
 
 
 def sampling_m(pixel_m: float, given_m: float | None = None) -> float:
@@ -78,9 +72,6 @@ def require_rasters(frame: MetricFrame | None = None) -> None:
 
     Args:
         frame: of the result; None where it is not known yet.
-
-    Raises:
-        UsageError: rasterio is not installed, or the plot has no place on Earth.
     """
     if any(importlib.util.find_spec(name) is None for name in ("rasterio", "pyproj")):
         raise UsageError("rasters need the extra 'geo'", remedy="pip install 'fieldkit[geo]', or do without rasters.")
@@ -99,10 +90,6 @@ def canopy_raster(plants: Cloud, scene: Cloud, frame: MetricFrame, cell_m: float
         scene: with the ground, plot frame.
         frame: georeferenced, with a ground.
         cell_m: edge of the cells.
-
-    Raises:
-        UsageError: no ground was found, or the raster would be too large.
-        ValueError: the frame is not georeferenced, or lies where UTM is not defined.
     """
     if frame.ground is None:
         raise UsageError("there is no canopy height: no ground was found", remedy="Leave --rasters out.")
@@ -143,13 +130,7 @@ def _raster(
 
 
 def write_rasters(folder: Path, found: Reconstruction, settings: ReconstructionSettings, wanted: Rasters) -> list[str]:
-    """Write both rasters of a reconstruction with a scene, and their styles; returns the files' names.
-
-    Raises:
-        UsageError: rasterio is not installed, the plot has no place on Earth, no ground was found, or the rasters would
-            be too large.
-        StorageError: the place is full or not writable.
-    """
+    """Write both rasters of a reconstruction with a scene, and their styles; returns the files' names."""
     frame, scene = found.sparse.frame, found.scene
     require_rasters(frame)
     frame = _at_origin(frame) if wanted.at_origin else frame
@@ -180,10 +161,6 @@ def write_raster(path: Path, raster: HeightRaster, *, canopy: bool) -> None:
     """Write a Cloud Optimized GeoTIFF, and beside it a QGIS style of the same name with the suffix .qml.
 
     Float32 metres, nodata −9999, deflate, tiles and overviews (average) within the file.
-
-    Raises:
-        UsageError: rasterio is not installed.
-        StorageError: the place is full or not writable.
     """
     require_rasters()
     import rasterio
@@ -217,11 +194,7 @@ def color_span(heights: NDArray[np.float32], *, canopy: bool) -> tuple[float, fl
 
 
 def write_style(path: Path, span: tuple[float, float], *, canopy: bool) -> None:
-    """Write the QGIS style of a raster beside it.
-
-    Raises:
-        StorageError: the place is full or not writable.
-    """
+    """Write the QGIS style of a raster beside it."""
     low, high = span
     colors = _CANOPY_COLORS if canopy else _SURFACE_COLORS
     write_atomic(path.with_suffix(".qml"), style_text(low, max(high, low + 0.01), colors))

@@ -28,21 +28,18 @@ _MOST = 0.5
 
 @dataclass(frozen=True)
 class Reading:
-    """A capture whose angles are read as they are meant.
-
-    Attributes:
-        capture: with these; without those that cannot be as recorded.
-        convention: the one they follow, in words; "" as fieldkit reads them, or none.
-        unused: photographs whose angles follow no convention, or another than most, and are left out.
-        agreeing: photographs whose recorded angles, as fieldkit reads them, are those found.
-        compared: photographs that told.
-    """
+    """A capture whose angles are read as they are meant."""
 
     capture: Capture
+    """With these; without those that cannot be as recorded."""
     convention: str = ""
+    """The one they follow, in words; "" as fieldkit reads them, or none."""
     unused: tuple[str, ...] = ()
+    """Photographs whose angles follow no convention, or another than most, and are left out."""
     agreeing: tuple[str, ...] = ()
+    """Photographs whose recorded angles, as fieldkit reads them, are those found."""
     compared: int = 0
+    """Photographs that told."""
 
     @property
     def as_recorded(self) -> bool:

@@ -64,11 +64,8 @@ def build_reference(
             binary format, plot frame), overview.png, traits.csv and, where it is georeferenced, cloud.laz and
             scene.laz in UTM.
         settings: choices; None takes the defaults.
-        cache: of stages.
-        progress: told of stages and findings.
         overwrite: replace an earlier reference in ``output``.
         resume: add the scene to an earlier reference in ``output`` that was made alike and has none.
-        workers: processes; the result does not depend on it.
         scene: also reconstruct what is not plant.
         poses: that another program found; None takes what lies beside the photographs.
         rasters: to be written, too; they need the scene. A note says where they cannot be.

@@ -60,15 +60,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PlotOutline:
-    """What is known of a plot's outline.
-
-    Attributes:
-        corners: plot frame, metres; None where it is not known.
-        reason: why it is not known.
-    """
+    """What is known of a plot's outline."""
 
     corners: Outline | None = None
+    """Plot frame, metres; None where it is not known."""
     reason: str = NO_OUTLINE
+    """Why it is not known."""
 
 
 def outline_of(settings: ReconstructionSettings, reference: Mapping[str, Any] | None = None) -> PlotOutline:

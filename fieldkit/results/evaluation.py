@@ -313,11 +313,7 @@ class EvaluationReport(Strict):
 
 
 def distance_key(distance_m: float) -> str:
-    """A distance in metres as a key of the score tables: at least three decimals, none lost.
-
-    Raises:
-        ValueError: it is not a positive number.
-    """
+    """A distance in metres as a key of the score tables: at least three decimals, none lost."""
     from decimal import Decimal
 
     value = Decimal(repr(float(distance_m)))

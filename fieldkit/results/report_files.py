@@ -75,11 +75,7 @@ def describe_files(folder: Path, names: Iterable[str]) -> tuple[FileEntry, ...]:
 
 
 def check_file(folder: Path, report: ReferenceReport | EvaluationReport, name: str) -> Path:
-    """The path of a file the report describes, after comparing it with its size and SHA-256 there.
-
-    Raises:
-        MetadataError: the report does not list it, it is missing, or it is not the same any more.
-    """
+    """The path of a file the report describes, after comparing it with its size and SHA-256 there."""
     path = folder / name
     entry = next((entry for entry in report.files if entry.name == name), None)
     remedy = f"Build the {report.kind} again."

@@ -152,11 +152,7 @@ ROW = tuple(Visit(plot="", date="0001-01-01").row())
 
 
 def save_visit(folder: Path, visit: Visit) -> None:
-    """Write visit.json (UTF-8, indented) into a visit's folder, which is made where it is missing.
-
-    Raises:
-        StorageError: the place is full or not writable; an older file is left as it was.
-    """
+    """Write visit.json (UTF-8, indented) into a visit's folder, which is made where it is missing."""
     write_atomic(folder / VISIT_FILE, visit.model_dump_json(indent=2) + "\n")
 
 

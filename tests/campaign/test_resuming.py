@@ -12,7 +12,7 @@ from fieldkit.campaign import Visit, read_campaign
 from fieldkit.campaign.campaign_file import EvaluationTable
 from fieldkit.campaign.evaluate_visit import VisitJob
 from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks
-from fieldkit.campaign.resuming import unchanged, visit_inputs
+from fieldkit.campaign.run import unchanged, visit_inputs
 from fieldkit.campaign.visits import changed_stages, is_current, keep_visit, stage_versions
 from fieldkit.captures.selection import FoundPhoto
 from fieldkit.reconstruction.versions import STAGES
@@ -55,7 +55,7 @@ def test_another_version_of_any_stage_is_another_visit(
 def test_another_fit_of_the_prediction_is_another_visit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = job(tmp_path)
     versions = stage_versions()
-    monkeypatch.setattr("fieldkit.campaign.resuming.stage_versions", lambda: versions | {"prediction": 99})
+    monkeypatch.setattr("fieldkit.campaign.run.stage_versions", lambda: versions | {"prediction": 99})
     assert job(tmp_path).inputs != before.inputs
 
 

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fieldkit.campaign.dates_and_passes import folder_date
-from fieldkit.campaign.sorting import Shot, Sorting, sort_photographs
+from fieldkit.campaign.sorting import Shot, Sorting, folder_date, sort_photographs
 from fieldkit.captures.model import GeoTag
 from tests.campaign.examples import MORNING, PLAN, field, flown, photo
 
