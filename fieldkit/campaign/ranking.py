@@ -12,15 +12,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
-from typing import cast
 
+from fieldkit.figures.registry import FIGURES, TRENDS, Figure
 from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.plan import Plan
-from fieldkit.results.traits import Trait, error_column
 from fieldkit.results.visit import Visit
 from fieldkit.vocabulary import NINE_IN_TEN
-
-DRIFTING = ("chamfer_m", "predicted_chamfer_m", "height_m", "cover_percent", "canopy_volume_m3")
 
 
 @dataclass(frozen=True)
@@ -80,7 +77,7 @@ def score_of(visit: Visit, plan: Plan) -> Score | None:
     if visit.chamfer_m is not None:
         return Score(visit, visit.chamfer_m, False, measured_noise_m(plan))
     if visit.predicted_chamfer_m is not None:
-        return Score(visit, visit.predicted_chamfer_m, True, _predicted_noise(visit))
+        return Score(visit, visit.predicted_chamfer_m, True, FIGURES["predicted_chamfer_m"].error(visit))
     return None
 
 
@@ -135,30 +132,17 @@ def drift(visits: Sequence[Visit], plan: Plan) -> list[Drift]:
     found = []
     for plot in dict.fromkeys(visit.plot for visit in visits):
         own = sorted((visit for visit in visits if visit.plot == plot), key=lambda visit: visit.date)
-        for figure in DRIFTING:
-            having = [visit for visit in own if getattr(visit, figure) is not None]
-            for visit in having[1:]:
-                first = having[0]
-                before, after = float(getattr(first, figure)), float(getattr(visit, figure))
+        for figure in TRENDS:
+            having = [(visit, value) for visit in own if (value := figure.value(visit)) is not None]
+            for visit, after in having[1:]:
+                first, before = having[0]
                 noise = _noise(figure, first, plan), _noise(figure, visit, plan)
                 surely = None
                 if noise[0] is not None and noise[1] is not None:
                     surely = abs(after - before) > hypot(noise[0], noise[1])
-                found.append(Drift(plot, figure, first.date, visit.date, before, after, surely))
+                found.append(Drift(plot, figure.key, first.date, visit.date, before, after, surely))
     return found
 
 
-def _noise(figure: str, visit: Visit, plan: Plan) -> float | None:
-    match figure:
-        case "chamfer_m":
-            return measured_noise_m(plan)
-        case "predicted_chamfer_m":
-            return _predicted_noise(visit)
-        case _:
-            error = None if visit.traits is None else getattr(visit.traits, error_column(cast("Trait", figure)))
-            return cast("float | None", error)
-
-
-def _predicted_noise(visit: Visit) -> float | None:
-    low, high = visit.predicted_low_m, visit.predicted_high_m
-    return None if low is None or high is None else 0.5 * (high - low)
+def _noise(figure: Figure, visit: Visit, plan: Plan) -> float | None:
+    return measured_noise_m(plan) if figure.key == "chamfer_m" else figure.error(visit)
