@@ -22,12 +22,8 @@ _MOST_NAMES = 100
 def draw_plan(title: str, positions: Array, forward: Array, plants: Cloud, others: Array | None = None) -> Figure:
     """A plan's cameras about the plants: from above, from the front and from the side, to one scale.
 
-    Args:
-        title: of the figure.
-        positions: (n, 3) metres, plot frame.
-        forward: (n, 3) unit vectors of the optical axes.
-        plants: the reference.
-        others: (m, 3) the other cameras of a recorded set.
+    Cameras stand at (n, 3) metres of the plot frame and look along unit vectors (n, 3); ``others`` are the other
+    cameras (m, 3) of a recorded set.
     """
     others = np.zeros((0, 3)) if others is None else others
     arrow = 0.25 * float(np.median(np.linalg.norm(positions - plants.points.mean(axis=0), axis=1)))
@@ -50,13 +46,13 @@ def draw_mission(
     cameras: Sequence[Pose],
     camera: Intrinsics,
     plants: Cloud,
-    outlines: Sequence[Array] = (),
+    outlines: Sequence[Array],
     *,
-    near: int | None = None,
-    near_plants: Cloud | None = None,
-    stations: Sequence[str] = (),
-    plots: Sequence[str] = (),
-    home: Array | None = None,
+    near: int,
+    near_plants: Cloud,
+    stations: Sequence[str],
+    plots: Sequence[str],
+    home: Array,
 ) -> Figure:
     """A flight about the plants: all of it from above, and its first plot from above and from the front.
 
@@ -69,38 +65,32 @@ def draw_mission(
         camera: intrinsics of the drawn frusta.
         plants: in the same frame; may be empty.
         outlines: (k, 2) each: fences, zones and obstacles from above.
-        near: number of cameras of the first plot, which come first; None means all.
-        near_plants: plants of that plot; None takes those of ``plants`` about its cameras.
-        stations: of the cameras, as people number them; counted in the order of flight where not given.
+        near: number of cameras of the first plot, which come first.
+        near_plants: plants of that plot.
+        stations: of the cameras, as people number them.
         plots: of the cameras; their names stand at the middle of each plot's cameras.
-        home: (2,) or (3,) where the vehicle takes off.
+        home: (2,) where the vehicle takes off.
     """
     centers = np.array([pose.center for pose in cameras])
-    first = centers[:near]
-    spread = float(np.linalg.norm(np.ptp(first, axis=0)))
+    spread = float(np.linalg.norm(np.ptp(centers[:near], axis=0)))
     frusta = [frustum(pose, camera, max(_SHARE * spread, 0.05)) for pose in cameras]
-    low, high = first[:, :2].min(axis=0) - 0.3 * spread, first[:, :2].max(axis=0) + 0.3 * spread
-    beside = ((plants.points[:, :2] >= low) & (plants.points[:, :2] <= high)).all(axis=1)
-    if near_plants is None:
-        near_plants = plants if near is None else plants.select(beside)
     close = np.concatenate([*frusta[:near], near_plants.points])
     whole = np.concatenate([*legs, *frusta, plants.points])
-    first_plot = drawable(plots[0]) if plots else "The first plot"
-    names = ("All of it from above", f"{first_plot} from above", f"{first_plot} from the front")
-    numbers = list(stations) or [str(number) for number in range(1, len(cameras) + 1)]
+    first = drawable(plots[0])
+    names = ("All of it from above", f"{first} from above", f"{first} from the front")
     figure, views = view_row(title, [(TOP, whole), (TOP, close), (FRONT, close)], names=names)
     for k, (direction, axes, window) in enumerate(views):
         of_all = direction is TOP
         shown = plants if of_all else near_plants
         if len(shown):
             draw_cloud(axes, shown, direction, window)
-        for leg in legs if of_all or near is None else legs[: near + 1]:
+        for leg in legs if of_all else legs[: near + 1]:
             axes.plot(leg[:, direction.right], leg[:, direction.up], color=_LEG, linewidth=0.9, alpha=0.8, zorder=3)
         if of_all:
             _draw_surroundings(axes, outlines, home)
         if k == 0:
             _name_plots(axes, centers, plots)
-        for number, corners in zip(numbers, frusta if of_all else frusta[:near], strict=False):
+        for number, corners in zip(stations, frusta if of_all else frusta[:near], strict=False):
             _draw_camera(axes, corners[[0, 1, 2, 0, 3, 4, 0, 1, 4, 3, 2]], direction, linewidth=0.6, size=2.5)
             x, y = direction.flat(corners[0])
             if k and window.left < x < window.right and window.bottom < y < window.top:
@@ -116,7 +106,7 @@ def frustum(pose: Pose, camera: Intrinsics, depth_m: float) -> Array:
     return np.vstack([pose.center, pose.center + corners @ pose.rotation])
 
 
-def _draw_surroundings(axes: Axes, outlines: Sequence[Array], home: Array | None) -> None:
+def _draw_surroundings(axes: Axes, outlines: Sequence[Array], home: Array) -> None:
     """Outlines, north and home from above."""
     for outline in outlines:
         axes.plot(*np.vstack([outline, outline[:1]]).T, color=_OUTLINE, linewidth=0.9, zorder=2)
@@ -124,9 +114,8 @@ def _draw_surroundings(axes: Axes, outlines: Sequence[Array], home: Array | None
         "N", (0.96, 0.97), (0.96, 0.86), xycoords="axes fraction", textcoords="axes fraction", size=8, color=INK,
         ha="center", va="center", zorder=7, arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 0.9},
     )  # fmt: skip
-    if home is not None:
-        axes.scatter([home[0]], [home[1]], marker="^", s=30, color=INK, zorder=6)
-        _annotate(axes, "home", (float(home[0]), float(home[1])), shift=(5, -9))
+    axes.scatter([home[0]], [home[1]], marker="^", s=30, color=INK, zorder=6)
+    _annotate(axes, "home", (float(home[0]), float(home[1])), shift=(5, -9))
 
 
 def _name_plots(axes: Axes, centers: Array, plots: Sequence[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.pictures.mission import draw_mission, frustum
 
 CAMERA = Intrinsics.pinhole(4000, 3000, 3500.0)
+HOME = np.zeros(2)
 
 
 def test_a_frustum_shows_what_the_camera_sees() -> None:
@@ -29,7 +31,10 @@ def test_legs_and_cameras_are_drawn_in_all_views(plants: Cloud) -> None:
     up = np.array([0.0, 0.0, 2.0])
     legs = [np.array([a.center, a.center + up, b.center]) for a, b in pairwise(poses)]
     fence = np.array([[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]])
-    figure = draw_mission("a flight", legs, poses, CAMERA, plants, [fence], near=4)
+    figure = draw_mission(
+        "a flight", legs, poses, CAMERA, plants, [fence], near=4, near_plants=plants, stations=list("1234567"),
+        plots=["A"] * 7, home=HOME,
+    )  # fmt: skip
     above, close, front = figure.axes
     for axes in (close, front):
         assert {text.get_text() for text in axes.texts} >= {str(k) for k in range(1, 5)}
@@ -57,8 +62,11 @@ def test_the_front_view_has_nothing_of_the_plots_behind() -> None:
     here = np.random.default_rng(1).random((200, 3)) * [0.6, 0.6, 0.9] - [0.3, 0.3, 0.0]
     there = here + away
     plants = Cloud(np.concatenate([here, there]))
-    figure = draw_mission("two", legs, poses, CAMERA, plants, near=4, near_plants=Cloud(here))
-    alone = draw_mission("one", legs[:5], poses, CAMERA, Cloud(here), near=4)
+    named: dict[str, Any] = {
+        "near": 4, "near_plants": Cloud(here), "stations": list("12345678"), "plots": list("aaaabbbb"), "home": HOME,
+    }  # fmt: skip
+    figure = draw_mission("two", legs, poses, CAMERA, plants, [], **named)
+    alone = draw_mission("one", legs[:5], poses, CAMERA, Cloud(here), [], **named)
     both, one = figure.axes[2], alone.axes[2]
     assert len(both.lines) == len(one.lines)
     for line, other in zip(both.lines, one.lines, strict=True):
@@ -74,8 +82,8 @@ def test_home_north_names_of_plots_and_the_plans_own_numbers() -> None:
     poses = ring + [Pose(pose.rotation, pose.center + np.array([6.0, 0.0, 0.0])) for pose in ring]
     legs = [np.array([a.center, b.center]) for a, b in pairwise(poses)]
     figure = draw_mission(
-        "two", legs, poses, CAMERA, Cloud(np.zeros((0, 3))), near=4, stations=list("31427856"),
-        plots=["A01"] * 4 + ["$b$"] * 4, home=np.array([0.0, -3.0]),
+        "two", legs, poses, CAMERA, Cloud(np.zeros((0, 3))), [], near=4, near_plants=Cloud(np.zeros((0, 3))),
+        stations=list("31427856"), plots=["A01"] * 4 + ["$b$"] * 4, home=np.array([0.0, -3.0]),
     )  # fmt: skip
     above, close, front = ([text.get_text() for text in axes.texts] for axes in figure.axes)
     assert {"N", "home", "A01", "$b$"} <= set(above)
