@@ -29,10 +29,6 @@ def findings_by_dialect(
         vehicle: that it is for; the autopilot that the file names, or all, where not given.
         site: whose home, fence, zones, obstacles, ceiling and plots count.
         file: that was read, for the mission.json beside it.
-
-    Raises:
-        MissionError: a polygon of the site is of no use.
-        MetadataError: a profile of fieldkit's own is missing.
     """
     if vehicle is not None:
         return {vehicle.dialect: _findings(read, vehicle, site, file)}

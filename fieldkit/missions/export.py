@@ -25,43 +25,37 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RoutedFlight:
-    """A flight with its mission.
-
-    Attributes:
-        mission: what autopilots get.
-        flight: its route in the site frame, times and battery.
-    """
+    """A flight with its mission."""
 
     mission: Mission
+    """What autopilots get."""
     flight: Flight
+    """Its route in the site frame, times and battery."""
 
 
 @dataclass(frozen=True, eq=False)
 class Routed:
-    """All flights of a plan on a site.
-
-    Attributes:
-        flights: in the order they are flown.
-        moved: poses that were out of the vehicle's reach and have been replaced by the nearest ones.
-        lowest_m: least height of a photograph above its plot's ground.
-        plants_m: least distance between a plant and anything that is flown; None where the plan does not say where the
-            plants are.
-        clear_m: by plot, the height of plants that all of it keeps clear of; None where nobody says where they stand.
-        plants: (m, 3) of all plots, site frame; as high as they are taken to be there.
-        plants_of: the same by plot.
-        fit: what does not fit on which plot, or is worth knowing; errors are none of it.
-        own: plans of plots that are not flown by the one plan that was given.
-    """
+    """All flights of a plan on a site."""
 
     flights: tuple[RoutedFlight, ...]
+    """In the order they are flown."""
     moved: tuple[Unreachable, ...]
+    """Poses that were out of the vehicle's reach and have been replaced by the nearest ones."""
     lowest_m: float
+    """Least height of a photograph above its plot's ground."""
     plants_m: float | None
+    """Least distance between a plant and anything that is flown; None where the plan does not say where the plants are.
+    """
     plants: Array
+    """(m, 3) of all plots, site frame; as high as they are taken to be there."""
     plants_of: Mapping[str, Array]
+    """The same by plot."""
     clear_m: Mapping[str, float | None]
+    """By plot, the height of plants that all of it keeps clear of; None where nobody says where they stand."""
     fit: tuple[Finding, ...] = ()
+    """What does not fit on which plot, or is worth knowing; errors are none of it."""
     own: Mapping[str, Plan] = field(default_factory=dict)
+    """Plans of plots that are not flown by the one plan that was given."""
 
     @property
     def least_clear_m(self) -> float | None:
@@ -112,10 +106,6 @@ def route_plan(
         fit: see `flown_plans`.
         adjust: fly the nearest poses where the plan's cannot be taken.
         seed: of the search for the order of many plots.
-
-    Raises:
-        Refused: with all that speaks against the plan there (`fieldkit.sites.fit`).
-        MetadataError: the height of a plot cannot be connected with home's.
     """
     report = fit_report(plan, site, vehicle, fit=fit, adjust=adjust)
     report.require()

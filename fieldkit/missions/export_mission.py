@@ -40,17 +40,14 @@ _BEYOND = 1.002
 
 @dataclass(frozen=True, eq=False)
 class ExportedMission:
-    """What was written.
-
-    Attributes:
-        routed: the flights.
-        files: mission files first, one per flight in order; then mission.json, routes, fitted plans, the picture.
-        plans: by plot, files of plans that are its own.
-    """
+    """What was written."""
 
     routed: Routed
+    """The flights."""
     files: tuple[Path, ...]
+    """Mission files first, one per flight in order; then mission.json, routes, fitted plans, the picture."""
     plans: Mapping[str, Path] = field(default_factory=dict)
+    """By plot, files of plans that are its own."""
 
 
 def export_mission(
@@ -138,10 +135,6 @@ def route_for_files(
     Args:
         plan, vehicle, site, fit, adjust, seed: see `route_plan`.
         format: of the files; nothing flies some, and their flights stay as they are.
-
-    Raises:
-        MissionError: as `route_plan`; or the vehicle's dialect or the format does not take a mission.
-        MetadataError: as `route_plan`.
     """
     planned_for = vehicle
     while True:
@@ -175,11 +168,7 @@ def mission_format(output: Path, format: str | None) -> str:  # noqa: A002
 
 
 def mission_path(output: Path, format: str) -> Path:  # noqa: A002
-    """The mission file of a format; its suffix may be left out.
-
-    Raises:
-        UsageError: no such format, or another format's suffix.
-    """
+    """The mission file of a format; its suffix may be left out."""
     if format not in FORMATS:
         raise UsageError(f"no such format: {format}", remedy=f"Choose one of {', '.join(FORMATS)}.")
     suffix = FORMATS[format][0]
@@ -206,9 +195,6 @@ def mission_contents(
         route: with each flight's route as GeoJSON.
         profile: the vehicle profile's name, or that of its file.
         more: other files that are written beside them.
-
-    Raises:
-        MissionError: the vehicle's dialect or the format does not take a mission.
     """
     names = _names(output, len(routed.flights))
     flown = [(file, each.mission) for file, each in zip(names, routed.flights, strict=True)]
@@ -254,12 +240,7 @@ def _flown_plan(data: bytes, name: str | None) -> FlownPlan:
 
 
 def write_mission(contents: Mapping[Path, bytes], *, overwrite: bool) -> None:
-    """Write files; none where one of them is there.
-
-    Raises:
-        UsageError: a file is there and ``overwrite`` is off, or what is there is no regular file.
-        StorageError: the place is full or not writable.
-    """
+    """Write files; none where one of them is there."""
     for file in contents:
         check_replaceable(file, overwrite=overwrite)
     for file, content in contents.items():

@@ -39,43 +39,37 @@ def group_text(group: list[Finding]) -> str:
 
 @dataclass(frozen=True)
 class Deviation:
-    """How far a photograph is from the plan's.
-
-    Attributes:
-        item: that releases the shutter.
-        photograph: by its place in the file, from 0.
-        planned: the plan's station.
-        metres: between the places.
-        heading_deg, pitch_deg: predicted less planned; None where the prediction has none.
-    """
+    """How far a photograph is from the plan's."""
 
     item: int
+    """That releases the shutter."""
     photograph: int
+    """By its place in the file, from 0."""
     planned: Shot
+    """The plan's station."""
     metres: float
+    """Between the places."""
     heading_deg: float | None
     pitch_deg: float | None
+    """Predicted less planned; None where the prediction has none."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """What was found in a mission.
-
-    Attributes:
-        photographs: as the vehicle would take them, also those that are never taken.
-        findings: errors first, then by item.
-        deviations: from the plan, where one was given.
-        seconds: of the flight, from take-off to landing, estimated.
-        length_m: from take-off to landing.
-        unchecked: plots that are not checked against plants, and why; None where no plots are known.
-    """
+    """What was found in a mission."""
 
     photographs: tuple[Photograph, ...]
+    """As the vehicle would take them, also those that are never taken."""
     findings: tuple[Finding, ...]
+    """Errors first, then by item."""
     deviations: tuple[Deviation, ...]
+    """From the plan, where one was given."""
     seconds: float
+    """Of the flight, from take-off to landing, estimated."""
     length_m: float
+    """From take-off to landing."""
     unchecked: Mapping[str, str] | None = None
+    """Plots that are not checked against plants, and why; None where no plots are known."""
 
     @property
     def ok(self) -> bool:

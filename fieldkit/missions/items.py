@@ -87,23 +87,20 @@ POSITIONAL = frozenset({
 
 @dataclass(frozen=True)
 class MissionItem:
-    """One item of a mission, as MISSION_ITEM_INT and QGroundControl's SimpleItem have it.
-
-    Attributes:
-        command: MAV_CMD, also one that `Command` does not have.
-        frame: MAV_FRAME, also one that `Frame` does not have.
-        params: seven; of positional commands the last three are latitude and longitude in degrees and altitude in
-            metres of ``frame``. NaN where a parameter is left to the autopilot (null in a .plan file).
-        autocontinue: go on with the next item by itself.
-        station: index of the photograph that the item belongs to in the mission it was rendered from; None otherwise.
-            Files do not hold it.
-    """
+    """One item of a mission, as MISSION_ITEM_INT and QGroundControl's SimpleItem have it."""
 
     command: int
+    """MAV_CMD, also one that `Command` does not have."""
     frame: int
+    """MAV_FRAME, also one that `Frame` does not have."""
     params: Params
+    """Seven; of positional commands the last three are latitude and longitude in degrees and altitude in metres of
+    ``frame``. NaN where a parameter is left to the autopilot (null in a .plan file)."""
     autocontinue: bool = True
+    """Go on with the next item by itself."""
     station: int | None = None
+    """Index of the photograph that the item belongs to in the mission it was rendered from; None otherwise. Files do
+    not hold it."""
 
     @property
     def positional(self) -> bool:

@@ -34,26 +34,23 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FlightTime:
-    """Seconds from take-off to standing motors, in parts.
-
-    Attributes:
-        takeoff_s: straight up from home.
-        legs_s: between places, including turning where that takes longer than the leg.
-        turning_s: of them, what turning takes beyond the legs' own time.
-        pauses_s: standing still at stops.
-        landing_s: straight down, until the motors stop.
-        battery: share of one battery's usable time (see `Battery.usable_s`).
-        items_s: what carrying out the mission's file takes beyond these, such as holds in whole seconds; 0 before there
-            is a file.
-    """
+    """Seconds from take-off to standing motors, in parts."""
 
     takeoff_s: float
+    """Straight up from home."""
     legs_s: float
+    """Between places, including turning where that takes longer than the leg."""
     turning_s: float
+    """Of them, what turning takes beyond the legs' own time."""
     pauses_s: float
+    """Standing still at stops."""
     landing_s: float
+    """Straight down, until the motors stop."""
     battery: float
+    """Share of one battery's usable time (see `Battery.usable_s`)."""
     items_s: float = 0.0
+    """What carrying out the mission's file takes beyond these, such as holds in whole seconds; 0 before there is a
+    file."""
 
     @property
     def total_s(self) -> float:

@@ -47,40 +47,34 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Stop:
-    """A place where one photograph is taken.
-
-    Attributes:
-        position_m: east and north of home and height above it.
-        yaw_deg: heading of the vehicle there, degrees in any range.
-        pause_s: standing still: settling and exposure.
-        plot: that it is of; a plot's stops are flown one after the other.
-        station: of the plot's plan, from 0; its place among the stops unless given.
-    """
+    """A place where one photograph is taken."""
 
     position_m: Place
+    """East and north of home and height above it."""
     yaw_deg: float
+    """Heading of the vehicle there, degrees in any range."""
     pause_s: float
+    """Standing still: settling and exposure."""
     plot: str
+    """That it is of; a plot's stops are flown one after the other."""
     station: int | None = None
+    """Of the plot's plan, from 0; its place among the stops unless given."""
 
 
 @dataclass(frozen=True)
 class Flight:
-    """What is flown on one battery.
-
-    Attributes:
-        stops: indices of the stops in order.
-        legs: one more than stops: from above the take-off place, between stops, and to above the landing place.
-        plots: names in order.
-        length_m: from the take-off's ground to the landing's.
-        time: its parts and the share of a battery that it takes.
-    """
+    """What is flown on one battery."""
 
     stops: tuple[int, ...]
+    """Indices of the stops in order."""
     legs: tuple[Leg, ...]
+    """One more than stops: from above the take-off place, between stops, and to above the landing place."""
     plots: tuple[str, ...]
+    """Names in order."""
     length_m: float
+    """From the take-off's ground to the landing's."""
     time: FlightTime
+    """Its parts and the share of a battery that it takes."""
 
     @property
     def items(self) -> int:
@@ -113,10 +107,6 @@ def plan_flights(
         takeoff_m: height above home that is climbed to before anything else.
         transit_m: least height above home of the ways between plots and to and from them.
         seed: of the search for the order of plots.
-
-    Raises:
-        MissionError: a stop is in an obstacle, there is no safe way to it, or a plot alone takes more than a battery
-            (or more mission items than the vehicle stores).
     """
     if not stops:
         raise MissionError("there are no stations to fly to", remedy="Give a plan with stations.")

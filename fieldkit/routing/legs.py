@@ -23,17 +23,14 @@ _SAME_M = 1e-9
 
 @dataclass(frozen=True)
 class Leg:
-    """A way from one place to another.
-
-    Attributes:
-        points: places it leads through, start and end among them: east, north and height above home, metres.
-        length_m: of all its straight stretches.
-        time_s: with a stop at each place (see `flight_time`), without turning.
-    """
+    """A way from one place to another."""
 
     points: tuple[Place, ...]
+    """Places it leads through, start and end among them: east, north and height above home, metres."""
     length_m: float
+    """Of all its straight stretches."""
     time_s: float
+    """With a stop at each place (see `flight_time`), without turning."""
 
     @property
     def via(self) -> tuple[Place, ...]:
@@ -43,20 +40,17 @@ class Leg:
 
 @dataclass(frozen=True, eq=False)
 class Legs:
-    """n ways at once; their places are made when asked for.
-
-    Attributes:
-        a, b: (n, 3) both ends.
-        time_s: (n,) infinite where there is no safe way.
-        over_m: (n,) height at which those are flown that go straight up, straight across and straight down; else NaN.
-        around: places (k, 3) of those that are neither straight nor such.
-    """
+    """n ways at once; their places are made when asked for."""
 
     a: Array
     b: Array
+    """(n, 3) both ends."""
     time_s: Array
+    """(n,) infinite where there is no safe way."""
     over_m: Array
+    """(n,) height at which those are flown that go straight up, straight across and straight down; else NaN."""
     around: dict[int, Array] = field(default_factory=dict)
+    """Places (k, 3) of those that are neither straight nor such."""
 
     @cached_property
     def via_counts(self) -> NDArray[np.int64]:
@@ -69,11 +63,7 @@ class Legs:
         return counts
 
     def places(self, index: int) -> Array:
-        """(k, 3) places that a way leads through, both ends included.
-
-        Raises:
-            ValueError: there is no safe way.
-        """
+        """(k, 3) places that a way leads through, both ends included."""
         if np.isinf(self.time_s[index]):
             raise ValueError("there is no safe way")
         if index in self.around:

@@ -9,49 +9,40 @@ from fieldkit.results.plan import station_number
 
 @dataclass(frozen=True)
 class GeoPoint:
-    """A place.
-
-    Attributes:
-        latitude_deg, longitude_deg: WGS 84.
-        height_m: above home.
-    """
+    """A place."""
 
     latitude_deg: float
     longitude_deg: float
+    """WGS 84."""
     height_m: float
+    """Above home."""
 
 
 @dataclass(frozen=True)
 class Home:
-    """Where the vehicle takes off, and the zero of all heights of a mission.
-
-    Attributes:
-        latitude_deg, longitude_deg: WGS 84.
-        amsl_m: above mean sea level, as autopilots take it; None where nobody said.
-    """
+    """Where the vehicle takes off, and the zero of all heights of a mission."""
 
     latitude_deg: float
     longitude_deg: float
+    """WGS 84."""
     amsl_m: float | None
+    """Above mean sea level, as autopilots take it; None where nobody said."""
 
 
 @dataclass(frozen=True)
 class Shot:
-    """A stop for one photograph.
-
-    Attributes:
-        place: of the camera.
-        yaw_deg: true heading of the optical axis, clockwise from north, in [0, 360).
-        pitch_deg: of the gimbal: 0 at the horizon, −90 straight down.
-        plot: name of the plot.
-        station: index in that plot's plan, from 0.
-    """
+    """A stop for one photograph."""
 
     place: GeoPoint
+    """Of the camera."""
     yaw_deg: float
+    """True heading of the optical axis, clockwise from north, in [0, 360)."""
     pitch_deg: float
+    """Of the gimbal: 0 at the horizon, −90 straight down."""
     plot: str
+    """Name of the plot."""
     station: int
+    """Index in that plot's plan, from 0."""
 
     @property
     def name(self) -> str:
@@ -68,64 +59,55 @@ class Via:
 
 @dataclass(frozen=True)
 class Circle:
-    """A round part of a fence.
-
-    Attributes:
-        latitude_deg, longitude_deg: of its centre, WGS 84.
-        radius_m: above 0.
-    """
+    """A round part of a fence."""
 
     latitude_deg: float
     longitude_deg: float
+    """Of its centre, WGS 84."""
     radius_m: float
+    """Above 0."""
 
 
 @dataclass(frozen=True)
 class Fence:
-    """Where the vehicle may and may not be.
-
-    Attributes:
-        inside: polygons of (latitude, longitude) degrees, without a repeated last corner; in one of them, or of
-            ``inside_circles``, where any are given.
-        outside: polygons it keeps out of.
-        ceiling_m: above home, or None.
-        inside_circles, outside_circles: the same as circles.
-    """
+    """Where the vehicle may and may not be."""
 
     inside: tuple[tuple[tuple[float, float], ...], ...] = ()
+    """Polygons of (latitude, longitude) degrees, without a repeated last corner; in one of them, or of
+    ``inside_circles``, where any are given."""
     outside: tuple[tuple[tuple[float, float], ...], ...] = ()
+    """Polygons it keeps out of."""
     ceiling_m: float | None = None
+    """Above home, or None."""
     inside_circles: tuple[Circle, ...] = ()
     outside_circles: tuple[Circle, ...] = ()
+    """The same as circles."""
 
 
 @dataclass(frozen=True)
 class Mission:
-    """One flight.
-
-    Attributes:
-        name: for people and files.
-        home: take-off place.
-        takeoff_m: height above home that is climbed to first.
-        stops: in the order they are flown.
-        landing: where it lands, at the height from which it descends.
-        speed_mps: horizontal, between stops.
-        settle_s: standing still before the shutter.
-        exposure_s: standing still after it.
-        rally: places to return to in an emergency.
-        fence: None where there is none.
-    """
+    """One flight."""
 
     name: str
+    """For people and files."""
     home: Home
+    """Take-off place."""
     takeoff_m: float
+    """Height above home that is climbed to first."""
     stops: tuple[Shot | Via, ...]
+    """In the order they are flown."""
     landing: GeoPoint
+    """Where it lands, at the height from which it descends."""
     speed_mps: float
+    """Horizontal, between stops."""
     settle_s: float
+    """Standing still before the shutter."""
     exposure_s: float
+    """Standing still after it."""
     rally: tuple[GeoPoint, ...] = ()
+    """Places to return to in an emergency."""
     fence: Fence | None = None
+    """None where there is none."""
 
     @property
     def shots(self) -> tuple[Shot, ...]:

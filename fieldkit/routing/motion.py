@@ -41,21 +41,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Leg:
-    """A straight way from rest to rest, or from corner to corner.
-
-    Attributes:
-        length_m: of the way.
-        top_mps: highest speed on it.
-        ramp_s: of gaining that speed, and of losing it.
-        ahead_s: flown before the waypoint at its beginning counted as reached.
-        left_s: still to fly when the waypoint at its end counts as reached, because it is passed.
-    """
+    """A straight way from rest to rest, or from corner to corner."""
 
     length_m: float
+    """Of the way."""
     top_mps: float
+    """Highest speed on it."""
     ramp_s: float
+    """Of gaining that speed, and of losing it."""
     ahead_s: float = 0.0
+    """Flown before the waypoint at its beginning counted as reached."""
     left_s: float = 0.0
+    """Still to fly when the waypoint at its end counts as reached, because it is passed."""
 
     @property
     def curve_s(self) -> float:

@@ -35,24 +35,18 @@ _MANY_CORNERS = 12
 
 @dataclass(frozen=True)
 class Volume:
-    """An upright prism from the ground to a height, and the distance that is kept to it.
-
-    Attributes:
-        name: for people.
-        footprint: three or more corners (east, north), without a repeated last one; in either direction.
-        top_m: above home; infinite where nothing may fly above it.
-        clearance_m: sideways and above.
-        kind: "no-fly zone" where it is infinitely high.
-
-    Raises:
-        MissionError: the corners are no simple polygon, or a number is of no use.
-    """
+    """An upright prism from the ground to a height, and the distance that is kept to it."""
 
     name: str
+    """For people."""
     footprint: Corners
+    """Three or more corners (east, north), without a repeated last one; in either direction."""
     top_m: float
+    """Above home; infinite where nothing may fly above it."""
     clearance_m: float = 0.0
+    """Sideways and above."""
     kind: Kind = "obstacle"
+    """"no-fly zone" where it is infinitely high."""
 
     def __post_init__(self) -> None:
         if math.isnan(self.top_m) or self.top_m == -math.inf or not 0.0 <= self.clearance_m <= FARTHEST_M:
@@ -86,17 +80,14 @@ class Volume:
 
 @dataclass(frozen=True)
 class LegProblem:
-    """What a leg meets.
-
-    Attributes:
-        kind: of it.
-        name: of the volume; empty where it is the fence or the ceiling.
-        place: east, north and height where the leg first meets it.
-    """
+    """What a leg meets."""
 
     kind: Kind
+    """Of it."""
     name: str
+    """Of the volume; empty where it is the fence or the ceiling."""
     place: tuple[float, float, float]
+    """East, north and height where the leg first meets it."""
 
     def __str__(self) -> str:
         what = {
@@ -112,22 +103,16 @@ class LegProblem:
 
 @dataclass(frozen=True, eq=False)
 class Obstacles:
-    """Everything that legs keep clear of.
-
-    Attributes:
-        volumes: that they do not enter.
-        fence: polygons of corners (east, north); every leg stays in their union, where there are any.
-        fence_clearance_m: distance kept to the fence's inside.
-        ceiling_m: above home; legs are nowhere higher, or there is none.
-
-    Raises:
-        MissionError: a polygon crosses itself, lies too far from home, or leaves no room inside.
-    """
+    """Everything that legs keep clear of."""
 
     volumes: tuple[Volume, ...] = ()
+    """That they do not enter."""
     fence: tuple[Corners, ...] = ()
+    """Polygons of corners (east, north); every leg stays in their union, where there are any."""
     fence_clearance_m: float = 0.0
+    """Distance kept to the fence's inside."""
     ceiling_m: float | None = None
+    """Above home; legs are nowhere higher, or there is none."""
 
     def __post_init__(self) -> None:
         if self.ceiling_m is not None and math.isnan(self.ceiling_m):
@@ -203,20 +188,12 @@ class Obstacles:
         return found
 
     def blocked(self, a: ArrayLike, b: ArrayLike) -> NDArray[np.bool_]:
-        """(n,) whether straight legs between a and b, (n, 3) each, meet anything.
-
-        Raises:
-            MissionError: a place is farther than `FARTHEST_M` from home or not finite.
-        """
+        """(n,) whether straight legs between a and b, (n, 3) each, meet anything."""
         start, stop = _places(a), _places(b)
         return self.prisms.blocked(start, stop) | (np.maximum(start[:, 2], stop[:, 2]) > self.highest_m)
 
     def leg_problems(self, a: ArrayLike, b: ArrayLike) -> tuple[LegProblem, ...]:
-        """Everything that one straight leg from a to b, (3,) each, meets; a place where both are the same.
-
-        Raises:
-            MissionError: a place is farther than `FARTHEST_M` from home or not finite.
-        """
+        """Everything that one straight leg from a to b, (3,) each, meets; a place where both are the same."""
         start, stop = _places(a), _places(b)
         problems = []
         for index in np.flatnonzero(self.prisms.met(start, stop)):

@@ -22,21 +22,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Places that are visited one after the other: a plot's stations, or the end of a flight.
-
-    Attributes:
-        name: for people.
-        places: (k, 3) metres east, north and above home.
-        yaw_deg: (k,) headings; NaN where it is not known, as after take-off, or where any will do, as for landing.
-        names: k, of the places, for errors.
-        pauses_s: sum of all pauses at them.
-    """
+    """Places that are visited one after the other: a plot's stations, or the end of a flight."""
 
     name: str
+    """For people."""
     places: Array
+    """(k, 3) metres east, north and above home."""
     yaw_deg: Array
+    """(k,) headings; NaN where it is not known, as after take-off, or where any will do, as for landing."""
     names: tuple[str, ...]
+    """K, of the places, for errors."""
     pauses_s: float = 0.0
+    """Sum of all pauses at them."""
 
     def __len__(self) -> int:
         return len(self.places)
@@ -44,15 +41,12 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class Ways:
-    """Ways from each of k places to each of m.
-
-    Attributes:
-        legs: k × m of them, row by row.
-        seconds: (k, m) including what turning takes beyond them; infinite where there is no safe way.
-    """
+    """Ways from each of k places to each of m."""
 
     legs: Legs
+    """K × m of them, row by row."""
     seconds: Array
+    """(k, m) including what turning takes beyond them; infinite where there is no safe way."""
 
     def index(self, start: int, stop: int) -> int:
         """Of a way among the legs."""
@@ -66,22 +60,19 @@ class Ways:
 
 @dataclass(frozen=True, eq=False)
 class PlotTour:
-    """A plot with all its tours.
-
-    Attributes:
-        group: its stations.
-        ways: between them.
-        seconds: (k, k) of the quickest tours, pauses included, from the first to the last station. Of a plot with more
-            than `EXACT_PLACES` stations only one tour is known, and its reverse; the others are infinite.
-        known: that tour; empty where all are exact.
-        orders: tours asked for so far.
-    """
+    """A plot with all its tours."""
 
     group: Group
+    """Its stations."""
     ways: Ways
+    """Between them."""
     seconds: Array
+    """(k, k) of the quickest tours, pauses included, from the first to the last station. Of a plot with more than
+    `EXACT_PLACES` stations only one tour is known, and its reverse; the others are infinite."""
     known: tuple[int, ...] = ()
+    """That tour; empty where all are exact."""
     orders: dict[tuple[int, int], tuple[int, ...]] = field(default_factory=dict)
+    """Tours asked for so far."""
 
     def order(self, first: int, last: int) -> tuple[int, ...]:
         """The quickest tour from one station to another."""
@@ -110,11 +101,7 @@ def turn_deg(before: float, after: float) -> float:
 
 
 def plot_tour(group: Group, obstacles: Obstacles, speeds: Speeds, *, seed: int = 0) -> PlotTour:
-    """All tours over a plot's stations, with legs that are clear of every obstacle.
-
-    Raises:
-        MissionError: a station cannot be reached from the others; it names two of them.
-    """
+    """All tours over a plot's stations, with legs that are clear of every obstacle."""
     ways = ways_between(group, group, obstacles, speeds)
     known: tuple[int, ...] = ()
     if len(group) <= EXACT_PLACES:

@@ -27,23 +27,21 @@ class Prisms:
     Their sides belong to them, their tops do not: a leg along a side is in, one along the top is clear. What part of a
     leg is in a solid begins and ends at its own ends, where it crosses an edge, or where it sinks through the top; and
     as its height changes evenly, its lowest place in there is one of these. So these places are all that is tested.
-
-    Attributes:
-        edges: (e, 4) x and y of both ends; a place is in the plan where a ray from it crosses an odd number.
-        first: (count + 1,) each solid's first edge.
-        tops: (count,) metres, infinite where nothing is above it.
-        spans: (count, 8, 2) least and greatest place along eight axes, 22.5° apart. A leg whose span along one of them
-            is beside a solid's does not come near it.
-        blocks: (⌈count / 16⌉, 8, 2) the same of that many solids after one another.
-        block_tops: their highest tops.
     """
 
     edges: Array
+    """(e, 4) x and y of both ends; a place is in the plan where a ray from it crosses an odd number."""
     first: NDArray[np.int64]
+    """(count + 1,) each solid's first edge."""
     tops: Array
+    """(count,) metres, infinite where nothing is above it."""
     spans: Array
+    """(count, 8, 2) least and greatest place along eight axes, 22.5° apart. A leg whose span along one of them is
+    beside a solid's does not come near it."""
     blocks: Array
+    """(⌈count / 16⌉, 8, 2) the same of that many solids after one another."""
     block_tops: Array
+    """Their highest tops."""
 
     @classmethod
     def of(cls, solids: Sequence[tuple[BaseGeometry, float]]) -> Prisms:

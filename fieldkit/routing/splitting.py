@@ -14,21 +14,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Costs:
-    """Seconds of everything that flights over n plots, in an order, can be made of.
-
-    Attributes:
-        outward: n of (k,) from the take-off to each station of a plot.
-        within: n of (k, k) over all stations of a plot, from the first to the last.
-        between: n − 1 of (k, m) from each station of a plot to each of the following.
-        homeward: n of (k,) from each station of a plot to the landing.
-        fixed_s: of every flight.
-    """
+    """Seconds of everything that flights over n plots, in an order, can be made of."""
 
     outward: Sequence[Array]
+    """N of (k,) from the take-off to each station of a plot."""
     within: Sequence[Array]
+    """N of (k, k) over all stations of a plot, from the first to the last."""
     between: Sequence[Array]
+    """N − 1 of (k, m) from each station of a plot to each of the following."""
     homeward: Sequence[Array]
+    """N of (k,) from each station of a plot to the landing."""
     fixed_s: float
+    """Of every flight."""
 
     def ends(self, first: int, last: int) -> tuple[float, list[tuple[int, int]]]:
         """Seconds of the quickest flight over plots first…last, and per plot the stations it enters and leaves by."""
@@ -56,15 +53,12 @@ class Costs:
 
 @dataclass(frozen=True)
 class Split:
-    """Flights over an order of plots.
-
-    Attributes:
-        flights: (first, last) position in the order, per flight.
-        seconds: of all together.
-    """
+    """Flights over an order of plots."""
 
     flights: tuple[tuple[int, int], ...]
+    """(first, last) position in the order, per flight."""
     seconds: float
+    """Of all together."""
 
     @property
     def rank(self) -> tuple[int, float]:

@@ -40,10 +40,6 @@ def shortest_tour(
 
     Returns:
         The n places in order.
-
-    Raises:
-        ValueError: distances that are no such matrix, or a start or end that is no place or makes no sense.
-        MissionError: no order without an infinite distance was found.
     """
     matrix = _checked(distances)
     n = len(matrix)
@@ -81,9 +77,6 @@ def ordered(first: Array, between: Array, last: Array, *, seed: int = 0) -> tupl
         between: (m, m) from row to column.
         last: (m,) from each place to the end.
         seed: of the heuristic for more than `EXACT_PLACES` places.
-
-    Raises:
-        MissionError: no order without an infinite distance was found.
     """
     order = _held_karp(first, between, last) if len(first) <= EXACT_PLACES else _searched(first, between, last, seed)
     steps = between[list(order[:-1]), list(order[1:])].sum()
@@ -96,9 +89,6 @@ def shortest_paths(distances: ArrayLike) -> Array:
     """(n, n) lengths of the shortest paths that visit every place once, from row to column; n ≤ `EXACT_PLACES`.
 
     Infinite where there is none, as on the diagonal; of one place 0.
-
-    Raises:
-        ValueError: distances that are no (n, n) matrix, or too many.
     """
     matrix = _checked(distances)
     if len(matrix) > EXACT_PLACES:

@@ -109,11 +109,6 @@ def fit_report(
         vehicle: flies it.
         fit: see `flown_plans`.
         adjust: take the nearest poses where the vehicle cannot take the plan's.
-
-    Raises:
-        MissionError: plan or site are of no use on any plot: plants or stations kilometres away, a polygon that crosses
-            itself.
-        MetadataError: the height of a plot cannot be connected with home's.
     """
     plans, findings = _flown(plan, site, fit)
     unfitted = {finding.subject for finding in findings}

@@ -36,9 +36,6 @@ def fitted(plan: Plan, plot: SitePlot) -> Plan:
 
     Returns:
         The plan itself where the plot is the plan's as far as is known: it says no height and no size, or the same.
-
-    Raises:
-        MissionError: the plan does not say where plants are, or the plot is too different.
     """
     facts = PlanFacts(plan)
     if plot.plant_height_m is None and plot.size_m is None:
@@ -91,9 +88,6 @@ def flown_plans(plan: Plans, plots: Sequence[SitePlot], fit: bool | None = None)
         plots: of the site.
         fit: whether to fit the plan to each plot's plant height and size; None fits a plan whose stations are stated
             for plants of a height, to the height only.
-
-    Raises:
-        MissionError: as `fitted`.
     """
     if not isinstance(plan, Plan):
         return plan

@@ -60,13 +60,10 @@ def home_of(site: Site) -> Home:
 
 @dataclass(frozen=True)
 class SiteFrame:
-    """Metres east and north of home, and above home.
-
-    Attributes:
-        home: of the site.
-    """
+    """Metres east and north of home, and above home."""
 
     home: SiteHome
+    """Of the site."""
 
     def to_local(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike, height_m: ArrayLike) -> Array:
         """Degrees, degrees and metres above home, scalars or (n,), to (n, 3) metres east, north and above home."""
@@ -107,27 +104,20 @@ class SiteFrame:
 
 @dataclass(frozen=True)
 class PlotFrame:
-    """A plan's frame on one plot: x along the row, y to its left, z above the plot's ground.
-
-    Attributes:
-        tangent: east-north-up at the origin.
-        ground_m: height of the origin above home.
-        row_heading_deg: compass heading of x.
-        gradient: rise of the ground per metre along x and y.
-    """
+    """A plan's frame on one plot: x along the row, y to its left, z above the plot's ground."""
 
     tangent: LocalFrame
+    """East-north-up at the origin."""
     ground_m: float
+    """Height of the origin above home."""
     row_heading_deg: float
+    """Compass heading of x."""
     gradient: Gradient = LEVEL
+    """Rise of the ground per metre along x and y."""
 
     @classmethod
     def of(cls, site: Site, plot: SitePlot) -> PlotFrame:
-        """The frame of a site's plot.
-
-        Raises:
-            MetadataError: home's height above the plot's datum is not known.
-        """
+        """The frame of a site's plot."""
         ground = ground_above_home(site, plot)
         tangent = LocalFrame(plot.latitude_deg, plot.longitude_deg, _altitude(site.home) + ground)
         return cls(tangent, ground, plot.row_heading_deg, plot.gradient)
@@ -209,11 +199,6 @@ def place(plans: Plans, site: Site) -> tuple[Shot, ...]:
 
     On a level plot pitch is kept: within a plot the plumb line turns by less than 10⁻⁵ degrees a metre. On a slope it
     turns so that the camera looks at the same place of the ground, see above.
-
-    Raises:
-        MetadataError: the height of a plot cannot be connected with home's.
-        MissionError: a station is farther than `FARTHEST_STATION_M` from its plot's origin, or there are more than
-            `MAX_SHOTS` photographs.
     """
     count = sum(len(plan_on(plans, plot.name).stations) for plot in site.plots)
     if count > MAX_SHOTS:
@@ -266,11 +251,7 @@ def landing_of(site: Site) -> Place:
 
 
 def ground_above_home(site: Site, plot: SitePlot) -> float:
-    """Height above home of the ground at a plot's origin.
-
-    Raises:
-        MetadataError: home's height above the plot's datum is not known.
-    """
+    """Height above home of the ground at a plot's origin."""
     try:
         return site.ground_m(plot)
     except ValueError as error:
@@ -278,12 +259,7 @@ def ground_above_home(site: Site, plot: SitePlot) -> float:
 
 
 def grounds_m(site: Site, shots: Sequence[Shot]) -> Array:
-    """(n,) heights above home of the ground below photographs.
-
-    Raises:
-        KeyError: one is of a plot that the site does not have.
-        MetadataError: home's height above a plot's datum is not known.
-    """
+    """(n,) heights above home of the ground below photographs."""
     frames = {plot.name: PlotFrame.of(site, plot) for plot in site.plots}
     found = np.array([frames[shot.plot].ground_m for shot in shots], dtype=np.float64)
     for name, frame in frames.items():

@@ -18,15 +18,12 @@ _SIMPLER_M = 0.01
 
 @dataclass(frozen=True)
 class Band:
-    """An upright prism from the ground to a height.
-
-    Attributes:
-        corners: (x, y) in the plot frame, metres, without a repeated last one.
-        top_m: plot frame.
-    """
+    """An upright prism from the ground to a height."""
 
     corners: tuple[tuple[float, float], ...]
+    """(x, y) in the plot frame, metres, without a repeated last one."""
     top_m: float
+    """Plot frame."""
 
 
 def no_fly_bands(plants: PlanPlants, clearance_m: float) -> tuple[Band, ...]:

@@ -49,17 +49,14 @@ class IdProblem(ValueError):
 
 @dataclass(frozen=True)
 class PlotIds:
-    """The ids of a file's plots.
-
-    Attributes:
-        ids: one for each feature, in their order; text where the file has text or whole numbers.
-        field: that they are from, as the file writes it; None where plots are counted.
-        passed_over: why fields that come earlier in `ID_FIELDS` were not taken, as sentences without a full stop.
-    """
+    """The ids of a file's plots."""
 
     ids: tuple[Any, ...]
+    """One for each feature, in their order; text where the file has text or whole numbers."""
     field: str | None
+    """That they are from, as the file writes it; None where plots are counted."""
     passed_over: tuple[str, ...] = ()
+    """Why fields that come earlier in `ID_FIELDS` were not taken, as sentences without a full stop."""
 
     def sentence(self) -> str:
         """For people, who are to see it before the ids are used: ``32 plots, ids from "plot_id": A01 … D08``."""
@@ -78,10 +75,6 @@ def plot_ids(features: Sequence[Feature], field: str | None = None) -> PlotIds:
         features: one or more.
         field: that holds the ids, by its name in the file (case counts only where two differ in nothing else); None
             looks for one.
-
-    Raises:
-        IdProblem: the field is unknown, or a plot lacks it, or two share a value; or without one, there is a
-            ``plot_id`` that will not do, or there are others of `ID_FIELDS` and none of them will.
     """
     fields = list(dict.fromkeys(name for feature in features for name in feature.properties))
     others = [name for name in fields if name.casefold() not in ID_FIELDS]

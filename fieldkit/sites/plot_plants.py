@@ -36,16 +36,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Block:
-    """A rectangle of a plot that plants are taken to fill, for nobody knows where in it they stand.
-
-    Attributes:
-        low, high: (x, y) of two corners, plot frame, metres.
-        top_m: above the ground.
-    """
+    """A rectangle of a plot that plants are taken to fill, for nobody knows where in it they stand."""
 
     low: tuple[float, float]
     high: tuple[float, float]
+    """(x, y) of two corners, plot frame, metres."""
     top_m: float
+    """Above the ground."""
 
     @property
     def corners(self) -> tuple[tuple[float, float], ...]:
@@ -56,21 +53,14 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class PlanFacts:
-    """What a plan says of the plot that it was made on.
-
-    Attributes:
-        plan: all of it.
-    """
+    """What a plan says of the plot that it was made on."""
 
     plan: Plan
+    """All of it."""
 
     @cached_property
     def points(self) -> Array:
-        """(m, 3) of the plants, plot frame; empty where the plan does not say where they are.
-
-        Raises:
-            MissionError: one lies where no plant does: kilometres away, or a hundred metres up.
-        """
+        """(m, 3) of the plants, plot frame; empty where the plan does not say where they are."""
         given = () if self.plan.plants is None else self.plan.plants.points_m
         points = np.array(given, dtype=np.float64).reshape(-1, 3)
         if not (np.abs(points) <= (_FARTHEST_M, _FARTHEST_M, _HIGHEST_M)).all():
@@ -106,17 +96,14 @@ def facts_of(plans: Plans, plots: Sequence[SitePlot]) -> list[PlanFacts]:
 
 @dataclass(frozen=True, eq=False)
 class PlotPlants:
-    """The plants of one plot, for flying.
-
-    Attributes:
-        points: (m, 3) plot frame, z above the ground: the plan's, stretched upwards where this plot's are higher.
-        blocks: where plants stand elsewhere than the plan has them.
-        cell_m: of the plan's grid.
-    """
+    """The plants of one plot, for flying."""
 
     points: Array
+    """(m, 3) plot frame, z above the ground: the plan's, stretched upwards where this plot's are higher."""
     blocks: tuple[Block, ...]
+    """Where plants stand elsewhere than the plan has them."""
     cell_m: float
+    """Of the plan's grid."""
 
     @property
     def clear_m(self) -> float:

@@ -17,19 +17,15 @@ _SQUARE = 1.05
 
 @dataclass(frozen=True)
 class PlotShape:
-    """What a polygon says of a plot.
-
-    Attributes:
-        latitude_deg, longitude_deg: of its centroid, WGS 84.
-        side_deg: compass heading of the longer side of its least rotated rectangle, in [0, 180): a side has two
-            directions.
-        sides_m: of that rectangle, the longer one first.
-    """
+    """What a polygon says of a plot."""
 
     latitude_deg: float
     longitude_deg: float
+    """Of its centroid, WGS 84."""
     side_deg: float
+    """Compass heading of the longer side of its least rotated rectangle, in [0, 180): a side has two directions."""
     sides_m: tuple[float, float]
+    """Of that rectangle, the longer one first."""
 
     def along_m(self, heading_deg: float) -> tuple[float, float]:
         """Length and width of that rectangle for a plot whose x axis points to a heading.
@@ -50,9 +46,6 @@ def plot_shape(corners: Sequence[tuple[float, float]]) -> PlotShape:
     """The middle and direction of a polygon of corners (latitude, longitude) in degrees, the last not the first again.
 
     Computed in the plane that touches the ellipsoid at the centroid.
-
-    Raises:
-        ValueError: it crosses itself, has no area, or is kilometres wide.
     """
     ring = np.array(corners, dtype=np.float64)
     middle = (float(ring[0, 0]), float(ring[0, 1]))

@@ -40,19 +40,16 @@ _CENTIMETRES = 100.0
 
 @dataclass(frozen=True)
 class Unreachable:
-    """A pose that the vehicle cannot take.
-
-    Attributes:
-        shot: as planned.
-        limits: what is beyond the vehicle; one or more.
-        what: the same for people, without the station's name.
-        nearest: the nearest pose that it can take.
-    """
+    """A pose that the vehicle cannot take."""
 
     shot: Shot
+    """As planned."""
     limits: tuple[Limit, ...]
+    """What is beyond the vehicle; one or more."""
     what: str
+    """The same for people, without the station's name."""
     nearest: Shot
+    """The nearest pose that it can take."""
 
     def __str__(self) -> str:
         return str(self.finding)

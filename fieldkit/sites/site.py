@@ -214,22 +214,14 @@ class Site(Strict):
         return self
 
     def plot(self, name: str) -> SitePlot:
-        """The plot of a name.
-
-        Raises:
-            KeyError: there is none.
-        """
+        """The plot of a name."""
         found = next((plot for plot in self.plots if plot.name == name), None)
         if found is None:
             raise KeyError(name)
         return found
 
     def ground_m(self, plot: SitePlot) -> float:
-        """Height above home of the ground at a plot's origin.
-
-        Raises:
-            ValueError: home's height above that plot's datum is not known.
-        """
+        """Height above home of the ground at a plot's origin."""
         home = self.home.height_m(plot.datum)
         if home is None:
             above, key = ("mean sea level", "amsl_m") if plot.datum == "amsl" else ("the ellipsoid", "ellipsoid_m")

@@ -52,19 +52,16 @@ Tell = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class PlotsFile:
-    """A plots file, read.
-
-    Attributes:
-        plots: in the file's order.
-        ids: which field their names are from.
-        file: as GeoJSON in WGS 84.
-        unused: columns that say nothing of a plot here.
-    """
+    """A plots file, read."""
 
     plots: tuple[SitePlot, ...]
+    """In the file's order."""
     ids: PlotIds
+    """Which field their names are from."""
     file: VectorFile
+    """As GeoJSON in WGS 84."""
     unused: tuple[str, ...] = ()
+    """Columns that say nothing of a plot here."""
 
     def geojson(self) -> bytes | None:
         """The plots as GeoJSON in WGS 84 that gives the same plots to any reader, its ids under "plot_id".
@@ -136,11 +133,7 @@ def load_site(
 
 
 def plots_file_beside(path: Path) -> Path | None:
-    """The file that a site file names for its plots; None where it lists them itself, or has none.
-
-    Raises:
-        MetadataError: the site file cannot be read, or what it names leads elsewhere.
-    """
+    """The file that a site file names for its plots; None where it lists them itself, or has none."""
     own = read_versioned(path, "site file", _REMEDY, _MAX_BYTES).get("plots")
     return _beside(own, path, "plots") if isinstance(own, str) else None
 
@@ -212,10 +205,6 @@ def with_plots(site: Site, plots: Sequence[SitePlot], *, path: Path | None = Non
         site: its home, fence and all else.
         plots: one or more.
         path: of the file they are from, for errors.
-
-    Raises:
-        MetadataError: two plots have one name, one lies more than `FARTHEST_M` from home, or its height cannot be
-            connected with home's.
     """
     fields = {name: getattr(site, name) for name in type(site).model_fields}
     try:
@@ -251,9 +240,6 @@ def _plot(feature: Feature, name: Any, towards: float | None) -> tuple[SitePlot,
         feature: of a plots file.
         name: its id.
         towards: heading that a shape's direction is to be near to.
-
-    Raises:
-        ValueError: it is none.
     """
     given = feature.properties
     if len(feature.parts) > 1:

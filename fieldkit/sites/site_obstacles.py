@@ -40,10 +40,6 @@ def site_obstacles(
         clearance_m: kept to obstacles, plants and sloping ground.
         plans: flown over every plot, or some plots' own.
         known_clear: plots whose plants are left out.
-
-    Raises:
-        MetadataError: a plot's height cannot be connected with home's.
-        MissionError: a polygon is of no use.
     """
     frame = SiteFrame(site.home)
     volumes = [

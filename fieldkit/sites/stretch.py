@@ -19,21 +19,19 @@ class Stretch:
     A camera keeps to the stretched box as it kept to the plan's; its distance from the box goes with the plants'
     height, but is never less than the plan's clearance, where it was more. It looks at the stretched place of what it
     looked at.
-
-    Attributes:
-        low, high: (3,) corners of the box about the plan's plants, plot frame, metres; z above the ground.
-        scale: (3,) factors along, across and upwards.
-        clearance_m: of the plan.
-        lowest_m: least z of a moved camera; None for no limit.
-        pitch_deg: range of the gimbal; None for no limit.
     """
 
     low: Array
     high: Array
+    """(3,) corners of the box about the plan's plants, plot frame, metres; z above the ground."""
     scale: Array
+    """(3,) factors along, across and upwards."""
     clearance_m: float = 0.0
+    """Of the plan."""
     lowest_m: float | None = None
+    """Least z of a moved camera; None for no limit."""
     pitch_deg: tuple[float, float] | None = None
+    """Range of the gimbal; None for no limit."""
 
     def moved(self, positions: Array, yaw_deg: Array, forward: Array) -> tuple[Array, Array, Array]:
         """The moved cameras' positions (n, 3), yaws (n,) and pitches (n,).

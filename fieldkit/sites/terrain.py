@@ -28,17 +28,14 @@ GroundPoint = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Plane:
-    """A plane about a plot's origin.
-
-    Attributes:
-        slope_percent: rise per 100 horizontal metres, in the direction of steepest ascent.
-        uphill_heading_deg: true heading of that direction, in [0, 360); None where the plane is level.
-        height_m: at the origin, above the datum of the points.
-    """
+    """A plane about a plot's origin."""
 
     slope_percent: float
+    """Rise per 100 horizontal metres, in the direction of steepest ascent."""
     uphill_heading_deg: float | None
+    """True heading of that direction, in [0, 360); None where the plane is level."""
     height_m: float
+    """At the origin, above the datum of the points."""
 
 
 def plane_through(latitude_deg: float, longitude_deg: float, points: Sequence[GroundPoint]) -> Plane:
@@ -47,10 +44,6 @@ def plane_through(latitude_deg: float, longitude_deg: float, points: Sequence[Gr
     Args:
         latitude_deg, longitude_deg: of the plot's origin.
         points: three, about the plot.
-
-    Raises:
-        ValueError: they are not three, lie more than `FARTHEST_POINT_M` away, almost on one line, or the plane is
-            steeper than `STEEPEST_PERCENT`.
     """
     if len(points) != _POINTS:
         raise ValueError(f"ground_points holds {len(points)} points; three make a plane")
@@ -88,9 +81,6 @@ def with_plane(values: Mapping[str, Any]) -> dict[str, Any]:
 
     Args:
         values: of any types, as a file has them; what is not looked at here is left as it is.
-
-    Raises:
-        ValueError: the slope is given twice, or one of the two keys is of no use.
     """
     found = dict(values)
     ways = [key for key in ("slope_percent", "slope_deg", "ground_points") if found.get(key) is not None]

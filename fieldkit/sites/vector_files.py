@@ -83,21 +83,12 @@ class VectorFile:
 
 
 def read_features(path: Path) -> tuple[Feature, ...]:
-    """The points and polygons of a file, in its order, in WGS 84.
-
-    Raises:
-        MetadataError: the file, or a feature of it, cannot be used.
-    """
+    """The points and polygons of a file, in its order, in WGS 84."""
     return wgs84_features(read_wgs84(path).document, Path(path))
 
 
 def read_wgs84(path: Path) -> VectorFile:
-    """A file of points and polygons as a GeoJSON document in WGS 84; what it holds is not looked at.
-
-    Raises:
-        MetadataError: it is missing, unreadable, too large or of another kind; a library or a part of it is missing; it
-            has several layers or no reference system.
-    """
+    """A file of points and polygons as a GeoJSON document in WGS 84; what it holds is not looked at."""
     path = Path(path)
     data = file_bytes(path, _REMEDY, MAX_BYTES, noun=_NOUN)
     found = _for_gdal(data, path)
@@ -282,12 +273,7 @@ def _reference_system(document: Mapping[str, Any]) -> str | None:
 
 
 def wgs84_features(document: Mapping[str, Any], path: Path) -> tuple[Feature, ...]:
-    """The points and polygons of a GeoJSON document in WGS 84: a FeatureCollection, a Feature or a bare geometry.
-
-    Raises:
-        MetadataError: it is not GeoJSON, holds other geometries, a polygon with a hole, or coordinates that are none or
-            look swapped; the feature is named.
-    """
+    """The points and polygons of a GeoJSON document in WGS 84: a FeatureCollection, a Feature or a bare geometry."""
     return _GeoJson(path).features(document)
 
 

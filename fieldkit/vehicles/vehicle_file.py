@@ -37,9 +37,6 @@ def find_vehicle(name: str | Path) -> Path:
     """The profile that a person means: a path, or a name such as "ardupilot-pitch".
 
     A file of that name in the current folder comes before a profile of fieldkit's own.
-
-    Raises:
-        MetadataError: there is neither; the nearest name is given.
     """
     path = Path(name)
     try:
