@@ -9,8 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from fieldkit.clouds.volume import Volume
-from fieldkit.documents.toml_text import toml_text
-from fieldkit.documents.versioned_toml import read_versioned, validated_toml
+from fieldkit.documents.toml_file import read_versioned, toml_text, validated_toml
 from fieldkit.evaluation.rasters import Rasters
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.fields import Strict

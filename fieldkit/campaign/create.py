@@ -19,7 +19,7 @@ from fieldkit.campaign.campaign_file import (
 from fieldkit.campaign.reading import Campaign, plots_file_of, read_campaign
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.documents.mistaken import check_order
-from fieldkit.documents.versioned_toml import read_versioned, sentence
+from fieldkit.documents.toml_file import read_versioned, sentence
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.cloud_reference import is_cloud
 from fieldkit.files import atomic_folder, file_beside, write_atomic

@@ -13,7 +13,7 @@ from fieldkit.campaign.campaign_file import (
 )
 from fieldkit.campaign.visits import read_visits
 from fieldkit.documents.mistaken import refuse_other
-from fieldkit.documents.versioned_toml import read_versioned
+from fieldkit.documents.toml_file import read_versioned
 from fieldkit.errors import MetadataError, MissionError, UsageError
 from fieldkit.files import file_beside
 from fieldkit.results.evaluation import PlotEvaluation

@@ -16,15 +16,19 @@ import json
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field, TypeAdapter
 
 from fieldkit.captures.tables import read_text
-from fieldkit.documents.toml_file import toml_document
+from fieldkit.documents.toml_file import toml_document, validated
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics
+from fieldkit.results.fields import Strict
 
-_KEYS = {"model", "width", "height", "params", "images", "fixed"}
 _REMEDY = "Expected model, width, height and params (COLMAP's order), once or in a list 'cameras'."
+_Pixels = Annotated[int, Field(gt=0, lt=1_000_000)]
+_Glob = Annotated[str, Field(min_length=1)]
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,21 @@ class CameraEntry:
         return own if (own.width, own.height) == (width, height) else own.scaled(width, height)
 
 
+class _Camera(Strict):
+    """One camera as a file has it."""
+
+    model: str
+    width: _Pixels
+    height: _Pixels
+    params: tuple[float, ...]
+    images: _Glob | tuple[_Glob, ...] = ()
+    fixed: bool = True
+
+
+class _Cameras(Strict):
+    cameras: Annotated[tuple[_Camera, ...], Field(min_length=1)]
+
+
 def read_camera_file(path: Path) -> list[CameraEntry]:
     """The cameras of a camera.toml or camera.json."""
     return parse_camera_file(read_text(path), path)
@@ -64,46 +83,19 @@ def parse_camera_file(text: str, path: Path) -> list[CameraEntry]:
             data = json.loads(text)
         except (ValueError, RecursionError) as error:
             raise MetadataError(f"cannot be parsed ({error})", path=path, remedy=_REMEDY) from error
-    several = True
+    if isinstance(data, list):
+        data = {"cameras": data}
     if isinstance(data, dict) and "cameras" in data:
-        unknown = set(data) - {"cameras"}
-        if unknown:
-            raise MetadataError(f"unknown key {min(unknown)!r} beside 'cameras'", path=path, remedy=_REMEDY)
-        data = data["cameras"]
-    elif isinstance(data, dict):
-        data, several = [data], False
-    if not isinstance(data, list) or not data:
-        raise MetadataError("no camera is given", path=path, remedy=_REMEDY)
-    return [_entry(item, f"camera {i}: " if several else "", path) for i, item in enumerate(data, 1)]
+        cameras = validated(TypeAdapter(_Cameras), data, path, _REMEDY).cameras
+    else:
+        cameras = (validated(TypeAdapter(_Camera), data, path, _REMEDY),)
+    return [_entry(camera, f"cameras {k}: " if len(cameras) > 1 else "", path) for k, camera in enumerate(cameras, 1)]
 
 
-def _entry(item: Any, where: str, path: Path) -> CameraEntry:
-    def fail(message: str) -> MetadataError:
-        return MetadataError(where + message, path=path, remedy=_REMEDY)
-
-    if not isinstance(item, dict):
-        raise fail("not a table of values")
-    for key in sorted(map(str, item)):
-        if key not in _KEYS:
-            raise fail(f"unknown key {key!r}")
-    for key in ("model", "width", "height", "params"):
-        if key not in item:
-            raise fail(f"{key!r} is missing")
-    for key in ("width", "height"):
-        if not isinstance(item[key], int) or isinstance(item[key], bool) or not 0 < item[key] < 1_000_000:
-            raise fail(f"{key} must be a whole number of pixels")
-    params = item["params"]
-    if not isinstance(params, list) or any(isinstance(p, bool) or not isinstance(p, int | float) for p in params):
-        raise fail("params must be a list of numbers")
-    images = item.get("images", [])
-    images = [images] if isinstance(images, str) else images
-    if not isinstance(images, list) or not all(isinstance(glob, str) and glob for glob in images):
-        raise fail("images must be a list of names or globs")
-    fixed = item.get("fixed", True)
-    if not isinstance(fixed, bool):
-        raise fail("fixed must be true or false")
+def _entry(camera: _Camera, where: str, path: Path) -> CameraEntry:
     try:
-        intrinsics = Intrinsics(str(item["model"]), item["width"], item["height"], tuple(float(p) for p in params))
-    except (ValueError, OverflowError) as error:
-        raise fail(str(error)) from error
-    return CameraEntry(intrinsics, tuple(images), fixed)
+        intrinsics = Intrinsics(camera.model, camera.width, camera.height, camera.params)
+    except ValueError as error:
+        raise MetadataError(f"{where}{error}", path=path, remedy=_REMEDY) from error
+    images = (camera.images,) if isinstance(camera.images, str) else camera.images
+    return CameraEntry(intrinsics, images, camera.fixed)

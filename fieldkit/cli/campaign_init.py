@@ -81,7 +81,7 @@ def command(
 
     from fieldkit.campaign.campaign_file import EvaluationTable
     from fieldkit.campaign.create import CampaignSources, init_campaign, split_references
-    from fieldkit.documents.versioned_toml import sentence
+    from fieldkit.documents.toml_file import sentence
     from fieldkit.sites.site_file import load_site
     from fieldkit.wording import count
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fieldkit.documents import safe_toml
+from fieldkit.documents.toml_file import parse_toml
 from fieldkit.errors import InputError, MetadataError, UsageError
 from fieldkit.geometry.geodesy import great_circle_m, on_earth
 from fieldkit.regular_files import open_regular, read_regular
@@ -151,7 +151,7 @@ def _kinds(path: Path) -> Iterator[str]:
             if not result and any(entry.suffix.lower() in _PICTURES for entry in inside):
                 yield "folder of photographs"
         elif path.suffix.lower() == ".toml":
-            document = safe_toml.loads(read_regular(path, _MOST_BYTES).decode("utf-8-sig"))
+            document = parse_toml(read_regular(path, _MOST_BYTES).decode("utf-8-sig"))
             yield from (kind for key, kind in _KEYS.items() if key in document)
         elif path.is_file() and path.suffix.lower() in _SUFFIXES:
             yield _SUFFIXES[path.suffix.lower()]

@@ -19,8 +19,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from fieldkit.documents.json_file import schema_text
 from fieldkit.documents.mistaken import refuse_other
-from fieldkit.documents.toml_file import read_toml
-from fieldkit.documents.toml_text import toml_text
+from fieldkit.documents.toml_file import read_toml, toml_text
 from fieldkit.documents.validation_sentence import validation_sentence
 from fieldkit.errors import SceneError
 from fieldkit.files import file_beside, write_atomic

@@ -19,7 +19,7 @@ import shapely
 from pydantic import ValidationError
 
 from fieldkit.documents.mistaken import SWAPPED, look_swapped, refuse_other
-from fieldkit.documents.versioned_toml import read_versioned, sentence, validated_toml
+from fieldkit.documents.toml_file import read_versioned, sentence, validated_toml
 from fieldkit.errors import MetadataError
 from fieldkit.files import file_beside
 from fieldkit.geometry.geodesy import LocalFrame, great_circle_m

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from fieldkit.documents.mistaken import did_you_mean, refuse_other
-from fieldkit.documents.versioned_toml import read_versioned, validated_toml
+from fieldkit.documents.toml_file import read_versioned, validated_toml
 from fieldkit.errors import MetadataError
 from fieldkit.runtime.shipped import shipped_folder, shipped_page
 from fieldkit.vehicles.vehicle import Vehicle

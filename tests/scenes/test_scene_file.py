@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fieldkit.documents.toml_text import toml_text
+from fieldkit.documents.toml_file import toml_text
 from fieldkit.errors import SceneError
 from fieldkit.geometry import Intrinsics
 from fieldkit.scenes.camera_effects import CameraEffects
