@@ -1,8 +1,9 @@
-"""The sections of references and evaluations: figures of reconstructions, their photographs, views and findings."""
+"""References and evaluations: their sections (figures, photographs, views and findings), and the summary."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from statistics import median
 
 from fieldkit.figures.content import (
     MOST_ROWS,
@@ -13,18 +14,32 @@ from fieldkit.figures.content import (
     Paragraph,
     Picture,
     Section,
+    Statement,
     Terms,
 )
-from fieldkit.figures.style import format_length
+from fieldkit.figures.style import decimal, format_length, percent
 from fieldkit.figures.tables import adherence, scores
+from fieldkit.figures.tables.adherence import ACHIEVED_BY
 from fieldkit.figures.tables.reconstruction import finding_table, photograph_table, quality_rows, stage_table
-from fieldkit.report.sections.loaded import Loaded
+from fieldkit.report.sections.loaded import Loaded, Results
 from fieldkit.report.sections.shown import Shown
-from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, ReconstructionEntry, ReferenceReport
-from fieldkit.wording import count
+from fieldkit.results.demo import DemoReport
+from fieldkit.results.doubtful import DOUBTFUL, OTHER_PLANTS
+from fieldkit.results.evaluation import (
+    AdherenceEntry,
+    EvaluationReport,
+    PlotEvaluation,
+    ReconstructionEntry,
+    ReferenceReport,
+)
+from fieldkit.results.traits import TraitsEntry
+from fieldkit.wording import count, listed
 
 _OPEN_ROWS = 14
 _MOST_NAMES = 20
+_LOP_SIDED = 1.5  # ratio of the directed terms that is worth mentioning
+_SHOWN_M = "0.010"
+_NAMED = 5  # problems named one by one
 
 
 def reference_section(result: Loaded[ReferenceReport], anchor: str, shown: Shown) -> Section:
@@ -99,3 +114,239 @@ def _reconstruction_blocks(report: ReconstructionEntry, pictures: Mapping[str, P
     if report.findings:
         findings = finding_table(report.findings, _MOST_NAMES)
         yield Details(count(len(report.findings), "finding"), (findings,))
+
+
+def reference_statements(result: Loaded[ReferenceReport], _: Results) -> Iterator[Statement]:
+    """The photographs of a reference, and its doubtful points."""
+    report = result.report
+    yield Statement(
+        "good" if report.right == report.images and report.metric and not report.doubts else "fact",
+        f"The reference was reconstructed from {report.right} of {count(report.images, 'photograph')} of "
+        f"“{report.source}”: {report.points:,} points of plants.",
+    )
+    yield from _left_out(report, "The reference")
+    yield from _doubts(report, f"The reference of “{report.source}”")
+    if report.track_length is not None and 0 < report.track_length < 3.0:
+        yield Statement(
+            "note",
+            f"A point of the reference of “{report.source}” is seen by {decimal(report.track_length, 1)} photographs "
+            "on average; above 3 is good.",
+            "More photographs, nearer to each other, see the same leaf more often.",
+        )
+
+
+def evaluation_statements(result: Loaded[EvaluationReport], results: Results) -> Iterator[Statement]:
+    """The result of one plot, or of many plots together."""
+    report = result.report
+    plots = [plot for plot in report.plots if plot.error is None]
+    if len(report.plots) == 1:
+        for plot in plots:
+            yield from _plot(plot, scored=report.reference_sha256 is not None)
+    elif plots:
+        # The demo's plots are methods: their range says nothing, and its own table compares them.
+        yield from _plots(report, plots, spread=not results.of(DemoReport))
+    failed = [plot for plot in report.plots if plot.error is not None]
+    for plot in failed[:_NAMED]:
+        assert plot.error is not None
+        yield Statement("problem", f"{plot.name} has no result: {plot.error.message}.", plot.error.remedy)
+    if len(failed) > _NAMED:
+        yield Statement(
+            "problem",
+            f"{result.name}: {count(len(failed) - _NAMED, 'more plot has', 'more plots have')} no result; the table "
+            "says why.",
+        )
+    yield from without_height((plot.name, plot.traits) for plot in plots)
+    for plot in plots:
+        if plot.adherence is not None:
+            yield from _adherence(plot.name, plot.adherence)
+
+
+def _plot(plot: PlotEvaluation, *, scored: bool) -> Iterator[Statement]:
+    yield Statement(
+        "good" if plot.right == plot.images and not plot.doubts else "fact",
+        f"{plot.name}: {plot.right} of {count(plot.images, 'photograph')} registered and used, "
+        f"{plot.points:,} points of plants.",
+    )
+    yield from _left_out(plot, plot.name, plot.unregistered)
+    if plot.chamfer_m is None or plot.accuracy_m is None or plot.completeness_m is None:
+        if not scored:
+            yield _unscored(plot)
+    elif OTHER_PLANTS not in plot.doubts:
+        yield from _distances(plot, plot.chamfer_m, plot.accuracy_m, plot.completeness_m)
+    yield from _doubts(plot, plot.name)
+
+
+def _unscored(plot: PlotEvaluation) -> Statement:
+    """What is known about the distance of a plot without a reference."""
+    advice = "Evaluate it again with --reference to measure the distance."
+    text = f"{plot.name} was not compared with a reference"
+    found = plot.prediction
+    if found is None or found.chamfer_m is None:
+        why = f": {found.reason.rstrip('.')}" if found is not None and found.reason else ""
+        return Statement("note", f"{text}, so how near it comes to its plants is not known{why}.", advice)
+    return Statement(
+        "fact",
+        f"{text}. By figures that need none it is likely to be {format_length(found.chamfer_m)} from its true plants "
+        f"(chamfer distance); nine in ten such plots lie between {format_length(found.low_m)} and "
+        f"{format_length(found.high_m)}.",
+        advice,
+    )
+
+
+def _distances(plot: PlotEvaluation, chamfer: float, accuracy: float, completeness: float) -> Iterator[Statement]:
+    text = (
+        f"{plot.name}: on average its points lie {format_length(accuracy)} from the reference (accuracy), and the "
+        f"reference's points {format_length(completeness)} from what was reconstructed (completeness). Together that "
+        f"is {format_length(chamfer)} (chamfer distance)."
+    )
+    if plot.precision and plot.recall and _SHOWN_M in plot.precision and _SHOWN_M in plot.recall:
+        text += (
+            f" {percent(plot.precision[_SHOWN_M], 0)} % of its points are within 10 mm of the reference, and "
+            f"{percent(plot.recall[_SHOWN_M], 0)} % of the reference's points are within 10 mm of it."
+        )
+    yield Statement("fact", text)
+    if completeness > _LOP_SIDED * accuracy:
+        yield Statement(
+            "note",
+            f"{plot.name}: the larger part of that distance is completeness: parts of the reference that were not "
+            "reconstructed, or not in their place.",
+            "In the 3D view, switch on the reference and look at what stands out. Mostly it is what too few "
+            "photographs see: others from that side would add it.",
+        )
+    elif accuracy > _LOP_SIDED * completeness:
+        yield Statement(
+            "note",
+            f"{plot.name}: the larger part of that distance is accuracy: points that lie beside the reference.",
+            "In the 3D view, look at what stands out in the capture. A whole plant was displaced (wind, growth, wrong "
+            "positions); scattered points are noise of reconstruction.",
+        )
+    # The frame is fitted to all positions at once, so their errors average out.
+    shift = None if plot.pose_rms_m is None or not plot.right else plot.pose_rms_m / plot.right**0.5
+    if plot.correction is None and shift is not None and shift > 0.25 * chamfer:
+        yield Statement(
+            "note",
+            f"{plot.name}: the known camera positions are {format_length(plot.pose_rms_m)} (RMS) off the reconstructed "
+            f"ones, which can displace the whole cloud by about {format_length(shift)}. That counts in the distance "
+            "above.",
+            "Evaluate again with --refine to see how much of it is displacement.",
+        )
+    if plot.gsd_m is not None and plot.metric and 2 * plot.gsd_m > accuracy:
+        yield Statement(
+            "note",
+            f"{plot.name}: a pixel covers {format_length(plot.gsd_m)}, so details below "
+            f"{format_length(2 * plot.gsd_m)} are not in its cloud.",
+            "Photograph from nearer, or with a camera of more pixels, where finer detail matters.",
+        )
+
+
+def _plots(report: EvaluationReport, plots: Sequence[PlotEvaluation], *, spread: bool) -> Iterator[Statement]:
+    images, right = sum(plot.images for plot in plots), sum(plot.right for plot in plots)
+    yield Statement(
+        "good" if right == images and len(plots) == len(report.plots) and not any(p.doubts for p in plots) else "fact",
+        f"{len(plots)} of {count(len(report.plots), 'plot')} of “{report.source}” were reconstructed; "
+        f"{right} of {count(images, 'photograph')} were used.",
+    )
+    short = [plot for plot in plots if plot.right < plot.images]
+    if short:
+        yield Statement(
+            "note",
+            f"Photographs were left out in {listed([f'{plot.name} ({plot.images - plot.right})' for plot in short])}.",
+            "The plots' tables say why; fly those stations again where plants are missing in the cloud.",
+        )
+    for plot in plots:
+        yield from _findings(plot, plot.name)
+    same = [plot for plot in plots if OTHER_PLANTS not in plot.doubts]
+    chamfers = sorted((plot.chamfer_m, plot.name) for plot in same if plot.chamfer_m is not None)
+    if chamfers and spread:
+        middle = median(value for value, _ in chamfers)
+        yield Statement(
+            "fact",
+            f"Distance to the reference (chamfer): {format_length(middle)} in the middle (median), from "
+            f"{format_length(chamfers[0][0])} ({chamfers[0][1]}) to {format_length(chamfers[-1][0])} "
+            f"({chamfers[-1][1]}).",
+        )
+
+
+def without_height(plots: Iterable[tuple[str, TraitsEntry | None]]) -> Iterator[Statement]:
+    """Plots whose plants' height cannot be had."""
+    names = [name for name, traits in plots if traits is not None and "height_m" in traits.unknown]
+    if names:
+        yield Statement(
+            "note",
+            f"These photographs do not give the height of the plants of {listed(names, 8)}; the table says why.",
+            "For heights leave room above the plants: fly a ring from farther away, or give larger plant heights.",
+        )
+
+
+def _left_out(report: ReconstructionEntry, name: str, reasons: dict[str, int] | None = None) -> Iterator[Statement]:
+    missing = report.images - report.right
+    if missing <= 0:
+        return
+    told = "" if not reasons else ": " + ", ".join(f"{number} {reason}" for reason, number in reasons.items())
+    wrong = report.registered - report.right
+    advice = "The table of photographs says why."
+    if wrong:
+        advice += " Wrong poses come from wrong known positions or plants that look alike: check poses.csv or geotags."
+    if missing > wrong:
+        advice += (
+            " What does not register is blurred, looks elsewhere or overlaps too little with its neighbours: take it "
+            "again."
+        )
+    yield Statement("problem" if missing > 0.2 * report.images else "note",
+                    f"{name}: {missing} of {count(report.images, 'photograph')} "
+                    f"{'was' if missing == 1 else 'were'} not used{told}.", advice)  # fmt: skip
+
+
+def _findings(report: ReconstructionEntry, name: str) -> Iterator[Statement]:
+    """Findings with which a result must not be taken as it is; their messages end in the remedy."""
+    for finding in report.findings:
+        if finding.code in DOUBTFUL:
+            said, _, advice = finding.message.rpartition("; ")
+            yield Statement(
+                "problem", f"{name}: {said or advice}.", f"{advice[:1].upper()}{advice[1:]}." if said else ""
+            )
+
+
+def _doubts(report: ReconstructionEntry, name: str) -> Iterator[Statement]:
+    yield from _findings(report, name)
+    if not report.metric:
+        yield Statement(
+            "problem",
+            f"{name}: nothing gave the reconstruction a scale, so its lengths are not metres.",
+            "Put poses.csv, geo.txt or markers.toml beside the photographs, or take them with GPS.",
+        )
+    if len(report.models) > 1:
+        yield Statement(
+            "problem",
+            f"{name}: the photographs fell apart into {len(report.models)} groups that share too little "
+            f"({listed([str(size) for size in report.models])} photographs); only the largest was used.",
+            "Take photographs between the groups, so that neighbours see the same leaves.",
+        )
+    if report.reprojection_px is not None and report.reprojection_px > 1.0:
+        yield Statement(
+            "note",
+            f"{name}: the reprojection error is {decimal(report.reprojection_px)} px; below 1 px is good.",
+            "Check the camera file, and photographs for blur and moving leaves.",
+        )
+
+
+def _adherence(name: str, found: AdherenceEntry) -> Iterator[Statement]:
+    taken = len(found.stations)
+    total = taken + len(found.missing)
+    parts = [
+        f"{format_length(found.horizontal_rms_m)} over ground" if found.horizontal_rms_m is not None else "",
+        f"{decimal(found.yaw_rms_deg, 1)}° in heading" if found.yaw_rms_deg is not None else "",
+        f"{decimal(found.pitch_rms_deg, 1)}° in pitch" if found.pitch_rms_deg is not None else "",
+    ]
+    kept = listed([part for part in parts if part])
+    yield Statement(
+        "good" if not found.missing else "fact",
+        f"{name}: {taken} of {count(total, 'planned station')} were photographed"
+        + (f"; the flight was off by {kept} (RMS, by {ACHIEVED_BY[found.achieved_by]})." if kept else "."),
+    )
+    if found.missing:
+        yield Statement(
+            "problem", f"{name}: no photograph at {listed(list(found.missing), 8)}.", "Fly these stations again."
+        )
+    if found.extra:
+        yield Statement("note", f"{name}: {count(len(found.extra), 'photograph')} of no station of the plan.")

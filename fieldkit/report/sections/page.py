@@ -8,19 +8,21 @@ from typing import Any, Generic
 
 from fieldkit.campaign.reading import Campaign
 from fieldkit.figures.content import Details, Page, Paragraph, Section, Statement, Terms
-from fieldkit.report.sections.campaign import campaign_section
-from fieldkit.report.sections.captures import evaluation_section, reference_section
+from fieldkit.report.sections.campaign import campaign_section, campaign_statements
+from fieldkit.report.sections.captures import (
+    evaluation_section,
+    evaluation_statements,
+    reference_section,
+    reference_statements,
+)
 from fieldkit.report.sections.comparison import comparison_section, comparison_statements
 from fieldkit.report.sections.glossary import meanings, terms_of
 from fieldkit.report.sections.in_short import in_short
 from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results, T
 from fieldkit.report.sections.photographs import add_campaign_pictures, add_photographs
-from fieldkit.report.sections.plan import mission_section, plan_section
+from fieldkit.report.sections.plan import mission_section, mission_statements, plan_section, plan_statements
 from fieldkit.report.sections.provenance import provenance_section
 from fieldkit.report.sections.shown import Seen, Shown
-from fieldkit.report.sections.summary_campaign import campaign_statements
-from fieldkit.report.sections.summary_captures import evaluation_statements, reference_statements
-from fieldkit.report.sections.summary_plan import mission_statements, plan_statements
 from fieldkit.report.sections.views_3d import View, mission_view, plan_view, plot_views, reference_view
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.evaluation import EvaluationReport, ReferenceReport

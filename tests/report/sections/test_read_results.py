@@ -17,7 +17,7 @@ from fieldkit.missions.export_mission import export_mission
 from fieldkit.missions.export_record import geo_points, site_frame, way
 from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results, read_results
 from fieldkit.report.sections.photographs import find_photographs, thumbnails
-from fieldkit.report.sections.summary_plan import mission_statements
+from fieldkit.report.sections.plan import mission_statements
 from fieldkit.report.sections.views_3d import mission_view
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
