@@ -1,7 +1,8 @@
-"""A simulated plot: its description, the scene built from it, and the true cloud of its plants."""
+"""A simulated plot: the scene built from its description, its neighbours, and the light baked into it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,16 +11,116 @@ from numpy.typing import NDArray
 from fieldkit.scenes.plot_description import (
     MaizeDescription,
     MeshPlantDescription,
+    NeighboursDescription,
     Plant,
     PlotDescription,
 )
-from fieldkit.scenes.scene import Mesh, Scene, grid_faces
-from fieldkit_sim.light import bake_light
+from fieldkit.scenes.sampling import NEIGHBOUR_NAME, visible_from
+from fieldkit.scenes.scene import Light, Mesh, Scene, grid_faces
 from fieldkit_sim.maize import build_maize
 from fieldkit_sim.mesh_plant import build_mesh_plant
-from fieldkit_sim.neighbours import build_neighbours
 from fieldkit_sim.soil import build_soil, soil_height
 from fieldkit_sim.weeds import build_weeds
+
+_SKY_DIRECTIONS = 32
+"""The sky is sampled in so many, cosine-weighted about the zenith."""
+
+
+def bake_light(
+    meshes: Sequence[Mesh], light: Light, *, gloss: Sequence[tuple[float, float]], radius_m: float,
+    shadows: bool = True, sky_light: bool = True, fine: bool = False,
+) -> list[Mesh]:  # fmt: skip
+    """The meshes with their shading values filled in (see `Mesh`).
+
+    Args:
+        meshes: all that cast shadows, with normals.
+        gloss: translucency and gloss of each mesh, both in [0, 1].
+        radius_m: only what lies within this distance of the origin (in x and y) casts and receives shadows.
+        shadows: whether anything hides the sun, and
+        sky_light: the sky.
+        fine: resolve crumbs of millimetres.
+    """
+    points = np.concatenate([m.vertices for m in meshes]).astype(np.float64)
+    triangles = _triangles(meshes, radius_m)
+    sun = np.asarray(light.sun) / np.linalg.norm(light.sun)
+    seen_sun, seen_sky = np.ones(len(points)), np.ones(len(points))
+    if shadows:
+        pixels, bias = (4096, 0.0015) if fine else (3072, 0.003)
+        seen_sun = visible_from(points, triangles, sun, radius_m, pixels=pixels, bias_m=bias, blur=1 if fine else 2)
+    if sky_light:
+        pixels, bias = (1280, 0.003) if fine else (768, 0.006)
+        seen_sky[:] = 0.0
+        for direction in _hemisphere(_SKY_DIRECTIONS):
+            seen_sky += visible_from(points, triangles, direction, radius_m, pixels=pixels, bias_m=bias)
+        seen_sky /= _SKY_DIRECTIONS
+    lit, start = [], 0
+    for mesh, (translucency, strength) in zip(meshes, gloss, strict=True):
+        part = slice(start, start + len(mesh.vertices))
+        start = part.stop
+        shading = np.empty((len(mesh.vertices), 4), np.float32)
+        shading[:, 0], shading[:, 1] = seen_sun[part], seen_sky[part]
+        shading[:, 2], shading[:, 3] = translucency, strength
+        lit.append(replace(mesh, shading=shading))
+    return lit
+
+
+def _triangles(meshes: Sequence[Mesh], radius_m: float) -> NDArray[np.float64]:
+    corners = np.concatenate([m.vertices[m.faces] for m in meshes]).astype(np.float64)
+    inside = (np.abs(corners[:, :, :2]) < radius_m).all(axis=(1, 2))
+    chosen: NDArray[np.float64] = corners[inside]
+    return chosen
+
+
+def _hemisphere(count: int) -> NDArray[np.float64]:
+    """(count, 3) directions, cosine-weighted, on a golden-angle spiral."""
+    i = np.arange(count) + 0.5
+    r, angle = np.sqrt(i / count), i * np.pi * (3.0 - np.sqrt(5.0))
+    return np.stack([r * np.cos(angle), r * np.sin(angle), np.sqrt(1.0 - r * r)], axis=1)
+
+
+Array = NDArray[np.float64]
+Height = Callable[[Array, Array], Array]
+
+
+def neighbour_plants(
+    neighbours: NeighboursDescription, lower: tuple[float, float], upper: tuple[float, float]
+) -> tuple[MaizeDescription, ...]:
+    """Where the neighbours stand, around the bounds of the plot's own plants (in x and y, metres)."""
+    rng = np.random.default_rng([neighbours.seed, 51])
+    turn = np.radians(90.0 - neighbours.heading_deg)
+    along, across = np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])
+    corners = np.array([[x, y] for x in (lower[0], upper[0]) for y in (lower[1], upper[1])])
+    middle = float((corners @ along).mean())
+    plants = []
+    for side in (-1.0, 1.0):
+        edge = float((side * corners @ across).max())
+        for row in range(neighbours.rows):
+            offset = side * (edge + (row + 1) * neighbours.row_spacing_m)
+            count = int(neighbours.length_m / neighbours.plant_spacing_m) + 1
+            for i in range(count):
+                place = middle + (i - (count - 1) / 2) * neighbours.plant_spacing_m
+                x, y = place * along + offset * across + rng.normal(0, 0.02, 2)
+                plants.append(
+                    MaizeDescription(
+                        seed=int(rng.integers(1 << 30)), x_m=float(x), y_m=float(y),
+                        yaw_deg=float(rng.uniform(0, 360)), scale=float(rng.uniform(0.9, 1.1)), stage=neighbours.stage,
+                    )
+                )  # fmt: skip
+    return tuple(plants)
+
+
+def build_neighbours(
+    neighbours: NeighboursDescription, lower: tuple[float, float], upper: tuple[float, float], height: Height, *,
+    textured: bool = True,
+) -> list[Mesh]:  # fmt: skip
+    """The neighbours as coarse, unlit meshes that are no part of the reference."""
+    meshes = []
+    for i, plant in enumerate(neighbour_plants(neighbours, lower, upper)):
+        ground = float(height(np.array([plant.x_m]), np.array([plant.y_m]))[0])
+        mesh = build_maize(plant, ground, coarse=True, textured=textured)
+        meshes.append(replace(mesh, name=f"{NEIGHBOUR_NAME}{i + 1}", plant=False))
+    return meshes
+
 
 Material = tuple[float, float]
 """Translucency and gloss of a surface, both in [0, 1] and by eye."""

@@ -13,7 +13,6 @@ from benchmarks import engine
 from benchmarks.__main__ import Study, main
 from benchmarks.campaign import STUDIES as CAMPAIGN_STUDIES
 from benchmarks.cloud_scores import leaves, run_clouds
-from benchmarks.cost_picture import Cost
 from benchmarks.dense_stereo import DISTANCES_M, dense_table, measure
 from benchmarks.engine import SPEED, STUDIES, EngineOptions, run_engine
 from benchmarks.full_evaluation import Side, stage_table, summary
@@ -24,7 +23,7 @@ from benchmarks.paper import STUDIES as PAPER_STUDIES
 from benchmarks.planner import STUDIES as PLANNER_STUDIES
 from benchmarks.references import ReferenceResult, recall_of, reference_table
 from benchmarks.result import ResultTable, StudyResult, spread
-from benchmarks.scaling import cost_table, process_cost
+from benchmarks.scaling import Cost, cost_table, process_cost
 from benchmarks.startup import COMMANDS, run_startup
 from benchmarks.subset_scores import score_row
 from fieldkit.cache import StageCache

@@ -10,7 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from benchmarks.cost_picture import Cost, draw_cost_plot, write_cost_plot
+from benchmarks.scaling import Cost, draw_cost_plot, write_cost_plot
 from fieldkit.clouds import Cloud
 from fieldkit.errors import CaptureError, StorageError
 from fieldkit.evaluation.conversion import failed_plot, plot_evaluation, reference_report

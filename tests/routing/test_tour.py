@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from benchmarks.tsplib import OPTIMA, distances
+from benchmarks.mission_routes import OPTIMA, distances
 from fieldkit.errors import MissionError
 from fieldkit.routing.tour import EXACT_PLACES, grouped_routes, shortest_paths, shortest_tour
 

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics
-from fieldkit.scenes.edge_smoothing import smooth_edges
+from fieldkit.scenes.drawing import smooth_edges
 from fieldkit.scenes.renderer import Renderer
 from fieldkit_sim.simulation import ring
 

@@ -16,9 +16,8 @@ from fieldkit.scenes.plot_description import MaizeDescription, PlotDescription, 
 from fieldkit.scenes.sampling import sample_plants, sample_visible, visible_from
 from fieldkit.scenes.scene import Light, Mesh, Scene, vertex_normals
 from fieldkit_sim.generator import plant_layout
-from fieldkit_sim.light import bake_light
 from fieldkit_sim.maize import build_maize
-from fieldkit_sim.plot import build_scene
+from fieldkit_sim.plot import bake_light, build_scene
 from fieldkit_sim.simulation import dense_rig, ring
 from fieldkit_sim.soil import soil_height
 

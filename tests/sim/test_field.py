@@ -22,8 +22,7 @@ from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import EffectsDescription, Scene
 from fieldkit.scenes.sway import REFERENCE_M, sway
 from fieldkit_sim.crumbs import Crumbs, build_crumbs, scatter_crumbs
-from fieldkit_sim.neighbours import neighbour_plants
-from fieldkit_sim.plot import build_scene
+from fieldkit_sim.plot import build_scene, neighbour_plants
 from fieldkit_sim.simulation import ring
 from fieldkit_sim.soil import build_soil, soil_height
 from fieldkit_sim.weeds import build_weeds
