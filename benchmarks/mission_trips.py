@@ -16,10 +16,11 @@ import numpy as np
 from fieldkit.errors import FieldkitError
 from fieldkit.flightlogs.mavlink import mavlink
 from fieldkit.missions.autopilots.writing import render
+from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.waypoints import definite
 from fieldkit.missions.files.writing import mission_bytes
-from fieldkit.missions.items import Command, MissionItem, same_item
+from fieldkit.missions.items import Command, Frame, MissionItem, plain_frame
 from fieldkit.routing.mission import GeoPoint, Home, Mission, Shot, Via
 from fieldkit.vehicles.vehicle import Vehicle
 
@@ -153,6 +154,28 @@ def complete_photographs(items: Sequence[MissionItem], dialect: str) -> int:
     return complete
 
 
+def upload_items(read: ReadMission, dialect: str) -> tuple[MissionItem, ...]:
+    """The items as they are uploaded: with the home item in front for "ardupilot" where the file has a home."""
+    home = read.home
+    if dialect != "ardupilot" or home is None:
+        return read.items
+    params = (0.0, 0.0, 0.0, 0.0, home.latitude_deg, home.longitude_deg, home.amsl_m or 0.0)
+    return (MissionItem(Command.NAV_WAYPOINT, Frame.GLOBAL, params), *read.items)
+
+
+def same_item(a: MissionItem, b: MissionItem) -> bool:
+    """Whether two items mean the same: places within 1e-7° and 1 cm, others to single precision, NaN as NaN."""
+    if a.command != b.command or plain_frame(a.frame) != plain_frame(b.frame):
+        return False
+    for k, (p, q) in enumerate(zip(a.params, b.params, strict=True)):
+        tolerance = 1e-6 * max(1.0, abs(p))
+        if a.positional and k >= 4:
+            tolerance = 0.01 if k == 6 else 1.0000001e-7 + 1e-12
+        if math.isnan(p) != math.isnan(q) or abs(p - q) > tolerance:
+            return False
+    return True
+
+
 def difference(
     mission: Mission, vehicle: Vehicle, ours: Sequence[MissionItem], theirs: Sequence[MissionItem], form: str = "plan"
 ) -> str:
@@ -185,7 +208,7 @@ def _trips(
     for number, mission in enumerate(missions):
         try:
             path.write_bytes(mission_bytes(form, mission, vehicle))
-            ours = read_mission(path).upload_items(vehicle.dialect)
+            ours = upload_items(read_mission(path), vehicle.dialect)
             theirs = read(path)
             if form == "waypoints" and vehicle.dialect != "ardupilot":
                 theirs = theirs[1:]  # row 0 is home even if the dialect has none

@@ -45,7 +45,7 @@ def item_findings(read: ReadMission, vehicle: Vehicle, dialect: str) -> Iterator
         code, number, message = trouble
         yield error(code, message, number)
     yield from _datums(read)
-    count = len(read.upload_items(dialect))
+    count = len(read.items) + int(dialect == "ardupilot" and read.home is not None)
     if vehicle.max_items is not None and count > vehicle.max_items:
         yield error("too-many-items", f"{count} items are more than the {vehicle.max_items} that the vehicle stores")
     yield from _begin_and_end(read, dialect)

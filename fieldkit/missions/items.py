@@ -131,23 +131,6 @@ def with_jump_moved(item: MissionItem, by: int) -> MissionItem:
     return replace(item, params=(item.params[0] + by, *item.params[1:]))
 
 
-def same_item(a: MissionItem, b: MissionItem, *, degrees: float = 1e-7, metres: float = 0.01) -> bool:
-    """Whether two items mean the same: places within tolerances, other parameters to single precision, NaN as NaN."""
-    if a.command != b.command or plain_frame(a.frame) != plain_frame(b.frame):
-        return False
-    for k, (p, q) in enumerate(zip(a.params, b.params, strict=True)):
-        if math.isnan(p) or math.isnan(q):
-            if math.isnan(p) != math.isnan(q):
-                return False
-            continue
-        tolerance = 1e-6 * max(1.0, abs(p))
-        if a.positional and k >= 4:
-            tolerance = metres if k == 6 else degrees * 1.0000001 + 1e-12
-        if abs(p - q) > tolerance:
-            return False
-    return True
-
-
 def plain_frame(frame: int) -> int:
     """The frame with the _INT ones as their plain ones: both say the same of an item."""
     return _PLAIN.get(frame, frame)

@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import pytest
 
+from benchmarks.mission_trips import same_item
 from fieldkit.errors import MissionError
 from fieldkit.missions.autopilots.writing import render
-from fieldkit.missions.items import Command, same_item
+from fieldkit.missions.items import Command
 from fieldkit.routing.mission import GeoPoint, Shot
 from fieldkit.vehicles.vehicle import Mount, Speeds, Trigger
 from tests.missions.vehicles import recorded_items, recorded_mission, small_mission, vehicle

@@ -6,9 +6,10 @@ import math
 
 import pytest
 
+from benchmarks.mission_trips import same_item
 from fieldkit.errors import MissionError
 from fieldkit.missions.autopilots.acceptance import check_items, dropped, item_problem, refusal
-from fieldkit.missions.items import Command, Frame, MissionItem, Params, same_item
+from fieldkit.missions.items import Command, Frame, MissionItem, Params
 from tests.missions.vehicles import item_of, recording
 
 PLACE = (50.865, 6.4473, 2.0)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from fieldkit.missions.autopilots.effects import Effects
-from fieldkit.missions.items import Command, Frame, MissionItem, with_jump_moved
+from fieldkit.missions.items import MissionItem, with_jump_moved
 from fieldkit.routing.mission import Fence, GeoPoint, Home
 
 
@@ -77,15 +77,3 @@ class ReadMission:
         """The same with items that count from 1, as behind the home that an upload puts in front of them."""
         by = 1 - self.first_number
         return replace(self, items=tuple(with_jump_moved(item, by) for item in self.items), first_number=1)
-
-    def upload_items(self, dialect: str) -> tuple[MissionItem, ...]:
-        """The items as they are uploaded: with the home item in front for "ardupilot" where the file has a home."""
-        if dialect != "ardupilot" or self.home is None:
-            return self.items
-        home = self.home
-        first = MissionItem(
-            Command.NAV_WAYPOINT,
-            Frame.GLOBAL,
-            (0.0, 0.0, 0.0, 0.0, home.latitude_deg, home.longitude_deg, home.amsl_m or 0.0),
-        )
-        return (first, *self.items)
