@@ -14,14 +14,13 @@ from fieldkit.campaign.visit_frame import place_visit, wanted_sidecars
 from fieldkit.campaign.visits import stage_versions, visit_place
 from fieldkit.captures import Capture
 from fieldkit.captures.selection import FoundPhoto, capture_of
-from fieldkit.errors import FieldkitError, MetadataError, StorageError
+from fieldkit.errors import MetadataError
 from fieldkit.evaluation.adherence import FlownPlan
 from fieldkit.evaluation.conversion import evaluation_report
 from fieldkit.evaluation.evaluate_plot import RESERVED, PlotCapture, Scoring, Spent, evaluate_plot, write_evaluation
-from fieldkit.evaluation.rasters import COARSE_RASTERS, NO_RASTERS
 from fieldkit.evaluation.reference import Reference
 from fieldkit.files import atomic_folder
-from fieldkit.results.doubtful import TOLD
+from fieldkit.results.doubtful import COARSE_RASTERS, NO_RASTERS, TOLD
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.fields import clean_text
 from fieldkit.results.plan import Plan
@@ -32,9 +31,6 @@ from fieldkit.sites.fit import plants_outgrown
 from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.version import __version__
 from fieldkit.wording import count
-
-WITHOUT_RASTERS = "no rasters: "
-"""How a visit's note begins that says why it has none."""
 
 
 @dataclass(frozen=True)
@@ -70,42 +66,23 @@ class VisitJob:
         return visit_place(self.plot.name, self.date)
 
 
-@dataclass(frozen=True)
-class VisitResult:
-    """What came of a visit."""
+def evaluate_visit(job: VisitJob) -> Visit:
+    """Evaluate a visit and write its folder.
 
-    visit: Visit
-    """In its folder where it has one; else nothing was written, and it has no inputs, to be tried again."""
-    storage: tuple[str, str, str] | None = None
-    """Message, path and remedy, where the disk is full or not writable; then the visit is not done."""
-
-
-def evaluate_visit(job: VisitJob) -> VisitResult:
-    """Evaluate a visit and write its folder. Raises nothing: what goes wrong is in the visit's ``error``.
-
-    Its errors are kept with its inputs, so that they are not met again before something changes; what need not happen
-    again (a bug, no memory) is tried at the next run.
+    What is wrong with its photographs or files is kept as its ``error`` with its inputs, so that it is not met again
+    before something changes.
     """
     place = job.folder / job.place
     marker = EVALUATION_FILE if (place / EVALUATION_FILE).is_file() else VISIT_FILE
-    try:
-        with atomic_folder(place, overwrite=True, marker=marker) as folder:
-            visit = _evaluated(job, folder)
-            save_visit(folder, visit)
-    except StorageError as error:
-        return VisitResult(failed_visit(job, ""), (error.message, str(error.path or job.folder), error.remedy))
-    except FieldkitError as error:
-        return VisitResult(failed_visit(job, str(error)))
-    except MemoryError:
-        return VisitResult(failed_visit(job, "not enough memory"))
-    except Exception as error:  # one plot must not stop the others
-        return VisitResult(failed_visit(job, f"a bug in fieldkit: {type(error).__name__}: {error}"))
-    return VisitResult(visit)
+    with atomic_folder(place, overwrite=True, marker=marker) as folder:
+        visit = _evaluated(job, folder)
+        save_visit(folder, visit)
+    return visit
 
 
 def failed_visit(job: VisitJob, error: str) -> Visit:
     """A visit that came to nothing and is tried again by the next run."""
-    return Visit(images=len(job.photos), error=clean_text(error), **_of_job(job, job.notes))
+    return Visit(images=len(job.photos), error=error, **_of_job(job, job.notes))
 
 
 def _of_job(job: VisitJob, notes: Iterable[str]) -> dict[str, Any]:
@@ -113,8 +90,8 @@ def _of_job(job: VisitJob, notes: Iterable[str]) -> dict[str, Any]:
     return {
         "plot": job.plot.name,
         "date": job.date,
-        "captures": clean_text(job.captures),
-        "notes": tuple(dict.fromkeys(clean_text(note) for note in notes)),
+        "captures": job.captures,
+        "notes": tuple(dict.fromkeys(notes)),
         "fieldkit": __version__,
         "stages": stage_versions(),
         "photographs": _paths(job),
@@ -179,7 +156,7 @@ def _evaluated(job: VisitJob, folder: Path) -> Visit:
 def _remarks(job: VisitJob, plot: PlotEvaluation) -> Iterator[str]:
     """What else a person should know of an evaluation."""
     yield from (finding.message for finding in plot.findings if finding.code in (*TOLD, COARSE_RASTERS))
-    yield from (f"{WITHOUT_RASTERS}{finding.message}" for finding in plot.findings if finding.code == NO_RASTERS)
+    yield from (f"no rasters: {finding.message}" for finding in plot.findings if finding.code == NO_RASTERS)
     top_m = None if plot.traits is None else plot.traits.height_m
     outgrown = None if top_m is None else plants_outgrown(job.plan, top_m)
     if outgrown is not None:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from fieldkit.campaign.evaluate_visit import WITHOUT_RASTERS
 from fieldkit.campaign.export import campaign_geopackage
 from fieldkit.campaign.reading import Campaign
 from fieldkit.campaign.visits import visit_files
@@ -124,8 +123,7 @@ def _copied(campaign: Campaign, visit: Visit, folder: Path) -> tuple[RasterRow, 
 
 
 def _reason(visit: Visit) -> str:
-    said = [note.removeprefix(WITHOUT_RASTERS) for note in visit.notes if note.startswith(WITHOUT_RASTERS)]
-    return visit.error or "; ".join(said) or _NOT_MADE
+    return visit.error or visit.no_rasters or _NOT_MADE
 
 
 def _nothing(campaign: Campaign, rows: Sequence[RasterRow]) -> UsageError:

@@ -15,13 +15,13 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from fieldkit.cache import StageCache, digest
-from fieldkit.campaign.evaluate_visit import WITHOUT_RASTERS, VisitJob, VisitResult, evaluate_visit, failed_visit
+from fieldkit.campaign.evaluate_visit import VisitJob, evaluate_visit, failed_visit
 from fieldkit.campaign.reading import Campaign, read_campaign
 from fieldkit.campaign.sorting import Shot, Sorting, sort_photographs
 from fieldkit.campaign.visits import Visits, keep_visit, stage_versions
 from fieldkit.captures import find_mask
 from fieldkit.captures.selection import FoundPhoto, FoundPhotos, capture_of, find_photographs, photographs_at
-from fieldkit.errors import CaptureError, MetadataError, StorageError, UsageError
+from fieldkit.errors import CaptureError, FieldkitError, MetadataError, StorageError, UsageError
 from fieldkit.evaluation.rasters import require_rasters
 from fieldkit.figures.spreadsheets import TRAITS_FILE, trait_row, write_traits_csv
 from fieldkit.figures.style import format_length
@@ -30,7 +30,6 @@ from fieldkit.results.finding import Finding
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE, file_sha256
 from fieldkit.results.visit import VISITS_FOLDER, Visit
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.executor import WorkerError
 from fieldkit.runtime.progress import Progress
 from fieldkit.wording import count
 
@@ -141,17 +140,18 @@ def _evaluated(
     return tuple(evaluated)
 
 
-def _visit(job: VisitJob, future: Future[VisitResult]) -> Visit:
+def _visit(job: VisitJob, future: Future[Visit]) -> Visit:
+    """What came of a visit; what need not happen again (a bug, no memory) is tried at the next run."""
     try:
-        result = future.result()
-    except WorkerError as error:
-        return failed_visit(job, error.message)
-    except Exception as error:
-        return failed_visit(job, f"{type(error).__name__}: {error}")
-    if result.storage is not None:
-        message, path, remedy = result.storage
-        raise StorageError(message, path=path, remedy=remedy)
-    return result.visit
+        return future.result()
+    except StorageError:
+        raise
+    except FieldkitError as error:
+        return failed_visit(job, str(error))
+    except MemoryError:
+        return failed_visit(job, "not enough memory")
+    except Exception as error:  # one plot must not stop the others
+        return failed_visit(job, f"a bug in fieldkit: {type(error).__name__}: {error}")
 
 
 @contextmanager
@@ -324,7 +324,7 @@ def _say(campaign: Campaign, sorting: Sorting, found: FoundPhotos, progress: Pro
 def _sentence(visit: Visit) -> str:
     if visit.error:
         return visit.error
-    without = [note for note in visit.notes if note.startswith(WITHOUT_RASTERS)]
+    without = [f"no rasters: {visit.no_rasters}"] if visit.no_rasters else []
     counts = "; ".join([f"{visit.right} of {count(visit.images, 'photograph')} used", *without])
     if visit.chamfer_m is not None:
         return f"chamfer {format_length(visit.chamfer_m)}, {counts}"

@@ -18,7 +18,7 @@ from fieldkit.errors import FieldkitError, InputError, StorageError, UsageError
 from fieldkit.evaluation.adherence import FlownPlan, write_adherence
 from fieldkit.evaluation.cloud_reference import AnyReference, CloudReference
 from fieldkit.evaluation.conversion import failed_plot, plot_evaluation
-from fieldkit.evaluation.rasters import COARSE_RASTERS, NO_RASTERS, Rasters, coarse_place, write_rasters
+from fieldkit.evaluation.rasters import Rasters, coarse_place, write_rasters
 from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, Reference
 from fieldkit.evaluation.traits import PlotOutline, outline_of, scale_doubt
 from fieldkit.figures.spreadsheets import TRAITS_FILE, plot_rows, write_plots_csv, write_traits_csv
@@ -28,7 +28,7 @@ from fieldkit.pictures.overview import write_overview
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.results.doubtful import OTHER_PLANTS
+from fieldkit.results.doubtful import COARSE_RASTERS, NO_RASTERS, OTHER_PLANTS
 from fieldkit.results.evaluation import CorrectionEntry, EvaluationReport, PlotEvaluation
 from fieldkit.results.fields import vector
 from fieldkit.results.finding import Finding

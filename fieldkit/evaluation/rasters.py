@@ -23,8 +23,6 @@ from fieldkit.reconstruction.result import MetricFrame, Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 
 CANOPY_FILE, SURFACE_FILE = "canopy-height.tif", "surface.tif"
-NO_RASTERS, COARSE_RASTERS = "no-rasters", "coarse-rasters"
-"""Codes of findings: why there are none; that they may lie metres off."""
 Array = NDArray[np.float64]
 
 LEAST_SAMPLING_M = 0.005

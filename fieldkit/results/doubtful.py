@@ -8,6 +8,9 @@ OTHER_PLANTS = "other-plants"
 PLANTS_APART = "plants-apart"
 """Some plants stand far from the others: weeds or neighbours, perhaps."""
 
+NO_RASTERS, COARSE_RASTERS = "no-rasters", "coarse-rasters"
+"""Why there are none; that they may lie metres off."""
+
 DOUBTFUL = frozenset({
     OTHER_PLANTS, "few-plant-points", "volume-below-ground", "weak-ground", "cameras-off-level", "steep-ground",
     "volume-cuts-plants", "refinement-not-converged", "weakly-tied",

@@ -10,8 +10,9 @@ from pydantic import AfterValidator, Field
 
 from fieldkit.documents.json_file import read_model
 from fieldkit.files import write_atomic
+from fieldkit.results.doubtful import NO_RASTERS
 from fieldkit.results.evaluation import ByDistance, PlotEvaluation
-from fieldkit.results.fields import Count, Strict
+from fieldkit.results.fields import Count, Strict, Text
 from fieldkit.results.traits import TraitsEntry
 
 CAMPAIGN_FILE = "campaign.toml"
@@ -51,7 +52,7 @@ class Visit(Strict):
     """Its id in the campaign's plots."""
     date: Annotated[str, AfterValidator(_is_a_date)]
     """Local date of the photographs, ISO 8601 (2026-06-30)."""
-    captures: str = ""
+    captures: Text = ""
     """The photographs' folder, as given."""
     folder: Annotated[str, AfterValidator(_is_below_visits)] = ""
     """Of the evaluation, relative to the campaign's; empty where there is none."""
@@ -76,10 +77,12 @@ class Visit(Strict):
     """Of the plants; null where there is no result."""
     cpu_s: float = 0.0
     """What the evaluation took."""
-    error: str = ""
+    error: Text = ""
     """Why there is no score; empty otherwise."""
-    notes: tuple[str, ...] = ()
+    notes: tuple[Text, ...] = ()
     """What a person should know."""
+    no_rasters: str = ""
+    """Why it has none, though they were asked for; empty otherwise."""
     doubts: tuple[str, ...] = ()
     """Codes of findings with which the result must not be taken as it is."""
     fieldkit: str = ""
@@ -115,6 +118,7 @@ class Visit(Strict):
             traits=evaluation.traits,
             error="" if evaluation.error is None else evaluation.error.message,
             doubts=evaluation.doubts,
+            no_rasters="; ".join(f.message for f in evaluation.findings if f.code == NO_RASTERS),
             **own,
         )
 
@@ -146,7 +150,7 @@ class Visit(Strict):
         return found
 
 
-_UNSEEN = {"kind", "version", "stages", "inputs", "photographs"}
+_UNSEEN = {"kind", "version", "stages", "inputs", "photographs", "no_rasters"}
 ROW = tuple(Visit(plot="", date="0001-01-01").row())
 """The keys of `Visit.row`, in order."""
 

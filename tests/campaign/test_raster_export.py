@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from fieldkit.campaign import Campaign, Visit, read_campaign
-from fieldkit.campaign.evaluate_visit import WITHOUT_RASTERS
 from fieldkit.campaign.raster_export import GEOPACKAGE_FILE, RASTERS_FILE, export_rasters, without_rasters
 from fieldkit.campaign.visits import keep_visit, visit_cloud, visit_place
 from fieldkit.clouds import Cloud, write_cloud
@@ -56,7 +55,7 @@ def season(tmp_path: Path) -> Campaign:
     evaluated(folder, SLASH, DATE)
     evaluated(folder, SLASH, LATER, HIGHER)
     evaluated(folder, "r1c2", DATE, rasters=False)
-    assert keep_visit(folder, Visit(plot="r2c1", date=DATE, notes=("x", f"{WITHOUT_RASTERS}no ground was found")))
+    assert keep_visit(folder, Visit(plot="r2c1", date=DATE, notes=("x",), no_rasters="no ground was found"))
     assert keep_visit(folder, Visit(plot="r2c2", date=DATE, error="too dark"))
     return read_campaign(folder)
 
