@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.few_views import GOAL, GRID, MAIN, Outcome, Plan, Trial, assess, trial_tables
+from benchmarks.few_views import GOAL, GRID, MAIN, Outcome, Plan, assess
 from benchmarks.rigs import RigSet
 from fieldkit.captures.model import Capture
 from fieldkit.geometry import Intrinsics, Pose, Similarity
@@ -70,18 +70,6 @@ def test_nonsense_is_wrong(rig: RigSet) -> None:
     assert found.right <= 4
     assert found.rig_rms_m is not None
     assert found.rig_rms_m > 0.1
-
-
-def test_tables_have_a_row_per_subset_method_and_noise() -> None:
-    good, bad = Outcome(10, 10, 0.003, 0.006, 0.001, 0.002, 0.1), Outcome(2, 0, None, None, None, None, None)
-    trials = [Trial("r", phase, 10, "incremental", "", draw, 2.0, bad) for phase in (0, 1) for draw in (0, 1)]
-    trials += [Trial("r", 1, 10, "prior", str(MAIN[1]), draw, 5.0 + draw, good) for draw in (0, 1)]
-    tables = trial_tables(trials, 2)
-    assert [table.title for table in tables] == ["r, phase 0", "r, phase 1 (held out)"]
-    blind, prior = tables[1].rows
-    assert blind[:8] == (10, "incremental", "–", "0 of 2", "2", "0", "2", "–")
-    assert prior[:8] == (10, "prior", "10 mm, 1°", "2 of 2", "10", "10", "0", "3.0")
-    assert prior[-1] == "5.5 (5.0–6.0)"
 
 
 def test_a_rig_at_height_zero_is_judged(rig: RigSet) -> None:

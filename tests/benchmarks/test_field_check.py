@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from benchmarks.field_check import Outcome, Tally, check_faulty, kind_table
+from benchmarks.field_check import check_faulty
 from benchmarks.field_faults import PlotPhotographs, draw_capture
 from fieldkit.cache import StageCache, digest
 from fieldkit.captures import read_capture
@@ -84,15 +84,3 @@ def test_missing_photographs_count_as_found(plot: PlotPhotographs, tmp_path: Pat
     tally = check_faulty(plot, drawn, StageCache(None), 1)
     assert [outcome.found for outcome in tally.faults] == [True] * len(drawn.faults)
     assert tally.sound == 13 - len(drawn.faults)
-
-
-def test_shares_are_of_what_they_say() -> None:
-    outcomes = (
-        Outcome("s", "RTK", 1, "missing", "", True, ("missing",)),
-        Outcome("s", "RTK", 2, "blurred", "by motion, 9 px", False, ()),
-        Outcome("s", "RTK", 5, "", "", True, ("blurred",)),
-    )
-    table = kind_table(Tally(outcomes, 1, 11))
-    assert ("blurred", "by motion", 1, 0, 0) in table.rows
-    assert ("all faults", "", 2, "1 (50.0%)", None) in table.rows
-    assert table.rows[-1] == ("sound", "called faulty", 11, "1 (9.1%)", None)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from benchmarks.blind_rings import RingRun, ring_table, scene_rings
+from benchmarks.blind_rings import scene_rings
 from benchmarks.match_decay import (
     ANGLES,
     FIELD_MAIZE,
@@ -25,13 +25,12 @@ from benchmarks.match_decay import (
     verdict_table,
     visible_plants,
 )
-from benchmarks.scene_views import CAMERA, SceneUnderStudy, photograph, ring_about_plants, study_scenes
+from benchmarks.scene_views import CAMERA, SceneUnderStudy, photograph, ring_about_plants
 from fieldkit.geometry import Intrinsics
 from fieldkit.reconstruction.features import FeatureSettings, extract_features
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription
-from fieldkit.scenes.library import scene_names
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
@@ -97,14 +96,6 @@ def test_plants_that_are_hidden_do_not_count() -> None:
         assert visible_plants(whole, only, below, camera).mean() < 0.3 * (only.depth(below, camera) > 0).mean()
 
 
-def test_table_of_rings() -> None:
-    runs = [RingRun("a scene", 10, s, 2 + s, (2 + s,), 0.002 * s if s else None, 40.4) for s in range(3)]
-    table = ring_table([*runs, RingRun("a scene", 20, 0, 0, (), None, 12.0)])
-    assert table.columns == ("set", "ring of 10>", "ring of 20>")
-    assert table.rows[0] == ("basil_rig (recorded figures) *", "3 of 10", "12 of 20")
-    assert table.rows[2] == ("a scene", "3 (2–4) of 10, 3.0 (2.0–4.0) mm (40)", "0 of 20 (12)")
-
-
 @pytest.fixture(scope="module")
 def small_study() -> SceneUnderStudy:
     description = SceneDescription(SMALL_PLOT, name="small", wind_m=0.03, camera_effects=CameraEffects(defocus_px=0.5))
@@ -140,11 +131,3 @@ def test_rings_of_photographs_are_mapped_blindly(small_study: SceneUnderStudy) -
         (name, 3, seed) for name in ("small", "small *") for seed in range(3)
     ]
     assert all(run.registered == (run.models or (0,))[0] for run in runs)
-
-
-def test_the_tuning_scenes_are_the_default() -> None:
-    assert study_scenes(()) == [f"tuning-{i}" for i in range(1, 7)]
-    assert study_scenes(["case-2"]) == ["case-2"]
-    every = study_scenes(["all"])
-    assert len(every) == 14
-    assert set(every) == set(scene_names()) - {"demo", "demo-unseen"}

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from benchmarks.objective import STUDIES, ObjectiveOptions, run_objective
-from benchmarks.objective_cost import cost_table, run_cost, run_throughput
+from benchmarks.objective_cost import run_cost, run_throughput
 from benchmarks.objective_noise import run_noise
 from benchmarks.objective_ranks import Ranks, rank_table, run_ranks
-from benchmarks.objective_scenes import SCENES, TuningPlot, tuning_plot
+from benchmarks.objective_scenes import TuningPlot, tuning_plot
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.planning.objective.evaluation import Evaluation, StageCost
@@ -49,13 +49,6 @@ def plot() -> TuningPlot:
     )
 
 
-def test_the_cost_table_has_medians() -> None:
-    table = cost_table({"draft": [evaluation(0.1, 5.0), evaluation(0.1, 7.0), evaluation(0.1, 6.0)]})
-    assert table.rows == (
-        ("Mapping", "5.00"), ("Scoring", "1.00"), ("everything", "6.00"), ("allowed", "5"),
-    )  # fmt: skip
-
-
 def test_ranks_are_correlated() -> None:
     ranks = Ranks("s", (0.01, 0.02, 0.03), (0.02, 0.01, 0.03), ((0.01, 0.012), (0.02, 0.022)), (1.0, 2.0))
     assert ranks.spearman == pytest.approx(0.5)
@@ -64,11 +57,6 @@ def test_ranks_are_correlated() -> None:
     (row,) = rank_table([ranks], ("draft", "fine")).rows
     assert row[:3] == ("s", "0.50", "10.0–30.0")
     assert row[6] == "0.14"
-
-
-def test_the_scenes_measured_on_are_tuning_scenes() -> None:
-    assert all(name.startswith("tuning-") for name in SCENES)
-    assert all(find_scene(name).is_file() for name in SCENES)
 
 
 @pytest.mark.slow

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.depth_images import DepthError, depth_image
-from benchmarks.paper import BASELINES, TESTS, PaperOptions, Plans, depth_table, distance_table
+from benchmarks.depth_images import depth_image
+from benchmarks.paper import BASELINES, TESTS, PaperOptions, Plans, distance_table
 from benchmarks.planner_transfer import Carried
 from fieldkit.cache import StageCache
 from fieldkit.geometry import Intrinsics, Pose
@@ -30,12 +30,6 @@ def test_ratios_are_to_the_best_baseline_of_the_plot() -> None:
     assert rows["bosfm"][1] == "0.50"  # it is no baseline here
     assert rows["field, carried"] == (None, None, "0.300", "1.20")
     assert rows["the paper's BOSfM"] == (None, "0.84", None, "0.87")
-
-
-def test_both_countings_of_the_depth_error_are_told() -> None:
-    error = DepthError(0.0712, 0.1934, 100, 60, 50)
-    (row,) = depth_table("MAE", {"case-1": {"circle": error}}).rows
-    assert row == ("circle", "0.193 / 0.071")
 
 
 def test_what_is_run(tmp_path: Path) -> None:

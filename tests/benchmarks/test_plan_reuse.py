@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from benchmarks.plan_reuse import (
     PLANNED,
     rescored,
-    reuse_table,
     ring_plan,
     run_plan_reuse,
     slope_ways,
@@ -116,17 +113,6 @@ def test_ways_are_scored_on_a_slope() -> None:
     level = float(rows[0]["distance_m"])
     assert abs(best["shifted, pitch sheared"] - level) < 0.1 * level
     assert "10 % across" in ways_table(rows).markdown()
-
-
-def test_the_table_of_plots() -> None:
-    found = Evaluation(
-        value_m=0.012, chamfer_m=0.015, accuracy_m=0.010, completeness_m=0.005, f_scores={0.01: 0.91}, images=13,
-        registered=13, right=12, models=1, points=1000, cloud_digest="", views=(),
-    )  # fmt: skip
-    lost = replace(found, value_m=0.024, chamfer_m=None, accuracy_m=None, completeness_m=None, f_scores={0.01: 0.0})
-    told = reuse_table({PLANNED: [found], "other plants": [lost]}).markdown()
-    assert f"| {PLANNED} | 12.0 of 13 | 12.00 | 1.00 | 10.00 | 5.00 | 0.910 |" in told
-    assert "| other plants | 12.0 of 13 | 24.00 | 2.00 |" in told
 
 
 def test_leaves_of_other_rows_are_neither_right_nor_wrong() -> None:

@@ -61,17 +61,6 @@ def test_methods_are_compared_with_the_best_baseline_and_with_bosfms_end() -> No
     assert rows["field"][minutes] == "10"
 
 
-def test_our_own_methods_alone_have_no_baseline() -> None:
-    (row,) = compare_table("plot", [ran("field", 0, [7.5, 5.0], 4.8)]).rows
-    assert row[6] == "–"
-
-
-def test_a_method_without_any_cloud_has_dashes() -> None:
-    lost = replace(ran("geometric", 0, [None], 200.0), right=0.0, accuracy_m=float("nan"), completeness_m=float("nan"))
-    (row,) = compare_table("plot", [lost]).rows
-    assert (row[4], row[5], row[7], row[8]) == ("–", "200.00", "–", "–")
-
-
 def test_carried_plans_are_compared_with_what_is_optimised_there() -> None:
     own = ran("field", 0, [5.0], 4.0)
     carried = [

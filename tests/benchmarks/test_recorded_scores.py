@@ -10,15 +10,12 @@ import pytest
 
 import benchmarks.recorded_scores as module
 from benchmarks.proxy_scores import rank_correlations, rank_table, run_proxy, value_table, view_sets
-from benchmarks.recorded_scores import largest_gap_deg, run_recorded, split_rig, summary_table, witnessed_cloud
-from benchmarks.subset_plots import Subset, draw_subsets
+from benchmarks.recorded_scores import largest_gap_deg, run_recorded, split_rig, witnessed_cloud
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
-from fieldkit.clouds import Cloud, chamfer_distance
-from fieldkit.clouds.volume import Volume
+from fieldkit.clouds import chamfer_distance
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.priors import SourceFrame
-from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation, StageCost
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -33,14 +30,6 @@ SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
 def evaluation(value: float, cpu_s: float = 4.0, right: int = 12) -> Evaluation:
     times = (StageCost("Mapping", cpu_s - 1.0, 0.0), StageCost("Scoring", 1.0, 0.0))
     return Evaluation(value, value, 0.5 * value, 0.5 * value, {}, 13, 13, right, 1, 100, "", (), times=times)
-
-
-def test_a_summary_has_a_row_for_each_truth() -> None:
-    found = {"witnesses": [evaluation(0.002), evaluation(0.004, 5.0)], "all views": [evaluation(0.003)] * 2}
-    first, second, every = summary_table(found, evaluation(0.001, right=13)).rows
-    assert first == ("witnesses", 2, "3.00 (2.00–4.00)", "1.00", "12.0 of 13", "4.5 (4.0–5.0)", "5")
-    assert second == ("all views", 2, "3.00", "0.00", "12.0 of 13", None, None)
-    assert every[:3] == ("witnesses, all candidates", 1, "1.00")
 
 
 def test_the_widest_gap() -> None:
@@ -100,18 +89,6 @@ def test_rank_correlations_and_values() -> None:
     assert ranks["photographs"]["proxy"] == pytest.approx(0.5)
     assert rank_table(ranks).rows[0] == ("photographs", "1.00", "0.50")
     assert value_table(["a", "b", "c"], found).rows[2] == ("c", "3.00", "3.00 (12 of 13)")
-
-
-def test_the_picture_is_drawn_from_what_it_shows() -> None:
-    rng = np.random.default_rng(0)
-    cloud = Cloud(rng.uniform(-0.1, 0.1, (500, 3)), np.full((500, 3), (40, 150, 40), np.uint8))
-    centers = np.array([(np.cos(a), np.sin(a), 0.5) for a in np.linspace(0, 6, 12)])
-    volume = Volume((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1))
-    subsets = [Subset("best", cloud, [0, 3], 0.001), Subset("worst", cloud, [1, 2], 0.004)]
-    first = png(draw_subsets(centers, subsets, [0.001, 0.002, 0.004], volume))
-    assert first == png(draw_subsets(centers, subsets, [0.001, 0.002, 0.004], volume))
-    moved = [subsets[0], Subset("worst", cloud, [1, 5], 0.004)]
-    assert first != png(draw_subsets(centers, moved, [0.001, 0.002, 0.004], volume))
 
 
 @needs_data

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,12 +15,9 @@ from benchmarks.score_prediction import (
     checked,
     fit,
     left_out,
-    model_table,
     names,
-    plot_table,
-    stored_plots,
 )
-from benchmarks.scored_captures import FITTED, HELD_OUT, designs, read_captures
+from benchmarks.scored_captures import FITTED, HELD_OUT, designs
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.prediction import FLOORS, PredictionModel, predict
 
@@ -72,16 +68,6 @@ class TestFit:
 
 
 class TestTables:
-    def test_counts(self) -> None:
-        model, _ = fit(law(4, 4, seed=8))
-        plots = law(2, 3, seed=9)
-        checks = checked(plots, model)
-        table = check_table({"new": checks, "none": []})
-        assert table.rows[0][:2] == ("new", 6)
-        assert table.rows[1][1:3] == (0, 0)
-        assert len(plot_table(checks).rows) == 6
-        assert len(model_table(model).rows) == len(model.features)
-
     def test_order_is_that_of_the_truth(self) -> None:
         plots = law(1, 5, seed=10)
         checks = [Check(plot, plot.chamfer_m, 0.0, 1.0) for plot in plots]
@@ -99,7 +85,3 @@ class TestDesigns:
     def test_more_of_them_contain_fewer(self) -> None:
         few, many = designs(2, 1), designs(3, 2)
         assert set(few) <= set(many)
-
-    def test_an_empty_folder(self, tmp_path: Path) -> None:
-        assert list(read_captures(tmp_path)) == []
-        assert stored_plots(tmp_path) == ([], 0)

@@ -15,7 +15,6 @@ from benchmarks.campaign import STUDIES as CAMPAIGN_STUDIES
 from benchmarks.cloud_scores import leaves, run_clouds
 from benchmarks.dense_stereo import DISTANCES_M, dense_table, measure
 from benchmarks.engine import SPEED, STUDIES, EngineOptions, run_engine
-from benchmarks.full_evaluation import Side, stage_table, summary
 from benchmarks.mappings import run_mappings
 from benchmarks.missions import STUDIES as MISSION_STUDIES
 from benchmarks.objective import STUDIES as OBJECTIVE_STUDIES
@@ -24,19 +23,14 @@ from benchmarks.planner import STUDIES as PLANNER_STUDIES
 from benchmarks.references import ReferenceResult, recall_of, reference_table
 from benchmarks.result import ResultTable, StudyResult, spread
 from benchmarks.scaling import Cost, cost_table, process_cost
-from benchmarks.startup import COMMANDS, run_startup
-from benchmarks.subset_scores import score_row
 from fieldkit.cache import StageCache
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import UsageError
-from fieldkit.evaluation.conversion import plot_evaluation
 from fieldkit.geometry import Intrinsics
-from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.simulate import camera_toml
-from tests.evaluation.examples import reconstruction
 from tests.reconstruction.dense.planes import SIZE, Plane, photograph, ring
 
 
@@ -54,11 +48,6 @@ class TestResult:
         assert spread([3.0, 3.0], 0) == "3"
         assert spread([None, 2.0]) == "2.0"
         assert spread([None]) == "–"
-
-    def test_plain_is_json(self) -> None:
-        result = StudyResult("n", "t", figures={"x": np.float64(1.5)}, pictures={"a.png": b"123"})
-        assert json.loads(json.dumps(result.as_dict()))["figures"] == {"x": 1.5}
-        assert result.as_dict()["pictures"] == ["a.png"]
 
     def test_a_skipped_study_says_why(self) -> None:
         assert "Not measured: no data" in StudyResult("n", "t", skipped="no data").markdown()
@@ -96,19 +85,6 @@ def test_dense_measures_both_methods() -> None:
         assert run.points > 0
     assert runs[0].f_score[0.010] > 0.95
     assert [row[0] for row in dense_table(runs).rows] == ["plane", "plane"]
-
-
-def test_the_evaluations_tables() -> None:
-    ours = Side("fieldkit", {"Features": 2.0, "Scoring": 0.5}, 10.0, 10, 10, 0.004, 0.95, 0.003, 0.97)
-    theirs = Side("other", {"Features": 60.0, "Matching": 10.0}, 80.0, 3, 2, error="3 of 10")
-    results = {"scene": (ours, theirs)}
-    first, second = summary(results).rows
-    assert first[:7] == ("scene", "fieldkit", "10 of 10", "10.0", "1.0", "0.950", "4.00")
-    assert second[:7] == ("scene", "other", "2 of 10", "80.0", "8.0", None, None)
-    stages = {row[0]: row[1:] for row in stage_table(results).rows}
-    assert stages["Features"] == ("2.00", "60.00")
-    assert stages["Matching"] == (None, "10.00")
-    assert stages["everything"] == ("10.00", "80.00")
 
 
 class TestScaling:
@@ -150,27 +126,6 @@ class TestReferences:
         assert recall_of(moved, known)[0.002] > 0.999
         half = known.select(known.points[:, 0] < np.median(known.points[:, 0]))
         assert recall_of(known, half)[0.002] < 0.7
-
-
-def test_row_of_a_scored_plot() -> None:
-    plot = plot_evaluation(
-        "north", reconstruction(), ReconstructionSettings(), score=None, seconds=3.0, cpu_seconds=2.4
-    )
-    scored = plot.model_copy(
-        update={"chamfer_m": 0.009, "accuracy_m": 0.004, "completeness_m": 0.005,
-                "f_score": {"0.002": 0.5, "0.005": 0.75, "0.010": 0.9375}}
-    )  # fmt: skip
-    row = score_row("rig", scored, refine=True)
-    assert row[:4] == ("rig", "north", "ICP", "6 of 8")
-    assert row[4:10] == ("9.00", "4.00", "5.00", "0.500", "0.750", "0.938")
-    failed = plot.model_copy(update={"chamfer_m": None, "accuracy_m": None, "completeness_m": None, "f_score": None})
-    assert score_row("rig", failed, refine=False)[4:10] == (None,) * 6
-
-
-def test_startup_measures_every_command() -> None:
-    result = run_startup(1, progress=Silent())
-    assert set(result.figures["medians_s"]) == set(COMMANDS)
-    assert all(value > 0 for value in result.figures["ratios"].values())
 
 
 def test_camera_toml_reads_back(tmp_path: Path) -> None:
