@@ -92,7 +92,7 @@ def next_plans(
     make = partial(_next_plan, vehicle, growth, seed)
     items = [(campaign.carried_plan(plot.name), plot, *found)
              for plot, found in zip(campaign.site.plots, known, strict=True)]  # fmt: skip
-    with progress.stage("Planning the next visit", len(items), workers=workers) as advance:
+    with progress.stage("Planning the next visit", len(items)) as advance:
         return tuple(map_parallel(make, items, workers=workers, advance=advance))
 
 

@@ -112,7 +112,7 @@ def evaluate_campaign(
         todo = [job for job in jobs if (job.plot.name, job.date) not in same]
         try:
             weights = [1.0] * len(kept) + [float(len(job.photos)) for job in todo]
-            with progress.stage("Visits", len(weights), weights=weights, workers=workers) as advance:
+            with progress.stage("Visits", len(weights), weights=weights) as advance:
                 advance(len(kept))
                 evaluated = _evaluated(folder, todo, context, advance)
         finally:

@@ -33,7 +33,7 @@ class Lines:
 
     @contextmanager
     def stage(
-        self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None, workers: int = 1
+        self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None
     ) -> Iterator[Advance]:
         """A stage in plain lines."""
         start = shown = time.monotonic()
@@ -78,7 +78,7 @@ def _bars() -> Iterator[Progress]:
         class Bars:
             @contextmanager
             def stage(
-                self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None, workers: int = 1
+                self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None
             ) -> Iterator[Advance]:
                 count = 0
 

@@ -134,9 +134,9 @@ def _references(
     ]
     buildings = [Building(dense[plot], reference_folder(folder, plot), seed, cache) for plot in plots]
     (folder / "truth").mkdir()
-    with progress.stage("Dense captures of two plots", len(plots), workers=workers) as advance:
+    with progress.stage("Dense captures of two plots", len(plots)) as advance:
         map_parallel(photograph, shootings, workers=workers, advance=advance)
-    with progress.stage("Their references", len(plots), workers=workers) as advance:
+    with progress.stage("Their references", len(plots)) as advance:
         return dict(zip(plots, map_parallel(build, buildings, workers=workers, advance=advance), strict=True))
 
 
@@ -189,9 +189,9 @@ def _captures_and_scores(
         Scoring(folder / "captures" / plot, reference_folder(folder, plot), folder / f"evaluation-{plot}", seed, cache)
         for plot in plots
     ]
-    with progress.stage("Captures of both plots", len(shootings), workers=workers) as advance:
+    with progress.stage("Captures of both plots", len(shootings)) as advance:
         map_parallel(photograph, shootings, workers=workers, advance=advance)
-    with progress.stage("Scores", len(scorings), workers=workers) as advance:
+    with progress.stage("Scores", len(scorings)) as advance:
         return dict(zip(plots, map_parallel(evaluate, scorings, workers=workers, advance=advance), strict=True))
 
 

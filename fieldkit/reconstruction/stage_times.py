@@ -23,11 +23,11 @@ class StageTimer:
 
     @contextmanager
     def stage(
-        self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None, workers: int = 1
+        self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None
     ) -> Iterator[Advance]:
         """See `Progress`."""
         wall, cpu = time.perf_counter(), processor_seconds()
-        with self._progress.stage(name, total, weights=weights, workers=workers) as advance:
+        with self._progress.stage(name, total, weights=weights) as advance:
             yield advance
         before = self._times.get(name, StageTime(name=name, wall_s=0.0, cpu_s=0.0, items=0, cached=0))
         self._times[name] = StageTime(

@@ -13,12 +13,11 @@ class Progress(Protocol):
     """Receives the stages of a run as they happen."""
 
     def stage(
-        self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None, workers: int = 1
+        self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None
     ) -> AbstractContextManager[Advance]:
         """A stage of ``total`` steps (None: unknown); the callable it yields advances by n steps.
 
-        Where steps are not alike, ``weights`` (total,) tell the work of each in the order they are done. ``workers``
-        are in work side by side. The time left goes by both.
+        Where steps are not alike, ``weights`` (total,) tell the work of each in the order they are done.
         """
         ...
 
@@ -32,7 +31,7 @@ class Silent:
 
     @contextmanager
     def stage(
-        self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None, workers: int = 1
+        self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None
     ) -> Iterator[Advance]:
         """A stage that is not shown."""
         yield _ignore

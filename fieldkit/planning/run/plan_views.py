@@ -157,5 +157,5 @@ def _confirmed(
 ) -> list[Finalist]:
     if watch is not no_watch:
         return evaluate_again(evaluations, run, trials, watch=watch)
-    with context.progress.stage("Confirming", len(trials) * run.settings.repeats, workers=context.workers) as advance:
+    with context.progress.stage("Confirming", len(trials) * run.settings.repeats) as advance:
         return evaluate_again(evaluations, run, trials, watch=lambda _: advance(1))

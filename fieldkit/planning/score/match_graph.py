@@ -38,7 +38,7 @@ def match_graph(source: RecordedSource, features: FeatureSettings, context: Cont
     names = [view.name for view in source.views]
     cameras = cameras_of(source.capture, source.plot.calibrated)
     photos = {photo.name: photo for photo in source.capture.photos}
-    with progress.stage("Features", len(names), workers=workers) as advance:
+    with progress.stage("Features", len(names)) as advance:
         keyed = load_features(
             [photos[name] for name in names], features, cache=source.cache, workers=workers, advance=advance
         )
@@ -58,7 +58,7 @@ def match_graph(source: RecordedSource, features: FeatureSettings, context: Cont
     centers = np.array([pose.center for pose in poses])
     near = np.argwhere(np.triu(view_angles_deg(centers, np.array(source.plot.volume.center)) <= _WIDEST_DEG, 1))
     matches = np.zeros((len(names), len(names)))
-    with progress.stage("Match graph", len(near), workers=workers) as advance:
+    with progress.stage("Match graph", len(near)) as advance:
         counts = map_threads(
             lambda pair: _above_chance(posed[pair[0]], posed[pair[1]], region), near.tolist(), workers=workers,
             advance=advance,

@@ -92,7 +92,7 @@ def compute_depth_maps(
         for i in count
     ]
     results: list[Planes] = []
-    with progress.stage("depth maps", len(weights), weights=weights, workers=workers) as advance:
+    with progress.stage("depth maps", len(weights), weights=weights) as advance:
         for level in range(levels, -1, -1):
             if results:
                 keys = [digest(_VERSION, "finer", key) for key in keys]

@@ -37,7 +37,7 @@ _FEW_FEATURES = 50
 
 def verified_pairs(inputs: Inputs, belief: Belief, wanted: Sequence[Pair], *, calibrated: bool) -> dict[Pair, TwoView]:
     """Those of the pairs (of indices of photographs) that blind matching verifies."""
-    with inputs.progress.stage("Matching", len(wanted), workers=inputs.workers) as advance:
+    with inputs.progress.stage("Matching", len(wanted)) as advance:
         verified, _ = load_pairs(
             inputs.keyed, belief.cameras.cameras, belief.cameras.camera_of, wanted, inputs.settings.verification,
             calibrated=calibrated, seed=inputs.settings.seed, cache=inputs.cache, workers=inputs.workers,

@@ -62,7 +62,7 @@ def map_capture(
             path=capture.folder,
             remedy="Add the other photographs of the plot to the folder.",
         )
-    with progress.stage("Features", len(capture.photos), workers=workers) as advance:
+    with progress.stage("Features", len(capture.photos)) as advance:
         features = load_features(capture.photos, settings.features, cache=cache, workers=workers, advance=advance)
     inputs = Inputs(capture, settings, features, cache, progress, workers, region)
     belief = Belief(cameras, known)
