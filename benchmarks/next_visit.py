@@ -157,9 +157,7 @@ def _visited(name: str, description: SceneDescription, plan: Plan) -> Visited:
 
 def _objective(description: SceneDescription, *, refine: bool) -> Objective:
     missed = flight_noise(None)
-    noise = CaptureNoise(
-        position_m=missed["pose_m"], angle_deg=missed["pose_deg"], image_sigma=description.noise.image_sigma
-    )
+    noise = CaptureNoise(position_m=missed.pose_m, angle_deg=missed.pose_deg, image_sigma=description.noise.image_sigma)
     return Objective(SimulatedSource.from_description(description, noise), ObjectiveSettings(refine=refine))
 
 

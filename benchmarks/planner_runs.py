@@ -20,7 +20,7 @@ from fieldkit.planning.run.outcome import Outcome, best_so_far, read_outcome
 from fieldkit.planning.run.plan_views import plan_views, resume_plan
 from fieldkit.planning.run.request import KIND_CONFIRMED, KIND_METHOD, RECORDED_CONFIRMED
 from fieldkit.planning.run.run_setup import describe_sources
-from fieldkit.planning.settings import GivenPlot, NoiseSettings, SearchSettings, lag_for
+from fieldkit.planning.settings import GivenPlot, SearchSettings, lag_for
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.plan import Plan, PlanSource
 from fieldkit.results.plan_file import PLAN_FILE, load_plan
@@ -206,7 +206,7 @@ def _purpose(contender: Contender, place: Place) -> dict[str, Any]:
     if place.source.kind == "captures":
         return {"plots": contender.plots, **RECORDED_CONFIRMED}
     confirmed = KIND_CONFIRMED if contender.method == KIND_METHOD else {}
-    return {"plots": contender.plots, "noise": NoiseSettings(**flight_noise(None)), "refine": True, **confirmed}
+    return {"plots": contender.plots, "noise": flight_noise(None), "refine": True, **confirmed}
 
 
 def _refuse_another(output: Path, settings: SearchSettings) -> None:

@@ -12,6 +12,8 @@ Fidelity = Literal["draft", "standard", "fine", "full"]
 """Size of the depth maps."""
 SearchFidelity = Literal["draft", "standard", "fine"]
 """The same in a search, where photographs are never taken at their full size."""
+PlanningMethod = Literal["score", "field", "bosfm", "circle", "uniform"]
+"""What looks for cameras: planning/methods/registry.py has what each needs."""
 Mask = Literal["exg", "none", "file"]
 """What counts as plants: what is green (excess green index), everything, or what masks show."""
 

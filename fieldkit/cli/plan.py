@@ -9,7 +9,6 @@ from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, emit_json
 from fieldkit.cli.option_groups import grouped
 from fieldkit.cli.plan_options import (
     EnvelopeOptions,
-    NoiseOptions,
     PlotOptions,
     RunOptions,
     SearchOptions,
@@ -30,7 +29,6 @@ def command(
     output: OutputOption,
     plot: PlotOptions,
     search: SearchOptions,
-    noise: NoiseOptions,
     envelope: EnvelopeOptions,
     run: RunOptions,
     as_json: JsonOption = False,
@@ -48,7 +46,7 @@ def command(
         fieldkit plan --reference plot_7-reference --vehicle ardupilot-pitch --pose-noise from:flight_1 -o plot_7-plan
         fieldkit plan --captures plot_7/ --reference plot_7-reference -n 13 -o plot_7-best-views
         fieldkit plan --scene case-1 --for this-plot -o case-1-plan
-        fieldkit plan --scene case-1 --preset paper --evaluations 200 -o case-1-paper
+        fieldkit plan --scene case-1 --method bosfm --mapping incremental --evaluations 200 -o case-1-paper
         fieldkit plan --resume --evaluations 150 -o plot_7-plan
 
     Files:
@@ -65,7 +63,7 @@ def command(
     See Also:
         fieldkit reference, fieldkit export-mission, fieldkit simulate
     """
-    request = plan_request(plot, search, noise, envelope, run)
+    request = plan_request(plot, search, envelope, run)
     if run.resume and run.overwrite:
         raise UsageError("--resume goes on with what --overwrite would replace", remedy="Give one of them.")
     settings, outcome = _planned(output, request, run, as_json=as_json)

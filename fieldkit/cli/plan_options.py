@@ -12,15 +12,13 @@ from fieldkit.cli.common import RUN, SEED, OverwriteOption, ResumeOption, scenes
 from fieldkit.cli.numbers import read_numbers, read_pose_noise
 from fieldkit.cli.reconstruction_options import WorkersOption
 from fieldkit.errors import UsageError
-from fieldkit.vocabulary import MappingName, SearchFidelity
+from fieldkit.vocabulary import MappingName, PlanningMethod, SearchFidelity
 
 if TYPE_CHECKING:
     from fieldkit.planning.run.request import PlanRequest
 
 _FROM = "from:"
 _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0}
-Preset = Literal["field", "paper"]
-Method = Literal["score", "field", "bosfm", "circle", "uniform"]
 Purpose = Literal["kind", "this-plot"]
 
 
@@ -73,18 +71,12 @@ class SearchOptions:
     cameras: Annotated[
         int | None, Option("--cameras", "-n", rich_help_panel="Options", min=3, max=200, help="N; 10 where not given.")
     ] = None
-    preset: Annotated[
-        Preset | None, Option("--preset", help="paper: Algorithm 1, blind incremental mapping, 50 initial.")
+    method: Annotated[
+        PlanningMethod | None,
+        Option("--method", help="score where plans are for a kind and nothing of a search is given, else field."),
     ] = None
-    method: Annotated[Method | None, Option("--method", help="Instead of the preset's.")] = None
     evaluations: Annotated[int | None, Option("--evaluations", min=1, help="At most; 100 where not given.")] = None
-    at_least: Annotated[
-        int | None, Option("--at-least", min=0, help="Evaluations before the search may end itself.")
-    ] = None
-    initial: Annotated[int | None, Option("--initial", min=1, help="Trials before a model is asked.")] = None
-    time_budget_s: Annotated[
-        str, Option("--time-budget", metavar="TIME", help="No trial starts later: 600, 10m, 2h.")
-    ] = ""
+    time_budget: Annotated[str, Option(metavar="TIME", help="No trial starts later: 600, 10m, 2h.")] = ""
     fidelity: Annotated[
         SearchFidelity | None, Option("--fidelity", help="Of the search; standard where not given.")
     ] = None
@@ -93,59 +85,26 @@ class SearchOptions:
     ] = None
     finalists: Annotated[int | None, Option("--finalists", min=1, help="Evaluated again at fresh seeds.")] = None
     repeats: Annotated[int | None, Option("--repeats", min=0, help="Fresh seeds for each; 0: no confirmation.")] = None
-    weights: Annotated[
-        str,
-        Option("--weights", metavar="GAP,NOISE,TIE", help="Of the geometric score's terms."),
-    ] = ""
     heights: Annotated[
         bool | None,
         Option(
-            "--heights/--no-heights",
-            help="Leave room above the plants in the pictures, as plants' heights need it.",
+            "--heights/--no-heights", help="Leave room above the plants in the pictures, as plants' heights need it."
         ),
     ] = None
     mapping: Annotated[MappingName | None, Option("--mapping", help="Of the evaluations.")] = None
-
-    def values(self) -> dict[str, Any]:
-        """By the keys of `SearchSettings`; None where nothing is given."""
-        return asdict(self) | {
-            "time_budget_s": _seconds(self.time_budget_s) if self.time_budget_s else None,
-            "weights": read_numbers("--weights", self.weights, (3,)) if self.weights else None,
-        }
-
-
-@dataclass(frozen=True)
-class NoiseOptions:
-    """What a plan shall survive."""
-
-    panel: ClassVar[str] = "Noise to plan for"
-
-    pose: Annotated[
+    pose_noise: Annotated[
         str,
         Option(
-            "--pose-noise",
             metavar="M,DEG",
             help="Plan for flights that miss stations by this; from:EVAL as one. For a kind: the vehicle's; 0,0: none.",
         ),
     ] = ""
-    image_grey: Annotated[
-        float | None, Option("--image-noise", metavar="GREY", min=0, help="Plan for noise of this size.")
-    ] = None
-    wind_m: Annotated[
-        float | None, Option("--wind", metavar="M", min=0, max=0.2, help="Plan for leaves that sway by this.")
-    ] = None
-    refine: Annotated[
-        bool | None,
-        Option(
-            "--refine/--no-refine",
-            help="Move clouds onto the reference before they are scored; of a kind's plots they are.",
-        ),
-    ] = None
 
     def values(self) -> dict[str, Any]:
-        """By the keys of `NoiseSettings`; None where nothing is given."""
-        pose_m, pose_deg = _pose_noise(self.pose) if self.pose else (None, None)
-        return {"pose_m": pose_m, "pose_deg": pose_deg, "image_grey": self.image_grey, "wind_m": self.wind_m}
+        """By the keys of `SearchSettings`; None where nothing is given."""
+        values = asdict(self)
+        time_budget, _ = values.pop("time_budget"), values.pop("pose_noise")
+        return values | {"time_budget_s": _seconds(time_budget) if time_budget else None}
 
 
 @dataclass(frozen=True)
@@ -154,14 +113,10 @@ class EnvelopeOptions:
 
     panel: ClassVar[str] = "Where cameras may be"
 
-    margin_m: Annotated[
-        float | None, Option("--margin", metavar="M", min=0, help="Beyond the plants, for cameras.")
-    ] = None
-    height_m: Annotated[str, Option("--height", metavar="LOW,HIGH", help="Above the ground, metres.")] = ""
+    height: Annotated[str, Option(metavar="LOW,HIGH", help="Above the ground, metres.")] = ""
     clearance_m: Annotated[float | None, Option("--clearance", metavar="M", min=0, help="From cameras to plants.")] = (
         None
     )
-    pitch_deg: Annotated[str, Option("--pitch", metavar="LOW,HIGH", help="Of the gimbal, degrees.")] = ""
     vehicle: Annotated[
         str | None,
         Option(
@@ -174,17 +129,11 @@ class EnvelopeOptions:
     camera_file: Annotated[
         Path | None, Option("--camera-file", help="camera.toml: instead of the vehicle's or the scene's.")
     ] = None
-    separation_m: Annotated[float | None, Option("--separation", metavar="M", min=0, help="Between stations.")] = None
 
     def values(self) -> dict[str, Any]:
         """By the keys of `EnvelopeSettings`; None where nothing is given."""
-        return {
-            "margin_m": self.margin_m,
-            "height_m": read_numbers("--height", self.height_m, (2,)) if self.height_m else None,
-            "clearance_m": self.clearance_m,
-            "pitch_deg": read_numbers("--pitch", self.pitch_deg, (2,), least=-90.0) if self.pitch_deg else None,
-            "separation_m": self.separation_m,
-        }
+        height_m = read_numbers("--height", self.height, (2,)) if self.height else None
+        return {"height_m": height_m, "clearance_m": self.clearance_m}
 
 
 @dataclass(frozen=True)
@@ -202,22 +151,22 @@ class RunOptions:
     overwrite: OverwriteOption = False
 
 
-def plan_request(
-    plot: PlotOptions, search: SearchOptions, noise: NoiseOptions, envelope: EnvelopeOptions, run: RunOptions
-) -> PlanRequest:
+def plan_request(plot: PlotOptions, search: SearchOptions, envelope: EnvelopeOptions, run: RunOptions) -> PlanRequest:
     """What was given, for the settings of a run.
 
     Raises:
         UsageError: a value is not written as its option takes it.
         InputError: what a value is to be taken from cannot be read.
     """
-    more = {"plots": plot.plots, "seed": run.seed, "refine": noise.refine}
-    values = search.values() | more, noise.values(), envelope.values()
+    pose_m, pose_deg = _pose_noise(search.pose_noise) if search.pose_noise else (None, None)
+    values = search.values() | {"plots": plot.plots, "seed": run.seed}
+    limits = envelope.values()
     from fieldkit.planning.run.request import PlanRequest
 
     return PlanRequest(
-        *values, scenes=tuple(plot.scenes or ()), references=tuple(plot.references or ()), captures=plot.captures,
-        images=tuple(plot.images or ()), vehicle=envelope.vehicle, camera=envelope.camera_file, purpose=plot.purpose,
+        values, {"pose_m": pose_m, "pose_deg": pose_deg}, limits, scenes=tuple(plot.scenes or ()),
+        references=tuple(plot.references or ()), captures=plot.captures, images=tuple(plot.images or ()),
+        vehicle=envelope.vehicle, camera=envelope.camera_file, purpose=plot.purpose,
     )  # fmt: skip
 
 

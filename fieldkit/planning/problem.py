@@ -19,6 +19,9 @@ from fieldkit.planning.space.plots import Plot
 from fieldkit.planning.space.projection import project
 from fieldkit.planning.space.ranges import Ranges
 
+POSE_NOISE_M = 0.010
+"""Usual standard deviation of a commanded position: the simulated source's claim, and RTK's error (docs/objective.md).
+"""
 _LEAST = 3
 _SAMPLE_STREAM = 31
 
@@ -37,6 +40,7 @@ class PlanningProblem:
         exact: whether a set has the same value at every seed.
         unmet: further plots of the kind, numbered after ``plots``, on which finalists are only confirmed.
         heights: whether room above the plants shall be in the pictures (`CostModel.cost_m`).
+        pose_noise_m: standard deviation of a commanded position.
 
     Raises:
         UsageError: fewer than three cameras, more cameras than views, or matches of another number of views.
@@ -51,6 +55,7 @@ class PlanningProblem:
     exact: bool = False
     unmet: tuple[Plot, ...] = ()
     heights: bool = False
+    pose_noise_m: float = POSE_NOISE_M
 
     def __post_init__(self) -> None:
         views = 0 if self.views is None else len(self.views)

@@ -16,7 +16,6 @@ from fieldkit.results.fields import Count, Length, Strict
 from fieldkit.results.plan import PlanSource
 from fieldkit.vocabulary import MappingName, SearchFidelity
 
-Preset = Literal["field", "paper"]
 Range = tuple[float, float]
 
 HIGHEST_M = 50.0
@@ -71,7 +70,9 @@ class NoiseSettings(Strict):
     """The noise that a plan must survive; none by default."""
 
     pose_m: Length = 0.0
-    """Standard deviation of each coordinate of a position."""
+    """Standard deviation of each coordinate of a position, in evaluations."""
+    expected_m: Length | None = None
+    """The same, as the geometric score expects it: what was asked for; null takes the score's own 1 cm."""
     pose_deg: Length = 0.0
     """Of yaw and pitch."""
     image_grey: Length = 0.0
@@ -126,7 +127,6 @@ class SearchSettings(Strict):
     vehicle: SearchVehicle | None = None
     """The plan's vehicle; its limits are in ``envelope``."""
     method: str
-    preset: Preset = "field"
     seed: Count = 0
     evaluations: Annotated[int, Field(ge=1)] = 100
     """Limit of the search; confirmations of the finalists come on top."""

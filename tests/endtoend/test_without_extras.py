@@ -57,7 +57,7 @@ def test_only_searches_import_it() -> None:
     }
 
 
-@pytest.mark.parametrize("method", [["--method", "field"], ["--preset", "paper"], ["--for", "this-plot"]])
+@pytest.mark.parametrize("method", [["--method", "field"], ["--method", "bosfm"], ["--for", "this-plot"]])
 def test_a_search_says_what_is_missing_before_it_begins(line: CommandLine, method: list[str]) -> None:
     (line.folder / "tiny.toml").write_text(TINY)
     done = line.run("plan", "--scene", "tiny.toml", *method, "-o", "plan", "--json")

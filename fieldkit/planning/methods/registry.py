@@ -10,6 +10,7 @@ from fieldkit.errors import UsageError
 from fieldkit.planning.problem import Chooser, Method, PlanningProblem
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.runtime.shipped import shipped_page
+from fieldkit.vocabulary import PlanningMethod
 
 CPU_BUILD = "uv pip install torch --torch-backend=cpu"
 _TORCH = ("torch", "gpytorch", "botorch")
@@ -85,11 +86,12 @@ def _uniform(problem: PlanningProblem, settings: SearchSettings) -> Method:
     return Uniform(problem, settings.seed)
 
 
-METHODS: Mapping[str, MethodEntry] = {
+_OWN: dict[PlanningMethod, MethodEntry] = {
     "field": MethodEntry(_field, torch=True, matches=True, weights=True, for_a_kind=True),
     "bosfm": MethodEntry(_bosfm, torch=True),
     "score": MethodEntry(_score, matches=True, weights=True, for_a_kind=True),
     "circle": MethodEntry(_circle),
     "uniform": MethodEntry(_uniform),
 }
+METHODS: Mapping[str, MethodEntry] = dict(_OWN.items())
 """Every method of `fieldkit plan`. Others plug in by the same protocols: `plan_views` takes any such mapping."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from fieldkit.errors import UsageError
-from fieldkit.planning.settings import EnvelopeSettings, SearchSettings, SearchVehicle
+from fieldkit.planning.settings import EnvelopeSettings, NoiseSettings, SearchSettings, SearchVehicle
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.report_files import file_sha256
 from fieldkit.runtime.progress import Progress
@@ -35,10 +35,10 @@ def read_vehicle(name: str | Path) -> tuple[Vehicle, SearchVehicle]:
     return vehicle, SearchVehicle(name=file.stem if own else file.name, title=vehicle.title, sha256=file_sha256(file))
 
 
-def flight_noise(vehicle: Vehicle | None) -> dict[str, float]:
-    """Fields of `NoiseSettings`: how far a vehicle misses its stations; without a vehicle, one with RTK."""
+def flight_noise(vehicle: Vehicle | None) -> NoiseSettings:
+    """How far a vehicle misses its stations; without a vehicle, one with RTK."""
     pose_m = _RTK_M if vehicle is None else min(vehicle.gps_accuracy_m, _ONE_FLIGHT_M)
-    return {"pose_m": pose_m, "pose_deg": _TURNED_DEG}
+    return NoiseSettings(pose_m=pose_m, pose_deg=_TURNED_DEG)
 
 
 def vehicle_envelope(vehicle: Vehicle, given: Mapping[str, Any]) -> dict[str, Any]:

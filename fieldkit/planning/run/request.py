@@ -1,13 +1,13 @@
-"""From a person's request to a run's settings: defaults of the presets, and what may change when a run is resumed."""
+"""From a person's request to a run's settings: its defaults, and what may change when a run is resumed."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from fieldkit import wording
 from fieldkit.captures.camera_file import read_camera_file
@@ -27,51 +27,47 @@ from fieldkit.planning.settings import (
     unchanging,
 )
 from fieldkit.results.plan import PlanSource
+from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.version import __version__
 
-_PRESETS: dict[str, dict[str, Any]] = {
-    "field": {"method": "field"},
-    "paper": {"method": "bosfm", "mapping": "incremental"},
-}
+_METHOD = "field"
 KIND_METHOD = "score"
-KIND_CONFIRMED: dict[str, Any] = {"finalists": 6, "repeats": 3}
+KIND_CONFIRMED: dict[str, int] = {"finalists": 6, "repeats": 3}
 """Plots differ by more than good sets do, so several optima are confirmed on several plots."""
-RECORDED_CONFIRMED: dict[str, Any] = {"finalists": 6, "repeats": 6}
+RECORDED_CONFIRMED: dict[str, int] = {"finalists": 6, "repeats": 6}
 """The withheld matches change a value by more than sets differ; evaluations are cheap."""
 _OF_SEARCHES = ("evaluations", "at_least", "initial", "time_budget_s", "fidelity")
 Paths = Path | Sequence[Path]
+Settings = TypeVar("Settings", bound=BaseModel)
 _DEFAULT_CAMERAS, KIND_PLOTS = 10, 8
 _LIMITS = {
-    "margin_m": "--margin", "height_m": "--height", "clearance_m": "--clearance", "pitch_deg": "--pitch",
-    "separation_m": "--separation",
+    "margin_m": "a margin", "height_m": "--height", "clearance_m": "--clearance", "pitch_deg": "a range of pitch",
+    "separation_m": "a separation",
 }  # fmt: skip
 
 
 @dataclass(frozen=True)
 class PlanRequest:
-    """The options that were given; None for the others.
-
-    Attributes:
-        settings: by the keys of `SearchSettings`.
-        noise: by the keys of `NoiseSettings`. If nothing is given, plans for a kind take the flight's noise of poses.
-        envelope: by the keys of `EnvelopeSettings`.
-        scenes, references, captures: what to plan on; see `describe_sources`.
-        images: folders of the references' photographs, in the same order; none, or one for each.
-        vehicle: a profile's name or file.
-        camera: a camera.toml or camera.json.
-        purpose: "kind" or "this-plot": the plots that the plan is for.
-    """
+    """The options that were given; None for the others."""
 
     settings: Mapping[str, Any]
+    """By the keys of `SearchSettings`."""
     noise: Mapping[str, Any]
+    """By the keys of `NoiseSettings`. If nothing is given, plans for a kind take the flight's noise of poses."""
     envelope: Mapping[str, Any]
+    """By the keys of `EnvelopeSettings`."""
     scenes: tuple[Path, ...] = ()
+    """What to plan on, as ``references`` and ``captures``; see `describe_sources`."""
     references: tuple[Path, ...] = ()
     captures: Path | None = None
     images: tuple[Path, ...] = ()
+    """Folders of the references' photographs, in the same order; none, or one for each."""
     vehicle: str | Path | None = None
+    """A profile's name or file."""
     camera: Path | None = None
+    """A camera.toml or camera.json."""
     purpose: str | None = None
+    """The plots that the plan is for: "kind" or "this-plot"."""
 
 
 def search_settings(
@@ -122,70 +118,82 @@ def new_settings(request: PlanRequest, workers: int) -> SearchSettings:
         InputError: the source, the vehicle or the camera cannot be used.
     """
     (source, path), *others = describe_sources(request.scenes, request.references, request.captures)
-    given = _given(request.settings)
-    envelope = _given(request.envelope)
-    method = given.get("method") or _PRESETS[given.get("preset", "field")]["method"]
-    if _chooses(request, given, source.kind):
-        given |= {"method": (method := KIND_METHOD)}
+    recorded, given = source.kind == "captures", _given(request.settings)
+    method = KIND_METHOD if _chooses(request, given, source.kind) else given.get("method", _METHOD)
     plots = _plots(request.purpose, given.get("plots"), method, 1 + len(others))
-    vehicle = None if request.vehicle is None else read_vehicle(request.vehicle)
-    # Recorded photographs have fixed places.
-    missed = {} if plots == 1 or source.kind == "captures" else flight_noise(None if vehicle is None else vehicle[0])
-    try:
-        noise = NoiseSettings(**(missed | _given(request.noise)))
-    except ValidationError as error:
-        raise _refused(error) from error
-    values: dict[str, Any] = {
-        "fieldkit": __version__,
-        "source": source,
-        "path": str(path),
-        "cameras": _DEFAULT_CAMERAS,
-        "lag": lag_for(workers),
-    }
-    if source.kind == "captures":
-        if request.vehicle is None:  # with one they limit the views
-            _refuse_limits(envelope)
-        if request.references:
-            values["reference_path"] = str(request.references[0].resolve())
-        if plots == 1 and unchanging(source, noise):
-            values["repeats"] = 1
-    images = _images(request, source)
-    values["images_path"] = images[0]
-    values["others"] = tuple(
-        GivenPlot(source=each, path=str(place), images_path=its)
-        for (each, place), its in zip(others, images[1:], strict=True)
-    )
-    if vehicle is not None:
-        profile, values["vehicle"] = vehicle
-        envelope = vehicle_envelope(profile, envelope)
-        if source.kind != "captures":
-            values["camera"] = profile.camera
-    if request.camera is not None:
-        if source.kind == "captures":
-            raise UsageError("recorded photographs have their camera", remedy="Leave --camera-file out.")
-        values["camera"] = _camera(request.camera)
-    if plots > 1 and noise.pose_m:
-        values["refine"] = True  # else the cloud's random shift would outweigh the cameras' places
-    if plots > 1 and source.kind == "captures":
-        values |= RECORDED_CONFIRMED
-    elif plots > 1 and method == KIND_METHOD:
-        values |= KIND_CONFIRMED
-    values |= _PRESETS[given.get("preset", "field")] | given | {"plots": plots}
     for key in ("weights", "heights"):
-        if key in given and not METHODS[values["method"]].weights:
+        if key in given and not METHODS[method].weights:
             raise UsageError(
-                f"--{key} would change nothing: {values['method']} does not go by the geometric score",
+                f"--{key} would change nothing: {method} does not go by the geometric score",
                 remedy=f"Leave it out, or choose one of {', '.join(n for n in METHODS if METHODS[n].weights)}.",
             )
+    vehicle, record = (None, None) if request.vehicle is None else read_vehicle(request.vehicle)
+    if recorded and vehicle is None:  # with one they limit the views
+        _refuse_limits(_given(request.envelope))
+    images = _images(request, source)
     try:
-        return SearchSettings(**values, noise=noise, envelope=EnvelopeSettings(**envelope))
+        # Recorded photographs have fixed places.
+        expected = NoiseSettings() if plots == 1 or recorded else flight_noise(vehicle)
+        asked = _given(request.noise)
+        noise = _changed(expected, asked | ({"expected_m": asked["pose_m"]} if asked.get("pose_m") else {}))
+        envelope = _given(request.envelope)
+        confirmed = _confirmations(plots, method, recorded=recorded, exact=unchanging(source, noise))
+        usual = SearchSettings(
+            fieldkit=__version__,
+            source=source,
+            path=str(path),
+            reference_path=str(request.references[0].resolve()) if recorded and request.references else None,
+            images_path=images[0],
+            others=tuple(
+                GivenPlot(source=each, path=str(place), images_path=its)
+                for (each, place), its in zip(others, images[1:], strict=True)
+            ),
+            cameras=_DEFAULT_CAMERAS,
+            camera=_planned_camera(request.camera, vehicle, recorded=recorded),
+            vehicle=record,
+            method=method,
+            plots=plots,
+            finalists=confirmed[0],
+            repeats=confirmed[1],
+            # Else the cloud's random shift would outweigh the cameras' places.
+            refine=plots > 1 and noise.pose_m > 0,
+            lag=lag_for(workers),
+            noise=noise,
+            envelope=EnvelopeSettings(**(envelope if vehicle is None else vehicle_envelope(vehicle, envelope))),
+        )
+        return _changed(usual, given | {"method": method, "plots": plots})
     except ValidationError as error:
-        raise _refused(error) from error
+        raise UsageError(first_problem(error), remedy="`fieldkit plan --help` explains the options.") from error
+
+
+def _changed(settings: Settings, given: Mapping[str, Any]) -> Settings:
+    """Settings with what was given instead, validated."""
+    return type(settings).model_validate(dict(settings) | dict(given))
+
+
+def _confirmations(plots: int, method: str, *, recorded: bool, exact: bool) -> tuple[int, int]:
+    """Numbers of finalists and of repeats, where nobody gives them."""
+    usual = SearchSettings.model_fields
+    if plots == 1:
+        return usual["finalists"].default, 1 if exact else usual["repeats"].default
+    if recorded or method == KIND_METHOD:
+        chosen = RECORDED_CONFIRMED if recorded else KIND_CONFIRMED
+        return chosen["finalists"], chosen["repeats"]
+    return usual["finalists"].default, usual["repeats"].default
+
+
+def _planned_camera(file: Path | None, vehicle: Vehicle | None, *, recorded: bool) -> Intrinsics | None:
+    """The camera of a file, else the vehicle's; None for the source's own."""
+    if file is None:
+        return None if recorded or vehicle is None else vehicle.camera
+    if recorded:
+        raise UsageError("recorded photographs have their camera", remedy="Leave --camera-file out.")
+    return _camera(file)
 
 
 def _chooses(request: PlanRequest, given: Mapping[str, Any], source: str) -> bool:
     """Whether a plan for a kind is made without a search: neither a method nor settings of a search are given."""
-    searched = {"method", "preset", *_OF_SEARCHES} & given.keys()
+    searched = {"method", *_OF_SEARCHES} & given.keys()
     return source != "captures" and request.purpose != "this-plot" and given.get("plots", 2) > 1 and not searched
 
 
@@ -220,10 +228,6 @@ def _plots(purpose: str | None, plots: int | None, method: str, given: int) -> i
     if plots is not None:
         return plots
     return max(given, KIND_PLOTS if purpose == "kind" or METHODS[method].for_a_kind else 1)
-
-
-def _refused(error: ValidationError) -> UsageError:
-    return UsageError(first_problem(error), remedy="`fieldkit plan --help` explains the options.")
 
 
 def resumed_settings(settings: SearchSettings, request: PlanRequest) -> SearchSettings:

@@ -22,7 +22,7 @@ from fieldkit.planning.objective.objective import ObjectiveSettings
 from fieldkit.planning.objective.plots_objective import PlotsObjective
 from fieldkit.planning.objective.recorded import EXACT, RecordedSource
 from fieldkit.planning.objective.recorded_kind import RecordedKind, RecordedPlots
-from fieldkit.planning.problem import PlanningProblem
+from fieldkit.planning.problem import POSE_NOISE_M, PlanningProblem
 from fieldkit.planning.run.evaluations import Evaluator
 from fieldkit.planning.run.flyable import check_views
 from fieldkit.planning.score.match_graph import match_graph
@@ -168,6 +168,7 @@ def set_up_run(settings: SearchSettings, folder: Path, context: Context, *, coun
     problem = PlanningProblem(
         settings.cameras, envelope, camera, tuple(plots[: settings.plots]), blind=settings.blind,
         unmet=tuple(plots[settings.plots :]), heights=settings.heights,
+        pose_noise_m=_expected(settings.noise),
     )  # fmt: skip
     noise = _capture_noise(settings.noise, description.noise)
     source = partial(kind.source, noise=noise, wind_m=settings.noise.wind_m)
@@ -265,9 +266,15 @@ def _recorded(settings: SearchSettings, folder: Path, context: Context, count_ma
         settings.cameras, envelope, _without_distortion(reference), tuple(plots[:met]), views=views,
         blind=settings.blind, exact=met == 1 and unchanging(settings.source, settings.noise), unmet=tuple(plots[met:]),
         heights=settings.heights,
+        pose_noise_m=_expected(settings.noise),
     )  # fmt: skip
     objective = partial(RecordedPlots, kind, wanted, seed=settings.seed)
     return RunSetup(problem, plan_envelope(envelope), objective, tuple(view.name for view in source.views))
+
+
+def _expected(noise: NoiseSettings) -> float:
+    """The noise of positions that the geometric score expects."""
+    return noise.expected_m or POSE_NOISE_M
 
 
 def _rendered(camera: Intrinsics, scene: Intrinsics) -> Intrinsics:

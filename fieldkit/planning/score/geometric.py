@@ -141,7 +141,7 @@ class GeometricScore:
         if matches is None:
             pictured = np.array([view.pictured for view in views])
             matches = expected_matches(cameras.positions, self.problem.center, pictured, self.matchability)
-        loose = looseness_m(matches)
+        loose = looseness_m(matches, prior_m=self.problem.pose_noise_m)
         tie = float(np.sqrt((loose**2).mean()))
         return Geometry(gap + spread, tie, gap, spread, float(p.mean()), loose, matches, 1.0 - float(room.mean()))
 

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fieldkit.planning.problem import POSE_NOISE_M
 from fieldkit.planning.space.cameras import Array
 
-PRIOR_M = 0.010
-"""Standard deviation of a commanded position: the simulated source's claim, and RTK's error (docs/objective.md)."""
 MATCH_M = 0.010
 """Standard deviation of two cameras' relative position by a single match. A pixel at 1.5 m is about 1.1 mm in a picture
 1600 wide, and turning a camera compensates about nine tenths of a move in a small plot.
@@ -74,7 +73,7 @@ def expected_matches(
     return symmetric
 
 
-def looseness_m(matches: Array, *, prior_m: float = PRIOR_M, match_m: float = MATCH_M) -> Array:
+def looseness_m(matches: Array, *, prior_m: float = POSE_NOISE_M, match_m: float = MATCH_M) -> Array:
     """(n,) standard deviation of each camera's position against all cameras' mean, metres.
 
     Cameras are points on springs: each is tied to its command with ``prior_m``, and each pair with n matches to each

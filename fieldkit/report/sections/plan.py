@@ -193,7 +193,7 @@ def _angles(station: Station | MissionStation) -> Row:
 def _settings(s: SearchSettings) -> Iterator[tuple[str, str]]:
     e = s.envelope
     yield "planned on", f"{s.source.kind} {s.source.name}"
-    yield "method", f"{s.method} (preset {s.preset}, mapping {s.mapping})"
+    yield "method", f"{s.method} (mapping {s.mapping})"
     yield "trials", f"{s.evaluations} at {s.fidelity}, seed {s.seed}"
     yield "confirmations", f"{count(s.finalists, 'finalist')}, {s.repeats} each, at {s.confirm_fidelity}"
     low, high = map(format_nominal, e.height_m)

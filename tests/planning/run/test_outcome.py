@@ -24,20 +24,24 @@ def test_the_schemas_are_those_in_the_documentation() -> None:
 
 
 def test_settings_without_a_command_line() -> None:
-    settings = search_settings(scene=Path("case-1"), cameras=12, preset="paper", noise={"wind_m": 0.01}, workers=3)
+    settings = search_settings(scene=Path("case-1"), cameras=12, method="bosfm", noise={"wind_m": 0.01}, workers=3)
     assert (settings.source.name, settings.cameras, settings.method, settings.lag) == ("case-1.toml", 12, "bosfm", 4)
     assert settings.noise.wind_m == 0.01
     with pytest.raises(UsageError, match="plan on what"):
         search_settings()
-    with pytest.raises(UsageError, match="cameras"):
-        search_settings(scene=Path("case-1"), cameras=1)
+    for wrong, words in (
+        ({"cameras": 1}, "cameras"), ({"weights": (0.0, 0.0, 0.0)}, "one of them must be above 0"),
+        ({"method": "circle", "weights": (1.0, 1.0, 1.0)}, "would change nothing"),
+    ):  # fmt: skip
+        with pytest.raises(UsageError, match=words):
+            search_settings(scene=Path("case-1"), **wrong)
 
 
 @pytest.mark.parametrize(
     ("asked", "plots"),
     [
         ({}, 8), ({"method": "score"}, 8), ({"plots": 5}, 5), ({"purpose": "kind", "method": "circle"}, 8),
-        ({"purpose": "this-plot"}, 1), ({"method": "circle"}, 1), ({"preset": "paper"}, 1),
+        ({"purpose": "this-plot"}, 1), ({"method": "circle"}, 1), ({"method": "bosfm"}, 1),
         ({"scene": [Path("case-1"), Path("case-2")]}, 8), ({"scene": [Path("case-1"), Path("case-2")], "plots": 2}, 2),
     ],
 )  # fmt: skip
@@ -49,7 +53,7 @@ def test_plans_are_for_plots_of_the_kind_where_the_method_knows_how(asked: dict[
     ("asked", "method", "confirmed"),
     [
         ({}, "score", (6, 3)), ({"finalists": 4}, "score", (4, 3)), ({"method": "field"}, "field", (3, 2)),
-        ({"evaluations": 30}, "field", (3, 2)), ({"preset": "field"}, "field", (3, 2)),
+        ({"evaluations": 30}, "field", (3, 2)),
         ({"purpose": "this-plot"}, "field", (3, 2)), ({"plots": 1}, "field", (3, 2)),
     ],
 )  # fmt: skip
@@ -77,6 +81,8 @@ def test_plans_for_a_kind_expect_the_flights_noise(
 ) -> None:
     settings = search_settings(scene=Path("case-1"), **asked)
     assert (settings.noise.pose_m, settings.noise.pose_deg) == noise
+    # The score expects what was asked for.
+    assert settings.noise.expected_m == (asked.get("noise", {}).get("pose_m") or None)
     assert settings.refine == refined
 
 

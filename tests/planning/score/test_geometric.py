@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -220,3 +221,13 @@ def test_settings_are_used() -> None:
     tight = GeometricScore(PROBLEM, Matchability(decay_deg=4.0), points=400)
     assert tight.score(cameras).tie_m > SCORE.score(cameras).tie_m
     assert tight.score(cameras).distance_m == SCORE.score(cameras).distance_m
+
+
+def test_sets_are_looser_where_more_noise_of_poses_is_expected() -> None:
+    cameras = PROBLEM.sample(3)
+    usual = GeometricScore(PROBLEM, points=400).score(cameras)
+    same = GeometricScore(replace(PROBLEM, pose_noise_m=0.010), points=400).score(cameras)
+    noisy = GeometricScore(replace(PROBLEM, pose_noise_m=0.05), points=400).score(cameras)
+    assert (same.tie_m, same.distance_m) == (usual.tie_m, usual.distance_m)
+    assert noisy.tie_m > 1.1 * usual.tie_m
+    assert noisy.distance_m == usual.distance_m
