@@ -13,7 +13,6 @@ from fieldkit.captures.quality import (
     measure_quality,
     quality_findings,
 )
-from fieldkit.captures.units import UnitSuspicion, suspicious_unit
 
 __all__ = [
     "MAX_PIXELS",
@@ -24,7 +23,6 @@ __all__ = [
     "MarkersFile",
     "Photo",
     "Quality",
-    "UnitSuspicion",
     "assess_quality",
     "find_mask",
     "flag_set",
@@ -33,5 +31,4 @@ __all__ = [
     "quality_findings",
     "read_capture",
     "read_image",
-    "suspicious_unit",
 ]

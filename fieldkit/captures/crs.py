@@ -17,19 +17,20 @@ _REMEDY = "Name a system that EPSG knows, like EPSG:32633, or metres where the c
 _STEP_M = 10.0
 
 
-def parse_crs(text: str, path: Path | None) -> Any:
+def parse_crs(text: str, path: Path | None, *, said: str = "") -> Any:
     """The CRS of pyproj of a code, a WKT or a PROJ string."""
     try:
         from pyproj import CRS
         from pyproj.exceptions import CRSError
     except ImportError as error:
         raise MetadataError(
-            f"coordinates in {text[:40]} need pyproj", path=path, remedy="Install it with: pip install 'fieldkit[geo]'."
+            f"{text[:40]} needs pyproj", path=path, remedy="Install it with: pip install 'fieldkit[geo]'."
         ) from error
     try:
         return CRS.from_user_input(text)
     except CRSError as error:
-        raise MetadataError(f"{text[:60]!r} is no coordinate system pyproj knows", path=path, remedy=_REMEDY) from error
+        message = f"{said or repr(text[:60])} is no coordinate system pyproj knows"
+        raise MetadataError(message, path=path, remedy=_REMEDY) from error
 
 
 def height_datum(crs: Any) -> str:
@@ -37,6 +38,14 @@ def height_datum(crs: Any) -> str:
     if crs.is_geocentric or (not crs.is_compound and len(crs.axis_info) > 2):
         return "ellipsoid"
     return "sea level" if crs.is_compound else "unknown"
+
+
+def height_unit_m(crs: Any) -> tuple[float, bool]:
+    """Metres per unit of heights, and whether the system says so: else that of x and y, beside degrees metres."""
+    axes = crs.axis_info
+    stated = len(axes) > 2
+    factor = float(axes[2 if stated else 0].unit_conversion_factor) if stated or crs.is_projected else 1.0
+    return 1.0 if abs(factor - 1.0) < 1e-9 else factor, stated  # a metre's own factor is 1 but for rounding
 
 
 def to_geodetic(points: NDArray[np.float64], crs: Any, path: Path | None) -> NDArray[np.float64]:
@@ -53,11 +62,7 @@ def to_geodetic(points: NDArray[np.float64], crs: Any, path: Path | None) -> NDA
     else:
         flat = crs.sub_crs_list[0] if crs.is_compound else crs.to_2d()
         longitude, latitude = Transformer.from_crs(flat, "EPSG:4326", always_xy=True).transform(*points[:, :2].T)
-        axes = crs.axis_info
-        unit = float(axes[2].unit_conversion_factor) if len(axes) > 2 else 1.0
-        if len(axes) < 3 and flat.is_projected:
-            unit = float(axes[0].unit_conversion_factor)
-        height = points[:, 2] * unit
+        height = points[:, 2] * height_unit_m(crs)[0]
     found = np.stack([np.asarray(latitude), np.asarray(longitude), height], axis=1).astype(np.float64)
     if not np.isfinite(found).all() or np.abs(found[:, 0]).max() > 90.0:
         raise MetadataError(

@@ -14,11 +14,10 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.captures.crs import height_unit_m, parse_crs, to_geodetic
 from fieldkit.captures.folder import PHOTO_SUFFIXES
 from fieldkit.captures.tables import keep_row, parse_number, read_text
 from fieldkit.documents.mistaken import DEGREES, SWAPPED, look_like_degrees, look_swapped
@@ -180,69 +179,27 @@ def settled_heights(rows: Sequence[GeoRow], altitudes_m: Mapping[str, float]) ->
 
 
 def _to_geographic(raw: list[_RawRow], projection: str, header: str, path: Path | None) -> list[_RawRow]:
-    try:
-        from pyproj import CRS, Transformer
-        from pyproj.exceptions import ProjError
-    except ImportError as error:
-        raise MetadataError(
-            f"the projection {header} needs pyproj",
-            path=path,
-            remedy="Install it with: pip install 'fieldkit[geo]', or give longitude and latitude under EPSG:4326.",
-        ) from error
-    x = np.array([entry.row.longitude_deg for entry in raw])
-    y = np.array([entry.row.latitude_deg for entry in raw])
-    try:
-        crs = CRS.from_user_input(projection)
+    crs = parse_crs(projection, path, said=f"line 1: {header[:60]!r}")
+    low = next((entry for entry in raw if entry.row.altitude_m is None), None)
+    if crs.is_geocentric and low is not None:
+        message = f"line {low.line}: geocentric coordinates need z"
+        raise MetadataError(message, path=path, remedy=f"Expected {_LAYOUT}.")
+    points = np.array([(e.row.longitude_deg, e.row.latitude_deg, e.row.altitude_m or 0.0) for e in raw])
+    if crs.is_projected and look_like_degrees(*points[:, :2].T):
+        message = f"x and y are of {header[:60]}, in metres or feet, and {DEGREES.looks_like}"
+        raise MetadataError(message, path=path, remedy=DEGREES.remedy)
+    geodetic = to_geodetic(points, crs, path)
+    unit, stated = height_unit_m(crs)
+    found = []
+    for entry, (latitude, longitude, height) in zip(raw, geodetic.tolist(), strict=True):
+        row = entry.row.with_lengths(1.0 if crs.is_geocentric else unit)
         if crs.is_geocentric:
-            return _from_geocentric(raw, Transformer.from_crs(crs, "EPSG:4979", always_xy=True), path)
-        if crs.is_projected and look_like_degrees(x, y):
-            raise MetadataError(
-                f"x and y are of {header[:60]}, in metres or feet, and {DEGREES.looks_like}",
-                path=path,
-                remedy=DEGREES.remedy,
-            )
-        longitude, latitude = _as_arrays(Transformer.from_crs(crs, "EPSG:4326", always_xy=True).transform(x, y))
-    except ProjError as error:
-        raise MetadataError(
-            f"line 1: {header[:60]!r} is not a projection pyproj knows", path=path, remedy=_HEADER_REMEDY
-        ) from error
-    # What heights are measured from the file does not say, so they change their unit only.
-    stated = len(crs.axis_info) > 2
-    unit = _metres(crs.axis_info[2] if stated else crs.axis_info[0]) if crs.is_projected or stated else 1.0
-    return [
-        replace(
-            entry,
-            row=replace(
-                entry.row.with_lengths(unit),
-                longitude_deg=float(lon), latitude_deg=float(lat), assumed_unit_m=1.0 if stated else unit,
-            ),
-        )
-        for entry, lon, lat in zip(raw, longitude, latitude, strict=True)
-    ]  # fmt: skip
-
-
-def _metres(axis: Any) -> float:
-    """Metres per unit of an axis; a metre's own factor is 1 but for rounding."""
-    factor = float(axis.unit_conversion_factor)
-    return 1.0 if abs(factor - 1.0) < 1e-9 else factor
-
-
-def _from_geocentric(raw: list[_RawRow], transformer: Any, path: Path | None) -> list[_RawRow]:
-    turned = []
-    for entry in raw:
-        if entry.row.altitude_m is None:
-            raise MetadataError(
-                f"line {entry.line}: geocentric coordinates need z", path=path, remedy=f"Expected {_LAYOUT}."
-            )
-        place = transformer.transform(entry.row.longitude_deg, entry.row.latitude_deg, entry.row.altitude_m)
-        lon, lat, height = (float(value) for value in place)
-        row = replace(entry.row, longitude_deg=lon, latitude_deg=lat, altitude_m=height, datum="ellipsoid")
-        turned.append(replace(entry, row=row))
-    return turned
-
-
-def _as_arrays(values: tuple[NDArray[np.float64], ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    return np.asarray(values[0], dtype=np.float64), np.asarray(values[1], dtype=np.float64)
+            row = replace(row, altitude_m=height, datum="ellipsoid")
+        row = replace(
+            row, latitude_deg=latitude, longitude_deg=longitude, assumed_unit_m=1.0 if stated else unit
+        )  # fmt: skip
+        found.append(replace(entry, row=row))
+    return found
 
 
 def _check_degrees(entry: _RawRow, path: Path | None) -> None:

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from fieldkit.captures.geo_txt import GeoRow, settled_heights
 from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M, choose_heights
@@ -13,7 +15,7 @@ from fieldkit.captures.model import GeoTag, Photo
 from fieldkit.captures.poses_csv import PoseRow
 from fieldkit.captures.programs.model import ProgramPoses
 from fieldkit.captures.tables import match_names
-from fieldkit.captures.units import suspicious_unit
+from fieldkit.documents.mistaken import CENTIMETRES
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import LocalFrame, geodetic_to_ecef
 from fieldkit.geometry.pose import Vector
@@ -21,6 +23,8 @@ from fieldkit.geometry.priors import POSITION_SIGMA_M, Angles, PosePrior
 from fieldkit.results.finding import Finding
 
 _MIN_FOR_SCALE = 3
+_WIDE_SPACING_M, _NARROW_EXTENT_M = 15.0, 0.02
+_GPS_TELLS_M, _APART = 10.0, 2.0
 _MAX_EXTENT_M = 50_000.0
 _ZEROS_MESSAGE = "yaw, pitch and roll are 0 in all photographs, so they were not measured; not used"
 
@@ -61,13 +65,38 @@ def priors_from_poses(photos: Sequence[Photo], rows: Sequence[PoseRow]) -> Prior
         frame = _frame([(t.latitude_deg, t.longitude_deg, t.altitude_m or 0.0) for t in tags.values()], "unknown")
         gps = {n: frame.to_local(t.latitude_deg, t.longitude_deg, t.altitude_m or 0.0)[0] for n, t in tags.items()}
         common = [np.array([priors[n].position for n in gps], dtype=float), np.array(list(gps.values()))]
-        suspicion = suspicious_unit(common[0], gps_positions=common[1])
+        doubt = unit_doubt(common[0], common[1])
     else:
-        suspicion = suspicious_unit(np.array([p.position for p in priors.values()], dtype=float))
-    if suspicion is not None:
-        findings.append(Finding("poses.csv", "unit-suspicious", suspicion.message))
+        doubt = unit_doubt(np.array([p.position for p in priors.values()], dtype=float))
+    if doubt:
+        findings.append(Finding("poses.csv", "unit-suspicious", doubt))
     ordered = {photo.name: priors[photo.name] for photo in photos if photo.name in priors}
     return _finish(PriorSet(ordered, "poses.csv", None, None, tuple(findings)), photos)
+
+
+def unit_doubt(positions: NDArray[np.float64], gps: NDArray[np.float64] | None = None) -> str:
+    """Why camera positions (n, 3) may not be metres, in words; empty where nothing speaks so.
+
+    With GPS positions (n, 3) of the same photographs, in metres, their spreads (RMS distance from the mean) are
+    compared, unless GPS noise alone makes it. Without, two rules of thumb: neighbouring photographs of one plot are not
+    more than 15 m apart (median of the nearest-neighbour distances: 24–31 "m" for a rig's circle in millimetres, 1–12 m
+    for drones), and a capture is more than 2 cm wide.
+    """
+    if len(positions) < _MIN_FOR_SCALE:
+        return ""
+    if gps is not None:
+        spread, gps_spread = (float(np.sqrt(((p - p.mean(0)) ** 2).sum(1).mean())) for p in (positions, gps))
+        alike = spread == 0.0 or gps_spread < _GPS_TELLS_M or 1.0 / _APART < spread / gps_spread < _APART
+        return "" if alike else (
+            f"the positions spread over {spread:.3g} m, their GPS over {gps_spread:.3g} m: {CENTIMETRES.looks_like}"
+        )  # fmt: skip
+    extent = float(np.linalg.norm(np.ptp(positions, axis=0)))
+    if 0.0 < extent < _NARROW_EXTENT_M:
+        return f"all positions lie within {extent * 1000:.1f} mm of one another; are they metres?"
+    spacing = float(np.median(cKDTree(positions).query(positions, k=2)[0][:, 1]))
+    if spacing <= _WIDE_SPACING_M:
+        return ""
+    return f"neighbouring photographs would be {spacing:.0f} m apart: {CENTIMETRES.looks_like}"
 
 
 def _from_degrees(

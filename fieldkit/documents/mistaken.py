@@ -39,7 +39,7 @@ DEGREES = Slip(
     "degrees for metres", "these look like degrees",
     "Name them longitude and latitude, with the CRS WGS 84 (EPSG:4326), or give metres.",
 )  # fmt: skip
-CENTIMETRES = Slip("centimetres for metres", "in centimetres?", "Write metres.")
+CENTIMETRES = Slip("centimetres or millimetres for metres", "in centimetres?", "Write metres.")
 MISSPELT = Slip("a name that nearly is one", "Did you mean {}?", "")
 EXCHANGED = Slip(
     "plan and site in each other's place", "plan and site are swapped", "Give {} as the plan and {} as --site."

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.captures import Capture, read_capture, suspicious_unit
+from fieldkit.captures import Capture, read_capture
+from fieldkit.captures.priors import unit_doubt
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import LocalFrame, utm_epsg_of
 from tests.captures.photographs import MakePhoto, dji_xmp, exif_block, gps_tags
@@ -176,28 +177,25 @@ def _circle(radius: float, count: int = 60) -> np.ndarray:
     return radius * np.stack([np.cos(angle), np.sin(angle), np.zeros(count)], axis=1)
 
 
-@pytest.mark.parametrize(("radius", "unit"), [(0.3, None), (3.0, None), (30.0, None), (300.0, "millimetres")])
-def test_a_rig_in_millimetres_is_noticed_by_its_spacing(radius: float, unit: str | None) -> None:
-    suspicion = suspicious_unit(_circle(radius))
-    assert (None if suspicion is None else suspicion.unit) == unit
+@pytest.mark.parametrize(
+    ("radius", "doubted"), [(0.3, False), (3.0, False), (30.0, False), (300.0, True), (0.003, True)]
+)
+def test_a_rig_in_millimetres_is_noticed_by_its_spacing(radius: float, doubted: bool) -> None:
+    assert bool(unit_doubt(_circle(radius))) == doubted
 
 
 @pytest.mark.parametrize(
-    ("factor", "unit"),
-    [(1.0, None), (1000.0, "millimetres"), (100.0, "centimetres"), (3.2808, "feet"), (0.001, "kilometres")],
+    ("factor", "doubted"), [(1.0, False), (1000.0, True), (100.0, True), (3.2808, True), (0.001, True)]
 )
-def test_gps_tells_the_unit(factor: float, unit: str | None) -> None:
+def test_gps_tells_the_unit(factor: float, doubted: bool) -> None:
     truth = _circle(40.0)
     noisy = truth + np.random.default_rng(0).normal(0, 1.0, truth.shape)
-    suspicion = suspicious_unit(truth * factor, gps_positions=noisy)
-    assert (None if suspicion is None else suspicion.unit) == unit
-    if suspicion is not None:
-        assert suspicion.factor * factor == pytest.approx(1.0, rel=1e-3)
+    assert bool(unit_doubt(truth * factor, noisy)) == (factor != 1.0)
 
 
 def test_gps_of_a_small_rig_decides_nothing() -> None:
     noise = np.random.default_rng(0).normal(0, 3.0, (60, 3))
-    assert suspicious_unit(_circle(0.3), gps_positions=noise) is None
+    assert unit_doubt(_circle(0.3), noise) == ""
 
 
 def test_suspicious_units_are_found_when_reading(photo_file: MakePhoto) -> None:

@@ -10,7 +10,6 @@ import pytest
 from fieldkit.captures import Capture, read_capture
 from fieldkit.captures.programs import METRES, PosesFile
 from fieldkit.errors import MetadataError, ReconstructionError
-from fieldkit.evaluation.pose_table import capture_poses
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame, utm_epsg_of
 from fieldkit.geometry.priors import Priors, SourceFrame
@@ -252,11 +251,3 @@ def test_a_result_outside_the_folder_behind_a_link_is_not_read(photographs: Path
     write_colmap(tmp_path / "elsewhere", truth())
     (photographs / "sparse").symlink_to(tmp_path / "elsewhere")
     assert read_capture(photographs).program is None
-
-
-def test_tagged_poses_are_those_of_the_photographs_and_not_of_a_program(photographs: Path) -> None:
-    write_colmap(photographs / "sparse" / "0", truth())
-    write_positions(photographs, {n: p for n, p in truth().items() if n != NAMES[0]})
-    found = capture_poses(read_capture(photographs), SourceFrame("poses.csv", None, Similarity.identity()))
-    assert set(found) == set(NAMES[1:])
-    assert all(entry.pitch_deg is None for entry in found.values())
