@@ -14,7 +14,7 @@ from fieldkit.errors import FieldkitError, MetadataError, UsageError
 from fieldkit.evaluation.recorded_angles import read_angles
 from fieldkit.figures.spreadsheets import write_adherence_csv
 from fieldkit.flightlogs import FlightLog, Matches, match, read_flight_log
-from fieldkit.flightlogs.adherence import Adherence, PlannedPose, adherence
+from fieldkit.flightlogs.adherence import PlannedPose, adherence
 from fieldkit.flightlogs.geotag import frame_of, local_poses, stamp
 from fieldkit.geometry import Pose
 from fieldkit.geometry.angles import wrapped_deg
@@ -22,7 +22,14 @@ from fieldkit.geometry.priors import PosePrior, SourceFrame
 from fieldkit.geometry.stations import PoseArray, associate
 from fieldkit.reconstruction.agreement import ANGLE_SIGMAS
 from fieldkit.reconstruction.known_poses import known_poses
-from fieldkit.results.evaluation import AchievedSource, AdherenceEntry, ImageReport, PlotEvaluation, StationErrorEntry
+from fieldkit.results.evaluation import (
+    AchievedSource,
+    AdherenceEntry,
+    ImageReport,
+    PlotEvaluation,
+    StationErrorEntry,
+    rms,
+)
 from fieldkit.results.fields import Vector, finite, vector
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan, station_number
@@ -119,8 +126,8 @@ class Flight:
         pairs = [pair for pair in self.matches.pairs if pair.photograph.startswith(f"{plot}/")]
         triggers = [self.log.triggers[pair.trigger] for pair in pairs]
         names = [pair.photograph.removeprefix(f"{plot}/") for pair in pairs]
-        found = adherence(planned, triggers, datum=datum)
-        return adherence_entry(found, names) if found.errors else None
+        found = adherence(planned, triggers, names, datum=datum)
+        return found if found.stations else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,18 +227,6 @@ def planned_poses(plan: Plan, source: SourceFrame) -> tuple[list[PlannedPose], s
     return poses, "amsl" if source.origin.datum == "sea level" else "none"
 
 
-def adherence_entry(found: Adherence, images: Sequence[str]) -> AdherenceEntry:
-    """What evaluation.json says of a flight's adherence; ``images`` are the triggers' photographs."""
-    stations = tuple(
-        StationErrorEntry(
-            station=e.station, image=images[e.trigger], east_m=e.east_m, north_m=e.north_m, up_m=e.up_m,
-            yaw_deg=e.yaw_deg, pitch_deg=e.pitch_deg, speed_mps=e.speed_mps, turning_dps=e.turning_dps,
-        )
-        for e in found.errors
-    )  # fmt: skip
-    return _entry(stations, found.missing, [images[k] for k in found.extra], "reported", None)
-
-
 def kept(
     photographs: Sequence[str],
     stations: Poses,
@@ -263,31 +258,12 @@ def kept(
         errors = _errors(station_of, stations, found.get(achieved, {}), axes)
     taken = set(station_of.values())
     somewhere = {name for poses in found.values() for name in poses}
-    return _entry(
+    return AdherenceEntry.of(
         errors,
         [name for name in stations if name not in taken],
         [name for name in photographs if name in somewhere and name not in station_of],
         achieved,
         shifts[achieved],
-    )
-
-
-def _entry(
-    stations: tuple[StationErrorEntry, ...],
-    missing: Sequence[str],
-    extra: Sequence[str],
-    achieved: AchievedSource,
-    shift: Vector | None,
-) -> AdherenceEntry:
-    return AdherenceEntry(
-        stations=stations,
-        missing=tuple(missing),
-        extra=tuple(extra),
-        horizontal_rms_m=_rms([float(np.hypot(e.east_m, e.north_m)) for e in stations]),
-        yaw_rms_deg=_rms([e.yaw_deg for e in stations]),
-        pitch_rms_deg=_rms([e.pitch_deg for e in stations]),
-        achieved_by=achieved,
-        shift_m=shift,
     )
 
 
@@ -421,7 +397,7 @@ def flown_noise(plots: Sequence[PlotEvaluation], path: Path) -> tuple[float, flo
     best = next(source for source in ACHIEVED if any(each.achieved_by == source for each in known))
     flown = [each for each in known if each.achieved_by == best]
     position, angles = position_noise_m(flown), _angle_errors(flown)
-    turned = _rms(angles)
+    turned = rms(angles)
     stations = sum(len(each.stations) for each in flown)
     if stations < _LEAST_STATIONS or position is None:
         raise MetadataError(
@@ -452,16 +428,11 @@ def position_noise_m(flown: Sequence[AdherenceEntry]) -> float | None:
 
 def angle_noise_deg(flown: Sequence[AdherenceEntry]) -> float | None:
     """Root mean square of yaw and pitch errors; None without any."""
-    return _rms(_angle_errors(flown))
+    return rms(_angle_errors(flown))
 
 
 def _angle_errors(flown: Sequence[AdherenceEntry]) -> list[float]:
     return [e for each in flown for s in each.stations for e in (s.yaw_deg, s.pitch_deg) if e is not None]
-
-
-def _rms(values: Sequence[float | None]) -> float | None:
-    known = np.array([v for v in values if v is not None])
-    return float(np.sqrt((known**2).mean())) if len(known) else None
 
 
 def _without(ambiguous: bool) -> str:

@@ -6,13 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from fieldkit.flightlogs.achieved import AchievedPose, achieved_pose
 from fieldkit.flightlogs.model import Trigger
 from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.stations import PoseArray, associate
+from fieldkit.results.evaluation import AdherenceEntry, StationErrorEntry
+from fieldkit.results.fields import finite
 
 
 @dataclass(frozen=True)
@@ -32,51 +32,9 @@ class PlannedPose:
     """0 at the horizon, −90 straight down."""
 
 
-@dataclass(frozen=True)
-class PoseError:
-    """Achieved less planned, of one photograph."""
-
-    station: str
-    """Name of the planned pose."""
-    trigger: int
-    east_m: float
-    north_m: float
-    """Of the position."""
-    up_m: float | None
-    """None where the log has no height above the datum of the plan."""
-    yaw_deg: float | None
-    """In [−180, 180); None where the log says nothing of the heading."""
-    pitch_deg: float | None
-    """None where the log says nothing of the gimbal."""
-    speed_mps: float | None
-    """Of the vehicle at the shutter."""
-    turning_dps: float | None
-    """Of the camera at the shutter."""
-
-    @property
-    def horizontal_m(self) -> float:
-        """Distance over ground."""
-        return float(np.hypot(self.east_m, self.north_m))
-
-
-@dataclass(frozen=True)
-class Adherence:
-    """How a flight kept to its plan."""
-
-    errors: tuple[PoseError, ...]
-    """One per planned pose that was photographed, in the plan's order."""
-    missing: tuple[str, ...]
-    """Names of planned poses without a photograph."""
-    extra: tuple[int, ...]
-    """Indices of triggers that belong to no planned pose."""
-
-
 def adherence(
-    planned: Sequence[PlannedPose],
-    triggers: Sequence[Trigger],
-    *,
-    datum: str = "home",
-) -> Adherence:
+    planned: Sequence[PlannedPose], triggers: Sequence[Trigger], images: Sequence[str], *, datum: str = "home"
+) -> AdherenceEntry:
     """Assign triggers to planned poses (`fieldkit.geometry.stations.associate`) and compare them.
 
     An error that all photographs have in common does not change which belongs to which; it is part of each one's error.
@@ -84,10 +42,11 @@ def adherence(
     Args:
         planned: poses, with distinct names.
         triggers: of one flight.
+        images: their photographs.
         datum: of the planned heights: "home", "amsl", or "none" where they are not to be compared.
     """
     if not planned or not triggers:
-        return Adherence((), tuple(p.name for p in planned), tuple(range(len(triggers))))
+        return AdherenceEntry.of((), [p.name for p in planned], images)
     frame = LocalFrame(planned[0].latitude_deg, planned[0].longitude_deg)
     poses = [achieved_pose(trigger) for trigger in triggers]
     stations = PoseArray.of(
@@ -99,23 +58,23 @@ def adherence(
     for b, a in sorted(trigger_of.items()):
         east, north, up = taken.positions[a] - stations.positions[b]
         errors.append(
-            PoseError(
+            StationErrorEntry(
                 station=planned[b].name,
-                trigger=a,
+                image=images[a],
                 east_m=float(east),
                 north_m=float(north),
-                up_m=_number(up),
-                yaw_deg=_number(wrapped_deg(taken.yaws[a] - stations.yaws[b])),
-                pitch_deg=_number(taken.pitches[a] - stations.pitches[b]),
+                up_m=finite(up),
+                yaw_deg=finite(wrapped_deg(taken.yaws[a] - stations.yaws[b])),
+                pitch_deg=finite(taken.pitches[a] - stations.pitches[b]),
                 speed_mps=triggers[a].speed_mps,
                 turning_dps=triggers[a].turning_dps,
             )
         )
     used = set(trigger_of.values())
-    return Adherence(
-        tuple(errors),
-        tuple(p.name for b, p in enumerate(planned) if b not in trigger_of),
-        tuple(a for a in range(len(triggers)) if a not in used),
+    return AdherenceEntry.of(
+        errors,
+        [p.name for b, p in enumerate(planned) if b not in trigger_of],
+        [name for a, name in enumerate(images) if a not in used],
     )
 
 
@@ -132,7 +91,3 @@ def _place(frame: LocalFrame, pose: AchievedPose, datum: str) -> tuple[float, fl
         return math.nan, math.nan, math.nan
     height = {"home": place.above_home_m, "amsl": place.amsl_m}.get(datum)
     return _local(frame, place.latitude_deg, place.longitude_deg, math.nan if height is None else height)
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

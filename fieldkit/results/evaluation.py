@@ -5,8 +5,10 @@ Where a reconstruction has no metric source, lengths are in the model's own unit
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import Field
 
 from fieldkit.geometry import Pose
@@ -242,6 +244,27 @@ class AdherenceEntry(Strict):
     """East, north, up: what all photographs of that source have in common against their stations (median): the offset
     of a receiver above all. It is in ``stations`` and the statistics, and left out of the matching."""
 
+    @classmethod
+    def of(
+        cls,
+        stations: Sequence[StationErrorEntry],
+        missing: Sequence[str],
+        extra: Sequence[str],
+        achieved_by: AchievedSource = "reported",
+        shift_m: Vector | None = None,
+    ) -> Self:
+        """With the statistics of the stations' errors."""
+        return cls(
+            stations=tuple(stations),
+            missing=tuple(missing),
+            extra=tuple(extra),
+            horizontal_rms_m=rms([float(np.hypot(error.east_m, error.north_m)) for error in stations]),
+            yaw_rms_deg=rms([error.yaw_deg for error in stations]),
+            pitch_rms_deg=rms([error.pitch_deg for error in stations]),
+            achieved_by=achieved_by,
+            shift_m=shift_m,
+        )
+
 
 class Prediction(Strict):
     """What the chamfer distance to the plot's true plants is likely to be, from figures that need no reference."""
@@ -310,6 +333,12 @@ class EvaluationReport(Strict):
     def failed(self) -> int:
         """Plots without a result."""
         return sum(plot.error is not None for plot in self.plots)
+
+
+def rms(values: Sequence[float | None]) -> float | None:
+    """Root mean square of those that are known; None without one."""
+    known = np.array([value for value in values if value is not None])
+    return float(np.sqrt((known**2).mean())) if len(known) else None
 
 
 def distance_key(distance_m: float) -> str:

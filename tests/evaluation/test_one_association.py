@@ -12,12 +12,13 @@ from hypothesis import strategies as st
 from fieldkit.evaluation.adherence import PoseRow, kept
 from fieldkit.fieldcheck.placement import place_tags
 from fieldkit.flightlogs import Gimbal, Place, Trigger
-from fieldkit.flightlogs.adherence import Adherence, PlannedPose, adherence
+from fieldkit.flightlogs.adherence import PlannedPose, adherence
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.stations import MOST_OFFSET_M, PoseArray, associate
 from fieldkit.missions.autopilots.execution import Photograph
 from fieldkit.missions.check_photographs import deviations
+from fieldkit.results.evaluation import AdherenceEntry
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.routing.mission import GeoPoint, Home, Shot
 from fieldkit.sites.site import Site, SiteHome, SitePlot
@@ -63,7 +64,7 @@ def flown(stations: PoseArray, chosen: list[int], offset: np.ndarray, noise_m: f
     return Flight(stations, photographs, dict(enumerate(order.tolist())))
 
 
-def by_log(flight: Flight) -> Adherence:
+def by_log(flight: Flight) -> AdherenceEntry:
     latitude, longitude, _ = FRAME.to_geodetic(flight.stations.positions)
     planned = [
         PlannedPose(str(k), float(latitude[k]), float(longitude[k]), float(p[2]), float(yaw), float(pitch))
@@ -81,7 +82,7 @@ def by_log(flight: Flight) -> Adherence:
             zip(flight.photographs.positions, flight.photographs.yaws, flight.photographs.pitches, strict=True)
         )
     ]  # fmt: skip
-    return adherence(planned, triggers)
+    return adherence(planned, triggers, [str(k) for k in range(len(triggers))])
 
 
 def rows(poses: PoseArray) -> dict[str, PoseRow]:
@@ -158,7 +159,7 @@ def test_all_four_give_the_same_pairs(
     kept += rng.choice(kept, twice, replace=False).tolist()
     flight = flown(stations, kept, offset_of(size, towards, up), 0.01, seed)
     log = by_log(flight)
-    pairs = {error.trigger: int(error.station) for error in log.errors}
+    pairs = {int(error.image): int(error.station) for error in log.stations}
     assert by_evaluation(flight) == pairs
     assert by_field_check(flight) == pairs
     common = associate(flight.photographs, flight.stations)
@@ -173,8 +174,8 @@ def test_all_four_give_the_same_pairs(
         assert all(flight.true[a] == b for a, b in pairs.items())
         assert set(pairs.values()) == set(kept)
     # What all have in common is an error of each.
-    assert np.median([e.east_m for e in log.errors]) == pytest.approx(offset[0], abs=0.02)
-    assert np.median([e.north_m for e in log.errors]) == pytest.approx(offset[1], abs=0.02)
+    assert np.median([e.east_m for e in log.stations]) == pytest.approx(offset[0], abs=0.02)
+    assert np.median([e.north_m for e in log.stations]) == pytest.approx(offset[1], abs=0.02)
 
 
 def test_a_grid_with_one_heading_and_a_receiver_that_is_off() -> None:
@@ -182,8 +183,8 @@ def test_a_grid_with_one_heading_and_a_receiver_that_is_off() -> None:
     found = by_log(flight)
     assert not found.missing
     assert not found.extra
-    for error in found.errors:
-        assert flight.true[error.trigger] == int(error.station)
+    for error in found.stations:
+        assert flight.true[int(error.image)] == int(error.station)
         assert (error.east_m, error.north_m) == pytest.approx((1.5, 0.5), abs=1e-4)
 
 
@@ -200,7 +201,7 @@ def test_without_heights_headings_or_places() -> None:
 
 def test_beyond_the_limit_it_is_another_plot() -> None:
     flight = flown(grid(4, 3), list(range(12)), np.array([MOST_OFFSET_M + 4.0, 0.0, 0.0]), 0.0, 3)
-    assert {e.trigger: int(e.station) for e in by_log(flight).errors} != flight.true
+    assert {int(e.image): int(e.station) for e in by_log(flight).stations} != flight.true
     assert by_evaluation(flight) != flight.true
     assert by_field_check(flight) == flight.true  # there the user has said of which plot the photographs are
 

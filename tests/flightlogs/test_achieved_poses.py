@@ -102,11 +102,11 @@ def test_mavsdk4_holds_only_the_triggers() -> None:
         assert trigger.place is not None
         assert trigger.place.latitude_deg == pytest.approx(m.lat * 1e-7, abs=1e-10)
         assert trigger.utc_s == pytest.approx(m.time_usec * 1e-6, abs=1e-5)
-    found = adherence(planned, log.triggers)
-    assert [e.trigger for e in found.errors] == list(range(13))
-    assert max(e.horizontal_m for e in found.errors) < 0.1
-    assert max(abs(e.yaw_deg or 0.0) for e in found.errors) < 3.0
-    assert max(abs(e.pitch_deg or 0.0) for e in found.errors) < 0.01
+    found = adherence(planned, log.triggers, [f"{k}.jpg" for k in range(13)])
+    assert [e.image for e in found.stations] == [f"{k}.jpg" for k in range(13)]
+    assert max(np.hypot(e.east_m, e.north_m) for e in found.stations) < 0.1
+    assert max(abs(e.yaw_deg or 0.0) for e in found.stations) < 3.0
+    assert max(abs(e.pitch_deg or 0.0) for e in found.stations) < 0.01
     assert {achieved_pose(t).source for t in log.triggers} == {"commanded gimbal"}
 
 
