@@ -42,11 +42,6 @@ def command(
         fieldkit cache prune --max-size 10G --older-than 30d
         fieldkit cache clear
 
-    Exit codes:
-        0  done
-        2  wrong usage
-        3  the folder cannot be read or written
-
     See Also:
         fieldkit doctor
     """

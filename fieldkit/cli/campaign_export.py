@@ -46,11 +46,6 @@ def command(
         OUTPUT/PLOT_DATE_canopy-height.tif, PLOT_DATE_surface.tif  with --rasters, each with a QGIS style (.qml)
         OUTPUT/rasters.csv, campaign.gpkg  with --rasters: what there is of each visit; plots with their figures
 
-    Exit codes:
-        0  done
-        2  wrong usage, or the file exists already
-        3  a file of the campaign cannot be used
-
     See Also:
         fieldkit campaign show, fieldkit report
     """

@@ -67,11 +67,6 @@ def command(
         fieldkit campaign init season --plan plan/plan.json --site field.toml --plots plots.gpkg
         fieldkit campaign init season --plan plan --site field.toml --vehicle px4-gimbal --rasters
 
-    Exit codes:
-        0  done
-        2  wrong usage, or the folder holds something
-        3  a file cannot be used
-
     See Also:
         fieldkit evaluate, fieldkit campaign show
     """

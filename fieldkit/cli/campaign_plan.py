@@ -63,12 +63,6 @@ def command(
         fieldkit campaign plan season --date 2026-07-02 -o next.plan
         fieldkit campaign plan season --growth 1.3 --vehicle px4-gimbal -o next.plan
 
-    Exit codes:
-        0  done
-        2  wrong usage, or a file exists already
-        3  a file of the campaign cannot be used
-        5  unsafe, out of reach, or nothing that this vehicle can fly
-
     See Also:
         fieldkit evaluate, fieldkit export-mission
     """

@@ -15,11 +15,6 @@ def command(folder: CampaignArgument = None, as_json: JsonOption = False, debug:
         fieldkit campaign show season
         fieldkit campaign show --json
 
-    Exit codes:
-        0  done
-        2  wrong usage, or no campaign is there
-        3  a file of the campaign cannot be used
-
     See Also:
         fieldkit evaluate, fieldkit campaign export, fieldkit report
     """

@@ -102,12 +102,6 @@ def command(
         fieldkit check card/ --plan plan.json --site field.toml --plots plots.gpkg
         fieldkit check flight_7/ --plan plan.json --site field.toml --vehicle ardupilot-pitch -o again.plan
 
-    Exit codes:
-        0  done, whatever was found
-        2  wrong usage, or the mission exists already
-        3  photographs, plan, site or log cannot be used
-        5  the mission would be unsafe, or nothing that this vehicle can fly
-
     See Also:
         fieldkit evaluate, fieldkit upload
     """

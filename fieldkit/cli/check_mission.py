@@ -58,12 +58,6 @@ def command(
         fieldkit check-mission plot.plan --vehicle ardupilot-pitch --plan plan.json --site site.toml
         fieldkit check-mission from_qgc.waypoints --vehicle ./my_drone.toml --json
 
-    Exit codes:
-        0  no errors, and checked against the plants of all plots; or no plots are known
-        2  wrong usage
-        3  a file cannot be used
-        5  there are errors: the mission must not be flown; or plots are not checked against plants
-
     See Also:
         fieldkit export-mission, fieldkit upload
     """

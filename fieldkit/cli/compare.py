@@ -32,11 +32,6 @@ def command(
         fieldkit compare may-scores june-scores -o spring
         fieldkit compare windy=flight_1 windy=flight_2 calm=flight_3
 
-    Exit codes:
-        0  done
-        2  wrong usage, or the output exists already
-        3  an evaluation cannot be used
-
     See Also:
         fieldkit evaluate, fieldkit campaign show, fieldkit report
     """

@@ -27,12 +27,6 @@ def command(output: OutputOption, run: RunOptions, as_json: JsonOption = False, 
     Examples:
         fieldkit demo -o demo-output --workers 2
 
-    Exit codes:
-        0  done
-        2  wrong usage, or the output exists already
-        3  this machine cannot render, or the output folder cannot be used
-        4  a reconstruction failed
-
     See Also:
         fieldkit doctor, fieldkit report
     """

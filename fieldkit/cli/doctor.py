@@ -20,10 +20,6 @@ def command(as_json: JsonOption = False, debug: DebugOption = False) -> int:
         fieldkit doctor
         fieldkit doctor --json > machine.json
 
-    Exit codes:
-        0  fieldkit works here, warnings or not
-        3  something that it needs does not
-
     See Also:
         fieldkit cache
     """

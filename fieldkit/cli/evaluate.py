@@ -110,12 +110,6 @@ def command(
         OUTPUT/evaluation.json, plots.csv, traits.csv  scores, and traits of the plants
         OUTPUT/PLOT/cloud.ply, overview.png  each plot's cloud, and a picture
 
-    Exit codes:
-        0  done, also where some plots failed
-        2  wrong usage, or the output exists already
-        3  the reference, the photographs or the output folder cannot be used
-        4  every plot failed
-
     See Also:
         fieldkit check, fieldkit campaign init, fieldkit compare, fieldkit report
     """

@@ -77,12 +77,6 @@ def command(
         fieldkit export-mission maize-plan --vehicle px4-gimbal --site site.toml --plots plots.gpkg --fit -o field
         fieldkit export-mission maize-plan --vehicle dji-mini-4-pro --site site.toml --format litchi --adjust -o field
 
-    Exit codes:
-        0  done
-        2  wrong usage, or a file exists already
-        3  a file cannot be used
-        5  unsafe, out of reach, or nothing that this vehicle can fly
-
     See Also:
         fieldkit check-mission, fieldkit upload
     """

@@ -91,11 +91,6 @@ def command(
         fieldkit geotag flight_7/ --log flight_7.ulg --site field.toml --plots plots.gpkg --plot r3c2 -o p.csv
         fieldkit geotag flight_7/ --log flight_7.tlog --mount -90 --camera-offset 7200 -o poses.csv
 
-    Exit codes:
-        0  done, also where some photographs have no trigger
-        2  wrong usage, or the file exists already
-        3  photographs or log cannot be used, or none of them matches
-
     See Also:
         fieldkit evaluate --log
     """

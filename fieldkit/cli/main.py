@@ -37,7 +37,7 @@ _GROUPS = {
     "scene": "Scenes of simulated plots: new ones, those of fieldkit, and those made from a reference.",
     "campaign": "One plan over many plots and dates: make it, plan the next visit, look at it, export it.",
 }
-_SECTIONS = ("Example", "Files:", "Exit codes:", "See Also:")
+_SECTIONS = ("Example", "Files:", "See Also:")
 _HELP = {"help_option_names": ["--help", "-h"]}
 
 

@@ -54,12 +54,6 @@ def command(
         OUTPUT/search.json, evaluations.jsonl  what was asked for, every evaluation
         OUTPUT/outcome.json, plan.png  what came of it
 
-    Exit codes:
-        0  done
-        2  wrong usage, limits that the vehicle does not keep, or the output exists already
-        3  what is planned on cannot be used, or this machine cannot render
-        4  no evaluation gave anything
-
     See Also:
         fieldkit reference, fieldkit export-mission, fieldkit simulate
     """

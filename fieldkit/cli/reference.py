@@ -54,12 +54,6 @@ def command(
         OUTPUT/reference.json  what was found, and how well
         OUTPUT/cloud.ply, scene.ply  the plants; the plants and the ground
 
-    Exit codes:
-        0  done
-        2  wrong usage, or the output exists already
-        3  photographs, files beside them or the output folder cannot be used
-        4  too few photographs register, or they see nothing of the plot
-
     See Also:
         fieldkit plan, fieldkit evaluate, fieldkit scene from-reference
     """

@@ -32,11 +32,6 @@ def command(
         fieldkit report season/ -o season.html
         fieldkit report plot_7-plan --title "Plot 7" --points 300000
 
-    Exit codes:
-        0  done
-        2  wrong usage, or the file exists already
-        3  there is nothing of fieldkit's in the folder, or it cannot be used
-
     See Also:
         fieldkit evaluate, fieldkit campaign show
     """

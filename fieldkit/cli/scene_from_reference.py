@@ -35,11 +35,6 @@ def command(
     Files:
         OUTPUT/scene.toml  the scene; name it or the folder
 
-    Exit codes:
-        0  done
-        2  wrong usage, or the output exists already
-        3  the reference or its photographs cannot be used
-
     See Also:
         fieldkit plan --reference, fieldkit simulate, fieldkit scene show
     """

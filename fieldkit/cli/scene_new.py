@@ -35,11 +35,6 @@ def command(
         fieldkit scene new --plants 6 --seed 7 --layout rows -o plot.toml
         fieldkit scene new --plants 3 --complete
 
-    Exit codes:
-        0  done
-        2  wrong usage, or the file exists already
-        3  the file cannot be written
-
     See Also:
         fieldkit scene show, fieldkit simulate, fieldkit plan --scene
     """

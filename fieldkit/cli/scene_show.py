@@ -33,11 +33,6 @@ def command(
         fieldkit scene show case-2 -o case-2.png
         fieldkit scene show plot.toml
 
-    Exit codes:
-        0  done
-        2  wrong usage, or the picture exists already
-        3  the scene cannot be used, or this machine cannot render
-
     See Also:
         fieldkit scene new, fieldkit simulate
     """

@@ -165,11 +165,6 @@ def command(
         OUTPUT/poses.csv, camera.toml  the commanded poses, the exact camera
         OUTPUT.truth.csv  the true poses, beside the folder
 
-    Exit codes:
-        0  done
-        2  wrong usage, or the output exists already
-        3  scene, plan or output cannot be used, or this machine cannot render
-
     See Also:
         fieldkit scene new, fieldkit reference, fieldkit evaluate
     """

@@ -43,13 +43,6 @@ def command(
         fieldkit upload field.plan --connect udpin://0.0.0.0:14550 --site site.toml
         fieldkit upload field.plan --connect serial:///dev/ttyUSB0:57600 --site site.toml
 
-    Exit codes:
-        0  the vehicle holds the new mission whole
-        2  wrong usage
-        3  a file cannot be used
-        5  check-mission finds errors, too large or empty, an item is refused, or the vehicle is armed
-        6  the link failed
-
     See Also:
         fieldkit check-mission
     """
