@@ -18,7 +18,7 @@ from fieldkit.campaign.reading import CampaignPlot
 from fieldkit.captures.model import Capture
 from fieldkit.clouds.canopy import Outline
 from fieldkit.clouds.volume import Volume
-from fieldkit.evaluation.georeferencing import COARSE_M
+from fieldkit.evaluation.rasters import COARSE_M
 from fieldkit.evaluation.traits import PlotOutline
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame, plot_from_enu

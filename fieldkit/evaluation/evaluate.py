@@ -8,8 +8,9 @@ from pathlib import Path
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
+from fieldkit.captures.folder import list_capture, natural_key
 from fieldkit.captures.programs import PosesFile
-from fieldkit.errors import FieldkitError, StorageError, UsageError
+from fieldkit.errors import CaptureError, FieldkitError, StorageError, UsageError
 from fieldkit.evaluation.adherence import Flight, FlownPlan
 from fieldkit.evaluation.cloud_reference import (
     AnyReference,
@@ -20,12 +21,12 @@ from fieldkit.evaluation.cloud_reference import (
 )
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot
 from fieldkit.evaluation.evaluate_plot import RESERVED, PlotCapture, Scoring, Spent, evaluate_plot, write_evaluation
-from fieldkit.evaluation.plots import count_photographs, find_plots
 from fieldkit.evaluation.rasters import Rasters
 from fieldkit.files import atomic_folder
 from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
+from fieldkit.results.fields import clean_text
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import EVALUATION_FILE, file_sha256
 from fieldkit.runtime.progress import Progress
@@ -151,3 +152,48 @@ def _unexpected(error: Exception) -> FieldkitError:
         f"a bug in fieldkit: {type(error).__name__}: {error}",
         remedy="Evaluate this plot alone with --debug, and report what that shows.",
     )
+
+
+def find_plots(captures: Path) -> tuple[list[tuple[str, Path]], list[str]]:
+    """Names and folders of the plots, and the names of the subfolders that were passed over; names as text.
+
+    A folder that holds photographs is one plot; else its subfolders are the plots.
+
+    Photographs in ``captures/images``, or in a card's 100MEDIA and 101MEDIA, make ``captures`` one plot. Subfolders
+    without any image file are passed over; one that cannot be read, or whose images cannot be used, still counts, so
+    that it is reported. So does the folder itself where no subfolder counts.
+    """
+    captures = Path(captures)
+    itself = [(clean_text(captures.absolute().name), captures)]
+    contents = list_capture(captures)
+    if contents.candidates:
+        return itself, []
+    folders = sorted((p for p in captures.iterdir() if p.is_dir() and not p.name.startswith(".")),
+                     key=lambda p: natural_key(p.name))  # fmt: skip
+    plots = [(clean_text(folder.name), folder) for folder in folders if _holds_images(folder)]
+    if not plots and any(finding.left_out for finding in contents.findings):
+        return itself, []  # reading it says what is wrong with each file
+    if not plots:
+        raise CaptureError(
+            "there are no photographs in this folder, nor in its subfolders",
+            path=captures,
+            remedy="Give a folder of photographs, or a folder with one folder of photographs per plot.",
+        )
+    counted = {folder for _, folder in plots}
+    return plots, [clean_text(folder.name) for folder in folders if folder not in counted]
+
+
+def count_photographs(folder: Path) -> int:
+    """Image files of a plot's folder; 0 where it cannot be read."""
+    try:
+        return len(list_capture(folder).candidates)
+    except CaptureError:
+        return 0
+
+
+def _holds_images(folder: Path) -> bool:
+    try:
+        contents = list_capture(folder)
+    except CaptureError:
+        return True  # reading it says what is wrong
+    return bool(contents.candidates) or any(finding.left_out for finding in contents.findings)

@@ -1,4 +1,4 @@
-"""Height models of a plot as rasters in UTM: of the canopy above the ground, and of the whole surface."""
+"""A georeferenced plot in UTM: its clouds as LAZ, and height models of the canopy and the surface as rasters."""
 
 from __future__ import annotations
 
@@ -12,19 +12,21 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds import Cloud, write_cloud
 from fieldkit.errors import UsageError
-from fieldkit.evaluation.georeferencing import COARSE_M, to_utm
 from fieldkit.evaluation.traits import depth_pixel_m
 from fieldkit.files import write_atomic
 from fieldkit.geometry import Similarity
 from fieldkit.reconstruction.agreement import POSITION_SIGMAS
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.runtime.progress import Progress
 
 CANOPY_FILE, SURFACE_FILE = "canopy-height.tif", "surface.tif"
 Array = NDArray[np.float64]
 
+COARSE_M = 0.3
+"""Standard deviation of positions from which they do not say on which plot something lies."""
 LEAST_SAMPLING_M = 0.005
 """Edge of a cell where nobody gives one, or the depth maps' pixel where that is larger."""
 MOST_CELLS = 100_000_000
@@ -58,6 +60,39 @@ class HeightRaster:
     """(rows, columns), metres; NaN where nothing was seen."""
     epsg: int
     """Of the projection."""
+
+
+def to_utm(cloud: Cloud, frame: MetricFrame) -> tuple[Cloud, int]:
+    """A cloud of the plot frame in WGS 84 / UTM, and the zone's EPSG code.
+
+    Heights keep the datum of the frame's origin. Normals are turned by the plot frame's rotation only; the meridian
+    convergence (under 3° within a zone) is left out of them.
+    """
+    from pyproj import Transformer
+
+    if frame.origin is None:
+        raise ValueError("the frame is not georeferenced")
+    epsg = frame.origin.utm_epsg()
+    in_source = cloud.transformed(frame.plot_from_source.inverse())
+    latitude, longitude, altitude = frame.origin.to_geodetic(in_source.points)
+    easting, northing = Transformer.from_crs(4326, epsg, always_xy=True).transform(longitude, latitude)
+    return Cloud(np.stack([easting, northing, altitude], axis=1), in_source.colors, in_source.normals), epsg
+
+
+def write_georeferenced(path: Path, cloud: Cloud, frame: MetricFrame, progress: Progress) -> bool:
+    """Write a cloud as LAZ in its UTM zone where it has one; returns whether it did."""
+    if frame.origin is None or len(cloud) == 0:
+        return False
+    if any(importlib.util.find_spec(name) is None for name in ("laspy", "lazrs", "pyproj")):
+        progress.note(f"{path.name} is not written: install the extra, pip install 'fieldkit[geo]'")
+        return False
+    try:
+        moved, epsg = to_utm(cloud, frame)
+    except ValueError as error:  # UTM ends at 84° north and 80° south
+        progress.note(f"{path.name} is not written: {error}")
+        return False
+    write_cloud(path, moved, crs_epsg=epsg)
+    return True
 
 
 def sampling_m(pixel_m: float, given_m: float | None = None) -> float:

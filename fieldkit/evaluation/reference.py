@@ -12,8 +12,7 @@ from fieldkit.captures.programs import PosesFile
 from fieldkit.clouds import Cloud, Volume, read_cloud, write_cloud
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.conversion import reference_report, settings_entry
-from fieldkit.evaluation.georeferencing import write_georeferenced
-from fieldkit.evaluation.rasters import Rasters, coarse_place, write_rasters
+from fieldkit.evaluation.rasters import Rasters, coarse_place, write_georeferenced, write_rasters
 from fieldkit.figures.spreadsheets import TRAITS_FILE, trait_row, write_traits_csv
 from fieldkit.files import atomic_folder
 from fieldkit.geometry import Pose

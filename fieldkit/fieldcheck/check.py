@@ -14,7 +14,7 @@ from fieldkit.cache import StageCache
 from fieldkit.captures import Capture, read_capture
 from fieldkit.errors import CaptureError, UsageError
 from fieldkit.evaluation.adherence import Flight
-from fieldkit.evaluation.plots import find_plots
+from fieldkit.evaluation.evaluate import find_plots
 from fieldkit.fieldcheck.consistency import Consistency, check_tags
 from fieldkit.fieldcheck.model import CheckReport, CheckSettings, finding_of
 from fieldkit.fieldcheck.pictures import PictureVerdict, judge_pictures, load_pictures

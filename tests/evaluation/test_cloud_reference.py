@@ -19,7 +19,7 @@ from fieldkit.errors import CloudError, EmptyCloudError, MetadataError, UsageErr
 from fieldkit.evaluation.cloud_reference import CloudReference, open_reference
 from fieldkit.evaluation.compare import compare_evaluations
 from fieldkit.evaluation.evaluate import evaluate_captures
-from fieldkit.evaluation.georeferencing import write_georeferenced
+from fieldkit.evaluation.rasters import write_georeferenced
 from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.geodesy import LocalFrame

@@ -1,7 +1,8 @@
-"""An evaluation of many plots, of which some fail."""
+"""Which folders are plots, and an evaluation of many plots, of which some fail."""
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 
@@ -9,8 +10,8 @@ import pytest
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import Capture, read_capture
-from fieldkit.errors import StorageError
-from fieldkit.evaluation.evaluate import evaluate_captures
+from fieldkit.errors import CaptureError, StorageError
+from fieldkit.evaluation.evaluate import count_photographs, evaluate_captures, find_plots
 from fieldkit.results.report_files import load_evaluation_report
 from fieldkit.runtime.progress import Silent
 
@@ -55,3 +56,59 @@ def test_no_space_is_nobodys_plot(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     with pytest.raises(StorageError):
         evaluate_captures(day, tmp_path / "out", cache=StageCache(None), progress=Silent())
     assert not (tmp_path / "out").exists()
+
+
+def photograph(path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes((PHOTOGRAPHS / "IMG_0001.jpg").read_bytes())
+
+
+def test_a_folder_of_photographs_is_one_plot(tmp_path: Path) -> None:
+    photograph(tmp_path / "field" / "a.jpg")
+    photograph(tmp_path / "field" / "later" / "b.jpg")
+    assert find_plots(tmp_path / "field") == ([("field", tmp_path / "field")], [])
+
+
+def test_subfolders_are_plots_in_natural_order_and_empty_ones_are_named(tmp_path: Path) -> None:
+    for name in ("plot 10", "plot 9"):
+        photograph(tmp_path / name / "images" / "a.jpg")
+    (tmp_path / "plot 2").mkdir()
+    (tmp_path / ".hidden").mkdir()
+    plots, passed_over = find_plots(tmp_path)
+    assert [name for name, _ in plots] == ["plot 9", "plot 10"]
+    assert passed_over == ["plot 2"]
+
+
+def test_no_photographs_at_all(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    with pytest.raises(CaptureError, match="nor in its subfolders"):
+        find_plots(tmp_path)
+
+
+def test_folders_of_one_card_are_one_plot(tmp_path: Path) -> None:
+    for name in ("100MEDIA", "101MEDIA"):
+        photograph(tmp_path / "flight" / name / "DJI_0001.JPG")
+    assert find_plots(tmp_path / "flight") == ([("flight", tmp_path / "flight")], [])
+    photograph(tmp_path / "other" / "a.jpg")
+    assert [name for name, _ in find_plots(tmp_path)[0]] == ["flight", "other"]
+    photograph(tmp_path / "flight" / "plot 3" / "a.jpg")
+    assert [name for name, _ in find_plots(tmp_path / "flight")[0]] == ["100MEDIA", "101MEDIA", "plot 3"]
+
+
+def test_names_that_are_no_utf_8_are_written_out(tmp_path: Path) -> None:
+    for name in ("plot 1", os.fsdecode(b"Fl\xe4che")):
+        try:
+            photograph(tmp_path / name / "a.jpg")
+        except OSError:
+            pytest.skip("this file system takes names in UTF-8 only")
+    (tmp_path / os.fsdecode(b"l\xe9er")).mkdir()
+    plots, passed_over = find_plots(tmp_path)
+    assert sorted(name for name, _ in plots) == [r"Fl\udce4che", "plot 1"]
+    assert passed_over == [r"l\udce9er"]
+
+
+def test_photographs_are_counted(tmp_path: Path) -> None:
+    for name in ("a.jpg", "b.jpg"):
+        photograph(tmp_path / "plot" / name)
+    assert count_photographs(tmp_path / "plot") == 2
+    assert count_photographs(tmp_path / "none") == 0

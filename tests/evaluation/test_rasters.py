@@ -11,7 +11,6 @@ import pytest
 
 from fieldkit.clouds import Cloud
 from fieldkit.errors import UsageError
-from fieldkit.evaluation.georeferencing import to_utm
 from fieldkit.evaluation.rasters import (
     CANOPY_FILE,
     HeightRaster,
@@ -22,6 +21,7 @@ from fieldkit.evaluation.rasters import (
     sampling_m,
     style_text,
     surface_raster,
+    to_utm,
     write_raster,
     write_rasters,
 )
