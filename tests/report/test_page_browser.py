@@ -101,10 +101,10 @@ def test_figure_and_date_of_the_map_can_be_chosen(page: Page) -> None:
     assert shown() == ["maize-1, 2026-07-14, height: 0.8 m"]
     page.get_by_role("radio", name="2026-06-30").check()
     assert shown() == ["maize-1, 2026-06-30, height: 0.6 m"]
-    page.get_by_role("radio", name="quality", exact=True).check()
-    assert shown() == ["maize-1, 2026-06-30, quality: 8 mm"]
+    page.get_by_role("radio", name="chamfer distance", exact=True).check()
+    assert shown() == ["maize-1, 2026-06-30, chamfer distance: 8 mm"]
     page.get_by_role("radio", name="2026-07-14").check()
-    assert shown() == ["maize-1, 2026-07-14, quality: 10 mm"]
+    assert shown() == ["maize-1, 2026-07-14, chamfer distance: 10 mm"]
 
 
 def test_plots_bear_their_names_on_the_map(page: Page) -> None:

@@ -12,21 +12,18 @@ import hashlib
 import re
 from collections.abc import Iterator, Sequence
 from functools import cache
-from pathlib import Path
-from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import Environment
 from markupsafe import Markup
 
 from fieldkit.figures import content
 from fieldkit.figures.content import Block, Details, Page, View
 from fieldkit.figures.drawings import PlotMap
-from fieldkit.figures.style import unbroken, visible
 from fieldkit.report.html.charts import draw
 from fieldkit.report.html.plot_map import draw_map
+from fieldkit.report.html.templating import TEMPLATES, environment
 from fieldkit.report.html.viewer import viewer_html, viewer_script, viewer_style
 
-_TEMPLATES = Path(__file__).parent / "templates"
 _PRINTED_ROWS = 40
 """Rows of a table on paper, as page.css has them: a report is printed on ten pages at most."""
 _PATH = re.compile(r"[MLHVZ0-9. -]*")
@@ -103,33 +100,20 @@ def _raw(text: str, element: str) -> Markup:
 
 @cache
 def _read(name: str) -> str:
-    return (_TEMPLATES / name).read_text(encoding="utf-8")
+    return (TEMPLATES / name).read_text(encoding="utf-8")
 
 
 @cache
 def _environment() -> Environment:
-    environment = Environment(
-        loader=FileSystemLoader(_TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        finalize=_shown,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.globals.update(
+    engine = environment()
+    engine.globals.update(
         printed_rows=_PRINTED_ROWS, draw=draw, draw_map=draw_map, kind=_kind, data_uri=_data_uri, view_html=_view_html,
     )  # fmt: skip
-    environment.filters.update(path=_path, unbroken=unbroken)
-    environment.tests["text"] = lambda value: isinstance(value, str)
-    environment.tests["link"] = lambda value: isinstance(value, content.Link)
-    environment.tests["picture"] = lambda value: isinstance(value, content.Picture)
-    return environment
-
-
-def _shown(value: Any) -> Any:
-    """The engine's output for an expression: foreign text without hidden characters."""
-    return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+    engine.filters.update(path=_path)
+    engine.tests["text"] = lambda value: isinstance(value, str)
+    engine.tests["link"] = lambda value: isinstance(value, content.Link)
+    engine.tests["picture"] = lambda value: isinstance(value, content.Picture)
+    return engine
 
 
 def _path(path: str) -> Markup:

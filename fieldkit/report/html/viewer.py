@@ -13,25 +13,26 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
-from html import escape
+from collections.abc import Iterator, Sequence
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from fieldkit.errors import InputError
 from fieldkit.figures.drawings import FrustumLayer, LineLayer, ViewerScene
-from fieldkit.figures.style import DISTANCE_RAMP, format_nominal, visible
+from fieldkit.figures.style import DISTANCE_RAMP, visible
 from fieldkit.report.html.packing import PackedPoints, pack_points, plain_floats
+from fieldkit.report.html.templating import environment
 from fieldkit.runtime.shipped import shipped_page
 
 BUNDLE, LICENSE = "viewer.min.js", "LICENSE.three.txt"
 _PLAIN = ("#6f9a80", "#c58a4a", "#7c8fc4", "#b0739b")  # of clouds without colours and values, in turn
 _COLOR = re.compile(r"#[0-9a-fA-F]{6}")
 _FAR = 4.0  # times the cameras' box: the first view leaves out a fence about the whole farm
-_SIZES = (1.0, 8.0, 0.25)  # least, most and step of the point size, CSS pixels
+_SIZE_STEP = 0.25  # of the point size, CSS pixels
 
 
 def viewer_script() -> str:
@@ -72,28 +73,17 @@ def viewer_html(scene: ViewerScene, *, identifier: str) -> str:
         "palette": list(DISTANCE_RAMP),
         "focus": _focus(scene),
     }
-    blocks = "".join(
-        f'<script type="application/octet-stream" class="fk-view-block">{block.text}</script>\n' for block in packed
-    )
-    name, title = escape(identifier, quote=True), escape(visible(scene.title))
-    return f"""<figure class="fk-view" id="{name}" data-state="waiting" aria-labelledby="{name}-title">
-<figcaption class="fk-view-title" id="{name}-title">{title}</figcaption>
-<div class="fk-view-stage" tabindex="0" role="application"
-aria-labelledby="{name}-title" aria-describedby="{name}-help">
-<p class="fk-view-message" role="status">The 3D view needs a browser with JavaScript and WebGL 2.</p>
-</div>
-<div class="fk-view-panel">
-{_switches(scene, packed)}
-{_scales(scene)}
-<div class="fk-view-tools">
-{_tools(scene, name)}
-</div>
-</div>
-<p class="fk-view-help" id="{name}-help">Drag to turn, from above to move; right button or two fingers to move,
-pinch or wheel (after a click) to zoom. Keys: arrows turn or move, + and − zoom, 0 resets.</p>
-<script type="application/json" class="fk-view-data">{_json(data)}</script>
-{blocks}</figure>
-"""
+    limits: dict[float, list[str]] = {}
+    for layer in scene.points:
+        if layer.values is not None:
+            limits.setdefault(float(layer.limit), []).append(layer.name)
+    largest = max((len(layer.points) for layer in scene.points), default=0)
+    size = np.clip(np.round(600.0 / max(largest, 1) ** 0.5 / _SIZE_STEP) * _SIZE_STEP, 1.25, 4.0)
+    return environment().get_template("view.html.jinja").render(
+        name=identifier, scene=scene, switches=list(_switches(scene, packed)), scales=limits, point_size=f"{size:g}",
+        both=any(layer.values is not None and layer.colors is not None for layer in scene.points),
+        data=Markup(_json(data)), blocks=[Markup(block.text) for block in packed],
+    )  # fmt: skip
 
 
 def _folder() -> Traversable:
@@ -182,73 +172,21 @@ def _box(arrays: Sequence[Any]) -> Any:
     return np.stack([stacked.min(axis=0), stacked.max(axis=0)]) if len(stacked) else stacked
 
 
-def _switches(scene: ViewerScene, packed: Sequence[PackedPoints]) -> str:
-    rows = []
+def _switches(scene: ViewerScene, packed: Sequence[PackedPoints]) -> Iterator[dict[str, Any]]:
+    """What can be shown and hidden, with a mark in its colour."""
+
+    def switch(group: str, number: int, layer: Any, note: str, kind: str, color: str) -> dict[str, Any]:
+        return {"group": group, "number": number, "name": layer.name, "note": note, "shown": layer.shown, "kind": kind,
+                "color": color}  # fmt: skip
+
     for number, (cloud, block) in enumerate(zip(scene.points, packed, strict=True)):
         kind = "scale" if block.valued else "cloud" if block.colored else "plain"
-        note = f"{block.count:,} points"
-        rows.append(_switch("points", number, cloud.name, note, cloud.shown, kind, _plain_color(number)))
+        yield switch("points", number, cloud, f"{block.count:,} points", kind, _plain_color(number))
     for number, cameras in enumerate(scene.frusta):
         note = f"{len(cameras.poses):,} cameras" if len(cameras.poses) != 1 else "1 camera"
-        rows.append(_switch("frusta", number, cameras.name, note, cameras.shown, "frustum", cameras.color))
+        yield switch("frusta", number, cameras, note, "frustum", cameras.color)
     for number, lines in enumerate(scene.lines):
-        rows.append(_switch("lines", number, lines.name, "", lines.shown, "line", lines.color))
+        yield switch("lines", number, lines, "", "line", lines.color)
     if scene.places or any(cameras.numbers for cameras in scene.frusta):
         name = "Names and numbers" if scene.places else "Numbers of the stations"
-        rows.append(_switch("names", 0, name, "", True, "names", "#000000"))
-    if not rows:
-        return ""
-    return f'<fieldset class="fk-view-layers"><legend>Show</legend>\n{"".join(rows)}</fieldset>'
-
-
-def _switch(group: str, number: int, name: str, note: str, shown: bool, kind: str, color: str) -> str:
-    checked = " checked" if shown else ""
-    inside = "1" if kind == "names" else ""
-    mark = f'<span class="fk-view-mark fk-view-mark-{kind}" data-color="{escape(color, quote=True)}">{inside}</span>'
-    return (
-        f'<label class="fk-view-switch"><input type="checkbox" data-group="{group}" data-number="{number}"{checked}>'
-        f'{mark}<span class="fk-view-name">{escape(visible(name))}</span>'
-        f'<span class="fk-view-note">{note}</span></label>\n'
-    )
-
-
-def _scales(scene: ViewerScene) -> str:
-    """A colour bar for each end of scale of the layers."""
-    limits: dict[float, list[str]] = {}
-    for layer in scene.points:
-        if layer.values is not None:
-            limits.setdefault(float(layer.limit), []).append(layer.name)
-    bars = []
-    for limit, names in limits.items():
-        title = f"Distance: {', '.join(names)}"
-        marks = ("0", format_nominal(limit / 2), f"≥ {format_nominal(limit)}")
-        ends = "".join(f"<span>{text}</span>" for text in marks)
-        bars.append(
-            f'<div class="fk-view-scale"><div class="fk-view-scale-title">{escape(visible(title))}</div>'
-            f'<div class="fk-view-bar"></div>'
-            f'<div class="fk-view-ticks">{ends}</div></div>\n'
-        )
-    return "".join(bars)
-
-
-def _tools(scene: ViewerScene, name: str) -> str:
-    least, most, step = _SIZES
-    largest = max((len(layer.points) for layer in scene.points), default=0)
-    first = np.clip(np.round(600.0 / max(largest, 1) ** 0.5 / step) * step, 1.25, 4.0)
-    size = (
-        f'<label class="fk-view-size">Point size <input type="range" min="{least:g}" max="{most:g}" step="{step:g}" '
-        f'value="{first:g}" aria-label="Point size in pixels"></label>\n'
-    )
-    both = any(layer.values is not None and layer.colors is not None for layer in scene.points)
-    colors = (
-        '<label class="fk-view-coloring"><select aria-label="Colour of the points">'
-        '<option value="values">Coloured by distance</option><option value="colors">As photographed</option>'
-        "</select></label>\n"
-    )
-    return (
-        (size if scene.points else "")
-        + (colors if both else "")
-        + f'<button type="button" class="fk-view-reset" aria-controls="{name}">Reset view</button>\n'
-        + f'<button type="button" class="fk-view-above" aria-controls="{name}">From above</button>\n'
-        + f'<button type="button" class="fk-view-full" aria-controls="{name}" hidden>Full screen</button>'
-    )
+        yield switch("names", 0, LineLayer(name, (), "#000000"), "", "names", "#000000")
