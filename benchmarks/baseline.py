@@ -37,7 +37,6 @@ class Baseline:
         intrinsics: that camera.
         plot: frame, volume and ground.
         settings: fidelity and fusion rule.
-        progress: receives the stages.
     """
 
     def __init__(

@@ -42,25 +42,22 @@ Centers = Mapping[str, NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class RingRun:
-    """A mapping of a ring.
-
-    Attributes:
-        name: of the set or scene, marked by its features.
-        views: in the ring.
-        seed: of the mapper.
-        registered: images in the largest model.
-        models: sizes of all models.
-        rms_m: of the largest model's centres against the known ones after a similarity fit; None below three images.
-        neighbours: median of verified matches of neighbouring views.
-    """
+    """A mapping of a ring."""
 
     name: str
+    """Of the set or scene, marked by its features."""
     views: int
+    """In the ring."""
     seed: int
+    """Of the mapper."""
     registered: int
+    """Images in the largest model."""
     models: tuple[int, ...]
+    """Sizes of all models."""
     rms_m: float | None
+    """Of the largest model's centres against the known ones after a similarity fit; None below three images."""
     neighbours: float
+    """Median of verified matches of neighbouring views."""
 
 
 def run_blind_rings(
@@ -72,7 +69,6 @@ def run_blind_rings(
         data: folder of the recorded sets, or None.
         scenes: as `study_scenes` takes them.
         counts: numbers of views of the rings.
-        progress: receives the stages.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     runs: list[RingRun] = []

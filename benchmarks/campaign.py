@@ -27,27 +27,24 @@ SEASON_FOLDER, CAPTURES_FOLDER = "season", "captures"
 
 @dataclass(frozen=True)
 class CampaignOptions:
-    """Options of the studies.
-
-    Attributes:
-        data: folder of the recorded image sets, or None.
-        cache: the stage cache.
-        scenes: of ``field-check``, by default the held-out ones; ``plan-reuse`` takes the first.
-        count: captures of ``field-check`` (80), plots of ``season`` (40) and of each scene in ``next-visit`` (1).
-        width_px: of the photographs of ``season``.
-        seed: of everything random.
-        workers: number of threads and processes.
-        work: keeps photographs and evaluations; None takes a temporary folder.
-    """
+    """Options of the studies."""
 
     data: Path | None = None
+    """Folder of the recorded image sets, or None."""
     cache: StageCache = field(default_factory=lambda: StageCache(None))
+    """The stage cache."""
     scenes: tuple[str, ...] = ()
+    """Of ``field-check``, by default the held-out ones; ``plan-reuse`` takes the first."""
     count: int | None = None
+    """Captures of ``field-check`` (80), plots of ``season`` (40) and of each scene in ``next-visit`` (1)."""
     width_px: int = 2000
+    """Of the photographs of ``season``."""
     seed: int = 0
+    """Of everything random."""
     workers: int = 1
+    """Number of threads and processes."""
     work: Path | None = None
+    """Keeps photographs and evaluations; None takes a temporary folder."""
 
 
 @contextmanager
@@ -118,10 +115,6 @@ def run_campaign(
         output: folder of the result.
         names: of `STUDIES`; none takes `DEFAULT`.
         options: for all of them.
-        progress: receives the stages.
         overwrite: replace an earlier result in ``output``.
-
-    Raises:
-        UsageError: no study has this name, or ``output`` exists.
     """
     return run_studies(output, names, STUDIES, list(DEFAULT), options, progress=progress, overwrite=overwrite)

@@ -29,17 +29,14 @@ _TRUTH_POINTS = 200_000
 
 @dataclass(frozen=True, eq=False)
 class RenderedPlot:
-    """A benchmark scene with its truth.
-
-    Attributes:
-        scene: to render.
-        truth: visible points of its plants above `LOWEST_M`, plot frame.
-        volume: of interest.
-    """
+    """A benchmark scene with its truth."""
 
     scene: Scene
+    """To render."""
     truth: Cloud
+    """Visible points of its plants above `LOWEST_M`, plot frame."""
     volume: Volume
+    """Of interest."""
 
     def known(self) -> KnownPlot:
         """The known plot, as from a reference: the frame of poses.csv is the plot frame."""
@@ -58,11 +55,7 @@ def rendered_plot(split: Split, index: int) -> RenderedPlot:
 def rendered_capture(
     folder: Path, plot: RenderedPlot, *, count: int = 10, noise: CaptureNoise, seed: int = 0, progress: Progress
 ) -> list[Pose]:
-    """Photograph a benchmark scene; poses.csv has the commanded poses, camera.toml the camera. Returns the true poses.
-
-    Raises:
-        RenderingError: this machine cannot render.
-    """
+    """Photograph a benchmark scene; poses.csv has the commanded poses, camera.toml the camera. Gives the true poses."""
     poses, intrinsics = benchmark_cameras(count)
     with Renderer(plot.scene) as renderer:
         return simulate_capture(

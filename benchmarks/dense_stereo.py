@@ -29,23 +29,20 @@ _SPLITS: tuple[Split, ...] = ("tuning", "test")
 
 @dataclass(frozen=True)
 class DenseRun:
-    """A method on a scene.
-
-    Attributes:
-        prepare_s, depth_s, fusion_s: CPU seconds for reduction to working size with the mask, depth maps, fusion.
-        f_score, precision, recall: by distance in metres.
-    """
+    """A method on a scene."""
 
     scene: str
     method: str
     prepare_s: float
     depth_s: float
     fusion_s: float
+    """CPU seconds for reduction to working size with the mask, depth maps, fusion."""
     points: int
     chamfer_m: float
     f_score: dict[float, float]
     precision: dict[float, float]
     recall: dict[float, float]
+    """By distance in metres."""
 
     @property
     def cpu_s(self) -> float:

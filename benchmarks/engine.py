@@ -16,24 +16,21 @@ NO_DATA = "FIELDKIT_DATA is unset; it names the folder with the recorded image s
 
 @dataclass(frozen=True)
 class EngineOptions:
-    """Options of the studies.
-
-    Attributes:
-        data: folder of the recorded sets, or None.
-        draws: of the priors' noise and of the blind mappers' seeds.
-        scene: in `scaling`, also build the scene with the ground.
-        scenes: of `match-decay` and `blind-rings`: names or files, "all" for all of fieldkit's; empty takes the tuning
-            scenes.
-        whole_grid: in `few-views`, try every noise on every subset.
-        cache: for unmeasured stages (the dense models, the reference).
-    """
+    """Options of the studies."""
 
     data: Path | None
+    """Folder of the recorded sets, or None."""
     cache: StageCache
+    """For unmeasured stages (the dense models, the reference)."""
     draws: int = 5
+    """Of the priors' noise and of the blind mappers' seeds."""
     scene: bool = True
+    """In `scaling`, also build the scene with the ground."""
     whole_grid: bool = False
+    """In `few-views`, try every noise on every subset."""
     scenes: tuple[str, ...] = ()
+    """Of `match-decay` and `blind-rings`: names or files, "all" for all of fieldkit's; empty takes the tuning scenes.
+    """
 
 
 def _dense(_: EngineOptions, progress: Progress) -> StudyResult:
@@ -155,10 +152,6 @@ def run_engine(
         output: folder of the result.
         names: of `STUDIES`; empty takes `SPEED`.
         options: for all of them.
-        progress: receives the stages.
         overwrite: replace an earlier result in ``output``.
-
-    Raises:
-        UsageError: no study has this name, or ``output`` exists.
     """
     return run_studies(output, names, STUDIES, SPEED, options, progress=progress, overwrite=overwrite)

@@ -48,20 +48,17 @@ GOAL = Noise(0.010, 1.0)
 
 @dataclass(frozen=True)
 class Plan:
-    """The trials to run.
-
-    Attributes:
-        subsets: sizes by rig.
-        goals: sizes with a goal: every noise of `GRID` at phase 0, `MAIN` at phase 1, whose photographs were not used
-            for tuning. The others get `MAIN`, and at phase 1 `GOAL`.
-        draws: number of draws of every noise, and of seeds of the blind mappers.
-        whole_grid: every noise on every subset and phase.
-    """
+    """The trials to run."""
 
     subsets: Mapping[str, tuple[int, ...]]
+    """Sizes by rig."""
     goals: Mapping[str, tuple[int, ...]]
+    """Sizes with a goal: every noise of `GRID` at phase 0, `MAIN` at phase 1, whose photographs were not used for
+    tuning. The others get `MAIN`, and at phase 1 `GOAL`."""
     draws: int = 5
+    """Number of draws of every noise, and of seeds of the blind mappers."""
     whole_grid: bool = False
+    """Every noise on every subset and phase."""
 
     def noises(self, rig: str, size: int, phase: int) -> tuple[Noise, ...]:
         """The noises tried on a subset."""
@@ -75,23 +72,20 @@ GOALS = {"basil_rig": (10, 13), "arabidopsis_rig": (20,)}
 
 @dataclass(frozen=True)
 class Outcome:
-    """The poses of a subset compared with the rig and with the model of all photographs.
-
-    Attributes:
-        registered: with a pose.
-        right: of those, within the rig's bound after a robust similarity onto the commanded centres.
-        rig_rms_m, rig_max_m: centres against the commanded ones, after the least-squares similarity of all registered.
-        dense_rms_m, dense_max_m: the same against the dense model's centres.
-        angle_max_deg: largest rotation against the dense model, after that similarity.
-    """
+    """The poses of a subset compared with the rig and with the model of all photographs."""
 
     registered: int
+    """With a pose."""
     right: int
+    """Of those, within the rig's bound after a robust similarity onto the commanded centres."""
     rig_rms_m: float | None
     rig_max_m: float | None
+    """Centres against the commanded ones, after the least-squares similarity of all registered."""
     dense_rms_m: float | None
     dense_max_m: float | None
+    """The same against the dense model's centres."""
     angle_max_deg: float | None
+    """Largest rotation against the dense model, after that similarity."""
 
     @property
     def wrong(self) -> int:

@@ -42,23 +42,20 @@ _FAMILIES = {
 
 @dataclass(frozen=True)
 class Outcome:
-    """A fault, or a false alarm.
-
-    Attributes:
-        scene, tags: of the capture.
-        station: number in the plan.
-        kind, detail: of the fault; empty for a false alarm.
-        found: whether the station's verdict is not "fine".
-        codes: of its findings.
-    """
+    """A fault, or a false alarm."""
 
     scene: str
     tags: str
+    """Of the capture."""
     station: int
+    """Number in the plan."""
     kind: str
     detail: str
+    """Of the fault; empty for a false alarm."""
     found: bool
+    """Whether the station's verdict is not "fine"."""
     codes: tuple[str, ...]
+    """Of its findings."""
 
 
 @dataclass(frozen=True)
@@ -90,11 +87,8 @@ def run_field_check(
         scenes: names; empty takes the held-out ones.
         captures: number over all scenes.
         seed: of stations, noise and faults.
-        cache: of features and matches of sound photographs, which captures of a scene share.
-        workers: threads of a check.
         work: keeps photographs for later runs; None takes a temporary folder.
         timed: also time a check.
-        progress: receives the scenes.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     names = tuple(scenes) or HELD_OUT

@@ -45,26 +45,23 @@ Image8 = NDArray[np.uint8]
 
 @dataclass(frozen=True, eq=False)
 class PlotPhotographs:
-    """A plot, its plan and photographs.
-
-    Attributes:
-        name: of the scene.
-        folder: of its photographs.
-        flown, strayed: folders of photographs taken as planned with a flight's noise, and from elsewhere.
-        plan: of 13 stations.
-        site: where the plot lies.
-        commanded: text of a poses.csv.
-        grain: of the camera, grey levels.
-    """
+    """A plot, its plan and photographs."""
 
     name: str
+    """Of the scene."""
     folder: Path
+    """Of its photographs."""
     flown: Path
     strayed: Path
+    """Folders of photographs taken as planned with a flight's noise, and from elsewhere."""
     plan: Plan
+    """Of 13 stations."""
     site: Site
+    """Where the plot lies."""
     commanded: str
+    """Text of a poses.csv."""
     grain: float
+    """Of the camera, grey levels."""
 
 
 @dataclass(frozen=True)
@@ -86,12 +83,7 @@ class FaultyCapture:
 
 
 def photograph_plot(scene: str, folder: Path, seed: int) -> PlotPhotographs:
-    """Photographs of a scene from 13 stations on an uneven ring, with the scene's camera; existing ones are kept.
-
-    Raises:
-        SceneError: no scene has this name, or it cannot be used.
-        RenderingError: this machine cannot render.
-    """
+    """Photographs of a scene from 13 stations on an uneven ring, with the scene's camera; existing ones are kept."""
     description = read_scene(find_scene(scene))
     rng = np.random.default_rng([seed, 9])
     feet = np.array([(plant.x_m, plant.y_m) for plant in description.plot.plants] or [(0.0, 0.0)])

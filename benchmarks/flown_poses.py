@@ -17,25 +17,22 @@ from fieldkit.geometry.geodesy import LocalFrame
 
 @dataclass(frozen=True)
 class Flown:
-    """Largest differences over the photographs of a log.
-
-    Attributes:
-        log: its file's name.
-        photographs: that it holds.
-        time_ms: of the shutter.
-        position_m: in space, heights above home.
-        yaw_deg, pitch_deg: of the camera.
-        track_m, track_yaw_deg: the same for the vehicle, from the track at the shutter's time.
-    """
+    """Largest differences over the photographs of a log."""
 
     log: str
+    """Its file's name."""
     photographs: int
+    """That it holds."""
     time_ms: float
+    """Of the shutter."""
     position_m: float
+    """In space, heights above home."""
     yaw_deg: float
     pitch_deg: float
+    """Of the camera."""
     track_m: float
     track_yaw_deg: float
+    """The same for the vehicle, from the track at the shutter's time."""
 
 
 def flown_poses(path: Path, told: Sequence[Mapping[str, Any]]) -> Flown:
@@ -44,9 +41,6 @@ def flown_poses(path: Path, told: Sequence[Mapping[str, Any]]) -> Flown:
     Args:
         path: .tlog or .BIN.gz.
         told: the recording's triggers, in order.
-
-    Raises:
-        MetadataError: the log cannot be read, or holds another number of photographs.
     """
     log = read_flight_log(path)
     if len(log.triggers) != len(told):

@@ -50,29 +50,26 @@ class Case:
 
 @dataclass(frozen=True)
 class Side:
-    """Times and results of one side.
-
-    Attributes:
-        stages: CPU seconds by stage, scoring included.
-        cpu_s: total, from reading the photographs to the score.
-        registered, right: photographs.
-        chamfer_m, f_score: None without a cloud.
-        refined_chamfer_m, refined_f_score: after ICP to the truth, which is not timed.
-        error: why there is no cloud.
-        poses: of the right photographs, plot frame; only of fieldkit's side.
-    """
+    """Times and results of one side."""
 
     name: str
     stages: dict[str, float]
+    """CPU seconds by stage, scoring included."""
     cpu_s: float
+    """Total, from reading the photographs to the score."""
     registered: int
     right: int
+    """Photographs."""
     chamfer_m: float | None = None
     f_score: float | None = None
+    """None without a cloud."""
     refined_chamfer_m: float | None = None
     refined_f_score: float | None = None
+    """After ICP to the truth, which is not timed."""
     error: str = ""
+    """Why there is no cloud."""
     poses: Mapping[str, Pose] = field(default_factory=dict, repr=False)
+    """Of the right photographs, plot frame; only of fieldkit's side."""
 
     def as_dict(self) -> dict[str, Any]:
         """The figures, without the poses."""

@@ -34,40 +34,34 @@ _DIGITS = frozenset(b"0123456789.-+eE")
 
 @dataclass(frozen=True)
 class Target:
-    """A reader to fuzz.
-
-    Attributes:
-        suffix: of the files, with its dot.
-        seeds: good files' contents.
-        read: reads a file; raises FieldkitError if it cannot be used.
-    """
+    """A reader to fuzz."""
 
     suffix: str
+    """Of the files, with its dot."""
     seeds: Sequence[bytes]
+    """Good files' contents."""
     read: Callable[[Path], Any]
+    """Reads a file; raises FieldkitError if it cannot be used."""
 
 
 @dataclass(frozen=True)
 class Fuzzed:
-    """The result of fuzzing a target.
-
-    Attributes:
-        files: that were read.
-        accepted: of these, those that were read without an error.
-        refused: those that ended in a FieldkitError.
-        defects: traces of other exceptions, one of each kind, with their numbers.
-        hangs: readings of more than `LIMIT_S`.
-        slowest_s: the slowest reading.
-        written: files that were written or removed while reading.
-    """
+    """The result of fuzzing a target."""
 
     files: int
+    """That were read."""
     accepted: int
+    """Of these, those that were read without an error."""
     refused: int
+    """Those that ended in a FieldkitError."""
     defects: Mapping[str, int]
+    """Traces of other exceptions, one of each kind, with their numbers."""
     hangs: int
+    """Readings of more than `LIMIT_S`."""
     slowest_s: float
+    """The slowest reading."""
     written: tuple[str, ...]
+    """Files that were written or removed while reading."""
 
 
 def mutate(seeds: Sequence[bytes], rng: np.random.Generator) -> bytes:

@@ -26,11 +26,7 @@ class NoBrowserError(RuntimeError):
 
 
 def find_chromium() -> Path:
-    """The browser on the path.
-
-    Raises:
-        NoBrowserError: no browser is installed.
-    """
+    """The browser on the path."""
     for name in NAMES:
         if found := shutil.which(name):
             return Path(found)
@@ -45,9 +41,6 @@ def headless_browser(*arguments: str) -> Iterator[Browser]:
 
     Args:
         arguments: more of Chromium's switches.
-
-    Raises:
-        NoBrowserError: there is no browser, or Playwright is not installed.
     """
     try:
         from playwright.sync_api import sync_playwright

@@ -26,26 +26,23 @@ WAYS: tuple[tuple[MappingChoice, ...], ...] = (("incremental", "global"), ("prio
 
 @dataclass(frozen=True)
 class MappingRun:
-    """A set, mapped one way.
-
-    Attributes:
-        set_name, method: the set and the way.
-        images, registered, right: photographs given, posed, and posed in agreement with what is known.
-        model_sizes: registered photographs of every model, largest first.
-        rms_m: of the right centres against the known positions; None if none is right.
-        matching_s, mapping_s: CPU seconds without features. Blind mappers share one matching. Prior mapping matches
-            within its rounds; its ``matching_s`` is for calibrating and orienting the cameras.
-    """
+    """A set, mapped one way."""
 
     set_name: str
     method: str
+    """The set and the way."""
     images: int
     registered: int
     right: int
+    """Photographs given, posed, and posed in agreement with what is known."""
     model_sizes: tuple[int, ...]
+    """Registered photographs of every model, largest first."""
     rms_m: float | None
+    """Of the right centres against the known positions; None if none is right."""
     matching_s: float
     mapping_s: float
+    """CPU seconds without features. Blind mappers share one matching. Prior mapping matches within its rounds; its
+    ``matching_s`` is for calibrating and orienting the cameras."""
 
 
 def run_mappings(data: Path, names: Sequence[str] = SETS, *, progress: Progress) -> StudyResult:

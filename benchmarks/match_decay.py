@@ -44,19 +44,16 @@ RIGS = {"basil_rig": (1, 3, 4, 6, 8, 11), "arabidopsis_rig": (1, 2, 3, 5, 6, 8)}
 
 @dataclass(frozen=True)
 class PairCount:
-    """A pair of photographs.
-
-    Attributes:
-        angle_deg: between the views, about the plants.
-        features: of the two, mean.
-        inliers: RootSIFT matches on one fundamental matrix.
-        on_plants: of them, in the first photograph.
-    """
+    """A pair of photographs."""
 
     angle_deg: float
+    """Between the views, about the plants."""
     features: float
+    """Of the two, mean."""
     inliers: int
+    """RootSIFT matches on one fundamental matrix."""
     on_plants: int
+    """Of them, in the first photograph."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +77,6 @@ def run_match_decay(
         data: folder of the recorded sets, or None.
         scenes: as `study_scenes` takes them.
         bases: number of places on the circle where pairs start, per scene; rigs start from every sixth photograph.
-        progress: receives the stages.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     pairs: dict[str, list[PairCount]] = {}

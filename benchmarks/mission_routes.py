@@ -63,40 +63,34 @@ _COLUMNS, _EAST_M, _NORTH_M = 20, 10.0, 12.0
 
 @dataclass(frozen=True)
 class Tour:
-    """A tour compared with the shortest.
-
-    Attributes:
-        name: of the places.
-        places: number of places.
-        excess: length ÷ shortest − 1.
-        cpu_s: CPU seconds.
-    """
+    """A tour compared with the shortest."""
 
     name: str
+    """Of the places."""
     places: int
+    """Number of places."""
     excess: float
+    """Length ÷ shortest − 1."""
     cpu_s: float
+    """CPU seconds."""
 
 
 @dataclass(frozen=True)
 class Field:
-    """A field from plan to files.
-
-    Attributes:
-        plots, stations, flights: their numbers.
-        length_m, time_s: of all flights.
-        least_plants_m: distance of any leg to a plant.
-        route_s, write_s: CPU seconds of placing and routing, and of writing.
-    """
+    """A field from plan to files."""
 
     plots: int
     stations: int
     flights: int
+    """Their numbers."""
     length_m: float
     time_s: float
+    """Of all flights."""
     least_plants_m: float
+    """Distance of any leg to a plant."""
     route_s: float
     write_s: float
+    """CPU seconds of placing and routing, and of writing."""
 
 
 def tours(seed: int) -> list[Tour]:

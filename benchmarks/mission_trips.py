@@ -29,23 +29,20 @@ _CONNECT_S = 30.0
 
 @dataclass(frozen=True)
 class Trips:
-    """Round trips of missions in one dialect and format.
-
-    Attributes:
-        dialect, form, reader: of the trips.
-        missions, items, photographs: numbers that came back right.
-        wrong: descriptions of those that did not, at most ten.
-        failures: how many did not.
-    """
+    """Round trips of missions in one dialect and format."""
 
     dialect: str
     form: str
     reader: str
+    """Of the trips."""
     missions: int
     items: int
     photographs: int
+    """Numbers that came back right."""
     failures: int
+    """How many did not."""
     wrong: tuple[str, ...]
+    """Descriptions of those that did not, at most ten."""
 
 
 def random_mission(rng: np.random.Generator, most: int = 13) -> Mission:

@@ -34,23 +34,20 @@ _SPEED = 16.0
 
 @dataclass(frozen=True)
 class MissionOptions:
-    """Options of the studies.
-
-    Attributes:
-        data: folder of the recorded image sets, or None; further recordings of flights are in ``sitl`` beside it.
-        seed: of everything random.
-        missions: of ``trips``, in two formats and dialects each.
-        uploads: number in ``uploads``, at each loss and with broken links.
-        plots: of ``routes``.
-        files: of ``fuzz``.
-    """
+    """Options of the studies."""
 
     data: Path | None
+    """Folder of the recorded image sets, or None; further recordings of flights are in ``sitl`` beside it."""
     seed: int = 0
+    """Of everything random."""
     missions: int = 10_000
+    """Of ``trips``, in two formats and dialects each."""
     uploads: int = 100
+    """Number in ``uploads``, at each loss and with broken links."""
     plots: int = 200
+    """Of ``routes``."""
     files: int = 100_000
+    """Of ``fuzz``."""
 
 
 def recordings() -> dict[str, Path]:
@@ -238,10 +235,6 @@ def run_missions(
         output: folder of the result.
         names: of `STUDIES`; empty takes ``poses`` and ``routes``.
         options: for all of them.
-        progress: receives the stages.
         overwrite: replace an earlier result in ``output``.
-
-    Raises:
-        UsageError: no study has this name, or ``output`` exists.
     """
     return run_studies(output, names, STUDIES, ["poses", "routes"], options, progress=progress, overwrite=overwrite)

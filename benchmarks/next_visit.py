@@ -42,19 +42,16 @@ _WAYS = ("carried", "fitted", "next")
 
 @dataclass(frozen=True, eq=False)
 class Visited:
-    """A plot on its second date.
-
-    Attributes:
-        plot: its name.
-        growth: factor of the true plants' height between the dates.
-        seconds: that choosing stations took.
-        found: evaluations of the second date, by how its stations came about.
-    """
+    """A plot on its second date."""
 
     plot: str
+    """Its name."""
     growth: float
+    """Factor of the true plants' height between the dates."""
     seconds: float
+    """That choosing stations took."""
     found: dict[str, list[Evaluation]]
+    """Evaluations of the second date, by how its stations came about."""
 
 
 def run_next_visit(scenes: Sequence[str], plots: int, *, progress: Progress) -> StudyResult:
@@ -67,7 +64,6 @@ def run_next_visit(scenes: Sequence[str], plots: int, *, progress: Progress) -> 
     Args:
         scenes: names or files; `SCENES` where none are named.
         plots: of each.
-        progress: receives the stages.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     visited: list[Visited] = []

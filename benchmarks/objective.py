@@ -16,25 +16,22 @@ NO_DATA = "FIELDKIT_DATA is unset; it names the folder with the recorded image s
 
 @dataclass(frozen=True)
 class ObjectiveOptions:
-    """Options of the studies.
-
-    Attributes:
-        data: folder of the recorded sets, or None.
-        cache: of features and views of recorded photographs.
-        evaluations: of `throughput`.
-        configurations: of `ranks`, per scene, and subsets of `recorded`.
-        scenes: of `ranks`.
-        seeds: of `ranks` and `noise`.
-        workers: number of processes of `ranks` and `noise`.
-    """
+    """Options of the studies."""
 
     data: Path | None
+    """Folder of the recorded sets, or None."""
     cache: StageCache
+    """Of features and views of recorded photographs."""
     evaluations: int = 100
+    """Of `throughput`."""
     configurations: int = 20
+    """Of `ranks`, per scene, and subsets of `recorded`."""
     scenes: int = 3
+    """Of `ranks`."""
     seeds: int = 5
+    """Of `ranks` and `noise`."""
     workers: int = 1
+    """Number of processes of `ranks` and `noise`."""
 
 
 def _cost(_: ObjectiveOptions, progress: Progress) -> StudyResult:
@@ -104,10 +101,6 @@ def run_objective(
         output: folder of the result.
         names: of `STUDIES`; empty takes ``cost``.
         options: for all of them.
-        progress: receives the stages.
         overwrite: replace an earlier result in ``output``.
-
-    Raises:
-        UsageError: no study has this name, or ``output`` exists.
     """
     return run_studies(output, names, STUDIES, ["cost"], options, progress=progress, overwrite=overwrite)

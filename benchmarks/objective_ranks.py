@@ -27,20 +27,17 @@ _NOISE_SETS = 5
 
 @dataclass(frozen=True)
 class Ranks:
-    """The comparison of a scene.
-
-    Attributes:
-        scene: its name.
-        cheap, fine: values of the configurations at the two fidelities, metres.
-        repeats: cheap values over the seeds, per repeated configuration.
-        cpu_s: mean CPU seconds of an evaluation at each fidelity.
-    """
+    """The comparison of a scene."""
 
     scene: str
+    """Its name."""
     cheap: tuple[float, ...]
     fine: tuple[float, ...]
+    """Values of the configurations at the two fidelities, metres."""
     repeats: tuple[tuple[float, ...], ...]
+    """Cheap values over the seeds, per repeated configuration."""
     cpu_s: tuple[float, float]
+    """Mean CPU seconds of an evaluation at each fidelity."""
 
     @property
     def spearman(self) -> float:

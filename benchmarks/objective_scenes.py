@@ -20,27 +20,20 @@ VIEWS = 10
 
 @dataclass(frozen=True, eq=False)
 class TuningPlot:
-    """A tuning scene, built for the objective.
-
-    Attributes:
-        name: of the scene.
-        source: of its photographs.
-        envelope: its feasible set.
-        ring: ten cameras on a circle at which the plants fill the picture, made feasible: the plain plan.
-    """
+    """A tuning scene, built for the objective."""
 
     name: str
+    """Of the scene."""
     source: SimulatedSource
+    """Of its photographs."""
     envelope: Envelope
+    """Its feasible set."""
     ring: Cameras
+    """Ten cameras on a circle at which the plants fill the picture, made feasible: the plain plan."""
 
 
 def tuning_plot(name: str = SCENES[0]) -> TuningPlot:
-    """One of fieldkit's scenes, built.
-
-    Raises:
-        SceneError: no scene has this name.
-    """
+    """One of fieldkit's scenes, built."""
     source = SimulatedSource.from_description(read_scene(find_scene(name)))
     proxy = source.proxy
     envelope = Envelope.around(Cloud(proxy.plot.points), proxy.volume)

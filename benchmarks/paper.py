@@ -67,28 +67,24 @@ GREY_LEVELS = (0.0, 5.0, 10.0, 20.0, 40.0)
 
 @dataclass(frozen=True)
 class PaperOptions:
-    """Options of the studies.
-
-    Attributes:
-        cache: the stage cache.
-        runs: folder that keeps every run and evaluation; finished ones are not repeated.
-        evaluations: of each search, at most.
-        seeds: number of seeds of methods that use one, and of draws of the noise.
-        workers: number of processes.
-        scenes: test cases; empty takes all.
-        count: new plots, ten at most.
-        quick: case-1 with its two test cases, circles and fieldkit's own methods, one seed, two new plots, few
-            evaluations.
-    """
+    """Options of the studies."""
 
     cache: StageCache
+    """The stage cache."""
     runs: Path
+    """Folder that keeps every run and evaluation; finished ones are not repeated."""
     evaluations: int = 100
+    """Of each search, at most."""
     seeds: int = 3
+    """Number of seeds of methods that use one, and of draws of the noise."""
     workers: int = 1
+    """Number of processes."""
     scenes: tuple[str, ...] = ()
+    """Test cases; empty takes all."""
     count: int = 10
+    """New plots, ten at most."""
     quick: bool = False
+    """Case-1 with its two test cases, circles and fieldkit's own methods, one seed, two new plots, few evaluations."""
 
     @property
     def tests(self) -> dict[str, str]:
@@ -445,10 +441,6 @@ def run_paper(
         output: folder of the result.
         names: of `STUDIES`; empty takes all.
         options: for all of them.
-        progress: receives the stages.
         overwrite: replace an earlier result in ``output``.
-
-    Raises:
-        UsageError: no study has this name, or ``output`` exists.
     """
     return run_studies(output, names, STUDIES, list(STUDIES), options, progress=progress, overwrite=overwrite)

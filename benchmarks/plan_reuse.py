@@ -47,17 +47,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Variant:
-    """A plot that a plan is carried to.
-
-    Attributes:
-        name: for people.
-        change: of the plan's own scene.
-        slope: rise along x and y; the plan is sheared with it as by `export-mission`.
-    """
+    """A plot that a plan is carried to."""
 
     name: str
+    """For people."""
     change: Callable[[SceneDescription], SceneDescription]
+    """Of the plan's own scene."""
     slope: Gradient = LEVEL
+    """Rise along x and y; the plan is sheared with it as by `export-mission`."""
 
 
 def variants() -> dict[str, Variant]:
@@ -94,12 +91,6 @@ def run_plan_reuse(
         fidelity: of the evaluations.
         repeats: number of evaluations of each plot, each with its own noise.
         evaluate: render and reconstruct; else only score slopes by geometry.
-        progress: receives the stages.
-
-    Raises:
-        UsageError: no plot has this name.
-        SceneError: the scene cannot be used.
-        RenderingError: this machine cannot render.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     known = variants()
@@ -150,11 +141,7 @@ def carried(
     description: SceneDescription, variant: Variant, cameras: Cameras, fidelity: SearchFidelity, repeats: int,
     progress: Progress,
 ) -> list[Evaluation]:  # fmt: skip
-    """A plan evaluated on another plot, without optimisation.
-
-    Raises:
-        RenderingError: this machine cannot render.
-    """
+    """A plan evaluated on another plot, without optimisation."""
     changed = variant.change(description)
     with progress.stage(f"Building {variant.name}"):
         proxy = sloped_proxy(changed, variant.slope)

@@ -56,36 +56,32 @@ _OURS = ("score", "field", *_KIND)
 
 @dataclass(frozen=True)
 class PlannerOptions:
-    """Options of the studies.
-
-    Attributes:
-        data: folder of the recorded sets, or None.
-        cache: stages of recorded photographs.
-        runs: folder that keeps every run; finished ones are not repeated, interrupted ones are resumed.
-        scenes: of ``simulated`` and ``transfer``; recorded sets of ``chosen``.
-        evaluations: of each search.
-        seeds: of methods that have one.
-        cameras: N of ``simulated``.
-        mapping: of the evaluations.
-        fidelity: of searches on simulated plots; recorded sets are searched at `RECORDED_FIDELITY`.
-        workers: processes.
-        methods: to compare; all where empty.
-        onto: scenes that plans of ``scenes`` are carried to in ``transfer``; "like:N" for N new plots of each scene's
-            kind.
-    """
+    """Options of the studies."""
 
     data: Path | None
+    """Folder of the recorded sets, or None."""
     cache: StageCache
+    """Stages of recorded photographs."""
     runs: Path
+    """Folder that keeps every run; finished ones are not repeated, interrupted ones are resumed."""
     scenes: tuple[str, ...] = ("tuning-1",)
+    """Of ``simulated`` and ``transfer``; recorded sets of ``chosen``."""
     evaluations: int = 100
+    """Of each search."""
     seeds: int = 3
+    """Of methods that have one."""
     cameras: int = 10
+    """N of ``simulated``."""
     mapping: MappingName = "prior"
+    """Of the evaluations."""
     fidelity: SearchFidelity = "standard"
+    """Of searches on simulated plots; recorded sets are searched at `RECORDED_FIDELITY`."""
     workers: int = 2
+    """Processes."""
     methods: tuple[str, ...] = ()
+    """To compare; all where empty."""
     onto: tuple[str, ...] = ("test-case-1", "test-case-4")
+    """Scenes that plans of ``scenes`` are carried to in ``transfer``; "like:N" for N new plots of each scene's kind."""
 
 
 RIGS: Mapping[str, tuple[int, ...]] = {"basil_rig": (13, 10), "arabidopsis_rig": (16,)}
@@ -381,10 +377,6 @@ def run_planner(
         output: folder of the result.
         names: of `STUDIES`; empty takes ``simulated``.
         options: for all of them.
-        progress: receives the stages.
         overwrite: replace an earlier result in ``output``.
-
-    Raises:
-        UsageError: no study has this name, or ``output`` exists.
     """
     return run_studies(output, names, STUDIES, ["simulated"], options, progress=progress, overwrite=overwrite)

@@ -61,19 +61,16 @@ class StandIn:
 
 @dataclass(frozen=True)
 class Ended:
-    """How a search on the stand-in ended.
-
-    Attributes:
-        value_m: of the set it would choose, without noise.
-        half_m: likewise after half of the evaluations.
-        stopped_m: likewise where it would have stopped by itself, or at the end.
-        stopped: after how many evaluations that was.
-    """
+    """How a search on the stand-in ended."""
 
     value_m: float
+    """Of the set it would choose, without noise."""
     half_m: float
+    """Likewise after half of the evaluations."""
     stopped_m: float
+    """Likewise where it would have stopped by itself, or at the end."""
     stopped: int
+    """After how many evaluations that was."""
 
 
 def variants() -> dict[str, Callable[[PlanningProblem, int], Method]]:

@@ -27,10 +27,6 @@ def value_against_rest(
         run: folder of the choosing run.
         place: the recorded set.
         chosen: names of photographs.
-        workers, cache, progress: as `planner_runs.run_all`.
-
-    Raises:
-        FieldkitError: the other photographs do not reconstruct.
     """
     reference = run / _REFERENCE
     if not reference.is_dir():

@@ -30,21 +30,18 @@ from fieldkit.vocabulary import MappingName, SearchFidelity
 
 @dataclass(frozen=True)
 class Place:
-    """A source of planning runs.
-
-    Attributes:
-        name: for people and folders.
-        source: as in plan.json.
-        path: of the scene file or the photographs.
-        reference: of recorded photographs.
-        others: further given plots, for plans for a kind.
-    """
+    """A source of planning runs."""
 
     name: str
+    """For people and folders."""
     source: PlanSource
+    """As in plan.json."""
     path: Path
+    """Of the scene file or the photographs."""
     reference: Path | None = None
+    """Of recorded photographs."""
     others: tuple[GivenPlot, ...] = ()
+    """Further given plots, for plans for a kind."""
 
     @classmethod
     def scene(cls, name: str) -> Place:
@@ -67,47 +64,41 @@ OF_A_KIND = "-kind"
 
 @dataclass(frozen=True)
 class Contender:
-    """A method with its budget.
-
-    Attributes:
-        method: by name.
-        evaluations: of its search, at most.
-        seeds: of as many runs.
-        plots: that its plans are for.
-    """
+    """A method with its budget."""
 
     method: str
+    """By name."""
     evaluations: int
+    """Of its search, at most."""
     seeds: tuple[int, ...] = (0,)
+    """Of as many runs."""
     plots: int = 1
+    """That its plans are for."""
 
 
 @dataclass(frozen=True, eq=False)
 class Ran:
-    """A finished run.
-
-    Attributes:
-        method, seed: of it.
-        outcome: its finalists by confirmations.
-        plan: as written.
-        cameras: of the plan.
-        views: names of the plan's photographs, for a recorded set.
-        best_m: the best so far after each evaluation of the search; None before the first measured one. Empty without a
-            search.
-        right: mean number of right photographs of the plan's confirmations.
-        accuracy_m, completeness_m: of the plan's confirmations, mean.
-    """
+    """A finished run."""
 
     method: str
     seed: int
+    """Of it."""
     outcome: Outcome
+    """Its finalists by confirmations."""
     plan: Plan
+    """As written."""
     cameras: Cameras
+    """Of the plan."""
     views: tuple[str, ...]
+    """Names of the plan's photographs, for a recorded set."""
     best_m: tuple[float | None, ...]
+    """The best so far after each evaluation of the search; None before the first measured one. Empty without a search.
+    """
     right: float
+    """Mean number of right photographs of the plan's confirmations."""
     accuracy_m: float
     completeness_m: float
+    """Of the plan's confirmations, mean."""
 
     @property
     def found_m(self) -> float | None:
@@ -175,10 +166,6 @@ def run_all(
 
     No set of cameras is evaluated twice at one seed: `bosfm` begins with the trials of `random`, and `circle-aim` with
     the grid of `circle`.
-
-    Raises:
-        UsageError: a run in ``folder`` has other settings, or more evaluations.
-        FieldkitError: as `plan_views`.
     """
     runs = {
         folder / run_name(place, cameras, mapping, fidelity, name_of(contender), seed): place.settings(
@@ -240,11 +227,7 @@ def _ran(settings: SearchSettings, outcome: Outcome, plan: Plan, entries: Sequen
 
 
 def confirmed_m(value_m: float | None) -> float:
-    """The confirmed value of a plan.
-
-    Raises:
-        UsageError: there were no confirmations.
-    """
+    """The confirmed value of a plan."""
     if value_m is None:
         raise UsageError(
             "methods are compared by confirmed plans, and this machine cannot confirm them",

@@ -29,22 +29,19 @@ _METHOD = "given"
 
 @dataclass(frozen=True, eq=False)
 class Carried:
-    """A plan of one plot, evaluated on another.
-
-    Attributes:
-        ran: the run that made it.
-        cameras: on the other plot.
-        value_m, accuracy_m, completeness_m, right: means over fresh seeds.
-        moved_m: largest move of a camera to be feasible there.
-    """
+    """A plan of one plot, evaluated on another."""
 
     ran: Ran
+    """The run that made it."""
     cameras: Cameras
+    """On the other plot."""
     value_m: float
     accuracy_m: float
     completeness_m: float
     right: float
+    """Means over fresh seeds."""
     moved_m: float
+    """Largest move of a camera to be feasible there."""
 
 
 def carry(
@@ -63,9 +60,6 @@ def carry(
         folder: of all runs.
         fidelity: of the plans' searches; here they are evaluated at fine.
         cameras, mapping, repeats, workers, cache, progress: as `planner_runs.run_all`.
-
-    Raises:
-        FieldkitError: as `plan_views`.
     """
     output = folder / f"{place.name}-{cameras}-{mapping}-{fidelity}-from-{origin}"
     settings = place.settings(

@@ -28,10 +28,6 @@ def run_plant_figures(folder: Path, *, fitted: int = 3, held_out: int = 2, progr
     Args:
         folder: of captures; missing ones are made and kept, also for `score_prediction`.
         fitted, held_out: numbers of captures of each scene; see `designs`.
-        progress: receives the stages.
-
-    Raises:
-        RenderingError: this machine cannot render.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     make_captures(folder, designs(fitted, held_out), progress=progress)

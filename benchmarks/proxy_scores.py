@@ -38,11 +38,7 @@ Found = Mapping[str, Sequence[Evaluation]]
 
 
 def view_sets(count: int, views: int, seed: int = 0) -> dict[str, NDArray[np.int64]]:
-    """Ten sets of ``views`` out of ``count`` views around a circle, from even to clumped: names and sorted indices.
-
-    Raises:
-        ValueError: the circle has fewer than twice as many views as a set.
-    """
+    """Ten sets of ``views`` out of ``count`` views around a circle, from even to clumped: names and sorted indices."""
     if count < 2 * views:
         raise ValueError(f"{views} of {count} views leave little to choose")
     sets = {
@@ -90,11 +86,6 @@ def run_proxy(
         fidelities: of the renderings; the photographs are evaluated at the first one.
         effects: camera effects of the renderings; None takes the scene file's.
         sets: names of `view_sets`; None takes all.
-        cache: of stages.
-        progress: receives the stages.
-
-    Raises:
-        RenderingError: this machine cannot render.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     rig = load_rig(data, rig_name, cache=cache, progress=progress)

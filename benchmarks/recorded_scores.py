@@ -144,8 +144,6 @@ def witnessed_cloud(
         capture: all photographs, as the reference was built from them.
         names: of the photographs to use.
         plot: of the reference: its frame and volume.
-        cache: holds the model of all photographs, if the reference was built with it.
-        progress: receives the stages.
     """
     settings = ReconstructionSettings()
     sparse, _ = place(capture, settings, [], cache, StageTimer(progress), 1, None)

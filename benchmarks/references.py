@@ -27,32 +27,28 @@ _ICP_REACH_M = 0.02
 
 @dataclass(frozen=True)
 class ReferenceResult:
-    """The reference of one recorded set.
-
-    Attributes:
-        name: of the set.
-        images, registered, right: photographs given, posed, and posed in agreement with the known positions.
-        position_rms_m: of the known positions' residuals in the metric frame, as reported.
-        aligned_rms_m: the same after the least-squares similarity between both sets of centres.
-        points, scene_points: of cloud.ply and scene.ply.
-        recall: share of the published cloud's points within each distance of scene.ply, after ICP; None without a
-            cloud.
-        crs_epsg: of the LAZ file; None without one.
-        seconds, cpu_seconds: of the whole run.
-    """
+    """The reference of one recorded set."""
 
     name: str
+    """Of the set."""
     images: int
     registered: int
     right: int
+    """Photographs given, posed, and posed in agreement with the known positions."""
     position_rms_m: float | None
+    """Of the known positions' residuals in the metric frame, as reported."""
     aligned_rms_m: float | None
+    """The same after the least-squares similarity between both sets of centres."""
     points: int
     scene_points: int | None
+    """Of cloud.ply and scene.ply."""
     recall: dict[float, float] | None
+    """Share of the published cloud's points within each distance of scene.ply, after ICP; None without a cloud."""
     crs_epsg: int | None
+    """Of the LAZ file; None without one."""
     seconds: float
     cpu_seconds: float
+    """Of the whole run."""
 
 
 def run_references(data: Path, *, cache: StageCache, progress: Progress) -> StudyResult:

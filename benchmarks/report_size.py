@@ -47,30 +47,27 @@ _TURN = """async (turns) => {
 
 @dataclass(frozen=True)
 class ReportSize:
-    """A page with a cloud of colours and values, and 13 cameras.
-
-    Attributes:
-        points: in the cloud.
-        file_bytes: size of the page, including the view's script.
-        script_bytes: size of the view's script, the same for any cloud and number of views.
-        write_s: time to make the page.
-        first_frame_s: from opening the file to the first picture of the cloud.
-        still_ms: median time of a frame of all points.
-        moving_ms: median time of a frame while the view turns, after the first ten, in which the view adapts its number
-            of points.
-        moving_points: median number of points drawn in these frames.
-        renderer: name of WebGL's renderer.
-    """
+    """A page with a cloud of colours and values, and 13 cameras."""
 
     points: int
+    """In the cloud."""
     file_bytes: int
+    """Size of the page, including the view's script."""
     script_bytes: int
+    """Size of the view's script, the same for any cloud and number of views."""
     write_s: float
+    """Time to make the page."""
     first_frame_s: float
+    """From opening the file to the first picture of the cloud."""
     still_ms: float
+    """Median time of a frame of all points."""
     moving_ms: float
+    """Median time of a frame while the view turns, after the first ten, in which the view adapts its number of points.
+    """
     moving_points: int
+    """Median number of points drawn in these frames."""
     renderer: str
+    """Name of WebGL's renderer."""
 
 
 def study(*, counts: Sequence[int] = COUNTS, seed: int = 0, progress: Progress) -> StudyResult:
@@ -79,7 +76,6 @@ def study(*, counts: Sequence[int] = COUNTS, seed: int = 0, progress: Progress) 
     Args:
         counts: points of each page.
         seed: of the points.
-        progress: receives the pages.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     try:
@@ -141,11 +137,7 @@ def page_of(scene: ViewerScene) -> str:
 
 
 def measure(browser: Browser, scene: ViewerScene) -> ReportSize:
-    """Write a page, open it, turn it.
-
-    Raises:
-        RuntimeError: the page complained.
-    """
+    """Write a page, open it, turn it."""
     begun = time.perf_counter()
     text = page_of(scene)
     wrote = time.perf_counter() - begun

@@ -14,17 +14,14 @@ Cell = str | int | float | None
 
 @dataclass(frozen=True)
 class ResultTable:
-    """A table of a study.
-
-    Attributes:
-        title: of the table.
-        columns: names with units; those ending in ">" are set flush right.
-        rows: cells in the columns' order, as text; None is a dash.
-    """
+    """A table of a study."""
 
     title: str
+    """Of the table."""
     columns: tuple[str, ...]
+    """Names with units; those ending in ">" are set flush right."""
     rows: tuple[tuple[Cell, ...], ...]
+    """Cells in the columns' order, as text; None is a dash."""
 
     def __post_init__(self) -> None:
         if any(len(row) != len(self.columns) for row in self.rows):
@@ -40,28 +37,25 @@ class ResultTable:
 
 @dataclass(frozen=True)
 class StudyResult:
-    """The result of a study.
-
-    Attributes:
-        name: as `--only` takes it.
-        title: in a few words.
-        skipped: why nothing was measured; empty if it was.
-        tables: for people.
-        notes: sentences about the tables.
-        figures: everything measured, plain values.
-        pictures: PNG files by name.
-        wall_s, cpu_s: of the whole study.
-    """
+    """The result of a study."""
 
     name: str
+    """As `--only` takes it."""
     title: str
+    """In a few words."""
     skipped: str = ""
+    """Why nothing was measured; empty if it was."""
     tables: tuple[ResultTable, ...] = ()
+    """For people."""
     notes: tuple[str, ...] = ()
+    """Sentences about the tables."""
     figures: dict[str, Any] = field(default_factory=dict)
+    """Everything measured, plain values."""
     pictures: dict[str, bytes] = field(default_factory=dict)
+    """PNG files by name."""
     wall_s: float = 0.0
     cpu_s: float = 0.0
+    """Of the whole study."""
 
     def markdown(self) -> str:
         """A section of Markdown."""

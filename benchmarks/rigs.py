@@ -33,38 +33,30 @@ _ROUNDS = 50
 
 @dataclass(frozen=True, eq=False)
 class RigSet:
-    """A recorded rig.
-
-    Attributes:
-        name: of the set.
-        capture: all photographs.
-        names: of the photographs in the model of all, in the circle's order.
-        nominal: commanded poses in the rig's frame, metres.
-        dense: poses of the model of all photographs, by Sim3 in the rig's frame.
-        intrinsics: calibrated by that model.
-        accuracy_m: of the commanded positions, standard deviation per axis as the set's poses.csv states it.
-        rms_m: of the dense centres against the commanded ones.
-        angle_rms_deg: of the dense rotations against the commanded ones.
-    """
+    """A recorded rig."""
 
     name: str
+    """Of the set."""
     capture: Capture
+    """All photographs."""
     names: tuple[str, ...]
+    """Of the photographs in the model of all, in the circle's order."""
     nominal: dict[str, Pose]
+    """Commanded poses in the rig's frame, metres."""
     dense: dict[str, Pose]
+    """Poses of the model of all photographs, by Sim3 in the rig's frame."""
     intrinsics: Intrinsics
+    """Calibrated by that model."""
     accuracy_m: float
+    """Of the commanded positions, standard deviation per axis as the set's poses.csv states it."""
     rms_m: float
+    """Of the dense centres against the commanded ones."""
     angle_rms_deg: float
+    """Of the dense rotations against the commanded ones."""
 
 
 def load_rig(data: Path, name: str, *, cache: StageCache, progress: Progress, workers: int = 1) -> RigSet:
-    """A rig of the recorded sets with the model of all its photographs (through the cache).
-
-    Raises:
-        CaptureError: the set does not exist.
-        MetadataError: its file of commanded poses cannot be used.
-    """
+    """A rig of the recorded sets with the model of all its photographs (through the cache)."""
     capture = read_capture(data / name / "images")
     commanded = read_rig(data / name / RIG_FILE)
     sparse, _ = place(capture, ReconstructionSettings(), [], cache, StageTimer(progress), workers, None)
@@ -90,11 +82,7 @@ def load_rig(data: Path, name: str, *, cache: StageCache, progress: Progress, wo
 
 
 def read_rig(path: Path) -> dict[str, tuple[NDArray[np.float64], float]]:
-    """Position (3,) in metres and pan in degrees (mathematical, about z) by photograph name.
-
-    Raises:
-        MetadataError: the file cannot be read or lacks a column.
-    """
+    """Position (3,) in metres and pan in degrees (mathematical, about z) by photograph name."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
             return {

@@ -28,27 +28,20 @@ from fieldkit.runtime.progress import Progress
 
 @dataclass(frozen=True)
 class Cost:
-    """A measured run.
-
-    Attributes:
-        name: runs of one name make one line.
-        images: photographs.
-        cpu_s: CPU seconds, all processes.
-        memory_bytes: peak resident memory.
-    """
+    """A measured run."""
 
     name: str
+    """Runs of one name make one line."""
     images: int
+    """Photographs."""
     cpu_s: float
+    """CPU seconds, all processes."""
     memory_bytes: int
+    """Peak resident memory."""
 
 
 def write_cost_plot(path: Path, costs: Sequence[Cost], *, memory_limit_bytes: int | None = None) -> None:
-    """Write `draw_cost_plot` as PNG.
-
-    Raises:
-        StorageError: the place is full or not writable.
-    """
+    """Write `draw_cost_plot` as PNG."""
     write_atomic(path, png(draw_cost_plot(costs, memory_limit_bytes=memory_limit_bytes)))
 
 
@@ -127,11 +120,7 @@ def write_subset(folder: Path, rig: RigSet, size: int) -> None:
 
 
 def reference_cost(name: str, images: Path, count: int, options: Sequence[str]) -> Cost:
-    """Run `fieldkit reference` on a folder and measure the process.
-
-    Raises:
-        ReconstructionError: the command failed.
-    """
+    """Run `fieldkit reference` on a folder and measure the process."""
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
         arguments = [
             sys.executable, "-c", _FIELDKIT, "reference", str(images), "-o", str(Path(folder) / "reference"),

@@ -45,11 +45,7 @@ def study_scenes(names: Sequence[str]) -> list[str]:
 
 
 def load_scene(name: str) -> SceneUnderStudy:
-    """A scene by its name or path.
-
-    Raises:
-        SceneError: no scene has this name, or it cannot be used.
-    """
+    """A scene by its name or path."""
     description = read_scene(find_scene(name))
     return SceneUnderStudy(description, build(description))
 
@@ -64,11 +60,7 @@ def ring_about_plants(description: SceneDescription, count: int, *, start_deg: f
 def photograph(
     folder: Path, study: SceneUnderStudy, renderer: Renderer, poses: Sequence[Pose], seed: int, progress: Progress
 ) -> list[Pose]:
-    """Take JPEGs with the scene file's camera. Returns the true poses.
-
-    Raises:
-        RenderingError: this machine cannot render.
-    """
+    """Take JPEGs with the scene file's camera. Returns the true poses."""
     description = study.description
     return simulate_capture(
         folder, renderer, poses, CAMERA, noise=description.noise, effects=description.camera_effects,

@@ -22,9 +22,6 @@ def benchmark_scene(split: Split, index: int) -> PlotDescription:
     Args:
         split: "tuning", on which parameters may be chosen, or "test".
         index: 0 (one row of three or five plants) or 1 (two rows).
-
-    Raises:
-        ValueError: there is no such scene.
     """
     if split not in _SEEDS or index not in (0, 1):
         raise ValueError(f"there is no benchmark scene {split!r} {index}: it is tuning or test, 0 or 1")

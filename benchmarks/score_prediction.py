@@ -74,19 +74,16 @@ _LEAST_SCENES = 3
 
 @dataclass(frozen=True)
 class Plot:
-    """A plot with figures and truth.
-
-    Attributes:
-        name: of the capture.
-        scene: name; plots of one scene are left out together.
-        chamfer_m: chamfer distance to the truth.
-        features: from `plot_features`.
-    """
+    """A plot with figures and truth."""
 
     name: str
+    """Of the capture."""
     scene: str
+    """Name; plots of one scene are left out together."""
     chamfer_m: float
+    """Chamfer distance to the truth."""
     features: dict[str, float]
+    """From `plot_features`."""
 
 
 def run_score_prediction(
@@ -99,11 +96,6 @@ def run_score_prediction(
         folder: of captures; missing ones are made and kept. Its fit/prediction.json is the model to ship.
         data: folder of the recorded sets, or None.
         fitted, held_out: captures of each scene; see `designs`.
-        cache: of stages, for the rigs.
-        progress: receives the stages.
-
-    Raises:
-        RenderingError: this machine cannot render.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     make_captures(folder, designs(fitted, held_out), progress=progress)
@@ -172,9 +164,6 @@ def fit(plots: Sequence[Plot]) -> tuple[PredictionModel, dict[tuple[str, ...], f
 
     There are at most `MOST_FEATURES`, and one per `PLOTS_PER_FEATURE` plots; more figures must lower the error
     (`BETTER`).
-
-    Raises:
-        UsageError: fewer than three scenes.
 
     Returns:
         The model, and the root mean square error in log(chamfer_m) of every set of figures.

@@ -55,26 +55,23 @@ _FEWEST = 6
 
 @dataclass(frozen=True)
 class Design:
-    """A capture to make.
-
-    Attributes:
-        scene: by name.
-        number: of the capture within its scene.
-        kind: of the set of cameras: a family at random parameters, ``"random"``, or ``"circle"``, the plain plan.
-        cameras: number of cameras.
-        position_m, angle_deg: noise of the poses, standard deviation per axis.
-        image_grey: noise in addition to the scene's grain, grey levels.
-        wind_m: sway of the leaves.
-    """
+    """A capture to make."""
 
     scene: str
+    """By name."""
     number: int
+    """Of the capture within its scene."""
     kind: str
+    """Of the set of cameras: a family at random parameters, ``"random"``, or ``"circle"``, the plain plan."""
     cameras: int
+    """Number of cameras."""
     position_m: float
     angle_deg: float
+    """Noise of the poses, standard deviation per axis."""
     image_grey: float
+    """Noise in addition to the scene's grain, grey levels."""
     wind_m: float
+    """Sway of the leaves."""
 
     @property
     def name(self) -> str:
@@ -114,10 +111,6 @@ def make_captures(folder: Path, wanted: Sequence[Design], *, progress: Progress)
     Args:
         folder: gets NAME.json and NAME.npz of each.
         wanted: designs, grouped by scene, since a change of scene builds it anew.
-        progress: receives the stages.
-
-    Raises:
-        RenderingError: this machine cannot render.
     """
     folder.mkdir(parents=True, exist_ok=True)
     missing = [design for design in wanted if not (folder / f"{design.name}.json").is_file()]

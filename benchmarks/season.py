@@ -54,12 +54,7 @@ def run_season(
         plots: 1 to 100, each with plants, heading, light and soil of its own.
         seed: of everything.
         width_px: of the photographs.
-        workers: processes.
         work: keeps photographs and the campaign; None takes a temporary folder.
-        progress: receives the stages.
-
-    Raises:
-        ReconstructionError: the command failed, or its table is not complete.
     """
     if work is None:
         with tempfile.TemporaryDirectory() as temporary:

@@ -39,21 +39,18 @@ _COLUMNS = 8
 
 @dataclass(frozen=True)
 class Flown:
-    """A plot on a date.
-
-    Attributes:
-        plot: number from 0.
-        date: index into `DATES`.
-        width_px: of the photographs, 4:3.
-        folder: of the season.
-        seed: of plants and noise.
-    """
+    """A plot on a date."""
 
     plot: int
+    """Number from 0."""
     date: int
+    """Index into `DATES`."""
     width_px: int
+    """Of the photographs, 4:3."""
     folder: Path
+    """Of the season."""
     seed: int
+    """Of plants and noise."""
 
     @property
     def name(self) -> str:
@@ -94,12 +91,7 @@ def _origin(plot: int) -> LocalFrame:
 
 
 def photograph(each: Flown) -> None:
-    """Take the plan's photographs of a plot on a date, and write its plants' true surfaces last.
-
-    Raises:
-        RenderingError: this machine cannot render.
-        StorageError: the disk is full or not writable.
-    """
+    """Take the plan's photographs of a plot on a date, and write its plants' true surfaces last."""
     description = _description(each)
     scene = build(description)
     plan = _stations(each.width_px, each.seed)

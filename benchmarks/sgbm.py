@@ -26,23 +26,20 @@ _BLOCK = 3
 
 @dataclass(frozen=True, eq=False)
 class Rectified:
-    """A pair of views resampled so that corresponding points share a row.
-
-    Attributes:
-        left, right: (H, W) uint8 grey levels.
-        focal: pixels, of both.
-        left_center, right_center: (2,) principal points, pixel indices.
-        rotation: (3, 3) rectified-from-left-camera.
-        baseline: metres.
-    """
+    """A pair of views resampled so that corresponding points share a row."""
 
     left: NDArray[np.uint8]
     right: NDArray[np.uint8]
+    """(H, W) uint8 grey levels."""
     focal: float
+    """Pixels, of both."""
     left_center: NDArray[np.float64]
     right_center: NDArray[np.float64]
+    """(2,) principal points, pixel indices."""
     rotation: NDArray[np.float64]
+    """(3, 3) rectified-from-left-camera."""
     baseline: float
+    """Metres."""
 
 
 def sgbm_depth_maps(views: Sequence[View], volume: Volume, settings: DenseSettings) -> list[DepthMap]:

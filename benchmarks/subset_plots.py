@@ -23,19 +23,16 @@ _COLORS = COLORS[:2]
 
 @dataclass(frozen=True, eq=False)
 class Subset:
-    """A subset with its result.
-
-    Attributes:
-        name: for people.
-        cloud: its plants, plot frame.
-        views: indices of its views.
-        value_m: its value.
-    """
+    """A subset with its result."""
 
     name: str
+    """For people."""
     cloud: Cloud
+    """Its plants, plot frame."""
     views: Sequence[int]
+    """Indices of its views."""
     value_m: float
+    """Its value."""
 
 
 def draw_subsets(

@@ -40,11 +40,7 @@ def run_studies(
         known: studies by name.
         default: names of studies.
         options: for all of them.
-        progress: receives the stages.
         overwrite: replace an earlier result in ``output``.
-
-    Raises:
-        UsageError: no study has this name, or ``output`` exists.
     """
     chosen = list(dict.fromkeys(names)) or list(default)
     unknown = [name for name in chosen if name not in known]

@@ -26,19 +26,16 @@ PIXEL_M = 0.001
 
 @dataclass(frozen=True)
 class TrueTraits:
-    """Traits of a scene's plants within the footprint of its volume of interest, from their meshes.
-
-    Attributes:
-        height_m: of the highest vertex above the soil's median height.
-        covered_area_m2: below plants.
-        canopy_volume_m3: between the soil's median height and the plants' upper surface.
-        plot_area_m2: of the footprint.
-    """
+    """Traits of a scene's plants within the footprint of its volume of interest, from their meshes."""
 
     height_m: float
+    """Of the highest vertex above the soil's median height."""
     covered_area_m2: float
+    """Below plants."""
     canopy_volume_m3: float
+    """Between the soil's median height and the plants' upper surface."""
     plot_area_m2: float
+    """Of the footprint."""
 
     @property
     def cover_percent(self) -> float:

@@ -33,21 +33,18 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Cover:
-    """A choice of views.
-
-    Attributes:
-        chosen: indices of the views, ascending.
-        covered: points seen by enough of them.
-        bound: the most points that any choice can cover.
-        proven: whether the choice is optimal within the solver's tolerances.
-        seconds: solving time.
-    """
+    """A choice of views."""
 
     chosen: tuple[int, ...]
+    """Indices of the views, ascending."""
     covered: int
+    """Points seen by enough of them."""
     bound: float
+    """The most points that any choice can cover."""
     proven: bool
+    """Whether the choice is optimal within the solver's tolerances."""
     seconds: float
+    """Solving time."""
 
 
 class MaximumCoverage:

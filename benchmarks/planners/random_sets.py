@@ -19,15 +19,12 @@ from fieldkit.planning.space.coding import Coding
 
 @dataclass(frozen=True, eq=False)
 class Random:
-    """Trial k is `PlanningProblem.sample` for the seed and k; results have no influence.
-
-    Attributes:
-        problem: the planning problem.
-        seed: of all trials.
-    """
+    """Trial k is `PlanningProblem.sample` for the seed and k; results have no influence."""
 
     problem: PlanningProblem
+    """The planning problem."""
     seed: int = 0
+    """Of all trials."""
 
     @property
     def name(self) -> str:

@@ -44,18 +44,16 @@ class Rings:
     """Cameras evenly on two horizontal circles, every other one on each, all looking at one point above the middle.
 
     If N is odd, the lower circle has one more.
-
-    Attributes:
-        lower_radius_m, upper_radius_m: horizontal.
-        lower_altitude_m, upper_altitude_m: above the ground below each camera.
-        aim_m: z of the point that all look at.
     """
 
     lower_radius_m: float
     upper_radius_m: float
+    """Horizontal."""
     lower_altitude_m: float
     upper_altitude_m: float
+    """Above the ground below each camera."""
     aim_m: float
+    """Z of the point that all look at."""
 
     def __str__(self) -> str:
         lower, upper = (f"{self.lower_radius_m:.2f}", f"{self.upper_radius_m:.2f}")
@@ -107,15 +105,12 @@ class TwoRings(StagedSearch[Rings]):
 
 @dataclass(frozen=True)
 class Cap:
-    """Cameras on a Fibonacci lattice over the upper part of a sphere, all looking at its middle.
-
-    Attributes:
-        distance_m: distance of the cameras from the plot's middle.
-        left_out: share of the sphere's height within the envelope's band that lies below the lowest camera.
-    """
+    """Cameras on a Fibonacci lattice over the upper part of a sphere, all looking at its middle."""
 
     distance_m: float
+    """Distance of the cameras from the plot's middle."""
     left_out: float
+    """Share of the sphere's height within the envelope's band that lies below the lowest camera."""
 
     def __str__(self) -> str:
         return f"hemisphere of {self.distance_m:.2f} m without its lowest {self.left_out:.0%}"

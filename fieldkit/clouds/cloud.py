@@ -14,11 +14,7 @@ from fieldkit.geometry import Similarity
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """Points with what is known about each of them. The arrays are read-only.
-
-    Raises:
-        ValueError: a wrong shape, a different number of rows, or a position that is not finite.
-    """
+    """Points with what is known about each of them. The arrays are read-only."""
 
     points: NDArray[np.float64]
     """(n, 3) float64, metres, finite."""

@@ -12,11 +12,7 @@ from fieldkit.regular_files import open_regular
 
 
 def read_cloud(path: Path) -> Cloud:
-    """Read a PLY, LAS or LAZ file, whatever its name ends in.
-
-    Raises:
-        CloudError: the file cannot be read, is of another kind, or is damaged.
-    """
+    """Read a PLY, LAS or LAZ file, whatever its name ends in."""
     path = Path(path)
     try:
         with open_regular(path) as file:
@@ -36,13 +32,7 @@ def read_cloud(path: Path) -> Cloud:
 
 
 def write_cloud(path: Path, cloud: Cloud, *, crs_epsg: int | None = None) -> None:
-    """Write a cloud in the format that the name's ending asks for: .ply, .las or .laz.
-
-    Raises:
-        UsageError: another ending.
-        CloudError: LAS without the extra `geo`, or an unusable CRS.
-        StorageError: the place is full or not writable.
-    """
+    """Write a cloud in the format that the name's ending asks for: .ply, .las or .laz."""
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix in (".las", ".laz"):

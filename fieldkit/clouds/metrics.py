@@ -63,9 +63,6 @@ class ReferenceIndex:
         surface: the same surfaces sampled more densely, where they are known: what accuracy and precision are measured
             to. The distance from a point on a surface to points scattered over it, λ per square metre, is 0.5 / √λ on
             average and not zero, and so is part of every accuracy. Completeness has no such part.
-
-    Raises:
-        EmptyCloudError: the reference, or its surface, has no points.
     """
 
     def __init__(self, reference: Cloud, surface: Cloud | None = None) -> None:

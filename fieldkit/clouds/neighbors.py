@@ -28,9 +28,6 @@ class PointIndex:
 
     Attributes:
         order: (n,) original index of each sorted point.
-
-    Raises:
-        ValueError: no points, a wrong shape, or a coordinate that is not finite.
     """
 
     def __init__(self, points: ArrayLike) -> None:

@@ -13,11 +13,7 @@ from fieldkit.clouds.cloud import Cloud
 
 @dataclass(frozen=True)
 class Volume:
-    """An axis-aligned box.
-
-    Raises:
-        ValueError: a corner is not three finite numbers, or ``lower`` is not below ``upper``.
-    """
+    """An axis-aligned box."""
 
     lower: tuple[float, float, float]
     """X, y and z of the lowest corner, metres in the plot frame."""

@@ -89,12 +89,6 @@ def run_demo(
         output: folder of the result: captures/, reference/, reference-unseen/, plan/, mission/, evaluation-seen/,
             evaluation-unseen/, report.html and demo.json.
         overwrite: replace an earlier demo in ``output``.
-
-    Raises:
-        UsageError: ``output`` exists.
-        RenderingError: this machine cannot render.
-        ReconstructionError: the captures do not reconstruct.
-        LinkError: the stand-in vehicle cannot be reached over UDP on this machine.
     """
     begun = time.perf_counter()
     with atomic_folder(output, overwrite=overwrite, marker=DEMO_FILE) as folder:
