@@ -16,7 +16,8 @@ from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.writing import FORMATS, mission_bytes
 from fieldkit.results.plan_file import load_plan
 from fieldkit.runtime.progress import Progress
-from fieldkit.sites.site_file import load_plots, load_site
+from fieldkit.sites.plots_file import load_plots
+from fieldkit.sites.site_file import load_site
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle, missions_folder, vehicle_names
 from fieldkit_sim.standin.recording import read_messages

@@ -37,7 +37,8 @@ from fieldkit.results.report_files import file_sha256, load_evaluation_report, l
 from fieldkit.results.visit import CAMPAIGN_FILE, VISIT_FILE, load_visit
 from fieldkit.scenes.plot_description import check_mesh_file
 from fieldkit.scenes.scene_file import read_scene
-from fieldkit.sites.site_file import load_plots, load_site
+from fieldkit.sites.plots_file import load_plots
+from fieldkit.sites.site_file import load_site
 from fieldkit.sites.vector_files import read_features
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from fieldkit_sim.standin.recording import read_frames

@@ -27,7 +27,8 @@ from fieldkit.regular_files import check_regular
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, save_plan
 from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_reference_report
 from fieldkit.results.visit import CAMPAIGN_FILE
-from fieldkit.sites.site_file import Tell, load_site, plots_file_beside, read_plots
+from fieldkit.sites.plots_file import read_plots
+from fieldkit.sites.site_file import Tell, load_site, plots_file_beside
 from fieldkit.sites.vector_files import parts_of
 from fieldkit.vehicles.vehicle_file import find_vehicle, load_vehicle
 from fieldkit.wording import listed

@@ -27,8 +27,9 @@ from fieldkit.results.plan_file import PLAN_FILE, load_plan, plan_bytes
 from fieldkit.sites.placement import SiteFrame
 from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.sites.plot_plants import PlantHeight, with_plant_height
+from fieldkit.sites.plots_file import load_plots
 from fieldkit.sites.site import Site
-from fieldkit.sites.site_file import Tell, load_plots, load_site, with_plots
+from fieldkit.sites.site_file import Tell, load_site, with_plots
 from fieldkit.sites.site_obstacles import site_obstacles
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle

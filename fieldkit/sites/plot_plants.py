@@ -6,19 +6,23 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import find_peaks
 
 from fieldkit.errors import MissionError
 from fieldkit.results.plan import Plan, PlanPlants, Plans, plan_on
-from fieldkit.sites.plants import BAND_M, Band, no_fly_bands
-from fieldkit.sites.rows import row_spacing_m
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.terrain import LEVEL, Gradient
 
+BAND_M = 0.05
+_ARC = 4  # sides in a quarter turn
+_SIMPLER_M = 0.01
 SAME_SPACING = 0.1
 """Share by which a row spacing may differ and still be the plan's."""
 BESIDE_M = 0.25
@@ -31,7 +35,70 @@ _STEP_M = 0.05
 _SHORT_M = BAND_M + 0.02  # by which bands may lie inside the spheres about the points
 _FARTHEST_M, _HIGHEST_M = 10_000.0, 100.0
 
+# Of rows of plants.
+_BIN_M = 0.02
+_SMOOTH_M = 0.06
+_TURNS_DEG = tuple(range(-12, 13, 3))
+_LOW_SHARE = 0.4  # of the plants' height: stems and the feet of leaves, which stand in rows also where leaves meet
+_CELL_M = 0.05
+_GAP = 0.5  # of the lower of two rows, that the ground between them has at most
+_ROW = 0.3  # of the strongest row, that a row has at least
+_EVEN = 0.2  # by which a spacing may differ from the others'
+_LONG = 1.2  # spacings that a row is long
+_LEAST_POINTS = 30
+_ROWS_WITHIN_M = 1000.0
+
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Band:
+    """An upright prism from the ground to a height."""
+
+    corners: tuple[tuple[float, float], ...]
+    """(x, y) in the plot frame, metres, without a repeated last one."""
+    top_m: float
+    """Plot frame."""
+
+
+def no_fly_bands(plants: PlanPlants, clearance_m: float) -> tuple[Band, ...]:
+    """Prisms that fill the places nearer to a plant than a distance, and those below them.
+
+    They are stacked like the steps of a hill: each holds the discs that spheres about the points cut out of its upper
+    side. So they lie within the spheres, and cameras that the planner put at just this distance are outside; what is
+    outside is nearer than the distance by less than `BAND_M` and 2 cm. What is wholly surrounded by plants counts as
+    plants.
+
+    Args:
+        plants: of the plan.
+        clearance_m: from the plants' points.
+    """
+    points: Array = np.array(plants.points_m, dtype=np.float64).reshape(-1, 3)
+    if not len(points):
+        return ()
+    highest = float(points[:, 2].max()) + clearance_m
+    steps = max(1, math.ceil((highest - float(points[:, 2].min())) / BAND_M))
+    found: list[Band] = []
+    whole, above = shapely.Polygon(), np.zeros(len(points), dtype=np.bool_)
+    for top in highest - BAND_M * np.arange(1, steps + 1):
+        # Downwards, so that discs that have their full size are united once.
+        rising = ~above & (points[:, 2] >= top)
+        whole, above = shapely.union_all([whole, *_discs(points[rising], clearance_m)]), above | rising
+        shoulder = ~above & (points[:, 2] + clearance_m > top)
+        radii = np.sqrt(clearance_m**2 - (top - points[shoulder, 2]) ** 2)
+        plan = shapely.simplify(shapely.union_all([whole, *_discs(points[shoulder], radii)]), _SIMPLER_M)
+        for part in shapely.get_parts(plan):
+            if isinstance(part, shapely.Polygon) and not part.is_empty:
+                corners = tuple((float(x), float(y)) for x, y in shapely.get_coordinates(part.exterior)[:-1])
+                found.append(Band(corners, float(top)))
+    return tuple(reversed(found))
+
+
+def _discs(points: Array, radii: Array | float) -> NDArray[np.object_]:
+    discs: NDArray[np.object_] = shapely.buffer(
+        shapely.points(points[:, :2]), np.maximum(radii - _SIMPLER_M, 0.0), quad_segs=_ARC
+    )
+    return discs
 
 
 @dataclass(frozen=True)
@@ -226,3 +293,57 @@ def _block(low: Array, high: Array, top_m: float) -> Block:
     (a, b), (c, d) = low.tolist(), high.tolist()
     grow = 0.5e-3  # a row that is a line of points still has an area
     return Block((a - grow, b - grow), (c + grow, d + grow), top_m)
+
+
+def row_spacing_m(points: Array) -> float | None:
+    """Distance from row to row of plants whose rows run along x, or nearly so.
+
+    Points of the lower part of the plants are counted across the rows, in directions within 12° of x, and rows are
+    evenly spaced peaks with gaps between them. Each row has to be longer than the spacing, or single plants beside each
+    other would be taken for rows.
+
+    Args:
+        points: (n, 3) of the plants, plot frame, z above the ground; about one per cell of a grid.
+
+    Returns:
+        Metres; None where there are fewer than two rows, or they cannot be told apart.
+    """
+    if len(points) < _LEAST_POINTS or not np.isfinite(points).all():
+        return None
+    if float(np.abs(points[:, :2]).max()) > _ROWS_WITHIN_M:
+        return None
+    top = float(points[:, 2].max())
+    low = points[points[:, 2] <= _LOW_SHARE * top]
+    cells = np.unique(np.floor(low[:, :2] / _CELL_M).astype(np.int64), axis=0) * _CELL_M + 0.5 * _CELL_M
+    if len(cells) < _LEAST_POINTS:
+        return None
+    best: tuple[float, float] | None = None
+    for turn in np.radians(_TURNS_DEG):
+        along, across = (cells @ axis for axis in ((np.cos(turn), np.sin(turn)), (-np.sin(turn), np.cos(turn))))
+        found = _rows(along, across)
+        if found is not None and (best is None or found[0] > best[0]):
+            best = found
+    return None if best is None else best[1]
+
+
+def _rows(along: Array, across: Array) -> tuple[float, float] | None:
+    """Contrast of the rows in one direction, and their spacing."""
+    start = float(across.min()) - 4 * _SMOOTH_M
+    bins = max(8, int(np.ceil((float(across.max()) + 4 * _SMOOTH_M - start) / _BIN_M)))
+    counts = np.bincount(((across - start) / _BIN_M).astype(np.int64), minlength=bins).astype(np.float64)
+    density = gaussian_filter1d(counts, _SMOOTH_M / _BIN_M, mode="constant")
+    peaks, _ = find_peaks(density, height=_ROW * float(density.max()))
+    if len(peaks) < 2:
+        return None
+    steps = np.diff(peaks) * _BIN_M
+    spacing = float(steps.mean())
+    if np.abs(steps - spacing).max() > _EVEN * spacing:
+        return None
+    for a, b in pairwise(peaks.tolist()):
+        if density[a:b].min() > _GAP * min(density[a], density[b]):
+            return None
+    for peak in peaks:
+        row = along[np.abs(across - (start + (peak + 0.5) * _BIN_M)) <= 0.25 * spacing]
+        if float(np.percentile(row, 95) - np.percentile(row, 5)) < _LONG * spacing:
+            return None
+    return float(density.std() / density.mean()), spacing

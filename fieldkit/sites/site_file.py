@@ -6,11 +6,7 @@ not in the field.
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -23,60 +19,19 @@ from fieldkit.documents.toml_file import read_versioned, sentence, validated_tom
 from fieldkit.errors import MetadataError
 from fieldkit.files import file_beside
 from fieldkit.geometry.geodesy import LocalFrame, great_circle_m
-from fieldkit.regular_files import open_regular
 from fieldkit.runtime.shipped import shipped_page
-from fieldkit.sites.plot_ids import ID_FIELDS, IdProblem, PlotIds, plot_ids
-from fieldkit.sites.plot_shapes import heading_near, plot_shape
+from fieldkit.sites.plots_file import PLOTS_REMEDY, read_plots
 from fieldkit.sites.site import Site, SiteHome, SitePlot
-from fieldkit.sites.vector_files import NUMBERS, Feature, VectorFile, read_features, read_wgs84, wgs84_features
-from fieldkit.wording import listed
+from fieldkit.sites.vector_files import read_features
 
 FARTHEST_M = 100_000.0
 """From home; what lies farther away is not where it was meant to be."""
 _MAX_BYTES = 256 << 10
 _REMEDY = f"A site file is TOML with format = 1, [home] and plots: {shipped_page('missions/README.md')} lists its keys."
-_PLOTS_REMEDY = "Plots are polygons or points; height_m, row_heading_deg … are properties, in metres and degrees."
-_AS_THEY_ARE = (
-    "height_m", "datum", "slope_percent", "slope_deg", "uphill_heading_deg", "plant_height_m", "row_spacing_m"
-)  # fmt: skip
-_PROPERTIES = (*NUMBERS, "datum", "ground_points")
-_NEAR = 0.87
-"""Likeness from which a column's name is a slip: plant_heigth_m and lenght_m are, height and length are not."""
-_MOST_COLUMNS = 12
-_SIDES_M = (0.1, 1000.0)
 _NO_PLOTS = 'Give it [[plots]], or plots = "plots.geojson"; --plots takes such a file, too.'
 
 Tell = Callable[[str], None]
 """Takes a sentence for people."""
-
-
-@dataclass(frozen=True, eq=False)
-class PlotsFile:
-    """A plots file, read."""
-
-    plots: tuple[SitePlot, ...]
-    """In the file's order."""
-    ids: PlotIds
-    """Which field their names are from."""
-    file: VectorFile
-    """As GeoJSON in WGS 84."""
-    unused: tuple[str, ...] = ()
-    """Columns that say nothing of a plot here."""
-
-    def geojson(self) -> bytes | None:
-        """The plots as GeoJSON in WGS 84 that gives the same plots to any reader, its ids under "plot_id".
-
-        None where the file itself does.
-        """
-        if self.file.as_is and (self.ids.field is None or self.ids.field.casefold() in ID_FIELDS):
-            return None
-        found = self.file.document.get("features", [self.file.document])
-        rows = [
-            {**row, "properties": {"plot_id": name, **_without(row.get("properties") or {}, "plot_id")}}
-            for row, name in zip(found, self.ids.ids, strict=True)
-        ]
-        document = {"type": "FeatureCollection", "features": rows}
-        return (json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False) + "\n").encode()
 
 
 def load_site(
@@ -101,7 +56,6 @@ def load_site(
     """
     path = Path(path)
     refuse_other(path, "site file", _REMEDY)
-    _require_no_json(path)
     document = read_versioned(path, "site file", _REMEDY, _MAX_BYTES)
     document.setdefault("name", path.stem)
     own = document.get("plots")
@@ -120,9 +74,8 @@ def load_site(
     if plots is not None:
         found = read_plots(plots, plot_id)
         if tell is not None:
-            tell(f"{found.ids.sentence()}.")
-            if found.unused:
-                tell(f"Columns that are not used: {listed(list(found.unused), _MOST_COLUMNS)}.")
+            for text in found.told:
+                tell(text)
         return with_plots(site, found.plots, path=plots)
     if plot_id is not None:
         raise MetadataError(
@@ -138,66 +91,6 @@ def plots_file_beside(path: Path) -> Path | None:
     return _beside(own, path, "plots") if isinstance(own, str) else None
 
 
-def load_plots(path: Path, plot_id: str | None = None) -> tuple[SitePlot, ...]:
-    """The plots of a file: see `read_plots`."""
-    return read_plots(path, plot_id).plots
-
-
-def read_plots(path: Path, plot_id: str | None = None) -> PlotsFile:
-    """Read a plots file: points and polygons, in the file's order.
-
-    Of a polygon the origin is the centroid, and x points along the longer side of its least rectangle (see
-    `plot_shape`), unless its ``row_heading_deg`` says otherwise. Of the two directions of that side the first polygon
-    takes the one from 315° over north to 135°, and all others the one nearer to the first's, so that no plot of a field
-    lies the other way round. That rectangle's sides are the plot's length and width, unless ``length_m`` and
-    ``width_m`` are given.
-
-    Args:
-        path: of any kind that `read_features` reads.
-        plot_id: field that holds the plots' ids; None looks for one (`plot_ids`).
-
-    Raises:
-        MetadataError: as `read_features`; no field gives every plot an id; a property is wrong, a point has no heading,
-            a polygon is nearly square and has none, crosses itself or has several parts, a height has no datum.
-    """
-    path = Path(path)
-    file = read_wgs84(path)
-    features = wgs84_features(file.document, path)
-    try:
-        ids = plot_ids(features, plot_id)
-    except IdProblem as problem:
-        raise MetadataError(str(problem), path=path, remedy=problem.remedy) from problem
-    unused = _unused(features, ids.field, path)
-    plots: list[SitePlot] = []
-    towards: float | None = None
-    for feature, name in zip(features, ids.ids, strict=True):
-        try:
-            plot, from_shape = _plot(feature, name, towards)
-        except ValidationError as error:
-            raise _bad_plot(feature, sentence(error), path) from error
-        except ValueError as error:
-            raise _bad_plot(feature, str(error), path) from error
-        if from_shape and towards is None:
-            towards = plot.row_heading_deg
-        plots.append(plot)
-    return PlotsFile(tuple(plots), ids, file, unused)
-
-
-def _unused(features: Sequence[Feature], id_field: str | None, path: Path) -> tuple[str, ...]:
-    """The columns that are not used; one that nearly is a property of plots is an error."""
-    columns = dict.fromkeys(name for feature in features for name in feature.properties)
-    others = [name for name in columns if name not in (*_PROPERTIES, id_field) and name.casefold() not in ID_FIELDS]
-    for name in others:
-        plain = re.sub(r"\W+", "_", name.casefold()).strip("_")
-        near = get_close_matches(plain, [known for known in _PROPERTIES if known not in columns], n=1, cutoff=_NEAR)
-        if near:
-            raise MetadataError(
-                f'has a column "{name}", which is not used: is {near[0]} meant?', path=path,
-                remedy=f"Name it {near[0]} (metres and degrees), or otherwise than a property of plots.",
-            )  # fmt: skip
-    return tuple(others)
-
-
 def with_plots(site: Site, plots: Sequence[SitePlot], *, path: Path | None = None) -> Site:
     """The site with other plots in place of its own.
 
@@ -210,86 +103,9 @@ def with_plots(site: Site, plots: Sequence[SitePlot], *, path: Path | None = Non
     try:
         changed = Site.model_validate(fields | {"plots": tuple(plots)})
     except ValidationError as error:
-        raise MetadataError(sentence(error), path=path, remedy=_PLOTS_REMEDY) from error
+        raise MetadataError(sentence(error), path=path, remedy=PLOTS_REMEDY) from error
     _check_places(changed.home, _origins(changed.plots), path)
     return changed
-
-
-def _require_no_json(path: Path) -> None:
-    """Say it where another of fieldkit's files is given as the site."""
-    try:
-        with open_regular(path) as file:
-            start = file.read(64).lstrip()
-    except (OSError, ValueError):
-        return  # reading it says what is wrong
-    if start.startswith(b"{"):
-        raise MetadataError(
-            "is JSON, not a site file", path=path,
-            remedy="--site takes the TOML file with [home]; the plan comes first, plots are given with --plots.",
-        )  # fmt: skip
-
-
-def _without(properties: dict[str, Any], name: str) -> dict[str, Any]:
-    return {key: value for key, value in properties.items() if key.casefold() != name}
-
-
-def _plot(feature: Feature, name: Any, towards: float | None) -> tuple[SitePlot, bool]:
-    """A feature as a plot, and whether its heading is from its shape.
-
-    Args:
-        feature: of a plots file.
-        name: its id.
-        towards: heading that a shape's direction is to be near to.
-    """
-    given = feature.properties
-    if len(feature.parts) > 1:
-        raise ValueError("has several parts; a plot is one polygon")
-    ring = feature.parts[0]
-    latitude, longitude = ring[0]
-    heading = given.get("row_heading_deg")
-    from_shape = feature.kind == "Polygon" and heading is None
-    shape = None
-    if feature.kind == "Polygon":
-        shape = plot_shape(ring)
-        latitude, longitude = shape.latitude_deg, shape.longitude_deg
-        if from_shape:
-            if shape.nearly_square:
-                raise ValueError("is nearly square, so that its row_heading_deg must be given")
-            heading = heading_near(shape.side_deg, 45.0 if towards is None else towards)
-    elif heading is None:
-        raise ValueError("is a point without row_heading_deg, the compass heading of the plan's x axis")
-    if feature.height_m and "height_m" not in given:
-        raise ValueError(
-            f"has the height {feature.height_m:g} in its coordinates, which files mean differently: "
-            "give height_m and datum as properties"
-        )
-    values = {
-        "name": name,
-        "latitude_deg": latitude,
-        "longitude_deg": longitude,
-        "row_heading_deg": heading,
-    }
-    values |= {key: given[key] for key in _AS_THEY_ARE if key in given}
-    if "ground_points" in given:
-        values["ground_points"] = _latitude_first(given["ground_points"])
-    if "length_m" in given or "width_m" in given:
-        values |= {key: given[key] for key in ("length_m", "width_m") if key in given}
-    elif shape is not None and isinstance(heading, int | float) and abs(heading) <= 360:
-        length, width = shape.along_m(float(heading))
-        if _SIDES_M[0] <= width <= _SIDES_M[1] and _SIDES_M[0] <= length <= _SIDES_M[1]:
-            values |= {"length_m": length, "width_m": width}
-    return SitePlot.model_validate(values), from_shape
-
-
-def _latitude_first(points: Any) -> Any:
-    """GeoJSON's positions [longitude, latitude, height] as a site file has them; anything else as it is."""
-    if not isinstance(points, list):
-        return points
-    return [[p[1], p[0], *p[2:]] if isinstance(p, list) and len(p) > 1 else p for p in points]
-
-
-def _bad_plot(feature: Feature, problem: str, path: Path) -> MetadataError:
-    return MetadataError(f"feature {feature.number}: {problem}", path=path, remedy=_PLOTS_REMEDY)
 
 
 def _zones(path: Path, *, named: bool) -> Iterator[Any]:
@@ -343,10 +159,6 @@ def _polygons(site: Site) -> Iterator[tuple[str, tuple[tuple[float, float], ...]
     yield from ((f'no_fly "{zone.name}"', zone.corners) for zone in site.no_fly)
 
 
-_ZONE_DEG, _NEAR_DEG = 6.0, 0.3
-"""Width of a UTM zone, and how well a place read in the zone beside keeps to it."""
-
-
 def _check_places(home: SiteHome, places: Sequence[tuple[str, float, float]], path: Path | None) -> None:
     """Refuse places too far from home; where they would be near it with their coordinates swapped, say so."""
     if not places:
@@ -363,11 +175,6 @@ def _check_places(home: SiteHome, places: Sequence[tuple[str, float, float]], pa
     if look_swapped(latitude, longitude, origin, FARTHEST_M):
         message += f": its {SWAPPED.looks_like}"
         remedy = SWAPPED.remedy
-    elif abs(latitude - origin[0]) < _NEAR_DEG and abs(abs(longitude - origin[1]) - _ZONE_DEG) < _NEAR_DEG:
-        zone = int((origin[1] + 180.0) // _ZONE_DEG) + 1
-        message += ", about six degrees of longitude: the CRS looks like that of the UTM zone beside"
-        code = (32600 if origin[0] >= 0 else 32700) + zone
-        remedy = f"Home lies in zone {zone}: EPSG:{code}, if the file is in WGS 84 / UTM."
     raise MetadataError(message, path=path, remedy=remedy)
 
 

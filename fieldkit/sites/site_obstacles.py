@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from fieldkit.results.plan import Plan, Plans
 from fieldkit.routing.obstacles import Corners, Obstacles, Volume
 from fieldkit.sites.placement import PlotFrame, SiteFrame
-from fieldkit.sites.plants import BAND_M, Band
-from fieldkit.sites.plot_plants import PlanFacts, PlotPlants, plants_on
+from fieldkit.sites.plot_plants import BAND_M, Band, PlanFacts, PlotPlants, plants_on
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.terrain import LEVEL, Gradient
 

@@ -20,8 +20,7 @@ from fieldkit.results.finding import Finding, Refused
 from fieldkit.results.plan import Plan, PlanPlants, Plans
 from fieldkit.results.plan_file import save_plan
 from fieldkit.sites.fit import CODES, fit_plot, fit_report, plants_outgrown
-from fieldkit.sites.plot_plants import PlanFacts, plants_on, with_plant_height
-from fieldkit.sites.rows import row_spacing_m
+from fieldkit.sites.plot_plants import PlanFacts, plants_on, row_spacing_m, with_plant_height
 from fieldkit.sites.site import Obstacle, Site, SiteHome, SitePlot
 from fieldkit.sites.site_obstacles import site_obstacles
 from fieldkit.vehicles.vehicle_file import load_vehicle

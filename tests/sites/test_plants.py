@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fieldkit.results.plan import PlanPlants
-from fieldkit.sites.plants import BAND_M, Band, no_fly_bands
+from fieldkit.sites.plot_plants import BAND_M, Band, no_fly_bands
 
 
 def inside(bands: tuple[Band, ...], places: NDArray[np.float64]) -> NDArray[np.bool_]:

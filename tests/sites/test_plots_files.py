@@ -25,8 +25,9 @@ from fieldkit.errors import MetadataError, UsageError
 from fieldkit.results.plan import Plan, Station
 from fieldkit.results.plan_file import save_plan
 from fieldkit.sites.plot_ids import IdProblem, plot_file_name, plot_ids
+from fieldkit.sites.plots_file import load_plots, read_plots
 from fieldkit.sites.site import SitePlot
-from fieldkit.sites.site_file import load_plots, load_site, read_plots
+from fieldkit.sites.site_file import load_site
 from fieldkit.sites.vector_files import read_features
 from tests.sites.test_site_file import SITE, geojson, point, polygon, rectangle, site_file
 
@@ -362,7 +363,7 @@ def test_plan_and_site_in_each_others_place(tmp_path: Path) -> None:
         with pytest.raises(UsageError, match="plan and site are swapped") as caught:
             check_order(site, other)
         assert f"{other} as the plan" in caught.value.remedy
-    with pytest.raises(MetadataError, match="is JSON, not a site file"):
+    with pytest.raises(MetadataError, match="is not TOML"):
         load_site(plan)
 
 

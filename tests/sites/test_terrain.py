@@ -22,9 +22,10 @@ from fieldkit.missions.export import route_plan
 from fieldkit.missions.export_mission import export_mission
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.sites.placement import PlotFrame, SiteFrame, grounds_m, home_of, place
+from fieldkit.sites.plots_file import load_plots
 from fieldkit.sites.reach import unreachable
 from fieldkit.sites.site import Site, SiteHome, SitePlot
-from fieldkit.sites.site_file import load_plots, load_site
+from fieldkit.sites.site_file import load_site
 from fieldkit.sites.site_obstacles import site_obstacles
 from fieldkit.sites.terrain import gradient, plane_through
 from fieldkit.vehicles.vehicle_file import load_vehicle

@@ -21,7 +21,7 @@ from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stage_times import StageTimer
 from fieldkit.runtime.progress import Silent
-from fieldkit.sites.stretch import Stretch
+from fieldkit.sites.fitted import Stretch
 from fieldkit.vocabulary import DISTANCES_M, MappingName, SearchFidelity
 
 _LEAST_CAMERAS = 2

@@ -17,7 +17,7 @@ from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
-from fieldkit.sites.stretch import Stretch
+from fieldkit.sites.fitted import Stretch
 
 _OPEN = 2
 """Number of plots that a process keeps ready to render; another renderer takes a second to start."""

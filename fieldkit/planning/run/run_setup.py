@@ -41,7 +41,7 @@ from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise
-from fieldkit.sites.stretch import Stretch
+from fieldkit.sites.fitted import Stretch
 from fieldkit.wording import count
 
 PROXY_FOLDER, BUILT_REFERENCE, KIND_FOLDER = "proxy", "reference", "plots"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fieldkit.geometry import Pose
-from fieldkit.sites.stretch import Stretch
+from fieldkit.sites.fitted import Stretch
 
 Array = NDArray[np.float64]
 PER_CAMERA = 5

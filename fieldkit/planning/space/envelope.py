@@ -17,7 +17,7 @@ from fieldkit.errors import UsageError
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.results.plan import PlanPlants
 from fieldkit.routing.prisms import Prisms
-from fieldkit.sites.plants import no_fly_bands
+from fieldkit.sites.plot_plants import no_fly_bands
 
 TOLERANCE = 1e-9
 """Tolerance of constraints, metres or degrees, for rounding in files and changes of units."""

@@ -14,7 +14,7 @@ from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.recorded import recorded_plants
 from fieldkit.scenes.sampling import neighbour_points, sample_visible
 from fieldkit.scenes.simulated_field import build_plants
-from fieldkit.sites.stretch import Stretch
+from fieldkit.sites.fitted import Stretch
 
 _POINTS, _PIXELS = 40_000, 800
 LOWEST_M = 0.03

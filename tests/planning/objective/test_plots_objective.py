@@ -15,7 +15,7 @@ from fieldkit.planning.run.evaluations import Job, evaluating
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.context import Context
 from fieldkit.scenes.description import ReferenceSampling, SceneDescription
-from fieldkit.sites.stretch import Stretch
+from fieldkit.sites.fitted import Stretch
 from fieldkit_sim.generator import plots_of_kind
 from tests.planning.conftest import CAMERA
 from tests.scenes.conftest import SMALL_PLOT
