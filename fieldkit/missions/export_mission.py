@@ -20,8 +20,7 @@ from fieldkit.missions.export_record import mission_record
 from fieldkit.missions.files.reading import READERS, read_mission_bytes
 from fieldkit.missions.files.writing import FORMATS, mission_bytes
 from fieldkit.regular_files import check_replaceable, read_regular
-from fieldkit.results.mission import FlownPlan
-from fieldkit.results.mission_file import record_bytes, record_path
+from fieldkit.results.mission import FlownPlan, record_bytes, record_path
 from fieldkit.results.plan import Plan, Plans, station_number
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, plan_bytes
 from fieldkit.sites.placement import SiteFrame

@@ -13,8 +13,7 @@ import numpy as np
 
 from fieldkit.missions.export_record import plot_frame
 from fieldkit.regular_files import read_regular
-from fieldkit.results.mission import MissionPlot, MissionRecord
-from fieldkit.results.mission_file import load_mission, record_path
+from fieldkit.results.mission import MissionPlot, MissionRecord, load_mission, record_path
 from fieldkit.results.plan import Plan, Plans
 from fieldkit.results.plan_file import load_plan
 from fieldkit.routing.obstacles import Obstacles

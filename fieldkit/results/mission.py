@@ -6,16 +6,21 @@ plots say theirs above a datum.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from fieldkit.documents.json_file import read_model
 from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.results.evaluation import FileEntry
 from fieldkit.results.fields import Heading, Latitude, Length, Longitude, Pitch, Sha256, Strict
 
+MISSION_FILE = "mission.json"
+_MAX_BYTES = 128 << 20
+_AGAIN = "Give the mission.json that `fieldkit export-mission` wrote beside the mission, or export it again."
 FARTHEST_M = 100_000.0
 """From home; no battery lasts that long."""
 
@@ -197,3 +202,27 @@ class MissionRecord(Strict):
         if np.abs(away).max() > FARTHEST_M:
             raise ValueError(f"a place is farther than {FARTHEST_M / 1000:g} km from home")
         return self
+
+
+def record_path(mission: Path) -> Path:
+    """Of the record beside a mission: mission.json for mission.plan, field.mission.json for field.plan."""
+    return mission.with_name(MISSION_FILE if mission.stem == "mission" else f"{mission.stem}.{MISSION_FILE}")
+
+
+def records_in(folder: Path) -> list[Path]:
+    """The records that lie in a folder, by name."""
+    return sorted(file for pattern in (MISSION_FILE, f"*.{MISSION_FILE}") for file in folder.glob(pattern))
+
+
+def record_bytes(record: MissionRecord) -> bytes:
+    """A record as JSON, UTF-8, indented."""
+    return (record.model_dump_json(indent=1) + "\n").encode("utf-8")
+
+
+def load_mission(file: Path) -> MissionRecord:
+    """Read mission.json.
+
+    Raises:
+        MetadataError: it is missing, not JSON, no mission's, of another version, or a field is wrong.
+    """
+    return read_model(MissionRecord, "mission", file, _AGAIN, max_bytes=_MAX_BYTES)

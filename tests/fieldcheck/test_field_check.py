@@ -35,7 +35,7 @@ from fieldkit.reconstruction.cameras import CameraSet
 from fieldkit.reconstruction.guided import relative_pose
 from fieldkit.report.sections.loaded import FlownMission, read_results
 from fieldkit.results.finding import Finding
-from fieldkit.results.mission_file import load_mission
+from fieldkit.results.mission import load_mission
 from fieldkit.results.plan import Plan, PlanPlants
 from fieldkit.results.plan_file import plan_bytes, plan_from_poses
 from fieldkit.sites.fitted import flown_plan

@@ -17,7 +17,7 @@ from fieldkit.missions.export import route_plan
 from fieldkit.missions.export_mission import export_mission, mission_format, route_for_files
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.pictures.mission import draw_mission
-from fieldkit.results.mission_file import load_mission
+from fieldkit.results.mission import load_mission
 from fieldkit.results.plan import Plan, PlanPlants, Station
 from fieldkit.routing.mission import Shot
 from fieldkit.sites.placement import SiteFrame, home_of, place

@@ -18,8 +18,7 @@ from fieldkit.planning.run.outcome import OUTCOME_FILE, Outcome, read_outcome
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.results.comparison import COMPARE_FILE, load_comparison
 from fieldkit.results.demo import DEMO_FILE, DemoReport, load_demo
-from fieldkit.results.mission import MissionFlight, MissionRecord
-from fieldkit.results.mission_file import load_mission, records_in
+from fieldkit.results.mission import MissionFlight, MissionRecord, load_mission, records_in
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import PLAN_FILE, load_plan
 from fieldkit.results.report_files import (

@@ -12,8 +12,7 @@ import pytest
 from fieldkit.errors import MetadataError
 from fieldkit.missions.export_mission import ExportedMission, export_mission
 from fieldkit.missions.export_record import geo_points, plot_frame, site_frame
-from fieldkit.results.mission import FlownPlan, MissionRecord
-from fieldkit.results.mission_file import load_mission, record_bytes, record_path, records_in
+from fieldkit.results.mission import FlownPlan, MissionRecord, load_mission, record_bytes, record_path, records_in
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan, save_plan
 from fieldkit.results.report_files import file_sha256
