@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from pydantic import ValidationError
 
-from fieldkit.documents.versioned_toml import sentence
+from fieldkit.documents.toml_file import sentence
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.sites.plot_ids import ID_FIELDS, IdProblem, PlotIds, plot_ids
