@@ -26,22 +26,18 @@ CALIBRATING_DEG = 5.0
 
 @dataclass(frozen=True)
 class CameraSet:
-    """The camera groups of a capture in COLMAP's terms.
-
-    Attributes:
-        keys: of the groups.
-        cameras: start values or calibrations.
-        sources: where each came from: ``"camera.toml"``, ``"camera.json"``, ``"reference"``, ``"EXIF"``,
-            ``"self-calibrated"``.
-        fixed: which are calibrations to be held.
-        camera_of: each photograph's index into ``cameras``.
-    """
+    """The camera groups of a capture in COLMAP's terms."""
 
     keys: tuple[str, ...]
     cameras: tuple[Intrinsics, ...]
+    """Start values or calibrations."""
     sources: tuple[str, ...]
+    """Where each came from: ``"camera.toml"``, ``"camera.json"``, ``"reference"``, ``"EXIF"``,
+    ``"self-calibrated"``."""
     fixed: tuple[bool, ...]
+    """Which are calibrations to be held."""
     camera_of: tuple[int, ...]
+    """Each photograph's index into ``cameras``."""
 
     @property
     def known(self) -> bool:
@@ -67,7 +63,6 @@ def cameras_of(capture: Capture, calibrated: Mapping[str, Intrinsics] | None = N
     """The cameras of a capture.
 
     Args:
-        capture: as read.
         calibrated: calibrations from a reference by camera group key; used where the capture brings none of its own
             (a camera file beside the photographs comes first).
     """

@@ -151,7 +151,6 @@ def build_tracks(counts: list[int], matches: Mapping[tuple[int, int], NDArray[np
     """Join matches into tracks.
 
     Args:
-        counts: features per image.
         matches: (k, 2) feature indices per pair (i, j) of image indices.
 
     Returns:

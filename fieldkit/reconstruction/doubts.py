@@ -34,14 +34,10 @@ def doubts(
     """What speaks against a result, with the remedy.
 
     Args:
-        name: of the capture.
         plants: the plants' cloud, plot frame.
-        volume: of interest.
         gsd_m: metres per pixel at its centre.
-        frame: of the result.
         poses: of the photographs that count, plot frame.
         own_ground: whether the ground was found in these photographs.
-        own_volume: whether the volume was.
     """
     ground = frame.ground
     found = [_few(len(plants)), _cut(volume) if cuts_plants(plants.points, volume, gsd_m) else None]

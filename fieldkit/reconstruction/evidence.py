@@ -35,33 +35,31 @@ class Evidence:
 
     They follow the planner's geometric score (docs/objective.md), with the reconstructed cloud in the true one's place
     and without occlusion.
-
-    Attributes:
-        support: expected share of the points that two depths or more are right at, from angles between rays,
-            incidence and resolution.
-        noise_m: standard deviation of a point's depth that matches of half a pixel leave, median over points.
-        views: cameras that look at a point's surface, mean over points.
-        roughness_m: root mean square distance of a point's neighbours to their plane, median over points.
-        roughness_high_m: its 90 % quantile: blurred and doubled leaves.
-        lone: share of the voxels with fewer than six points near them.
-        gap_m: mean distance, at most 0.10 m, from a sparse point among the plants to the nearest point of the cloud;
-            None without sparse points there.
-        leverage: how far the cloud is moved, root mean square, per metre that every camera's known position is wrong:
-            what positions leave open of the place, tilt and scale of what a group of cameras sees (`leverage`), mean
-            square over cameras. A group are cameras that a chain of pairs with at least `LEAST_SHARED` sparse points
-            in common joins: nothing but their positions holds groups together.
-        groups: how many there are.
     """
 
     support: float
+    """Expected share of the points that two depths or more are right at, from angles between rays, incidence and
+    resolution."""
     noise_m: float
+    """Standard deviation of a point's depth that matches of half a pixel leave, median over points."""
     views: float
+    """Cameras that look at a point's surface, mean over points."""
     roughness_m: float
+    """Root mean square distance of a point's neighbours to their plane, median over points."""
     roughness_high_m: float
+    """Its 90 % quantile: blurred and doubled leaves."""
     lone: float
+    """Share of the voxels with fewer than six points near them."""
     gap_m: float | None
+    """Mean distance, at most 0.10 m, from a sparse point among the plants to the nearest point of the cloud; None
+    without sparse points there."""
     leverage: float
+    """How far the cloud is moved, root mean square, per metre that every camera's known position is wrong: what
+    positions leave open of the place, tilt and scale of what a group of cameras sees (`leverage`), mean square
+    over cameras. A group are cameras that a chain of pairs with at least `LEAST_SHARED` sparse points in common
+    joins: nothing but their positions holds groups together."""
     groups: int
+    """How many there are."""
 
 
 def evidence(
@@ -73,7 +71,6 @@ def evidence(
     Args:
         plants: with normals where they are known, plot frame, metres.
         poses: of the photographs that count.
-        cameras: theirs.
         sparse_points: (n, 3) of the model.
         shared: (m, m) how many of them each two photographs have in common.
         voxel_m: points are taken from voxels of this edge, so that dense places count as others.

@@ -12,37 +12,31 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class FeatureSettings:
-    """How features are found.
-
-    Attributes:
-        working_side: longer side the image is reduced to before detection, pixels; never enlarged.
-        max_features: the strongest are kept.
-        contrast_threshold: OpenCV's `contrastThreshold`; lower finds more on dark leaves.
-        edge_threshold: OpenCV's `edgeThreshold`.
-        kept: share of these that is not withheld at random: plants that match worse are rehearsed with it.
-        draw: which ones are withheld.
-    """
+    """How features are found."""
 
     working_side: int = 1600
+    """Longer side the image is reduced to before detection, pixels; never enlarged."""
     max_features: int = 4096
+    """The strongest are kept."""
     contrast_threshold: float = 0.02
+    """OpenCV's `contrastThreshold`; lower finds more on dark leaves."""
     edge_threshold: float = 10.0
+    """OpenCV's `edgeThreshold`."""
     kept: float = 1.0
+    """Share of these that is not withheld at random: plants that match worse are rehearsed with it."""
     draw: int = 0
+    """Which ones are withheld."""
 
 
 @dataclass(frozen=True, eq=False)
 class Features:
-    """The features of one photograph.
-
-    Attributes:
-        keypoints: (n, 4) float32: x, y and scale in pixels of the full-size photograph (COLMAP's convention:
-            the centre of the upper left pixel is (0.5, 0.5)), orientation in radians.
-        descriptors: (n, 128) uint8 RootSIFT (Arandjelović & Zisserman 2012), 512 times its unit vector.
-    """
+    """The features of one photograph."""
 
     keypoints: NDArray[np.float32]
+    """(n, 4) float32: x, y and scale in pixels of the full-size photograph (COLMAP's convention: the centre of the
+    upper left pixel is (0.5, 0.5)), orientation in radians."""
     descriptors: NDArray[np.uint8]
+    """(n, 128) uint8 RootSIFT (Arandjelović & Zisserman 2012), 512 times its unit vector."""
 
     def __len__(self) -> int:
         return len(self.keypoints)

@@ -68,19 +68,16 @@ class Slab:
 
 @dataclass(frozen=True)
 class GuidedSettings:
-    """How a match is accepted.
-
-    Attributes:
-        ratio: largest ratio of the best to the second best descriptor distance among the band's candidates.
-        max_rotation_deg: largest disagreement of the two features' orientations once each is measured against the
-            image of the baseline's direction. Right matches 18–36° apart stay within 16° in the median.
-        max_scale_octaves: largest disagreement of the features' sizes, log2, after the cameras' distance to the
-            region's centre is taken out. 95 % of right matches stay within 0.43.
-    """
+    """How a match is accepted."""
 
     ratio: float = 0.85
+    """Largest ratio of the best to the second best descriptor distance among the band's candidates."""
     max_rotation_deg: float = 35.0
+    """Largest disagreement of the two features' orientations once each is measured against the image of the
+    baseline's direction. Right matches 18–36° apart stay within 16° in the median."""
     max_scale_octaves: float = 0.75
+    """Largest disagreement of the features' sizes, log2, after the cameras' distance to the region's centre is
+    taken out. 95 % of right matches stay within 0.43."""
 
 
 @dataclass(frozen=True)
@@ -100,17 +97,13 @@ class Band:
 
 @dataclass(frozen=True, eq=False)
 class IndexedFeatures:
-    """The features of one photograph, undistorted and sorted for looking up; whatever its pose, so made once.
-
-    Attributes:
-        features: n features.
-        points: (n, 2) undistorted pixels.
-        camera: PINHOLE intrinsics.
-    """
+    """The features of one photograph, undistorted and sorted for looking up; whatever its pose, so made once."""
 
     features: Features
     points: Floats
+    """(n, 2) undistorted pixels."""
     camera: Intrinsics
+    """PINHOLE intrinsics."""
 
     @classmethod
     def of(cls, features: Features, camera: Intrinsics) -> IndexedFeatures:
@@ -195,7 +188,6 @@ def match_guided(
     """Mutual best matches within a band about the epipolar lines of two poses, in agreement with the poses.
 
     Args:
-        a, b: the two photographs.
         band: where matches are looked for.
         shift_px: displaces image b across its epipolar lines; the matches that remain are chance.
 
@@ -326,25 +318,22 @@ class _Best(NamedTuple):
 
 
 class _Strips(NamedTuple):
-    """Features sorted into strips across the first axis, and in each into cells along the second.
-
-    Attributes:
-        corner: (2,) least coordinates.
-        strips, cells: how many, and how many cells in each.
-        order: (n,) the features in this order; `order[starts[k] : starts[k + 1]]` are those of cell k, and those of a
-            strip follow one another.
-        starts: (strips · cells + 1,).
-        points, descriptors, squares: in this order.
-    """
+    """Features sorted into strips across the first axis, and in each into cells along the second."""
 
     corner: Floats
+    """(2,) least coordinates."""
     strips: int
     cells: int
+    """How many, and how many cells in each."""
     order: NDArray[np.int64]
+    """(n,) the features in this order; `order[starts[k] : starts[k + 1]]` are those of cell k, and those of a
+    strip follow one another."""
     starts: NDArray[np.int64]
+    """(strips · cells + 1,)."""
     points: Floats
     descriptors: NDArray[np.uint8]
     squares: NDArray[np.int32]
+    """In this order."""
 
     @classmethod
     def of(cls, points: Floats, features: Features) -> _Strips:

@@ -33,11 +33,6 @@ def volume_of_interest(
 
     Args:
         points: (n, 3) sparse points, plot frame.
-        poses: plot frame.
-        intrinsics: by the same names.
-
-    Raises:
-        ReconstructionError: too few points to tell.
     """
     chosen = points
     region = region_of_interest(list(poses.values()))
@@ -60,12 +55,7 @@ def volume_of_interest(
 
 
 def looked_beside_m(poses: Mapping[str, Pose], volume: Volume) -> float:
-    """How far beside a volume, horizontally, the place lies that cameras look at; 0 where it is above or below it.
-
-    Args:
-        poses: in the volume's frame.
-        volume: of interest.
-    """
+    """How far beside a volume, horizontally, the place lies that cameras look at; 0 where it is above or below it."""
     region = region_of_interest(list(poses.values()))
     center = np.mean([pose.center for pose in poses.values()], axis=0) if region is None else np.array(region.center)
     outside = np.maximum(np.array(volume.lower) - center, center - np.array(volume.upper))[:2]

@@ -22,11 +22,7 @@ def known_poses(capture: Capture, within: SourceFrame | None = None) -> Priors:
     """Known poses of a capture's photographs.
 
     Args:
-        capture: as read.
         within: a reference's frame, to work in.
-
-    Raises:
-        ReconstructionError: the capture's metric source and the reference's have no frame in common.
     """
     own = _frame_of(capture)
     if own is None and capture.program is not None:
@@ -47,11 +43,7 @@ def known_poses(capture: Capture, within: SourceFrame | None = None) -> Priors:
 
 
 def _unscaled(program: ProgramPoses, within: SourceFrame | None) -> Priors:
-    """Another program's poses in a frame of their own, where nothing gives them a scale.
-
-    Raises:
-        ReconstructionError: they are wanted within a reference's frame.
-    """
+    """Another program's poses in a frame of their own, where nothing gives them a scale."""
     if within is not None:
         raise ReconstructionError(
             f"the poses that {program.program} found have no metric scale and no place, so the photographs cannot be "

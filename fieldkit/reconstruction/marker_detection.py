@@ -24,16 +24,13 @@ _ROUNDS = 3
 
 @dataclass(frozen=True, eq=False)
 class MarkerDetection:
-    """One marker in one photograph.
-
-    Attributes:
-        id: its number in the dictionary.
-        corners: (4, 2) pixels, clockwise from the marker's upper left as printed; (0, 0) is the upper left corner
-            of the first pixel.
-    """
+    """One marker in one photograph."""
 
     id: int
+    """Its number in the dictionary."""
     corners: Floats
+    """(4, 2) pixels, clockwise from the marker's upper left as printed; (0, 0) is the upper left corner of the
+    first pixel."""
 
 
 def detect_markers(gray: NDArray[np.uint8], dictionary: str) -> list[MarkerDetection]:
@@ -41,9 +38,6 @@ def detect_markers(gray: NDArray[np.uint8], dictionary: str) -> list[MarkerDetec
 
     A number that appears more than once is left out: which of the two is meant cannot be told. Markers smaller than
     16 px are not looked for.
-
-    Raises:
-        ValueError: no such dictionary.
     """
     book = marker_dictionary(dictionary)
     if min(gray.shape) < _MIN_SIDE_PX:

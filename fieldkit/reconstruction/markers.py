@@ -33,42 +33,36 @@ _MAX_ERROR_PX = 4.0
 
 @dataclass(frozen=True)
 class MarkerLength:
-    """One known length against the model.
-
-    Attributes:
-        what: e.g. ``"side of marker 3"`` or ``"markers 3–7"``.
-        known_m: as the sidecar says.
-        model_units: as triangulated.
-        residual: scale · model_units / known_m − 1, a share.
-        inlier: whether the scale rests on it.
-    """
+    """One known length against the model."""
 
     what: str
+    """E.g. ``"side of marker 3"`` or ``"markers 3–7"``."""
     known_m: float
+    """As the sidecar says."""
     model_units: float
+    """As triangulated."""
     residual: float
+    """Scale · model_units / known_m − 1, a share."""
     inlier: bool
+    """Whether the scale rests on it."""
 
 
 @dataclass(frozen=True, eq=False)
 class MarkerScale:
-    """A metric scale.
-
-    Attributes:
-        scale: metres per model unit.
-        lengths: all known lengths that were seen, sides first.
-        inliers: how many of them the scale rests on.
-        rms_m: of the inliers' differences.
-        corners: (4, 3) per marker number, model units.
-        notes: outliers, and markers or lengths not used, in sentences.
-    """
+    """A metric scale."""
 
     scale: float
+    """Metres per model unit."""
     lengths: tuple[MarkerLength, ...]
+    """All known lengths that were seen, sides first."""
     inliers: int
+    """How many of them the scale rests on."""
     rms_m: float
+    """Of the inliers' differences."""
     corners: Mapping[int, Floats]
+    """(4, 3) per marker number, model units."""
     notes: tuple[str, ...]
+    """Outliers, and markers or lengths not used, in sentences."""
 
 
 def marker_scale(
@@ -85,11 +79,6 @@ def marker_scale(
         detections: by photograph name, full-size pixels.
         poses: of the registered photographs, in any frame and unit.
         intrinsics: full-size, of the same photographs.
-        markers: what is known.
-        seed: of the triangulation's RANSAC.
-
-    Raises:
-        ReconstructionError: no marker is seen in two registered photographs, or no known length is among those seen.
     """
     seen = _by_marker(detections, poses)
     if not any(len(views) >= 2 for views in seen.values()):

@@ -30,8 +30,6 @@ def match_features(a: Features, b: Features, *, ratio: float = 0.8) -> NDArray[n
     """Mutual nearest neighbours that pass Lowe's ratio test in both directions.
 
     Args:
-        a: n features.
-        b: m features.
         ratio: largest allowed ratio of the best to the second best descriptor distance (Lowe 2004).
 
     Returns:

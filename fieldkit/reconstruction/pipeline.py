@@ -51,26 +51,21 @@ Settle = Callable[[NDArray[np.float64], Mapping[str, Pose]], tuple[Similarity, P
 
 @dataclass(frozen=True, eq=False)
 class KnownPlot:
-    """What a reference fixes for later captures of its plot.
-
-    Attributes:
-        source: its metric source; ``from_source`` leads into the plot frame.
-        volume: of interest.
-        ground: in the plot frame, or None.
-        calibrated: intrinsics by camera group key.
-        region: what the cameras look at, for prior mapping; None finds it from each capture's own cameras. A search
-            gives one for all its sets of views, so that pairs are matched once; see `map_capture`.
-        settle: where the place on the ground is known but not its height: from the sparse points (n, 3) and the poses,
-            both in the frame of ``source``, the rigid motion into the plot frame and the ground there, which then takes
-            the place of ``ground``.
-    """
+    """What a reference fixes for later captures of its plot."""
 
     source: SourceFrame
+    """Its metric source; ``from_source`` leads into the plot frame."""
     volume: Volume
     ground: Plane | None
     calibrated: Mapping[str, Intrinsics] = field(default_factory=dict)
+    """Intrinsics by camera group key."""
     region: Region | None = None
+    """What the cameras look at, for prior mapping; None finds it from each capture's own cameras. A search gives
+    one for all its sets of views, so that pairs are matched once; see `map_capture`."""
     settle: Settle | None = None
+    """Where the place on the ground is known but not its height: from the sparse points (n, 3) and the poses, both
+    in the frame of ``source``, the rigid motion into the plot frame and the ground there, which then takes the
+    place of ``ground``."""
 
 
 def reconstruct(
@@ -86,11 +81,6 @@ def reconstruct(
     """Reconstruct a capture: its plants; what is about them only where no mask tells the two apart.
 
     Args:
-        capture: as read.
-        settings: choices.
-        cache: of stages; a run goes on where a former one stopped.
-        progress: told of stages and findings.
-        workers: processes; the result does not depend on it.
         known_plot: of a reference, to reconstruct in its frame and volume.
         reach_m: how far `Reconstruction.nearby` goes beyond what is of interest.
 
@@ -150,10 +140,6 @@ def with_scene(
 ) -> Reconstruction:
     """A reconstruction with everything in its volume, ground included, beside its plants.
 
-    Args:
-        found: by `reconstruct`.
-        settings: the same.
-        cache, progress, workers: as `reconstruct`.
     """
     if found.scene is not None:
         return found

@@ -27,7 +27,6 @@ def find_ground(
     Args:
         points: (n, 3) sparse or dense points.
         poses: in the same frame; up is towards them.
-        seed: of RANSAC.
         keep_upright: the frame's z is up already (GPS).
     """
     centers = np.array([pose.center for pose in poses.values()])
@@ -65,11 +64,7 @@ def check_upright(poses: Mapping[str, Pose], capture: Capture) -> None:
     A plane of cameras fits mirrored positions as well as right ones, from below what it looks at.
 
     Args:
-        poses: in the plot frame.
         capture: whose angles say which cameras do look up.
-
-    Raises:
-        ReconstructionError: half of the cameras or more look up, and no record says so.
     """
     pitches = {name: prior.pitch_deg for name, prior in capture.priors.items()}
     up = [n for n, p in poses.items() if p.forward[2] > _LOOKING_UP and (pitches.get(n) or -90.0) < _RECORDED_UP_DEG]

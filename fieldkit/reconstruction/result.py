@@ -23,26 +23,21 @@ _CLEARANCE_RMS = 3.0
 
 @dataclass(frozen=True, eq=False)
 class MetricFrame:
-    """How the model got its scale and place.
-
-    Attributes:
-        source: ``"poses.csv"``, ``"geo.txt"``, ``"EXIF GPS"``, ``"markers"`` or ``"none"`` (lengths
-            are not metres then).
-        plot_from_source: rigid motion from the metric source's own coordinates to the plot frame; from the model's
-            arbitrary frame where there is no metric source.
-        origin: where the source's frame lies on the Earth, or None.
-        rms_m: of the position residuals of registered images that are right; None without positions.
-        bound_m: the largest position residual that counts as right (median over images); None without positions.
-        ground: fitted plane in the plot frame, or None where none was found.
-        notes: doubts, in sentences.
-    """
+    """How the model got its scale and place."""
 
     source: str
+    """``"poses.csv"``, ``"geo.txt"``, ``"EXIF GPS"``, ``"markers"`` or ``"none"`` (lengths are not metres then)."""
     plot_from_source: Similarity
+    """Rigid motion from the metric source's own coordinates to the plot frame; from the model's arbitrary frame
+    where there is no metric source."""
     origin: LocalFrame | None
+    """Where the source's frame lies on the Earth, or None."""
     rms_m: float | None
+    """Of the position residuals of registered images that are right; None without positions."""
     bound_m: float | None
+    """The largest position residual that counts as right (median over images); None without positions."""
     ground: Plane | None
+    """Fitted plane in the plot frame, or None where none was found."""
     notes: tuple[str, ...] = ()
 
     @property
@@ -52,34 +47,28 @@ class MetricFrame:
 
 @dataclass(frozen=True, eq=False)
 class SparseResult:
-    """A mapped capture in the plot frame.
-
-    Attributes:
-        capture: what was read.
-        method: ``"incremental"``, ``"global"`` or ``"prior"``.
-        model: COLMAP's, in the plot frame; registered images only.
-        model_sizes: registered images of every model the mapper made, largest first.
-        images: one report per photograph, in order.
-        poses: of the images that count (`ImageReport.counts`), plot frame.
-        intrinsics: refined, of the same images.
-        intrinsics_source: per camera group key, where its intrinsics came from.
-        frame: metric frame and ground.
-        pairs_tried, pairs_verified: image pairs matched, and verified.
-        findings: of the capture and of this reconstruction.
-    """
+    """A mapped capture in the plot frame."""
 
     capture: Capture
     method: str
+    """``"incremental"``, ``"global"`` or ``"prior"``."""
     model: pycolmap.Reconstruction
+    """COLMAP's, in the plot frame; registered images only."""
     model_sizes: tuple[int, ...]
+    """Registered images of every model the mapper made, largest first."""
     images: tuple[ImageReport, ...]
+    """One report per photograph, in order."""
     poses: Mapping[str, Pose]
+    """Of the images that count (`ImageReport.counts`), plot frame."""
     intrinsics: Mapping[str, Intrinsics]
+    """Refined, of the same images."""
     intrinsics_source: Mapping[str, str]
+    """Per camera group key, where its intrinsics came from."""
     frame: MetricFrame
     pairs_tried: int
     pairs_verified: int
     findings: tuple[Finding, ...]
+    """Of the capture and of this reconstruction."""
 
     @property
     def registered(self) -> int:
@@ -93,28 +82,22 @@ class SparseResult:
 
 @dataclass(frozen=True, eq=False)
 class Reconstruction:
-    """A capture, reconstructed.
-
-    Attributes:
-        sparse: mapping's result.
-        volume: of interest, plot frame.
-        plants: dense cloud of the plants: masked, in the volume, above the ground; without strays where metric.
-        nearby: the same and what lies no farther than asked for beyond the volume and below the ground: a cloud that is
-            moved onto a reference is cropped after that.
-        stray: share of the plants' points that were left out as strays (`fieldkit.clouds.cells`).
-        scene: dense cloud of everything in the volume; None where it was not made.
-        gsd_m: ground sampling distance at the volume's centre, median over images: metres per full-size pixel.
-        fusion_rule: in words.
-        times: per stage.
-    """
+    """A capture, reconstructed."""
 
     sparse: SparseResult
     volume: Volume
+    """Of interest, plot frame."""
     plants: Cloud
+    """Dense cloud of the plants: masked, in the volume, above the ground; without strays where metric."""
     nearby: Cloud
+    """The same and what lies no farther than asked for beyond the volume and below the ground: a cloud that is
+    moved onto a reference is cropped after that."""
     stray: float
+    """Share of the plants' points that were left out as strays (`fieldkit.clouds.cells`)."""
     scene: Cloud | None
+    """Dense cloud of everything in the volume; None where it was not made."""
     gsd_m: float
+    """Ground sampling distance at the volume's centre, median over images: metres per full-size pixel."""
     fusion_rule: str
     times: tuple[StageTime, ...]
 

@@ -42,7 +42,6 @@ def scale_error(positions: NDArray[np.float64], sigma_m: float, *, with_errors: 
     The sum is without what errors alone add to it, 3 (n − 1) σ²: where nothing is left, there is no scale (infinite).
 
     Args:
-        positions: metres.
         sigma_m: standard deviation per axis of what differs between them.
         with_errors: whether the positions are the measured ones; False for those that a model puts in their place,
             whose spread holds no such errors.
@@ -121,7 +120,6 @@ def source_of_scale(priors: Priors, markers: MarkerScale | None, *, metric: bool
     """What a model has its scale from ("none": its lengths are not metres), and what is to be noted of it.
 
     Args:
-        priors: known poses.
         markers: the scale that they gave, if they had to.
         metric: whether the model has the known positions' scale.
     """

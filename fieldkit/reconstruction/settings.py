@@ -17,32 +17,27 @@ _SHARE_FOR_PRIOR = 0.8
 
 @dataclass(frozen=True)
 class ReconstructionSettings:
-    """Every choice that changes a reconstruction's result.
-
-    Attributes:
-        features: detection.
-        verification: of blind matching's pairs.
-        prior: constants of prior mapping.
-        mapping: how poses are found; what ``auto`` stands for, `mapping_methods` says.
-        fidelity: working size of dense stereo.
-        mask: which pixels are plant.
-        bounds: volume of interest in the plot frame, metres; None finds it from the cameras.
-        min_agreeing_views: of the fusion rule.
-        trust_orientations: recorded orientations are right to their accuracy, as commands are: a photograph that
-            prior mapping cannot register is left out. Else its orientation is first looked for in blind matches, which
-            costs seconds, for cameras do record wrong ones.
-        seed: of everything random.
-    """
+    """Every choice that changes a reconstruction's result."""
 
     features: FeatureSettings = field(default_factory=FeatureSettings)
     verification: VerificationSettings = field(default_factory=VerificationSettings)
+    """Of blind matching's pairs."""
     prior: PriorMappingSettings = field(default_factory=PriorMappingSettings)
+    """Constants of prior mapping."""
     mapping: MappingChoice = "auto"
+    """How poses are found; what ``auto`` stands for, `mapping_methods` says."""
     fidelity: Fidelity = "standard"
+    """Working size of dense stereo."""
     mask: Mask = "exg"
+    """Which pixels are plant."""
     bounds: Volume | None = None
+    """Volume of interest in the plot frame, metres; None finds it from the cameras."""
     min_agreeing_views: int = 2
+    """Of the fusion rule."""
     trust_orientations: bool = False
+    """Recorded orientations are right to their accuracy, as commands are: a photograph that prior mapping cannot
+    register is left out. Else its orientation is first looked for in blind matches, which costs seconds, for
+    cameras do record wrong ones."""
     seed: int = 0
 
 

@@ -165,11 +165,7 @@ def keep_matches(
     """Guided matches (k, 2) of images i and j from the cache, or computed and kept.
 
     Args:
-        features: of all images.
-        cache: of stages.
-        i, j: the images.
         inputs: everything the matches depend on beside the two images' features.
-        compute: the matches.
     """
     key = digest("guided", STAGES["guided"], features[i].key, features[j].key, inputs)
     kept = cache.get("guided", key)

@@ -21,26 +21,24 @@ class StereoQuality:
     What is from elsewhere says where. How incidence, resolution and the angle's far side enter was chosen among a dozen
     ways by 25 evaluations of rings, arcs, chains and clumps about tuning-1 and tuning-2: all milder than in the
     prototype, whose stereo was simpler.
-
-    Attributes:
-        best_angle_deg: θ₀ between two rays at which a pair is worth most: 12° in the prototype and for dense stereo's
-            choice of sources (`dense.settings.Settings`).
-        tail_deg: over which a pair's worth falls to 1/e on the far side, as guided matches fall on real plants (219,
-            153, 73 and 56 above chance at 18, 27, 36 and 46° on basil_rig).
-        facing: |n·v| up to which a surface is too steep, and from which it is as good as seen squarely.
-        pixel_m: footprint of a pixel at which resolution has halved what a pair is worth.
-        width: of dense stereo's views in pixels, which footprints are counted in (`standard`).
-        error_px: of a match, for the noise of depths.
-        cap_m: of every distance, as in the objective's rule (`Rule`).
     """
 
     best_angle_deg: float = 12.0
+    """Θ₀ between two rays at which a pair is worth most: 12° in the prototype and for dense stereo's choice of
+    sources (`dense.settings.Settings`)."""
     tail_deg: float = 20.0
+    """Over which a pair's worth falls to 1/e on the far side, as guided matches fall on real plants (219, 153, 73
+    and 56 above chance at 18, 27, 36 and 46° on basil_rig)."""
     facing: tuple[float, float] = (0.1, 0.5)
+    """|n·v| up to which a surface is too steep, and from which it is as good as seen squarely."""
     pixel_m: float = 0.008
+    """Footprint of a pixel at which resolution has halved what a pair is worth."""
     width: int = 750
+    """Of dense stereo's views in pixels, which footprints are counted in (`standard`)."""
     error_px: float = 0.5
+    """Of a match, for the noise of depths."""
     cap_m: float = 0.10
+    """Of every distance, as in the objective's rule (`Rule`)."""
 
     def of_views(self, seen: NDArray[np.bool_], facing: Array, footprint_m: Array) -> Array:
         """Quality in [0, 1] of views at points: seen · incidence / (1 + (footprint / `pixel_m`)²).

@@ -15,36 +15,29 @@ from fieldkit.runtime.colmap import pycolmap
 
 @dataclass(frozen=True)
 class VerificationSettings:
-    """COLMAP's two-view options that matter here.
-
-    Attributes:
-        max_error_px: of RANSAC's epipolar error, in full-size pixels.
-        min_inliers: fewer verified matches and the pair does not count.
-    """
+    """COLMAP's two-view options that matter here."""
 
     max_error_px: float = 4.0
+    """Of RANSAC's epipolar error, in full-size pixels."""
     min_inliers: int = 15
+    """Fewer verified matches and the pair does not count."""
 
 
 @dataclass(frozen=True, eq=False)
 class TwoView:
-    """What verification says of a pair.
-
-    Attributes:
-        inliers: (k, 2) feature indices; empty when the pair fails.
-        config: COLMAP's TwoViewGeometryConfiguration as a number.
-        fundamental, essential, homography: (3, 3), zeros where not estimated.
-        rotation, translation: (3, 3), (3,) of camera b from camera a, |translation| = 1; identity and zeros where
-            not estimated.
-    """
+    """What verification says of a pair."""
 
     inliers: NDArray[np.uint32]
+    """(k, 2) feature indices; empty when the pair fails."""
     config: int
+    """COLMAP's TwoViewGeometryConfiguration as a number."""
     fundamental: NDArray[np.float64]
     essential: NDArray[np.float64]
     homography: NDArray[np.float64]
+    """(3, 3), zeros where not estimated."""
     rotation: NDArray[np.float64]
     translation: NDArray[np.float64]
+    """(3, 3), (3,) of camera b from camera a, |translation| = 1; identity and zeros where not estimated."""
 
 
 def verify_pair(

@@ -61,11 +61,6 @@ def compute_depth_maps(
     Args:
         views: n views at working size.
         volume: pixels whose rays miss it are left out, and it bounds the depths.
-        settings: constants of the method.
-        seed: of everything random.
-        progress: receives one stage.
-        cache: keeps the hypotheses of every pass.
-        workers: views computed side by side; the result does not depend on it.
 
     Returns:
         n depth maps, in the same order. A view without source views has no depths.

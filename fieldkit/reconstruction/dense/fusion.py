@@ -46,10 +46,7 @@ def fuse(views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, 
     (off the mask, inside the photograph) or depths `SEE_THROUGH_DEPTHS` times as far behind as may agree.
 
     Args:
-        views: n views.
         depth_maps: theirs, in the same order.
-        volume: points outside are dropped.
-        settings: the rule.
 
     Returns:
         Points in the plot frame (metres) with colours and normals, thinned to voxels of one ground sampling distance.

@@ -60,9 +60,6 @@ def plant_mask(
 
     Returns:
         (H, W) bool, or None for every pixel.
-
-    Raises:
-        UsageError: an unknown kind, or `file` without a mask of the image's size.
     """
     if kind == "none":
         return None

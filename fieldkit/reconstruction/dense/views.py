@@ -23,24 +23,22 @@ _NEAREST_SHARE = 0.05
 class View:
     """A photograph as dense stereo takes it.
 
-    Attributes:
-        name: unique among the views.
-        image: (H, W, 3) uint8 RGB, undistorted, at working size.
-        intrinsics: PINHOLE at that size.
-        pose: in the metric plot frame.
-        mask: (H, W) bool, the pixels to reconstruct; None: all.
-        inside: (H, W) bool, the pixels that come from within the photograph; None: all.
-
     Raises:
         ValueError: image, intrinsics and masks do not have one size, or the camera is not a pinhole.
     """
 
     name: str
+    """Unique among the views."""
     image: NDArray[np.uint8]
+    """(H, W, 3) uint8 RGB, undistorted, at working size."""
     intrinsics: Intrinsics
+    """PINHOLE at that size."""
     pose: Pose
+    """In the metric plot frame."""
     mask: NDArray[np.bool_] | None = None
+    """(H, W) bool, the pixels to reconstruct; None: all."""
     inside: NDArray[np.bool_] | None = None
+    """(H, W) bool, the pixels that come from within the photograph; None: all."""
 
     def __post_init__(self) -> None:
         size = (self.intrinsics.height, self.intrinsics.width)
@@ -55,19 +53,15 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class DepthMap:
-    """What dense stereo found out about a view.
-
-    Attributes:
-        name: the view's.
-        depth: (H, W) float32, metres along the optical axis; 0: none.
-        normal: (H, W, 3) float32 unit vectors in the plot frame, towards the camera; 0 where there is no depth.
-        cost: (H, W) float32, 1 − correlation (0 is best); infinite where there is no depth.
-    """
+    """What dense stereo found out about a view."""
 
     name: str
     depth: NDArray[np.float32]
+    """(H, W) float32, metres along the optical axis; 0: none."""
     normal: NDArray[np.float32]
+    """(H, W, 3) float32 unit vectors in the plot frame, towards the camera; 0 where there is no depth."""
     cost: NDArray[np.float32]
+    """(H, W) float32, 1 − correlation (0 is best); infinite where there is no depth."""
 
 
 def working_size(width: int, height: int, fidelity: Fidelity) -> tuple[int, int]:
@@ -101,16 +95,12 @@ def prepare_view(
     photograph's, scaled. Pixels that come from outside the photograph repeat its border and are masked out.
 
     Args:
-        name: unique among the views.
         image_rgb: (H, W, 3) uint8.
         intrinsics: of the photograph at any size of the same aspect ratio.
         pose: in the metric plot frame.
         fidelity: sets the size, see `working_size`.
         mask_kind: `exg`, `none`, or `file` with ``mask_image``.
         mask_image: (h, w) or (h, w, 3), non-zero on the pixels to keep; any size of the photograph's aspect ratio.
-
-    Raises:
-        UsageError: an unknown kind of mask, or `file` without a mask image.
     """
     import cv2
 

@@ -38,29 +38,25 @@ _ODD_SHARE = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Convention:
-    """What orientations that were found say of the recorded ones.
-
-    Attributes:
-        kind: "recorded": as fieldkit reads them, for most at least; "other": as ``name`` says, for all; "mixed": some
-            one way and the rest the other; "none".
-        name: of the other convention, in words.
-        rotations: camera from world (3, 3), of all photographs with angles, by that convention.
-        agreeing: photographs whose recorded orientation is within the bound of the one found.
-        compared: photographs with both.
-    """
+    """What orientations that were found say of the recorded ones."""
 
     kind: str
+    """"recorded": as fieldkit reads them, for most at least; "other": as ``name`` says, for all; "mixed": some one
+    way and the rest the other; "none"."""
     name: str
+    """Of the other convention, in words."""
     rotations: Rotations
+    """Camera from world (3, 3), of all photographs with angles, by that convention."""
     agreeing: tuple[str, ...]
+    """Photographs whose recorded orientation is within the bound of the one found."""
     compared: tuple[str, ...]
+    """Photographs with both."""
 
 
 def find_convention(capture: Capture, found: Mapping[str, Matrix], turn: Matrix, bound_deg: float) -> Convention | None:
     """The convention of a capture's recorded angles; None where fewer than three photographs could tell.
 
     Args:
-        capture: whose priors have angles.
         found: camera from world (3, 3), found without them.
         turn: (3, 3) from the frame of the priors to that of ``found``.
         bound_deg: two orientations that differ less agree.

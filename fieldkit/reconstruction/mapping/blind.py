@@ -76,11 +76,7 @@ def blind_models(
 
 
 def map_without_priors(inputs: Inputs, belief: Belief, methods: Sequence[str]) -> Mapped:
-    """The model of the first method that makes one, moved onto the known positions where it fits them.
-
-    Raises:
-        ReconstructionError: none does.
-    """
+    """The model of the first method that makes one, moved onto the known positions where it fits them."""
     wanted = candidate_pairs(inputs, belief)
     pairs = verified_pairs(inputs, belief, wanted, calibrated=belief.cameras.known)
     for method in methods:
@@ -175,12 +171,9 @@ def map_blindly(
     Args:
         method: ``"incremental"`` or ``"global"``.
         names: of n images; image i has COLMAP id i + 1.
-        features: of each.
-        cameras: of each camera group.
         camera_of: each image's index into ``cameras``.
         pairs: verified pairs by image indices.
         fixed_intrinsics: hold the cameras as given, else focal length and distortion are refined.
-        seed: of the mapper.
 
     Returns:
         The models in COLMAP's arbitrary frame and scale: the largest first (most registered images, then most points).

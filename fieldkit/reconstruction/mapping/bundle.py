@@ -37,12 +37,10 @@ def adjust(
     """Bundle-adjust all images of ``model`` in place, on one thread.
 
     Args:
-        model: posed images with points.
         priors: by image id, with positions; images without one are held by their observations alone. The model stays
             in the priors' frame. With fewer than three the gauge would be free, so poses are adjusted without any.
         loss_px: scale of the Cauchy loss on reprojection errors, pixels.
         refine_intrinsics: adjust focal lengths and distortion (never the principal point).
-        seed: of the alignment to the priors.
         rough: stop once a step lowers the cost by less than 1e-4 of it instead of 1e-6: enough before points are
             filtered or matched again.
     """
@@ -109,9 +107,6 @@ def _placed(
     Least squares, where centres count less that few observations hold or that fit worse than most (Cauchy's weights by
     the median error): a loosely tied camera must not tilt the plot. Plain least squares where priors are ``coarse``, as
     GPS is, for then nearly all of the errors are theirs and not the model's.
-
-    Raises:
-        ValueError: as `fit_similarity`.
     """
     if coarse or len(source) < _MANY_CAMERAS:
         return fit_similarity(source, target)

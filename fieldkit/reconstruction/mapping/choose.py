@@ -44,16 +44,9 @@ def map_capture(
     """Features, matches and mapping of a capture.
 
     Args:
-        capture: as read.
-        cameras: of its groups.
         known: its priors in the metric source's frame.
-        settings: choices.
-        cache, progress, workers: of the run.
         region: what prior mapping takes for the place the cameras look at; None finds it anew for each capture. Where
             it is given, the first round's matches of a pair do not depend on the other photographs, and are kept.
-
-    Raises:
-        ReconstructionError: fewer than two photographs, or no model.
     """
     if len(capture.photos) < 2:
         refuse_other(capture.folder, "folder of photographs", "Give the folder that holds the photographs.")
@@ -74,11 +67,7 @@ def map_capture(
 
 
 def _by_positions(inputs: Inputs, belief: Belief) -> tuple[Mapped | None, float]:
-    """The model by what is known, and the standard error of its scale; None where the positions give none.
-
-    Raises:
-        ReconstructionError: of mapping, where the positions do give a scale.
-    """
+    """The model by what is known, and the standard error of its scale; None where the positions give none."""
     error = stated_scale_error(belief.priors)
     if not may_give_scale(belief.priors):
         return None, error
@@ -110,9 +99,6 @@ def _chosen(inputs: Inputs, belief: Belief) -> Mapped:
 def _better(inputs: Inputs, belief: Belief) -> Mapped:
     """Prior mapping; blind mapping where that has more poses that agree with what is known, and prior mapping fails, or
     loses more than a tenth of the photographs whose positions are good enough to tell.
-
-    Raises:
-        ReconstructionError: that of prior mapping, where neither makes a model that fits the positions.
     """
     mapped, failure = None, None
     try:

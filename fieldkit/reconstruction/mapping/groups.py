@@ -31,15 +31,11 @@ _NAMED = 6
 
 @dataclass(frozen=True)
 class Group:
-    """Photographs that edges of the view graph join.
-
-    Attributes:
-        names: of them.
-        shared: sparse points that they and other groups see.
-    """
+    """Photographs that edges of the view graph join."""
 
     names: tuple[str, ...]
     shared: int
+    """Sparse points that they and other groups see."""
 
     def __str__(self) -> str:
         named = ", ".join(self.names[:_NAMED])
@@ -50,8 +46,6 @@ def find_groups(model: pycolmap.Reconstruction, names: Sequence[str], edges: Col
     """The groups of a model's photographs, the largest first.
 
     Args:
-        model: with points.
-        names: of the capture's photographs.
         edges: of the view graph, pairs of them by indices.
     """
     index = {name: k for k, name in enumerate(names)}
@@ -84,7 +78,6 @@ def place_groups(model: pycolmap.Reconstruction, groups: Sequence[Group], known:
 
     Args:
         model: in the known poses' frame.
-        groups: of its photographs.
         known: by name; positions as coarse as GPS say less than single matches.
 
     Returns:

@@ -100,9 +100,7 @@ def orient_cameras(
 
     Args:
         positions: (3,) metres per image, or None.
-        sigmas_m: the positions' standard deviations.
         pairs: verified pairs with relative poses, by image indices.
-        seed: of RANSAC.
 
     Images that no agreeing pair reaches, and components whose baselines are all parallel, are missing.
     """

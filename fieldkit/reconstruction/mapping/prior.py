@@ -190,16 +190,10 @@ def map_with_priors(
     """Poses and points of photographs whose rough poses are known.
 
     Args:
-        names: of n images.
-        features: of each.
-        cameras: of each camera group.
         camera_of: each image's index into ``cameras``.
         priors: each image's position and orientation, metres.
-        settings: choices.
         region: what the cameras look at; None finds it from the optical axes.
         fixed_intrinsics: hold the cameras as given; else focal length and distortion are adjusted in the last rounds.
-        seed: of every RANSAC.
-        advance: called with 1 after each round (``1 + len(settings.bands_px)`` rounds).
         keep: finds or keeps the first round's matches of a pair, which depend on its two images only (and on
             ``region``, which should then be given).
     """

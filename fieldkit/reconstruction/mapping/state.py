@@ -140,7 +140,6 @@ class Mapped:
     pairs_tried: int
     pairs_verified: int
     notes: tuple[str, ...]
-    """Doubts, in sentences."""
     flat: bool = False
     """All cameras look the same way and their positions do not tell the focal length either, so that it and heights are
     only as good as what is known of the camera."""

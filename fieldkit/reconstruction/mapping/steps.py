@@ -48,11 +48,7 @@ _REPEATS = 4
 
 
 def map_by_priors(inputs: Inputs, belief: Belief) -> Mapped:
-    """The model about known positions, with orientations from the records or from matches.
-
-    Raises:
-        ReconstructionError: orientations are not to be found, or no two photographs register.
-    """
+    """The model about known positions, with orientations from the records or from matches."""
     for step in STEPS:
         belief = step(inputs, belief)
     found = _of(belief)
@@ -107,11 +103,7 @@ def _calibrated(inputs: Inputs, belief: Belief) -> Belief:
 
 
 def orient(inputs: Inputs, belief: Belief) -> Belief:
-    """Every photograph with a known position has the orientation on record, else one from matches.
-
-    Raises:
-        ReconstructionError: fewer than two have one.
-    """
+    """Every photograph with a known position has the orientation on record, else one from matches."""
     rough = rough_from_records(belief.priors)
     unoriented = [name for name in belief.priors.positioned if name not in rough]
     if unoriented:

@@ -47,18 +47,14 @@ _SCALE_SIGMA = 0.1  # of what the positions of one or two cameras leave open
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A sub-model where its known poses want it.
-
-    Attributes:
-        poses: of its images.
-        pivot: (3,) mean of its camera centres.
-        covariance: (7, 7) of its place: rotation vector about the pivot (radians), translation (metres), logarithm of
-            the scale.
-    """
+    """A sub-model where its known poses want it."""
 
     poses: list[Pose]
     pivot: Floats
+    """(3,) mean of its camera centres."""
     covariance: Floats
+    """(7, 7) of its place: rotation vector about the pivot (radians), translation (metres), logarithm of the
+    scale."""
 
     def about(self, pivot: Floats) -> Floats:
         """The covariance (7, 7) of the same motion, stated about another point (3,)."""
@@ -81,7 +77,6 @@ def place_submodel(poses: Sequence[Pose], part: Sequence[int], priors: Sequence[
     Args:
         poses: of the sub-model's m images.
         part: (m,) which of the n images of ``priors`` they are.
-        priors: n, positions and orientations.
     """
     pivot = np.mean([pose.center for pose in poses], axis=0)
     motion = np.zeros(7)
@@ -106,19 +101,16 @@ def place_submodel(poses: Sequence[Pose], part: Sequence[int], priors: Sequence[
 
 @dataclass(frozen=True, eq=False)
 class Across:
-    """Candidate matches between two sub-models: n pairs of viewing rays, world frame.
-
-    Attributes:
-        center, direction: (n, 3) camera centres and unit rays of the sub-model that stays.
-        moved_center, moved_direction: (n, 3) of the one that is moved.
-        focal_px: (n,) pixels per radian, of a photograph 1600 pixels wide as all pixels here.
-    """
+    """Candidate matches between two sub-models: n pairs of viewing rays, world frame."""
 
     center: Floats
     direction: Floats
+    """(n, 3) camera centres and unit rays of the sub-model that stays."""
     moved_center: Floats
     moved_direction: Floats
+    """(n, 3) of the one that is moved."""
     focal_px: Floats
+    """(n,) pixels per radian, of a photograph 1600 pixels wide as all pixels here."""
 
     def __len__(self) -> int:
         return len(self.focal_px)
@@ -142,11 +134,9 @@ def best_motion(
     A match that agrees says ln(band / width) more for a motion than one that is anywhere in the band.
 
     Args:
-        across: n candidate matches.
         pivot: (3,).
         covariance: (7, 7) of the motion, known before.
         band: half width of what the matches were looked for in, radians.
-        rng: of the starts.
 
     Returns:
         The motion (7,) as `moved` takes it, and which matches agree (n,).
@@ -207,17 +197,14 @@ def epipolar_residuals(across: Across, pivot: Floats, motions: Floats) -> tuple[
 
 @dataclass(frozen=True, eq=False)
 class Joined:
-    """Sub-models put together.
-
-    Attributes:
-        poses: of all images; every part where the known poses want it.
-        matches: across sub-models, by pairs of images: those that agree.
-        parts: image indices of each sub-model that is left, the largest first.
-    """
+    """Sub-models put together."""
 
     poses: list[Pose]
+    """Of all images; every part where the known poses want it."""
     matches: dict[Pair, NDArray[np.uint32]]
+    """Across sub-models, by pairs of images: those that agree."""
     parts: list[list[int]]
+    """Image indices of each sub-model that is left, the largest first."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,15 +39,12 @@ def judged(
     """A model with the verdict on every photograph's pose.
 
     Args:
-        inputs: of the run.
         belief: by which it was mapped.
-        method: of mapping.
         model: groups of its photographs are moved, in place, where known poses want them.
         sizes: registered images of every model.
         reasons: why a photograph is not registered.
         edges: of the view graph, by indices of photographs.
         metric: whether the model is in the known poses' frame.
-        pairs_tried, pairs_verified: counts.
     """
     known = belief.priors.by_name
     groups = find_groups(model, inputs.names, edges)

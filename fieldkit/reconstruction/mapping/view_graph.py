@@ -64,9 +64,7 @@ def usable_matches(
     """What a model is made of: all matches of the view graph's edges, and of the other pairs what is missing.
 
     Args:
-        counts: features per image.
         matches: (k, 2) feature indices per pair (i, j) of image indices.
-        edges: of the view graph.
         rivalless: those of a pair's matches that have no rival in a wider band.
         least: features in edges below which an image lacks them.
 
