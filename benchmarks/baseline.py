@@ -22,7 +22,7 @@ from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.dense import DenseSettings, fuse, prepare_view
 from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.reconstruction.pipeline import KnownPlot
-from fieldkit.reconstruction.stage_times import StageTimer
+from fieldkit.reconstruction.stages import StageTimer
 from fieldkit.runtime.progress import Progress
 
 LEAST_POSES = 3

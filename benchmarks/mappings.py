@@ -16,7 +16,7 @@ from fieldkit.captures import read_capture
 from fieldkit.errors import ReconstructionError
 from fieldkit.reconstruction.pipeline import place
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.reconstruction.stage_times import StageTimer
+from fieldkit.reconstruction.stages import StageTimer
 from fieldkit.runtime.progress import Progress
 from fieldkit.vocabulary import MappingChoice
 

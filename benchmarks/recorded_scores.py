@@ -28,7 +28,7 @@ from fieldkit.reconstruction.dense import DenseSettings, compute_depth_maps, fus
 from fieldkit.reconstruction.pipeline import KnownPlot, place
 from fieldkit.reconstruction.result import clearance
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.reconstruction.stage_times import StageTimer
+from fieldkit.reconstruction.stages import StageTimer
 from fieldkit.runtime.progress import Progress
 from fieldkit.vocabulary import SearchFidelity
 

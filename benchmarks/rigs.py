@@ -23,7 +23,7 @@ from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.pipeline import place
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.reconstruction.stage_times import StageTimer
+from fieldkit.reconstruction.stages import StageTimer
 from fieldkit.runtime.progress import Progress
 
 Matrix = NDArray[np.float64]

@@ -18,9 +18,9 @@ from fieldkit.cache import StageCache, digest
 from fieldkit.captures import Capture, Photo, read_image
 from fieldkit.errors import CaptureError
 from fieldkit.fieldcheck.model import CheckSettings
-from fieldkit.reconstruction.stages import Advance
 from fieldkit.reconstruction.versions import BESIDE
 from fieldkit.runtime.executor import map_threads
+from fieldkit.runtime.progress import Advance
 
 WORKING_SIDE = 1600
 """Longer side in pixels at which sharpness is measured: that of features and depth maps."""

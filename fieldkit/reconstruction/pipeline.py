@@ -23,19 +23,24 @@ from fieldkit.reconstruction.colmap_model import model_intrinsics, model_points,
 from fieldkit.reconstruction.dense import DenseSettings, View, compute_depth_maps, fuse, prepare_view
 from fieldkit.reconstruction.dense.fusion import fusion_rule
 from fieldkit.reconstruction.dense.views import view_camera
-from fieldkit.reconstruction.doubts import doubts
 from fieldkit.reconstruction.guided import Region
-from fieldkit.reconstruction.interest import looked_beside_m, volume_of_interest
 from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.reconstruction.mapping.choose import map_capture
 from fieldkit.reconstruction.mapping.state import Mapped
 from fieldkit.reconstruction.markers import MarkerScale
-from fieldkit.reconstruction.plot_frame import check_upright, find_ground, moved_plane, plot_from_world
+from fieldkit.reconstruction.plot_frame import (
+    check_upright,
+    find_ground,
+    looked_beside_m,
+    moved_plane,
+    plot_from_world,
+    volume_of_interest,
+)
+from fieldkit.reconstruction.quality_flags import quality_flags
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult, clearance, of_interest
 from fieldkit.reconstruction.scale import POSITIONS_TOO_COARSE, scale_by_markers, source_of_scale
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.reconstruction.stage_times import StageTimer
-from fieldkit.reconstruction.stages import load_quality
+from fieldkit.reconstruction.stages import StageTimer, load_quality
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import Plane
@@ -110,15 +115,15 @@ def reconstruct(
     plants = nearby.select(of_interest(nearby.points, volume, ground))
     if len(plants) == 0:
         raise _no_plants(sparse, len(above), volume)
-    doubted = doubts(
+    flags = quality_flags(
         capture.folder.name, plants, volume, gsd_m, sparse.frame, sparse.poses,
         own_ground=known_plot is None or known_plot.ground is None,
         own_volume=known_plot is None and settings.bounds is None,
     )  # fmt: skip
-    for doubt in doubted:
-        progress.note(doubt.message)
+    for flag in flags:
+        progress.note(flag.message)
     return Reconstruction(
-        sparse=replace(sparse, findings=(*sparse.findings, *doubted)),
+        sparse=replace(sparse, findings=(*sparse.findings, *flags)),
         volume=volume,
         plants=plants,
         nearby=nearby,
@@ -138,9 +143,7 @@ def with_scene(
     progress: Progress,
     workers: int = 1,
 ) -> Reconstruction:
-    """A reconstruction with everything in its volume, ground included, beside its plants.
-
-    """
+    """A reconstruction with everything in its volume, ground included, beside its plants."""
     if found.scene is not None:
         return found
     timer = StageTimer(progress, found.times)

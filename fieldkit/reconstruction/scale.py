@@ -19,8 +19,7 @@ from fieldkit.captures.model import Capture
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.priors import Priors
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_poses, transform_model
-from fieldkit.reconstruction.marker_detection import detect_markers
-from fieldkit.reconstruction.markers import MarkerScale, marker_scale
+from fieldkit.reconstruction.markers import MarkerScale, detect_markers, marker_scale
 from fieldkit.results.evaluation import ImageReport
 from fieldkit.results.finding import Finding
 from fieldkit.runtime.colmap import pycolmap

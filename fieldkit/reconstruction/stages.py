@@ -1,8 +1,10 @@
-"""The cached stages before mapping: features per photograph, verified matches per pair."""
+"""The cached stages before mapping (features per photograph, verified matches per pair), and what stages took."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,12 +20,13 @@ from fieldkit.reconstruction.features import Features, FeatureSettings, extract_
 from fieldkit.reconstruction.matching import match_features
 from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
 from fieldkit.reconstruction.versions import STAGES
+from fieldkit.results.evaluation import StageTime
 from fieldkit.runtime.executor import map_parallel
+from fieldkit.runtime.machine import processor_seconds
+from fieldkit.runtime.progress import Advance, Progress
 
 RATIO = 0.8
 """Lowe's ratio of blind matching."""
-
-Advance = Callable[[int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,3 +196,41 @@ def load_quality(capture: Capture, cache: StageCache) -> dict[str, Quality]:
         return Quality(sharpness, contrast, dark, bright, tuple(str(flag) for flag in kept["flags"]))
 
     return assess_quality(capture, measure=measure)
+
+
+class StageTimer:
+    """Passes stages on to ``progress`` and measures them; a stage entered again adds up.
+
+    CPU time includes finished worker processes. ``before`` are stages of earlier work on the same.
+    """
+
+    def __init__(self, progress: Progress, before: Sequence[StageTime] = ()) -> None:
+        self._progress = progress
+        self._times = {time.name: time for time in before}
+
+    @contextmanager
+    def stage(
+        self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None
+    ) -> Iterator[Advance]:
+        """See `Progress`."""
+        wall, cpu = time.perf_counter(), processor_seconds()
+        with self._progress.stage(name, total, weights=weights) as advance:
+            yield advance
+        before = self._times.get(name, StageTime(name=name, wall_s=0.0, cpu_s=0.0, items=0, cached=0))
+        self._times[name] = StageTime(
+            name=name,
+            wall_s=before.wall_s + time.perf_counter() - wall,
+            cpu_s=max(before.cpu_s + processor_seconds() - cpu, 0.0),
+            items=before.items + (total or 0),
+            cached=before.cached,
+        )
+
+    def note(self, message: str) -> None:
+        """See `Progress`."""
+        self._progress.note(message)
+
+    def times(self, cached: dict[str, int]) -> tuple[StageTime, ...]:
+        """The stages in the order they were entered; ``cached`` items by stage name."""
+        return tuple(
+            t.model_copy(update={"cached": min(cached.get(t.name, t.cached), t.items)}) for t in self._times.values()
+        )

@@ -11,8 +11,15 @@ from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.geometry.priors import PosePrior
-from fieldkit.reconstruction.interest import cuts_plants, looked_beside_m, volume_of_interest
-from fieldkit.reconstruction.plot_frame import check_upright, find_ground, moved_plane, plot_from_world
+from fieldkit.reconstruction.plot_frame import (
+    check_upright,
+    cuts_plants,
+    find_ground,
+    looked_beside_m,
+    moved_plane,
+    plot_from_world,
+    volume_of_interest,
+)
 
 CAMERA = Intrinsics.pinhole(800, 600, 700.0)
 

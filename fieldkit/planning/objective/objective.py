@@ -19,7 +19,7 @@ from fieldkit.reconstruction.mapping.prior import PriorMappingSettings
 from fieldkit.reconstruction.pipeline import reconstruct
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.reconstruction.stage_times import StageTimer
+from fieldkit.reconstruction.stages import StageTimer
 from fieldkit.runtime.progress import Silent
 from fieldkit.sites.fitted import Stretch
 from fieldkit.vocabulary import DISTANCES_M, MappingName, SearchFidelity

@@ -17,7 +17,7 @@ from fieldkit.planning.score.matchability import Matchability, expected_matches,
 from fieldkit.planning.score.visibility import POINTS, PerCamera, Surface, in_picture, look
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.planning.space.plots import Plot
-from fieldkit.reconstruction.stereo_quality import StereoQuality
+from fieldkit.reconstruction.evidence import StereoQuality
 from fieldkit.runtime.kernels import fast_kernel, kernel
 
 _STEPS = 4096

@@ -10,7 +10,7 @@ import pytest
 from fieldkit.cli.reconstruction_options import parse_bounds
 from fieldkit.clouds import Cloud, Volume
 from fieldkit.geometry import Pose
-from fieldkit.reconstruction.doubts import doubts
+from fieldkit.reconstruction.quality_flags import quality_flags
 from fieldkit.reconstruction.result import MetricFrame
 from fieldkit.results.frame import Plane
 from tests.evaluation.examples import reconstruction
@@ -32,7 +32,7 @@ def codes(
     for k, pose in enumerate(ring(6)):
         yaw, pitch, _ = pose.yaw_pitch_roll_deg()
         poses[f"{k}.jpg"] = Pose.from_yaw_pitch(pose.center, yaw, pitch, roll_deg)
-    return {f.code for f in doubts("plot", plants, VOLUME, 0.001, frame(ground), poses, own_ground=own)}
+    return {f.code for f in quality_flags("plot", plants, VOLUME, 0.001, frame(ground), poses, own_ground=own)}
 
 
 def test_nothing_is_said_of_a_plot_on_level_ground() -> None:
@@ -62,10 +62,10 @@ def test_a_references_ground_is_not_doubted() -> None:
 def test_weeds_far_from_the_stand_are_said_with_the_bounds_without_them() -> None:
     weed = Cloud(np.random.default_rng(1).uniform((0.9, 0.9, 0.0), (0.94, 0.94, 0.05), (50, 3)))
     both = Cloud(np.concatenate([PLANTS.points, weed.points]))
-    found = doubts("plot", both, VOLUME, 0.001, frame(GROUND), {}, own_ground=False, own_volume=True)
+    found = quality_flags("plot", both, VOLUME, 0.001, frame(GROUND), {}, own_ground=False, own_volume=True)
     assert [f.code for f in found] == ["plants-apart"]
     bounds = parse_bounds(found[0].message.rpartition("--bounds ")[2])
     assert Volume(bounds[:3], bounds[3:]).contains(PLANTS.points).all()
     assert not Volume(bounds[:3], bounds[3:]).contains(weed.points).any()
-    assert not doubts("plot", PLANTS, VOLUME, 0.001, frame(GROUND), {}, own_ground=False, own_volume=True)
+    assert not quality_flags("plot", PLANTS, VOLUME, 0.001, frame(GROUND), {}, own_ground=False, own_volume=True)
     assert "plants-apart" not in codes(both)  # bounds were given

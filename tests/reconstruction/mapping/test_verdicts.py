@@ -1,16 +1,30 @@
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pycolmap
 import pytest
 
-from fieldkit.geometry import Similarity
+from benchmarks.rigs import uniform_subset
+from benchmarks.weak_ties import with_gaps
+from fieldkit.cache import StageCache
+from fieldkit.captures import Capture, read_capture
+from fieldkit.clouds import Volume
+from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.pose import rotation_from_vector
-from fieldkit.geometry.priors import PosePrior
+from fieldkit.geometry.priors import PosePrior, SourceFrame
 from fieldkit.reconstruction.colmap_model import model_poses, new_model, triangulate_tracks
-from fieldkit.reconstruction.mapping.groups import Group, find_groups, held_by_positions, place_groups
+from fieldkit.reconstruction.features import FeatureSettings
+from fieldkit.reconstruction.mapping.verdicts import Group, find_groups, held_by_positions, place_groups
+from fieldkit.reconstruction.pipeline import KnownPlot, place
+from fieldkit.reconstruction.result import SparseResult
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.runtime.progress import Silent
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, ring
 from tests.reconstruction.test_colmap_model import true_tracks
+from tests.reconstruction.test_unknown_focal_length import codes, photographed
 
 CHAIN = [(0, 1), (1, 2), (2, 3), (3, 4)]
 """Pairs that leave 5 to 7 of eight photographs apart from the first five, or each alone."""
@@ -122,3 +136,64 @@ def test_positions_that_leave_a_group_loose_move_nothing(scene: FeatureScene, si
 def test_many_names_are_not_all_told() -> None:
     assert str(Group(tuple("abcdef"), 0)) == "a, b, c, d, e, f"
     assert str(Group(tuple("abcdefgh"), 0)) == "a, b, c, d, e, f and 2 more"
+
+
+LOW_M = 3.0
+BASIL = Intrinsics("SIMPLE_RADIAL", 2304, 1296, (1718.6, 1152.0, 648.0, 0.0257))
+
+
+def flown(folder: Path, corners: list[tuple[float, float]]) -> Capture:
+    """Four photographs with known poses about each of the places, which see nothing of the others'."""
+    offsets = [(0.0, 0.0), (1.2, 0.0), (0.0, 1.0), (1.2, 1.0)]
+    poses = [
+        Pose.from_yaw_pitch((x + dx, y + dy, LOW_M + 0.1 * k), 20.0 * k, -85.0)
+        for x, y in corners for k, (dx, dy) in enumerate(offsets)
+    ]  # fmt: skip
+    photographed(folder, poses, equivalent=20)
+    lines = ["image,x_m,y_m,z_m,yaw_deg,pitch_deg,roll_deg,accuracy_m"]
+    for k, pose in enumerate(poses):
+        values = [*pose.center, *pose.yaw_pitch_roll_deg(), 0.02]
+        lines.append(f"{k}.jpg,{','.join(repr(float(value)) for value in values)}")
+    (folder / "poses.csv").write_text("\n".join(lines))
+    return read_capture(folder)
+
+
+def mapped(capture: Capture, settings: ReconstructionSettings, plot: KnownPlot | None = None) -> SparseResult:
+    return place(capture, settings, [], StageCache(None), Silent(), 1, plot)[0]
+
+
+@pytest.mark.parametrize(("corners", "told"), [([(0.0, 0.0)], []), ([(-3.0, 0.0), (6.0, 0.0)], ["weakly-tied"])])
+def test_groups_without_a_pair_across_are_named(
+    tmp_path: Path, corners: list[tuple[float, float]], told: list[str]
+) -> None:
+    result = mapped(flown(tmp_path / "flight", corners), ReconstructionSettings())
+    assert result.right == 4 * len(corners)
+    assert [code for code in codes(result) if code == "weakly-tied"] == told
+    if told:
+        message = next(finding.message for finding in result.findings if finding.code == "weakly-tied")
+        assert "2 groups" in message
+        assert "0.jpg, 1.jpg, 2.jpg, 3.jpg; 4.jpg, 5.jpg, 6.jpg, 7.jpg" in message
+        assert "take photographs between the groups" in message
+
+
+def basil(data_folder: Path, names: tuple[str, ...], kept: float, draw: int) -> SparseResult:
+    capture = read_capture(data_folder / "basil_rig" / "images")
+    group = replace(capture.groups[0], photos=names)
+    priors = {name: capture.priors[name] for name in names}
+    photos = tuple(photo for photo in capture.photos if photo.name in names)
+    capture = replace(capture, photos=photos, groups=(group,), priors=priors)
+    source = SourceFrame("poses.csv", None, Similarity.identity())
+    plot = KnownPlot(source, Volume((-1, -1, -1), (1, 1, 1)), None, {group.key: BASIL})
+    features = FeatureSettings(kept=float(np.sqrt(kept)), draw=draw)
+    return mapped(capture, ReconstructionSettings(features=features), plot)
+
+
+@pytest.mark.slow
+def test_a_ring_with_gaps_that_bends_is_told_and_an_even_one_is_not(data_folder: Path) -> None:
+    """With half of the matches withheld the centres are up to 12 mm off, and all within the bound of 20 mm."""
+    names = sorted(photo.name for photo in read_capture(data_folder / "basil_rig" / "images").photos)
+    bent = basil(data_folder, tuple(sorted(with_gaps(names, 13, 3))), 0.5, 3)
+    assert "weakly-tied" in codes(bent)
+    even = basil(data_folder, tuple(sorted(uniform_subset(names, 13, 3))), 1.0, 0)
+    assert even.right == 13
+    assert codes(even) == []

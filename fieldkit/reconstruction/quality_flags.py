@@ -10,7 +10,7 @@ from fieldkit.clouds.cells import Stand, find_stand
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Pose
-from fieldkit.reconstruction.interest import cuts_plants
+from fieldkit.reconstruction.plot_frame import cuts_plants
 from fieldkit.reconstruction.result import MetricFrame
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import Plane
@@ -27,7 +27,7 @@ _LEAST_CAMERAS = 3
 _AROUND_M = 0.10  # about the stand, in the bounds that are suggested
 
 
-def doubts(
+def quality_flags(
     name: str, plants: Cloud, volume: Volume, gsd_m: float, frame: MetricFrame, poses: Mapping[str, Pose], *,
     own_ground: bool, own_volume: bool = False,
 ) -> list[Finding]:  # fmt: skip
