@@ -33,11 +33,11 @@ from fieldkit.results.report_files import load_evaluation_report
 from fieldkit.results.visit import CAMPAIGN_FILE
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.version import __version__
+from fieldkit.vocabulary import NINE_IN_TEN
 from fieldkit.wording import listed
 
 TABLE_FILE = "compare.csv"
 MOST_EVALUATIONS = 100
-_NINE_IN_TEN = 1.644854
 _NORMAL_95 = 1.959964
 _LARGEST = 1e12  # numbers of hostile files
 _NAMED = 5
@@ -201,7 +201,7 @@ def _difference(
     else:
         after, before = figure.error(plots[label][0]), figure.error(plots[less][0])
         if after is not None and before is not None:
-            noise, sd = "flights", hypot(after, before) / _NINE_IN_TEN
+            noise, sd = "flights", hypot(after, before) / NINE_IN_TEN
     difference = float(np.mean(found[label]) - np.mean(found[less]))
     if not sd < _LARGEST:
         return DifferenceEntry(plot=plot, figure=figure.key, label=label, less=less, difference=difference)

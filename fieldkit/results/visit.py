@@ -133,11 +133,6 @@ class Visit(Strict):
         return None if self.traits is None else self.traits.cover_percent
 
     @property
-    def canopy_volume_m3(self) -> float | None:
-        """Below the canopy's surface."""
-        return None if self.traits is None else self.traits.canopy_volume_m3
-
-    @property
     def key(self) -> tuple[str, str]:
         """Plot and date: a campaign has one visit of each."""
         return self.plot, self.date

@@ -101,7 +101,7 @@ def test_traits_have_the_errors_that_the_benchmark_found(three: Sequence[Path], 
     assert [evaluation.label for evaluation in report.evaluations] == ["may", "june", "july"]
     same = difference(report, "height_m", "june")
     assert (same.noise, same.beyond) == ("flights", False)
-    assert same.noise_sd == pytest.approx(0.03 * np.sqrt(2) / 1.644854)
+    assert same.noise_sd == pytest.approx(0.03 * np.sqrt(2) / 1.645)
     for less in ("may", "june"):
         shifted = difference(report, "height_m", "july", less)
         assert (shifted.noise, shifted.beyond) == ("flights", True)

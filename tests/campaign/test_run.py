@@ -1,7 +1,12 @@
-"""What makes a visit be computed again, and how visits of another engine are told."""
+"""One run at a time, which goes on where an earlier one ended."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import textwrap
+import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -12,9 +17,10 @@ from fieldkit.campaign import Visit, read_campaign
 from fieldkit.campaign.campaign_file import EvaluationTable
 from fieldkit.campaign.evaluate_visit import VisitJob
 from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks
-from fieldkit.campaign.run import unchanged, visit_inputs
+from fieldkit.campaign.run import campaign_lock, unchanged, visit_inputs
 from fieldkit.campaign.visits import changed_stages, is_current, keep_visit, stage_versions
 from fieldkit.captures.selection import FoundPhoto
+from fieldkit.errors import UsageError
 from fieldkit.reconstruction.versions import STAGES
 from tests.campaign.examples import PLAN, campaign_folder, field, flown
 
@@ -108,3 +114,50 @@ def test_show_says_which_fieldkit_computed_what(tmp_path: Path) -> None:
     assert [row[1:] for row in grid.rows] == [("10.0 mm (0/0)", "failed †"), ("10.0 mm (0/0) †", None)]
     shown = [(visit["fieldkit"], visit["current"]) for visit in campaign_object(made)["visits"]]
     assert shown == [("1.2", True), ("", False), ("1.1", False)]
+
+
+LIMIT_S = 120.0
+
+
+def test_a_second_run_refuses_or_waits(tmp_path: Path) -> None:
+    said: list[str] = []
+    done = threading.Event()
+
+    def second() -> None:
+        with campaign_lock(tmp_path, wait=True, note=said.append):
+            done.set()
+
+    with campaign_lock(tmp_path, wait=True, note=said.append):
+        with pytest.raises(UsageError, match="another run works in this campaign"):
+            with campaign_lock(tmp_path, wait=False, note=said.append):
+                pass
+        thread = threading.Thread(target=second)
+        thread.start()
+        give_up = time.monotonic() + LIMIT_S
+        while not said and time.monotonic() < give_up:
+            time.sleep(0.01)
+        assert said[0].startswith("waiting: another run works in this campaign")
+        assert not done.is_set()
+    thread.join(LIMIT_S)
+    assert done.is_set()
+    assert len(said) == 1
+
+
+def test_a_killed_run_leaves_no_lock(tmp_path: Path) -> None:
+    script = textwrap.dedent("""
+        import sys, time
+        from pathlib import Path
+        from fieldkit.campaign.run import campaign_lock
+        with campaign_lock(Path(sys.argv[1]), wait=False, note=print):
+            print("held", flush=True)
+            time.sleep(600)
+    """)
+    process = subprocess.Popen([sys.executable, "-c", script, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "held\n"
+    with pytest.raises(UsageError), campaign_lock(tmp_path, wait=False, note=print):
+        pass
+    process.kill()
+    process.communicate()
+    with campaign_lock(tmp_path, wait=False, note=print):
+        pass
