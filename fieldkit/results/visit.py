@@ -128,11 +128,6 @@ class Visit(Strict):
         return None if self.traits is None else self.traits.height_m
 
     @property
-    def cover_percent(self) -> float | None:
-        """Of the plot."""
-        return None if self.traits is None else self.traits.cover_percent
-
-    @property
     def key(self) -> tuple[str, str]:
         """Plot and date: a campaign has one visit of each."""
         return self.plot, self.date

@@ -16,6 +16,7 @@ from fieldkit.figures.content import (
     Still,
     Table,
 )
+from fieldkit.figures.registry import FIGURES
 from fieldkit.figures.style import format_length, format_range, format_seconds, format_with_error
 from fieldkit.figures.tables.comparison import difference_table, leading_figures
 from fieldkit.figures.tables.scores import plant_tables
@@ -170,12 +171,12 @@ def _distances(plots: Sequence[PlotEvaluation]) -> str:
 
 def _grown(visits: Sequence[Visit]) -> str:
     """Heights and cover of plots, from the least to the greatest."""
-    heights = [visit.height_m for visit in visits if visit.height_m is not None]
-    covers = [visit.cover_percent for visit in visits if visit.cover_percent is not None]
-    some = f" on {len(heights)} of {count(len(visits), 'plot')}" if len(heights) < len(visits) else ""
-    parts = [f"height {format_range(heights)}{some}"] if heights else []
-    parts += [f"cover {min(covers):.1f} to {max(covers):.1f} %" if len(covers) > 1 else f"cover {covers[0]:.1f} %"
-              ] if covers else []  # fmt: skip
+    parts = []
+    for figure in (FIGURES["height_m"], FIGURES["cover_percent"]):
+        known = [value for visit in visits if (value := figure.value(visit)) is not None]
+        ends = list(dict.fromkeys(figure.number(value) for value in (min(known), max(known)))) if known else []
+        some = f" on {len(known)} of {count(len(visits), 'plot')}" if len(known) < len(visits) else ""
+        parts += [f"{figure.label} {' to '.join(map(str, ends))} {figure.unit}{some}"] if ends else []
     return f" ({', '.join(parts)})" if parts else ""
 
 
