@@ -41,12 +41,7 @@ _HERE = frozenset({Command.NAV_TAKEOFF, Command.NAV_LAND})
 
 
 def refusal(item: MissionItem, dialect: str) -> str | None:
-    """The MAV_MISSION_RESULT (without its prefix) that an item's upload is refused with; None where it is taken.
-
-    Args:
-        item: not the home item.
-        dialect: "ardupilot" or "px4".
-    """
+    """The MAV_MISSION_RESULT (without its prefix) that an item's upload is refused with; None where it is taken."""
     if dialect != "ardupilot":
         return _px4_refusal(item)
     p1, p2, p3, p4, latitude, longitude, altitude = item.params
@@ -104,12 +99,9 @@ def dropped(item: MissionItem, dialect: str) -> tuple[str, ...]:
 
 
 def check_items(items: Sequence[MissionItem], dialect: str, names: Sequence[str] = ()) -> None:
-    """Refuse a mission with an item that the dialect does not take as it is meant.
+    """Refuse a mission with an item that the dialect does not take as it is meant; of "ardupilot" the first is home.
 
-    Args:
-        items: in the order they are uploaded; with "ardupilot" the first one is home.
-        dialect: "ardupilot" or "px4".
-        names: of the stations, by `MissionItem.station`, for the message.
+    The message names the item's number, as the autopilot counts, and its station, by the ``names`` of all stations.
     """
     for number, item in enumerate(items):
         problem = item_problem(item, dialect, home=dialect == "ardupilot" and number == 0)

@@ -51,13 +51,7 @@ _REFUSED = "the autopilot refuses the item"
 
 
 def interpret(read: ReadMission, vehicle: Vehicle, dialect: str) -> Execution:
-    """Carry a mission out.
-
-    Args:
-        read: the file.
-        vehicle: its speeds and mount.
-        dialect: "ardupilot" or "px4"; of no matter for a file without items.
-    """
+    """Carry a mission out as a vehicle of a dialect does; the dialect is of no matter for a file without items."""
     log = _Log(refused=dict(read.refused))
     craft = Craft(vehicle, read.home, AUTOPILOTS.get(dialect, AUTOPILOTS["ardupilot"]))
     if read.stops:
