@@ -305,5 +305,4 @@ def _priors(photos: list[Photo], contents: FolderContents, program: ProgramPoses
         raise
     if poses is not None and geo is not None:
         odd = [*odd, Finding("geo.txt", "sidecar-unused", "poses.csv is used instead")]
-    findings = (*odd, *priors.findings)
-    return PriorSet(priors.priors, priors.metric_source, priors.origin, priors.height_source, findings)
+    return replace(priors, findings=(*odd, *priors.findings))

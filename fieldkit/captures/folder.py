@@ -21,11 +21,7 @@ SIDECARS = ("poses.csv", "geo.txt", "camera.toml", "camera.json", "markers.toml"
 CONTROL_POINTS = ("gcp_list.txt", "gcp.txt")
 """ODM's files of ground control points, which are not read."""
 
-_FORMAT_SUFFIXES = {
-    "JPEG": {".jpg", ".jpeg", ".jpe", ".jfif"},
-    "PNG": {".png"},
-    "TIFF": {".tif", ".tiff"},
-}
+_FORMAT_SUFFIXES = {"JPEG": {".jpg", ".jpeg", ".jpe", ".jfif"}, "PNG": {".png"}, "TIFF": {".tif", ".tiff"}}
 _OTHER_IMAGES = {"HEIC", "AVIF", "WebP", "GIF", "BMP", "JPEG 2000", "JPEG XL"}
 _MASK = re.compile(r"(^|[._-])mask\.[a-z]+$", re.IGNORECASE)
 _THUMBNAIL_SUFFIXES = frozenset({".thm"})

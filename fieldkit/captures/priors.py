@@ -283,4 +283,4 @@ def _finish(priors: PriorSet, photos: Sequence[Photo]) -> PriorSet:
         return priors
     message = f"{priors.metric_source} locates {count} of {len(photos)} photographs; scale and orientation need 3"
     finding = Finding(photos[0].name, "too-few-positions", message)
-    return PriorSet(priors.priors, None, priors.origin, priors.height_source, (*priors.findings, finding))
+    return replace(priors, metric_source=None, findings=(*priors.findings, finding))

@@ -62,10 +62,7 @@ class FoundPhotos:
 
 
 def find_photographs(
-    root: Path,
-    *,
-    skip: Callable[[Path], bool] | None = None,
-    progress: Progress | None = None,
+    root: Path, *, skip: Callable[[Path], bool] | None = None, progress: Progress | None = None
 ) -> FoundPhotos:
     """Read every photograph in a folder and below it. Symbolic links to folders are not followed.
 
@@ -129,12 +126,7 @@ def photographs_at(paths: Sequence[Path]) -> list[FoundPhoto]:
     return _with_hemispheres(found)[0]
 
 
-def capture_of(
-    photos: Sequence[FoundPhoto],
-    *,
-    camera: Path | None = None,
-    without: Iterable[str] = (),
-) -> Capture:
+def capture_of(photos: Sequence[FoundPhoto], *, camera: Path | None = None, without: Iterable[str] = ()) -> Capture:
     """A capture of some photographs, with what the sidecars of their folders say of them.
 
     Photographs of several folders are named by their paths below the folder they have in common. Lines of poses.csv

@@ -53,11 +53,7 @@ class AlignmentStats:
 
 
 def icp(
-    source: Cloud,
-    target: Cloud | ReferenceIndex,
-    *,
-    max_distance_m: float = 0.02,
-    with_scale: bool = False,
+    source: Cloud, target: Cloud | ReferenceIndex, *, max_distance_m: float = 0.02, with_scale: bool = False
 ) -> tuple[Similarity, AlignmentStats]:
     """Align ``source`` to ``target``, which it should already match to within ``max_distance_m``.
 

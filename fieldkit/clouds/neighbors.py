@@ -64,12 +64,6 @@ class PointIndex:
             distances[some] = self._search(other._sorted[some] + shift)[0]
         return distances
 
-    def unsorted(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Values (n,) of the points in their Z-order, in the order in which the points were given."""
-        given = np.empty_like(values)
-        given[self.order] = values
-        return given
-
     def _search(self, local: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         squared, found = np.empty(len(local)), np.empty(len(local), dtype=np.int64)
         _nearest(self._sorted, self._boxes, local, squared, found)

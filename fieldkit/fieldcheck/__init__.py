@@ -4,10 +4,4 @@ from fieldkit.fieldcheck.check import check_captures
 from fieldkit.fieldcheck.model import CheckReport, CheckSettings, StationCheck
 from fieldkit.fieldcheck.refly import write_refly
 
-__all__ = [
-    "CheckReport",
-    "CheckSettings",
-    "StationCheck",
-    "check_captures",
-    "write_refly",
-]
+__all__ = ["CheckReport", "CheckSettings", "StationCheck", "check_captures", "write_refly"]

@@ -80,11 +80,7 @@ def solve(
     information = np.eye(6 * len(order))
     damping = 1e-4
     for _ in range(iterations):
-        blocks = [
-            *_edge_blocks(edges, rotations),
-            *_ratio_blocks(ratios),
-            _prior_block(targets, sigmas, rotations),
-        ]
+        blocks = [*_edge_blocks(edges, rotations), *_ratio_blocks(ratios), _prior_block(targets, sigmas, rotations)]
         information, gradient = _normal(blocks, centers)
         step = np.linalg.solve(information + damping * np.diag(np.diag(information)), -gradient).reshape(-1, 6)
         rotations = Rotation.from_rotvec(np.clip(step[:, :3], -0.5, 0.5)).as_matrix() @ rotations

@@ -85,12 +85,7 @@ class Matches:
     """What a person should know."""
 
 
-def match(
-    photographs: Sequence[Stamp],
-    triggers: Sequence[Trigger],
-    *,
-    offset_s: float | None = None,
-) -> Matches:
+def match(photographs: Sequence[Stamp], triggers: Sequence[Trigger], *, offset_s: float | None = None) -> Matches:
     """Match photographs to triggers.
 
     Args:

@@ -23,10 +23,7 @@ def texture(seed: int, width: int = 120, height: int = 90) -> Image.Image:
 
 
 def exif_block(
-    *,
-    base: dict[int, Any] | None = None,
-    detail: dict[int, Any] | None = None,
-    gps: dict[int, Any] | None = None,
+    *, base: dict[int, Any] | None = None, detail: dict[int, Any] | None = None, gps: dict[int, Any] | None = None
 ) -> Image.Exif:
     """An EXIF block of Pillow's from its three directories."""
     exif = Image.Exif()

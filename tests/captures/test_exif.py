@@ -18,14 +18,7 @@ from fieldkit.documents.xml_tree import XmlError
 from tests.captures.photographs import MakePhoto, dji_xmp, exif_block, gps_tags
 
 CAMERA = {271: "DJI", 272: "FC6310\0\0"}
-DETAIL = {
-    36867: "2024:06:23 16:31:59",
-    37521: "25",
-    37386: 8.8,
-    41989: 24,
-    42033: "0K8TH1\0",
-    42036: "Zoom 24mm",
-}
+DETAIL = {36867: "2024:06:23 16:31:59", 37521: "25", 37386: 8.8, 41989: 24, 42033: "0K8TH1\0", 42036: "Zoom 24mm"}
 
 
 def only(path: Path) -> tuple[Photo, list[str]]:

@@ -11,16 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink import DFReader, mavutil
 
-from fieldkit.flightlogs import (
-    Attitude,
-    FixedMount,
-    FlightLog,
-    Gimbal,
-    Series,
-    Trigger,
-    achieved_pose,
-    read_flight_log,
-)
+from fieldkit.flightlogs import Attitude, FixedMount, FlightLog, Gimbal, Series, Trigger, achieved_pose, read_flight_log
 from fieldkit.flightlogs.adherence import PlannedPose, adherence
 from fieldkit.flightlogs.assembly import euler_deg, gimbal_yaw_frame
 from fieldkit.flightlogs.dataflash import read_messages

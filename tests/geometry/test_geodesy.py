@@ -7,13 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fieldkit.geometry.geodesy import (
-    LocalFrame,
-    ecef_to_geodetic,
-    geodetic_to_ecef,
-    great_circle_m,
-    utm_epsg,
-)
+from fieldkit.geometry.geodesy import LocalFrame, ecef_to_geodetic, geodetic_to_ecef, great_circle_m, utm_epsg
 
 latitudes = st.one_of(st.floats(-90, 90), st.sampled_from([-90.0, 90.0, 0.0, 89.999999, -89.999999]))
 longitudes = st.one_of(st.floats(-180, 180), st.sampled_from([-180.0, 180.0, 0.0, 179.9999999]))
