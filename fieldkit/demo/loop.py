@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 from fieldkit.cache import StageCache
@@ -14,8 +15,6 @@ from fieldkit.demo.flight import RecordedFlight, recorded_flight, upload_to_stan
 from fieldkit.demo.plots import (
     SEEN,
     UNSEEN,
-    Building,
-    Scoring,
     Shooting,
     build,
     dense_shooting,
@@ -39,7 +38,6 @@ from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, Refere
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan, plan_from_poses
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.executor import map_parallel
 from fieldkit.runtime.progress import Progress
 from fieldkit.sites.fitted import fitted_to_height
 from fieldkit.vehicles.vehicle_file import missions_folder
@@ -47,6 +45,7 @@ from fieldkit.vehicles.vehicle_file import missions_folder
 VEHICLE = "ardupilot-pitch"
 CAMERAS = 10
 PLANNED, CIRCLE = "planned", "circle"
+PLOTS = (SEEN, UNSEEN)
 _FINALISTS, _REPEATS = 3, 2
 
 
@@ -91,14 +90,15 @@ def run_demo(
         overwrite: replace an earlier demo in ``output``.
     """
     begun = time.perf_counter()
+    context = Context(cache, progress, workers, seed)
     with atomic_folder(output, overwrite=overwrite, marker=DEMO_FILE) as folder:
-        references = _references(folder, seed, cache, progress, workers)
+        references = _references(folder, context)
         flight = recorded_flight()
-        plan, outcome, circle = _plan(folder / "plan", flight, seed, cache, progress, workers)
-        mission = _mission(folder, progress)
+        plan, outcome, circle = _plan(folder / "plan", flight, context)
+        mission = _mission(folder, context)
         with progress.stage("Upload to the stand-in vehicle"):
             items = upload_to_stand_in(mission.files[0]).items
-        evaluations = _captures_and_scores(folder, plan, circle, flight, seed, cache, progress, workers)
+        evaluations = _captures_and_scores(folder, plan, circle, flight, context)
         compared = _compared(folder, evaluations, flight, seed)
         write_atomic(folder / DEMO_FILE, compared.model_dump_json(indent=2) + "\n")
     write_report(output, title="fieldkit demo", overwrite=True, progress=progress)
@@ -118,42 +118,38 @@ def _truth_file(folder: Path, plot: str) -> Path:
     return folder / "truth" / f"{plot}.ply"
 
 
-def _references(
-    folder: Path, seed: int, cache: StageCache, progress: Progress, workers: int
-) -> dict[str, ReferenceReport]:
-    plots = (SEEN, UNSEEN)
-    dense = {plot: folder / "captures" / "dense" / plot for plot in plots}
+def _references(folder: Path, context: Context) -> dict[str, ReferenceReport]:
+    dense = {plot: folder / "captures" / "dense" / plot for plot in PLOTS}
     shootings = [
-        dense_shooting(plot, dense[plot], seed * 1000 + k, _truth_file(folder, plot)) for k, plot in enumerate(plots)
+        dense_shooting(plot, dense[plot], context.seed * 1000 + k, _truth_file(folder, plot))
+        for k, plot in enumerate(PLOTS)
     ]
-    buildings = [Building(dense[plot], reference_folder(folder, plot), seed, cache) for plot in plots]
+    places = [(dense[plot], reference_folder(folder, plot)) for plot in PLOTS]
     (folder / "truth").mkdir()
-    with progress.stage("Dense captures of two plots", len(plots)) as advance:
-        map_parallel(photograph, shootings, workers=workers, advance=advance)
-    with progress.stage("Their references", len(plots)) as advance:
-        return dict(zip(plots, map_parallel(build, buildings, workers=workers, advance=advance), strict=True))
+    with context.progress.stage("Dense captures of two plots", len(PLOTS)) as advance:
+        context.map(photograph, shootings, advance)
+    with context.progress.stage("Their references", len(PLOTS)) as advance:
+        return dict(zip(PLOTS, context.map(partial(build, context.seed, context.cache), places, advance), strict=True))
 
 
-def _plan(
-    output: Path, flight: RecordedFlight, seed: int, cache: StageCache, progress: Progress, workers: int
-) -> tuple[Plan, Outcome, list[Pose]]:
+def _plan(output: Path, flight: RecordedFlight, context: Context) -> tuple[Plan, Outcome, list[Pose]]:
     """The plan, what came of its finalists, and what it is compared with: of 25 circles about plots of the kind the one
     that the geometric score likes best.
     """
     settings = search_settings(
         scene=scene_path(SEEN), vehicle=VEHICLE, cameras=CAMERAS, method="score", finalists=_FINALISTS,
-        repeats=_REPEATS, confirm_fidelity="draft", seed=seed, workers=workers,
+        repeats=_REPEATS, confirm_fidelity="draft", seed=context.seed, workers=context.workers,
         noise={"pose_m": flight.position_m, "pose_deg": flight.angle_deg},
     )  # fmt: skip
-    outcome = plan_views(output, settings, cache=cache, workers=workers, progress=progress)
-    with progress.stage("The best circle"):
-        problem = set_up_run(settings, output, Context(cache)).problem
+    outcome = plan_views(output, settings, cache=context.cache, workers=context.workers, progress=context.progress)
+    with context.progress.stage("The best circle"):
+        problem = set_up_run(settings, output, Context(context.cache)).problem
         circle = expected_circle(problem).poses()
     return load_plan(output), outcome, circle
 
 
-def _mission(folder: Path, progress: Progress) -> ExportedMission:
-    with progress.stage("Mission"):
+def _mission(folder: Path, context: Context) -> ExportedMission:
+    with context.progress.stage("Mission"):
         (folder / "mission").mkdir()
         site = missions_folder() / "sites" / "example.toml"
         height_m = measured_height_m(SEEN)
@@ -161,12 +157,10 @@ def _mission(folder: Path, progress: Progress) -> ExportedMission:
 
 
 def _captures_and_scores(
-    folder: Path, plan: Plan, circle: Sequence[Pose], flight: RecordedFlight, seed: int, cache: StageCache,
-    progress: Progress, workers: int,
-) -> dict[str, EvaluationReport]:  # fmt: skip
+    folder: Path, plan: Plan, circle: Sequence[Pose], flight: RecordedFlight, context: Context
+) -> dict[str, EvaluationReport]:
     carried = {PLANNED: plan, CIRCLE: plan.model_copy(update={"stations": plan_from_poses(circle).stations})}
-    plots = (SEEN, UNSEEN)
-    heights = {plot: measured_height_m(plot) for plot in plots}
+    heights = {plot: measured_height_m(plot) for plot in PLOTS}
     shootings = [
         Shooting(
             plot,
@@ -174,19 +168,19 @@ def _captures_and_scores(
             [station.pose for station in fitted_to_height(stated, heights[plot]).stations],
             plan.camera,
             flight.pose_noise,
-            seed * 1000 + 10 + k,
+            context.seed * 1000 + 10 + k,
         )
-        for k, plot in enumerate(plots)
+        for k, plot in enumerate(PLOTS)
         for name, stated in carried.items()
     ]
-    scorings = [
-        Scoring(folder / "captures" / plot, reference_folder(folder, plot), folder / f"evaluation-{plot}", seed, cache)
-        for plot in plots
+    places = [
+        (folder / "captures" / plot, reference_folder(folder, plot), folder / f"evaluation-{plot}") for plot in PLOTS
     ]
-    with progress.stage("Captures of both plots", len(shootings)) as advance:
-        map_parallel(photograph, shootings, workers=workers, advance=advance)
-    with progress.stage("Scores", len(scorings)) as advance:
-        return dict(zip(plots, map_parallel(evaluate, scorings, workers=workers, advance=advance), strict=True))
+    with context.progress.stage("Captures of both plots", len(shootings)) as advance:
+        context.map(photograph, shootings, advance)
+    with context.progress.stage("Scores", len(places)) as advance:
+        scored = context.map(partial(evaluate, context.seed, context.cache), places, advance)
+    return dict(zip(PLOTS, scored, strict=True))
 
 
 def _compared(

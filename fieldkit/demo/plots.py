@@ -81,40 +81,21 @@ def photograph(job: Shooting) -> int:
     return done.photographs
 
 
-@dataclass(frozen=True)
-class Building:
-    """A reference to build from a dense capture."""
-
-    captures: Path
-    output: Path
-    seed: int
-    cache: StageCache
+def build(seed: int, cache: StageCache, place: tuple[Path, Path]) -> ReferenceReport:
+    """Build a reference from a dense capture; ``place`` are the folders of both."""
+    captures, output = place
+    return build_reference(captures, output, _settings(seed), cache=cache, progress=Silent(), scene=False)
 
 
-def build(job: Building) -> ReferenceReport:
-    """Build a reference."""
-    return build_reference(
-        job.captures, job.output, _settings(job.seed), cache=job.cache, progress=Silent(), scene=False
-    )
+def evaluate(seed: int, cache: StageCache, place: tuple[Path, Path, Path]) -> EvaluationReport:
+    """Reconstruct and score a plot's captures; ICP takes out how far their own positions are off.
 
-
-@dataclass(frozen=True)
-class Scoring:
-    """Captures of one plot to score against its reference."""
-
-    captures: Path
-    reference: Path
-    output: Path
-    seed: int
-    cache: StageCache
-
-
-def evaluate(job: Scoring) -> EvaluationReport:
-    """Reconstruct and score the captures; ICP takes out how far their own positions are off."""
+    ``place`` are the folders of captures, reference and result.
+    """
+    captures, reference, output = place
     return evaluate_captures(
-        job.captures, job.output, _settings(job.seed), reference=job.reference, refine=True, cache=job.cache,
-        progress=Silent(),
-    )  # fmt: skip
+        captures, output, _settings(seed), reference=reference, refine=True, cache=cache, progress=Silent()
+    )
 
 
 def _settings(seed: int) -> ReconstructionSettings:
