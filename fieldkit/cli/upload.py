@@ -49,7 +49,7 @@ def command(
     from fieldkit.cli.progress import open_progress
     from fieldkit.link.upload import check_size, upload_mission
     from fieldkit.link.vehicle import Vehicle
-    from fieldkit.missions.check_upload import findings_by_dialect
+    from fieldkit.missions.check import findings_by_dialect
     from fieldkit.missions.files.reading import read_mission
     from fieldkit.sites.site_file import load_site
     from fieldkit.vehicles.vehicle_file import load_vehicle

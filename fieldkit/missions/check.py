@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -19,16 +20,20 @@ from fieldkit.missions.files.limits import LEAST_WAYPOINTS, LONGEST_STAY_S, MOST
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.wpml import dji_model
 from fieldkit.missions.findings import Report, error, warning
-from fieldkit.missions.ground import Ground
+from fieldkit.missions.ground import Ground, ground_of
 from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Shot
 from fieldkit.routing.obstacles import Corners, Obstacles, Volume
 from fieldkit.sites.placement import SiteFrame, grounds_m, home_of, place
 from fieldkit.sites.reach import Unreachable, nearest
-from fieldkit.sites.site import SiteHome
-from fieldkit.vehicles.vehicle import Vehicle
+from fieldkit.sites.site import Site, SiteHome
+from fieldkit.vehicles.vehicle import Mount, Vehicle
+from fieldkit.vehicles.vehicle_file import load_vehicle
 from fieldkit.wording import count, listed
 
+_PROFILES: dict[str, str] = {"ardupilot": "ardupilot-pitch", "px4": "px4-gimbal"}
+_OF_A_PROFILE = frozenset({"too-low"})
+"""Codes that say nothing without one, beside those that the limits of `_any_vehicle` leave out."""
 _MOST_LEG_FINDINGS = 50
 _CORNERS = 64
 """Of the polygon that a circle of a fence is checked as."""
@@ -229,3 +234,40 @@ def _ring(circle: Circle, radius_m: float, frame: SiteFrame) -> Corners:
     ((east, north),) = frame.outline([(circle.latitude_deg, circle.longitude_deg)])
     angles = [2.0 * math.pi * k / _CORNERS for k in range(_CORNERS)]
     return tuple((east + radius_m * math.cos(angle), north + radius_m * math.sin(angle)) for angle in angles)
+
+
+def findings_by_dialect(
+    read: ReadMission, vehicle: Vehicle | None = None, site: Site | None = None, *, file: Path | None = None
+) -> dict[str, tuple[Finding, ...]]:
+    """What speaks against flying a mission, by the autopilot that it may be for.
+
+    Without a vehicle, what only its profile says is not looked at: its mount, its least height and battery, its times.
+
+    Args:
+        read: the file; its items count from 1 (`ReadMission.behind_home`).
+        vehicle: that it is for; the autopilot that the file names, or all, where not given.
+        site: whose home, fence, zones, obstacles, ceiling and plots count.
+        file: that was read, for the mission.json beside it.
+    """
+    if vehicle is not None:
+        return {vehicle.dialect: _findings(read, vehicle, site, file)}
+    dialects = [name for name in _PROFILES if read.firmware in (None, name)] or list(_PROFILES)
+    return {
+        name: tuple(f for f in _findings(read, _any_vehicle(name), site, file) if f.code not in _OF_A_PROFILE)
+        for name in dialects
+    }
+
+
+def _findings(read: ReadMission, vehicle: Vehicle, site: Site | None, file: Path | None) -> tuple[Finding, ...]:
+    return check_on_ground(read, vehicle, ground_of(file, site, vehicle.clearance_m)).findings
+
+
+def _any_vehicle(dialect: str) -> Vehicle:
+    """A vehicle of an autopilot that has no limits of its own."""
+    known = load_vehicle(_PROFILES[dialect])
+    return known.model_copy(update={
+        "title": "the vehicle", "min_height_m": 0.0, "clearance_m": 0.0,
+        "max_items": None, "mount": Mount(kind="pitch", pitch_deg=(-90.0, 90.0)),
+        "trigger": known.trigger.model_copy(update={"settle_s": 0.0, "exposure_s": 0.0}),
+        "battery": known.battery.model_copy(update={"endurance_s": 1e6, "reserve": 0.0}),
+    })  # fmt: skip

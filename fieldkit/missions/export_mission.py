@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -111,7 +111,8 @@ def export_mission(
         place = with_plots(site, load_plots(plots, plot_id))
     place = with_plant_height(place, loaded, plant_height)
     routed = route_for_files(loaded, profile, place, format, fit=fit, adjust=adjust, seed=seed)
-    written = _plan_files(output, routed.own) if plans else {}
+    stem = output.stem
+    written = {p: output.with_name(f"{stem}-{plot_file_name(p)}.json") for p in (routed.own if plans else ())}
     more = {file: plan_bytes(routed.own[plot]) for plot, file in written.items()}
     if picture:
         more[output.with_suffix(".png")] = picture_bytes(routed, place, profile)
@@ -254,30 +255,24 @@ def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
 
     frame = SiteFrame(site.home)
     outlines = [np.array(frame.outline(corners)) for corners in site.fence]
-    outlines += [np.array(volume.footprint) for volume in site_obstacles(site, 0.0).volumes]
+    outlines += [
+        np.array(volume.footprint)
+        for volume in site_obstacles(site, 0.0, known_clear=[plot.name for plot in site.plots]).volumes
+    ]
     title = (
         f"{site.name}: {count(routed.photographs, 'photograph')}, {format_length(routed.length_m)}, "
         f"{format_seconds(routed.time_s)} from take-off to landing"
     )
     shots = [shot for each in routed.flights for shot in each.mission.shots]
     first = shots[0].plot
+    near = sum(shot.plot == first for shot in routed.flights[0].mission.shots)
     figure = draw_mission(
         title, routed.legs(), routed.cameras(site), vehicle.camera, Cloud(routed.plants),
-        outlines, near=_of_first_plot(routed), near_plants=Cloud(routed.plants_of.get(first, np.zeros((0, 3)))),
+        outlines, near=near, near_plants=Cloud(routed.plants_of.get(first, np.zeros((0, 3)))),
         stations=[str(station_number(shot.station)) for shot in shots], plots=[shot.plot for shot in shots],
         home=np.zeros(2),
     )  # fmt: skip
     return png(figure)
-
-
-def _of_first_plot(routed: Routed) -> int:
-    shots = routed.flights[0].mission.shots
-    return sum(shot.plot == shots[0].plot for shot in shots)
-
-
-def _plan_files(mission: Path, plots: Iterable[str]) -> dict[str, Path]:
-    """MISSION-PLOT.json by plot."""
-    return {plot: mission.with_name(f"{mission.stem}-{plot_file_name(plot)}.json") for plot in plots}
 
 
 def _names(output: Path, flights: int) -> list[Path]:

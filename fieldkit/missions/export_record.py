@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterable, Mapping, Sequence
-
-import numpy as np
-from numpy.typing import NDArray
 
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.export import Routed, RoutedFlight
@@ -25,11 +23,11 @@ from fieldkit.results.mission import (
 )
 from fieldkit.routing.mission import Fence, GeoPoint, Shot, Via
 from fieldkit.sites.placement import PlotFrame, SiteFrame
-from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit.sites.site import NoFly, Site, SiteHome, SitePlot
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.version import __version__
 
-Array = NDArray[np.float64]
+_TRANSIT_M = 5.0
 
 
 def mission_record(
@@ -49,27 +47,22 @@ def mission_record(
     """
     mission = routed.flights[0].mission
     fence = mission.fence or Fence()
-    home = site.home
     return MissionRecord(
         fieldkit=__version__,
         name=site.name,
-        home=MissionHome(**home.model_dump()),
+        home=MissionHome(**site.home.model_dump()),
         vehicle=MissionVehicle(
-            profile=profile,
-            title=vehicle.title,
-            dialect=vehicle.dialect,
-            autopilot=vehicle.autopilot,
-            camera=vehicle.camera,
+            profile=profile, **vehicle.model_dump(include={"title", "dialect", "autopilot"}), camera=vehicle.camera
         ),
         speed_mps=mission.speed_mps,
         settle_s=mission.settle_s,
         exposure_s=mission.exposure_s,
-        plots=tuple(_plot(site, plot, _plants(routed, plot, vehicle), plans[plot.name]) for plot in site.plots),
+        plots=tuple(_plot(site, plot, routed.clear_m[plot.name], vehicle, plans[plot.name]) for plot in site.plots),
         flights=tuple(_flight(each, name) for each, name in zip(routed.flights, names, strict=True)),
         inside=fence.inside,
         outside=fence.outside,
         ceiling_m=fence.ceiling_m,
-        rally=tuple(_place(place) for place in mission.rally),
+        rally=tuple(MissionPlace(**vars(place)) for place in mission.rally),
         files=tuple(
             FileEntry(name=name, bytes=len(data), sha256=hashlib.sha256(data).hexdigest())
             for name, data in contents.items()
@@ -79,7 +72,7 @@ def mission_record(
 
 def site_frame(record: MissionRecord) -> SiteFrame:
     """Metres east and north of home, and above it."""
-    return SiteFrame(SiteHome(**record.home.model_dump()))
+    return SiteFrame(record.home)
 
 
 def plot_frame(plot: MissionPlot) -> PlotFrame:
@@ -103,22 +96,40 @@ def way(record: MissionRecord, flight: MissionFlight) -> tuple[GeoPoint, ...]:
     return (*begin, *geo_points((*flight.stops, landing)), end)
 
 
-def _plants(routed: Routed, plot: SitePlot, vehicle: Vehicle) -> MissionPlants | None:
-    if plot.plant_height_m is None:
-        return None
-    return MissionPlants(
-        height_m=plot.plant_height_m, clear_m=routed.clear_m[plot.name], clearance_m=vehicle.clearance_m
-    )
+def site_of(record: MissionRecord) -> Site:
+    """The site as far as mission.json has it."""
+    low = _TRANSIT_M if record.ceiling_m is None else min(_TRANSIT_M, record.ceiling_m)
+    return Site(
+        name=record.name, home=SiteHome(**record.home.model_dump()), fence=record.inside, ceiling_m=record.ceiling_m,
+        no_fly=tuple(NoFly(corners=ring) for ring in record.outside), takeoff_m=low, transit_m=low,
+        plots=tuple(_plot_of(plot) for plot in record.plots),
+    )  # fmt: skip
 
 
-def _plot(site: Site, plot: SitePlot, plants: MissionPlants | None, plan: FlownPlan) -> MissionPlot:
+def _plot_of(plot: MissionPlot) -> SitePlot:
+    along, across = plot.gradient
+    percent = 100.0 * math.hypot(along, across)
+    uphill = (plot.row_heading_deg + math.degrees(math.atan2(-across, along))) % 360.0 if percent else None
+    return SitePlot(
+        name=plot.name, latitude_deg=plot.origin.latitude_deg, longitude_deg=plot.origin.longitude_deg,
+        height_m=plot.ground_m, datum="home", row_heading_deg=plot.row_heading_deg, slope_percent=percent,
+        uphill_heading_deg=uphill, length_m=plot.length_m, width_m=plot.width_m,
+        plant_height_m=None if plot.plants is None else plot.plants.height_m,
+    )  # fmt: skip
+
+
+def _plot(site: Site, plot: SitePlot, clear_m: float | None, vehicle: Vehicle, plan: FlownPlan) -> MissionPlot:
     home, frame = site.home, PlotFrame.of(site, plot)
+    tangent, height_m = frame.tangent, plot.plant_height_m
     datum = "ellipsoid" if home.ellipsoid_m is not None else "sea level" if home.amsl_m is not None else "unknown"
-    tangent = frame.tangent
-    origin = LocalFrame(tangent.latitude_deg, tangent.longitude_deg, tangent.altitude_m, datum)
+    plants = None
+    if height_m is not None:
+        plants = MissionPlants(height_m=height_m, clear_m=clear_m, clearance_m=vehicle.clearance_m)
     return MissionPlot(
-        name=plot.name, origin=origin, ground_m=frame.ground_m, row_heading_deg=frame.row_heading_deg,
-        gradient=frame.gradient, length_m=plot.length_m, width_m=plot.width_m, plants=plants, plan=plan,
+        name=plot.name,
+        origin=LocalFrame(tangent.latitude_deg, tangent.longitude_deg, tangent.altitude_m, datum),
+        ground_m=frame.ground_m, row_heading_deg=frame.row_heading_deg, gradient=frame.gradient,
+        length_m=plot.length_m, width_m=plot.width_m, plants=plants, plan=plan,
     )  # fmt: skip
 
 
@@ -126,20 +137,14 @@ def _flight(each: RoutedFlight, file: str) -> MissionFlight:
     mission, flight = each.mission, each.flight
     return MissionFlight(
         name=mission.name, file=file, takeoff_m=mission.takeoff_m, stops=tuple(_stop(stop) for stop in mission.stops),
-        landing=_place(mission.landing), length_m=flight.length_m, time_s=flight.time.total_s,
+        landing=MissionPlace(**vars(mission.landing)), length_m=flight.length_m, time_s=flight.time.total_s,
         battery=flight.time.battery,
     )  # fmt: skip
 
 
 def _stop(stop: Shot | Via) -> MissionStation | MissionVia:
-    place = stop.place
     if isinstance(stop, Via):
-        return MissionVia(latitude_deg=place.latitude_deg, longitude_deg=place.longitude_deg, height_m=place.height_m)
+        return MissionVia(**vars(stop.place))
     return MissionStation(
-        latitude_deg=place.latitude_deg, longitude_deg=place.longitude_deg, height_m=place.height_m, plot=stop.plot,
-        index=stop.station, yaw_deg=stop.yaw_deg, pitch_deg=stop.pitch_deg,
-    )  # fmt: skip
-
-
-def _place(place: GeoPoint) -> MissionPlace:
-    return MissionPlace(latitude_deg=place.latitude_deg, longitude_deg=place.longitude_deg, height_m=place.height_m)
+        **vars(stop.place), plot=stop.plot, index=stop.station, yaw_deg=stop.yaw_deg, pitch_deg=stop.pitch_deg
+    )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fieldkit.missions.export_record import plot_frame
+from fieldkit.missions.export_record import plot_frame, site_of
 from fieldkit.regular_files import read_regular
 from fieldkit.results.mission import MissionPlot, MissionRecord, load_mission, record_path
 from fieldkit.results.plan import Plan, Plans
@@ -20,7 +19,7 @@ from fieldkit.routing.obstacles import Obstacles
 from fieldkit.sites.fitted import flown_plans
 from fieldkit.sites.placement import PlotFrame
 from fieldkit.sites.plot_plants import PlanFacts, PlantHeight, plants_on, with_plant_height
-from fieldkit.sites.site import NoFly, Site, SiteHome, SitePlot
+from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.site_obstacles import site_obstacles
 
 NO_PLOTS = "no plots are given, and no mission.json lies beside the file"
@@ -28,7 +27,6 @@ _NO_HEIGHT = "the height of its plants is not known"
 _NOWHERE = "neither a plan nor the plot's outline says where its plants stand"
 _SAME_M, _SAME_DEG = 0.05, 0.5
 """By which a plot's frame and size may differ from those in mission.json."""
-_TRANSIT_M = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +74,7 @@ def ground_of(
     exported = {} if record is None else {plot.name: plot for plot in record.plots}
     if site is None:
         assert record is not None
-        site = _site_of(record)
+        site = site_of(record)
     else:
         site = site.model_copy(update={"plots": tuple(_with_height(p, exported.get(p.name)) for p in site.plots)})
     site = with_plant_height(site, plans, plant_height)
@@ -108,28 +106,6 @@ def _record_of(file: Path) -> tuple[MissionRecord, bool] | None:
         if hashes:
             return record, _sha256(file) in hashes
     return None
-
-
-def _site_of(record: MissionRecord) -> Site:
-    """The site as far as mission.json has it."""
-    low = _TRANSIT_M if record.ceiling_m is None else min(_TRANSIT_M, record.ceiling_m)
-    return Site(
-        name=record.name, home=SiteHome(**record.home.model_dump()), fence=record.inside, ceiling_m=record.ceiling_m,
-        no_fly=tuple(NoFly(corners=ring) for ring in record.outside), takeoff_m=low, transit_m=low,
-        plots=tuple(_plot_of(plot) for plot in record.plots),
-    )  # fmt: skip
-
-
-def _plot_of(plot: MissionPlot) -> SitePlot:
-    along, across = plot.gradient
-    percent = 100.0 * math.hypot(along, across)
-    uphill = (plot.row_heading_deg + math.degrees(math.atan2(-across, along))) % 360.0 if percent else None
-    return SitePlot(
-        name=plot.name, latitude_deg=plot.origin.latitude_deg, longitude_deg=plot.origin.longitude_deg,
-        height_m=plot.ground_m, datum="home", row_heading_deg=plot.row_heading_deg, slope_percent=percent,
-        uphill_heading_deg=uphill, length_m=plot.length_m, width_m=plot.width_m,
-        plant_height_m=None if plot.plants is None else plot.plants.height_m,
-    )  # fmt: skip
 
 
 def _with_height(plot: SitePlot, exported: MissionPlot | None) -> SitePlot:

@@ -36,11 +36,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from fieldkit.errors import MetadataError, MissionError
 from fieldkit.geometry.geodesy import LocalFrame, plot_from_enu
+from fieldkit.results.mission import MissionHome
 from fieldkit.results.plan import Plan, Plans, plan_on, station_number
 from fieldkit.routing.flights import Stop
 from fieldkit.routing.legs import Place
 from fieldkit.routing.mission import GeoPoint, Home, Shot
-from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.terrain import LEVEL, Gradient
 from fieldkit.vehicles.vehicle import Vehicle
 
@@ -62,7 +63,7 @@ def home_of(site: Site) -> Home:
 class SiteFrame:
     """Metres east and north of home, and above home."""
 
-    home: SiteHome
+    home: MissionHome
     """Of the site."""
 
     def to_local(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike, height_m: ArrayLike) -> Array:
@@ -271,7 +272,7 @@ def grounds_m(site: Site, shots: Sequence[Shot]) -> Array:
     return found
 
 
-def _altitude(home: SiteHome) -> float:
+def _altitude(home: MissionHome) -> float:
     """Home's height above the ellipsoid, as well as it is known."""
     return next((height for height in (home.ellipsoid_m, home.amsl_m) if height is not None), 0.0)
 

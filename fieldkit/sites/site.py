@@ -11,6 +11,7 @@ from scipy.spatial import KDTree
 from fieldkit.documents.mistaken import as_centimetres
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.results.fields import Heading, Latitude, Longitude, Strict
+from fieldkit.results.mission import MissionHome
 from fieldkit.sites.terrain import STEEPEST_PERCENT, Gradient, gradient, with_plane
 from fieldkit.vehicles.vehicle import Positive
 
@@ -58,11 +59,9 @@ Polygon = Annotated[
 """Corners (latitude, longitude), the last not the first again."""
 
 
-class SiteHome(Strict):
+class SiteHome(MissionHome):
     """Where the vehicle takes off."""
 
-    latitude_deg: Latitude
-    longitude_deg: Longitude
     amsl_m: Height | None = None
     """Height above mean sea level."""
     ellipsoid_m: Height | None = None

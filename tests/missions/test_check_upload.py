@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from fieldkit.missions.autopilots.writing import render
-from fieldkit.missions.check_upload import findings_by_dialect
+from fieldkit.missions.check import findings_by_dialect
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.findings import Finding
 from fieldkit.sites.site import Obstacle, Site, SiteHome, SitePlot
