@@ -26,7 +26,7 @@ from fieldkit.results.fields import clean_text
 from fieldkit.results.plan import Plan
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE
 from fieldkit.results.visit import VISIT_FILE, Visit, save_visit
-from fieldkit.runtime.progress import Silent
+from fieldkit.runtime.context import Context
 from fieldkit.sites.fit import plants_outgrown
 from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.version import __version__
@@ -135,9 +135,8 @@ def _evaluated(job: VisitJob, folder: Path) -> Visit:
 
     name = plot_file_name(job.plot.name, (*RESERVED, VISIT_FILE))
     plot = evaluate_plot(
-        job.plot.name, given, folder, name, settings,
-        cache=StageCache(job.cache), progress=Silent(), photographs=len(job.photos),
-    )  # fmt: skip
+        job.plot.name, given, folder, name, settings, Context(StageCache(job.cache)), photographs=len(job.photos)
+    )
     report = evaluation_report(
         Path(job.captures).name,
         [plot],

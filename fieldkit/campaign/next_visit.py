@@ -75,11 +75,6 @@ def next_plans(
     of two: looked for from the campaign's plan, and from anywhere. So no plot has a worse score than the carried plan,
     unless that stands too near. Where the site knows a plot's outline and plants' height, they keep clear of all of it,
     as its mission has to.
-
-    Args:
-        campaign: with visits.
-        vehicle: whose limits hold; those of the campaign's plan where None.
-        growth: factor.
     """
     if not 1.0 <= growth <= 3.0:
         raise UsageError(f"plants grow by a factor from 1 to 3, not {growth:g}", remedy="Give --growth 1.15.")

@@ -156,13 +156,7 @@ def _visit(job: VisitJob, future: Future[Visit]) -> Visit:
 
 @contextmanager
 def campaign_lock(folder: Path, *, wait: bool, note: Callable[[str], None]) -> Iterator[None]:
-    """Hold a campaign's lock within the block; it ends with the process that holds it.
-
-    Args:
-        folder: of the campaign.
-        wait: until another run ends; else it is an error.
-        note: told why nothing happens.
-    """
+    """Hold a campaign's lock within the block; it ends with the process that holds it."""
     lock = FileLock(folder / LOCK_FILE)
     with storage_errors(folder):
         try:
@@ -214,14 +208,7 @@ def unchanged(jobs: Sequence[VisitJob], visits: Visits) -> list[Visit]:
 def earlier_photographs(
     folder: Path, keys: Iterable[tuple[str, str]], visits: Visits, found: Iterable[FoundPhoto]
 ) -> list[tuple[FoundPhoto, tuple[str, str]]]:
-    """Photographs that earlier runs sorted into some visits, that are still where they were, and that are new here.
-
-    Args:
-        folder: of the campaign.
-        keys: plot and date of the visits.
-        visits: of the campaign.
-        found: photographs that are known.
-    """
+    """Photographs that earlier runs sorted into some visits, that are still where they were, and that are new here."""
     known = {each.photo.sha256 for each in found}
     result = []
     for key in keys:

@@ -92,13 +92,7 @@ class _Given:
 
 
 def sort_photographs(shots: Sequence[Shot], plots: Sequence[CampaignPlot], plan: Plan) -> Sorting:
-    """Sort photographs into plots and dates; none is dropped without a word.
-
-    Args:
-        shots: in any order.
-        plots: of the campaign, one or more.
-        plan: that was flown over them.
-    """
+    """Sort photographs into plots and dates; none is dropped without a word."""
     by_name = {_folded(plot.name): plot.name for plot in plots}
     given = [_Given(shot, *(shot.belongs or _said(shot.folders, by_name))) for shot in shots]
     _by_geotag(given, plots, plan)

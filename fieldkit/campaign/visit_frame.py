@@ -109,14 +109,7 @@ def on_stations(capture: Capture, plan: Plan) -> bool:
 def place_visit(
     capture: Capture, plot: CampaignPlot, plan: Plan, reference: KnownPlot | None, *, seed: int = 0
 ) -> PlacedVisit:
-    """The frame, volume and ground of a visit.
-
-    Args:
-        capture: read without `wanted_sidecars`.
-        plot: of the site.
-        plan: that was flown.
-        reference: the plot's own, where it has one.
-    """
+    """The frame, volume and ground of a visit."""
     aim, height = plan_aim(plan)
     if reference is not None:
         if not reference.source.georeferenced or capture.origin is None:

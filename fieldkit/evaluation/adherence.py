@@ -159,13 +159,7 @@ class FlownPlan:
         return cls(plan, reference, flight, planned, datum)
 
     def adherence(self, plot: PlotEvaluation, name: str, capture: Capture) -> AdherenceEntry | None:
-        """How a plot's photographs kept to the plan; None where none was taken near its stations.
-
-        Args:
-            plot: reconstructed.
-            name: of the plot, as the flight knows it.
-            capture: that was reconstructed.
-        """
+        """How a plot's photographs kept to the plan; None where none was taken near its stations."""
         if plot.frame is None or plot.metric_source is None or not plot.metric:
             return None
         frame = plot.frame.of_source(plot.metric_source)
@@ -204,12 +198,7 @@ def write_adherence(folder: Path, place: str, plot: PlotEvaluation) -> PlotEvalu
 
 
 def planned_poses(plan: Plan, source: SourceFrame) -> tuple[list[PlannedPose], str]:
-    """A plan's stations on the Earth, where the reference that it was made on lies, and the datum of their heights.
-
-    Args:
-        plan: in the reference's plot frame.
-        source: the reference's georeferenced frame.
-    """
+    """A plan's stations on the Earth, where the reference that it was made on lies, and the datum of their heights."""
     if source.origin is None:
         raise UsageError(
             f"the reference's positions come from {source.source}, so its plan has no place on the Earth",
@@ -380,10 +369,6 @@ def flown_noise(plots: Sequence[PlotEvaluation], path: Path) -> tuple[float, flo
 
     Where plots know their poses from different sources (`AdherenceEntry.achieved_by`), only those by the best one
     count: the autopilot's report, then structure from motion, then tags.
-
-    Args:
-        plots: of an evaluation with --plan, or of a campaign's.
-        path: where they lie, for the errors.
 
     Returns:
         Metres and degrees, to 0.01 mm and 10⁻⁵ degrees.

@@ -50,15 +50,7 @@ def reference_report(
     cpu_seconds: float,
     files: Sequence[FileEntry] = (),
 ) -> ReferenceReport:
-    """What reference.json says of a reconstruction.
-
-    Args:
-        reconstruction: of the dense capture.
-        settings: it was made with.
-        seconds: wall time of the whole run.
-        cpu_seconds: CPU time of it, all processes.
-        files: of the result, with their hashes.
-    """
+    """What reference.json says of a reconstruction."""
     scene = reconstruction.scene
     found = _described(reconstruction, settings, seconds, cpu_seconds, files, outline_of(settings))
     return ReferenceReport(
@@ -87,14 +79,7 @@ def plot_evaluation(
     """What evaluation.json says of a plot that was reconstructed.
 
     Args:
-        name: of the plot.
-        reconstruction: of its capture, in the reference's frame where there is one.
-        settings: it was made with.
-        score: against the reference; None without one.
         correction: by ICP, where it was asked for.
-        seconds: wall time spent on this plot.
-        cpu_seconds: CPU time spent on it.
-        files: of the result that belong to this plot.
         findings: of scoring, beside those of the reconstruction.
         plants: that count, where they are others than the reconstruction's: moved onto the reference.
         outline: of the plot; None takes the settings' bounds.

@@ -29,6 +29,7 @@ from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
 from fieldkit.results.fields import clean_text
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import EVALUATION_FILE, file_sha256
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.sites.plot_ids import plot_file_name
 
@@ -105,7 +106,7 @@ def evaluate_captures(
             try:
                 return evaluate_plot(
                     name, partial(given, name, path), folder, plot_file_name(name, RESERVED), settings,
-                    cache=cache, progress=progress, workers=workers, alone=alone,
+                    Context(cache, progress, workers), alone=alone,
                 )  # fmt: skip
             except Exception as error:
                 if alone or isinstance(error, StorageError):

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from fieldkit.cache import StageCache
 from fieldkit.captures import Capture
 from fieldkit.clouds import Cloud, CloudScore, ReferenceIndex, score, write_cloud
 from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
@@ -33,8 +32,8 @@ from fieldkit.results.evaluation import CorrectionEntry, EvaluationReport, PlotE
 from fieldkit.results.fields import vector
 from fieldkit.results.finding import Finding
 from fieldkit.results.report_files import EVALUATION_FILE, describe_files, save_report
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import processor_seconds
-from fieldkit.runtime.progress import Progress
 
 PLOTS_FILE = "plots.csv"
 RESERVED = (EVALUATION_FILE, PLOTS_FILE, TRAITS_FILE)
@@ -109,28 +108,23 @@ def evaluate_plot(
     folder: Path,
     place: str,
     settings: ReconstructionSettings,
+    context: Context,
     *,
-    cache: StageCache,
-    progress: Progress,
-    workers: int = 1,
     photographs: int = 0,
     alone: bool = False,
 ) -> PlotEvaluation:
     """Evaluate one plot: with its error where it cannot be.
 
     Args:
-        plot: its name.
         read: reads its photographs.
-        folder: of the evaluation.
         place: the plot's folder in it, new.
-        settings: choices.
         photographs: that are known of before they are read.
         alone: raise what is wrong with its input.
     """
     spent = Spent.now()
     try:
         with storage_errors(folder):
-            return _evaluated(plot, read(), folder, place, settings, spent, cache, progress, workers)
+            return _evaluated(plot, read(), folder, place, settings, spent, context)
     except Exception as error:
         shutil.rmtree(folder / place, ignore_errors=True)
         if not isinstance(error, FieldkitError) or isinstance(error, StorageError):
@@ -138,7 +132,7 @@ def evaluate_plot(
         # One bad folder among many must not cost the others; alone, its own exit code says more.
         if alone and isinstance(error, InputError):
             raise
-        progress.note(f"{plot}: {error}")
+        context.progress.note(f"{plot}: {error}")
         return failed_plot(
             plot, error, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds, photographs=photographs
         )  # fmt: skip
@@ -160,19 +154,18 @@ def _evaluated(
     place: str,
     settings: ReconstructionSettings,
     spent: Spent,
-    cache: StageCache,
-    progress: Progress,
-    workers: int,
+    context: Context,
 ) -> PlotEvaluation:
+    progress = context.progress
     scoring, rasters = given.scoring, given.rasters
     reference = scoring.reference
     settings_of_reference = reference.report.settings if isinstance(reference, Reference) else None
     found = reconstruct(
-        given.capture, settings, cache=cache, progress=progress, workers=workers, known_plot=given.known_plot,
-        reach_m=REFERENCE_REACH_M if scoring.refine else 0.0,
+        given.capture, settings, cache=context.cache, progress=progress, workers=context.workers,
+        known_plot=given.known_plot, reach_m=REFERENCE_REACH_M if scoring.refine else 0.0,
     )  # fmt: skip
     if rasters is not None:
-        found = with_scene(found, settings, cache=cache, progress=progress, workers=workers)
+        found = with_scene(found, settings, cache=context.cache, progress=progress, workers=context.workers)
     plants, correction, result = found.plants, None, None
     findings: list[Finding] = []
     with progress.stage("Scoring"):

@@ -109,12 +109,7 @@ def prediction_model() -> PredictionModel:
 
 
 def plot_features(found: ReconstructionEntry, supported: Evidence | None) -> dict[str, float] | str:
-    """The figures that predictions are made from, or why there are none.
-
-    Args:
-        found: the reconstruction's own figures.
-        supported: evidence of its cloud; None where it has none.
-    """
+    """The figures that predictions are made from, or why there are none."""
     if not found.metric:
         return NOTHING_METRIC
     if found.pose_rms_m is None:

@@ -101,11 +101,7 @@ def sampling_m(pixel_m: float, given_m: float | None = None) -> float:
 
 
 def require_rasters(frame: MetricFrame | None = None) -> None:
-    """Refuse rasters where they cannot be written.
-
-    Args:
-        frame: of the result; None where it is not known yet.
-    """
+    """Refuse rasters where they cannot be written."""
     if any(importlib.util.find_spec(name) is None for name in ("rasterio", "pyproj")):
         raise UsageError("rasters need the extra 'geo'", remedy="pip install 'fieldkit[geo]', or do without rasters.")
     if frame is not None and frame.origin is None:
@@ -122,7 +118,6 @@ def canopy_raster(plants: Cloud, scene: Cloud, frame: MetricFrame, cell_m: float
         plants: above the ground, plot frame; not empty.
         scene: with the ground, plot frame.
         frame: georeferenced, with a ground.
-        cell_m: edge of the cells.
     """
     if frame.ground is None:
         raise UsageError("there is no canopy height: no ground was found", remedy="Leave --rasters out.")
