@@ -81,14 +81,14 @@ def _read_drone(root: Element) -> tuple[int, int] | None:
 
 
 def _read_home(root: Element) -> Home | None:
-    values = _numbers(root.findtext("Document/missionConfig/takeOffRefPoint", ""))
-    if len(values) < 2 or values[0] is None or values[1] is None or not on_earth(values[0], values[1]):
-        return None
-    return Home(values[0], values[1], None)
+    place = _pair(root.findtext("Document/missionConfig/takeOffRefPoint", ""))
+    return Home(*place, None) if place is not None and on_earth(*place) else None
 
 
-def _numbers(text: str) -> list[float | None]:
-    return [number(part) for part in text.split(",")]
+def _pair(text: str) -> tuple[float, float] | None:
+    """The first two of some numbers."""
+    first, second = (number(part) for part in (*text.split(",", 2), "", "")[:2])
+    return None if first is None or second is None else (first, second)
 
 
 def _own(placemark: Element, folder: Element, switch: str, own: str, everybodys: str) -> Element | None:
@@ -147,16 +147,16 @@ class _Reader:
 
     def _read_placemark(self, placemark: Element, folder: Element) -> ReadStop:
         index = len(self.stops)
-        parts = _numbers(placemark.findtext("Point/coordinates") or "")
+        place = _pair(placemark.findtext("Point/coordinates") or "")
         height = number(placemark.findtext("executeHeight") or placemark.findtext("height") or "")
-        if len(parts) < 2 or parts[0] is None or parts[1] is None or height is None:
+        if place is None or height is None:
             raise MetadataError(f"waypoint {index} has no coordinates and height", path=self.path, remedy=_REMEDY)
         mode = folder.findtext("executeHeightMode") or "relativeToStartPoint"
         heading = _own(placemark, folder, "HeadingParam", "waypointHeadingParam", "globalWaypointHeadingParam")
         turn = _own(placemark, folder, "TurnParam", "waypointTurnParam/waypointTurnMode", "globalWaypointTurnMode")
         return ReadStop(
             index,
-            GeoPoint(parts[1], parts[0], height),
+            GeoPoint(place[1], place[0], height),
             height_from={"relativeToStartPoint": "home", "WGS84": "ellipsoid"}.get(mode, "ground"),
             facing=self._facing(heading, index),
             pitch_deg=self._pitch(placemark, index, folder.findtext("templateId", "0")),
@@ -175,9 +175,9 @@ class _Reader:
             case "smoothTransition":
                 return Facing("angle", number(text("waypointHeadingAngle")))
             case "towardPOI":
-                parts = _numbers(text("waypointPoiPoint"))
-                if len(parts) >= 2 and parts[0] is not None and parts[1] is not None and (parts[0] or parts[1]):
-                    return Facing("poi", poi=GeoPoint(parts[0], parts[1], 0.0))  # its height is not aimed at
+                place = _pair(text("waypointPoiPoint"))
+                if place is not None and place != (0.0, 0.0):
+                    return Facing("poi", poi=GeoPoint(*place, 0.0))  # its height is not aimed at
                 self._remark(index, "faces a point of interest that the file does not have")
                 return Facing("poi")
             case "followWayline":
@@ -201,11 +201,9 @@ class _Reader:
             return pitch if mode == "smoothTransition" else None
         key = template, placemark.findtext("index", "")
         wanted = self.set_pitches.get(key, 0.0)
-        if wanted is None:
-            return None
-        if key in self.set_pitches and abs(wanted - pitch) <= _SAME_DEG:
+        if wanted is not None and key in self.set_pitches and abs(wanted - pitch) <= _SAME_DEG:
             return pitch
-        if pitch == 0.0:
+        if wanted is None or pitch == 0.0:
             return None
         self._remark(index, f"waypointGimbalPitchAngle is taken to count ({pitch:g}°): nothing in the file says so")
         return pitch
@@ -241,7 +239,6 @@ class _Reader:
             self.stops[start] = replace(self.stops[start], uncounted=True)
             self.remarks.append(in_passing(every, _INTERVALS[trigger], start, end))
         elif functions:
-            self.stops[start] = replace(self.stops[start], uncounted="takePhoto" in functions)
             how = ", ".join(text[:30] for text in (trigger, group.findtext("actionGroupMode", "")) if text)
             what = ", ".join(functions)[:60]
             self._refuse(here, f"{what} in an action group ({how or 'without a trigger'})")
