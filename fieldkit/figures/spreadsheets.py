@@ -6,10 +6,8 @@ is full or not writable.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from operator import attrgetter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from fieldkit.documents.csv_text import csv_text
 from fieldkit.files import write_atomic
@@ -38,44 +36,36 @@ def write_plots_csv(path: Path, report: EvaluationReport) -> None:
 
 def plots_csv(report: EvaluationReport) -> str:
     """One row per plot, in order. The columns depend only on the report's distances."""
-    columns = plot_columns([distance_key(distance) for distance in report.distances_m])
-    return csv_text(list(columns), ([value(plot) for value in columns.values()] for plot in report.plots))
+    rows = [plot_row(plot, [distance_key(distance) for distance in report.distances_m]) for plot in report.plots]
+    return csv_text(list(rows[0]), (row.values() for row in rows))
 
 
-def plot_columns(distances: Sequence[str]) -> Mapping[str, Callable[[PlotEvaluation], Any]]:
-    """The columns of plots.csv with their values, for distances as `distance_key` writes them."""
+def plot_row(plot: PlotEvaluation, distances: Sequence[str]) -> Mapping[str, object]:
+    """A plot's values by column of plots.csv, for distances as `distance_key` writes them."""
 
-    def own(*names: str) -> dict[str, Callable[[PlotEvaluation], Any]]:
-        return {name: attrgetter(name) for name in names}
+    def own(*names: str) -> dict[str, object]:
+        return {name: getattr(plot, name) for name in names}
 
-    def part(name: str, field: str) -> Callable[[PlotEvaluation], Any]:
-        return lambda plot: None if (found := getattr(plot, name)) is None else getattr(found, field)
-
-    def at(kind: str, distance: str) -> Callable[[PlotEvaluation], Any]:
-        return lambda plot: (getattr(plot, kind) or {}).get(distance)
-
-    def shift(plot: PlotEvaluation) -> float | None:
-        return None if plot.correction is None else sum(v**2 for v in plot.correction.translation_m) ** 0.5
-
+    moved, told = plot.correction, plot.prediction
+    scores = {"f_score": plot.f_score, "precision": plot.precision, "recall": plot.recall}
     return {
-        "plot": attrgetter("name"),
+        "plot": plot.name,
         **own("images", "registered", "right"),
-        "models": lambda plot: len(plot.models),
+        "models": len(plot.models),
         **own("method", "metric_source", "metric", "pose_rms_m", "chamfer_m", "accuracy_m", "completeness_m"),
-        **{f"{kind}_{distance}": at(kind, distance) for kind in ("f_score", "precision", "recall")
-           for distance in distances},
+        **{f"{kind}_{key}": (found or {}).get(key) for kind, found in scores.items() for key in distances},
         **own("points", "gsd_m", "features_per_image", "reprojection_px", "track_length", "points_per_plant_voxel"),
-        "correction_m": shift,
-        "correction_deg": part("correction", "angle_deg"),
-        "correction_scale": part("correction", "scale"),
-        "correction_rms_m": part("correction", "rms_m"),
+        "correction_m": moved and sum(v**2 for v in moved.translation_m) ** 0.5,
+        "correction_deg": moved and moved.angle_deg,
+        "correction_scale": moved and moved.scale,
+        "correction_rms_m": moved and moved.rms_m,
         **own("seconds", "cpu_seconds"),
-        "error": part("error", "message"),
-        "predicted_chamfer_m": part("prediction", "chamfer_m"),
-        "predicted_low_m": part("prediction", "low_m"),
-        "predicted_high_m": part("prediction", "high_m"),
-        "no_prediction": part("prediction", "reason"),
-    }  # fmt: skip
+        "error": plot.error and plot.error.message,
+        "predicted_chamfer_m": told and told.chamfer_m,
+        "predicted_low_m": told and told.low_m,
+        "predicted_high_m": told and told.high_m,
+        "no_prediction": told and told.reason,
+    }
 
 
 def trait_row(plot: str, date: str | None, traits: TraitsEntry | None, error: str = "") -> Row:

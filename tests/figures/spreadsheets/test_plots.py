@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from fieldkit.documents.csv_text import on_one_line
-from fieldkit.figures.spreadsheets import plot_columns, plots_csv, write_plots_csv
+from fieldkit.figures.spreadsheets import plot_row, plots_csv, write_plots_csv
 from fieldkit.results.evaluation import Prediction
 from tests.figures.terminal.test_results import FAILED, report, scored
 
@@ -19,8 +19,8 @@ class TestCsv:
         evaluation = report(scored("a"), FAILED)
         write_plots_csv(tmp_path / "plots.csv", evaluation)
         first, second = csv.DictReader((tmp_path / "plots.csv").read_text("utf-8").splitlines())
-        assert list(first) == list(plot_columns(["0.002", "0.005", "0.010", "0.020"]))
         plot = evaluation.plots[0]
+        assert list(first) == list(plot_row(plot, ["0.002", "0.005", "0.010", "0.020"]))
         assert float(first["chamfer_m"]) == plot.chamfer_m
         assert float(first["f_score_0.005"]) == plot.f_score["0.005"]  # type: ignore[index]
         assert (first["registered"], first["metric"], first["error"]) == ("7", "true", "")
