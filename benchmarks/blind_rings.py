@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from benchmarks.result import Cell, ResultTable, StudyResult, spread
 from benchmarks.rigs import RIG_FILE, read_rig, uniform_subset
 from benchmarks.scene_views import SceneUnderStudy, load_scene, photograph, ring_about_plants, study_scenes
-from fieldkit.cache import StageCache
 from fieldkit.captures import Photo, read_capture
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.cameras import guessed_camera
@@ -23,6 +22,7 @@ from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.mapping.blind import map_blindly
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import exhaustive_pairs, load_features, load_pairs
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.renderer import Renderer
 
@@ -167,13 +167,12 @@ def _map(
     n, names = len(photos), [photo.name for photo in photos]
     camera = guessed_camera(photos[0].width, photos[0].height)
     with progress.stage(f"Features of {n}", n) as advance:
-        keyed = load_features(photos, settings, cache=StageCache(None), workers=1, advance=advance)
+        keyed = load_features(photos, settings, advance=advance, context=Context())
     wanted = exhaustive_pairs(n, [None] * n, n)
     with progress.stage(f"Pairs of {n}", len(wanted)) as advance:
         pairs, _ = load_pairs(
             keyed, [camera], [0] * n, wanted, ReconstructionSettings().verification, calibrated=False, seed=0,
-            cache=StageCache(None), workers=1, advance=advance,
-        )  # fmt: skip
+            advance=advance, context=Context())  # fmt: skip
     around = [tuple(sorted((i, (i + 1) % n))) for i in range(n)]
     neighbours = float(np.median([len(pairs[i, j].inliers) if (i, j) in pairs else 0 for i, j in around]))
     found: list[tuple[tuple[int, ...], Centers, float]] = []

@@ -13,12 +13,12 @@ from benchmarks.captures import RenderedPlot, rendered_plot
 from benchmarks.result import ResultTable, StudyResult
 from benchmarks.scenes import Split, benchmark_cameras
 from benchmarks.sgbm import sgbm_depth_maps
-from fieldkit.cache import StageCache
 from fieldkit.clouds import Cloud, score
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.dense import DenseSettings, View, compute_depth_maps, fuse, prepare_view
-from fieldkit.runtime.progress import Progress, Silent
+from fieldkit.runtime.context import Context
+from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.renderer import Renderer
 
 IMAGES = 10
@@ -108,7 +108,7 @@ def measure(
         if method.startswith("SGBM"):
             maps = sgbm_depth_maps(views, volume, settings)
         else:
-            maps = compute_depth_maps(views, volume, settings, seed=0, progress=Silent(), cache=StageCache(None))
+            maps = compute_depth_maps(views, volume, settings, seed=0, context=Context())
         matched = time.process_time()
         cloud = fuse(views, maps, volume, settings)
         fused = time.process_time()
@@ -131,7 +131,7 @@ def warm_up(
     """Compile the kernels."""
     views = _views(photographs[:3], poses[:3], intrinsics)
     settings = DenseSettings(fidelity="standard")
-    maps = compute_depth_maps(views, volume, settings, seed=0, progress=Silent(), cache=StageCache(None))
+    maps = compute_depth_maps(views, volume, settings, seed=0, context=Context())
     fuse(views, maps, volume, settings)
 
 

@@ -16,6 +16,7 @@ from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.reconstruction.pipeline import reconstruct
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.renderer import Renderer
 
@@ -48,7 +49,7 @@ def depth_error(source: SimulatedSource, cameras: Cameras, seed: int) -> DepthEr
             bounds=volume, trust_orientations=True,
         )  # fmt: skip
         try:
-            found = reconstruct(shot.capture, wanted, cache=source.cache, progress=Silent(), known_plot=source.plot)
+            found = reconstruct(shot.capture, wanted, known_plot=source.plot, context=Context(source.cache))
             points = found.nearby.points
         except ReconstructionError:
             pass

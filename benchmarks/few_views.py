@@ -24,6 +24,7 @@ from fieldkit.reconstruction.mapping.blind import map_blindly
 from fieldkit.reconstruction.mapping.prior import map_with_priors
 from fieldkit.reconstruction.settings import BLIND_METHODS, ReconstructionSettings
 from fieldkit.reconstruction.stages import KeyedFeatures, exhaustive_pairs, load_features, load_pairs
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 
 RIG_ANGLE_SIGMA_DEG = 0.7
@@ -152,7 +153,7 @@ def run_subset(
     names = uniform_subset(rig.names, size, phase)
     settings = ReconstructionSettings()
     photos = [rig.capture.photo(name) for name in names]
-    keyed = load_features(photos, settings.features, cache=cache, workers=1, advance=lambda _: None)
+    keyed = load_features(photos, settings.features, context=Context(cache))
     total = draws * (len(BLIND_METHODS) + len(noises))
     with progress.stage(f"{rig.name}, {size} views, phase {phase}", total) as advance:
         found = [(method, "", draw, poses, cpu) for method, draw, poses, cpu in _blind(rig, names, keyed, draws)]
@@ -250,8 +251,7 @@ def _blind(
     start = time.process_time()
     wanted = exhaustive_pairs(len(names), [None] * len(names), len(names))
     pairs, _ = load_pairs(
-        keyed, [rig.intrinsics], camera_of, wanted, settings.verification, calibrated=True, seed=0,
-        cache=StageCache(None), workers=1, advance=lambda _: None,
+        keyed, [rig.intrinsics], camera_of, wanted, settings.verification, Context(), calibrated=True, seed=0
     )  # fmt: skip
     matching = time.process_time() - start
     found = []

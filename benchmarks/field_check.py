@@ -17,8 +17,9 @@ from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.fieldcheck.check import Run, check_captures
 from fieldkit.fieldcheck.model import CheckReport, CheckSettings
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import this_machine
-from fieldkit.runtime.progress import Progress, Silent
+from fieldkit.runtime.progress import Progress
 
 TUNING = ("tuning-1", "tuning-2")
 """Scenes that the limits were chosen on."""
@@ -134,7 +135,7 @@ def _mistakes(tally: Tally) -> list[str]:
 
 def check_faulty(plot: PlotPhotographs, faulty: FaultyCapture, cache: StageCache, workers: int) -> Tally:
     """Check one capture and compare verdicts with faults."""
-    run = Run(plot.plan, CheckSettings(), cache, workers, Silent())
+    run = Run(plot.plan, CheckSettings(), Context(cache, workers=workers))
     site = plot.site if faulty.capture.origin is not None else None
     report = run.check(plot.name, plot.folder, faulty.capture, site, None if site is None else site.plots[0])
     return _tally(report, faulty, plot)

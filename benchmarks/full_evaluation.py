@@ -27,6 +27,7 @@ from fieldkit.reconstruction.dense import DenseSettings
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
 from fieldkit.reconstruction.result import clearance
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.scenes.simulate import CaptureNoise
 
@@ -159,7 +160,10 @@ def ours(case: Case, progress: Progress) -> Side:
     capture = read_capture(case.folder)
     try:
         found = reconstruct(
-            capture, ReconstructionSettings(), cache=StageCache(None), progress=progress, known_plot=case.plot
+            capture,
+            ReconstructionSettings(),
+            known_plot=case.plot,
+            context=Context(cache=StageCache(None), progress=progress),
         )
     except ReconstructionError as error:
         return Side(OURS, {}, time.process_time() - start, 0, 0, error=str(error))

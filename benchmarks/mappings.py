@@ -17,6 +17,7 @@ from fieldkit.errors import ReconstructionError
 from fieldkit.reconstruction.pipeline import place
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import StageTimer
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.vocabulary import MappingChoice
 
@@ -81,7 +82,7 @@ def map_set(
     capture = read_capture(data / name / "images")
     found = None
     with suppress(ReconstructionError):  # no model is a result too
-        found, _ = place(capture, ReconstructionSettings(mapping=method), [], cache, timer, 1, None)
+        found, _ = place(capture, ReconstructionSettings(mapping=method), [], Context(cache, timer))
     stages = {stage.name: stage.cpu_s for stage in timer.times({})}
     return MappingRun(
         set_name=name,

@@ -29,6 +29,7 @@ from fieldkit.reconstruction.pipeline import KnownPlot, place
 from fieldkit.reconstruction.result import clearance
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import StageTimer
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.vocabulary import SearchFidelity
 
@@ -146,7 +147,7 @@ def witnessed_cloud(
         plot: of the reference: its frame and volume.
     """
     settings = ReconstructionSettings()
-    sparse, _ = place(capture, settings, [], cache, StageTimer(progress), 1, None)
+    sparse, _ = place(capture, settings, [], Context(cache, StageTimer(progress)))
     dense = DenseSettings(fidelity=settings.fidelity, min_agreeing=settings.min_agreeing_views)
     views = [
         prepare_view(
@@ -156,7 +157,7 @@ def witnessed_cloud(
         for name in names
         if name in sparse.poses
     ]  # fmt: skip
-    maps = compute_depth_maps(views, plot.volume, dense, seed=settings.seed, progress=progress, cache=cache)
+    maps = compute_depth_maps(views, plot.volume, dense, seed=settings.seed, context=Context(cache, progress))
     cloud = fuse(views, maps, plot.volume, dense)
     if plot.ground is None:
         return cloud

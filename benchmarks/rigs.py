@@ -24,6 +24,7 @@ from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.pipeline import place
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import StageTimer
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 
 Matrix = NDArray[np.float64]
@@ -59,7 +60,7 @@ def load_rig(data: Path, name: str, *, cache: StageCache, progress: Progress, wo
     """A rig of the recorded sets with the model of all its photographs (through the cache)."""
     capture = read_capture(data / name / "images")
     commanded = read_rig(data / name / RIG_FILE)
-    sparse, _ = place(capture, ReconstructionSettings(), [], cache, StageTimer(progress), workers, None)
+    sparse, _ = place(capture, ReconstructionSettings(), [], Context(cache, StageTimer(progress), workers))
     names = tuple(n for n in commanded if n in sparse.poses)
     source = np.array([sparse.poses[n].center for n in names])
     centers = np.array([commanded[n][0] for n in names])

@@ -49,7 +49,8 @@ from fieldkit.reconstruction.evidence import evidence
 from fieldkit.reconstruction.pipeline import reconstruct
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import ReconstructionEntry
-from fieldkit.runtime.progress import Progress, Silent
+from fieldkit.runtime.context import Context
+from fieldkit.runtime.progress import Progress
 
 Array = NDArray[np.float64]
 
@@ -361,7 +362,7 @@ def recorded_plot(name: str, scene: str, folder: Path, reference: Reference, cac
     """A capture reconstructed without the reference and scored against it; None without figures."""
     settings = ReconstructionSettings()
     try:
-        found = reconstruct(read_capture(folder), settings, cache=cache, progress=Silent())
+        found = reconstruct(read_capture(folder), settings, context=Context(cache))
     except ReconstructionError:
         return None
     entry = plot_evaluation(name, found, settings, score=None, seconds=0.0, cpu_seconds=0.0)

@@ -34,8 +34,9 @@ from fieldkit.planning.space.families import families
 from fieldkit.reconstruction.pipeline import reconstruct
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import processor_seconds
-from fieldkit.runtime.progress import Progress, Silent
+from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.renderer import Renderer
@@ -187,7 +188,7 @@ def _evaluate(folder: Path, name: str, design: Design, capture: Path, proxy: Pro
     wall, cpu = time.perf_counter(), processor_seconds()
     read = read_capture(capture)
     try:
-        found = reconstruct(read, settings, cache=cache, progress=Silent())
+        found = reconstruct(read, settings, context=Context(cache))
     except ReconstructionError as error:
         plot = failed_plot(
             name, error, photographs=len(read.photos), seconds=time.perf_counter() - wall,

@@ -17,6 +17,7 @@ from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.mapping.prior import PriorMappingSettings
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import load_features
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 
 SETS: Mapping[str, Sequence[int]] = {"basil_rig": (10, 13), "arabidopsis_rig": (10, 13)}
@@ -85,7 +86,7 @@ def _outcomes(
     for phase, names in enumerate(chosen):
         wanted = ReconstructionSettings(features=FeatureSettings(kept=float(np.sqrt(kept)), draw=phase), prior=settings)
         photos = [rig.capture.photo(name) for name in names]
-        keyed = load_features(photos, wanted.features, cache=cache, workers=1, advance=lambda _: None)
+        keyed = load_features(photos, wanted.features, context=Context(cache))
         left = [each.features for each in keyed]
         found.append(assess(map_with_noise(rig, names, left, GOAL, phase, wanted)[0], rig))
     return found

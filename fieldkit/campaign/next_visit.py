@@ -29,7 +29,7 @@ from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
 from fieldkit.results.plan import Plan, PlanMethod, PlanPlants, PlanSource
 from fieldkit.results.plan_file import plan_from_poses, save_plan
-from fieldkit.runtime.executor import map_parallel
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.plants_apart import tell_apart
 from fieldkit.sites.fitted import fitted_to_height
@@ -65,9 +65,8 @@ class NextPlan:
 
 
 def next_plans(
-    campaign: Campaign, vehicle: Vehicle | None, *, growth: float = GROWTH, seed: int = 0, workers: int = 1,
-    progress: Progress,
-) -> tuple[NextPlan, ...]:  # fmt: skip
+    campaign: Campaign, vehicle: Vehicle | None, context: Context, *, growth: float = GROWTH
+) -> tuple[NextPlan, ...]:
     """A plan for every plot of a campaign, in the plots' order; nothing is photographed.
 
     Plants of the last visit with a cloud are made taller and wider by ``growth``: each about its foot where they can
@@ -84,11 +83,11 @@ def next_plans(
             remedy="Make it again with fieldkit plan.",
         )  # fmt: skip
     known = [_cloud_of(campaign, plot.name) for plot in campaign.site.plots]
-    make = partial(_next_plan, vehicle, growth, seed)
+    make = partial(_next_plan, vehicle, growth, context.seed)
     items = [(campaign.carried_plan(plot.name), plot, *found)
              for plot, found in zip(campaign.site.plots, known, strict=True)]  # fmt: skip
-    with progress.stage("Planning the next visit", len(items)) as advance:
-        return tuple(map_parallel(make, items, workers=workers, advance=advance))
+    with context.progress.stage("Planning the next visit", len(items)) as advance:
+        return tuple(context.map(make, items, advance))
 
 
 def grown(cloud: Cloud, growth: float) -> Cloud:
@@ -241,7 +240,7 @@ def plan_next_visit(
         date: of the visit, ISO 8601: visits from then on are compared with these plans.
         output: the mission file.
         vehicle: a profile's name or file; the campaign's own where None.
-        growth, seed, workers, progress: as `next_plans`.
+        growth: as `next_plans`.
         plant_height, format: as `export_mission`; a height is needed for plots without a visit alone.
         overwrite: replace plans for the date, and files.
 
@@ -259,9 +258,8 @@ def plan_next_visit(
         )
     profile = load_vehicle(given)
     site = with_plant_height(campaign.site, campaign.plan, plant_height)
-    plans = next_plans(
-        replace(campaign, site=site), profile, growth=growth, seed=seed, workers=workers, progress=progress
-    )
+    context = Context(progress=progress, workers=workers, seed=seed)
+    plans = next_plans(replace(campaign, site=site), profile, context, growth=growth)
     tops = [None if each.date is None else PlanFacts(each.plan).top_m for each in plans]
     plots = tuple(_at_least(plot, top_m) for plot, top_m in zip(site.plots, tops, strict=True))
     mission = export_mission(

@@ -17,6 +17,7 @@ from fieldkit.cli.reconstruction_options import (
     RasterOptions,
     ReconstructionOptions,
     RunOptions,
+    SchedulerOption,
     parse_distances,
     parse_frame,
     run_context,
@@ -87,6 +88,7 @@ def command(
         bool, Option("--no-wait", help="In a campaign: do not wait for another run in it to end.")
     ] = False,
     run: RunOptions,
+    scheduler: SchedulerOption = "",
     as_json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -116,7 +118,7 @@ def command(
     cache = run.cache()
     if output is None:
         folder = _campaign_folder(context, campaign, flight, poses)
-        return _in_campaign(folder, captures, cache, run, wait=not no_wait, as_json=as_json)
+        return _in_campaign(folder, captures, cache, run, scheduler, wait=not no_wait, as_json=as_json)
     if campaign is not None:
         raise UsageError("a campaign's results go into its own folder", remedy="Leave -o out, or --campaign.")
     distances_m, settings = parse_distances(distances), reconstruction.settings(run.seed)
@@ -131,6 +133,7 @@ def command(
             captures, output, settings, reference=reference, reference_frame=frame, refine=refine,
             distances_m=distances_m, log=flight.log, plan=flight.plan, poses=given, rasters=wanted,
             cache=cache, progress=progress, overwrite=run.overwrite, workers=run.processes,
+            scheduler=scheduler,
         )  # fmt: skip
     if as_json:
         emit_json(
@@ -169,13 +172,22 @@ def _campaign_folder(context: Context, campaign: Path | None, flight: FlightOpti
     return folder
 
 
-def _in_campaign(folder: Path, captures: Path, cache: StageCache, run: RunOptions, *, wait: bool, as_json: bool) -> int:
+def _in_campaign(
+    folder: Path, captures: Path, cache: StageCache, run: RunOptions, scheduler: str, *, wait: bool, as_json: bool
+) -> int:
     """Evaluate the photographs' visits in a campaign."""
     from fieldkit.campaign.run import evaluate_campaign
 
     with run_context(as_json=as_json) as progress:
         done = evaluate_campaign(
-            folder, captures, cache=cache, progress=progress, workers=run.processes, wait=wait, overwrite=run.overwrite
+            folder,
+            captures,
+            cache=cache,
+            progress=progress,
+            workers=run.processes,
+            scheduler=scheduler,
+            wait=wait,
+            overwrite=run.overwrite,
         )
     if as_json:
         emit_json(

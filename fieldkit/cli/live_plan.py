@@ -90,7 +90,7 @@ class Status:
         work = self.done + self.weight * self.confirmed
         searched = self.done if self.confirmed else self.total
         left = searched + self.weight * self.confirmations - work
-        return seconds * left / work if work else None
+        return seconds * left / work if work and left > 0 else None
 
     def line(self) -> str:
         """One line for a log."""

@@ -10,7 +10,7 @@ from typer import Option
 
 from fieldkit.cli.common import RUN, SEED, OverwriteOption, ResumeOption, scenes_like, vehicles_like
 from fieldkit.cli.numbers import read_numbers, read_pose_noise
-from fieldkit.cli.reconstruction_options import WorkersOption
+from fieldkit.cli.reconstruction_options import SchedulerOption, WorkersOption
 from fieldkit.errors import UsageError
 from fieldkit.vocabulary import MappingName, PlanningMethod, SearchFidelity
 
@@ -144,9 +144,7 @@ class RunOptions:
 
     seed: Annotated[int | None, SEED] = None
     workers: WorkersOption = None
-    scheduler: Annotated[
-        str, Option("--scheduler", metavar="URL", help="Evaluate on a Dask cluster: tcp://host:8786.")
-    ] = ""
+    scheduler: SchedulerOption = ""
     resume: ResumeOption = False
     overwrite: OverwriteOption = False
 

@@ -34,6 +34,12 @@ WorkersOption = Annotated[
     int | None,
     Option("--workers", min=1, rich_help_panel=RUN, help="Processes; as many as cores and memory allow if not given."),
 ]
+SchedulerOption = Annotated[
+    str,
+    Option(
+        "--scheduler", metavar="URL", rich_help_panel=RUN, help="Compute on a Dask cluster instead: tcp://host:8786."
+    ),
+]
 NoCacheOption = Annotated[
     bool, Option("--no-cache", rich_help_panel=RUN, help="Neither use nor keep what stages computed.")
 ]

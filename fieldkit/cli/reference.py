@@ -14,6 +14,7 @@ from fieldkit.cli.reconstruction_options import (
     RasterOptions,
     ReconstructionOptions,
     RunOptions,
+    SchedulerOption,
     run_context,
 )
 from fieldkit.errors import UsageError
@@ -27,6 +28,7 @@ def command(
     poses: PosesOptions,
     rasters: RasterOptions,
     run: RunOptions,
+    scheduler: SchedulerOption = "",
     no_scene: Annotated[bool, Option("--no-scene", help="The plants alone, without scene.ply.")] = False,
     as_json: JsonOption = False,
     debug: DebugOption = False,
@@ -66,7 +68,7 @@ def command(
     with run_context(as_json=as_json) as progress:
         report = build_reference(
             images, output, settings, cache=cache, progress=progress, overwrite=run.overwrite, resume=run.resume,
-            workers=run.processes, scene=not no_scene, poses=given, rasters=wanted,
+            workers=run.processes, scheduler=scheduler, scene=not no_scene, poses=given, rasters=wanted,
         )  # fmt: skip
     if as_json:
         emit_json({"output": output, **report.model_dump(mode="json", exclude={"image_reports"})})

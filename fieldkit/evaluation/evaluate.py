@@ -53,6 +53,7 @@ def evaluate_captures(
     progress: Progress,
     overwrite: bool = False,
     workers: int = 1,
+    scheduler: str = "",
 ) -> EvaluationReport:
     """Reconstruct and score captures of one plot or of many.
 
@@ -71,6 +72,7 @@ def evaluate_captures(
         poses: that another program found, of all plots; None takes what lies beside each one's photographs.
         rasters: to be written into each plot's folder.
         overwrite: replace an earlier evaluation in ``output``.
+        scheduler: as `build_reference`.
 
     Returns:
         The report; plots that failed are in it with their error, and do not stop the others.
@@ -82,7 +84,7 @@ def evaluate_captures(
             is raised.
     """
     settings = settings or ReconstructionSettings()
-    spent = Spent.now()
+    context, spent = Context(cache, progress, workers, settings.seed, scheduler), Spent.now()
     if poses is not None and log is not None:
         raise UsageError("poses come from a flight log or from another program", remedy="Give --log or --poses.")
     with atomic_folder(output, overwrite=overwrite, marker=EVALUATION_FILE) as folder:
@@ -106,7 +108,7 @@ def evaluate_captures(
             try:
                 return evaluate_plot(
                     name, partial(given, name, path), folder, plot_file_name(name, RESERVED), settings,
-                    Context(cache, progress, workers), alone=alone,
+                    context, alone=alone,
                 )  # fmt: skip
             except Exception as error:
                 if alone or isinstance(error, StorageError):

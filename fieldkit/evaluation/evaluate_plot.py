@@ -156,16 +156,15 @@ def _evaluated(
     spent: Spent,
     context: Context,
 ) -> PlotEvaluation:
-    progress = context.progress
-    scoring, rasters = given.scoring, given.rasters
+    scoring, rasters, progress = given.scoring, given.rasters, context.progress
     reference = scoring.reference
     settings_of_reference = reference.report.settings if isinstance(reference, Reference) else None
     found = reconstruct(
-        given.capture, settings, cache=context.cache, progress=progress, workers=context.workers,
-        known_plot=given.known_plot, reach_m=REFERENCE_REACH_M if scoring.refine else 0.0,
+        given.capture, settings, context, known_plot=given.known_plot,
+        reach_m=REFERENCE_REACH_M if scoring.refine else 0.0,
     )  # fmt: skip
     if rasters is not None:
-        found = with_scene(found, settings, cache=context.cache, progress=progress, workers=context.workers)
+        found = with_scene(found, settings, context)
     plants, correction, result = found.plants, None, None
     findings: list[Finding] = []
     with progress.stage("Scoring"):

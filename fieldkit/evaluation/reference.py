@@ -30,6 +30,7 @@ from fieldkit.results.report_files import (
     load_reference_report,
     save_report,
 )
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import processor_seconds
 from fieldkit.runtime.progress import Progress
 
@@ -49,6 +50,7 @@ def build_reference(
     overwrite: bool = False,
     resume: bool = False,
     workers: int = 1,
+    scheduler: str = "",
     scene: bool = True,
     poses: PosesFile | None = None,
     rasters: Rasters | None = None,
@@ -65,6 +67,7 @@ def build_reference(
         settings: choices; None takes the defaults.
         overwrite: replace an earlier reference in ``output``.
         resume: add the scene to an earlier reference in ``output`` that was made alike and has none.
+        scheduler: address of a Dask cluster that computes instead of processes; its workers see the same files.
         scene: also reconstruct what is not plant.
         poses: that another program found; None takes what lies beside the photographs.
         rasters: to be written, too; they need the scene. A note says where they cannot be.
@@ -75,16 +78,17 @@ def build_reference(
         ReconstructionError: they do not reconstruct.
     """
     settings = settings or ReconstructionSettings()
+    context = Context(cache, progress, workers, settings.seed, scheduler)
     begun = time.perf_counter(), processor_seconds()
     goes_on = resume and scene and _lacks_scene(output, images, settings)
     with atomic_folder(output, overwrite=overwrite or goes_on, marker=REFERENCE_FILE) as folder:
         capture = read_capture(images, poses=poses)
-        found = reconstruct(capture, settings, cache=cache, progress=progress, workers=workers)
+        found = reconstruct(capture, settings, context)
         color_points(found.sparse.model, found.sparse.capture.photos)
         if not scene:
             found = replace(found, scene=None)
         elif goes_on or _is_here(output):
-            found = with_scene(found, settings, cache=cache, progress=progress, workers=workers)
+            found = with_scene(found, settings, context)
         report = _write(folder, found, settings, progress, begun, rasters)
     if not scene or found.scene is not None:
         return report
@@ -93,7 +97,7 @@ def build_reference(
         "(--no-scene leaves it out, and --resume adds it later)"
     )
     with atomic_folder(output, overwrite=True, marker=REFERENCE_FILE) as folder:
-        found = with_scene(found, settings, cache=cache, progress=progress, workers=workers)
+        found = with_scene(found, settings, context)
         return _write(folder, found, settings, progress, begun, rasters)
 
 

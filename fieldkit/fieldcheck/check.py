@@ -26,6 +26,7 @@ from fieldkit.geometry.stations import REACH_M
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import processor_seconds, this_machine
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.sites.fitted import flown_plan
@@ -91,15 +92,16 @@ def check_captures(
     place = load_site(site) if isinstance(site, Path) else site
     flight = None if log is None else Flight.read(log, plots)
     read = _reader(flight)
-    shared = (
-        settings or CheckSettings(), cache or StageCache(None), workers or this_machine().cores, progress or Silent(),
+    settings = settings or CheckSettings()
+    context = Context(
+        cache or StageCache(None), progress or Silent(), workers or this_machine().cores, settings.seed
     )  # fmt: skip
     reports = []
     for name, folder in plots:
         wall, cpu = time.perf_counter(), processor_seconds()
         chosen = None if place is None else _plot_of(place, plot, name)
         flown = loaded if chosen is None else flown_plan(loaded, chosen, fit)
-        report = Run(flown, *shared).check(name, folder, read(name, folder), place, chosen)
+        report = Run(flown, settings, context).check(name, folder, read(name, folder), place, chosen)
         spent = {"seconds": time.perf_counter() - wall, "cpu_seconds": processor_seconds() - cpu}
         reports.append(replace(report, **spent))  # type: ignore[arg-type]
     return tuple(reports)
@@ -132,11 +134,8 @@ def _plot_of(site: Site, name: str | None, folder: str) -> SitePlot:
 class Run:
     """The check of captures of one plan."""
 
-    def __init__(
-        self, plan: Plan, settings: CheckSettings, cache: StageCache, workers: int, progress: Progress
-    ) -> None:
-        self.plan, self.settings, self.cache = plan, settings, cache
-        self.workers, self.progress = workers, progress
+    def __init__(self, plan: Plan, settings: CheckSettings, context: Context) -> None:
+        self.plan, self.settings, self.context = plan, settings, context
 
     def check(
         self, name: str, folder: Path, capture: Capture, site: Site | None, plot: SitePlot | None
@@ -147,14 +146,11 @@ class Run:
                 f"{len(capture.photos)} photographs are too many for a check; {MAX_PHOTOGRAPHS} are the most",
                 path=folder, remedy="Give the photographs of one plot.",
             )  # fmt: skip
-        with self.progress.stage("Sharpness and exposure", len(capture.photos)) as advance:
-            pictures = load_pictures(capture.photos, cache=self.cache, workers=self.workers, advance=advance)
+        with self.context.progress.stage("Sharpness and exposure", len(capture.photos)) as advance:
+            pictures = load_pictures(capture.photos, self.context, advance)
         known = [capture.priors.get(name) for name in capture.names]
         positions = [None if p is None else p.position for p in known]
-        graph = find_ties(
-            capture, self.settings, cache=self.cache, workers=self.workers, progress=self.progress,
-            fallback=self.plan.camera, positions=positions,
-        )  # fmt: skip
+        graph = find_ties(capture, self.settings, self.context, fallback=self.plan.camera, positions=positions)
         capture, angles = angles_as_meant(capture, self.plan, site, plot, graph, seed=self.settings.seed)
         placed = place_tags(capture, self.plan, site, plot)
         consistency = _consistency(placed, self.plan, graph, self.settings)
@@ -164,9 +160,9 @@ class Run:
         )
         if not placed.station_of or placed.ambiguous:
             return _without_stations(report, capture, self.plan, looks, graph, placed)
-        with self.progress.stage("Guided matches"):
+        with self.context.progress.stage("Guided matches"):
             poses = believed_poses(placed, self.plan, consistency, looks, capture.names)
-            full = with_guided_ties(graph, poses, workers=self.workers, seed=self.settings.seed)
+            full = with_guided_ties(graph, poses, workers=self.context.workers, seed=self.settings.seed)
         judged = judge(Evidence(capture.names, self.plan, placed, looks, full, consistency, self.settings))
         shift = None if not np.isfinite(placed.shift_m).all() else tuple(float(v) for v in placed.shift_m)
         return replace(

@@ -14,11 +14,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.cache import StageCache, digest
+from fieldkit.cache import digest
 from fieldkit.captures import Capture, Photo, read_image
 from fieldkit.errors import CaptureError
 from fieldkit.fieldcheck.model import CheckSettings
 from fieldkit.reconstruction.versions import BESIDE
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import map_threads
 from fieldkit.runtime.progress import Advance
 
@@ -87,10 +88,9 @@ def measure_picture(gray: NDArray[np.uint8]) -> Picture:
     )
 
 
-def load_pictures(
-    photos: Sequence[Photo], *, cache: StageCache, workers: int, advance: Advance
-) -> dict[str, Picture]:  # fmt: skip
+def load_pictures(photos: Sequence[Photo], context: Context, advance: Advance) -> dict[str, Picture]:
     """Figures of photographs by name, from the cache where they are there."""
+    cache = context.cache
 
     def load(photo: Photo) -> Picture:
         key = digest("field-check-picture", BESIDE["field-check-picture"], photo.sha256)
@@ -103,7 +103,7 @@ def load_pictures(
         light, dark, bright, contrast, readable = (float(v) for v in kept["values"])
         return Picture(kept["widths"], light, dark, bright, contrast, bool(readable))
 
-    found = map_threads(load, photos, workers=workers, advance=advance)
+    found = map_threads(load, photos, workers=context.workers, advance=advance)
     return {photo.name: each for photo, each in zip(photos, found, strict=True)}
 
 

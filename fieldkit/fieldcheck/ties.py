@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fieldkit.cache import StageCache, digest
+from fieldkit.cache import digest
 from fieldkit.captures import Capture
 from fieldkit.fieldcheck.model import CheckSettings
 from fieldkit.geometry import Intrinsics, Pose
@@ -40,8 +40,8 @@ from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import RATIO, KeyedFeatures, exhaustive_pairs, load_features, load_pairs
 from fieldkit.reconstruction.verification import TwoView, verify_pair
 from fieldkit.reconstruction.versions import BESIDE
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import map_threads
-from fieldkit.runtime.progress import Progress
 
 _FIRST_FEATURES = 2000
 _FIRST_MATCHES = 14
@@ -105,7 +105,7 @@ class TieGraph:
 
 
 def find_ties(
-    capture: Capture, settings: CheckSettings, *, cache: StageCache, workers: int, progress: Progress,
+    capture: Capture, settings: CheckSettings, context: Context, *,
     fallback: Intrinsics | None = None, positions: Sequence[Array | None] = (),
 ) -> TieGraph:  # fmt: skip
     """Match all photographs with each other.
@@ -120,12 +120,10 @@ def find_ties(
         positions: of the photographs, where known: of many only near ones are matched.
     """
     photos, cameras = capture.photos, _cameras(capture, fallback)
+    cache, progress, workers, alone = context.cache, context.progress, context.workers, replace(context, workers=1)
     with progress.stage("Features", len(photos)) as advance:
         features = map_threads(
-            lambda photo: load_features(
-                [photo], FeatureSettings(), cache=cache, workers=1, advance=lambda _: None
-            )[0],
-            photos, workers=workers, advance=advance,
+            lambda photo: load_features([photo], FeatureSettings(), alone)[0], photos, workers=workers, advance=advance
         )  # fmt: skip
     near = _NEIGHBOURS if len(photos) > _ALL_PAIRS_UP_TO else len(photos)
     pairs = exhaustive_pairs(len(photos), list(positions) or [None] * len(photos), near)
@@ -144,7 +142,7 @@ def find_ties(
     with progress.stage("Matches", len(pairs)) as advance:
         found = map_threads(count, pairs, workers=workers, advance=advance)
     alike = [pair for pair, count in zip(pairs, found, strict=True) if count >= _FIRST_MATCHES]
-    verified = _verified(features, cameras, alike, settings, cache, workers)
+    verified = _verified(features, cameras, alike, settings, context)
     ties = {
         pair: _tie(pair, two, features, cameras) for pair, two in verified.items()
         if len(two.inliers) >= settings.min_matches and np.linalg.norm(two.translation) > 0
@@ -173,17 +171,19 @@ def _scaled(wanted: Intrinsics, guessed: Intrinsics) -> Intrinsics:
 
 def _verified(
     features: Sequence[KeyedFeatures], cameras: CameraSet, pairs: Sequence[Pair], settings: CheckSettings,
-    cache: StageCache, workers: int,
+    context: Context,
 ) -> dict[Pair, TwoView]:  # fmt: skip
+    alone = replace(context, workers=1)
+
     def verify(pair: Pair) -> dict[Pair, TwoView]:
         kept, _ = load_pairs(
             features, cameras.cameras, cameras.camera_of, [pair], ReconstructionSettings().verification,
-            calibrated=True, seed=settings.seed, cache=cache, workers=1, advance=lambda _: None,
+            alone, calibrated=True, seed=settings.seed,
         )  # fmt: skip
         return kept
 
     found: dict[Pair, TwoView] = {}
-    for each in map_threads(verify, pairs, workers=workers):
+    for each in map_threads(verify, pairs, workers=context.workers):
         found |= each
     return found
 

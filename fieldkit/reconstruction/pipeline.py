@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.cache import StageCache, digest
+from fieldkit.cache import digest
 from fieldkit.captures import find_mask, quality_findings, read_image
 from fieldkit.captures.model import Capture, Photo
 from fieldkit.clouds.cells import voxel_edge_m, without_strays
@@ -44,7 +44,7 @@ from fieldkit.reconstruction.stages import StageTimer, load_quality
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import Plane
-from fieldkit.runtime.progress import Progress
+from fieldkit.runtime.context import Context
 from fieldkit.vocabulary import Mask
 from fieldkit.wording import count
 
@@ -76,16 +76,15 @@ class KnownPlot:
 def reconstruct(
     capture: Capture,
     settings: ReconstructionSettings,
+    context: Context,
     *,
-    cache: StageCache,
-    progress: Progress,
-    workers: int = 1,
     known_plot: KnownPlot | None = None,
     reach_m: float = 0.0,
 ) -> Reconstruction:
     """Reconstruct a capture: its plants; what is about them only where no mask tells the two apart.
 
     Args:
+        context: a run goes on where a former one with the same cache stopped.
         known_plot: of a reference, to reconstruct in its frame and volume.
         reach_m: how far `Reconstruction.nearby` goes beyond what is of interest.
 
@@ -93,17 +92,18 @@ def reconstruct(
         MetadataError: the mask is to come from files, and a photograph has none.
         ReconstructionError: too few photographs register, or nothing of the plot is seen by two of them.
     """
-    timer = StageTimer(progress)
+    timer = StageTimer(context.progress)
+    timed = replace(context, progress=timer)
     if settings.mask == "file":
         _require_masks(capture)
     with timer.stage("Reading photographs"):
-        findings = [*capture.findings, *quality_findings(load_quality(capture, cache))]
-    sparse, cached = place(capture, settings, findings, cache, timer, workers, known_plot)
+        findings = [*capture.findings, *quality_findings(load_quality(capture, context.cache))]
+    sparse, cached = place(capture, settings, findings, timed, known_plot)
     if sparse.right < _MIN_DENSE_VIEWS:
         raise _too_few(sparse)
     volume = settings.bounds or (known_plot.volume if known_plot is not None else None)
     volume = volume or volume_of_interest(model_points(sparse.model), sparse.poses, sparse.intrinsics)
-    dense = _Dense(sparse, volume.grown(reach_m), settings, cache, timer, workers)
+    dense = _Dense(sparse, volume.grown(reach_m), settings, timed)
     fused = dense.cloud(settings.mask)
     gsd_m, ground = _ground_sampling_distance(sparse, volume), sparse.frame.ground
     above = fused
@@ -121,7 +121,7 @@ def reconstruct(
         own_volume=known_plot is None and settings.bounds is None,
     )  # fmt: skip
     for flag in flags:
-        progress.note(flag.message)
+        context.progress.note(flag.message)
     return Reconstruction(
         sparse=replace(sparse, findings=(*sparse.findings, *flags)),
         volume=volume,
@@ -135,19 +135,12 @@ def reconstruct(
     )
 
 
-def with_scene(
-    found: Reconstruction,
-    settings: ReconstructionSettings,
-    *,
-    cache: StageCache,
-    progress: Progress,
-    workers: int = 1,
-) -> Reconstruction:
+def with_scene(found: Reconstruction, settings: ReconstructionSettings, context: Context) -> Reconstruction:
     """A reconstruction with everything in its volume, ground included, beside its plants."""
     if found.scene is not None:
         return found
-    timer = StageTimer(progress, found.times)
-    dense = _Dense(found.sparse, found.volume, settings, cache, timer, workers)
+    timer = StageTimer(context.progress, found.times)
+    dense = _Dense(found.sparse, found.volume, settings, replace(context, progress=timer))
     scene = dense.cloud("none")
     return replace(found, scene=scene, times=timer.times({}))
 
@@ -156,18 +149,15 @@ def place(
     capture: Capture,
     settings: ReconstructionSettings,
     findings: list[Finding],
-    cache: StageCache,
-    progress: Progress,
-    workers: int,
-    known_plot: KnownPlot | None,
+    context: Context,
+    known_plot: KnownPlot | None = None,
 ) -> tuple[SparseResult, dict[str, int]]:
     """Map a capture and put it into the plot frame; also how many items of which stage were cached."""
+    progress = context.progress
     priors = known_poses(capture, known_plot.source if known_plot is not None else None)
     cameras = cameras_of(capture, known_plot.calibrated if known_plot is not None else None)
     region = known_plot.region if known_plot is not None else None
-    mapped = map_capture(
-        capture, cameras, priors, settings, cache=cache, progress=progress, workers=workers, region=region
-    )
+    mapped = map_capture(capture, cameras, priors, settings, context, region)
     if priors.frame is not None and not priors.frame.scaled:
         mapped = mapped.without_scale(priors.frame.source)
     if known_plot is not None and not mapped.metric:
@@ -259,9 +249,7 @@ class _Dense:
     sparse: SparseResult
     volume: Volume
     settings: ReconstructionSettings
-    cache: StageCache
-    progress: Progress
-    workers: int
+    context: Context
 
     @property
     def options(self) -> DenseSettings:
@@ -270,18 +258,16 @@ class _Dense:
     def cloud(self, mask: Mask) -> Cloud:
         """The fused cloud of all views that count."""
         what = "plants" if mask != "none" else "scene"
-        with self.progress.stage(f"Undistortion ({what})", len(self.sparse.poses)) as advance:
+        with self.context.progress.stage(f"Undistortion ({what})", len(self.sparse.poses)) as advance:
             views = self.views(mask, advance)
         maps = compute_depth_maps(
             views,
             self.volume,
             self.options,
+            self.context,
             seed=self.settings.seed,
-            progress=self.progress,
-            cache=self.cache,
-            workers=self.workers,
         )
-        with self.progress.stage(f"Fusion ({what})"):
+        with self.context.progress.stage(f"Fusion ({what})"):
             return fuse(views, maps, self.volume, self.options)
 
     def views(self, mask: Mask, advance: Callable[[int], None]) -> list[View]:
@@ -301,7 +287,7 @@ class _Dense:
         source = self.sparse.intrinsics_source[self.sparse.capture.group_of(photo.name).key]
         kept = mask != "file" and source in _CALIBRATIONS
         key = digest("view", STAGES["views"], photo.sha256, intrinsics, fidelity, mask)
-        arrays = self.cache.get("views", key) if kept else None
+        arrays = self.context.cache.get("views", key) if kept else None
         if arrays is not None:
             camera = view_camera(intrinsics, photo.width, photo.height, fidelity)
             return View(photo.name, arrays["image"], camera, pose, arrays.get("mask"), arrays.get("inside"))
@@ -310,7 +296,9 @@ class _Dense:
         view = prepare_view(photo.name, read_image(photo), intrinsics, pose, fidelity, mask, mask_image)
         if kept:
             masks = {"mask": view.mask, "inside": view.inside}
-            self.cache.put("views", key, {"image": view.image} | {k: m for k, m in masks.items() if m is not None})
+            self.context.cache.put(
+                "views", key, {"image": view.image} | {k: m for k, m in masks.items() if m is not None}
+            )
         return view
 
 

@@ -21,7 +21,7 @@ from fieldkit.reconstruction.matching import match_features
 from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.results.evaluation import StageTime
-from fieldkit.runtime.executor import map_parallel
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import processor_seconds
 from fieldkit.runtime.progress import Advance, Progress
 
@@ -39,16 +39,17 @@ class KeyedFeatures:
 
 
 def load_features(
-    photos: Sequence[Photo], settings: FeatureSettings, *, cache: StageCache, workers: int, advance: Advance
+    photos: Sequence[Photo], settings: FeatureSettings, context: Context, advance: Advance = lambda _: None
 ) -> list[KeyedFeatures]:
     """Features of every photograph, from the cache where they are there."""
+    cache = context.cache
     kept, draw, settings = settings.kept, settings.draw, replace(settings, kept=1.0, draw=0)
     found = [_kept_features(photo, settings, cache) for photo in photos]
     missing = [photo for photo, each in zip(photos, found, strict=True) if each is None]
     advance(len(photos) - len(missing))
     # Workers are started only for what is missing: each takes a second to import what it needs.
     work = partial(_new_features, settings=settings, cache_root=cache.root)
-    new = iter(map_parallel(work, missing, workers=workers, advance=advance))
+    new = iter(context.map(work, missing, advance))
     every = [next(new) if each is None else each for each in found]
     return every if kept >= 1.0 else [_withheld(each, kept, draw) for each in every]
 
@@ -91,12 +92,11 @@ def load_pairs(
     camera_of: Sequence[int],
     pairs: Sequence[tuple[int, int]],
     settings: VerificationSettings,
+    context: Context,
+    advance: Advance = lambda _: None,
     *,
     calibrated: bool,
     seed: int,
-    cache: StageCache,
-    workers: int,
-    advance: Advance,
 ) -> tuple[dict[tuple[int, int], TwoView], int]:
     """Blind matches of image pairs, verified.
 
@@ -104,8 +104,8 @@ def load_pairs(
         The pairs that pass, by image indices, and how many of all came from the cache.
     """
     tasks = [_PairTask(features[i], features[j], cameras[camera_of[i]], cameras[camera_of[j]]) for i, j in pairs]
-    work = partial(_verified, settings=settings, calibrated=calibrated, seed=seed, cache_root=cache.root)
-    results = map_parallel(work, tasks, workers=workers, advance=advance)
+    work = partial(_verified, settings=settings, calibrated=calibrated, seed=seed, cache_root=context.cache.root)
+    results = context.map(work, tasks, advance)
     verified = {pair: two for pair, (two, _) in zip(pairs, results, strict=True) if len(two.inliers)}
     return verified, sum(cached for _, cached in results)
 

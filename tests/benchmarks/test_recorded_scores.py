@@ -19,6 +19,7 @@ from fieldkit.geometry.priors import SourceFrame
 from fieldkit.planning.objective.evaluation import Evaluation, StageCost
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.renderer import RenderingError
 
@@ -49,7 +50,7 @@ def test_no_view_both_stands_for_election_and_judges() -> None:
 
 def test_witnesses_alone_make_the_truth(monkeypatch: pytest.MonkeyPatch) -> None:
     capture, cache = read_capture(SMALL_PLOT), StageCache(None)
-    whole = reconstruct(capture, ReconstructionSettings(), cache=cache, progress=Silent())
+    whole = reconstruct(capture, ReconstructionSettings(), context=Context(cache))
     plot = KnownPlot(SourceFrame("poses.csv", None, Similarity.identity()), whole.volume, whole.sparse.frame.ground)
     seen: list[str] = []
     prepare = module.prepare_view

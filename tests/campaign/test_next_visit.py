@@ -19,6 +19,7 @@ from fieldkit.errors import MissionError, UsageError
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.planning.methods.optimise import Effort
 from fieldkit.results.plan import Plan, PlanEnvelope
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
 from fieldkit.sites.fit import fit_plot
 from fieldkit.sites.plot_plants import PlanFacts
@@ -72,7 +73,7 @@ def test_plants_grow_about_their_feet() -> None:
 def test_every_plot_with_a_cloud_has_its_own_plan_and_no_worse_score(tmp_path: Path) -> None:
     found = season(tmp_path)
     vehicle = load_vehicle("ardupilot-pitch")
-    plans = next_plans(found, vehicle, growth=1.2, progress=Silent())
+    plans = next_plans(found, vehicle, Context(), growth=1.2)
     assert [each.plot for each in plans] == ["r1c1", "r1c2", "r1c3"]
     assert [each.date for each in plans] == [DATES[0], DATES[0], None]
     for each in plans[:2]:
@@ -85,14 +86,14 @@ def test_every_plot_with_a_cloud_has_its_own_plan_and_no_worse_score(tmp_path: P
         assert each.plan.method is not None
         assert (each.plan.method.name, each.plan.method.repeats) == ("score", 0)
     assert plans[2].plan is found.plan
-    again = next_plans(found, vehicle, growth=1.2, progress=Silent())
+    again = next_plans(found, vehicle, Context(), growth=1.2)
     assert [each.plan for each in again] == [each.plan for each in plans]
 
 
 @pytest.mark.parametrize("growth", [0.9, 3.1, float("nan")])
 def test_no_plant_shrinks_or_triples(tmp_path: Path, growth: float) -> None:
     with pytest.raises(UsageError, match="grow by a factor"):
-        next_plans(season(tmp_path, ()), None, growth=growth, progress=Silent())
+        next_plans(season(tmp_path, ()), None, Context(), growth=growth)
 
 
 def test_visits_are_compared_with_the_plan_that_was_made_for_them(tmp_path: Path) -> None:
@@ -127,7 +128,7 @@ def test_a_plan_for_a_kind_is_fitted_to_each_plots_plants(tmp_path: Path) -> Non
     flown = found.plan_of("r1c3", DATES[0])
     assert flown.fit is not None
     assert flown.fit.height == pytest.approx(1.2)
-    plans = {each.plot: each.plan for each in next_plans(found, None, growth=1.2, progress=Silent())}
+    plans = {each.plot: each.plan for each in next_plans(found, None, Context(), growth=1.2)}
     assert plans["r1c3"] == flown
     assert plans["r1c1"].plant_height_m is None  # for these plants: not to be fitted once more
 
@@ -137,7 +138,7 @@ def test_stations_keep_clear_of_the_whole_plot_whose_size_is_known(tmp_path: Pat
     size = {"length_m": 2.8, "width_m": 2.4, "plant_height_m": 1.6}
     sites = tuple(plot.model_copy(update=size) for plot in found.site.plots)
     sized = replace(found, site=found.site.model_copy(update={"plots": sites}))
-    plans = [next_plans(each, None, growth=1.2, progress=Silent())[0].plan for each in (found, sized)]
+    plans = [next_plans(each, None, Context(), growth=1.2)[0].plan for each in (found, sized)]
     codes = [{finding.code for finding in fit_plot(PlanFacts(plan), sites[0], 0.5)} for plan in plans]
     assert ["plot-larger" in each for each in codes] == [True, False]
 

@@ -13,7 +13,7 @@ from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.reconstruction.pipeline import place
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.runtime.progress import Silent
+from fieldkit.runtime.context import Context
 
 
 @pytest.mark.slow
@@ -31,5 +31,5 @@ def test_thirteen_even_views_come_out_right(data_folder: Path, tmp_path: Path, p
         table = csv.DictWriter(file, ["image", "x_m", "y_m", "z_m", "accuracy_m"], extrasaction="ignore")
         table.writeheader()
         table.writerows(rows[name] for name in chosen)
-    sparse, _ = place(read_capture(folder), ReconstructionSettings(), [], StageCache(tmp_path / "c"), Silent(), 1, None)
+    sparse, _ = place(read_capture(folder), ReconstructionSettings(), [], Context(StageCache(tmp_path / "c")))
     assert sparse.right == 13

@@ -11,6 +11,7 @@ from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.reconstruction.pipeline import place
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
 from tests.endtoend.commands import DRAFT, CommandLine
 
@@ -51,7 +52,7 @@ def test_angles_of_another_convention_are_read_by_it(
     for k, row in enumerate(table[1:]):
         row[yaw], row[pitch] = map(str, write(float(row[yaw]), float(row[pitch]), k))
     (folder / "poses.csv").write_text("\n".join(map(",".join, table)) + "\n", "utf-8")
-    sparse, _ = place(read_capture(folder), ReconstructionSettings(), [], StageCache(tmp_path / "c"), Silent(), 1, None)
+    sparse, _ = place(read_capture(folder), ReconstructionSettings(), [], Context(StageCache(tmp_path / "c")))
     # What a mixture leaves of the eight is oriented by its matches.
     assert sparse.right >= (7 if "no one" in said else 8)
     notes = " ".join(sparse.frame.notes)
@@ -62,7 +63,7 @@ def test_angles_of_another_convention_are_read_by_it(
 @pytest.mark.slow
 def test_a_real_flight_with_six_turned_photographs(data_folder: Path, tmp_path: Path) -> None:
     capture = read_capture(data_folder / "drone_trees" / "images")
-    sparse, _ = place(capture, ReconstructionSettings(), [], StageCache(tmp_path), Silent(), 2, None)
+    sparse, _ = place(capture, ReconstructionSettings(), [], Context(StageCache(tmp_path), Silent(), 2))
     assert sparse.right == len(capture.photos) == 18
     assert sparse.frame.rms_m is not None
     assert sparse.frame.rms_m <= 0.6

@@ -22,7 +22,7 @@ from fieldkit.reconstruction.mapping.orientation import orient_cameras
 from fieldkit.reconstruction.verification import TwoView
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import plan_from_poses
-from fieldkit.runtime.progress import Silent
+from fieldkit.runtime.context import Context
 from fieldkit.scenes.simulate import poses_table
 
 COUNT, STEP = 8, 2
@@ -42,7 +42,7 @@ def rig(data_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Pa
         cv2.imwrite(str(folder / name), cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
     cache = StageCache(tmp_path_factory.mktemp("cache"))
     # The rig does not say how its camera is turned: the sound photographs do.
-    graph = find_ties(read_capture(folder), CheckSettings(), cache=cache, workers=1, progress=Silent())
+    graph = find_ties(read_capture(folder), CheckSettings(), context=Context(cache))
     empty = np.zeros((3, 3))
     pairs = {
         pair: TwoView(np.zeros((tie.matches, 2), np.uint32), 2, empty, empty, empty, tie.rotation, tie.translation)

@@ -18,7 +18,7 @@ from fieldkit.reconstruction.pipeline import KnownPlot, place
 from fieldkit.reconstruction.result import SparseResult
 from fieldkit.reconstruction.scale import LARGEST_SCALE_ERROR, scale_error, sigma_apart
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.runtime.progress import Silent
+from fieldkit.runtime.context import Context
 from tests.reconstruction.test_unknown_focal_length import CENTERS, codes, nadir, photographed
 
 CODES = {"scale-uncertain", "positions-too-coarse"}
@@ -34,7 +34,7 @@ def placed(flight: Path, positions: list, accuracy_m: float, plot: KnownPlot | N
     (flight / "poses.csv").write_text("\n".join(["image,x_m,y_m,z_m,accuracy_m", *lines]))
     capture = read_capture(flight)
     cache = StageCache(flight.parent / "cache")
-    return place(capture, ReconstructionSettings(), [], cache, Silent(), 1, plot)[0]
+    return place(capture, ReconstructionSettings(), [], Context(cache), plot)[0]
 
 
 def has_no_scale(result: SparseResult) -> bool:

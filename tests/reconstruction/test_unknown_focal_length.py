@@ -16,7 +16,7 @@ from fieldkit.reconstruction.cameras import assumed_camera, cameras_of, spread_d
 from fieldkit.reconstruction.pipeline import place
 from fieldkit.reconstruction.result import SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.runtime.progress import Silent
+from fieldkit.runtime.context import Context
 from fieldkit.vocabulary import MappingChoice
 from tests.captures.photographs import exif_block
 
@@ -60,7 +60,7 @@ def nadir(tilt_deg: float = 0.5) -> list[Pose]:
 def mapped(folder: Path, tmp_path: Path, mapping: MappingChoice) -> SparseResult:
     capture = read_capture(folder)
     settings = ReconstructionSettings(mapping=mapping)
-    return place(capture, settings, list(capture.findings), StageCache(tmp_path / "cache"), Silent(), 1, None)[0]
+    return place(capture, settings, list(capture.findings), Context(StageCache(tmp_path / "cache")))[0]
 
 
 def codes(result: SparseResult) -> list[str]:

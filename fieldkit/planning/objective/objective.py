@@ -20,6 +20,7 @@ from fieldkit.reconstruction.pipeline import reconstruct
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import StageTimer
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
 from fieldkit.sites.fitted import Stretch
 from fieldkit.vocabulary import DISTANCES_M, MappingName, SearchFidelity
@@ -159,7 +160,7 @@ class Objective:
             )
             try:
                 found = reconstruct(
-                    photos.capture, wanted, cache=self.source.cache, progress=timer, known_plot=self.source.plot,
+                    photos.capture, wanted, Context(self.source.cache, timer), known_plot=self.source.plot,
                     reach_m=REFERENCE_REACH_M if self.settings.refine else 0.0,
                 )  # fmt: skip
             except ReconstructionError as error:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fieldkit.cache import digest
@@ -39,9 +41,7 @@ def match_graph(source: RecordedSource, features: FeatureSettings, context: Cont
     cameras = cameras_of(source.capture, source.plot.calibrated)
     photos = {photo.name: photo for photo in source.capture.photos}
     with progress.stage("Features", len(names)) as advance:
-        keyed = load_features(
-            [photos[name] for name in names], features, cache=source.cache, workers=workers, advance=advance
-        )
+        keyed = load_features([photos[name] for name in names], features, replace(context, cache=source.cache), advance)
     camera_of = dict(zip(source.capture.names, cameras.camera_of, strict=True))
     intrinsics = [cameras.cameras[camera_of[name]] for name in names]
     poses = [view.pose for view in source.views]

@@ -1,7 +1,7 @@
 """Dense stereo: undistorted views with known poses in, depth maps and a fused cloud out.
 
 views = [prepare_view(...), ...]
-maps = compute_depth_maps(views, volume, DenseSettings(), seed=0, progress=Silent(), cache=StageCache(None))
+maps = compute_depth_maps(views, volume, DenseSettings(), seed=0, context=Context())
 cloud = fuse(views, maps, volume, DenseSettings())
 """
 

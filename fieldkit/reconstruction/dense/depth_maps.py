@@ -17,8 +17,8 @@ from fieldkit.reconstruction.dense.settings import DenseSettings
 from fieldkit.reconstruction.dense.source_views import choose_sources
 from fieldkit.reconstruction.dense.views import DepthMap, View, active_pixels
 from fieldkit.reconstruction.versions import STAGES
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import map_threads
-from fieldkit.runtime.progress import Progress
 
 STAGE = "depth"
 SWEEPS, FIRST_RANGE_PX = 3, 4.0
@@ -45,11 +45,9 @@ def compute_depth_maps(
     views: Sequence[View],
     volume: Volume,
     settings: DenseSettings,
+    context: Context,
     *,
     seed: int,
-    progress: Progress,
-    cache: StageCache,
-    workers: int = 1,
 ) -> list[DepthMap]:
     """The depth map of every view, by PatchMatch on the CPU, one thread per view.
 
@@ -61,6 +59,7 @@ def compute_depth_maps(
     Args:
         views: n views at working size.
         volume: pixels whose rays miss it are left out, and it bounds the depths.
+        context: its cache keeps the hypotheses of every pass; its workers are views computed side by side.
 
     Returns:
         n depth maps, in the same order. A view without source views has no depths.
@@ -87,7 +86,8 @@ def compute_depth_maps(
         for i in count
     ]
     results: list[Planes] = []
-    with progress.stage("depth maps", len(weights), weights=weights) as advance:
+    cache, workers = context.cache, context.workers
+    with context.progress.stage("depth maps", len(weights), weights=weights) as advance:
         for level in range(levels, -1, -1):
             if results:
                 keys = [digest(_VERSION, "finer", key) for key in keys]

@@ -37,11 +37,10 @@ _FEW_FEATURES = 50
 
 def verified_pairs(inputs: Inputs, belief: Belief, wanted: Sequence[Pair], *, calibrated: bool) -> dict[Pair, TwoView]:
     """Those of the pairs (of indices of photographs) that blind matching verifies."""
-    with inputs.progress.stage("Matching", len(wanted)) as advance:
+    with inputs.context.progress.stage("Matching", len(wanted)) as advance:
         verified, _ = load_pairs(
             inputs.keyed, belief.cameras.cameras, belief.cameras.camera_of, wanted, inputs.settings.verification,
-            calibrated=calibrated, seed=inputs.settings.seed, cache=inputs.cache, workers=inputs.workers,
-            advance=advance,
+            inputs.context, advance, calibrated=calibrated, seed=inputs.settings.seed,
         )  # fmt: skip
     return verified
 
@@ -61,8 +60,8 @@ def blind_models(
         "blind", STAGES["mapping"], method, [f.key for f in inputs.keyed], inputs.names, cameras.cameras,
         cameras.camera_of, fixed, inputs.settings.verification, cameras.known, seed, sorted(pairs),
     )  # fmt: skip
-    with inputs.progress.stage("Mapping"):
-        kept = inputs.cache.get("models", key)
+    with inputs.context.progress.stage("Mapping"):
+        kept = inputs.context.cache.get("models", key)
         if kept is None:
             models = map_blindly(
                 method, inputs.names, [f.features for f in inputs.keyed], cameras.cameras, cameras.camera_of, pairs,
@@ -71,7 +70,7 @@ def blind_models(
             kept = {"count": np.array(len(models))}
             for index, model in enumerate(models):
                 kept |= model_to_arrays(model, f"{index}-")
-            inputs.cache.put("models", key, kept)
+            inputs.context.cache.put("models", key, kept)
     return [arrays_to_model(kept, f"{index}-") for index in range(int(kept["count"]))]
 
 

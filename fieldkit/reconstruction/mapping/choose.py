@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from fieldkit.cache import StageCache
 from fieldkit.captures.model import Capture
 from fieldkit.documents.mistaken import refuse_other
 from fieldkit.errors import ReconstructionError
@@ -26,7 +25,7 @@ from fieldkit.reconstruction.scale import (
 )
 from fieldkit.reconstruction.settings import BLIND_METHODS, ReconstructionSettings, mapping_methods
 from fieldkit.reconstruction.stages import load_features
-from fieldkit.runtime.progress import Progress
+from fieldkit.runtime.context import Context
 from fieldkit.vocabulary import LEAST_POSITIONS
 
 
@@ -35,10 +34,7 @@ def map_capture(
     cameras: CameraSet,
     known: Priors,
     settings: ReconstructionSettings,
-    *,
-    cache: StageCache,
-    progress: Progress,
-    workers: int,
+    context: Context,
     region: Region | None = None,
 ) -> Mapped:
     """Features, matches and mapping of a capture.
@@ -55,9 +51,9 @@ def map_capture(
             path=capture.folder,
             remedy="Add the other photographs of the plot to the folder.",
         )
-    with progress.stage("Features", len(capture.photos)) as advance:
-        features = load_features(capture.photos, settings.features, cache=cache, workers=workers, advance=advance)
-    inputs = Inputs(capture, settings, features, cache, progress, workers, region)
+    with context.progress.stage("Features", len(capture.photos)) as advance:
+        features = load_features(capture.photos, settings.features, context, advance)
+    inputs = Inputs(capture, settings, features, context, region)
     belief = Belief(cameras, known)
     mapped, error = _by_positions(inputs, belief) if known.positioned else (_chosen(inputs, belief), 0.0)
     if mapped is None:

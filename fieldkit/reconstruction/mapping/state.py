@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.cache import StageCache
 from fieldkit.captures.model import Capture
 from fieldkit.geometry import Pose
 from fieldkit.geometry.priors import PosePrior, Priors
@@ -24,7 +23,7 @@ from fieldkit.reconstruction.stages import KeyedFeatures
 from fieldkit.results.evaluation import ImageReport
 from fieldkit.results.finding import Finding
 from fieldkit.runtime.colmap import pycolmap
-from fieldkit.runtime.progress import Progress
+from fieldkit.runtime.context import Context
 from fieldkit.vocabulary import LEAST_POSITIONS
 
 FOCAL_CHANGE = 0.05  # of the focal length: more is none that a calibration of a known camera finds
@@ -38,9 +37,7 @@ class Inputs:
     capture: Capture
     settings: ReconstructionSettings
     keyed: Sequence[KeyedFeatures]
-    cache: StageCache
-    progress: Progress
-    workers: int
+    context: Context
     region: Region | None = None
     """What prior mapping takes for the place the cameras look at; None finds it anew."""
 

@@ -157,19 +157,19 @@ def make_model(inputs: Inputs, belief: Belief) -> Belief:
         settings.seed, *([region] if region is not None else []),
     )  # fmt: skip
     rounds = 1 + len(settings.prior.bands_px)
-    with inputs.progress.stage("Mapping", rounds) as advance:
-        kept = inputs.cache.get("models", key)
+    with inputs.context.progress.stage("Mapping", rounds) as advance:
+        kept = inputs.context.cache.get("models", key)
         if kept is None:
             result = map_with_priors(
                 names, [f.features for f in keyed], cameras.cameras, camera_of, priors, settings.prior,
                 fixed_intrinsics=fixed, seed=settings.seed, advance=advance, region=region,
-                keep=None if region is None else partial(keep_matches, keyed, inputs.cache),
+                keep=None if region is None else partial(keep_matches, keyed, inputs.context.cache),
             )  # fmt: skip
             kept = model_to_arrays(result.model)
             kept["_counts"] = np.array([result.pairs_tried, result.pairs_kept])
             kept["_edges"] = np.array(result.edges, np.int64).reshape(-1, 2)
             kept["_unregistered"] = np.array([[n, r] for n, r in result.unregistered.items()], dtype=np.str_)
-            inputs.cache.put("models", key, kept)
+            inputs.context.cache.put("models", key, kept)
         else:
             advance(rounds)
     arrays = {name: data for name, data in kept.items() if not name.startswith("_")}

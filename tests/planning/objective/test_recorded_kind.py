@@ -16,6 +16,7 @@ from fieldkit.planning.objective.recorded import RecordedSource, Rehearsal
 from fieldkit.planning.objective.recorded_kind import LEAST_KEPT, RecordedKind, RecordedPlots
 from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.stages import load_features
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
 from tests.planning.objective.test_recorded import PLOT, RANDOM_CLOUD, SMALL_PLOT
 
@@ -81,9 +82,9 @@ def test_views_that_do_not_go_all_round_are_not_turned(source: RecordedSource, t
 def test_a_share_of_the_features_is_withheld(tmp_path: Path) -> None:
     capture, cache, whole = read_capture(SMALL_PLOT), StageCache(tmp_path), FeatureSettings(max_features=500)
     photos = capture.photos[:2]
-    every = load_features(photos, whole, cache=cache, workers=1, advance=lambda _: None)
-    some = load_features(photos, replace(whole, kept=0.6, draw=1), cache=cache, workers=1, advance=lambda _: None)
-    other = load_features(photos, replace(whole, kept=0.6, draw=2), cache=cache, workers=1, advance=lambda _: None)
+    every = load_features(photos, whole, context=Context(cache))
+    some = load_features(photos, replace(whole, kept=0.6, draw=1), context=Context(cache))
+    other = load_features(photos, replace(whole, kept=0.6, draw=2), context=Context(cache))
     for a, b, c in zip(every, some, other, strict=True):
         assert b.cached
         assert 0.5 < len(b.features) / len(a.features) < 0.7

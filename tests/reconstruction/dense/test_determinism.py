@@ -14,7 +14,7 @@ import pytest
 from fieldkit.cache import StageCache
 from fieldkit.reconstruction.dense import DenseSettings, View, compute_depth_maps, fuse
 from fieldkit.reconstruction.dense import depth_maps as module
-from fieldkit.runtime.progress import Silent
+from fieldkit.runtime.context import Context
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
 
 PASSES = 1 + module.GEOMETRIC_PASSES
@@ -32,7 +32,7 @@ def run(seed: int = 0, cache: StageCache | None = None, given: list[View] | None
     state = hashlib.sha256()
     scene = views() if given is None else given
     settings = DenseSettings()
-    found = compute_depth_maps(scene, VOLUME, settings, seed=seed, progress=Silent(), cache=cache or StageCache(None))
+    found = compute_depth_maps(scene, VOLUME, settings, seed=seed, context=Context(cache=cache or StageCache(None)))
     cloud = fuse(scene, found, VOLUME, settings)
     for depth_map in found:
         for array in (depth_map.depth, depth_map.normal, depth_map.cost):
@@ -66,7 +66,7 @@ def test_freshly_compiled_kernels_give_the_same_bytes(tmp_path):
 def test_the_seed_matters_but_little():
     scene = views()
     settings, nothing = DenseSettings(), StageCache(None)
-    maps = [compute_depth_maps(scene, VOLUME, settings, seed=s, progress=Silent(), cache=nothing) for s in (0, 1)]
+    maps = [compute_depth_maps(scene, VOLUME, settings, seed=s, context=Context(nothing)) for s in (0, 1)]
     first, second = (m[0].depth for m in maps)
     assert (first != second).any()
     both = (first > 0) & (second > 0)
@@ -107,7 +107,7 @@ def test_whatever_matters_is_part_of_the_key(tmp_path, change):
     settings, seed, volume = DenseSettings(), 0, VOLUME
 
     def compute() -> int:
-        compute_depth_maps(scene, volume, settings, seed=seed, progress=Silent(), cache=cache)
+        compute_depth_maps(scene, volume, settings, seed=seed, context=Context(cache))
         return cache.sizes()["depth"].entries
 
     before = compute()
@@ -132,7 +132,7 @@ def test_whatever_matters_is_part_of_the_key(tmp_path, change):
 def test_the_fusion_rule_is_no_part_of_the_key(tmp_path):
     cache = StageCache(tmp_path)
     for settings in (DenseSettings(), DenseSettings("full", min_agreeing=1)):
-        compute_depth_maps(views(3), VOLUME, settings, seed=0, progress=Silent(), cache=cache)
+        compute_depth_maps(views(3), VOLUME, settings, seed=0, context=Context(cache))
     assert cache.sizes()["depth"].entries == 3 * PASSES
 
 

@@ -9,7 +9,7 @@ from fieldkit.cache import StageCache
 from fieldkit.geometry import Intrinsics
 from fieldkit.reconstruction.dense import DenseSettings, DepthMap, View, compute_depth_maps, fuse
 from fieldkit.reconstruction.dense import depth_maps as module
-from fieldkit.runtime.progress import Silent
+from fieldkit.runtime.context import Context
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
 
 NOTHING_KEPT = StageCache(None)
@@ -17,7 +17,7 @@ STANDARD = DenseSettings()
 
 
 def depth_maps(views: list[View], settings: DenseSettings = STANDARD, seed: int = 0) -> list[DepthMap]:
-    return compute_depth_maps(views, VOLUME, settings, seed=seed, progress=Silent(), cache=NOTHING_KEPT)
+    return compute_depth_maps(views, VOLUME, settings, seed=seed, context=Context(NOTHING_KEPT))
 
 
 def relative_errors(found: DepthMap, truth: np.ndarray, margin: int = 12) -> np.ndarray:

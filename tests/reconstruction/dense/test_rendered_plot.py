@@ -7,11 +7,10 @@ import pytest
 
 from benchmarks.scenes import benchmark_cameras, benchmark_scene
 from benchmarks.sgbm import sgbm_depth_maps
-from fieldkit.cache import StageCache
 from fieldkit.clouds.metrics import score
 from fieldkit.clouds.volume import Volume
 from fieldkit.reconstruction.dense import DenseSettings, compute_depth_maps, fuse, prepare_view
-from fieldkit.runtime.progress import Silent
+from fieldkit.runtime.context import Context
 from fieldkit.scenes.renderer import Renderer, RenderingError
 from fieldkit.scenes.sampling import sample_plants
 from fieldkit_sim.plot import build_scene
@@ -40,7 +39,7 @@ def test_ten_views_of_a_plot(index):
     around = Volume.around(truth.points, margin_m=0.03)
     volume = Volume((*around.lower[:2], LOWEST_M), around.upper)
     settings = DenseSettings()
-    found = compute_depth_maps(views, volume, settings, seed=0, progress=Silent(), cache=StageCache(None))
+    found = compute_depth_maps(views, volume, settings, seed=0, context=Context())
     ours = score(truth, fuse(views, found, volume, settings), [0.010]).f_scores[0.010]
     theirs = fuse(views, sgbm_depth_maps(views, volume, settings), volume, settings)
     baseline = score(truth, theirs, [0.010]).f_scores[0.010]

@@ -9,7 +9,6 @@ import pytest
 
 from benchmarks.rigs import uniform_subset
 from benchmarks.weak_ties import with_gaps
-from fieldkit.cache import StageCache
 from fieldkit.captures import Capture, read_capture
 from fieldkit.clouds import Volume
 from fieldkit.geometry import Intrinsics, Pose, Similarity
@@ -21,7 +20,7 @@ from fieldkit.reconstruction.mapping.verdicts import Group, find_groups, held_by
 from fieldkit.reconstruction.pipeline import KnownPlot, place
 from fieldkit.reconstruction.result import SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.runtime.progress import Silent
+from fieldkit.runtime.context import Context
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, ring
 from tests.reconstruction.test_colmap_model import true_tracks
 from tests.reconstruction.test_unknown_focal_length import codes, photographed
@@ -159,7 +158,7 @@ def flown(folder: Path, corners: list[tuple[float, float]]) -> Capture:
 
 
 def mapped(capture: Capture, settings: ReconstructionSettings, plot: KnownPlot | None = None) -> SparseResult:
-    return place(capture, settings, [], StageCache(None), Silent(), 1, plot)[0]
+    return place(capture, settings, [], Context(), plot)[0]
 
 
 @pytest.mark.parametrize(("corners", "told"), [([(0.0, 0.0)], []), ([(-3.0, 0.0), (6.0, 0.0)], ["weakly-tied"])])
