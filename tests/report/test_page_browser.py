@@ -31,7 +31,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_report(root / "season", root / "season.html").output
 
 
-@pytest.fixture(scope="module", params=[(1280, False), (1280, True), (390, False), (390, True)], ids=str)
+@pytest.fixture(scope="module", params=[(1280, False), (390, True)], ids=str)
 def page(request: pytest.FixtureRequest, browser: Browser, report: Path) -> Iterator[Page]:
     """The report at one width, light or dark; in the end there must have been no complaint and no request."""
     width, dark = request.param
