@@ -1,4 +1,4 @@
-"""plots.csv."""
+"""plots.csv and traits.csv."""
 
 from __future__ import annotations
 
@@ -9,9 +9,19 @@ from pathlib import Path
 import pytest
 
 from fieldkit.documents.csv_text import on_one_line
-from fieldkit.figures.spreadsheets import plot_row, plots_csv, write_plots_csv
+from fieldkit.figures.spreadsheets import (
+    TABLE_COLUMNS,
+    plot_row,
+    plot_rows,
+    plots_csv,
+    trait_row,
+    traits_csv,
+    write_plots_csv,
+    write_traits_csv,
+)
 from fieldkit.results.evaluation import Prediction
-from tests.figures.terminal.test_results import FAILED, report, scored
+from fieldkit.results.traits import TraitsEntry, error_column, reasons_in_words
+from tests.figures.terminal.test_results import FAILED, TRAITS, report, scored
 
 
 class TestCsv:
@@ -47,3 +57,26 @@ class TestCsv:
         assert len(text.splitlines()) == 2
         (row,) = csv.DictReader(io.StringIO(text, newline=""))
         assert row["plot"] == on_one_line(name)
+
+
+def test_a_row_per_plot(tmp_path: Path) -> None:
+    plots = [scored("a").model_copy(update={"traits": TRAITS, "date": "2026-06-18"}), FAILED]
+    write_traits_csv(tmp_path / "traits.csv", plot_rows(plots))
+    first, second = csv.DictReader((tmp_path / "traits.csv").read_text("utf-8").splitlines())
+    assert tuple(first) == TABLE_COLUMNS
+    assert (first["plot"], first["date"], first["no_trait"]) == ("a", "2026-06-18", "")
+    assert (first["height_m"], first["height_error_m"], first["cover_percent"]) == ("0.81", "0.03", "16.0")
+    assert (second["plot"], second["height_m"], second["no_trait"]) == ("[plot] 8", "", "no photographs")
+
+
+def test_why_a_trait_is_missing() -> None:
+    told = TraitsEntry(unknown={"canopy_volume_m3": "no ground", "height_m": "no ground", "cover_percent": "dark"})
+    (row,) = csv.DictReader(io.StringIO(traits_csv([trait_row("p", None, told)])))
+    assert row["no_trait"] == "height_m, canopy_volume_m3: no ground; cover_percent: dark"
+    assert row["date"] == row["height_m"] == ""
+    assert reasons_in_words({}) == ""
+
+
+def test_every_trait_has_an_error() -> None:
+    assert error_column("height_m") == "height_error_m"
+    assert error_column("covered_area_m2") in TABLE_COLUMNS
