@@ -100,8 +100,6 @@ def check_on_ground(read: ReadMission, vehicle: Vehicle, ground: Ground | None, 
     """`check_mission` on plots, as far as they are known.
 
     Args:
-        read: the file.
-        vehicle: that is to fly it.
         ground: its plots, their plans and plants.
         compare: with the plans' photographs, as near as the vehicle comes to them; of every plot there has to be one.
     """
@@ -246,8 +244,6 @@ def findings_by_dialect(
     Args:
         read: the file; its items count from 1 (`ReadMission.behind_home`).
         vehicle: that it is for; the autopilot that the file names, or all, where not given.
-        site: whose home, fence, zones, obstacles, ceiling and plots count.
-        file: that was read, for the mission.json beside it.
     """
     if vehicle is not None:
         return {vehicle.dialect: _findings(read, vehicle, site, file)}

@@ -123,7 +123,6 @@ def place_findings(read: ReadMission, origin: Home | None) -> Iterator[Finding]:
     """Places far from home, or with latitude and longitude swapped.
 
     Args:
-        read: the file.
         origin: home as the site has it, which is trusted more than the file's.
     """
     home = origin or read.home

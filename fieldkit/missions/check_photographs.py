@@ -33,8 +33,6 @@ def photograph_findings(
     """Of each photograph.
 
     Args:
-        flown: the mission, carried out.
-        vehicle: its mount, its times.
         places: where each item leads to, by its number.
         grounds: heights above home of the ground below photographs, by the number of the item that takes them; home's
             own where one is missing.

@@ -187,9 +187,6 @@ def mission_contents(
     """What is written of flights: mission files, one per flight in order, mission.json, routes, and what is added.
 
     Args:
-        routed: the flights.
-        vehicle: flies them.
-        site: that they are over.
         output: see `mission_path`.
         format: of the mission files.
         plans: by plot, what is flown there.
@@ -217,7 +214,6 @@ def flown_plans(
     Args:
         given: the plan, its file or that file's folder; or plots' plans.
         loaded: the same, read.
-        site: whose plots fly it.
         own: plans of plots that are not flown by that one.
         written: the files that these are written to.
     """

@@ -37,11 +37,7 @@ def mission_record(
     """What is exported, as other programs and fieldkit's own reports read it.
 
     Args:
-        routed: the flights.
-        site: that they are over.
-        vehicle: that flies them.
         profile: its name, or that of its file.
-        names: of the mission files, one per flight.
         plans: by plot, what is flown there.
         contents: of all files that are written, by name.
     """

@@ -57,8 +57,6 @@ def ground_of(
     clearance; else all of its outline counts as full.
 
     Args:
-        file: the mission, beside which its mission.json may lie.
-        site: with plots; those of mission.json where None.
         clearance_m: that the vehicle keeps to plants.
         plans: flown there.
         fit: as at the export.

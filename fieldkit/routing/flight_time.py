@@ -71,7 +71,6 @@ def flight_time(legs: Sequence[ArrayLike], turns_deg: Sequence[float], pauses_s:
             take-off ends, the last ends where the landing begins.
         turns_deg: per leg by how much the heading changes on it.
         pauses_s: sum of all pauses at stops.
-        vehicle: its speeds and battery.
     """
     own = np.array([path_time_s(leg, vehicle.speeds) for leg in legs])
     turning = np.maximum(turn_time_s(turns_deg, vehicle.speeds) - own, 0.0)

@@ -24,15 +24,17 @@ from fieldkit.routing.flight_time import FlightTime, flight_time, landing_s, tak
 from fieldkit.routing.legs import Leg, Place, leg_of, legs_between, no_way
 from fieldkit.routing.obstacles import Obstacles
 from fieldkit.routing.plot_tours import (
+    Costs,
     Group,
     PlotTour,
+    Split,
     Ways,
     plot_tour,
     representatives,
+    split,
     turn_deg,
     ways_between,
 )
-from fieldkit.routing.splitting import Costs, Split, split
 from fieldkit.routing.tour import EXACT_PLACES, grouped_routes, ordered, shortest_tour
 from fieldkit.vehicles.vehicle import Vehicle
 

@@ -122,7 +122,6 @@ def leg(horizontal_m: float, up_m: float, speeds: Speeds, cruise_mps: float | No
     Args:
         horizontal_m: not negative.
         up_m: negative where it descends.
-        speeds: of the vehicle.
         cruise_mps: horizontal, in place of the profile's.
     """
     length = math.hypot(horizontal_m, up_m)

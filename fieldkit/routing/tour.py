@@ -36,7 +36,6 @@ def shortest_tour(
         start: place that comes first; of a closed tour 0 unless given, of an open one any unless given.
         end: place that comes last, of an open tour.
         closed: return from the last place to the first.
-        seed: of the heuristic.
 
     Returns:
         The n places in order.
@@ -76,7 +75,6 @@ def ordered(first: Array, between: Array, last: Array, *, seed: int = 0) -> tupl
         first: (m,) from the start to each place.
         between: (m, m) from row to column.
         last: (m,) from each place to the end.
-        seed: of the heuristic for more than `EXACT_PLACES` places.
     """
     order = _held_karp(first, between, last) if len(first) <= EXACT_PLACES else _searched(first, between, last, seed)
     steps = between[list(order[:-1]), list(order[1:])].sum()
@@ -106,7 +104,6 @@ def grouped_routes(distances: ArrayLike, service: Sequence[float], limit: float,
         distances: (n, n) finite, from row to column; place 0 is the depot.
         service: (n,) spent at each place; the depot's is not counted.
         limit: of distances and service in a route.
-        seed: of the search.
 
     Returns:
         Per route its places in order, without the depot. Routes may be over the limit where the search found none

@@ -172,7 +172,6 @@ def plants_outgrown(plan: Plan, plant_height_m: float, *, plot: str = "plot") ->
     Args:
         plan: that was flown.
         plant_height_m: of the highest plants above the ground, as measured.
-        plot: for the finding.
 
     Returns:
         A warning where they are higher than those that the plan keeps clear of by more than `HIGHER_M`; else None, as

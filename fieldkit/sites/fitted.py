@@ -78,7 +78,6 @@ def fitted(plan: Plan, plot: SitePlot) -> Plan:
 
     Args:
         plan: with plants, in the plot frame.
-        plot: what the site says of it.
 
     Returns:
         The plan itself where the plot is the plan's as far as is known: it says no height and no size, or the same.
@@ -131,7 +130,6 @@ def flown_plans(plan: Plans, plots: Sequence[SitePlot], fit: bool | None = None)
 
     Args:
         plan: for all plots, or each plot's own by name, which is flown as it is.
-        plots: of the site.
         fit: whether to fit the plan to each plot's plant height and size; None fits a plan whose stations are stated
             for plants of a height, to the height only.
     """

@@ -210,7 +210,6 @@ def with_plant_height(site: Site, plans: Plans | None, given: PlantHeight | None
     """The site with its plots' plant heights as they are given.
 
     Args:
-        site: whose plots may say theirs.
         plans: flown there; none where they are not known.
         given: metres replace what plots say; "unknown" fills in, where a plot says none, `UNKNOWN_SHARE` times the
             tallest plants that its plan knows.

@@ -69,9 +69,7 @@ def unreachable(
     """The poses that a vehicle cannot take, in their order.
 
     Args:
-        shots: on the site's plots, as `place` gives them.
         site: whose plots say where the ground is, on slopes that below each station.
-        vehicle: its mount and least height.
         obstacles: whose plants are kept clear of, site frame; none are looked at without.
     """
     points = SiteFrame(site.home).points(shot.place for shot in shots)

@@ -92,13 +92,7 @@ def plots_file_beside(path: Path) -> Path | None:
 
 
 def with_plots(site: Site, plots: Sequence[SitePlot], *, path: Path | None = None) -> Site:
-    """The site with other plots in place of its own.
-
-    Args:
-        site: its home, fence and all else.
-        plots: one or more.
-        path: of the file they are from, for errors.
-    """
+    """The site with other plots in place of its own."""
     fields = {name: getattr(site, name) for name in type(site).model_fields}
     try:
         changed = Site.model_validate(fields | {"plots": tuple(plots)})

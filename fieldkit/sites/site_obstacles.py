@@ -35,7 +35,6 @@ def site_obstacles(
     nearer to it than the clearance, to that height. On level plots the ground is not among the obstacles.
 
     Args:
-        site: the fence and the zones are kept to their edges.
         clearance_m: kept to obstacles, plants and sloping ground.
         plans: flown over every plot, or some plots' own.
         known_clear: plots whose plants are left out.

@@ -15,7 +15,7 @@ from fieldkit.errors import MissionError
 from fieldkit.routing.flight_time import flight_time, landing_s, path_time_s, takeoff_s, turn_time_s
 from fieldkit.routing.flights import Flight, Stop, plan_flights
 from fieldkit.routing.obstacles import Obstacles, Volume
-from fieldkit.routing.splitting import Costs, split
+from fieldkit.routing.plot_tours import Costs, split
 from fieldkit.vehicles.vehicle import Battery, Vehicle
 from tests.missions.clearance import is_clear
 from tests.missions.vehicles import vehicle
