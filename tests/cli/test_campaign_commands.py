@@ -67,7 +67,8 @@ def test_show_and_export_find_the_campaign_about_the_folder(
     place: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = campaign_folder(place, FIELD)
-    keep_visit(folder, Visit(plot="r1c1", date="2026-06-18", chamfer_m=0.01, notes=("[bold]", "no rasters: [bold]")))
+    visit = Visit(plot="r1c1", date="2026-06-18", chamfer_m=0.01, notes=("[bold]",), no_rasters="[bold]")
+    keep_visit(folder, visit)
     for arguments in (["show"], ["export", "-o", "out.csv"]):
         assert answer(capsys, "campaign", *arguments, code=2)["error"]["message"] == "which campaign?"
     (folder / "deep").mkdir()
