@@ -28,34 +28,28 @@ _SAMPLE_STREAM = 31
 
 @dataclass(frozen=True, eq=False)
 class PlanningProblem:
-    """The cameras to find, and what is known about the plots without photographs.
-
-    Attributes:
-        count: N, the number of cameras.
-        envelope: the feasible set Z.
-        camera: of the photographs, without distortion.
-        plots: the plots to photograph: one, or several of a kind. Z keeps clear of all of them.
-        views: the cameras of a recorded set, the only ones to choose from; None if any camera of the envelope will do.
-        blind: whether mapping works without commanded poses, so that sets may not register.
-        exact: whether a set has the same value at every seed.
-        unmet: further plots of the kind, numbered after ``plots``, on which finalists are only confirmed.
-        heights: whether room above the plants shall be in the pictures (`CostModel.cost_m`).
-        pose_noise_m: standard deviation of a commanded position.
-
-    Raises:
-        UsageError: fewer than three cameras, more cameras than views, or matches of another number of views.
-    """
+    """The cameras to find, and what is known about the plots without photographs."""
 
     count: int
+    """N, the number of cameras."""
     envelope: Envelope
+    """The feasible set Z."""
     camera: Intrinsics
+    """Of the photographs, without distortion."""
     plots: tuple[Plot, ...]
+    """The plots to photograph: one, or several of a kind. Z keeps clear of all of them."""
     views: Cameras | None = None
+    """The cameras of a recorded set, the only ones to choose from; None if any camera of the envelope will do."""
     blind: bool = False
+    """Whether mapping works without commanded poses, so that sets may not register."""
     exact: bool = False
+    """Whether a set has the same value at every seed."""
     unmet: tuple[Plot, ...] = ()
+    """Further plots of the kind, numbered after ``plots``, on which finalists are only confirmed."""
     heights: bool = False
+    """Whether room above the plants shall be in the pictures (`CostModel.cost_m`)."""
     pose_noise_m: float = POSE_NOISE_M
+    """Standard deviation of a commanded position."""
 
     def __post_init__(self) -> None:
         views = 0 if self.views is None else len(self.views)
@@ -134,15 +128,12 @@ class PlanningProblem:
 
 @dataclass(frozen=True)
 class Gain:
-    """The gain that a method still expects of its search.
-
-    Attributes:
-        bound_m: bound on how much worse the best tried set is than the best possible one, metres.
-        noise_m: standard deviation of an evaluation of the best tried set, metres.
-    """
+    """The gain that a method still expects of its search."""
 
     bound_m: float
+    """Bound on how much worse the best tried set is than the best possible one, metres."""
     noise_m: float
+    """Standard deviation of an evaluation of the best tried set, metres."""
 
     @property
     def negligible(self) -> bool:
@@ -152,41 +143,36 @@ class Gain:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A set of cameras that a method proposes for evaluation.
-
-    Attributes:
-        number: from 0, in the order of proposal.
-        cameras: feasible.
-        origin: what proposed it, for people: ``"circle 1.2 m at 0.9 m"``, ``"EI of matern"``.
-        notes: plain values to keep, such as model weights.
-        gain: expected of this trial and all later ones; None if the method does not say. A search may end instead of
-            evaluating a trial whose gain is negligible.
-        plot: number of the plot that it is evaluated on: one of the problem's plots or an unmet one.
-    """
+    """A set of cameras that a method proposes for evaluation."""
 
     number: int
+    """From 0, in the order of proposal."""
     cameras: Cameras
+    """Feasible."""
     origin: str
+    """What proposed it, for people: ``"circle 1.2 m at 0.9 m"``, ``"EI of matern"``."""
     notes: Mapping[str, Any] = field(default_factory=dict)
+    """Plain values to keep, such as model weights."""
     gain: Gain | None = None
+    """Expected of this trial and all later ones; None if the method does not say. A search may end instead of
+    evaluating a trial whose gain is negligible.
+    """
     plot: int = 0
+    """Number of the plot that it is evaluated on: one of the problem's plots or an unmet one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """A trial and its evaluation.
-
-    Attributes:
-        trial: as proposed.
-        value_m: the cost, metres: small is good.
-        measured: False if the evaluation broke; the value then says nothing about the cameras.
-        right: number of photographs whose poses are right.
-    """
+    """A trial and its evaluation."""
 
     trial: Trial
+    """As proposed."""
     value_m: float
+    """The cost, metres: small is good."""
     measured: bool = True
+    """False if the evaluation broke; the value then says nothing about the cameras."""
     right: int = 0
+    """Number of photographs whose poses are right."""
 
 
 def lowest(results: Iterable[Result], count: int) -> list[Trial]:

@@ -71,15 +71,10 @@ def open_executor(
     all calls.
 
     Args:
-        workers: processes.
         scheduler: address of a Dask scheduler; empty for processes.
         make: called once in each worker; what it gives is the first argument of every call. Picklable, as are
             functions, arguments and results.
         limits: of each worker. A cluster's memory is limited by its own workers.
-
-    Raises:
-        NoWorkersError: the scheduler cannot be reached.
-        UsageError: Dask is not installed, or its workers have several threads.
     """
     if scheduler:
         from fieldkit.runtime.cluster import open_cluster

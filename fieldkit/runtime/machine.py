@@ -24,17 +24,14 @@ class Limits:
 
 @dataclass(frozen=True)
 class Machine:
-    """The resources of this process.
-
-    Attributes:
-        cores: whole cores, at least 1.
-        memory_bytes: total.
-        available_bytes: memory that can be taken now without swapping.
-    """
+    """The resources of this process."""
 
     cores: int
+    """Whole cores, at least 1."""
     memory_bytes: int
+    """Total."""
     available_bytes: int
+    """Memory that can be taken now without swapping."""
 
 
 def this_machine() -> Machine:

@@ -26,18 +26,11 @@ class Bosfm:
     The first trials are those of the method `random` with the same seed. The models see y = −value_m over the unit
     cube of `Coding`; results that are not measured are left out. No set is proposed twice; `propose` gives None once
     all sets were tried. A trial's notes are the drawn ``model``, the ``weights`` by name, and ``remarks`` on numerics.
-
-    Attributes:
-        problem: the planning problem.
-        initial: random trials before the first model; the paper takes 50.
-        seed: of all draws.
-
-    Raises:
-        ValueError: no initial trial.
     """
 
     problem: PlanningProblem
     initial: int = 50
+    """Random trials before the first model; the paper takes 50."""
     seed: int = 0
 
     def __post_init__(self) -> None:

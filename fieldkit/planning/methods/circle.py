@@ -51,7 +51,6 @@ class StagedSearch(Generic[D]):
 
     Args:
         name: as `--method` takes it.
-        problem: the planning problem.
         first: designs; the middle one counts as the best if none was measured.
         stages: the later designs.
     """
@@ -139,7 +138,6 @@ class CircleSearch(StagedSearch[Circle]):
     """A grid of 5 altitudes × 5 radii, looking at the plants' middle; then a grid of half the step about the best.
 
     Args:
-        problem: the planning problem.
         seed: not used; the search is deterministic.
     """
 

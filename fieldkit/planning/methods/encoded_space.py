@@ -25,9 +25,6 @@ class EncodedSpace:
     """Codes (5N,) of a problem's feasible sets.
 
     The codes of recorded sets list the views in their own order, so that one set has one code.
-
-    Attributes:
-        problem: the planning problem.
     """
 
     problem: PlanningProblem

@@ -30,19 +30,18 @@ _IN_REACH = 3.0
 
 @dataclass(frozen=True)
 class FieldSettings:
-    """Settings of the method `field`; docs/planning.md has what the alternatives gave.
-
-    Attributes:
-        initial: trials before the surrogate. They are the geometric score's optima and its favourites among circles and
-            other structured sets; in a recorded set, uniform subsets and greedy choices by matches.
-        noise: least standard deviation of an evaluation that the surrogate assumes, as a share of the value.
-        certainty: for blind mapping, the extra cost expected of a set per e-fold by which it is less likely to
-            register, as a share.
-    """
+    """Settings of the method `field`; docs/planning.md has what the alternatives gave."""
 
     initial: int = 6
+    """Trials before the surrogate. They are the geometric score's optima and its favourites among circles and other
+    structured sets; in a recorded set, uniform subsets and greedy choices by matches.
+    """
     noise: float = NOISE
+    """Least standard deviation of an evaluation that the surrogate assumes, as a share of the value."""
     certainty: float = CERTAINTY
+    """For blind mapping, the extra cost expected of a set per e-fold by which it is less likely to register, as a
+    share.
+    """
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,18 +58,13 @@ class Field:
     With blind mapping most sets do not register, and their cost says nothing about the plants. The surrogate then
     learns only from sets whose photographs all registered. The probability of that (`Registration`) multiplies
     improvements and raises the cost of the score's optima.
-
-    Attributes:
-        problem: the planning problem.
-        settings: of the method.
-        seed: of all draws.
-        weights: of the score's terms gap, noise and tie before there are results, metres of value per metre.
     """
 
     problem: PlanningProblem
     settings: FieldSettings = FieldSettings()
     seed: int = 0
     weights: Weights = WEIGHTS
+    """Of the score's terms gap, noise and tie before there are results, metres of value per metre."""
 
     @property
     def name(self) -> str:

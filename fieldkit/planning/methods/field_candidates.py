@@ -37,18 +37,14 @@ class Candidate(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """What the candidates of a trial depend on.
-
-    Attributes:
-        number: the trial's.
-        known: sets that were tried or are pending.
-        registration: what is known about registering whole; None if mapping is not blind.
-        rng: of all draws.
-    """
+    """What the candidates of a trial depend on."""
 
     number: int
+    """The trial's."""
     known: Set[Cameras]
+    """Sets that were tried or are pending."""
     registration: Registration | None
+    """What is known about registering whole; None if mapping is not blind."""
     rng: np.random.Generator
 
     @property
@@ -63,19 +59,15 @@ class Turn:
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Draws candidates for a trial.
-
-    Attributes:
-        problem: the planning problem.
-        cost_model: expects costs by the geometric score.
-        weights: of the score's terms, before there are results.
-        initial: trials before the surrogate.
-    """
+    """Draws candidates for a trial."""
 
     problem: PlanningProblem
     cost_model: CostModel
+    """Expects costs by the geometric score."""
     weights: Weights
+    """Of the score's terms, before there are results."""
     initial: int
+    """Trials before the surrogate."""
 
     def first(self, turn: Turn) -> Candidate | None:
         """Sets known to be good, in turn; then the random structured set that the score ranks first, else any set."""

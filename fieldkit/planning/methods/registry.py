@@ -37,9 +37,6 @@ def method_entry(name: str, methods: Mapping[str, MethodEntry] | None = None) ->
     Args:
         name: of the method.
         methods: to choose from; None for fieldkit's own.
-
-    Raises:
-        UsageError: there is no such method, or PyTorch, GPyTorch or BoTorch is missing for it.
     """
     methods = METHODS if methods is None else methods
     if name not in methods:

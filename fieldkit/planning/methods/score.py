@@ -25,10 +25,7 @@ class ScoreOptimum:
     mapping, sets that are less likely to register are expected to cost more (`CostModel`).
 
     Args:
-        problem: the planning problem.
         weights: of gap, noise and tie.
-        seed: of all searches.
-        effort: of each.
     """
 
     name = "score"

@@ -22,10 +22,6 @@ class Uniform:
 
     Args:
         problem: with views.
-        seed: not used.
-
-    Raises:
-        UsageError: the problem is no recorded set.
     """
 
     name = "uniform"
@@ -57,10 +53,6 @@ class MatchGraph:
 
     Args:
         problem: with views.
-        seed: not used.
-
-    Raises:
-        UsageError: the problem is no recorded set.
     """
 
     name = "match-graph"
@@ -91,7 +83,6 @@ def greedy_by_matches(matches: Array, count: int, tie: float) -> NDArray[np.int6
 
     Args:
         matches: (m, m) symmetric.
-        count: how many; m ≥ count.
         tie: least sum of matches with the chosen views that makes a view a candidate.
     """
     worth = matches.copy()

@@ -20,42 +20,40 @@ class StageCost:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """r(z) at one z. Lengths are metres.
-
-    Attributes:
-        value_m: the cost to minimise, by the rule of `fieldkit.planning.objective.rule`; always finite.
-        chamfer_m: plain chamfer distance (eq. `r_func`); this and its directed terms are None without a cloud.
-        accuracy_m: mean distance from the cloud to the reference.
-        completeness_m: mean distance from the reference to the cloud.
-        f_scores: F-score by distance in metres; 0 without a cloud.
-        images: photographs asked for.
-        registered: images with a pose from the mapper.
-        right: registered images whose pose agrees with the commanded one.
-        models: number of the mapper's models; the largest is used.
-        points: number of points of the cloud.
-        cloud_digest: of the cloud's positions: equal if the clouds are equal byte for byte.
-        views: names of the photographs (in a recorded set, of the chosen views), in the cameras' order.
-        failure: why there is no cloud; empty if there is one.
-        measured: False if the evaluation itself broke (a crash, the time-out); ``value_m`` is then the rule's worst and
-            says nothing about z.
-        times: seconds by stage.
-    """
+    """r(z) at one z. Lengths are metres."""
 
     value_m: float
+    """The cost to minimise, by the rule of `fieldkit.planning.objective.rule`; always finite."""
     chamfer_m: float | None
+    """Plain chamfer distance (eq. `r_func`); this and its directed terms are None without a cloud."""
     accuracy_m: float | None
+    """Mean distance from the cloud to the reference."""
     completeness_m: float | None
+    """Mean distance from the reference to the cloud."""
     f_scores: Mapping[float, float]
+    """F-score by distance in metres; 0 without a cloud."""
     images: int
+    """Photographs asked for."""
     registered: int
+    """Images with a pose from the mapper."""
     right: int
+    """Registered images whose pose agrees with the commanded one."""
     models: int
+    """Number of the mapper's models; the largest is used."""
     points: int
+    """Number of points of the cloud."""
     cloud_digest: str
+    """Of the cloud's positions: equal if the clouds are equal byte for byte."""
     views: tuple[str, ...]
+    """Names of the photographs (in a recorded set, of the chosen views), in the cameras' order."""
     failure: str = ""
+    """Why there is no cloud; empty if there is one."""
     measured: bool = True
+    """False if the evaluation itself broke (a crash, the time-out); ``value_m`` is then the rule's worst and says
+    nothing about z.
+    """
     times: tuple[StageCost, ...] = field(default=(), compare=False)
+    """Seconds by stage."""
 
     @property
     def cpu_s(self) -> float:

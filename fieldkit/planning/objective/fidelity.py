@@ -12,21 +12,18 @@ from fieldkit.vocabulary import SearchFidelity
 
 @dataclass(frozen=True)
 class Fidelity:
-    """A level of detail of evaluations.
-
-    Attributes:
-        name: ``"draft"``, ``"standard"`` or ``"fine"``.
-        drawn_side: longer side of rendered photographs, pixels, at most the camera's; recorded ones keep their size.
-        economy: passed to `simulate_capture`; halves the cost of rendering.
-        features: detection in rendered photographs; recorded ones always use the defaults of `FeatureSettings`.
-        dense: fidelity of dense stereo.
-    """
+    """A level of detail of evaluations."""
 
     name: SearchFidelity
+    """``"draft"``, ``"standard"`` or ``"fine"``."""
     drawn_side: int = 2000
+    """Longer side of rendered photographs, pixels, at most the camera's; recorded ones keep their size."""
     economy: bool = True
+    """Passed to `simulate_capture`; halves the cost of rendering."""
     features: FeatureSettings = field(default_factory=FeatureSettings)
+    """Detection in rendered photographs; recorded ones always use the defaults of `FeatureSettings`."""
     dense: DenseFidelity = "standard"
+    """Fidelity of dense stereo."""
 
     def camera(self, camera: Intrinsics) -> Intrinsics:
         """The camera that photographs are rendered with."""

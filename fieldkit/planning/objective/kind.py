@@ -37,16 +37,13 @@ class Kind:
     For a simulated plot they come from `plots_of_kind`. For one made from a reference, plants that can be told apart
     are turned, scaled and left out; else the whole plot is turned and mirrored (`draw_variation`). Plot k does not
     depend on the number of plots.
-
-    Attributes:
-        descriptions: of the given plots, all simulated or all recorded. The first one's camera effects apply to all.
-        seed: of all draws.
-        folder: where scenes of recorded plots are written.
     """
 
     descriptions: tuple[SceneDescription, ...]
+    """Of the given plots, all simulated or all recorded. The first one's camera effects apply to all."""
     seed: int
     folder: Path
+    """Where scenes of recorded plots are written."""
 
     @cached_property
     def recorded(self) -> tuple[tuple[Cloud, PlantsApart], ...]:

@@ -30,27 +30,26 @@ _LEAST_CAMERAS = 2
 
 @dataclass(frozen=True)
 class ObjectiveSettings:
-    """All settings of r except the plot and the seed.
-
-    Attributes:
-        fidelity: ``"draft"``, ``"standard"`` or ``"fine"``.
-        mapping: ``"prior"`` starts from the commanded poses, as in the field; ``"incremental"`` is the paper's.
-            Either is real SfM from the photographs: camera poses are never taken as known.
-        rule: for the value of poor clouds.
-        min_agreeing_views: setting of the fusion.
-        bands_px: half widths of the bands that prior mapping matches in, round by round, in pixels of a photograph 1600
-            wide; None takes the default of `PriorMappingSettings`. Fewer rounds suit poses known to some millimetres.
-        refine: align and scale each cloud to the reference by ICP before it is scored. Poses that are off by
-            centimetres move, tilt and scale the cloud at random; what remains is the shape, which depends on the
-            cameras' places.
-    """
+    """All settings of r except the plot and the seed."""
 
     fidelity: SearchFidelity = "standard"
+    """``"draft"``, ``"standard"`` or ``"fine"``."""
     mapping: MappingName = "prior"
+    """``"prior"`` starts from the commanded poses, as in the field; ``"incremental"`` is the paper's. Either is real
+    SfM from the photographs: camera poses are never taken as known.
+    """
     rule: Rule = field(default_factory=Rule)
+    """For the value of poor clouds."""
     min_agreeing_views: int = 2
+    """Setting of the fusion."""
     bands_px: tuple[float, ...] | None = None
+    """Half widths of the bands that prior mapping matches in, round by round, in pixels of a photograph 1600 wide; None
+    takes the default of `PriorMappingSettings`. Fewer rounds suit poses known to some millimetres.
+    """
     refine: bool = False
+    """Align and scale each cloud to the reference by ICP before it is scored. Poses that are off by centimetres move,
+    tilt and scale the cloud at random; what remains is the shape, which depends on the cameras' places.
+    """
 
     def __post_init__(self) -> None:
         if self.fidelity not in FIDELITIES:
@@ -84,7 +83,6 @@ class Objective:
 
     Args:
         source: simulated or recorded photographs.
-        settings: of the objective.
         seed: of mapping and dense stereo, and of the photographs' noise unless `evaluate` gets another one.
         stretch: fits cameras to the plot first, if it is one of several that a plan is for.
 
@@ -129,10 +127,6 @@ class Objective:
         Returns:
             The evaluation. Photographs that do not reconstruct are a result, not an error: their value follows from the
             rule.
-
-        Raises:
-            UsageError: fewer than two cameras, or the source cannot photograph them.
-            InputError: this machine cannot render, or the recorded photographs cannot be read.
         """
         return self.evaluate_cloud(cameras, seed=seed, fidelity=fidelity)[0]
 

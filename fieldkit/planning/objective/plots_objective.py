@@ -32,8 +32,6 @@ class PlotsObjective:
     Args:
         build: makes a plot's proxy; picklable.
         source: makes the source of photographs from a plot's proxy; picklable.
-        settings: of all objectives.
-        seed: of all objectives.
         stretches: by plots' numbers, for those that cameras are fitted to.
     """
 

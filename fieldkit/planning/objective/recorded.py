@@ -47,17 +47,14 @@ class RecordedView:
 
 @dataclass(frozen=True)
 class Rehearsal:
-    """How a recorded plot is changed to stand for another one of its kind.
-
-    Attributes:
-        turn_deg: turn of the plants, counterclockwise from above; cameras are turned the other way.
-        kept: share of the matches that are not withheld.
-        draw: number of the draw of withheld matches.
-    """
+    """How a recorded plot is changed to stand for another one of its kind."""
 
     turn_deg: float = 0.0
+    """Turn of the plants, counterclockwise from above; cameras are turned the other way."""
     kept: float = 1.0
+    """Share of the matches that are not withheld."""
     draw: int = 0
+    """Number of the draw of withheld matches."""
 
 
 def recorded_views(
@@ -67,13 +64,8 @@ def recorded_views(
 
     Args:
         capture: as read.
-        plot: of the reference.
         reconstructed: poses that the reference found for photographs of these names, in the plot frame. They give their
             orientation to photographs of the same place whose orientation is unknown.
-
-    Raises:
-        MetadataError: fewer than three poses are known.
-        ReconstructionError: the capture's positions and the reference's have no frame in common.
     """
     known = known_poses(capture, plot.source)
     views = []
@@ -126,11 +118,6 @@ class RecordedSource:
         cache: shared by all evaluations.
         noise: added to the known poses, as a less exact flight would; images stay as they are.
         reconstructed: poses to take missing orientations from; see `recorded_views`.
-
-    Raises:
-        MetadataError: fewer than three poses are known.
-        ReconstructionError: the capture's positions and the reference's have no frame in common.
-        UsageError: image noise is asked for.
     """
 
     def __init__(

@@ -26,13 +26,10 @@ class RecordedKind:
 
     Turning the plants is the same as turning the cameras, which have photographs if the views go all round. Else plots
     differ only in the share of matches.
-
-    Attributes:
-        source: the recorded photographs.
-        seed: of the draws.
     """
 
     source: RecordedSource
+    """The recorded photographs."""
     seed: int
 
     def rehearsal(self, number: int) -> Rehearsal:
@@ -49,7 +46,6 @@ class RecordedKind:
         """The plot as planning knows it.
 
         Args:
-            number: of the plot.
             matches: (m, m) between the recorded views on the plot as recorded.
         """
         rehearsal, cloud = self.rehearsal(number), self.source.cloud
@@ -76,8 +72,6 @@ class RecordedPlots:
 
     Args:
         kind: the plots.
-        settings: of all objectives.
-        seed: of all objectives.
     """
 
     def __init__(self, kind: RecordedKind, settings: ObjectiveSettings, *, seed: int = 0) -> None:

@@ -13,18 +13,12 @@ from numpy.typing import ArrayLike
 
 @dataclass(frozen=True)
 class Rule:
-    """The constants of the rule.
-
-    Attributes:
-        cap_m: upper limit of every distance, metres; a reference point that the cloud does not reach counts this much.
-        support: share of the reference that the cloud must reach for its accuracy to count in full.
-
-    Raises:
-        ValueError: a constant that is not positive.
-    """
+    """The constants of the rule."""
 
     cap_m: float = 0.10
+    """Upper limit of every distance, metres; a reference point that the cloud does not reach counts this much."""
     support: float = 0.25
+    """Share of the reference that the cloud must reach for its accuracy to count in full."""
 
     def __post_init__(self) -> None:
         if not (self.cap_m > 0 and 0 < self.support <= 1):

@@ -43,22 +43,20 @@ _REFERENCE_POINTS = 200_000
 
 @dataclass(frozen=True, eq=False)
 class Proxy:
-    """A scene with its truth.
-
-    Attributes:
-        scene: the one rendered.
-        reference: PC_env, points on the plants, plot frame.
-        volume: of interest, plot frame; its floor lies above the soil's bumps.
-        camera: without distortion, at full size.
-        surface: the surfaces of PC_env, sampled more densely, and those of weeds and neighbours; None if unknown.
-            Accuracy is measured to it: reconstructed weeds and neighbours are no error, and missing ones cost nothing.
-    """
+    """A scene with its truth."""
 
     scene: Scene
+    """The one rendered."""
     reference: Cloud
+    """PC_env, points on the plants, plot frame."""
     volume: Volume
+    """Of interest, plot frame; its floor lies above the soil's bumps."""
     camera: Intrinsics
+    """Without distortion, at full size."""
     surface: Cloud | None = None
+    """The surfaces of PC_env, sampled more densely, and those of weeds and neighbours; None if unknown. Accuracy is
+    measured to it: reconstructed weeds and neighbours are no error, and missing ones cost nothing.
+    """
 
     @classmethod
     def of(
@@ -74,10 +72,8 @@ class Proxy:
 
         Args:
             scene: with plants.
-            camera: of the photographs.
             points: sampled, before hidden and low ones are left out.
             lowest_m: lower points are left out of reference and cloud, since the soil is bumpy.
-            seed: of the sampling.
         """
         return cls(scene, *above_soil(sample_plants(scene, points, seed), lowest_m), camera)
 
@@ -90,9 +86,6 @@ class Proxy:
         Args:
             description: of the scene.
             camera: of the photographs; None takes the description's.
-
-        Raises:
-            SceneError: the scene has no plants, or one of its files cannot be used.
         """
         check_plants(description)
         scene = build(description)
@@ -151,9 +144,6 @@ class SimulatedSource:
             noise: of poses and images, instead of the description's.
             camera: of the photographs, instead of the description's.
             wind_m: sway of the leaves between photographs, as a scene file's ``wind_m``.
-
-        Raises:
-            SceneError: as `Proxy.from_description`.
         """
         return cls.of_scene(description, Proxy.from_description(description, camera), noise, wind_m)
 
@@ -187,11 +177,7 @@ class SimulatedSource:
         return self._cache
 
     def prepare(self) -> None:
-        """Upload the scene and index the reference.
-
-        Raises:
-            RenderingError: this machine cannot render.
-        """
+        """Upload the scene and index the reference."""
         assert self.reference is not None
         if self._renderer is None:
             self._renderer = Renderer(self.proxy.scene)

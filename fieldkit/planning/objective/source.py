@@ -18,17 +18,14 @@ from fieldkit.runtime.progress import Progress
 
 @dataclass(frozen=True)
 class PhotoSet:
-    """The photographs of a set of cameras.
-
-    Attributes:
-        capture: with the commanded poses as its priors, in the plot frame.
-        views: the photographs' names in the cameras' order.
-        features: settings of their detection.
-    """
+    """The photographs of a set of cameras."""
 
     capture: Capture
+    """With the commanded poses as its priors, in the plot frame."""
     views: tuple[str, ...]
+    """The photographs' names in the cameras' order."""
     features: FeatureSettings = field(default_factory=FeatureSettings)
+    """Settings of their detection."""
 
 
 class PhotoSource(Protocol):
@@ -53,21 +50,13 @@ class PhotoSource(Protocol):
         ...
 
     def prepare(self) -> None:
-        """Make what every evaluation needs (a renderer, an index). Further calls do nothing.
-
-        Raises:
-            InputError: this machine or this data cannot be used.
-        """
+        """Make what every evaluation needs (a renderer, an index). Further calls do nothing."""
         ...
 
     def photograph(
         self, cameras: Cameras, fidelity: Fidelity, seed: int, progress: Progress
     ) -> AbstractContextManager[PhotoSet]:
-        """The photographs, which exist while the context is open.
-
-        Raises:
-            UsageError: the source cannot photograph these cameras.
-        """
+        """The photographs, which exist while the context is open."""
         ...
 
     def close(self) -> None:

@@ -24,11 +24,7 @@ _RTK_M, _ONE_FLIGHT_M, _TURNED_DEG = 0.02, 0.1, 1.0
 
 
 def read_vehicle(name: str | Path) -> tuple[Vehicle, SearchVehicle]:
-    """A vehicle profile, by name or by path, and its record in a run's settings.
-
-    Raises:
-        MetadataError: no profile has this name, or it is invalid.
-    """
+    """A vehicle profile, by name or by path, and its record in a run's settings."""
     file = find_vehicle(name)
     vehicle = load_vehicle(file)
     own = file.resolve().parent == vehicles_folder().resolve()
@@ -48,11 +44,7 @@ def vehicle_envelope(vehicle: Vehicle, given: Mapping[str, Any]) -> dict[str, An
     the vehicle's clearance to plants; the gimbal's range is the mount's.
 
     Args:
-        vehicle: flies the plan.
         given: settings by the keys of `EnvelopeSettings`.
-
-    Raises:
-        UsageError: a given setting is beyond the vehicle's limits.
     """
     low, high = vehicle.mount.pitch_deg
     least = vehicle.min_height_m
@@ -88,10 +80,6 @@ def check_views(views: Cameras, settings: SearchSettings, progress: Progress) ->
     Args:
         views: the recorded views, plot frame.
         settings: of the run; without a vehicle nothing is checked.
-        progress: receives the note.
-
-    Raises:
-        UsageError: it can take fewer views than the run asks for.
     """
     if settings.vehicle is None:
         return

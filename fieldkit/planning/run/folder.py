@@ -119,11 +119,7 @@ class RunFolder:
         self.path, self.settings, self.entries, self._file = path, settings, list(entries), file
 
     def append(self, entry: LogEntry) -> None:
-        """Append an entry to the log and sync it to the disk.
-
-        Raises:
-            StorageError: the disk is full.
-        """
+        """Append an entry to the log and sync it to the disk."""
         with storage_errors(self.path / LOG_FILE):
             self._file.write(entry.model_dump_json().encode() + b"\n")
             self._file.flush()
@@ -138,12 +134,7 @@ class RunFolder:
 
 @contextmanager
 def create_run(path: Path, settings: SearchSettings, *, overwrite: bool = False) -> Iterator[RunFolder]:
-    """A new run folder with its settings and an empty log.
-
-    Raises:
-        UsageError: ``path`` exists and ``overwrite`` is off, is not a run's folder, or another process plans there.
-        StorageError: the disk is full or not writable.
-    """
+    """A new run folder with its settings and an empty log."""
     with suppress(OSError), open_regular(path / LOG_FILE) as file:
         _lock(file, path)
     with atomic_folder(path, overwrite=overwrite, marker=SETTINGS_FILE) as folder:
@@ -155,12 +146,7 @@ def create_run(path: Path, settings: SearchSettings, *, overwrite: bool = False)
 
 @contextmanager
 def open_run(path: Path) -> Iterator[RunFolder]:
-    """An existing run folder. A last line that was cut off is removed: its evaluation did not finish.
-
-    Raises:
-        MetadataError: ``path`` is not a run folder, or its files are damaged.
-        UsageError: another process has it open.
-    """
+    """An existing run folder. A last line that was cut off is removed: its evaluation did not finish."""
     settings = read_settings(path)
     log = path / LOG_FILE
     if is_other_than_file(log):
@@ -177,22 +163,14 @@ def open_run(path: Path) -> Iterator[RunFolder]:
 
 
 def read_settings(path: Path) -> SearchSettings:
-    """search.json of a run folder.
-
-    Raises:
-        MetadataError: it is missing, damaged or of another version.
-    """
+    """search.json of a run folder."""
     file = path / SETTINGS_FILE
     document = read_json_object(file, _REMEDY, noun="run", max_bytes=_MAX_BYTES)
     return validated(SearchSettings, document, file, _REMEDY)
 
 
 def read_log(path: Path) -> list[LogEntry]:
-    """evaluations.jsonl of a run folder, without a last line that is still being written.
-
-    Raises:
-        MetadataError: it is missing or damaged.
-    """
+    """evaluations.jsonl of a run folder, without a last line that is still being written."""
     log = path / LOG_FILE
     try:
         content = read_regular(log)

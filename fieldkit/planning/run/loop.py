@@ -24,35 +24,28 @@ _FRESH_SEEDS = 1_000_000
 
 @dataclass(frozen=True)
 class Ending:
-    """Why a search ended.
-
-    Attributes:
-        stopped: the limit that was reached, or that the search converged: the possible gain is below an evaluation's
-            noise.
-        gain: the possible gain, if it converged.
-    """
+    """Why a search ended."""
 
     stopped: Stopped
+    """The limit that was reached, or that the search converged: the possible gain is below an evaluation's noise."""
     gain: Gain | None = None
+    """The possible gain, if it converged."""
 
 
 @dataclass(frozen=True, eq=False)
 class Finalist:
-    """A set of cameras with its confirmations.
-
-    Attributes:
-        trial: of the search.
-        entries: the confirmations.
-        value_m: mean of the confirmations; None without confirmations.
-        spread_m: standard deviation over the confirmations; None without two.
-        kind_m: the method's expectation on plots of the kind, after all evaluations; None if the method has none.
-    """
+    """A set of cameras with its confirmations."""
 
     trial: Trial
+    """Of the search."""
     entries: tuple[LogEntry, ...] = ()
+    """The confirmations."""
     value_m: float | None = None
+    """Mean of the confirmations; None without confirmations."""
     spread_m: float | None = None
+    """Standard deviation over the confirmations; None without two."""
     kind_m: float | None = None
+    """The method's expectation on plots of the kind, after all evaluations; None if the method has none."""
 
 
 def search(
@@ -64,18 +57,10 @@ def search(
     − lag − 1. So proposals depend only on the settings, also in an interrupted run.
 
     Args:
-        method: of the search.
-        evaluations: of the objective.
-        run: folder that logs the results.
         out_of_time: from the run's seconds so far, whether no trial may start any more.
-        watch: called with every new entry.
 
     Returns:
         Why the search ended.
-
-    Raises:
-        FieldkitError: no evaluation is possible at all.
-        StorageError: the disk is full; the run can be resumed from the log.
     """
     with ThreadPoolExecutor(1) as thread:
         going = _Search(method, evaluations, run, out_of_time, watch, thread)
@@ -169,9 +154,6 @@ def confirm(method: Method, evaluations: Evaluations, run: RunFolder, *, watch: 
 
     Returns:
         The finalists in the order of `ranked`; empty if no trial was measured.
-
-    Raises:
-        FieldkitError, StorageError: as `search`.
     """
     results = [entry.result for entry in searched(run.entries)]
     judge = method.favourites if isinstance(method, Judge) else lowest
@@ -202,9 +184,6 @@ def evaluate_again(
 
     Returns:
         The trials by value, the best first; in the given order if the settings ask for no repeats.
-
-    Raises:
-        FieldkitError, StorageError: as `search`.
     """
     settings = run.settings
     if not settings.repeats:

@@ -103,14 +103,7 @@ def write_outcome(
     """Write the results of a finished run; plan.json last, so that its presence means that all are there.
 
     Args:
-        run: the run's folder.
-        setup: the run's problem and objective.
-        confirmed: the finalists, the best first.
-        ending: how the search ended.
         choice_s: wall and CPU seconds of a method that chose without a search.
-
-    Raises:
-        StorageError: the disk is full or not writable.
     """
     settings, chosen = run.settings, confirmed[0]
     trials = searched(run.entries)
@@ -167,11 +160,7 @@ def write_outcome(
 
 
 def read_outcome(path: Path) -> Outcome:
-    """outcome.json of a run's folder.
-
-    Raises:
-        MetadataError: it is missing or damaged.
-    """
+    """outcome.json of a run's folder."""
     file = path / OUTCOME_FILE
     document = read_json_object(file, _REMEDY, noun="run", max_bytes=_MAX_BYTES)
     return validated(Outcome, document, file, _REMEDY)

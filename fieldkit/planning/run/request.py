@@ -110,12 +110,7 @@ def new_settings(request: PlanRequest, workers: int) -> SearchSettings:
     """The settings of a new run.
 
     Args:
-        request: the given options.
         workers: that will evaluate; see `lag_for`.
-
-    Raises:
-        UsageError: they contradict themselves, or leave the vehicle's limits.
-        InputError: the source, the vehicle or the camera cannot be used.
     """
     (source, path), *others = describe_sources(request.scenes, request.references, request.captures)
     recorded, given = source.kind == "captures", _given(request.settings)
@@ -231,11 +226,7 @@ def _plots(purpose: str | None, plots: int | None, method: str, given: int) -> i
 
 
 def resumed_settings(settings: SearchSettings, request: PlanRequest) -> SearchSettings:
-    """The settings to resume with: the run's own, with changes where they are allowed.
-
-    Raises:
-        UsageError: a setting that must not change differs from the run's.
-    """
+    """The settings to resume with: the run's own, with changes where they are allowed."""
     given = _given(request.settings)
     if request.purpose is not None and (request.purpose == "kind") != (settings.plots > 1):
         given["plots"] = 1 if request.purpose == "this-plot" else KIND_PLOTS

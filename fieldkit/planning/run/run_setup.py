@@ -51,22 +51,18 @@ _TWO_ROUNDS_PX = (10.0, 3.0)
 
 @dataclass(frozen=True, eq=False)
 class RunSetup:
-    """The problem and the objective of a run.
-
-    Attributes:
-        problem: for the methods.
-        envelope: as in plan.json.
-        make_objective: makes the objective of all plots, for the executor.
-        plant_height_m: of the first given plot, for which cameras are stated if they are fitted to each plot; else
-            None.
-        photographs: names of recorded photographs, in the order of the problem's views; empty if they are rendered.
-    """
+    """The problem and the objective of a run."""
 
     problem: PlanningProblem
+    """For the methods."""
     envelope: PlanEnvelope
+    """As in plan.json."""
     make_objective: Callable[[], Evaluator]
+    """Makes the objective of all plots, for the executor."""
     photographs: tuple[str, ...] = ()
+    """Names of recorded photographs, in the order of the problem's views; empty if they are rendered."""
     plant_height_m: float | None = None
+    """Of the first given plot, for which cameras are stated if they are fitted to each plot; else None."""
 
     @cached_property
     def objective(self) -> Evaluator:
@@ -74,11 +70,7 @@ class RunSetup:
         return self.make_objective()
 
     def check_renderer(self) -> None:
-        """Check without a scene whether photographs can be rendered here.
-
-        Raises:
-            RenderingError: evaluations need rendering, and this machine cannot render.
-        """
+        """Check without a scene whether photographs can be rendered here."""
         if not self.photographs:
             Renderer(Scene(())).close()
 
@@ -86,12 +78,7 @@ class RunSetup:
 def describe_sources(
     scenes: Sequence[Path], references: Sequence[Path], captures: Path | None
 ) -> list[tuple[PlanSource, Path]]:
-    """The sources of a run: paths, or names of scenes that come with fieldkit.
-
-    Raises:
-        UsageError: no source is given, sources of two kinds are, one is given twice, or a reference is a bare cloud.
-        InputError: a source does not exist.
-    """
+    """The sources of a run: paths, or names of scenes that come with fieldkit."""
     for reference in references:
         if is_cloud(reference) and reference_file(reference) == reference:
             raise UsageError(
@@ -130,15 +117,8 @@ def set_up_run(settings: SearchSettings, folder: Path, context: Context, *, coun
     """The problem and the objective of a run.
 
     Args:
-        settings: of the run.
         folder: of the run; keeps what is made from the source (a reference's proxy, a recorded set's reference).
-        context: prepares the source.
         count_matches: whether to count the matches between all pairs of recorded photographs.
-
-    Raises:
-        InputError: the source is missing, has changed since the run began, or cannot be used.
-        UsageError: the envelope has no room.
-        ReconstructionError: a recorded set does not reconstruct.
     """
     progress = context.progress
     for plot in settings.given:

@@ -50,7 +50,6 @@ class CostModel:
     With several plots it is the mean over them.
 
     Args:
-        problem: the planning problem.
         certainty: extra cost expected per e-fold by which a set is less likely to register, as a share.
     """
 
@@ -65,7 +64,6 @@ class CostModel:
         plots.
 
         Args:
-            cameras: the set.
             plot: number of one of the problem's plots, or of an unmet one.
         """
         if plot is not None and plot >= len(self._scores):

@@ -33,39 +33,34 @@ class ScoreSettings(StereoQuality):
     """The constants of `GeometricScore`: those of `StereoQuality`, and how views are counted.
 
     Figures are in docs/planning.md.
-
-    Attributes:
-        agreeing: least number of views with a right depth at a point.
-        neighbors: number of nearest points that can replace a missing one.
     """
 
     agreeing: int = 2
+    """Least number of views with a right depth at a point."""
     neighbors: int = 24
+    """Number of nearest points that can replace a missing one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """The score of a set; small distances are good.
-
-    Attributes:
-        distance_m: ``gap_m`` + ``noise_m``, as a chamfer distance is completeness + accuracy.
-        tie_m: root of the cameras' mean squared looseness (`looseness_m`).
-        gap_m: expected distance from a point of the plants to the nearest reconstructed one, mean over points.
-        noise_m: expected error of the reconstructed points, mean over them; the cap if there are none.
-        covered: expected share of the points that are reconstructed.
-        loose_m: (n,) looseness of each camera.
-        matches: (n, n) of each pair: counted if the problem has them, else expected.
-        lost_room: expected share of the room above the plants in which a higher leaf would not be reconstructed.
-    """
+    """The score of a set; small distances are good."""
 
     distance_m: float
+    """``gap_m`` + ``noise_m``, as a chamfer distance is completeness + accuracy."""
     tie_m: float
+    """Root of the cameras' mean squared looseness (`looseness_m`)."""
     gap_m: float
+    """Expected distance from a point of the plants to the nearest reconstructed one, mean over points."""
     noise_m: float
+    """Expected error of the reconstructed points, mean over them; the cap if there are none."""
     covered: float
+    """Expected share of the points that are reconstructed."""
     loose_m: Array
+    """(n,) looseness of each camera."""
     matches: Array
+    """(n, n) of each pair: counted if the problem has them, else expected."""
     lost_room: float
+    """Expected share of the room above the plants in which a higher leaf would not be reconstructed."""
 
 
 class _View(NamedTuple):
@@ -99,9 +94,7 @@ class GeometricScore:
     cameras close together.
 
     Args:
-        problem: the planning problem.
         matchability: of the plot's kind of plants and soil, for pairs without counted matches.
-        settings: constants.
         plot: one of the problem's; the first one by default.
         points: largest number of points of the surface.
     """

@@ -24,14 +24,12 @@ class Matchability:
     The default is the least-squares fit of log(1 + matches) to the medians of tuning-1 to tuning-5 in
     docs/simulated-scenes.md ("How realistic"): 309, 204, 104, 40, 16 and 9 matches at 6, 12, 18, 27, 36 and 48°. Of
     these 5 are chance matches at any angle and are left out here.
-
-    Attributes:
-        matches: of two views at the same angle.
-        decay_deg: angle at which 1/e of them is left.
     """
 
     matches: float = 662.0
+    """Of two views at the same angle."""
     decay_deg: float = 9.13
+    """Angle at which 1/e of them is left."""
 
     def expected(self, angle_deg: ArrayLike) -> Array:
         """Expected matches, of the angles' shape."""

@@ -25,16 +25,14 @@ class Registration:
     Both constants are unknown. Their posterior is kept on a grid; the prior has c₀ of 23 matches times or divided by
     e^½, and w from 0.2 to 0.45 (65 sets about tuning-1 and tuning-2, docs/experiments/score-and-planner.md). While
     every set fails, c₀ rises above what was tried.
-
-    Attributes:
-        thresholds: (g,) ln c₀ of the grid.
-        widths: (g,) w.
-        weights: (g,) probabilities; they sum to 1.
     """
 
     thresholds: Array
+    """(g,) ln c₀ of the grid."""
     widths: Array
+    """(g,) w."""
     weights: Array
+    """(g,) probabilities; they sum to 1."""
 
     @classmethod
     def learn(cls, connectivities: ArrayLike, whole: Sequence[bool]) -> Registration:

@@ -32,27 +32,20 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The plants' surface, for a geometric score.
-
-    Attributes:
-        points: (p, 3) metres, plot frame, drawn from the reference's points, which the objective counts.
-        normals: (p, 3) unit vectors; their sign does not matter, since leaves have two sides. None if unknown.
-        obstacles: (m, 3) metres, points that hide others.
-        splat_m: edge of the square that represents an obstacle.
-    """
+    """The plants' surface, for a geometric score."""
 
     points: Array
+    """(p, 3) metres, plot frame, drawn from the reference's points, which the objective counts."""
     normals: Array | None
+    """(p, 3) unit vectors; their sign does not matter, since leaves have two sides. None if unknown."""
     obstacles: Array
+    """(m, 3) metres, points that hide others."""
     splat_m: float
+    """Edge of the square that represents an obstacle."""
 
     @classmethod
     def of(cls, plot: Plot, limit: int = POINTS) -> Surface:
-        """At most ``limit`` points of a plot's reference, always the same ones, and its obstacles, thinned.
-
-        Raises:
-            ValueError: the reference has no points.
-        """
+        """At most ``limit`` points of a plot's reference, always the same ones, and its obstacles, thinned."""
         reference = plot.reference
         if not len(reference):
             raise ValueError("the reference has no points")
@@ -75,19 +68,16 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """One camera's view of a surface's p points.
-
-    Attributes:
-        rays: (p, 3) unit vectors from the points to the camera.
-        distance_m: (p,) to the camera.
-        facing: (p,) |n·v|, 1 if it looks squarely at the surface or if normals are unknown.
-        seen: (p,) whether a point lies in the picture and is not hidden.
-    """
+    """One camera's view of a surface's p points."""
 
     rays: Array
+    """(p, 3) unit vectors from the points to the camera."""
     distance_m: Array
+    """(p,) to the camera."""
     facing: Array
+    """(p,) |n·v|, 1 if it looks squarely at the surface or if normals are unknown."""
     seen: NDArray[np.bool_]
+    """(p,) whether a point lies in the picture and is not hidden."""
 
 
 class PerCamera(Generic[T]):

@@ -20,9 +20,6 @@ def assign(cameras: Cameras, views: Cameras, distance_m: float) -> NDArray[np.in
         cameras: n, plot frame.
         views: m ≥ n.
         distance_m: turns angles into lengths: about the distance from the cameras to the plants.
-
-    Raises:
-        UsageError: there are more cameras than views.
     """
     if len(cameras) > len(views):
         raise UsageError(

@@ -18,20 +18,14 @@ PER_CAMERA = 5
 
 @dataclass(frozen=True, eq=False)
 class Cameras:
-    """N commanded cameras in the plot frame; the arrays are read-only.
-
-    Attributes:
-        positions: (n, 3) projection centres, metres.
-        yaw_deg: (n,) headings, clockwise from north; kept in [−180, 180).
-        pitch_deg: (n,) elevations of the optical axes; 0 at the horizon, −90 straight down.
-
-    Raises:
-        ValueError: shapes that do not fit, a value that is not finite, or a pitch beyond ±90°.
-    """
+    """N commanded cameras in the plot frame; the arrays are read-only."""
 
     positions: Array
+    """(n, 3) projection centres, metres."""
     yaw_deg: Array
+    """(n,) headings, clockwise from north; kept in [−180, 180)."""
     pitch_deg: Array
+    """(n,) elevations of the optical axes; 0 at the horizon, −90 straight down."""
 
     def __post_init__(self) -> None:
         positions = np.array(self.positions, dtype=np.float64)
@@ -77,11 +71,7 @@ class Cameras:
 
     @classmethod
     def from_vector(cls, z: ArrayLike) -> Cameras:
-        """Cameras from z (5n,): x, y, z, yaw, pitch per camera.
-
-        Raises:
-            ValueError: the length is no multiple of 5, or a value is out of range.
-        """
+        """Cameras from z (5n,): x, y, z, yaw, pitch per camera."""
         flat = np.asarray(z, dtype=np.float64).reshape(-1)
         if len(flat) % PER_CAMERA:
             raise ValueError(f"z has {len(flat)} entries, which is no multiple of {PER_CAMERA}")

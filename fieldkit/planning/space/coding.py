@@ -66,11 +66,7 @@ class Coding:
         return code
 
     def decode(self, code: Array) -> Cameras:
-        """The cameras of a code u (5n,), whose entries are cut to [0, 1].
-
-        Raises:
-            ValueError: the length is no multiple of 5, or a value is not finite.
-        """
+        """The cameras of a code u (5n,), whose entries are cut to [0, 1]."""
         if len(code) % PER_CAMERA:
             raise ValueError(f"a code has {len(code)} entries, which is no multiple of {PER_CAMERA}")
         share = np.clip(np.array(code, dtype=np.float64).reshape(-1, PER_CAMERA), 0.0, 1.0)

@@ -33,21 +33,18 @@ _BATCHES = 500
 
 @dataclass(frozen=True, eq=False)
 class Violations:
-    """Violation of each constraint by each camera: positive outside, negative inside.
-
-    Attributes:
-        bounds_m: (n,) horizontal distance out of the plot's flight box.
-        height_m: (n,) out of the height band.
-        plants_m: (n,) missing clearance to the plants; with a vehicle, the missing height over leaves if that is more.
-        separation_m: (n,) missing distance to the nearest other camera.
-        pitch_deg: (n,) out of the gimbal's range.
-    """
+    """Violation of each constraint by each camera: positive outside, negative inside."""
 
     bounds_m: Array
+    """(n,) horizontal distance out of the plot's flight box."""
     height_m: Array
+    """(n,) out of the height band."""
     plants_m: Array
+    """(n,) missing clearance to the plants; with a vehicle, the missing height over leaves if that is more."""
     separation_m: Array
+    """(n,) missing distance to the nearest other camera."""
     pitch_deg: Array
+    """(n,) out of the gimbal's range."""
 
     @property
     def largest(self) -> Array:
@@ -73,9 +70,6 @@ class Envelope:
         vehicle_clearance_m: a vehicle's clearance to the plants. Cameras then also stay out of its no-fly bands
             (`no_fly_bands`, which missions are routed around): not below leaves, not in gaps that plants surround. None
             without a vehicle.
-
-    Raises:
-        ValueError: an empty range, or points that are not an (m, 3) array.
     """
 
     x_m: tuple[float, float]
@@ -193,13 +187,8 @@ class Envelope:
         The pitch is cut to the gimbal's range. The same seed gives the same cameras.
 
         Args:
-            count: of cameras.
-            seed: of the draws.
             radius_m: range of horizontal distances from the target's middle; ignored if it has no room.
             aim_m: range of heights z above the target's middle to look at; None takes uniform points of the target.
-
-        Raises:
-            UsageError: the envelope has no room for so many.
         """
         rng = np.random.default_rng([seed, _SAMPLE_STREAM])
         positions = np.zeros((0, 3))

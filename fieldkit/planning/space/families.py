@@ -34,27 +34,20 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """Sets of cameras by a point of the unit cube.
-
-    Attributes:
-        name: ``"ring"``, ``"arc"``, ``"spiral"`` or ``"chain"``.
-        parameters: the cube's axes.
-        build: makes the cameras of given values, which may be infeasible.
-    """
+    """Sets of cameras by a point of the unit cube."""
 
     name: str
+    """``"ring"``, ``"arc"``, ``"spiral"`` or ``"chain"``."""
     parameters: tuple[Parameter, ...]
+    """The cube's axes."""
     build: Callable[[Values], Cameras]
+    """Makes the cameras of given values, which may be infeasible."""
 
     def __len__(self) -> int:
         return len(self.parameters)
 
     def values(self, unit: ArrayLike) -> dict[str, float]:
-        """The parameters at a point (k,), which is cut to the unit cube.
-
-        Raises:
-            ValueError: a wrong number of coordinates, or one that is not finite.
-        """
+        """The parameters at a point (k,), which is cut to the unit cube."""
         u = np.asarray(unit, dtype=np.float64).reshape(-1)
         if len(u) != len(self) or not np.isfinite(u).all():
             raise ValueError(f"{self.name} takes {len(self)} finite numbers, not {u}")
@@ -64,29 +57,22 @@ class Family:
         }
 
     def decode(self, unit: ArrayLike) -> Cameras:
-        """The N cameras of a point (k,) of the unit cube; they look at the plot and may be infeasible.
-
-        Raises:
-            ValueError: as `values`.
-        """
+        """The N cameras of a point (k,) of the unit cube; they look at the plot and may be infeasible."""
         return self.build(self.values(unit))
 
 
 @dataclass(frozen=True)
 class Circle:
-    """N cameras evenly on a horizontal circle, all looking at one point above the plot's middle.
-
-    Attributes:
-        radius_m: horizontal.
-        altitude_m: above the ground below each camera.
-        aim_m: z of the point that all look at.
-        phase_deg: azimuth of the first camera, clockwise from north.
-    """
+    """N cameras evenly on a horizontal circle, all looking at one point above the plot's middle."""
 
     radius_m: float
+    """Horizontal."""
     altitude_m: float
+    """Above the ground below each camera."""
     aim_m: float
+    """Z of the point that all look at."""
     phase_deg: float = 0.0
+    """Azimuth of the first camera, clockwise from north."""
 
     def __str__(self) -> str:
         return f"circle {self.radius_m:.2f} m at {self.altitude_m:.2f} m, aim {self.aim_m:.2f} m"
@@ -189,11 +175,7 @@ def families(problem: PlanningProblem) -> tuple[Family, ...]:
 
 
 def family(problem: PlanningProblem, name: str) -> Family:
-    """The family with a given name.
-
-    Raises:
-        KeyError: no family has this name.
-    """
+    """The family with a given name."""
     return {found.name: found for found in families(problem)}[name]
 
 

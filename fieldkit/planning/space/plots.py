@@ -24,28 +24,20 @@ _MEASURED_M = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Plot:
-    """A plot without photographs.
-
-    Attributes:
-        reference: PC_env, visible points of the plants' surfaces, with normals if known, plot frame.
-        obstacles: (m, 3) further points that hide others and that cameras keep clear of, such as other rows; plot
-            frame.
-        matches: (m, m) counted between each pair of recorded views; None if unknown.
-        stretch: how a plan's cameras are moved to fit this plot; None if they are not.
-    """
+    """A plot without photographs."""
 
     reference: Cloud
+    """PC_env, visible points of the plants' surfaces, with normals if known, plot frame."""
     obstacles: Array
+    """(m, 3) further points that hide others and that cameras keep clear of, such as other rows; plot frame."""
     matches: Array | None = None
+    """(m, m) counted between each pair of recorded views; None if unknown."""
     stretch: Stretch | None = None
+    """How a plan's cameras are moved to fit this plot; None if they are not."""
 
     @classmethod
     def of(cls, description: SceneDescription) -> tuple[Plot, Volume]:
-        """A scene's plants and its volume of interest, without soil, light and textures: about 0.2 CPU s.
-
-        Raises:
-            SceneError: the scene has no plants, or one of its files cannot be used.
-        """
+        """A scene's plants and its volume of interest, without soil, light and textures: about 0.2 CPU s."""
         check_plants(description)
         if description.recorded is not None:
             reference, volume = of_interest(description, recorded_plants(description.recorded))
@@ -92,9 +84,6 @@ def of_interest(description: SceneDescription, visible: Cloud) -> tuple[Cloud, V
 
     Points below 3 cm are left out, since the soil is bumpy. A scene made from a reference keeps the reference's volume,
     down to its lowest plant point.
-
-    Raises:
-        SceneError: no point is left.
     """
     if description.recorded is None:
         return above_soil(visible)

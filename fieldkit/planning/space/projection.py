@@ -22,9 +22,6 @@ def project(cameras: Cameras, envelope: Envelope) -> Cameras:
     position moves to the nearest feasible of 7,680 points on spheres about it (192 directions, radii in equal ratios),
     and from there back as far as is feasible. This is near the nearest feasible position, not exactly it. Yaw and pitch
     are kept.
-
-    Raises:
-        UsageError: the envelope has no room for so many cameras.
     """
     if envelope.contains(cameras):
         return cameras

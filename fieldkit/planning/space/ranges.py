@@ -15,18 +15,16 @@ _AIM = (0.1, 0.9)
 
 
 class Ranges(NamedTuple):
-    """Search ranges of circles, two rings and hemispheres; random sets are drawn from them too. Metres.
-
-    Attributes:
-        radius_m: horizontal distance from the plot's middle: from 1/3 to 5/4 of the distance at which the plants fill
-            the picture, within the envelope's reach.
-        altitude_m: above the ground: the envelope's height band.
-        aim_m: z of the aim point above the plot's middle: the inner 80 % of the volume of interest.
-    """
+    """Search ranges of circles, two rings and hemispheres; random sets are drawn from them too. Metres."""
 
     radius_m: tuple[float, float]
+    """Horizontal distance from the plot's middle: from 1/3 to 5/4 of the distance at which the plants fill the picture,
+    within the envelope's reach.
+    """
     altitude_m: tuple[float, float]
+    """Above the ground: the envelope's height band."""
     aim_m: tuple[float, float]
+    """Z of the aim point above the plot's middle: the inner 80 % of the volume of interest."""
 
     @classmethod
     def of(cls, envelope: Envelope, camera: Intrinsics) -> Ranges:

@@ -44,19 +44,16 @@ class SearchSpace(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Suggestion:
-    """The point to evaluate next, and its origin.
-
-    Attributes:
-        x: (d,) feasible; None if every feasible point found is known already.
-        model: name of m_t.
-        weights: w_t by name.
-        remarks: numerical problems on the way.
-    """
+    """The point to evaluate next, and its origin."""
 
     x: Array | None
+    """(d,) feasible; None if every feasible point found is known already."""
     model: str
+    """Name of m_t."""
     weights: Mapping[str, float]
+    """W_t by name."""
     remarks: tuple[str, ...]
+    """Numerical problems on the way."""
 
 
 @one_torch_thread()

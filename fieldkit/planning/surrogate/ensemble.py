@@ -91,17 +91,14 @@ and Nardi 2024, "Vanilla Bayesian optimization performs great in high dimensions
 
 @dataclass(frozen=True, eq=False)
 class Ensemble:
-    """M processes fitted to the same data, and how likely each is.
-
-    Attributes:
-        models: by the kernel's name; posteriors in y's units.
-        weights: (M,) w_t; they sum to 1.
-        remarks: numerical problems of the fits.
-    """
+    """M processes fitted to the same data, and how likely each is."""
 
     models: Mapping[str, SingleTaskGP]
+    """By the kernel's name; posteriors in y's units."""
     weights: Array
+    """(M,) w_t; they sum to 1."""
     remarks: tuple[str, ...]
+    """Numerical problems of the fits."""
 
     def named_weights(self) -> dict[str, float]:
         """Weights by the kernels' names."""
@@ -129,9 +126,6 @@ def fit_ensemble(x: Array, y: Array, seed: int, *, least_noise: float = 0.0) -> 
         y: (t,) to be maximised.
         seed: of the fits' second starts.
         least_noise: least standard deviation of y's noise in the fit, if known.
-
-    Raises:
-        ValueError: shapes that do not fit, no data, or values that are not finite.
     """
     if x.ndim != 2 or y.shape != (len(x),) or not len(y):
         raise ValueError("a Gaussian process needs inputs (t, d) and outputs (t,) with t ≥ 1")

@@ -49,7 +49,6 @@ def log_improvements(process: SetProcess, tried: Array, inputs: Array, pending: 
     so no lucky observation is the incumbent.
 
     Args:
-        process: of −ln(value).
         tried: (t, d) inputs that were evaluated.
         inputs: (n, d) candidates.
         pending: (p, d) inputs being evaluated.

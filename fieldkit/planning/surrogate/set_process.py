@@ -31,26 +31,24 @@ class SetProcess:
     """A process of y = −ln(value) that has seen t sets.
 
     Its kernel is a Matérn 5/2 of the embedding's distance, plus an effect that all sets on one plot have in common.
-
-    Attributes:
-        x: (t, COLUMNS) embedded sets, −ln of the score's terms, which only the mean sees, and the plots' numbers.
-        y: (t,).
-        slopes: (3,) weights of the score's terms in the prior mean.
-        rest_m: metres that no term explains.
-        lengthscale: of the embedding's distance.
-        variance: of sets about the prior mean.
-        plot_variance: of a plot's common effect; 0 with one plot.
-        noise_variance: of an evaluation.
     """
 
     x: Array
+    """(t, COLUMNS) embedded sets, −ln of the score's terms, which only the mean sees, and the plots' numbers."""
     y: Array
+    """(t,)."""
     slopes: Array
+    """(3,) weights of the score's terms in the prior mean."""
     rest_m: float
+    """Metres that no term explains."""
     lengthscale: float
+    """Of the embedding's distance."""
     variance: float
+    """Of sets about the prior mean."""
     plot_variance: float
+    """Of a plot's common effect; 0 with one plot."""
     noise_variance: float
+    """Of an evaluation."""
 
     @property
     def noise(self) -> float:
