@@ -20,9 +20,9 @@ from fieldkit.evaluation.conversion import evaluation_report
 from fieldkit.evaluation.evaluate_plot import RESERVED, PlotCapture, Scoring, Spent, evaluate_plot, write_evaluation
 from fieldkit.evaluation.reference import Reference
 from fieldkit.files import atomic_folder
-from fieldkit.results.doubtful import COARSE_RASTERS, NO_RASTERS, TOLD
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.fields import clean_text
+from fieldkit.results.finding import COARSE_RASTERS, NO_RASTERS, TOLD
 from fieldkit.results.plan import Plan
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE
 from fieldkit.results.visit import VISIT_FILE, Visit, save_visit

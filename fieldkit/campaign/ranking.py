@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from math import hypot
 
 from fieldkit.figures.registry import FIGURES, TRENDS, Figure
-from fieldkit.results.doubtful import OTHER_PLANTS
+from fieldkit.results.finding import OTHER_PLANTS
 from fieldkit.results.plan import Plan
 from fieldkit.results.visit import Visit
 from fieldkit.vocabulary import NINE_IN_TEN

@@ -27,8 +27,8 @@ from fieldkit.results.comparison import (
     NoiseSource,
     ValueEntry,
 )
-from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
+from fieldkit.results.finding import OTHER_PLANTS
 from fieldkit.results.report_files import load_evaluation_report
 from fieldkit.results.visit import CAMPAIGN_FILE
 from fieldkit.runtime.progress import Progress, Silent

@@ -27,10 +27,9 @@ from fieldkit.pictures.overview import write_overview
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.results.doubtful import COARSE_RASTERS, NO_RASTERS, OTHER_PLANTS
 from fieldkit.results.evaluation import CorrectionEntry, EvaluationReport, PlotEvaluation
 from fieldkit.results.fields import vector
-from fieldkit.results.finding import Finding
+from fieldkit.results.finding import COARSE_RASTERS, NO_RASTERS, OTHER_PLANTS, Finding
 from fieldkit.results.report_files import EVALUATION_FILE, describe_files, save_report
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import processor_seconds

@@ -12,9 +12,8 @@ import numpy as np
 from pydantic import Field
 
 from fieldkit.geometry import Pose
-from fieldkit.results.doubtful import DOUBTFUL
 from fieldkit.results.fields import Count, Length, Sha256, Share, Strict, Text, Vector
-from fieldkit.results.finding import Finding
+from fieldkit.results.finding import DOUBTFUL, Finding
 from fieldkit.results.frame import CameraReport, FrameEntry, VolumeEntry
 from fieldkit.results.traits import TraitsEntry
 from fieldkit.vocabulary import Fidelity, MappingName, Mask

@@ -10,9 +10,9 @@ from pydantic import AfterValidator, Field
 
 from fieldkit.documents.json_file import read_model
 from fieldkit.files import write_atomic
-from fieldkit.results.doubtful import NO_RASTERS
 from fieldkit.results.evaluation import ByDistance, PlotEvaluation
 from fieldkit.results.fields import Count, Strict, Text
+from fieldkit.results.finding import NO_RASTERS
 from fieldkit.results.traits import TraitsEntry
 
 CAMPAIGN_FILE = "campaign.toml"

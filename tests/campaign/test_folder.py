@@ -25,7 +25,7 @@ from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks
 from fieldkit.campaign.ranking import drift, ranking
 from fieldkit.campaign.visits import keep_visit
 from fieldkit.errors import FieldkitError, MetadataError, UsageError
-from fieldkit.results.doubtful import OTHER_PLANTS
+from fieldkit.results.finding import OTHER_PLANTS
 from fieldkit.results.plan import PlanMethod
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.results.traits import TraitsEntry

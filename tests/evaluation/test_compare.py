@@ -18,9 +18,8 @@ from fieldkit.evaluation.compare import compare_evaluations, pooled_spread
 from fieldkit.evaluation.conversion import evaluation_report, plot_evaluation
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.comparison import ComparisonReport, DifferenceEntry
-from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.evaluation import PlotEvaluation, Prediction
-from fieldkit.results.finding import Finding
+from fieldkit.results.finding import OTHER_PLANTS, Finding
 from fieldkit.results.report_files import save_report
 from fieldkit.results.traits import TraitsEntry
 from tests.evaluation.examples import reconstruction

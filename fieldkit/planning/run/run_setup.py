@@ -30,7 +30,7 @@ from fieldkit.planning.settings import EnvelopeSettings, GivenPlot, NoiseSetting
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
 from fieldkit.reconstruction.features import FeatureSettings
-from fieldkit.results.doubtful import DOUBTFUL, PLANTS_APART
+from fieldkit.results.finding import DOUBTFUL, PLANTS_APART
 from fieldkit.results.plan import PlanEnvelope, PlanSource
 from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_reference_report
 from fieldkit.runtime.context import Context

@@ -33,7 +33,7 @@ from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.report.sections.captures import without_height
 from fieldkit.report.sections.loaded import Loaded, Results
 from fieldkit.report.sections.shown import Shown
-from fieldkit.results.doubtful import OTHER_PLANTS
+from fieldkit.results.finding import OTHER_PLANTS
 from fieldkit.results.visit import Visit
 from fieldkit.wording import count, listed
 

@@ -24,7 +24,6 @@ from fieldkit.figures.tables.reconstruction import finding_table, photograph_tab
 from fieldkit.report.sections.loaded import Loaded, Results
 from fieldkit.report.sections.shown import Shown
 from fieldkit.results.demo import DemoReport
-from fieldkit.results.doubtful import DOUBTFUL, OTHER_PLANTS
 from fieldkit.results.evaluation import (
     AdherenceEntry,
     EvaluationReport,
@@ -32,6 +31,7 @@ from fieldkit.results.evaluation import (
     ReconstructionEntry,
     ReferenceReport,
 )
+from fieldkit.results.finding import DOUBTFUL, OTHER_PLANTS
 from fieldkit.results.traits import TraitsEntry
 from fieldkit.wording import count, listed
 

@@ -26,8 +26,8 @@ from fieldkit.report.sections.demo import demo_blocks
 from fieldkit.report.sections.loaded import FlownMission, PlanRun, Results
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.demo import DemoReport
-from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, ReferenceReport
+from fieldkit.results.finding import OTHER_PLANTS
 from fieldkit.wording import count, listed
 
 HEADING = "In short"

@@ -20,9 +20,8 @@ from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Resul
 from fieldkit.report.sections.page import summarise
 from fieldkit.report.sections.views_3d import plan_view, plot_view, points_of, within_budget
 from fieldkit.report.write_report import write_report
-from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, Prediction, ReferenceReport
-from fieldkit.results.finding import Finding
+from fieldkit.results.finding import OTHER_PLANTS, Finding
 from fieldkit.results.mission import MissionHome, MissionPlace
 from fieldkit.results.traits import TraitsEntry
 from tests.report.page_checks import checked
