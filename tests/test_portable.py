@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.campaign.run import campaign_lock
 from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.planning.run.folder import create_run, open_run
 from tests.cli.test_scene_commands import TINY
@@ -170,13 +169,6 @@ class TestWithoutLocks:
         with atomic_folder(tmp_path / "empty") as folder:
             (folder / "a.txt").write_text("in a folder that was empty")
         assert (tmp_path / "empty" / "a.txt").is_file()
-
-    def test_a_campaign_says_so(self, tmp_path: Path) -> None:
-        said: list[str] = []
-        with campaign_lock(tmp_path, wait=False, note=said.append):
-            pass
-        assert len(said) == 1
-        assert "do not start a second run" in said[0]
 
     def test_a_run_is_made_and_resumed(self, tmp_path: Path) -> None:
         settings = bowl_settings()
