@@ -97,7 +97,7 @@ def test_plots_of_a_file_of_their_own(
     assert "--plots takes such a file" in capsys.readouterr().err
     assert main([*words, *site, *plots, "--plot", "r9c9"]) == 2
     assert "Its plots are r1c1, r1c2" in capsys.readouterr().err
-    again = ["--vehicle", "px4-gimbal", "-o", str(tmp_path / "again.plan"), "--adjust", "--plant-height", "unknown"]
+    again = ["--vehicle", "px4-gimbal", "-o", str(tmp_path / "again.plan"), "--adjust", "--plant-height", "0.3"]
     assert main([*words, *site, *plots, "--plot", "r1c2", *again]) == 0
     assert 'ids from "name"' in capsys.readouterr().err
     assert json.loads((tmp_path / "again.mission.json").read_text("utf-8"))["plots"][0]["name"] == "r1c2"
