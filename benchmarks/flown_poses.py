@@ -11,8 +11,8 @@ import numpy as np
 
 from fieldkit.errors import MetadataError
 from fieldkit.flightlogs import achieved_pose, read_flight_log
-from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.pose import wrapped_deg
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from fieldkit.flightlogs import FlightLog, Matches, match, read_flight_log
 from fieldkit.flightlogs.adherence import PlannedPose, adherence
 from fieldkit.flightlogs.geotag import frame_of, local_poses, stamp
 from fieldkit.geometry import Pose
-from fieldkit.geometry.angles import wrapped_deg
+from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.geometry.priors import PosePrior, SourceFrame
 from fieldkit.geometry.stations import PoseArray, associate
 from fieldkit.reconstruction.agreement import ANGLE_SIGMAS

@@ -13,7 +13,7 @@ from fieldkit.evaluation.recorded_angles import LEAST_PHOTOGRAPHS, Reading, read
 from fieldkit.fieldcheck.model import Placement, finding_of
 from fieldkit.fieldcheck.ties import TieGraph
 from fieldkit.geometry import Pose
-from fieldkit.geometry.angles import wrapped_deg
+from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.geometry.stations import PoseArray, associate, turn_between
 from fieldkit.reconstruction.mapping.orientation import orient_cameras
 from fieldkit.reconstruction.verification import TwoView

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from fieldkit.flightlogs.achieved import AchievedPose, achieved_pose
 from fieldkit.flightlogs.model import Trigger
-from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.geometry.stations import PoseArray, associate
 from fieldkit.results.evaluation import AdherenceEntry, StationErrorEntry
 from fieldkit.results.fields import finite

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fieldkit.flightlogs.model import Attitude, Gimbal, Place, Series, Track, Trigger, YawFrame
-from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.geometry.geodesy import on_earth
+from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.wording import count
 
 _GIMBAL_REACH_S = 2.0

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fieldkit.geometry.angles import wrapped_deg
+from fieldkit.geometry.pose import wrapped_deg
 
 Clock = Literal["boot", "UTC"]
 """Seconds since the autopilot started, or since 1970-01-01 UTC."""

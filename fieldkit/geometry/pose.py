@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -107,3 +108,11 @@ def rotation_from_vector(vector: ArrayLike) -> Matrix:
     cross = cross_matrix(v / angle)
     rotation: Matrix = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
     return rotation
+
+
+Degrees = TypeVar("Degrees", float, NDArray[np.float64])
+
+
+def wrapped_deg(degrees: Degrees) -> Degrees:
+    """The same direction, or the turn the short way about, in [−180, 180)."""
+    return (degrees + 180.0) % 360.0 - 180.0

@@ -17,7 +17,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from fieldkit.geometry.angles import wrapped_deg
+from fieldkit.geometry.pose import wrapped_deg
 
 REACH_M = 3.0
 """A photograph that costs more (`pose_costs`) does not belong to a station: those that come late are up to 1.8 m off,

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.geometry.angles import wrapped_deg
+from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.vehicles.vehicle import Speeds
 
 JERK_MPS3 = 1.0

@@ -9,7 +9,7 @@ from datetime import datetime
 from PIL import ExifTags, Image, TiffImagePlugin
 
 from fieldkit.geometry import Intrinsics
-from fieldkit.geometry.angles import wrapped_deg
+from fieldkit.geometry.pose import wrapped_deg
 
 _SENSOR_WIDTH_MM = 13.2
 """A one-inch sensor's, which gives the focal length in millimetres its scale."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.errors import MissionError
-from fieldkit.geometry.angles import wrapped_deg
+from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.results.finding import Finding, Refused, Severity
 from fieldkit.results.plan import Plan, Plans, station_number
 from fieldkit.routing.flights import AMONG_PLANTS, Stop, objections

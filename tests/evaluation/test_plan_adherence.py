@@ -16,9 +16,8 @@ from fieldkit.figures.spreadsheets import adherence_csv
 from fieldkit.figures.tables.adherence import adherence_by_plot, gaps, station_table
 from fieldkit.flightlogs import read_flight_log
 from fieldkit.geometry import Pose, Similarity
-from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.geometry.pose import rotation_from_vector
+from fieldkit.geometry.pose import rotation_from_vector, wrapped_deg
 from fieldkit.geometry.priors import SourceFrame
 from fieldkit.results.evaluation import AdherenceEntry
 from fieldkit.results.plan import Plan, Station

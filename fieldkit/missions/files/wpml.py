@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from fieldkit.documents.xml_tree import escaped
 from fieldkit.errors import MissionError
-from fieldkit.geometry.angles import wrapped_deg
+from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.missions.autopilots.writing import LEAST_EXPOSURE_S
 from fieldkit.missions.files.archive import zip_bytes
 from fieldkit.missions.files.limits import MOST_WAYPOINTS
