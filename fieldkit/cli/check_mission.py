@@ -143,12 +143,13 @@ def _plants(ground: Ground | None) -> list[dict[str, Any]]:
     """By plot, whether it is checked against its plants."""
     if ground is None:
         return []
+    heights = {plot.name: plot.plant_height_m for plot in ground.site.plots}
     return [
         {
-            "plot": plot.name, "plant_height_m": plot.plant_height_m, "checked": plot.name not in ground.unchecked,
-            "why_not": ground.unchecked.get(plot.name),
+            "plot": name, "plant_height_m": heights.get(name), "checked": name not in ground.unchecked,
+            "why_not": ground.unchecked.get(name),
         }
-        for plot in ground.site.plots
+        for name in dict.fromkeys([*heights, *ground.unchecked])
     ]  # fmt: skip
 
 

@@ -25,6 +25,7 @@ from fieldkit.sites.site_obstacles import site_obstacles
 NO_PLOTS = "no plots are given, and no mission.json lies beside the file"
 _NO_HEIGHT = "the height of its plants is not known"
 _NOWHERE = "neither a plan nor the plot's outline says where its plants stand"
+_NOT_GIVEN = "mission.json says that it is flown over, and it is none of the plots given"
 _SAME_M, _SAME_DEG = 0.05, 0.5
 """By which a plot's frame and size may differ from those in mission.json."""
 
@@ -91,6 +92,9 @@ def ground_of(
                 clear.add(plot.name)
             elif plants_on(None, plot) is None:
                 unchecked[plot.name] = _NOWHERE
+    if record is not None and file is not None:
+        over = {plot for flight in record.flights if flight.file == file.name for plot in flight.plots}
+        unchecked |= dict.fromkeys(sorted(over - {plot.name for plot in site.plots}), _NOT_GIVEN)
     return Ground(site, by_plot, frozenset(clear), unchecked)
 
 

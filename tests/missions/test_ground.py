@@ -211,6 +211,14 @@ def test_fitted_plans_beside_a_mission_say_where_its_plants_are(field: Field) ->
     assert set(changed.plans) == set()
 
 
+def test_a_plot_that_is_flown_over_and_not_given_is_not_checked(field: Field) -> None:
+    assert field.export("px4-gimbal", "plan", plots_file(field.folder, "two.geojson", [0.9, 0.9]), "--adjust")[0] == 0
+    one = plots_file(field.folder, "one.geojson", [0.9])
+    code, answer, told = field.check(".plan", "px4-gimbal", one)
+    assert (code, answer["ok"]) == (5, None)
+    assert told.endswith("not checked against plants: P1")
+
+
 def test_several_flights_share_a_record(field: Field) -> None:
     plots = plots_file(field.folder, "p.geojson", [0.9] * 4)
     vehicle = load_vehicle("ardupilot-pitch")
