@@ -67,7 +67,6 @@ def solve(
     index = {k: n for n, k in enumerate(order)}
     rotations = np.array([start[k].rotation for k in order])
     centers = np.array([start[k].center for k in order])
-    edges, ratios = _edge_table(graph, index), _ratio_table(graph, index)
     targets = [tags[k].pose if k in believed else start[k] for k in order]
     sigmas = np.array(
         [
@@ -77,11 +76,11 @@ def solve(
             for k in order
         ]
     )
+    blocks = _blocks(graph, index, targets, sigmas)
     information = np.eye(6 * len(order))
     damping = 1e-4
     for _ in range(iterations):
-        blocks = [*_edge_blocks(edges, rotations), *_ratio_blocks(ratios), _prior_block(targets, sigmas, rotations)]
-        information, gradient = _normal(blocks, centers)
+        information, gradient = _normal(blocks(rotations), centers)
         step = np.linalg.solve(information + damping * np.diag(np.diag(information)), -gradient).reshape(-1, 6)
         rotations = Rotation.from_rotvec(np.clip(step[:, :3], -0.5, 0.5)).as_matrix() @ rotations
         centers = np.asarray(centers + np.clip(step[:, 3:], -1.0, 1.0), np.float64)
@@ -110,79 +109,56 @@ def spread_from(
             found[i] = Pose(tie.rotation.T @ found[j].rotation, found[j].center + length_m * along)
 
 
-@dataclass(frozen=True, eq=False)
-class _Edges:
-    ends: NDArray[np.int64]
-    rotations: Array
-    translations: Array
-    sigmas: Array
-
-
-def _edge_table(graph: TieGraph, index: Mapping[int, int]) -> _Edges:
+def _blocks(
+    graph: TieGraph, index: Mapping[int, int], targets: Sequence[Pose], sigmas: Array
+) -> Callable[[Array], list[Block]]:
+    """The blocks of ties, ratios and tags about rotations (n, 3, 3), which steps are counted from."""
     pairs = [pair for pair in sorted(graph.ties) if pair[0] in index and pair[1] in index]
     ties = [graph.ties[pair] for pair in pairs]
-    root = np.sqrt(np.array([tie.matches for tie in ties], dtype=np.float64))
-    rotation = np.radians(np.maximum(_ROTATION_DEG, _ROTATION_PER_ROOT_DEG / np.maximum(root, 1.0)))
-    direction = np.radians(np.maximum(_DIRECTION_DEG, _DIRECTION_PER_ROOT_DEG / np.maximum(root, 1.0)))
-    return _Edges(
-        np.array([[index[i], index[j]] for i, j in pairs], dtype=np.int64).reshape(-1, 2),
-        np.array([tie.rotation for tie in ties]).reshape(-1, 3, 3),
-        np.array([tie.translation for tie in ties]).reshape(-1, 3),
-        np.stack([rotation, direction], axis=1).reshape(-1, 2),
-    )
-
-
-def _edge_blocks(edges: _Edges, rotations: Array) -> list[Block]:
-    if not len(edges.ends):
-        return []
-    of_i, of_j = (rotations[edges.ends[:, n]] for n in (0, 1))
-
-    def turn(p: list[Array]) -> Array:
-        i, j = _turned(p[0], of_i), _turned(p[1], of_j)
-        return _log(np.swapaxes(edges.rotations, 1, 2) @ j @ np.swapaxes(i, 1, 2))
-
-    def direction(p: list[Array]) -> Array:
-        apart = np.einsum("nij,nj->ni", _turned(p[1], of_j), p[0][:, 3:] - p[1][:, 3:])
-        unit = apart / np.maximum(np.linalg.norm(apart, axis=1, keepdims=True), 1e-9)
-        found: Array = unit - edges.translations
-        return found
-
-    return [
-        (edges.ends, turn, np.repeat(edges.sigmas[:, :1], 3, axis=1)),
-        (edges.ends, direction, np.repeat(edges.sigmas[:, 1:], 3, axis=1)),
-    ]
-
-
-def _ratio_table(graph: TieGraph, index: Mapping[int, int]) -> tuple[NDArray[np.int64], Array, Array]:
     kept = [r for r in graph.ratios if r.middle in index and r.a in index and r.b in index]
-    ends = np.array([[index[r.middle], index[r.a], index[r.b]] for r in kept], dtype=np.int64).reshape(-1, 3)
-    return ends, np.array([[r.log_ratio] for r in kept]).reshape(-1, 1), np.array([[r.sigma] for r in kept])
-
-
-def _ratio_blocks(table: tuple[NDArray[np.int64], Array, Array]) -> list[Block]:
-    ends, logs, sigmas = table
-    if not len(ends):
-        return []
-
-    def ratio(p: list[Array]) -> Array:
-        first, second = (
-            np.maximum(np.linalg.norm(p[0][:, 3:] - other[:, 3:], axis=1, keepdims=True), 1e-6) for other in p[1:]
-        )
-        found: Array = np.log(first) - np.log(second) - logs
-        return found
-
-    return [(ends, ratio, sigmas)]
-
-
-def _prior_block(targets: Sequence[Pose], sigmas: Array, rotations: Array) -> Block:
+    ends = np.array([[index[i], index[j]] for i, j in pairs], dtype=np.int64).reshape(-1, 2)
+    tied = np.array([tie.rotation for tie in ties]).reshape(-1, 3, 3)
+    translations = np.array([tie.translation for tie in ties]).reshape(-1, 3)
+    root = np.maximum(np.sqrt(np.array([tie.matches for tie in ties], dtype=np.float64)), 1.0)
+    of_turn = np.radians(np.maximum(_ROTATION_DEG, _ROTATION_PER_ROOT_DEG / root))
+    of_direction = np.radians(np.maximum(_DIRECTION_DEG, _DIRECTION_PER_ROOT_DEG / root))
+    thirds = np.array([[index[r.middle], index[r.a], index[r.b]] for r in kept], dtype=np.int64).reshape(-1, 3)
+    logs, of_ratio = np.array([[r.log_ratio] for r in kept]).reshape(-1, 1), np.array([[r.sigma] for r in kept])
     wanted = np.array([pose.rotation for pose in targets])
     places = np.array([pose.center for pose in targets])
 
-    def prior(p: list[Array]) -> Array:
-        turn = _log(_turned(p[0], rotations) @ np.swapaxes(wanted, 1, 2))
-        return np.concatenate([turn, p[0][:, 3:] - places], axis=1)
+    def about(rotations: Array) -> list[Block]:
+        of_i, of_j = (rotations[ends[:, n]] for n in (0, 1))
 
-    return np.arange(len(targets))[:, None], prior, sigmas
+        def turn(p: list[Array]) -> Array:
+            i, j = _turned(p[0], of_i), _turned(p[1], of_j)
+            return _log(np.swapaxes(tied, 1, 2) @ j @ np.swapaxes(i, 1, 2))
+
+        def direction(p: list[Array]) -> Array:
+            apart = np.einsum("nij,nj->ni", _turned(p[1], of_j), p[0][:, 3:] - p[1][:, 3:])
+            unit = apart / np.maximum(np.linalg.norm(apart, axis=1, keepdims=True), 1e-9)
+            return np.asarray(unit - translations)
+
+        def ratio(p: list[Array]) -> Array:
+            first, second = (
+                np.maximum(np.linalg.norm(p[0][:, 3:] - other[:, 3:], axis=1, keepdims=True), 1e-6) for other in p[1:]
+            )
+            return np.asarray(np.log(first) - np.log(second) - logs)
+
+        def prior(p: list[Array]) -> Array:
+            return np.concatenate(
+                [_log(_turned(p[0], rotations) @ np.swapaxes(wanted, 1, 2)), p[0][:, 3:] - places], axis=1
+            )
+
+        blocks: list[Block] = [
+            (ends, turn, np.repeat(of_turn[:, None], 3, axis=1)),
+            (ends, direction, np.repeat(of_direction[:, None], 3, axis=1)),
+            (thirds, ratio, of_ratio),
+            (np.arange(len(targets))[:, None], prior, sigmas),
+        ]
+        return [block for block in blocks if len(block[0])]
+
+    return about
 
 
 def _turned(parameters: Array, rotations: Array) -> Array:
