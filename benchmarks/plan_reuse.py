@@ -15,9 +15,8 @@ from fieldkit.clouds import Cloud
 from fieldkit.clouds.metrics import ReferenceIndex, nearest_distances, score_distances
 from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.errors import UsageError
-from fieldkit.planning.objective.evaluation import Evaluation
+from fieldkit.planning.objective.evaluation import Evaluation, Rule, value_m
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
-from fieldkit.planning.objective.rule import Rule, value_m
 from fieldkit.planning.objective.simulated import Proxy
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.score.geometric import GeometricScore

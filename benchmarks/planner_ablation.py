@@ -20,8 +20,7 @@ from fieldkit.planning.methods.field import Field, FieldSettings
 from fieldkit.planning.problem import Judge, Method, PlanningProblem, Result, lowest
 from fieldkit.planning.score.geometric import GeometricScore, ScoreSettings
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.planning.surrogate.set_process import FEATURES
-from fieldkit.planning.surrogate.sets import SetEmbedding
+from fieldkit.planning.surrogate.set_process import FEATURES, SetEmbedding
 
 NOISE = 0.05
 """Standard deviation of an evaluation as a share of its value, as measured for draft evaluations."""

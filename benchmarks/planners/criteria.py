@@ -10,7 +10,7 @@ from fieldkit.planning.methods.optimise import Cost, Effort, optimise
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.score.visibility import PerCamera, Surface, look
 from fieldkit.planning.space.cameras import Array, Cameras
-from fieldkit.planning.space.ranges import fill_distance_m
+from fieldkit.planning.space.envelope import fill_distance_m
 from fieldkit.runtime.kernels import kernel
 
 _POINTS = 800

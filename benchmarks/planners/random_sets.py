@@ -9,8 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fieldkit.planning.methods.bosfm import Bosfm, sample_seed
-from fieldkit.planning.methods.encoded_space import EncodedSpace
+from fieldkit.planning.methods.bosfm import Bosfm, EncodedSpace, sample_seed
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.score.cost_model import LEAST_M, NOISE
 from fieldkit.planning.space.cameras import PER_CAMERA, Array, Cameras

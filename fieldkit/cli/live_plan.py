@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from fieldkit.cli.boundary import say
 from fieldkit.figures.style import format_length, format_seconds
-from fieldkit.planning.objective.fidelity import FIDELITIES
+from fieldkit.planning.objective.source import FIDELITIES
 from fieldkit.planning.run.folder import LogEntry
 from fieldkit.planning.run.outcome import best_so_far, weights_of
 from fieldkit.planning.settings import SearchSettings

@@ -12,12 +12,10 @@ import numpy as np
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics
-from fieldkit.planning.space.assignment import assign
-from fieldkit.planning.space.cameras import Array, Cameras
-from fieldkit.planning.space.envelope import Envelope
+from fieldkit.planning.space.cameras import Array, Cameras, assign
+from fieldkit.planning.space.envelope import Envelope, Ranges
 from fieldkit.planning.space.plots import Plot
 from fieldkit.planning.space.projection import project
-from fieldkit.planning.space.ranges import Ranges
 
 POSE_NOISE_M = 0.010
 """Usual standard deviation of a commanded position: the simulated source's claim, and RTK's error (docs/objective.md).

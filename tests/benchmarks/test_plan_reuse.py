@@ -19,8 +19,7 @@ from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.planning.objective.evaluation import Evaluation
-from fieldkit.planning.objective.rule import Rule
+from fieldkit.planning.objective.evaluation import Evaluation, Rule
 from fieldkit.planning.objective.simulated import Proxy
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.progress import Silent

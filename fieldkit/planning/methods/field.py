@@ -12,8 +12,7 @@ from fieldkit.planning.methods.field_candidates import Candidate, Candidates, Tu
 from fieldkit.planning.problem import Gain, PlanningProblem, Result, Trial, lowest
 from fieldkit.planning.score.cost_model import CERTAINTY, DOUBT, LEAST_M, NOISE, WEIGHTS, CostModel, Weights, fit_slopes
 from fieldkit.planning.space.cameras import Array, Cameras
-from fieldkit.planning.surrogate.set_process import FEATURES, NO_PLOT, TERMS, fit_sets
-from fieldkit.planning.surrogate.sets import SetEmbedding, SetSurrogate
+from fieldkit.planning.surrogate.set_process import FEATURES, NO_PLOT, TERMS, SetEmbedding, SetSurrogate, fit_sets
 
 _STREAM = 44
 _EXACT, _ON_ANOTHER_PLOT = 0.01, 0.07

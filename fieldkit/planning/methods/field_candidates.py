@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fieldkit.planning.methods.moves import near
-from fieldkit.planning.methods.optimise import Effort, optimise
+from fieldkit.planning.methods.optimise import Effort, near, optimise
 from fieldkit.planning.methods.subsets import MatchGraph, Uniform
 from fieldkit.planning.problem import PlanningProblem, Trial
 from fieldkit.planning.score.cost_model import CostModel, Weights

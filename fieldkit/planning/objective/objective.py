@@ -10,10 +10,8 @@ from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.metrics import nearest_distances, score_distances
 from fieldkit.errors import ReconstructionError, UsageError
-from fieldkit.planning.objective.evaluation import Evaluation, StageCost
-from fieldkit.planning.objective.fidelity import FIDELITIES
-from fieldkit.planning.objective.rule import Rule, value_m
-from fieldkit.planning.objective.source import PhotoSet, PhotoSource
+from fieldkit.planning.objective.evaluation import Evaluation, Rule, StageCost, value_m
+from fieldkit.planning.objective.source import FIDELITIES, PhotoSet, PhotoSource
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.reconstruction.mapping.prior import PriorMappingSettings
 from fieldkit.reconstruction.pipeline import reconstruct

@@ -18,10 +18,8 @@ from fieldkit.clouds.metrics import ReferenceIndex
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.priors import PosePrior, SourceFrame
-from fieldkit.planning.objective.fidelity import Fidelity
-from fieldkit.planning.objective.source import PhotoSet
-from fieldkit.planning.space.assignment import assign
-from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.objective.source import Fidelity, PhotoSet
+from fieldkit.planning.space.cameras import Array, Cameras, assign
 from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.guided import region_of_interest
 from fieldkit.reconstruction.known_poses import known_poses

@@ -19,8 +19,7 @@ from fieldkit.clouds.metrics import ReferenceIndex
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Similarity
 from fieldkit.geometry.priors import SourceFrame
-from fieldkit.planning.objective.fidelity import Fidelity
-from fieldkit.planning.objective.source import PhotoSet
+from fieldkit.planning.objective.source import Fidelity, PhotoSet
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import LOWEST_M, Plot, above_soil, check_plants, of_interest
 from fieldkit.reconstruction.pipeline import KnownPlot

@@ -1,4 +1,4 @@
-"""The source of an evaluation's photographs: one interface for simulated plots and recorded sets."""
+"""The source of an evaluation's photographs, simulated or recorded, and how finely it is evaluated."""
 
 from __future__ import annotations
 
@@ -9,11 +9,42 @@ from typing import Protocol
 from fieldkit.cache import StageCache
 from fieldkit.captures.model import Capture
 from fieldkit.clouds.metrics import ReferenceIndex
-from fieldkit.planning.objective.fidelity import Fidelity
+from fieldkit.geometry import Intrinsics
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.runtime.progress import Progress
+from fieldkit.vocabulary import Fidelity as DenseFidelity
+from fieldkit.vocabulary import SearchFidelity
+
+
+@dataclass(frozen=True)
+class Fidelity:
+    """A level of detail of evaluations."""
+
+    name: SearchFidelity
+    """``"draft"``, ``"standard"`` or ``"fine"``."""
+    drawn_side: int = 2000
+    """Longer side of rendered photographs, pixels, at most the camera's; recorded ones keep their size."""
+    economy: bool = True
+    """Passed to `simulate_capture`; halves the cost of rendering."""
+    features: FeatureSettings = field(default_factory=FeatureSettings)
+    """Detection in rendered photographs; recorded ones always use the defaults of `FeatureSettings`."""
+    dense: DenseFidelity = "standard"
+    """Fidelity of dense stereo."""
+
+    def camera(self, camera: Intrinsics) -> Intrinsics:
+        """The camera that photographs are rendered with."""
+        scale = self.drawn_side / max(camera.width, camera.height)
+        return camera if scale >= 1.0 else camera.scaled(round(camera.width * scale), round(camera.height * scale))
+
+
+FIDELITIES: dict[SearchFidelity, Fidelity] = {
+    "draft": Fidelity("draft", 1200, features=FeatureSettings(working_side=900, max_features=3000), dense="draft"),
+    "standard": Fidelity("standard", 1600, features=FeatureSettings(working_side=1400)),
+    "fine": Fidelity("fine", dense="fine"),
+}
+"""Draft and standard render, match and densify fewer pixels than fine."""
 
 
 @dataclass(frozen=True)

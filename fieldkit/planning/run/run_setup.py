@@ -17,9 +17,8 @@ from fieldkit.evaluation.cloud_reference import is_cloud, reference_file
 from fieldkit.evaluation.proxy import make_proxy
 from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.geometry import Intrinsics
-from fieldkit.planning.objective.kind import Kind
+from fieldkit.planning.objective.kind import Kind, PlotsObjective
 from fieldkit.planning.objective.objective import ObjectiveSettings
-from fieldkit.planning.objective.plots_objective import PlotsObjective
 from fieldkit.planning.objective.recorded import EXACT, RecordedSource
 from fieldkit.planning.objective.recorded_kind import RecordedKind, RecordedPlots
 from fieldkit.planning.problem import POSE_NOISE_M, PlanningProblem

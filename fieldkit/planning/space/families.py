@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.space.cameras import Array, Cameras
-from fieldkit.planning.space.ranges import NARROWEST, reach_m
+from fieldkit.planning.space.envelope import NARROWEST, reach_m
 
 SPAN_DEG = (60.0, 360.0)
 """Span of arcs: from ten cameras 6° apart to the whole circle."""

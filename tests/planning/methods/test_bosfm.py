@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 from benchmarks.planners.random_sets import CylindricalSpace, Random, TunedBosfm
 from fieldkit.clouds import Cloud
 from fieldkit.geometry import Intrinsics
-from fieldkit.planning.methods.bosfm import Bosfm
-from fieldkit.planning.methods.encoded_space import EncodedSpace
+from fieldkit.planning.methods.bosfm import Bosfm, EncodedSpace
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope

@@ -15,7 +15,7 @@ from fieldkit.planning.methods.optimise import (
 )
 from fieldkit.planning.score.geometric import GeometricScore
 from fieldkit.planning.score.visibility import Surface, look
-from fieldkit.planning.space.ranges import fill_distance_m
+from fieldkit.planning.space.envelope import fill_distance_m
 from tests.planning.leafy import CAMERA, around, problem, recorded
 
 PROBLEM = problem(5)

@@ -13,8 +13,7 @@ from benchmarks.planners import PLANNERS
 from benchmarks.planners.random_sets import Random
 from fieldkit.clouds import Cloud
 from fieldkit.planning.methods.field import Field, FieldSettings
-from fieldkit.planning.methods.moves import looked_at, near
-from fieldkit.planning.methods.optimise import Effort
+from fieldkit.planning.methods.optimise import Effort, looked_at, near
 from fieldkit.planning.methods.registry import METHODS
 from fieldkit.planning.methods.subsets import MatchGraph, Uniform
 from fieldkit.planning.problem import Judge, Method, PlanningProblem, Result, Trial
@@ -22,8 +21,7 @@ from fieldkit.planning.score.geometric import GeometricScore
 from fieldkit.planning.score.matchability import connectivity
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot
-from fieldkit.planning.surrogate.set_process import TERMS
-from fieldkit.planning.surrogate.sets import SetEmbedding
+from fieldkit.planning.surrogate.set_process import TERMS, SetEmbedding
 from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
 from tests.planning.leafy import problem as leafy
 from tests.planning.leafy import recorded

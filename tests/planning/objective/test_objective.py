@@ -17,9 +17,9 @@ from benchmarks.objective_scenes import tuning_plot
 from fieldkit.captures import read_image
 from fieldkit.clouds import Cloud
 from fieldkit.errors import UsageError
-from fieldkit.planning.objective.fidelity import FIDELITIES
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
+from fieldkit.planning.objective.source import FIDELITIES
 from fieldkit.planning.run.evaluations import Job, evaluating
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.context import Context

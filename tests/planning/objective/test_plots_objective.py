@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fieldkit.planning.objective.kind import PlotsObjective
 from fieldkit.planning.objective.objective import ObjectiveSettings
-from fieldkit.planning.objective.plots_objective import PlotsObjective
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.planning.run.evaluations import Job, evaluating
 from fieldkit.planning.space.cameras import Cameras

@@ -20,8 +20,7 @@ from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.priors import SourceFrame
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.recorded import RecordedSource, recorded_views
-from fieldkit.planning.space.assignment import assign
-from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.cameras import Cameras, assign
 from fieldkit.reconstruction.mapping.prior import PriorMappingSettings
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.scenes.simulate import CaptureNoise

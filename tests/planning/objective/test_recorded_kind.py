@@ -10,10 +10,10 @@ import pytest
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
-from fieldkit.planning.objective.fidelity import FIDELITIES
 from fieldkit.planning.objective.objective import ObjectiveSettings
 from fieldkit.planning.objective.recorded import RecordedSource, Rehearsal
 from fieldkit.planning.objective.recorded_kind import LEAST_KEPT, RecordedKind, RecordedPlots
+from fieldkit.planning.objective.source import FIDELITIES
 from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.stages import load_features
 from fieldkit.runtime.context import Context

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from fieldkit.clouds import Cloud, chamfer_distance, nearest_distances
-from fieldkit.planning.objective.rule import Rule, value_m
+from fieldkit.planning.objective.evaluation import Rule, value_m
 
 RULE = Rule()
 some = st.integers(1, 40)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fieldkit.planning.space.envelope import fill_distance_m, reach_m
 from fieldkit.planning.space.families import (
     SPAN_DEG,
     Circle,
@@ -14,7 +15,6 @@ from fieldkit.planning.space.families import (
     families,
     family,
 )
-from fieldkit.planning.space.ranges import fill_distance_m, reach_m
 from tests.planning.leafy import problem, recorded
 
 PROBLEM = problem(9)

@@ -10,7 +10,7 @@ import pytest
 import torch
 from botorch.acquisition.analytic import LogExpectedImprovement
 
-from fieldkit.planning.methods.encoded_space import moved
+from fieldkit.planning.methods.bosfm import moved
 from fieldkit.planning.surrogate.acquisition import suggest
 from fieldkit.planning.surrogate.ensemble import fit_ensemble
 
