@@ -19,7 +19,7 @@ from fieldkit.planning.run.folder import SETTINGS_FILE, LogEntry, read_log, read
 from fieldkit.planning.run.outcome import Outcome, best_so_far, read_outcome
 from fieldkit.planning.run.plan_views import plan_views, resume_plan
 from fieldkit.planning.run.request import KIND_CONFIRMED, KIND_METHOD, RECORDED_CONFIRMED
-from fieldkit.planning.run.run_setup import describe_sources
+from fieldkit.planning.run.sources import describe_sources
 from fieldkit.planning.settings import GivenPlot, SearchSettings, lag_for
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.plan import Plan, PlanSource

@@ -23,7 +23,7 @@ from fieldkit.evaluation.rasters import write_georeferenced
 from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.planning.run.run_setup import describe_sources
+from fieldkit.planning.run.sources import describe_sources
 from fieldkit.reconstruction.result import MetricFrame
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.report_files import load_evaluation_report

@@ -16,7 +16,7 @@ from fieldkit.errors import MetadataError, UsageError
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.methods.registry import METHODS
 from fieldkit.planning.run.flyable import flight_noise, read_vehicle, vehicle_envelope
-from fieldkit.planning.run.run_setup import describe_sources
+from fieldkit.planning.run.sources import describe_sources
 from fieldkit.planning.settings import (
     CHANGEABLE,
     EnvelopeSettings,

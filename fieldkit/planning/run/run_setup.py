@@ -12,8 +12,6 @@ import numpy as np
 from fieldkit.captures import read_capture
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
-from fieldkit.errors import SceneError, UsageError
-from fieldkit.evaluation.cloud_reference import is_cloud, reference_file
 from fieldkit.evaluation.proxy import make_proxy
 from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.geometry import Intrinsics
@@ -24,17 +22,16 @@ from fieldkit.planning.objective.recorded_kind import RecordedKind, RecordedPlot
 from fieldkit.planning.problem import POSE_NOISE_M, PlanningProblem
 from fieldkit.planning.run.evaluations import Evaluator
 from fieldkit.planning.run.flyable import check_views
+from fieldkit.planning.run.sources import check_unchanged, source_doubts
 from fieldkit.planning.score.match_graph import match_graph
 from fieldkit.planning.settings import EnvelopeSettings, GivenPlot, NoiseSettings, SearchSettings, unchanging
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
 from fieldkit.reconstruction.features import FeatureSettings
-from fieldkit.results.finding import DOUBTFUL, PLANTS_APART
-from fieldkit.results.plan import PlanEnvelope, PlanSource
-from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_reference_report
+from fieldkit.results.plan import PlanEnvelope
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
-from fieldkit.scenes.library import find_scene, scene_reference
+from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.plants_apart import PlantsApart
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
@@ -74,44 +71,6 @@ class RunSetup:
             Renderer(Scene(())).close()
 
 
-def describe_sources(
-    scenes: Sequence[Path], references: Sequence[Path], captures: Path | None
-) -> list[tuple[PlanSource, Path]]:
-    """The sources of a run: paths, or names of scenes that come with fieldkit."""
-    for reference in references:
-        if is_cloud(reference) and reference_file(reference) == reference:
-            raise UsageError(
-                "a plan needs a reference's cameras and ground, which a bare cloud does not have", path=reference,
-                remedy="Build one of photographs: `fieldkit reference IMAGES -o REF`.",
-            )  # fmt: skip
-    if captures is not None and not scenes:
-        captures = captures.resolve()
-        read_capture(captures)
-        if len(references) > 1:
-            raise UsageError("recorded photographs have one reference", remedy="Give --reference once.")
-        return [(PlanSource(kind="captures", name=captures.name), captures)]
-    if bool(scenes) == bool(references):
-        raise UsageError(
-            "plan on what?", remedy="Give --scene SCENE, --reference REF or --captures IMAGES [--reference REF]."
-        )
-    found = [_described_scene(scene) for scene in scenes] + [_described_reference(each) for each in references]
-    for number, (source, path) in enumerate(found):
-        if any(path == other or source.sha256 == same.sha256 for same, other in found[:number]):
-            raise UsageError("is given twice", path=path, remedy="Give every plot once; --vary K draws others of them.")
-    return found
-
-
-def _described_scene(scene: Path) -> tuple[PlanSource, Path]:
-    file = find_scene(scene)
-    return PlanSource(kind="scene", name=file.name, sha256=file_sha256(file)), scene_reference(file)
-
-
-def _described_reference(reference: Path) -> tuple[PlanSource, Path]:
-    folder = (reference.parent if reference.is_file() else reference).resolve()
-    Reference(folder)
-    return PlanSource(kind="reference", name=folder.name, sha256=file_sha256(folder / REFERENCE_FILE)), folder
-
-
 def set_up_run(settings: SearchSettings, folder: Path, context: Context, *, count_matches: bool = False) -> RunSetup:
     """The problem and the objective of a run.
 
@@ -119,13 +78,17 @@ def set_up_run(settings: SearchSettings, folder: Path, context: Context, *, coun
         folder: of the run; keeps what is made from the source (a reference's proxy, a recorded set's reference).
         count_matches: whether to count the matches between all pairs of recorded photographs.
     """
-    progress = context.progress
     for plot in settings.given:
-        _check_unchanged(plot)
+        check_unchanged(plot)
         for told in source_doubts(plot):
-            progress.note(told)
+            context.progress.note(told)
     if settings.source.kind == "captures":
-        return _recorded(settings, folder, context, count_matches)
+        return _on_captures(settings, folder, context, count_matches)
+    return _on_scenes(settings, folder, context.progress)
+
+
+def _on_scenes(settings: SearchSettings, folder: Path, progress: Progress) -> RunSetup:
+    """Any cameras of the envelope about simulated plots, or about proxies of references; photographs are rendered."""
     files = [_scene_of(plot, folder, number, progress) for number, plot in enumerate(settings.given)]
     with progress.stage("Reading the scene"):
         descriptions = tuple(read_scene(file) for file in files)
@@ -205,7 +168,8 @@ def _told_apart(apart: PlantsApart) -> str:
     )
 
 
-def _recorded(settings: SearchSettings, folder: Path, context: Context, count_matches: bool) -> RunSetup:
+def _on_captures(settings: SearchSettings, folder: Path, context: Context, count_matches: bool) -> RunSetup:
+    """A choice among recorded views; photographs are looked up."""
     progress = context.progress
     images = Path(settings.path)
     place = folder / BUILT_REFERENCE
@@ -264,32 +228,6 @@ def _rendered(camera: Intrinsics, scene: Intrinsics) -> Intrinsics:
     ideal = camera.without_distortion()
     scale = max(scene.width, scene.height) / max(ideal.width, ideal.height)
     return ideal if scale >= 1.0 else ideal.scaled(round(ideal.width * scale), round(ideal.height * scale))
-
-
-def _check_unchanged(plot: GivenPlot) -> None:
-    if plot.source.sha256 is None:
-        return
-    path = Path(plot.path)
-    file = path / REFERENCE_FILE if plot.source.kind == "reference" else _scene_file(path)
-    if not file.is_file():
-        raise UsageError("the source of this run is gone", path=file, remedy="Put it back there, or start a new run.")
-    if file_sha256(file) != plot.source.sha256:
-        raise UsageError("has changed since this run began", path=file, remedy="Start a new run in another folder.")
-
-
-def source_doubts(plot: GivenPlot) -> list[str]:
-    """What a reference's own findings say against a plan for it: plants that are not the plot's, above all."""
-    if plot.source.kind != "reference":
-        return []
-    found = load_reference_report(Path(plot.path)).findings
-    return [f"{plot.source.name}: {each.message}" for each in found if each.code in DOUBTFUL | {PLANTS_APART}]
-
-
-def _scene_file(path: Path) -> Path:
-    try:
-        return find_scene(path)
-    except SceneError:
-        return path
 
 
 def _capture_noise(noise: NoiseSettings, scene: CaptureNoise) -> CaptureNoise:

@@ -11,7 +11,8 @@ import pytest
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.conversion import reference_report
 from fieldkit.planning.run.request import search_settings
-from fieldkit.planning.run.run_setup import set_up_run, source_doubts
+from fieldkit.planning.run.run_setup import set_up_run
+from fieldkit.planning.run.sources import source_doubts
 from fieldkit.planning.score.geometric import GeometricScore
 from fieldkit.planning.settings import GivenPlot
 from fieldkit.reconstruction.settings import ReconstructionSettings
