@@ -178,13 +178,7 @@ def epipolar_distance(fundamental: NDArray[np.float64], a: Floats, b: Floats) ->
     return distance
 
 
-def match_guided(
-    a: PosedFeatures,
-    b: PosedFeatures,
-    band: Band,
-    *,
-    shift_px: float = 0.0,
-) -> NDArray[np.uint32]:
+def match_guided(a: PosedFeatures, b: PosedFeatures, band: Band, *, shift_px: float = 0.0) -> NDArray[np.uint32]:
     """Mutual best matches within a band about the epipolar lines of two poses, in agreement with the poses.
 
     Args:

@@ -258,10 +258,7 @@ def _not_seen(detections: Mapping[str, Sequence[MarkerDetection]], markers: Mark
 
 
 def _triangulate(
-    views: Sequence[tuple[str, Floats]],
-    poses: Mapping[str, Pose],
-    intrinsics: Mapping[str, Intrinsics],
-    seed: int,
+    views: Sequence[tuple[str, Floats]], poses: Mapping[str, Pose], intrinsics: Mapping[str, Intrinsics], seed: int
 ) -> Floats | None:
     """The four corners (4, 3) where at least two views agree on each; else None."""
     width = float(np.median([intrinsics[name].width for name, _ in views]))

@@ -260,13 +260,7 @@ class _Dense:
         what = "plants" if mask != "none" else "scene"
         with self.context.progress.stage(f"Undistortion ({what})", len(self.sparse.poses)) as advance:
             views = self.views(mask, advance)
-        maps = compute_depth_maps(
-            views,
-            self.volume,
-            self.options,
-            self.context,
-            seed=self.settings.seed,
-        )
+        maps = compute_depth_maps(views, self.volume, self.options, self.context, seed=self.settings.seed)
         with self.context.progress.stage(f"Fusion ({what})"):
             return fuse(views, maps, self.volume, self.options)
 

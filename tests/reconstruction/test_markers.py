@@ -152,10 +152,7 @@ def test_a_marker_read_at_two_places_is_not_used() -> None:
 
 def test_a_quadrilateral_that_is_no_square_is_not_used() -> None:
     found = {
-        name: [
-            *views[1:],
-            MarkerDetection(0, CAMERA.project(POSES[name].to_camera(corners(CENTERS[0]) * (1, 0.6, 1)))),
-        ]
+        name: [*views[1:], MarkerDetection(0, CAMERA.project(POSES[name].to_camera(corners(CENTERS[0]) * (1, 0.6, 1))))]
         for name, views in detections().items()
     }
     scale = scale_of(SIDE, found)

@@ -10,12 +10,4 @@ from fieldkit.reconstruction.dense.fusion import fuse
 from fieldkit.reconstruction.dense.settings import DenseSettings
 from fieldkit.reconstruction.dense.views import DepthMap, View, prepare_view, working_size
 
-__all__ = [
-    "DenseSettings",
-    "DepthMap",
-    "View",
-    "compute_depth_maps",
-    "fuse",
-    "prepare_view",
-    "working_size",
-]
+__all__ = ["DenseSettings", "DepthMap", "View", "compute_depth_maps", "fuse", "prepare_view", "working_size"]

@@ -42,12 +42,7 @@ _GEOMETRIC_SWEEP = 1.5
 
 
 def compute_depth_maps(
-    views: Sequence[View],
-    volume: Volume,
-    settings: DenseSettings,
-    context: Context,
-    *,
-    seed: int,
+    views: Sequence[View], volume: Volume, settings: DenseSettings, context: Context, *, seed: int
 ) -> list[DepthMap]:
     """The depth map of every view, by PatchMatch on the CPU, one thread per view.
 
@@ -74,14 +69,7 @@ def compute_depth_maps(
     weights = [work for work in _work_of_passes(levels) for _ in count]
     keys = [
         digest(
-            STAGES["depth"],
-            "photographs",
-            contents[i],
-            [contents[j] for j in sources[i]],
-            volume,
-            seed,
-            chosen,
-            levels,
+            STAGES["depth"], "photographs", contents[i], [contents[j] for j in sources[i]], volume, seed, chosen, levels
         )
         for i in count
     ]
@@ -238,12 +226,7 @@ def reduced(view: View, level: int) -> View:
 
 
 def _carry_over(
-    planes: NDArray[np.float32],
-    fresh: NDArray[np.bool_],
-    active: Active,
-    coarse: Active,
-    result: Planes,
-    factor: float,
+    planes: NDArray[np.float32], fresh: NDArray[np.bool_], active: Active, coarse: Active, result: Planes, factor: float
 ) -> None:
     """Planes of the coarser level as a start, where it has one at the pixel; written into ``planes``, ``fresh``."""
     position = (active.pixels + 0.5) / factor - 0.5

@@ -144,11 +144,7 @@ _READINGS: tuple[tuple[str, Reading], ...] = (
     ("yaw counts from the aircraft's nose", _from_nose),
     ("yaw counts anticlockwise", lambda a, _: (-a[0], a[1], a[2])),
 )
-_MOUNTS = (
-    ("", np.eye(3)),
-    ("pitch 0 is straight down", LOOKING_DOWN),
-    ("pitch 0 is the horizon", LOOKING_DOWN.T),
-)
+_MOUNTS = (("", np.eye(3)), ("pitch 0 is straight down", LOOKING_DOWN), ("pitch 0 is the horizon", LOOKING_DOWN.T))
 
 
 def _candidates(capture: Capture, turn: Matrix) -> Iterator[tuple[int, str, Rotations]]:

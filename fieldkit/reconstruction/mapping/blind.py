@@ -117,11 +117,7 @@ def map_without_priors(inputs: Inputs, belief: Belief, methods: Sequence[str]) -
 
 
 def _recalibrated(
-    inputs: Inputs,
-    belief: Belief,
-    method: str,
-    pairs: Mapping[Pair, TwoView],
-    models: list[pycolmap.Reconstruction],
+    inputs: Inputs, belief: Belief, method: str, pairs: Mapping[Pair, TwoView], models: list[pycolmap.Reconstruction]
 ) -> tuple[Belief, list[pycolmap.Reconstruction]]:
     """The models again with cameras held, where all look the same way and the mapper has changed focal lengths."""
     if belief.cameras.all_fixed or not belief.cannot_calibrate(model_poses(models[0]).values()):
