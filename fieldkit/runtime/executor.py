@@ -270,7 +270,10 @@ class Processes(Executor):
             while not self._broken_off and (self._open or not self._closing):
                 self._hand_out()
                 self._look()
+        except Exception as error:  # what `make` is cannot be sent, or no process can be started
+            self._fail_waiting(error)
         finally:
+            self._closing = True
             self._end()
 
     @property
@@ -342,13 +345,8 @@ class Processes(Executor):
             self._failed_starts += 1
             if self._failed_starts > _FAILED_STARTS * self._count:
                 self._failed_starts = 0
-                self._fail_waiting(
-                    NoWorkersError(
-                        f"worker processes do not start: {reason}",
-                        remedy="Run `fieldkit doctor`; a script that opens an executor needs "
-                        '`if __name__ == "__main__":`.',
-                    )
-                )
+                remedy = 'Run `fieldkit doctor`; a script that opens an executor needs `if __name__ == "__main__":`.'
+                self._fail_waiting(NoWorkersError(f"worker processes do not start: {reason}", remedy=remedy))
 
     def _settle(self, call: _Call, error: Exception) -> None:
         """Repeat a call whose worker died, or end it."""
@@ -378,12 +376,10 @@ class Processes(Executor):
         for worker in self._workers:
             worker.connection.close()
         for worker in list(self._workers):
-            allowed_s = _STOP_S if worker.doing is None else max(0.0, until - time.monotonic())
-            worker.process.join(allowed_s)
-            call = worker.doing
+            worker.process.join(_STOP_S if worker.doing is None else max(0.0, until - time.monotonic()))
             self._stop(worker)
-            if call is not None:
-                call.future.set_exception(WorkerError("the executor was broken off"))
+            if worker.doing is not None:
+                self._again.append(worker.doing)
         for call in (*self._waiting, *self._again):
             if not call.future.cancel():
                 call.future.set_exception(WorkerError("the executor was broken off"))

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -81,6 +82,14 @@ def test_errors_come_from_workers_as_they_are_or_in_words_with_where_they_were_r
 def test_a_result_that_cannot_be_sent_is_an_error_of_its_item() -> None:
     with pytest.raises((AttributeError, TypeError), match="pickle"):
         map_parallel(lambda_of, [1, 2], workers=2)
+
+
+def test_a_state_that_cannot_be_sent_is_an_error_of_every_call() -> None:
+    with (
+        Processes(1, make=lambda: 1) as executor,
+        pytest.raises((AttributeError, pickle.PicklingError), match="lambda"),
+    ):
+        executor.submit(abs, 1).result()
 
 
 def lambda_of(number: int) -> object:
