@@ -74,9 +74,9 @@ def as_centimetres(value: float, most: float) -> str:
     return f": {CENTIMETRES.looks_like} {value:g} cm are {value / 100.0:g} m" if most < value <= 100.0 * most else ""
 
 
-def nearest(given: str, known: Iterable[str]) -> str | None:
+def nearest(given: str, known: Iterable[str], likeness: float = 0.6) -> str | None:
     """The name of those known that was probably meant."""
-    return next(iter(get_close_matches(given[:200], list(known), n=1)), None)
+    return next(iter(get_close_matches(given[:200], list(known), n=1, cutoff=likeness)), None)
 
 
 def did_you_mean(given: str, known: Iterable[str], otherwise: str) -> str:

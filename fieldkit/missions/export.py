@@ -46,16 +46,19 @@ class Routed:
     plants_m: float | None
     """Least distance between a plant and anything that is flown; None where the plan does not say where the plants are.
     """
-    plants: Array
-    """(m, 3) of all plots, site frame; as high as they are taken to be there."""
     plants_of: Mapping[str, Array]
-    """The same by plot."""
+    """(m, 3) by plot, site frame; as high as they are taken to be there."""
     clear_m: Mapping[str, float | None]
     """By plot, the height of plants that all of it keeps clear of; None where nobody says where they stand."""
     fit: tuple[Finding, ...] = ()
     """What does not fit on which plot, or is worth knowing; errors are none of it."""
     own: Mapping[str, Plan] = field(default_factory=dict)
     """Plans of plots that are not flown by the one plan that was given."""
+
+    @property
+    def plants(self) -> Array:
+        """(m, 3) of all plots, site frame."""
+        return np.concatenate([np.zeros((0, 3)), *self.plants_of.values()])
 
     @property
     def least_clear_m(self) -> float | None:
@@ -114,7 +117,8 @@ def route_plan(
         report.stops, (0.0, 0.0, 0.0), landing_of(site), report.obstacles, vehicle,
         takeoff_m=site.takeoff_m, transit_m=site.transit_m, seed=seed,
     )  # fmt: skip
-    on_plots = _plants_of(plans, site)
+    facts = facts_of(plans, site.plots)
+    on_plots = {plot.name: plants_on(each, plot) for plot, each in zip(site.plots, facts, strict=True)}
     plants = _placed(on_plots, site)
     heights = [shot.place.height_m for shot in shots] - grounds_m(site, shots)
     routed = tuple(
@@ -122,12 +126,15 @@ def route_plan(
         for number, flight in enumerate(flights, 1)
     )
     return Routed(
-        routed, report.moved, float(heights.min()), _nearest(flights, shots, plants) if plants else None,
-        np.concatenate([np.zeros((0, 3)), *plants.values()]), plants,
-        {name: None if each is None else each.clear_m for name, each in on_plots.items()},
-        report.findings,
-        {} if isinstance(plans, Plan) else {name: each for name, each in plans.items() if each is not plan},
-    )  # fmt: skip
+        flights=routed,
+        moved=report.moved,
+        lowest_m=float(heights.min()),
+        plants_m=_nearest(flights, shots, plants) if plants else None,
+        plants_of=plants,
+        clear_m={name: None if each is None else each.clear_m for name, each in on_plots.items()},
+        fit=report.findings,
+        own={} if isinstance(plans, Plan) else {name: each for name, each in plans.items() if each is not plan},
+    )
 
 
 def _mission(
@@ -138,6 +145,7 @@ def _mission(
         stops += [Via(point) for point in frame.places(np.array(leg.via).reshape(-1, 3))]
         if index is not None:
             stops.append(shots[index])
+    limited = bool(site.fence or site.no_fly or site.ceiling_m is not None)
     (end,) = frame.places(np.array(flight.legs[-1].points[-1:]))
     return Mission(
         name=site.name if count == 1 else f"{site.name}, flight {number} of {count}",
@@ -149,19 +157,8 @@ def _mission(
         settle_s=vehicle.trigger.settle_s,
         exposure_s=vehicle.trigger.exposure_s,
         rally=tuple(GeoPoint(r.latitude_deg, r.longitude_deg, site.transit_m) for r in site.rally),
-        fence=_fence(site),
+        fence=Fence(site.fence, tuple(zone.corners for zone in site.no_fly), site.ceiling_m) if limited else None,
     )
-
-
-def _fence(site: Site) -> Fence | None:
-    if not site.fence and not site.no_fly and site.ceiling_m is None:
-        return None
-    return Fence(site.fence, tuple(zone.corners for zone in site.no_fly), site.ceiling_m)
-
-
-def _plants_of(plans: Plans, site: Site) -> dict[str, PlotPlants | None]:
-    facts = facts_of(plans, site.plots)
-    return {plot.name: plants_on(each, plot) for plot, each in zip(site.plots, facts, strict=True)}
 
 
 def _placed(plants: Mapping[str, PlotPlants | None], site: Site) -> dict[str, Array]:

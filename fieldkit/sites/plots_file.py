@@ -7,7 +7,6 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 import shapely
 from pydantic import ValidationError
 
+from fieldkit.documents.mistaken import MISSPELT, nearest
 from fieldkit.documents.toml_file import sentence
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import LocalFrame
@@ -122,11 +122,11 @@ def _unused(features: Sequence[Feature], id_field: str | None, path: Path) -> tu
     others = [name for name in columns if name not in (*_PROPERTIES, id_field) and name.casefold() not in ID_FIELDS]
     for name in others:
         plain = re.sub(r"\W+", "_", name.casefold()).strip("_")
-        near = get_close_matches(plain, [known for known in _PROPERTIES if known not in columns], n=1, cutoff=_NEAR)
-        if near:
+        near = nearest(plain, [known for known in _PROPERTIES if known not in columns], _NEAR)
+        if near is not None:
             raise MetadataError(
-                f'has a column "{name}", which is not used: is {near[0]} meant?', path=path,
-                remedy=f"Name it {near[0]} (metres and degrees), or otherwise than a property of plots.",
+                f'has a column "{name}", which is not used. {MISSPELT.looks_like.format(near)}', path=path,
+                remedy=f"Name it {near} (metres and degrees), or otherwise than a property of plots.",
             )  # fmt: skip
     return tuple(others)
 

@@ -419,7 +419,9 @@ def test_a_column_that_nearly_is_a_property_is_named(tmp_path: Path, driver: str
     file = write_plots(
         tmp_path / f"plots{KINDS[driver]}", places(), "EPSG:4326", plot_id=list(IDS), **{column: [1] * 4}
     )
-    with pytest.raises(MetadataError, match=re.escape(f'"{column}", which is not used: is {meant} meant?')) as caught:
+    with pytest.raises(
+        MetadataError, match=re.escape(f'"{column}", which is not used. Did you mean {meant}?')
+    ) as caught:
         load_plots(file)
     assert meant in caught.value.remedy
 
