@@ -17,11 +17,12 @@ from fieldkit.campaign import Visit, read_campaign
 from fieldkit.campaign.campaign_file import EvaluationTable
 from fieldkit.campaign.evaluate_visit import VisitJob
 from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks
-from fieldkit.campaign.run import campaign_lock, unchanged, visit_inputs
+from fieldkit.campaign.run import _evaluated, campaign_lock, unchanged, visit_inputs
 from fieldkit.campaign.visits import changed_stages, is_current, keep_visit, stage_versions
 from fieldkit.captures.selection import FoundPhoto
 from fieldkit.errors import UsageError
 from fieldkit.reconstruction.versions import STAGES
+from fieldkit.runtime.context import Context
 from tests.campaign.examples import PLAN, campaign_folder, field, flown
 
 FIELD = field(1, 2)
@@ -161,3 +162,17 @@ def test_a_killed_run_leaves_no_lock(tmp_path: Path) -> None:
     process.communicate()
     with campaign_lock(tmp_path, wait=False, note=print):
         pass
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_visits_are_evaluated_on_a_cluster_as_in_processes(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed (pip install 'fieldkit[cluster]')")
+    found = {}
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        for name, scheduler in (("processes", ""), ("cluster", cluster.scheduler_address)):
+            folder = tmp_path / name
+            folder.mkdir()
+            (visit,) = _evaluated(folder, [job(folder)], Context(scheduler=scheduler), lambda _: None)
+            found[name] = visit.error.replace(name, "…")
+    assert found["cluster"] == found["processes"] != ""

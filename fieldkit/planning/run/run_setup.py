@@ -216,8 +216,8 @@ def _on_captures(settings: SearchSettings, folder: Path, context: Context, count
 
 
 def _expected(noise: NoiseSettings) -> float:
-    """The noise of positions that the geometric score expects."""
-    return noise.expected_m or POSE_NOISE_M
+    """The noise of positions that the geometric score expects: at least what evaluations claim of exact ones."""
+    return max(noise.expected_m or 0.0, POSE_NOISE_M)
 
 
 def _rendered(camera: Intrinsics, scene: Intrinsics) -> Intrinsics:
