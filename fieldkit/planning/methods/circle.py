@@ -135,11 +135,7 @@ def _trial(number: int, design: Design, cameras: Cameras) -> Trial:
 
 
 class CircleSearch(StagedSearch[Circle]):
-    """A grid of 5 altitudes × 5 radii, looking at the plants' middle; then a grid of half the step about the best.
-
-    Args:
-        seed: not used; the search is deterministic.
-    """
+    """A grid of 5 altitudes × 5 radii, looking at the plants' middle; then a grid of half the step about the best."""
 
     def __init__(self, problem: PlanningProblem, seed: int = 0) -> None:
         grid, finer = circle_stages(problem)

@@ -85,7 +85,6 @@ class Candidates:
 
         Args:
             turn: its known sets are left out.
-            best: trials.
             slopes: (3,) fitted weights of the score's terms.
             distance_m: D of `SetEmbedding`.
         """

@@ -28,10 +28,8 @@ def near(cameras: Cameras, problem: PlanningProblem, size_m: float, rng: np.rand
     which is much cheaper than projecting it.
 
     Args:
-        cameras: feasible.
         problem: gives the plot's middle and the feasible set.
         size_m: standard deviation of the steps.
-        rng: draws the moves.
     """
     count = len(cameras)
     if rng.random() < _TOGETHER:

@@ -35,7 +35,6 @@ def method_entry(name: str, methods: Mapping[str, MethodEntry] | None = None) ->
     """The entry of a method.
 
     Args:
-        name: of the method.
         methods: to choose from; None for fieldkit's own.
     """
     methods = METHODS if methods is None else methods

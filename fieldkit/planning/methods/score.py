@@ -23,9 +23,6 @@ class ScoreOptimum:
 
     Two optima of equal expected value can differ by half in truth, so evaluations choose among several. With blind
     mapping, sets that are less likely to register are expected to cost more (`CostModel`).
-
-    Args:
-        weights: of gap, noise and tie.
     """
 
     name = "score"

@@ -82,7 +82,6 @@ def greedy_by_matches(matches: Array, count: int, tie: float) -> NDArray[np.int6
     """(count,) views in the order in which `MatchGraph` chooses them.
 
     Args:
-        matches: (m, m) symmetric.
         tie: least sum of matches with the chosen views that makes a view a candidate.
     """
     worth = matches.copy()

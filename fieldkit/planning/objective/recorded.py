@@ -61,7 +61,6 @@ def recorded_views(
     """The photographs of a capture whose positions and orientations are known, in the plot frame.
 
     Args:
-        capture: as read.
         reconstructed: poses that the reference found for photographs of these names, in the plot frame. They give their
             orientation to photographs of the same place whose orientation is unknown.
     """

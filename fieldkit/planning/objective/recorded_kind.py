@@ -68,11 +68,7 @@ class RecordedKind:
 
 
 class RecordedPlots:
-    """The objectives of plots of a recorded plot's kind; see `executor.Evaluator`.
-
-    Args:
-        kind: the plots.
-    """
+    """The objectives of plots of a recorded plot's kind; see `executor.Evaluator`."""
 
     def __init__(self, kind: RecordedKind, settings: ObjectiveSettings, *, seed: int = 0) -> None:
         self.kind, self.settings, self.seed = kind, settings, seed

@@ -70,7 +70,6 @@ class Proxy:
         """A proxy of a scene: its plants' visible surfaces, sampled uniformly by area.
 
         Args:
-            scene: with plants.
             points: sampled, before hidden and low ones are left out.
             lowest_m: lower points are left out of reference and cloud, since the soil is bumpy.
         """
@@ -83,7 +82,6 @@ class Proxy:
         PC_env is the part of `sample_truth` that `of_interest` counts; the surface also has `sample_others`.
 
         Args:
-            description: of the scene.
             camera: of the photographs; None takes the description's.
         """
         check_plants(description)
@@ -110,7 +108,6 @@ class SimulatedSource:
     seed and k, so all sets of cameras have the same noise at one seed.
 
     Args:
-        proxy: the scene and its truth.
         noise: of poses and images; by default only the sensor's, as in the paper.
         effects: camera effects, stated for the proxy's camera at full size; none by default.
         sway: moves the plants between photographs, by the evaluation's seed and the photograph's number.
@@ -139,7 +136,6 @@ class SimulatedSource:
         Like the poses' noise, wind is for plans that must survive it.
 
         Args:
-            description: of the scene.
             noise: of poses and images, instead of the description's.
             camera: of the photographs, instead of the description's.
             wind_m: sway of the leaves between photographs, as a scene file's ``wind_m``.

@@ -78,7 +78,6 @@ def check_views(views: Cameras, settings: SearchSettings, progress: Progress) ->
     """Report how many of a recorded set's views the run's vehicle cannot take.
 
     Args:
-        views: the recorded views, plot frame.
         settings: of the run; without a vehicle nothing is checked.
     """
     if settings.vehicle is None:

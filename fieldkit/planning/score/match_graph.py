@@ -32,7 +32,6 @@ def match_graph(source: RecordedSource, features: FeatureSettings, context: Cont
     than 60° apart about the plot count as without matches. The result is kept in the source's cache.
 
     Args:
-        source: the recorded views.
         features: detection; the same as in evaluations, which then find them in the cache.
         context: its workers are processes that detect features, then threads that match.
     """

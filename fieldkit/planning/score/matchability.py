@@ -55,10 +55,7 @@ def expected_matches(
     (docs/mapping.md).
 
     Args:
-        positions: (n, 3) of the cameras.
-        center: (3,) of the plot.
         pictured: (n, t) whether points of the plot, ground included, lie in each picture.
-        matchability: of the plot's kind.
     """
     inside = pictured.astype(np.float64)
     count = inside.sum(axis=1)
@@ -78,11 +75,6 @@ def looseness_m(matches: Array, *, prior_m: float = POSE_NOISE_M, match_m: float
     other with ``match_m`` / √n. The precision is the view graph's Laplacian, weighted by matches, plus the prior's; its
     inverse is the covariance, without the common shift, which bends nothing. Groups tied by few matches, and long
     chains, are loose.
-
-    Args:
-        matches: (n, n) symmetric, of pairs.
-        prior_m: standard deviation of a commanded position.
-        match_m: standard deviation of a single match.
     """
     count = len(matches)
     weight = matches / match_m**2

@@ -116,8 +116,6 @@ def look(surface: Surface, cameras: Cameras, camera: Intrinsics) -> list[Sight]:
     m: no gaps between points remain, and leaves' edges grow by half a splat.
 
     Args:
-        surface: of the plants.
-        cameras: n.
         camera: intrinsics; distortion is ignored.
     """
     scale = _BUFFER / max(camera.width, camera.height)

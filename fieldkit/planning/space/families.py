@@ -90,7 +90,6 @@ def circles(
     """A grid of circles: radii change fastest, then altitudes, then aims.
 
     Args:
-        problem: of N cameras.
         altitudes, radii, aims: number of values, spread evenly over `PlanningProblem.ranges` including its ends; a
             single value is the middle.
         inner: leaves half a step to each end instead, which suits few circles.
@@ -183,7 +182,6 @@ def placed(problem: PlanningProblem, azimuth_deg: Array, radius_m: Array, altitu
     """Cameras about a plot's middle that look at one point above it; they may be infeasible.
 
     Args:
-        problem: of the plot.
         azimuth_deg: (n,) clockwise from north.
         radius_m: (n,) horizontal.
         altitude_m: (n,) above the ground below each camera.

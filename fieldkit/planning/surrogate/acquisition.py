@@ -75,7 +75,6 @@ def suggest(
     Args:
         x: (t, d) evaluated, t ≥ 1.
         y: (t,) their values, to be maximised.
-        space: the feasible set.
         rng: of the fits' second starts, then of m_t, then of candidates.
         pending: (p, d) being evaluated.
         avoid: (a, d) further points not to suggest, without known values.
