@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import codecs
+import io
 import logging
 import os
 import signal
@@ -15,7 +17,6 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, TextIO
 
-from fieldkit.cli.signs import knows_every_sign, write_plainly
 from fieldkit.errors import EXIT_INTERRUPTED, FieldkitError, UsageError
 
 EXIT_BUG = 1
@@ -23,6 +24,13 @@ EXIT_TERMINATED = 143
 _AGAIN_S = 0.5
 _NO_TEXT = ("surrogates not allowed", "unable to parse raw data as a unicode string")
 """What Python and pydantic say where a file's name in an unknown encoding is to be written into a result."""
+
+
+_PLAIN_SIGNS = {
+    "−": "-", "‑": "-", "–": "-", "→": "->", "≈": "~", "≥": ">=", "≤": "<=", "±": "+/-", "×": "x", "·": "*", "…": "...",
+    "°": " deg", "²": "2", "³": "3", "µ": "u",
+}  # fmt: skip
+"""For signs that a stream does not know: a redirected one on Windows (cp1252), or that of the C locale."""
 
 
 class _Terminated(SystemExit):
@@ -250,3 +258,23 @@ def _handle(number: signal.Signals, handler: Any) -> Any:
         return signal.signal(number, handler)
     except ValueError:  # not the main thread
         return None
+
+
+def knows_every_sign(stream: TextIO) -> bool:
+    """Whether a stream takes any text: one of UTF-8 or UTF-16, or in memory."""
+    encoding = getattr(stream, "encoding", None)
+    return encoding is None or encoding.lower().startswith("utf")
+
+
+def write_plainly(stream: TextIO) -> None:
+    """Let a stream write what it does not know in its own signs ("->", "+/-"), else as an escape, never an error."""
+    if not knows_every_sign(stream) and isinstance(stream, io.TextIOWrapper):
+        codecs.register_error("fieldkit.plain", _in_plain_signs)
+        stream.reconfigure(errors="fieldkit.plain")
+
+
+def _in_plain_signs(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    unknown = error.object[error.start : error.end]
+    return "".join(_PLAIN_SIGNS.get(c) or c.encode("ascii", "backslashreplace").decode() for c in unknown), error.end

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say, show, table
+from fieldkit.cli.common import JsonOption, emit_json, say, show, table
 from fieldkit.errors import UsageError
 from fieldkit.wording import count
 
@@ -30,7 +30,6 @@ def command(
         str, Option(metavar="TIME", help="prune: what was not used for this long goes, e.g. 12h or 30d.")
     ] = "",
     as_json: JsonOption = False,
-    debug: DebugOption = False,
 ) -> None:
     """Show, prune or clear what earlier runs keep for later ones.
 

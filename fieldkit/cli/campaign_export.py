@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from typer import Option
 
-from fieldkit.cli.common import CampaignArgument, DebugOption, JsonOption, OverwriteOption, emit_json, say
+from fieldkit.cli.common import CampaignArgument, JsonOption, OverwriteOption, emit_json, say
 from fieldkit.errors import UsageError
 from fieldkit.wording import count
 
@@ -26,7 +26,6 @@ def command(
     ] = False,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
-    debug: DebugOption = False,
 ) -> None:
     """Write a campaign's table for spreadsheets (CSV) or QGIS (GeoPackage, GeoJSON).
 

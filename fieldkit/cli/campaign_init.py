@@ -8,7 +8,6 @@ from typing import Annotated
 from typer import Argument, Option
 
 from fieldkit.cli.common import (
-    DebugOption,
     JsonOption,
     PlotIdOption,
     PlotsOption,
@@ -17,7 +16,6 @@ from fieldkit.cli.common import (
     say,
     vehicles_like,
 )
-from fieldkit.cli.option_groups import grouped
 from fieldkit.cli.reconstruction_options import (
     DISTANCES,
     DistancesOption,
@@ -28,7 +26,6 @@ from fieldkit.cli.reconstruction_options import (
 from fieldkit.errors import UsageError
 
 
-@grouped
 def command(
     folder: Annotated[Path, Argument(help="The campaign's folder: new, or empty.")],
     plan: Annotated[Path, Option("--plan", help="plan.json, or its folder: flown over every plot.")],
@@ -55,7 +52,6 @@ def command(
     rasters: RasterOptions,
     seed: SeedOption = 0,
     as_json: JsonOption = False,
-    debug: DebugOption = False,
 ) -> None:
     """Make a campaign: a folder that carries one plan from plot to plot and from date to date.
 

@@ -9,7 +9,6 @@ from typer import Option
 
 from fieldkit.cli.common import (
     CampaignArgument,
-    DebugOption,
     JsonOption,
     MissionFormatOption,
     MissionOutputOption,
@@ -50,7 +49,6 @@ def command(
     workers: WorkersOption = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
-    debug: DebugOption = False,
 ) -> None:
     """Plan a campaign's next visit: new stations for every plot, from its own last visit.
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from fieldkit.cli.common import CampaignArgument, DebugOption, JsonOption, emit_json, show
+from fieldkit.cli.common import CampaignArgument, JsonOption, emit_json, show
 
 
-def command(folder: CampaignArgument = None, as_json: JsonOption = False, debug: DebugOption = False) -> None:
+def command(folder: CampaignArgument = None, as_json: JsonOption = False) -> None:
     """Show a campaign: its plots and dates, which plots are best, and what changed over the dates.
 
     Ranks are by chamfer distance, measured against the plot's own reference or predicted without one. Plots that differ

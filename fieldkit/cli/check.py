@@ -10,7 +10,6 @@ from typer import Argument, Option
 
 from fieldkit.cli.common import (
     AdjustOption,
-    DebugOption,
     FitOption,
     JsonOption,
     MissionFormatOption,
@@ -24,7 +23,6 @@ from fieldkit.cli.common import (
     show,
     vehicles_like,
 )
-from fieldkit.cli.option_groups import grouped
 from fieldkit.cli.reconstruction_options import NoCacheOption, open_cache, run_context
 from fieldkit.errors import UsageError
 
@@ -67,7 +65,6 @@ class AgainOptions:
             raise UsageError("--vehicle is of the mission to write", remedy="Say with -o where to, or leave it out.")
 
 
-@grouped
 def command(
     captures: Annotated[Path, Argument(help="Folder of photographs of one plot, or a folder of such folders.")],
     plan: Annotated[Path, Option("--plan", help="plan.json that was flown, or the folder that holds it.")],
@@ -88,7 +85,6 @@ def command(
     overwrite: OverwriteOption = False,
     no_cache: NoCacheOption = False,
     as_json: JsonOption = False,
-    debug: DebugOption = False,
 ) -> None:
     """Before leaving the field: will the photographs do, and which stations are to be flown again?
 

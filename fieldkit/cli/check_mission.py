@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from fieldkit.cli.common import (
-    DebugOption,
     FitOption,
     JsonOption,
     PlantHeightOption,
     PlotIdOption,
     PlotsOption,
     emit_json,
+    finding_entries,
     plant_height,
     say,
+    show_findings,
     vehicles_like,
 )
-from fieldkit.cli.mission_findings import finding_entries, show_findings
 from fieldkit.errors import EXIT_OK, MissionError, UsageError
 from fieldkit.figures.style import format_length, format_seconds
 from fieldkit.wording import count, listed
@@ -46,7 +46,6 @@ def command(
     height: PlantHeightOption = None,
     fit: FitOption = None,
     as_json: JsonOption = False,
-    debug: DebugOption = False,
 ) -> int:
     """Check a mission file: what it would photograph, and what speaks against flying it.
 

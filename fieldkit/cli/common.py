@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Argument, Option
 
 from fieldkit.cli.boundary import emit_json, say
 from fieldkit.errors import UsageError
+from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from fieldkit.figures.content import Cell
+    from fieldkit.results.finding import Finding
     from fieldkit.sites.plot_plants import PlantHeight
     from fieldkit.sites.site import Site
     from fieldkit.sites.site_file import Tell
@@ -29,6 +31,9 @@ __all__ = [
     "show", "table", "vehicles_like",
 ]  # fmt: skip
 
+_MOST_NOISE_M = 5.0
+_MOST_ROWS = 30
+_REMEDY = {1: "Write one number", 2: "Write two numbers with a comma between", 3: "Write three numbers with commas"}
 RUN, OUTPUT = "Run", "Output"
 """Headings in help of the options that every command has."""
 
@@ -86,12 +91,7 @@ class SitePlotOptions:
     plot: Annotated[str | None, Option("--plot", metavar="NAME", help="Of the site, where it has several.")] = None
 
     def load(self, *, tell: Tell | None = None) -> Site | None:
-        """The site with its plots; None without --site.
-
-        Raises:
-            UsageError: the other options are given without --site.
-            MetadataError: a file cannot be used.
-        """
+        """The site with its plots; None without --site."""
         if self.site is None:
             for option, given in (("--plots", self.plots), ("--plot-id", self.plot_id), ("--plot", self.plot)):
                 if given is not None:
@@ -114,11 +114,7 @@ PlantHeightOption = Annotated[
 
 
 def plant_height(given: str | None) -> PlantHeight | None:
-    """What --plant-height says.
-
-    Raises:
-        UsageError: it is neither a height nor "unknown".
-    """
+    """What --plant-height says."""
     from fieldkit.sites.site import TALLEST_M
 
     if given is None:
@@ -179,3 +175,73 @@ def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[Cell]]) 
 
     labels = tuple(Column(name.rstrip(">"), numeric=name.endswith(">")) for name in columns)
     return rendered([Table(caption, labels, tuple(map(tuple, rows)))], most_rows=None)
+
+
+def finite_numbers(text: str) -> tuple[float, ...]:
+    """Numbers with commas between; none where any part of the text is no number."""
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        return ()
+    return numbers if all(map(math.isfinite, numbers)) else ()
+
+
+def read_numbers(option: str, text: str, counts: tuple[int, ...], *, least: float = 0.0) -> tuple[float, ...]:
+    """The numbers of an option such as ``--pose-noise 0.02,1``.
+
+    Args:
+        option: its name, for the error.
+        text: as given.
+        counts: how many numbers there may be.
+        least: none may be below.
+    """
+    numbers = finite_numbers(text)
+    if len(numbers) not in counts or min(numbers) < least:
+        raise UsageError(
+            f"{option}: cannot be {text}", remedy=" or ".join(_REMEDY[n] for n in counts) + f", not below {least:g}."
+        )
+    return numbers
+
+
+def read_pose_noise(text: str) -> tuple[float, float]:
+    """Metres and degrees of ``--pose-noise M,DEG``. Raises UsageError: it is none, or more than a receiver is off."""
+    metres, degrees = read_numbers("--pose-noise", text, (2,))
+    if metres > _MOST_NOISE_M:
+        from fieldkit.documents.mistaken import CENTIMETRES
+
+        raise UsageError(
+            f"--pose-noise: {metres:g} m is more than any receiver is off: {CENTIMETRES.looks_like}",
+            remedy="Write metres and degrees, like --pose-noise 0.02,1.",
+        )
+    return metres, degrees
+
+
+def finding_entries(findings: Sequence[Finding]) -> list[dict[str, Any]]:
+    """Findings as JSON has them, each by itself."""
+    from fieldkit.results.plan import station_number
+
+    return [
+        {
+            "code": f.code, "severity": f.severity, "item": f.item,
+            "photograph": None if f.photograph is None else f.photograph + 1,
+            "plot": f.subject or None, "station": None if f.station is None else station_number(f.station),
+            "message": f.message,
+        }
+        for f in findings
+    ]  # fmt: skip
+
+
+def show_findings(findings: Sequence[Finding], file: Path) -> None:
+    """A table of them; those that say the same are one row."""
+    from fieldkit.missions.findings import group_text, ranked
+
+    groups = ranked(findings)
+    rows = [
+        (group[0].code, group[0].severity, "" if group[0].item is None else str(group[0].item), group_text(group))
+        for group in groups[:_MOST_ROWS]
+    ]
+    show(table(f"Findings in {file.name}", ["code", "severity", "item>", "what"], rows))
+    if len(groups) > _MOST_ROWS:
+        say(f"and {count(len(groups) - _MOST_ROWS, 'more kind')}")
+    if len(groups) < len(findings):
+        say(f"{len(findings)} findings in all: --json lists each of them")

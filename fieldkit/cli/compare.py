@@ -7,7 +7,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, emit_json, show
+from fieldkit.cli.common import JsonOption, OverwriteOption, emit_json, show
 
 
 def command(
@@ -20,7 +20,6 @@ def command(
     ] = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
-    debug: DebugOption = False,
 ) -> None:
     """Compare evaluations plot by plot: values, differences, and which of these are more than noise.
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, emit_json, show
-from fieldkit.cli.option_groups import grouped
+from fieldkit.cli.common import JsonOption, OutputOption, emit_json, show
 from fieldkit.cli.reconstruction_options import RunOptions, run_context
 
 if TYPE_CHECKING:
@@ -15,8 +14,7 @@ if TYPE_CHECKING:
     from fieldkit.figures.content import Paragraph
 
 
-@grouped
-def command(output: OutputOption, run: RunOptions, as_json: JsonOption = False, debug: DebugOption = False) -> None:
+def command(output: OutputOption, run: RunOptions, as_json: JsonOption = False) -> None:
     """Try fieldkit without a drone: the whole way from a dense capture to scores, on two simulated plots of maize.
 
     Photographs two plots densely and builds their references; plans ten views for plots like the first; writes the

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fieldkit.cli.common import DebugOption, JsonOption, emit_json, show, table
+from fieldkit.cli.common import JsonOption, emit_json, show, table
 
 if TYPE_CHECKING:
     from fieldkit.figures.content import Level
@@ -13,7 +13,7 @@ _LEVELS: dict[str, Level] = {"ok": "good", "warn": "note", "fail": "problem"}
 EXIT_UNUSABLE = 3
 
 
-def command(as_json: JsonOption = False, debug: DebugOption = False) -> int:
+def command(as_json: JsonOption = False) -> int:
     """Check this machine: packages, renderer, GPU, cores, memory and cache, each with a remedy.
 
     Examples:

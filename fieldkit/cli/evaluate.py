@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Context, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, emit_json, show
-from fieldkit.cli.option_groups import grouped
+from fieldkit.cli.common import JsonOption, emit_json, show
 from fieldkit.cli.reconstruction_options import (
     DISTANCES,
     DistancesOption,
@@ -53,7 +52,6 @@ class FlightOptions:
     )
 
 
-@grouped
 def command(
     context: Context,
     captures: Annotated[
@@ -90,7 +88,6 @@ def command(
     run: RunOptions,
     scheduler: SchedulerOption = "",
     as_json: JsonOption = False,
-    debug: DebugOption = False,
 ) -> int:
     """Reconstruct new captures of one or many plots and score them against a reference.
 
@@ -147,11 +144,7 @@ def command(
 
 
 def _campaign_folder(context: Context, campaign: Path | None, flight: FlightOptions, poses: PosesOptions) -> Path:
-    """The campaign that is meant.
-
-    Raises:
-        UsageError: there is none, or an option is given that is not taken in one.
-    """
+    """The campaign that is meant."""
     from fieldkit.campaign.reading import find_campaign
 
     folder = campaign or find_campaign(Path.cwd())

@@ -11,7 +11,6 @@ from typer import Argument, Option
 from fieldkit.cli.boundary import finding_entry
 from fieldkit.cli.common import (
     AdjustOption,
-    DebugOption,
     JsonOption,
     MissionFormatOption,
     MissionOutputOption,
@@ -61,7 +60,6 @@ def command(
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
-    debug: DebugOption = False,
 ) -> None:
     """Write a plan as missions that a vehicle flies over the plots of a site.
 

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SitePlotOptions, emit_json, say
-from fieldkit.cli.numbers import read_numbers
-from fieldkit.cli.option_groups import grouped
+from fieldkit.cli.common import JsonOption, OverwriteOption, SitePlotOptions, emit_json, read_numbers, say
 from fieldkit.errors import UsageError
 from fieldkit.wording import count
 
@@ -39,10 +37,6 @@ class FrameOptions:
         Args:
             place: the plot whose origin it is.
             tell: is told where plots have their ids from.
-
-        Raises:
-            UsageError: the options contradict each other or say no place.
-            MetadataError: the site file cannot be used.
         """
         from fieldkit.geometry.geodesy import EAST_DEG, LocalFrame, on_earth
 
@@ -60,7 +54,6 @@ class FrameOptions:
         return LocalFrame(latitude, longitude, altitude, "sea level"), EAST_DEG
 
 
-@grouped
 def command(
     images: Annotated[Path, Argument(help="Folder of the photographs of one flight.")],
     log: Annotated[Path, Option("--log", help="Flight log: .tlog, .BIN or .ulg, also as .gz.")],
@@ -79,7 +72,6 @@ def command(
     ] = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
-    debug: DebugOption = False,
 ) -> None:
     """Write where photographs were taken, from a flight log.
 

@@ -9,13 +9,16 @@ from __future__ import annotations
 import inspect
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import fields, is_dataclass
 from importlib import import_module
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar, get_args, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from fieldkit.cli.boundary import Boundary
+from fieldkit.cli.common import DebugOption
 from fieldkit.errors import EXIT_OK
 from fieldkit.version import __version__
 
@@ -39,6 +42,10 @@ _GROUPS = {
 }
 _SECTIONS = ("Example", "Files:", "See Also:")
 _HELP = {"help_option_names": ["--help", "-h"]}
+
+
+_Result = TypeVar("_Result")
+_KEYWORD = inspect.Parameter.KEYWORD_ONLY
 
 
 class Command(TyperCommand):
@@ -107,10 +114,57 @@ def command_of(name: str) -> TyperCommand:
 def parser_of(command: Callable[..., int | None], name: str | None = None, stage: str | None = None) -> TyperCommand:
     """The parser of a command's function, under a heading of the overview."""
     app = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
-    app.command(name, cls=Command, help=_page(command), rich_help_panel=stage, context_settings=_HELP)(command)
+    app.command(name, cls=Command, help=_page(command), rich_help_panel=stage, context_settings=_HELP)(grouped(command))
     parser = typer.main.get_command(app)
     assert isinstance(parser, TyperCommand)
     return parser
+
+
+def grouped(command: Callable[..., _Result]) -> Callable[..., _Result]:
+    """A command as Typer takes it: with --debug, and the fields of a parameter that is a dataclass in its place.
+
+    Each field is annotated as a parameter would be, and has a default. A class variable ``panel`` is the heading in
+    help of those of its options that name none.
+    """
+    groups: dict[str, type[Any]] = {}
+    parameters: list[inspect.Parameter] = []
+    for parameter in inspect.signature(command, eval_str=True).parameters.values():
+        group = parameter.annotation
+        if not is_dataclass(group):
+            parameters.append(parameter)
+            continue
+        assert isinstance(group, type)
+        groups[parameter.name] = group
+        hints, panel = get_type_hints(group, include_extras=True), getattr(group, "panel", None)
+        parameters += [
+            parameter.replace(name=each.name, default=each.default, annotation=_in(panel, hints[each.name]))
+            for each in fields(group)
+        ]
+    parameters.append(inspect.Parameter("debug", _KEYWORD, default=False, annotation=DebugOption))
+    signature = inspect.Signature(parameters)
+
+    def flat(*args: Any, **options: Any) -> _Result:
+        given = signature.bind(*args, **options)
+        given.apply_defaults()
+        values = given.arguments
+        del values["debug"]  # the boundary looks for it
+        made = {
+            name: group(**{each.name: values.pop(each.name) for each in fields(group)})
+            for name, group in groups.items()
+        }
+        return command(**made, **values)
+
+    flat.__name__, flat.__doc__ = command.__name__, command.__doc__
+    flat.__signature__ = signature  # type: ignore[attr-defined]
+    flat.__annotations__ = {}
+    return flat
+
+
+def _in(panel: str | None, annotation: Any) -> Any:
+    kind, option = get_args(annotation)
+    own = copy(option)  # others may share it
+    own.rich_help_panel = option.rich_help_panel or panel
+    return Annotated[kind, own]
 
 
 def module_name(command: str) -> str:

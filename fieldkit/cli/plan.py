@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, emit_json, show
-from fieldkit.cli.option_groups import grouped
+from fieldkit.cli.common import JsonOption, OutputOption, emit_json, show
 from fieldkit.cli.plan_options import (
     EnvelopeOptions,
     PlotOptions,
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from fieldkit.planning.settings import SearchSettings
 
 
-@grouped
 def command(
     output: OutputOption,
     plot: PlotOptions,
@@ -32,7 +30,6 @@ def command(
     envelope: EnvelopeOptions,
     run: RunOptions,
     as_json: JsonOption = False,
-    debug: DebugOption = False,
 ) -> None:
     """Find the camera poses that reconstruct a plot best.
 

@@ -8,8 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from typer import Option
 
-from fieldkit.cli.common import RUN, SEED, OverwriteOption, ResumeOption, scenes_like, vehicles_like
-from fieldkit.cli.numbers import read_numbers, read_pose_noise
+from fieldkit.cli.common import (
+    RUN,
+    SEED,
+    OverwriteOption,
+    ResumeOption,
+    read_numbers,
+    read_pose_noise,
+    scenes_like,
+    vehicles_like,
+)
 from fieldkit.cli.reconstruction_options import SchedulerOption, WorkersOption
 from fieldkit.errors import UsageError
 from fieldkit.vocabulary import MappingName, PlanningMethod, SearchFidelity

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, TypeAlias
 
 from typer import Option
 
-from fieldkit.cli.common import RUN, OverwriteOption, ResumeOption, SeedOption
-from fieldkit.cli.numbers import finite_numbers
+from fieldkit.cli.common import RUN, OverwriteOption, ResumeOption, SeedOption, finite_numbers
 from fieldkit.errors import UsageError
 from fieldkit.vocabulary import DISTANCES_M, Fidelity, MappingChoice, Mask
 
@@ -74,19 +73,11 @@ class ReconstructionOptions:
 
     @property
     def corners(self) -> Box | None:
-        """The numbers of --bounds.
-
-        Raises:
-            UsageError: it is no box.
-        """
+        """The numbers of --bounds."""
         return parse_bounds(self.bounds) if self.bounds else None
 
     def settings(self, seed: int) -> ReconstructionSettings:
-        """The library's settings for these options.
-
-        Raises:
-            UsageError: ``bounds`` is no box.
-        """
+        """The library's settings for these options."""
         corners = self.corners
         from fieldkit.clouds.volume import Volume
         from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -121,11 +112,7 @@ class PosesOptions:
     ] = ""
 
     def given(self) -> PosesFile | None:
-        """The file and its frame; None where none was given.
-
-        Raises:
-            UsageError: a frame without a file, or one that is neither metres nor EPSG:CODE.
-        """
+        """The file and its frame; None where none was given."""
         if self.poses is None:
             if self.poses_frame:
                 raise UsageError("--poses-frame is that of --poses", remedy="Give --poses with it.")
@@ -163,11 +150,7 @@ def processes(workers: int | None) -> int:
 
 
 def parse_frame(option: str, text: str) -> str:
-    """What a person says of a frame: "metres", "EPSG:CODE", or "" for nothing.
-
-    Raises:
-        UsageError: it is none of these.
-    """
+    """What a person says of a frame: "metres", "EPSG:CODE", or "" for nothing."""
     if text.lower() in ("", "metres", "meters"):
         return "metres" if text else ""
     kind, colon, code = text.partition(":")
@@ -192,11 +175,7 @@ class RasterOptions:
     ] = None
 
     def wanted(self) -> Rasters | None:
-        """What is to be written; None without --rasters.
-
-        Raises:
-            UsageError: --gsd without --rasters or not positive, or an extra is missing.
-        """
+        """What is to be written; None without --rasters."""
         if not self.rasters:
             if self.gsd is not None:
                 raise UsageError("--gsd is the cells of --rasters", remedy="Give --rasters, too, or leave --gsd out.")
@@ -236,11 +215,7 @@ def parse_distances(text: str) -> tuple[float, ...]:
 
 
 def open_cache(*, no_cache: bool, resume: bool) -> StageCache:
-    """The stage cache; one that keeps nothing with --no-cache.
-
-    Raises:
-        UsageError: --no-cache leaves --resume nothing to go on from.
-    """
+    """The stage cache; one that keeps nothing with --no-cache."""
     if no_cache and resume:
         raise UsageError(
             "--resume goes on from what the cache holds, and --no-cache does without", remedy="Give one of the two."

@@ -7,8 +7,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, emit_json, show
-from fieldkit.cli.option_groups import grouped
+from fieldkit.cli.common import JsonOption, OutputOption, emit_json, show
 from fieldkit.cli.reconstruction_options import (
     PosesOptions,
     RasterOptions,
@@ -20,7 +19,6 @@ from fieldkit.cli.reconstruction_options import (
 from fieldkit.errors import UsageError
 
 
-@grouped
 def command(
     images: Annotated[Path, Argument(help="Folder of photographs of one plot, 45 or more for a good reference.")],
     output: OutputOption,
@@ -31,7 +29,6 @@ def command(
     scheduler: SchedulerOption = "",
     no_scene: Annotated[bool, Option("--no-scene", help="The plants alone, without scene.ply.")] = False,
     as_json: JsonOption = False,
-    debug: DebugOption = False,
 ) -> None:
     """Build the reference cloud of a plot from a dense capture.
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, emit_json, say
+from fieldkit.cli.common import JsonOption, OverwriteOption, emit_json, say
 
 
 def command(
@@ -21,7 +21,6 @@ def command(
     title: Annotated[str, Option("--title", help="Of the report; the folder's name where not given.")] = "",
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
-    debug: DebugOption = False,
 ) -> None:
     """Show results as one HTML file that opens from disk, without network.
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, OverwriteOption, emit_json, say
+from fieldkit.cli.common import JsonOption, OutputOption, OverwriteOption, emit_json, say
 
 
 def command(
@@ -21,7 +21,6 @@ def command(
     ] = 1_000_000,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
-    debug: DebugOption = False,
 ) -> None:
     """Make a scene of a reference's clouds, so that a real plot can be simulated and planned on.
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from typer import Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SeedOption, emit_json, say
+from fieldkit.cli.common import JsonOption, OverwriteOption, SeedOption, emit_json, say
 from fieldkit.wording import count
 
 Layout = Literal["rows", "grid", "random"]
@@ -25,7 +25,6 @@ def command(
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
-    debug: DebugOption = False,
 ) -> None:
     """Write a new scene file: maize plants of their own forms, soil and sun, all from the seed.
 

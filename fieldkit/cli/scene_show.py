@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, emit_json, say, show, table
+from fieldkit.cli.common import JsonOption, OverwriteOption, emit_json, say, show, table
 from fieldkit.errors import UsageError
 from fieldkit.wording import count
 
@@ -24,7 +24,6 @@ def command(
     ] = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
-    debug: DebugOption = False,
 ) -> None:
     """List the scenes that come with fieldkit, or check a scene file and draw it.
 

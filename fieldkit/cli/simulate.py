@@ -10,17 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from fieldkit.cli.common import (
-    DebugOption,
     JsonOption,
     OutputOption,
     OverwriteOption,
     SeedOption,
     emit_json,
+    read_numbers,
+    read_pose_noise,
     say,
     scenes_like,
 )
-from fieldkit.cli.numbers import read_numbers, read_pose_noise
-from fieldkit.cli.option_groups import grouped
 from fieldkit.errors import UsageError
 from fieldkit.wording import count
 
@@ -49,11 +48,7 @@ class StationOptions:
     ] = 0
 
     def circle(self) -> tuple[float, ...]:
-        """The numbers of --ring, which may be none.
-
-        Raises:
-            UsageError: they are none of a ring; or not one way of saying the stations is given.
-        """
+        """The numbers of --ring, which may be none."""
         if sum([self.plan is not None, self.poses is not None, bool(self.ring), self.dense > 0]) != 1:
             raise UsageError("which stations?", remedy="Give one of --plan, --poses, --ring and --dense.")
         if self.plant_height is not None and (self.plan is None or not 0.0 < self.plant_height < 10.0):
@@ -68,11 +63,7 @@ class StationOptions:
         return numbers
 
     def read(self) -> tuple[Stations | Sequence[Pose], Intrinsics | None]:
-        """The stations; and the camera that a plan is for.
-
-        Raises:
-            MissionError: the plants are too different for the plan.
-        """
+        """The stations; and the camera that a plan is for."""
         circle = self.circle()
         from fieldkit_sim.simulation import dense_about, poses_from_csv, ring_about
 
@@ -112,11 +103,7 @@ class InexactOptions:
     ] = None
 
     def noise(self) -> dict[str, Any]:
-        """By the parameters of `with_noise`; None where nothing is given.
-
-        Raises:
-            UsageError: a value is not written as its option takes it.
-        """
+        """By the parameters of `with_noise`; None where nothing is given."""
         pose = read_pose_noise(self.pose_noise) if self.pose_noise else None
         gps = read_numbers("--gps-noise", self.gps_noise, (1, 2)) if self.gps_noise else None
         for name, number in (("--image-noise", self.image_noise), ("--blur", self.blur)):
@@ -128,7 +115,6 @@ class InexactOptions:
         return {"pose": pose, "image": self.image_noise, "gps": None if gps is None else (gps[0], gps[-1])}
 
 
-@grouped
 def command(
     scene: Annotated[
         Path,
@@ -147,7 +133,6 @@ def command(
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
-    debug: DebugOption = False,
 ) -> None:
     """Photograph a simulated plot as a drone would.
 

@@ -7,8 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, PlotIdOption, PlotsOption, emit_json, say, vehicles_like
-from fieldkit.cli.mission_findings import finding_entries, show_findings
+from fieldkit.cli.common import (
+    JsonOption,
+    PlotIdOption,
+    PlotsOption,
+    emit_json,
+    finding_entries,
+    say,
+    show_findings,
+    vehicles_like,
+)
 from fieldkit.errors import MissionError
 from fieldkit.wording import count
 
@@ -32,7 +40,6 @@ def command(
     ] = None,
     force: Annotated[bool, Option("--force", help="Send a mission that check-mission finds errors in.")] = False,
     as_json: JsonOption = False,
-    debug: DebugOption = False,
 ) -> None:
     """Check a mission, upload it, read it back and compare it; clear it and try again, three times in all.
 

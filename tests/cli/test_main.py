@@ -64,8 +64,7 @@ class TestHelp:
 
     def test_every_file_is_a_command_or_shared(self) -> None:
         shared = {
-            "__init__", "boundary", "common", "live_plan", "main", "mission_findings", "numbers", "option_groups",
-            "plan_options", "progress", "reconstruction_options", "replay", "signs",
+            "__init__", "boundary", "common", "live_plan", "main", "plan_options", "progress", "reconstruction_options",
         }  # fmt: skip
         files = {path.stem for path in (ROOT / "fieldkit" / "cli").glob("*.py")} - shared
         assert {module_name(name) for name in COMMANDS} == files
@@ -127,9 +126,7 @@ def a_command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
 
 def write(file: Path, body: str, *, resume: bool = False) -> None:
-    parameters = "as_json: JsonOption = False, debug: DebugOption = False" + (
-        ", resume: ResumeOption = False" if resume else ""
-    )
+    parameters = "as_json: JsonOption = False" + (", resume: ResumeOption = False" if resume else "")
     file.write_text(
         "from __future__ import annotations\n"
         "import os, signal, sys, time, warnings\n"
