@@ -66,12 +66,12 @@ def test_gps_positions_come_into_the_plots_frame() -> None:
     assert placed.plot is not None
     assert placed.notes == ()
     known = known_poses(capture, placed.plot.source)
-    found = np.array([known.poses[photo.name].position for photo in capture.photos])
+    found = np.array([known.by_name[photo.name].position for photo in capture.photos])
     expected = np.array([pose.center for pose in STATIONS])
     np.testing.assert_allclose(found[:, :2], expected[:, :2], atol=1e-4)
     np.testing.assert_allclose(found[:, 2] - found[0, 2], expected[:, 2] - expected[0, 2], atol=1e-4)
     for photo, pose in zip(capture.photos, STATIONS, strict=True):
-        rotation = known.poses[photo.name].rotation
+        rotation = known.by_name[photo.name].rotation
         assert rotation is not None
         np.testing.assert_allclose(rotation, pose.rotation, atol=1e-6)
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import fieldkit
-from fieldkit.clouds import Cloud, score
+from fieldkit.clouds import Cloud, score, write_cloud
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.compare import compare_evaluations, pooled_spread
 from fieldkit.evaluation.conversion import evaluation_report, plot_evaluation
@@ -20,7 +20,7 @@ from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.comparison import ComparisonReport, DifferenceEntry
 from fieldkit.results.evaluation import PlotEvaluation, Prediction
 from fieldkit.results.finding import OTHER_PLANTS, Finding
-from fieldkit.results.report_files import save_report
+from fieldkit.results.report_files import describe_files, save_report
 from fieldkit.results.traits import TraitsEntry
 from tests.evaluation.examples import reconstruction
 
@@ -59,7 +59,9 @@ def evaluation_folder(
     for name, cloud in clouds.items():
         found = None if reference is None else score(against, cloud, DISTANCES)
         plot = plot_evaluation(name, reconstruction(), SETTINGS, score=found, seconds=1, cpu_seconds=1)
-        plots.append(change(plot))
+        (folder / name).mkdir()
+        write_cloud(folder / name / "cloud.ply", cloud)
+        plots.append(change(plot.model_copy(update={"files": describe_files(folder, [f"{name}/cloud.ply"])})))
     report = evaluation_report(
         folder.name,
         plots,
