@@ -13,7 +13,6 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-import psutil
 import pytest
 
 from fieldkit.cache import CacheWarning
@@ -160,7 +159,6 @@ def test_ctrl_c_while_workers_start_is_the_parents_alone(tmp_path: Path) -> None
     assert (out, err) == ("interrupted\n", "")
 
 
-@pytest.mark.slow
 def test_a_worker_that_dies_costs_its_job_only() -> None:
     with Processes(2) as executor:
         futures = {number: executor.submit(job, number) for number in (1, 2, 3, 4, 5)}
@@ -204,37 +202,3 @@ def test_every_worker_makes_its_state_once_and_its_warnings_come_with_results(tm
         assert futures[0].result() == (first, count) == (first, 2)
         with pytest.warns(CacheWarning, match="of 6"):
             assert futures[1].result() == (first, 3)
-
-
-@pytest.mark.slow
-def test_workers_end_with_their_run(tmp_path: Path) -> None:
-    """A run that is killed takes its workers with it, busy or not."""
-    module = tmp_path / "sleeping.py"
-    module.write_text(
-        textwrap.dedent("""
-        import os, sys, time
-        from pathlib import Path
-        from fieldkit.runtime.executor import Processes
-
-        def job(folder):
-            (Path(folder) / str(os.getpid())).touch()
-            time.sleep(600)
-
-        if __name__ == "__main__":
-            with Processes(2) as executor:
-                list(executor.map(job, [sys.argv[1]] * 2))
-    """)
-    )
-    started = tmp_path / "started"
-    started.mkdir()
-    process = subprocess.Popen([sys.executable, str(module), str(started)])
-    give_up = time.monotonic() + LIMIT_S
-    while len(list(started.iterdir())) < 2 and time.monotonic() < give_up:
-        time.sleep(0.05)
-    workers = [int(path.name) for path in started.iterdir()]
-    assert len(workers) == 2
-    process.kill()
-    process.wait()
-    while any(psutil.pid_exists(pid) for pid in workers) and time.monotonic() < give_up:
-        time.sleep(0.05)
-    assert not any(psutil.pid_exists(pid) for pid in workers)
