@@ -69,7 +69,9 @@ def cameras_of(capture: Capture, calibrated: Mapping[str, Intrinsics] | None = N
     cameras, sources, fixed = [], [], []
     for group in capture.groups:
         photo = capture.photo(group.photos[0])
-        borrowed = _borrow(group.key, photo.width, photo.height, calibrated or {})
+        borrowed = (calibrated or {}).get(group.key)
+        if borrowed is not None and (borrowed.width, borrowed.height) != (photo.width, photo.height):
+            borrowed = None
         if group.fixed and group.intrinsics is not None:
             chosen, source, hold = group.intrinsics, group.source, True
         elif borrowed is not None:
@@ -86,13 +88,6 @@ def cameras_of(capture: Capture, calibrated: Mapping[str, Intrinsics] | None = N
         tuple(group.key for group in capture.groups), tuple(cameras), tuple(sources), tuple(fixed),
         tuple(index[name] for name in capture.names),
     )  # fmt: skip
-
-
-def _borrow(key: str, width: int, height: int, calibrated: Mapping[str, Intrinsics]) -> Intrinsics | None:
-    found = calibrated.get(key)
-    if found is None or (found.width, found.height) != (width, height):
-        return None
-    return found
 
 
 def guessed_camera(width: int, height: int) -> Intrinsics:
