@@ -26,12 +26,6 @@ def test_member_is_there_and_documented(name: str) -> None:
     assert inspect.getdoc(member)
 
 
-def test_star_import() -> None:
-    names: dict[str, object] = {}
-    exec("from fieldkit import *", names)
-    assert set(fieldkit.__all__) <= set(names)
-
-
 def test_unknown_member() -> None:
     with pytest.raises(AttributeError, match="'fieldkit' has no attribute 'build_castle'"):
         _ = fieldkit.build_castle

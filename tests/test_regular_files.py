@@ -146,10 +146,6 @@ class TestOpening:
         with pytest.raises(OSError, match="larger than 3 bytes"):
             read_regular(tmp_path / "a", 3)
 
-    def test_missing(self, tmp_path: Path) -> None:
-        with pytest.raises(FileNotFoundError):
-            read_regular(tmp_path / "a")
-
     def test_leaves_nothing_open(self, tmp_path: Path) -> None:
         own = Path("/proc/self/fd")
         before = len(list(own.iterdir())) if own.is_dir() else 0

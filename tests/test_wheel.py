@@ -20,7 +20,6 @@ import pytest
 
 from fieldkit.results.plan_file import plan_from_poses, save_plan
 from fieldkit_sim.simulation import ring
-from tests.cli.test_scene_commands import TINY
 
 ROOT = Path(__file__).parents[1]
 LIMIT_S = 3600
@@ -189,28 +188,6 @@ def test_messages_name_pages_that_are_there(installed: Installed) -> None:
     assert str(shipped / "missions" / "README.md") in said
     for page in ("sim/README.md", "missions/README.md", "docs/install.md", "docs/campaigns.md"):
         assert (shipped / page).is_file()
-
-
-@pytest.mark.slow
-def test_a_plan_a_mission_and_a_report(installed: Installed) -> None:
-    (installed.folder / "tiny.toml").write_text(TINY)
-    options = ("--method", "score", "--for", "this-plot", "-n", "4", "--repeats", "0", "--workers", "1")
-    installed.run("plan", "--scene", "tiny.toml", "--vehicle", "ardupilot-pitch", *options, "-o", "Plan Süd")
-    site = installed.package / "shipped" / "missions" / "sites" / "example.toml"
-    mission = (
-        "--vehicle",
-        "ardupilot-pitch",
-        "--site",
-        str(site),
-        "--plant-height",
-        "unknown",
-        "--adjust",
-        "-o",
-        "süd.plan",
-    )
-    installed.run("export-mission", "Plan Süd", *mission)
-    installed.run("report", "Plan Süd", "-o", "Bericht.html")
-    assert "WebGLRenderer" in (installed.folder / "Bericht.html").read_text("utf-8")
 
 
 @pytest.mark.slow

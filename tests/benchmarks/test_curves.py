@@ -7,12 +7,6 @@ import numpy as np
 from benchmarks.curves import draw_regret
 
 
-def test_curves_of_one_point_are_seen() -> None:
-    compared = draw_regret({"plot": {"field": [(0.02, 0.01), (0.03, 0.02)], "random": [(0.04,)]}})
-    markers = {str(line.get_label()): line.get_marker() for line in compared.axes[0].lines}
-    assert markers == {"field": "", "random": "o"}
-
-
 def test_a_set_without_a_cloud_does_not_hide_the_rest() -> None:
     seeds = [(0.2, None, 0.004), (0.2, 0.2, 0.003), (0.006, 0.006, 0.006)]
     axes = draw_regret({"plot": {"field": seeds, "circle": [(0.007,) * 3]}}).axes[0]

@@ -50,26 +50,10 @@ def test_a_displaced_pose_is_wrong_and_shows_in_the_errors(rig: RigSet) -> None:
     assert found.rig_rms_m == pytest.approx(found.dense_rms_m)
 
 
-def test_a_displacement_within_the_bound_is_right(rig: RigSet) -> None:
-    near = dict(rig.dense)
-    near["03.jpg"] = replace(near["03.jpg"], center=near["03.jpg"].center + UP * 0.015)
-    assert assess(moved(near), rig).right == 12
-
-
 def test_two_poses_cannot_be_checked(rig: RigSet) -> None:
     two = dict(list(rig.dense.items())[:2])
     assert assess(two, rig) == Outcome(2, 0, None, None, None, None, None)
     assert assess({}, rig) == Outcome(0, 0, None, None, None, None, None)
-
-
-def test_nonsense_is_wrong(rig: RigSet) -> None:
-    rng = np.random.default_rng(0)
-    nonsense = {n: Pose(p.rotation, rng.normal(size=3)) for n, p in rig.dense.items()}
-    found = assess(nonsense, rig)
-    assert found.registered == 12
-    assert found.right <= 4
-    assert found.rig_rms_m is not None
-    assert found.rig_rms_m > 0.1
 
 
 def test_a_rig_at_height_zero_is_judged(rig: RigSet) -> None:

@@ -17,7 +17,6 @@ from benchmarks.match_decay import (
     PairCount,
     allowed,
     count_table,
-    green,
     inliers,
     scene_pairs,
     share_table,
@@ -75,14 +74,6 @@ def test_inliers_of_a_plane_seen_from_aside() -> None:
     assert len(inliers(a, extract_features(other, settings), 1.0)) < 30
     nothing = extract_features(np.zeros((450, 600), np.uint8), settings)
     assert len(inliers(a, nothing, 1.0)) == 0
-
-
-def test_green_is_excess_green() -> None:
-    image = np.full((40, 80, 3), 90, np.uint8)
-    image[:, 50:] = (60, 120, 50)
-    mask = green(image)
-    assert not mask[:, :44].any()
-    assert mask[:, 52:].all()
 
 
 def test_plants_that_are_hidden_do_not_count() -> None:

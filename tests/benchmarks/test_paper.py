@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from benchmarks.depth_images import depth_image
-from benchmarks.paper import BASELINES, TESTS, PaperOptions, Plans, distance_table
+from benchmarks.paper import Plans, distance_table
 from benchmarks.planner_transfer import Carried
-from fieldkit.cache import StageCache
 from fieldkit.geometry import Intrinsics, Pose
 from tests.benchmarks.test_planner_studies import ran
 
@@ -30,19 +26,6 @@ def test_ratios_are_to_the_best_baseline_of_the_plot() -> None:
     assert rows["bosfm"][1] == "0.50"  # it is no baseline here
     assert rows["field, carried"] == (None, None, "0.300", "1.20")
     assert rows["the paper's BOSfM"] == (None, "0.84", None, "0.87")
-
-
-def test_what_is_run(tmp_path: Path) -> None:
-    options = PaperOptions(StageCache(None), tmp_path, seeds=3)
-    assert options.tests == TESTS
-    assert options.cases == ["case-1", "case-2", "case-3"]
-    by_method = {c.method: c for c in options.contenders((*BASELINES, "field-kind"))}
-    assert len(by_method["circle"].seeds) == 3
-    assert len(by_method["mcp"].seeds) == 1
-    assert by_method["field"].plots == 8
-    quick = replace(options, quick=True)
-    assert quick.cases == ["case-1"]
-    assert {len(c.seeds) for c in quick.contenders(("circle", "field"))} == {1}
 
 
 def test_a_pixel_has_the_depth_of_its_nearest_point() -> None:

@@ -103,11 +103,6 @@ def test_a_search_on_the_stand_in_ends_at_what_the_method_would_choose(monkeypat
     assert table.rows[1][1] == f"{np.mean([c.value_m for c in chance]) / ended.value_m:.3f}"
 
 
-def test_there_is_no_such_study(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="no study"):
-        run_planner(tmp_path / "out", ["mapping"], PlannerOptions(None, StageCache(None), tmp_path), progress=Silent())
-
-
 @pytest.mark.slow
 def test_runs_share_evaluations_and_are_carried(tmp_path: Path) -> None:
     scene = tmp_path / "tiny.toml"

@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.plant_figures import error_table
 from benchmarks.true_plants import height_map, kept_truth, true_traits
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
-from fieldkit.results.traits import TRAITS, TraitsEntry
 from fieldkit.scenes.scene import Mesh
 
 
@@ -53,16 +51,3 @@ def test_a_height_map_has_the_upper_surface() -> None:
 def test_truth_is_kept(tmp_path: Path) -> None:
     volume, traits = kept_truth(tmp_path, "some", square(0.3, 0.5))
     assert kept_truth(tmp_path, "some") == (volume, traits)
-
-
-def test_errors() -> None:
-    truth = {"height_m": 0.8, "cover_percent": 20.0, "covered_area_m2": 0.2, "canopy_volume_m3": 0.5}
-    found = {k: 1.1 * v for k, v in truth.items()}
-    errors = {"height_error_m": 0.03, "cover_error_percent": 3.0}
-    stated = TraitsEntry(**found, covered_area_error_m2=0.01, canopy_volume_error_m3=0.06, **errors).model_dump()
-    none = TraitsEntry(unknown=dict.fromkeys(TRAITS, "dark")).model_dump()
-    rows = [{"scene": "case-1", "truth": truth, "found": each} for each in (stated, none)]
-    told = {row[1]: row[2:] for row in error_table(rows).rows}
-    assert told["height"] == (1, 1, "+80 mm", "80 mm", "80 mm", "0 of 1")
-    assert told["cover"] == (1, 1, "+10.0 %", "10.0 %", "10.0 %", "1 of 1")
-    assert told["covered area"][-1] == "0 of 1"

@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 import benchmarks.recorded_scores as module
-from benchmarks.proxy_scores import rank_correlations, rank_table, run_proxy, value_table, view_sets
+from benchmarks.proxy_scores import run_proxy, view_sets
 from benchmarks.recorded_scores import largest_gap_deg, run_recorded, split_rig, witnessed_cloud
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.clouds import chamfer_distance
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.priors import SourceFrame
-from fieldkit.planning.objective.evaluation import Evaluation, StageCost
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.runtime.context import Context
@@ -26,11 +25,6 @@ from fieldkit.scenes.renderer import RenderingError
 DATA = Path(os.environ.get("FIELDKIT_DATA", ""))
 needs_data = pytest.mark.skipif("FIELDKIT_DATA" not in os.environ, reason="FIELDKIT_DATA names no recorded sets")
 SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
-
-
-def evaluation(value: float, cpu_s: float = 4.0, right: int = 12) -> Evaluation:
-    times = (StageCost("Mapping", cpu_s - 1.0, 0.0), StageCost("Scoring", 1.0, 0.0))
-    return Evaluation(value, value, 0.5 * value, 0.5 * value, {}, 13, 13, right, 1, 100, "", (), times=times)
 
 
 def test_the_widest_gap() -> None:
@@ -79,17 +73,6 @@ def test_view_sets_are_distinct_and_of_one_size() -> None:
     assert gaps["ring"] <= 7 < gaps["two clumps"]
     with pytest.raises(ValueError, match="little to choose"):
         view_sets(20, 13)
-
-
-def test_rank_correlations_and_values() -> None:
-    found = {
-        "photographs": [evaluation(0.001), evaluation(0.002), evaluation(0.003, right=13)],
-        "proxy": [evaluation(0.002), evaluation(0.001), evaluation(0.003)],
-    }
-    ranks = rank_correlations(found)
-    assert ranks["photographs"]["proxy"] == pytest.approx(0.5)
-    assert rank_table(ranks).rows[0] == ("photographs", "1.00", "0.50")
-    assert value_table(["a", "b", "c"], found).rows[2] == ("c", "3.00", "3.00 (12 of 13)")
 
 
 @needs_data

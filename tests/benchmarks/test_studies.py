@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import engine
 from benchmarks.__main__ import Study, main
 from benchmarks.campaign import STUDIES as CAMPAIGN_STUDIES
 from benchmarks.cloud_scores import leaves, run_clouds
@@ -20,37 +19,16 @@ from benchmarks.missions import STUDIES as MISSION_STUDIES
 from benchmarks.objective import STUDIES as OBJECTIVE_STUDIES
 from benchmarks.paper import STUDIES as PAPER_STUDIES
 from benchmarks.planner import STUDIES as PLANNER_STUDIES
-from benchmarks.references import ReferenceResult, recall_of, reference_table
-from benchmarks.result import ResultTable, StudyResult, spread
-from benchmarks.scaling import Cost, cost_table, process_cost
+from benchmarks.references import recall_of
+from benchmarks.scaling import process_cost
 from fieldkit.cache import StageCache
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
-from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.simulate import camera_toml
 from tests.reconstruction.dense.planes import SIZE, Plane, photograph, ring
-
-
-class TestResult:
-    def test_markdown(self) -> None:
-        table = ResultTable("Title", ("name", "x>"), (("a", 1.0), ("b", None)))
-        assert table.markdown() == "Title\n\n| name | x |\n| --- | ---: |\n| a | 1 |\n| b | – |\n"
-
-    def test_a_row_of_another_length_is_refused(self) -> None:
-        with pytest.raises(ValueError, match="2 cells"):
-            ResultTable("t", ("a", "b"), ((1,),))
-
-    def test_spread(self) -> None:
-        assert spread([1.0, 2.0, 4.0]) == "2.0 (1.0–4.0)"
-        assert spread([3.0, 3.0], 0) == "3"
-        assert spread([None, 2.0]) == "2.0"
-        assert spread([None]) == "–"
-
-    def test_a_skipped_study_says_why(self) -> None:
-        assert "Not measured: no data" in StudyResult("n", "t", skipped="no data").markdown()
 
 
 class TestClouds:
@@ -63,11 +41,6 @@ class TestClouds:
             assert len(values) >= 3
             assert values == pytest.approx([values[0]] * len(values), rel=1e-6)
         assert result.tables[0].columns == ("method", "2,000>", "3,000>")
-
-    def test_leaves(self) -> None:
-        assert leaves(500, 1).shape == (500, 3)
-        np.testing.assert_array_equal(leaves(500, 1), leaves(500, 1))
-        assert not np.allclose(leaves(500, 1), leaves(500, 2))
 
 
 def test_dense_measures_both_methods() -> None:
@@ -95,10 +68,6 @@ class TestScaling:
         assert cpu_s > 0
         assert 300e6 < memory < 3e9
 
-    def test_table(self) -> None:
-        table = cost_table([Cost("plants", 10, 50.0, 1_500_000_000)])
-        assert table.rows == ((10, "plants", "50", "5.00", "1.50"),)
-
 
 def test_ways_to_map(tmp_path: Path) -> None:
     small = Path(__file__).parents[1] / "data" / "small_plot"
@@ -112,14 +81,6 @@ def test_ways_to_map(tmp_path: Path) -> None:
 
 
 class TestReferences:
-    def test_table(self) -> None:
-        result = ReferenceResult(
-            "rig", 12, 11, 10, 0.0039, None, 1234, 5678, {0.002: 0.9, 0.005: 0.9951, 0.010: 1.0}, 32633, 5.0, 99.6
-        )
-        assert reference_table([result]).rows == (
-            ("rig", "11 (10) of 12", "0.0039", None, "1,234", "5,678", "90.0 / 99.5 / 100.0 %", 32633, "100"),
-        )
-
     def test_recall_is_found_after_alignment(self) -> None:
         known = Cloud(leaves(4000, 1))
         moved = Cloud(known.points + np.array([0.004, -0.003, 0.002]))
@@ -149,16 +110,6 @@ class TestEngine:
         assert set(written["studies"]) == set(names)
         assert written["machine"]["cores"] >= 1
         assert "Not measured" in (tmp_path / "out" / "results.md").read_text()
-
-    def test_pictures_are_written(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        done = StudyResult("help", "Help", pictures={"a.png": b"png"})
-        monkeypatch.setitem(engine.STUDIES, "help", lambda options, progress: done)
-        run_engine(tmp_path / "out", ["help", "help"], EngineOptions(None, StageCache(None)), progress=Silent())
-        assert (tmp_path / "out" / "a.png").read_bytes() == b"png"
-
-    def test_an_unknown_study(self, tmp_path: Path) -> None:
-        with pytest.raises(UsageError, match="no study"):
-            run_engine(tmp_path / "out", ["x"], EngineOptions(None, StageCache(None)), progress=Silent())
 
     def test_the_command(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

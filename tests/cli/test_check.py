@@ -51,14 +51,6 @@ def test_json_is_one_object(capture: tuple[Path, Path], capsys: pytest.CaptureFi
     assert found["plots"][0]["summary"] == found["summary"]
 
 
-def test_people_get_a_table_and_a_sentence(capture: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", str(capture[0]), "--plan", str(capture[1])]) == 0
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert "fly again" in printed.err
-    assert "missing" in printed.err
-
-
 def test_a_narrow_terminal_shows_stations_names_and_verdicts() -> None:
     rows = tuple(
         StationCheck(k, f"0000{k}_rgb.jpg", "fine", 1.4, 1.0, -0.1, 0.0, 0.05, 1.2, "tags", 365, (8, 9, 11, 12))

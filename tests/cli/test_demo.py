@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -86,54 +84,3 @@ def test_a_second_run_needs_overwrite_and_then_uses_the_cache(demo: tuple[Path, 
     assert repeated["reference"]["cpu_seconds"] < 0.5 * found["reference"]["cpu_seconds"]
     hashes = [{f["name"]: f["sha256"] for f in run["reference"]["files"]} for run in (found, repeated)]
     assert hashes[0]["cloud.ply"] == hashes[1]["cloud.ply"]
-
-
-def test_many_plots(demo: tuple[Path, dict]) -> None:
-    """A good plot, one without positions, one without photographs that can be read."""
-    folder = demo[0]
-    captures = folder / "season"
-    for name in ("plot 1", "plot 2"):
-        shutil.copytree(folder / "out" / "captures" / "seen" / "planned", captures / name)
-    (captures / "plot 2" / "poses.csv").unlink()
-    (captures / "plot 3").mkdir()
-    (captures / "plot 3" / "IMG_0001.jpg").write_bytes(b"")
-    done = run(
-        folder, "evaluate", "season", "--reference", "out/reference", "-o", "scores", "--refine", "--distances",
-        "0.01,0.005",
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == ""
-    assert "plot 2" in done.stderr
-    report = load_evaluation_report(folder / "scores")
-    good, unplaced, empty = report.plots
-    assert good.correction is not None
-    assert list(good.f_score or {}) == ["0.005", "0.010"]
-    assert unplaced.error is not None
-    assert unplaced.error.type == "ReconstructionError"
-    assert empty.error is not None
-    assert empty.error.type == "CaptureError"
-    rows = list(csv.DictReader((folder / "scores" / "plots.csv").read_text("utf-8").splitlines()))
-    assert [row["plot"] for row in rows] == ["plot 1", "plot 2", "plot 3"]
-    assert [bool(row["error"]) for row in rows] == [False, True, True]
-    assert float(rows[0]["f_score_0.005"]) == good.f_score["0.005"]  # type: ignore[index]
-
-
-def test_without_reference_and_in_another_way(demo: tuple[Path, dict]) -> None:
-    folder = demo[0]
-    done = run(folder, "evaluate", "out/captures/seen/planned", "-o", "free", "--json", "--fidelity", "draft")
-    assert done.returncode == 0, done.stderr
-    (plot,) = json.loads(done.stdout)["plots"]
-    assert plot["chamfer_m"] is None
-    for key in ("registered", "reprojection_px", "track_length", "points_per_plant_voxel", "gsd_m"):
-        assert plot[key] > 0
-
-
-def test_a_changed_reference_is_refused(demo: tuple[Path, dict]) -> None:
-    folder = demo[0]
-    shutil.copytree(folder / "out" / "reference", folder / "changed")
-    with (folder / "changed" / "cloud.ply").open("ab") as cloud:
-        cloud.write(b"\0")
-    done = run(folder, "evaluate", "out/captures/seen/planned", "--reference", "changed", "-o", "never", "--json")
-    assert done.returncode == 3
-    assert "was changed" in json.loads(done.stdout)["error"]["message"]
-    assert not (folder / "never").exists()

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit import __version__
 from fieldkit.cli.main import COMMANDS, main, module_name
 from tests.special_files import limited
 
@@ -76,10 +75,6 @@ class TestHelp:
             shown.append(capsys.readouterr().out)
         assert shown[0] == shown[1] == shown[2]
         assert all(name.split()[0] in shown[0] for name in COMMANDS)
-
-    def test_version(self, capsys: pytest.CaptureFixture[str]) -> None:
-        assert main(["--version"]) == 0
-        assert capsys.readouterr().out == f"fieldkit {__version__}\n"
 
 
 class TestUsageErrors:
@@ -292,11 +287,3 @@ class TestJson:
             process.stdout.close()
             assert process.stderr.read() == ""
         assert process.returncode == 0
-
-
-def test_installed_entry_point() -> None:
-    script = Path(sys.executable).with_name("fieldkit")
-    if not script.exists():
-        pytest.skip("fieldkit is not installed in this environment")
-    done = subprocess.run([script, "--version"], capture_output=True, text=True, check=True)
-    assert done.stdout == f"fieldkit {__version__}\n"

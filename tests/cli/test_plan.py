@@ -154,14 +154,6 @@ def test_sparklines_fall_to_the_lowest_bar() -> None:
     assert sparkline(list(range(100)), 20)[-1] == "█"
 
 
-def test_the_curve_is_of_the_best_so_far() -> None:
-    values = (0.3, 0.1, 0.2)
-    entries = []
-    for number, value in enumerate(values):
-        entries.append(entry(number).model_copy(update={"value_m": value}))
-    assert Status(3, 0, entries).curve() == "█▁▁"
-
-
 @pytest.mark.slow
 def test_a_plan_by_the_score_is_made_where_nothing_can_be_rendered(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch

@@ -10,8 +10,7 @@ import sys
 import pytest
 
 from fieldkit.cli import progress
-from fieldkit.cli.progress import Lines, open_progress
-from fieldkit.runtime.progress import Silent
+from fieldkit.cli.progress import Lines
 
 SCRIPT = """
 from fieldkit.cli.progress import open_progress
@@ -47,22 +46,6 @@ def test_a_failed_stage_is_not_called_done(capsys: pytest.CaptureFixture[str]) -
     with pytest.raises(ZeroDivisionError), Lines().stage("features"):
         _ = 1 / 0
     assert capsys.readouterr().err == "features …\n"
-
-
-def test_silent_with_json(capsys: pytest.CaptureFixture[str]) -> None:
-    with open_progress(as_json=True) as chosen:
-        assert isinstance(chosen, Silent)
-        with chosen.stage("features", 2) as advance:
-            advance(1)
-        chosen.note("x")
-    assert capsys.readouterr() == ("", "")
-
-
-def test_plain_lines_where_no_terminal_is() -> None:
-    done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True)
-    assert done.stdout == ""
-    assert "\x1b" not in done.stderr
-    assert "note: IMG_1 [blurred]" in done.stderr
 
 
 def test_bars_on_a_terminal() -> None:

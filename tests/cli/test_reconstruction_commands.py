@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.cli.main import main
-from fieldkit.cli.reconstruction_options import ReconstructionOptions, open_cache, parse_bounds, parse_distances
+from fieldkit.cli.reconstruction_options import ReconstructionOptions, parse_bounds, parse_distances
 from fieldkit.errors import UsageError
 from fieldkit.reconstruction import settings
 
@@ -58,14 +58,6 @@ class TestUsage:
         assert error["remedy"]
         assert not (tmp_path / "out").exists()
 
-    def test_help_has_an_example(self, command: str, capsys: pytest.CaptureFixture[str]) -> None:
-        assert main([command, "--help"]) == 0
-        assert f"\nExamples:\n  fieldkit {command} " in capsys.readouterr().out
-
-    def test_interrupted_runs_can_be_resumed(self, command: str, capsys: pytest.CaptureFixture[str]) -> None:
-        main([command, "--help"])
-        assert "--resume" in capsys.readouterr().out
-
 
 @pytest.mark.parametrize("text", ["0,x", "", "0.01,-1", "0", "nan", "0.01,,0.02", "0.01,2,5"])
 def test_no_distances(text: str) -> None:
@@ -90,8 +82,3 @@ def test_any_text_is_a_box_or_a_usage_error(text: str) -> None:
 def test_a_box_in_other_units_is_told_before_photographs_are_read(text: str) -> None:
     with pytest.raises(UsageError, match="metres about the plot"):
         parse_bounds(text)
-
-
-def test_no_cache_keeps_nothing(tmp_path: Path) -> None:
-    assert open_cache(no_cache=True, resume=False).root is None
-    assert open_cache(no_cache=False, resume=True).root == tmp_path / "cache"

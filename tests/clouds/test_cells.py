@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fieldkit.clouds.cells import STRAY_M2, voxel_edge_m, without_strays
+from fieldkit.clouds.cells import STRAY_M2, without_strays
 from tests.clouds.examples import cone
 
 Array = NDArray[np.float64]
@@ -71,8 +70,3 @@ def test_properties(seed: int, voxel_m: float) -> None:
     assert without_strays(points[kept], voxel_m).all()
     if kept.any():
         assert len(np.unique(np.floor(points[kept] / voxel_m), axis=0)) * voxel_m**2 >= STRAY_M2[0]
-
-
-def test_voxels_follow_the_pixels() -> None:
-    assert voxel_edge_m(0.0005) == 0.01
-    assert voxel_edge_m(0.003) == pytest.approx(0.03)

@@ -42,12 +42,6 @@ def test_what_is_written_is_read_again(tmp_path: Path, cloud: Cloud) -> None:
     assert path.read_bytes() == first
 
 
-def test_utm_coordinates_keep_their_digits(tmp_path: Path) -> None:
-    points = np.array([[448_262.123456, 5_411_932.654321, 118.000001]])
-    write_ply(tmp_path / "utm.ply", Cloud(points))
-    np.testing.assert_array_equal(read_ply(tmp_path / "utm.ply").points, points)
-
-
 def test_ascii_with_faces_lists_comments_and_unknown_properties(tmp_path: Path) -> None:
     header = """
         comment made by hand

@@ -47,15 +47,6 @@ def test_local_frame_agrees_with_proj_topocentric() -> None:
     np.testing.assert_allclose(local, expected, rtol=0, atol=1e-5)
 
 
-def test_distances_agree_with_the_geodesic() -> None:
-    pyproj = pytest.importorskip("pyproj", reason="pyproj (extra 'geo') is not installed")
-    frame = LocalFrame(46.8426, -91.994)
-    east_north = frame.to_local([46.8436, 46.8426], [-91.994, -91.993], [0.0, 0.0])
-    for point, latitude, longitude in zip(east_north, [46.8436, 46.8426], [-91.994, -91.993], strict=True):
-        distance = pyproj.Geod(ellps="WGS84").inv(frame.longitude_deg, frame.latitude_deg, longitude, latitude)[2]
-        assert math.hypot(point[0], point[1]) == pytest.approx(distance, abs=1e-4)
-
-
 @given(latitudes, longitudes, heights)
 def test_ecef_round_trip(latitude: float, longitude: float, height: float) -> None:
     point = geodetic_to_ecef(latitude, longitude, height)
@@ -98,13 +89,6 @@ def test_neighbours_across_the_antimeridian_stay_neighbours() -> None:
     assert 1.5 < point[0] < 2.5
 
 
-def test_sea_level_heights_read_as_ellipsoidal_change_distances_by_millimetres_only() -> None:
-    undulation = 100.0
-    a = LocalFrame(46.8, -92.0, 200.0).to_local(46.8009, -92.0, 200.0)[0]
-    b = LocalFrame(46.8, -92.0, 200.0 + undulation).to_local(46.8009, -92.0, 200.0 + undulation)[0]
-    assert abs(np.linalg.norm(a) - np.linalg.norm(b)) < 0.002
-
-
 @pytest.mark.parametrize(
     ("latitude", "longitude", "epsg"),
     [
@@ -122,11 +106,6 @@ def test_sea_level_heights_read_as_ellipsoidal_change_distances_by_millimetres_o
 )
 def test_utm_zone(latitude: float, longitude: float, epsg: int) -> None:
     assert utm_epsg(latitude, longitude) == epsg
-
-
-@given(st.floats(-80, 84), st.floats(-180, 180))
-def test_every_place_has_a_zone(latitude: float, longitude: float) -> None:
-    assert 1 <= utm_epsg(latitude, longitude) % 100 <= 60
 
 
 @pytest.mark.parametrize("latitude", [84.5, -81.0, math.nan])

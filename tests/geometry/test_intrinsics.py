@@ -82,14 +82,6 @@ def test_points_behind_the_camera_have_no_pixel() -> None:
     assert np.isfinite(pixels[2]).all()
 
 
-def test_without_distortion_keeps_size_focal_length_and_principal_point() -> None:
-    camera = _camera("FULL_OPENCV")
-    ideal = camera.without_distortion()
-    assert camera.distorted
-    assert not ideal.distorted
-    np.testing.assert_array_equal(ideal.matrix(), camera.matrix())
-
-
 def test_one_focal_length_refuses_another_aspect_ratio() -> None:
     with pytest.raises(ValueError, match="aspect"):
         _camera("SIMPLE_RADIAL").scaled(640, 480)

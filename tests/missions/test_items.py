@@ -6,7 +6,6 @@ import math
 
 import pytest
 
-from benchmarks.mission_trips import same_item
 from fieldkit.errors import MissionError
 from fieldkit.missions.autopilots.acceptance import check_items, dropped, item_problem, refusal
 from fieldkit.missions.items import Command, Frame, MissionItem, Params
@@ -117,12 +116,3 @@ def test_the_error_names_item_and_station() -> None:
         check_items([home, bad], "ardupilot", ["station 6 of plot-2", "station 7 of plot-2"])
     assert caught.value.exit_code == 5
     assert caught.value.remedy
-
-
-def test_same_item_tells_nan_from_a_number() -> None:
-    assert same_item(waypoint(1, 0, 0, math.nan), waypoint(1, 0, 0, math.nan))
-    assert not same_item(waypoint(1, 0, 0, math.nan), waypoint(1))
-    assert same_item(waypoint(1), waypoint(1, frame=6))
-    assert not same_item(waypoint(1), waypoint(1, frame=0))
-    assert same_item(waypoint(1), waypoint(1, place=(50.8650001, 6.4473, 2.009)))
-    assert not same_item(waypoint(1), waypoint(1, place=(50.8650002, 6.4473, 2.0)))

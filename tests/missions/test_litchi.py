@@ -43,19 +43,6 @@ def test_columns() -> None:
     assert rows[3]["heading(deg)"] == rows[4]["heading(deg)"]
 
 
-def test_read_back(tmp_path: Path) -> None:
-    mission = small_mission()
-    read = read_of(tmp_path, TEXT)
-    for shot, taken in zip(mission.shots, interpret(read, DJI, "dji").photographs, strict=True):
-        assert taken.place is not None
-        assert taken.place.latitude_deg == pytest.approx(shot.place.latitude_deg, abs=1e-9)
-        assert taken.place.height_m == pytest.approx(shot.place.height_m, abs=1e-3)
-        assert taken.heading_deg == pytest.approx(shot.yaw_deg, abs=0.01)
-        assert taken.pitch_deg == pytest.approx(shot.pitch_deg, abs=0.01)
-        assert (taken.settled_s, taken.after_s) == (pytest.approx(4.0), pytest.approx(1.0))
-    assert [remark.code for remark in read.remarks] == ["heading-mode"]
-
-
 def test_other_spellings(tmp_path: Path) -> None:
     expected = read_of(tmp_path, TEXT)
     for variant in ("\ufeff" + TEXT, TEXT.replace("\n", "\r\n"), TEXT.replace(",", ";"), TEXT + "\n\n"):
@@ -65,10 +52,12 @@ def test_other_spellings(tmp_path: Path) -> None:
     assert interpret(feet, DJI, "dji").photographs == ()
 
 
-def test_too_many_waypoints() -> None:
+def test_what_litchi_cannot_hold_is_not_written() -> None:
     mission = small_mission()
     with pytest.raises(MissionError, match="Litchi takes at most 99"):
         mission_bytes("litchi", replace(mission, stops=100 * mission.stops[:1]), DJI)
+    with pytest.raises(MissionError, match="40 s; Litchi pauses for at most 32 s"):
+        mission_bytes("litchi", replace(mission, settle_s=40.0), DJI)
 
 
 @pytest.mark.parametrize(
@@ -87,11 +76,6 @@ def test_too_many_waypoints() -> None:
 def test_errors(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(MetadataError, match=message):
         read_of(tmp_path, text)
-
-
-def test_a_pause_that_litchi_cannot_hold() -> None:
-    with pytest.raises(MissionError, match="40 s; Litchi pauses for at most 32 s"):
-        mission_bytes("litchi", replace(small_mission(), settle_s=40.0), vehicle("dji"))
 
 
 def checked(folder: Path, *rows: dict[str, object], units: str = "m") -> Report:

@@ -31,20 +31,6 @@ FILES = {
 }
 
 
-@pytest.mark.parametrize("suffix", FILES)
-def test_every_format_is_read_by_its_name(tmp_path: Path, suffix: str) -> None:
-    path = tmp_path / f"a{suffix.upper()}"
-    path.write_bytes(FILES[suffix])
-    read = read_mission(path)
-    assert bool(read.items) != bool(read.stops)
-    report = check_mission(
-        read, DJI if read.stops else ARDUPILOT, planned=small_mission().shots, origin=small_mission().home
-    )
-    assert report.ok, report.findings
-    assert len(report.taken) == len(report.deviations) == 3
-    assert max(d.metres for d in report.deviations) < 0.005
-
-
 def test_what_is_no_mission(tmp_path: Path) -> None:
     (tmp_path / "a.gpx").write_bytes(b"")
     (tmp_path / "big.plan").write_bytes(b" " * (MAX_BYTES + 1))

@@ -13,7 +13,6 @@ import pytest
 
 from fieldkit.documents.xml_tree import parse_local
 from fieldkit.errors import MetadataError, MissionError
-from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.files.wpml import TEMPLATE, WAYLINES
 from fieldkit.missions.files.wpml_reading import read_wpml
 from fieldkit.missions.files.writing import mission_bytes
@@ -42,24 +41,6 @@ def test_the_archive_has_the_two_files_under_their_fixed_names() -> None:
     assert waylines.findtext("Document/Folder/executeHeightMode") == "relativeToStartPoint"
 
 
-def test_read_back(tmp_path: Path) -> None:
-    mission = small_mission()
-    (tmp_path / "a.kmz").write_bytes(mission_bytes("wpml", mission, DJI))
-    read = read_wpml(tmp_path / "a.kmz")
-    photographs = interpret(read, DJI, "dji").photographs
-    assert len(photographs) == len(mission.shots) == 3
-    for shot, taken in zip(mission.shots, photographs, strict=True):
-        assert taken.place is not None
-        assert taken.place.latitude_deg == pytest.approx(shot.place.latitude_deg, abs=1e-9)
-        assert taken.place.longitude_deg == pytest.approx(shot.place.longitude_deg, abs=1e-9)
-        assert taken.place.height_m == pytest.approx(shot.place.height_m, abs=1e-3)
-        assert taken.heading_deg == pytest.approx(shot.yaw_deg, abs=0.01)
-        assert taken.pitch_deg == pytest.approx(shot.pitch_deg, abs=0.01)
-        assert (taken.settled_s, taken.after_s, taken.moving) == (pytest.approx(4.0), pytest.approx(1.0), False)
-    assert read.firmware == "dji"
-    assert read.remarks == ()
-
-
 def test_names_of_plots_cannot_break_the_xml(tmp_path: Path) -> None:
     mission = small_mission()
     stops = tuple(replace(s, plot='<&"\x00]]>') if isinstance(s, Shot) else s for s in mission.stops)
@@ -74,6 +55,9 @@ def test_only_models_that_wpml_has_a_number_for() -> None:
     with pytest.raises(MissionError, match="no DJI model") as caught:
         mission_bytes("wpml", small_mission(), vehicle("dji", title="Somebody's quad"))
     assert "litchi" in caught.value.remedy
+    with pytest.raises(MissionError, match="does not name the camera") as caught:
+        mission_bytes("wpml", small_mission(), vehicle("dji", title="DJI Matrice 350 RTK"))
+    assert "H20T" in caught.value.remedy
     with pytest.raises(MissionError, match="does not fly DJI WPML"):
         mission_bytes("wpml", small_mission(), vehicle())
 
@@ -106,12 +90,6 @@ def test_models_have_the_numbers_of_djis_documentation(title: str, numbers: tupl
             config.findtext("payloadInfo/payloadEnumValue"),
             photo.findtext("actionActuatorFuncParam/payloadLensIndex"),
         )
-
-
-def test_an_aircraft_that_carries_different_cameras_names_its_one() -> None:
-    with pytest.raises(MissionError, match="does not name the camera") as caught:
-        mission_bytes("wpml", small_mission(), vehicle("dji", title="DJI Matrice 350 RTK"))
-    assert "H20T" in caught.value.remedy
 
 
 def test_it_turns_on_the_short_way_and_groups_count_from_0() -> None:

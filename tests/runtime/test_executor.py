@@ -65,10 +65,6 @@ def test_an_error_of_an_item_is_raised(mapper) -> None:
         mapper(math.factorial, [3, -1, 4], workers=2)
 
 
-def test_no_items_give_no_results() -> None:
-    assert map_threads(math.factorial, [], workers=3) == []
-
-
 def test_errors_come_from_workers_as_they_are_or_in_words_with_where_they_were_raised() -> None:
     with pytest.raises(UsageError, match="not this one") as caught:
         map_parallel(raising, [1, 3], workers=2)

@@ -50,10 +50,6 @@ def test_cgroup_limits(tmp_path: Path, groups: str, files: dict[str, str], expec
     assert cgroup_limits(tmp_path / "cgroup", tree(tmp_path / "fs", files)) == expected
 
 
-def test_no_cgroups(tmp_path: Path) -> None:
-    assert cgroup_limits(tmp_path / "none", tmp_path) == Limits()
-
-
 def test_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     machine = this_machine()
     assert 1 <= machine.cores <= (os.cpu_count() or 1)

@@ -110,11 +110,6 @@ def test_image_motion_is_the_projections_difference(
     np.testing.assert_allclose(flow[rows, columns], expected, atol=0.02 + 0.03 * np.abs(expected).max())
 
 
-def test_no_depth_no_shift() -> None:
-    flow = image_motion(np.zeros((150, 200), np.float32), CAMERA, Motion((0.1, 0.1, 0.1), (0.0, 0.0, 0.0)))
-    assert not flow.any()
-
-
 def test_blur_is_what_many_exposures_give(renderer: Renderer) -> None:
     """Against 15 photographs rendered along the motion, in the plants' part of the image."""
     pose, camera = ring(5, 1.0, 0.8)[2], Intrinsics.pinhole(400, 300, 340.0)

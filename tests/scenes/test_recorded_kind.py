@@ -104,13 +104,6 @@ def test_a_row_not_told_apart_keeps_its_direction(row: Row) -> None:
         np.testing.assert_allclose(pdist(varied.points[::500]), pdist(long.points[::500]), rtol=1e-9)
 
 
-def test_a_square_plot_not_told_apart_turns_freely() -> None:
-    square = Cloud(np.random.default_rng(0).uniform(-1, 1, (1_000, 3)))
-    drawn = [draw_variation(square, not_apart(square), 4, number).whole for number in range(20)]
-    assert len({whole.turn_deg for whole in drawn if whole is not None}) == 20
-    assert {None, 0.0} == {whole.mirror_deg for whole in drawn if whole is not None}
-
-
 def test_mirroring_reflects_points_and_normals() -> None:
     cloud = Cloud(np.array([(2.0, 3.0, 1.0)]), None, np.float32([(1, 0, 0)]))
     across_y = Change((1.0, 0.0, 0.0), 0.0, mirror_deg=90.0).apply(cloud)

@@ -10,8 +10,6 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.scenes.renderer import Renderer, RenderingError, render
@@ -164,26 +162,6 @@ def test_sun_shade_and_gloss() -> None:
 def test_distortion_is_refused(renderer: Renderer) -> None:
     with pytest.raises(ValueError, match="distortion"):
         renderer.photograph(POSE, Intrinsics("SIMPLE_RADIAL", 64, 48, (50.0, 32.0, 24.0, 0.1)))
-
-
-@settings(max_examples=15)
-@given(yaw=st.floats(-180, 180), pitch=st.floats(-89, -20), width=st.integers(16, 90), height=st.integers(16, 70))
-def test_any_view_of_the_plane_has_its_depth(yaw: float, pitch: float, width: int, height: int) -> None:
-    pose, camera = Pose.from_yaw_pitch([0.0, 0.0, 2.0], yaw, pitch), Intrinsics.pinhole(width, height, 100.0)
-    depth = _plane_renderer().depth(pose, camera)
-    assert depth.shape == (height, width)
-    row, column = height // 2, width // 2
-    ray = np.array([(column + 0.5 - camera.cx) / 100.0, (row + 0.5 - camera.cy) / 100.0, 1.0]) @ pose.rotation
-    assert depth[row, column] == pytest.approx(-2.0 / ray[2], rel=1e-4)
-
-
-_KEPT: list[Renderer] = []
-
-
-def _plane_renderer() -> Renderer:
-    if not _KEPT:
-        _KEPT.append(Renderer(Scene((plane(),))))
-    return _KEPT[0]
 
 
 @pytest.mark.parametrize(

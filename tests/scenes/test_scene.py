@@ -15,7 +15,6 @@ from fieldkit.scenes.noise import bumps, fractal_noise
 from fieldkit.scenes.plot_description import MaizeDescription, PlotDescription, SoilDescription
 from fieldkit.scenes.sampling import sample_plants, sample_visible, visible_from
 from fieldkit.scenes.scene import Light, Mesh, Scene, vertex_normals
-from fieldkit_sim.generator import plant_layout
 from fieldkit_sim.maize import build_maize
 from fieldkit_sim.plot import bake_light, build_scene
 from fieldkit_sim.simulation import dense_rig, ring
@@ -40,27 +39,6 @@ def test_noise_differs_between_seeds_and_is_centred() -> None:
     lumps = bumps(x, y, 1)
     assert lumps.min() == 0.0
     assert 0.8 < lumps.max() <= 1.0
-
-
-def test_plants_are_individuals_and_the_same_seed_is_the_same_plant() -> None:
-    one, again, other = (build_maize(MaizeDescription(seed=s, leaves=9)) for s in (1, 1, 2))
-    assert np.array_equal(one.vertices, again.vertices)
-    assert np.array_equal(one.texture, again.texture)
-    assert not np.allclose(one.vertices, other.vertices, atol=0.005)
-
-
-@pytest.mark.parametrize("leaves", [5, 9, 12])
-def test_a_plant_has_a_plants_shape(leaves: int) -> None:
-    mesh = build_maize(MaizeDescription(seed=3, leaves=leaves))
-    height = float(mesh.vertices[:, 2].max())
-    assert 0.25 < height < 1.4
-    assert float(np.abs(mesh.vertices[:, :2]).max()) < 0.9
-    assert 10_000 < len(mesh.faces) < 60_000
-    a, b, c = (mesh.vertices[mesh.faces[:, i]].astype(float) for i in range(3))
-    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
-    assert 0.02 * leaves / 9 < area < 0.6  # m², one side of the blades and the stem
-    assert mesh.normals is not None
-    assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-3)
 
 
 def test_scale_yaw_and_place_apply_to_the_whole_plant() -> None:
@@ -147,18 +125,6 @@ def test_truth_is_uniform_by_area(small_scene: Scene) -> None:
         areas.append(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
         counts.append((nearest == i).sum())
     assert counts[0] / counts[1] == pytest.approx(areas[0] / areas[1], rel=0.15)
-
-
-@pytest.mark.parametrize("layout", ["row", "grid", "random"])
-@pytest.mark.parametrize("count", [1, 3, 6])
-def test_layouts_keep_plants_apart(layout: str, count: int) -> None:
-    plants = plant_layout(count, 5, layout=layout)  # type: ignore[arg-type]
-    places = np.array([(p.x_m, p.y_m) for p in plants])
-    assert len(plants) == count
-    assert len({p.seed for p in plants}) == count
-    if count > 1:
-        assert cKDTree(places).query(places, 2)[0][:, 1].min() > 0.1
-    assert plants == plant_layout(count, 5, layout=layout)  # type: ignore[arg-type]
 
 
 def test_rings_look_at_their_target_from_where_they_should() -> None:

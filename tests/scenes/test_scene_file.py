@@ -30,7 +30,7 @@ from fieldkit.scenes.scene_file import (
     scene_text,
     write_scene,
 )
-from fieldkit.scenes.simulate import CaptureNoise, Site
+from fieldkit.scenes.simulate import CaptureNoise
 
 ROOT = Path(__file__).parents[2]
 FOLDER = tempfile.TemporaryDirectory()
@@ -235,7 +235,3 @@ def test_every_key_is_documented() -> None:
 
 def test_the_schema_is_the_one_in_the_documentation() -> None:
     assert (ROOT / "docs" / "schemas" / "scene.schema.json").read_text() == scene_schema()
-
-
-def test_site_and_noise_have_defaults() -> None:
-    assert scene_of("format = 1").site == Site()

@@ -52,16 +52,6 @@ def test_a_capture_with_everything(tmp_path: Path, description: SceneDescription
     assert len(read_cloud(tmp_path / "truth.ply")) == 3_000
 
 
-@pytest.mark.slow
-def test_the_same_seed_is_the_same_folder(tmp_path: Path, description: SceneDescription) -> None:
-    effects = CameraEffects(exposure_s=0.01, exposure_ev=0.2, read_noise=2.0)
-    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
-        simulate(description, ring_about(2), tmp_path / name, effects=effects, seed=seed)
-    first, same, other = ([p.read_bytes() for p in sorted((tmp_path / name).iterdir())] for name in ("a", "b", "c"))
-    assert first == same
-    assert first != other
-
-
 def test_the_wind_is_the_scenes_unless_another_is_given(tmp_path: Path, description: SceneDescription) -> None:
     windy = replace(description, wind_m=0.05, noise=EXACT)
     for name, wind in (("windy", None), ("still", 0.0)):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from fieldkit.scenes.plot_description import STAGES, MaizeDescription, Stage
 from fieldkit_sim.maize import build_maize
-from fieldkit_sim.maize.architecture import grow, leaf_number, leaf_size
+from fieldkit_sim.maize.architecture import grow, leaf_size
 
 
 @pytest.mark.parametrize(
@@ -62,12 +62,6 @@ def test_leaf_areas_are_a_bell_with_its_top_at_two_thirds() -> None:
     assert int(np.argmax(areas)) + 1 == 12
     assert areas[0] < 0.15 * max(areas)
     assert areas[-1] < 0.5 * max(areas)
-
-
-def test_collars_and_tips() -> None:
-    assert leaf_number("V8", 19) == (8, 11)
-    assert leaf_number("VT", 19) == (19, 19)
-    assert leaf_number("V18", 18) == (18, 18)
 
 
 def test_a_coarse_plant_is_the_same_plant_with_less_detail() -> None:

@@ -14,7 +14,7 @@ from fieldkit.missions.autopilots.state import Turn
 from fieldkit.missions.autopilots.writing import render
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.items import Command, MissionItem
-from fieldkit.routing.mission import GeoPoint, Mission
+from fieldkit.routing.mission import GeoPoint
 from fieldkit.routing.motion import leg, turn_deg
 from fieldkit.vehicles.vehicle import Mount
 from tests.missions.vehicles import HOME, metres, recorded_items, recording, small_mission, vehicle
@@ -22,14 +22,6 @@ from tests.missions.vehicles import HOME, metres, recorded_items, recording, sma
 
 def flown(name: str) -> Execution:
     return interpret(ReadMission("plan", tuple(recorded_items(name)[1:]), home=HOME), vehicle(), "ardupilot")
-
-
-def carried_out(mission: Mission, dialect: str) -> Execution:
-    by = vehicle(dialect)  # type: ignore[arg-type]
-    items = render(mission, by)
-    return interpret(
-        ReadMission("plan", items[1:] if dialect == "ardupilot" else items, home=mission.home), by, dialect
-    )
 
 
 def test_the_measured_order_photographs_where_it_did() -> None:
@@ -85,30 +77,6 @@ def test_the_naive_order_photographs_late_and_away_from_its_places_as_it_did() -
             assert abs(shot.place.height_m - there.height_m) < 0.35
             meant = places[shot.item - 3]
             assert math.hypot(metres(meant, there), meant.height_m - there.height_m) > 0.02
-
-
-def test_hold_0_photographs_in_passing() -> None:
-    execution = flown("hold0")
-    assert len(execution.photographs) == 13
-    assert all(shot.moving and shot.settled_s == 0.0 for shot in execution.photographs)
-
-
-@pytest.mark.parametrize("dialect", ["ardupilot", "px4"])
-def test_what_is_rendered_gives_the_poses_that_were_asked_for(dialect: str) -> None:
-    mission = small_mission()
-    execution = carried_out(mission, dialect)
-    assert len(execution.photographs) == 3
-    for shot, planned in zip(execution.photographs, mission.shots, strict=True):
-        assert shot.place is not None
-        assert metres(shot.place, planned.place) < 1e-3
-        assert shot.place.height_m == pytest.approx(planned.place.height_m)
-        assert shot.heading_deg == pytest.approx(planned.yaw_deg)
-        assert shot.pitch_deg == pytest.approx(planned.pitch_deg)
-        assert not shot.moving
-        assert shot.settled_s >= mission.settle_s - 1e-9
-        assert shot.after_s == pytest.approx(mission.exposure_s)
-    assert execution.skipped == ()
-    assert execution.legs[0].end.height_m == mission.takeoff_m
 
 
 def test_px4_shoots_as_it_leaves_without_a_delay_behind() -> None:
