@@ -108,7 +108,6 @@ class TestEntries:
         assert cache.get("features", KEY) is None
         cache.put("features", KEY, arrays)
         again = cache.get("features", KEY)
-        assert again is not None
         assert again.keys() == arrays.keys()
         for name, array in arrays.items():
             assert again[name].dtype == array.dtype
@@ -198,7 +197,6 @@ class TestProcesses:
         cache = StageCache(tmp_path)
         for delay in (0.0, 0.003, 0.01, 0.02, 0.05):
             with _writer(tmp_path, 1_000_000) as process:
-                assert process.stdout is not None
                 process.stdout.readline()
                 time.sleep(delay)
                 process.send_signal(signal.SIGKILL)

@@ -30,7 +30,7 @@ LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 CODE = re.compile(r"(?ms)^```.*?^```|^    .*?$|`[^`\n]*`")
 
 
-class _Loader(yaml.SafeLoader):  # type: ignore[misc, name-defined]
+class _Loader(yaml.SafeLoader):
     """Reads mkdocs.yml, whose tags name Python functions, without calling anything."""
 
 

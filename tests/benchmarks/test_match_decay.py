@@ -54,7 +54,7 @@ def test_medians_and_shares() -> None:
 
 def test_the_allowed_span_takes_field_maize_in() -> None:
     real = [summarise("basil_rig", pairs([100, 50, 20, 10, 5, 2])), summarise("a", pairs([100, 60, 30, 20, 8, 4]))]
-    assert allowed(real, 1) == pytest.approx((FIELD_MAIZE[1] / 1.5, 0.9))  # type: ignore[operator]
+    assert allowed(real, 1) == pytest.approx((FIELD_MAIZE[1] / 1.5, 0.9))
     assert allowed(real, 4) == pytest.approx((0.05 / 1.5, 0.12))
     rendered = summarise("tuning 0", pairs([1000, 850, 800, 100, 50, 1]))
     row = verdict_table([*real, rendered], real).rows[-1]

@@ -53,7 +53,6 @@ def test_plants_are_moved_upright_and_the_ground_is_sheared() -> None:
         np.testing.assert_allclose(rise, np.tile([0.0, 0.0, np.dot(foot, SLOPE)], (9, 1)), atol=1e-6)
         np.testing.assert_array_equal(mesh.normals, before.normals)
     np.testing.assert_allclose(soil.vertices[:, 2], soil.vertices[:, :2] @ SLOPE, atol=1e-6)
-    assert soil.normals is not None
     edges = soil.vertices[soil.faces[:, 1]] - soil.vertices[soil.faces[:, 0]]
     np.testing.assert_allclose(edges @ soil.normals[0], 0.0, atol=1e-6)
     assert sloped(scene, (0.0, 0.0)) is scene
@@ -128,6 +127,5 @@ def test_leaves_of_other_rows_are_neither_right_nor_wrong() -> None:
     alone = rescored(blank, Cloud(good), proxy, Rule())
     assert both == alone
     assert both.points == 2000
-    assert both.accuracy_m is not None
     assert both.accuracy_m < 0.002
     assert rescored(blank, Cloud(np.zeros((0, 3))), proxy, Rule()) is blank

@@ -51,7 +51,7 @@ def test_witnesses_alone_make_the_truth(monkeypatch: pytest.MonkeyPatch) -> None
 
     def watched(name: str, *rest: object) -> object:
         seen.append(name)
-        return prepare(name, *rest)  # type: ignore[arg-type]
+        return prepare(name, *rest)
 
     monkeypatch.setattr(module, "prepare_view", watched)
     names = capture.names[::2]

@@ -23,7 +23,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def answer(capsys: pytest.CaptureFixture[str], *arguments: str, code: int = 0) -> dict:  # type: ignore[type-arg]
+def answer(capsys: pytest.CaptureFixture[str], *arguments: str, code: int = 0) -> dict:
     assert main([*arguments, "--json"]) == code
     return json.loads(capsys.readouterr().out)
 
@@ -40,7 +40,6 @@ def test_init_takes_the_settings(
     found = read_campaign(place / "new")
     settings = found.evaluation.settings
     assert (settings.fidelity, settings.mask, settings.seed) == ("fine", "none", 7)
-    assert settings.bounds is not None
     assert settings.bounds.upper == (1, 1, 2)
     assert found.evaluation.distances_m == (0.005, 0.01)
     assert found.evaluation.refine

@@ -59,7 +59,7 @@ def test_a_narrow_terminal_shows_stations_names_and_verdicts() -> None:
     console = Console(width=80, file=StringIO(), color_system=None)
     for shown in rendered(check_blocks(CheckReport("plot_7", Path("plot_7"), 2, rows, ()))):
         console.print(shown)
-    text = console.file.getvalue()  # type: ignore[attr-defined]
+    text = console.file.getvalue()
     assert max(map(len, text.splitlines())) <= 80
     for words in ("station", "verdict", "   11  ", "000010_rgb.jpg", "365: 9,", "fine"):
         assert words in text

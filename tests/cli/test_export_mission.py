@@ -100,7 +100,6 @@ def test_what_adjust_exports_may_be_flown(
     assert told.startswith('8 plots, ids from "name": maize-1 … maize-8.')
     assert told.count("Moved: 40 photographs (station 1, 2, 3, 4 and 5 of maize-1, maize-2, maize-3 and 5 more)") == 1
     way = re.search(r"[0-9.]+ m and [0-9:]+ min from take-off to landing", told)
-    assert way is not None
     assert main(["check-mission", str(file), *where, "--plan", str(plan), "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     adjusted = [each for each in report["findings"] if each["code"] == "adjusted"]

@@ -22,7 +22,6 @@ def test_the_frame_is_a_plots(tmp_path: Path) -> None:
     frame, heading_deg = FrameOptions().frame(
         SitePlotOptions(site, tmp_path / "plots.geojson", None, "r1c2"), tell=told.append
     )
-    assert frame is not None
     assert heading_deg == FIELD[1].row_heading_deg
     expected = (FIELD[1].latitude_deg, FIELD[1].longitude_deg)
     assert (frame.latitude_deg, frame.longitude_deg) == pytest.approx(expected, abs=1e-7)

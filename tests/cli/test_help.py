@@ -8,11 +8,14 @@ import shlex
 import subprocess
 import sys
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 import typer
 
 from fieldkit.cli.main import COMMANDS, STAGES, command_of, main, module_name
+
+ROOT = Path(__file__).parents[2]
 
 
 def examples(name: str) -> list[str]:
@@ -52,7 +55,9 @@ def test_page(name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest
     assert main([*name.split(), "--help"]) == 0
     text = capsys.readouterr().out
     assert f"Usage: fieldkit {name} " in text
-    assert "Output" in text
+    for words in ("Output", "--json", "--debug"):
+        assert words in text
+    assert f"fieldkit {name}" in (ROOT / "docs" / "commands" / f"{name.split()[0]}.md").read_text()
     _, _, also = text.partition("See Also:\n")
     for other in re.findall(r"fieldkit ([a-z-]+(?: [a-z-]+)?)", also.partition("╭")[0]):
         assert other in COMMANDS or other.split()[0] in {known.split()[0] for known in COMMANDS}, other

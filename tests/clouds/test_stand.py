@@ -18,7 +18,6 @@ WEED = cone(0.03, 0.08, 500) + np.array([0.9, 1.9, 0.0])
 
 def test_one_weed_far_out_is_not_the_stand() -> None:
     stand = find_stand(np.concatenate([row(0.0), row(0.75), WEED]))
-    assert stand is not None
     np.testing.assert_allclose(stand.low, (-0.62, -0.12), atol=0.04)
     np.testing.assert_allclose(stand.high, (0.62, 0.87), atol=0.04)
     assert 0.0 < stand.apart < 0.05
@@ -29,7 +28,6 @@ def test_rows_and_small_plants_between_them_belong_together() -> None:
     small = cone(0.03, 0.1, 500) + np.array([0.7, 0.4, 0.0])
     for points in (np.concatenate([row(0.0), row(0.75)]), np.concatenate([row(0.0), row(0.75), small])):
         stand = find_stand(points)
-        assert stand is not None
         assert stand.apart == 0.0
 
 

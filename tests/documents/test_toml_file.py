@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import pytest
 
-from fieldkit.documents.toml_file import MOST_CHARACTERS, read_toml, toml_document
+from fieldkit.documents.toml_file import MOST_CHARACTERS, parse_toml, read_toml, toml_document
 from fieldkit.errors import MetadataError, SceneError
 
 TEXT = "# Höhe\nformat = 1\n[home]\nlatitude_deg = 50.8649\n"
@@ -58,3 +59,15 @@ def test_the_kind_of_error_is_the_callers(tmp_path: Path) -> None:
         toml_document("a = ", None, "Ask.", error=SceneError)
     with pytest.raises(MetadataError, match="more than 16,777,216 characters"):
         toml_document("#" * (MOST_CHARACTERS + 1), None, "Ask.")
+
+
+def test_documents_are_tomllibs() -> None:
+    text = "a.b.c = 1\nxs = [" + ", ".join(f"{k}.25" for k in range(5000)) + "]\n# " + "." * 500 + "\n[t]\nd = 1e-3\n"
+    assert parse_toml(text) == tomllib.loads(text)
+
+
+@pytest.mark.parametrize("key", ["a." * 40_000 + "b", ".".join(['"x"'] * 3000), " . ".join("k" * 200)])
+def test_endless_keys_take_no_minutes(key: str) -> None:
+    for line in (f"{key} = 1", f"[{key}]", f"t = {{ {key} = 1 }}"):
+        with pytest.raises(tomllib.TOMLDecodeError, match="line 2 has keys"):
+            parse_toml(f"a = 1\n{line}\n")

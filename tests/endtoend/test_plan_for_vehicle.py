@@ -20,12 +20,8 @@ def test_planned_exported_checked(line: CommandLine) -> None:
     write_scene(line.folder, spacing=0.02, texture=512)
     run(line, "plan", "--scene", "plot.toml", "--vehicle", "ardupilot-pitch", *SHORT, "-o", "plan")
     plan = load_plan(line.folder / "plan")
-    assert plan.envelope is not None
-    assert plan.envelope.lower_m is not None
     assert plan.envelope.lower_m[2] == 1.0
     assert plan.envelope.pitch_deg == (-90.0, 30.0)
-    assert plan.camera is not None
-    assert plan.plants is not None
     assert (plan.camera.width, plan.camera.height) == (800, 600)
     assert plan.camera.params[0] / 800 == pytest.approx(3871.0 / 4056, rel=1e-3)
 

@@ -49,7 +49,7 @@ def test_a_small_capture_is_scored(line: CommandLine) -> None:
     run(line, "simulate", "plot.toml", "--ring", "10,0.8,0.6", "--size", "480x360", "--pose-noise", "0.005,0.5",
         "-o", "flight")  # fmt: skip
     report = run(line, "evaluate", "flight", *DRAFT, "-o", "scores")
-    (plot,) = report["plots"]  # type: ignore[misc]
+    (plot,) = report["plots"]
     assert plot["images"] == 10
     assert plot["metric_source"] == "poses.csv"
     assert plot["right"] >= 8
@@ -66,10 +66,10 @@ def test_dense_capture_to_reference_to_scores_to_a_proxy(line: CommandLine) -> N
     for name, scene in (("few", "plot.toml"), ("proxy", "ref-scene")):
         if name == "proxy":
             made = run(line, "scene", "from-reference", "ref", "-o", "ref-scene")
-            assert made["plant_surfels"] > 2_000  # type: ignore[operator]
+            assert made["plant_surfels"] > 2_000
         run(line, "simulate", scene, "--ring", "12", "--size", "800x600", "--pose-noise", "0.01,1", "--seed", "2",
             "--blur", "0.002", "-o", name)  # fmt: skip
         report = run(line, "evaluate", name, "--reference", "ref", *DRAFT, "-o", f"{name}-scores")
-        (plot,) = report["plots"]  # type: ignore[misc]
+        (plot,) = report["plots"]
         assert plot["right"] >= 10, name
         assert plot["chamfer_m"] < 0.05, name

@@ -74,7 +74,7 @@ def test_the_recorded_missions(tmp_path: Path, suffix: str) -> None:
 
 def test_what_fieldkit_writes_has_nothing_against_it(tmp_path: Path) -> None:
     for dialect, name in (("ardupilot", "plan"), ("ardupilot", "waypoints"), ("px4", "plan"), ("px4", "waypoints")):
-        by = vehicle(dialect)  # type: ignore[arg-type]
+        by = vehicle(dialect)
         path = tmp_path / f"{dialect}.{name.upper()}"
         path.write_bytes(mission_bytes(name, small_mission(), by))
         report = check_mission(read_mission(path), by, planned=small_mission().shots, origin=HOME)
@@ -116,7 +116,7 @@ def changed(command: int, **values: Any) -> Any:
                     if name[0] == "p":
                         params[int(name[1]) - 1] = value
                 fields = {name: value for name, value in values.items() if name[0] != "p"}
-                items[k] = replace(item, params=tuple(params), **fields)  # type: ignore[arg-type]
+                items[k] = replace(item, params=tuple(params), **fields)
 
     return change
 

@@ -60,7 +60,6 @@ def test_every_photograph_is_the_plans_and_no_leg_comes_too_near() -> None:
     (flight,) = routed.flights
     shots = {shot.station: shot for shot in place(plan, field)}
     assert {shot.station: shot for shot in flight.mission.shots} == shots
-    assert routed.plants_m is not None
     assert routed.plants_m > VEHICLE.clearance_m - 0.07
     # By samples along the legs, against the plants themselves.
     plants = np.array(plan.plants.points_m) if plan.plants else np.zeros((0, 3))
@@ -138,7 +137,6 @@ def test_stations_too_low_over_plants_for_a_vehicle_are_raised_over_them(tmp_pat
     assert done.routed.moved
     assert {limit for each in done.routed.moved for limit in each.limits} == {"plants"}
     assert "too low over the plants for PX4" in str(done.routed.moved[0])
-    assert done.routed.plants_m is not None
     assert done.routed.plants_m > profile.clearance_m - 0.07
     assert 1.25 < done.routed.lowest_m < 1.7
     obstacles = site_obstacles(site(), profile.clearance_m, close)

@@ -195,7 +195,6 @@ def test_a_record_counts_for_the_very_file_plots_plants_and_clearance(field: Fie
     elif change == "bolder vehicle":
         clearance_m += 0.1
     ground = ground_of(done.files[0], site.model_copy(update={"plots": (plot,)}), clearance_m)
-    assert ground is not None
     assert ground.unchecked == {}
     assert ground.known_clear == (frozenset({"P0"}) if change == "none" else frozenset())
 
@@ -206,13 +205,11 @@ def test_fitted_plans_beside_a_mission_say_where_its_plants_are(field: Field) ->
     plots = plots_file(field.folder, "p.geojson", [1.1, 0.9])
     assert field.export("ardupilot-pitch", "plan", plots)[0] == 0
     ground = ground_of(field.folder / "m.plan", None, 0.5)
-    assert ground is not None
     assert set(ground.plans) == {"P0"}
     assert ground.known_clear == {"P1"}
     assert field.check(".plan", "ardupilot-pitch")[1]["ok"] is True
     (field.folder / "m-P0.json").write_text("{}")  # another file of that name
     changed = ground_of(field.folder / "m.plan", None, 0.5)
-    assert changed is not None
     assert set(changed.plans) == set()
 
 
@@ -234,7 +231,6 @@ def test_several_flights_share_a_record(field: Field) -> None:
     assert len(done.routed.flights) > 1
     for file in done.files[: len(done.routed.flights)]:
         ground = ground_of(file, None, vehicle.clearance_m)
-        assert ground is not None
         assert ground.known_clear == {"P0", "P1", "P2", "P3"}
 
 

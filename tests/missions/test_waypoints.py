@@ -40,7 +40,7 @@ def test_rows_and_columns() -> None:
 def test_pymavlink_and_fieldkit_read_what_was_written(tmp_path: Path, mission: Mission) -> None:
     path = tmp_path / "random.waypoints"
     for dialect in ("ardupilot", "px4"):
-        by = vehicle(dialect)  # type: ignore[arg-type]
+        by = vehicle(dialect)
         path.write_bytes(mission_bytes("waypoints", mission, by))
         own, others = read_waypoints(path), by_pymavlink(path)
         assert own.home is not None

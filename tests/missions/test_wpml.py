@@ -82,7 +82,6 @@ def test_only_models_that_wpml_has_a_number_for() -> None:
 def test_models_have_the_numbers_of_djis_documentation(title: str, numbers: tuple[str, str, str | None, str]) -> None:
     for root in contents(mission_bytes("wpml", small_mission(), vehicle("dji", title=title))):
         config = root.find("Document/missionConfig")
-        assert config is not None
         photo = next(a for a in root.iter("action") if a.findtext("actionActuatorFunc") == "takePhoto")
         assert numbers == (
             config.findtext("droneInfo/droneEnumValue"),

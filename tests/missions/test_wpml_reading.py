@@ -88,7 +88,7 @@ def checked(
     if template is not None:
         members.append((TEMPLATE, f"{head}<Folder>{template}</Folder></Document></kml>".encode()))
     (folder / "a.kmz").write_bytes(zip_bytes(members))
-    report = check_mission(read_wpml(folder / "a.kmz"), by)  # type: ignore[arg-type]
+    report = check_mission(read_wpml(folder / "a.kmz"), by)
     return replace(report, findings=tuple(f for f in report.findings if f.code != "too-few-waypoints"))
 
 
@@ -274,7 +274,7 @@ def test_an_action_that_nobody_can_say_the_photographs_of_is_refused_by_name(tmp
     ],
 )
 def test_an_action_group_of_an_unknown_kind_is_refused(tmp_path: Path, how: dict[str, object], said: str) -> None:
-    report = checked(tmp_path, EAST + group(0, 0, tilt(-30), PHOTO, **how), EAST)  # type: ignore[arg-type]
+    report = checked(tmp_path, EAST + group(0, 0, tilt(-30), PHOTO, **how), EAST)
     assert refused(report) == [f"waypoint 0 has gimbalRotate, takePhoto, hover in an action group ({said})"]
 
 

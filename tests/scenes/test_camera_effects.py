@@ -156,4 +156,4 @@ def test_the_order_of_switches_does_not_change_the_rest() -> None:
 )
 def test_values(bad: dict[str, float]) -> None:
     with pytest.raises(ValueError):
-        CameraEffects(**bad)  # type: ignore[arg-type]
+        CameraEffects(**bad)

@@ -49,8 +49,8 @@ def reference(tmp_path: Path) -> ReferenceFiles:
     )  # fmt: skip
     whole = Cloud(
         np.concatenate([leaf.points, ground.points, strays.points]),
-        np.concatenate([leaf.colors, ground.colors, strays.colors]),  # type: ignore[list-item]
-        np.concatenate([leaf.normals, ground.normals, strays.normals]),  # type: ignore[list-item]
+        np.concatenate([leaf.colors, ground.colors, strays.colors]),
+        np.concatenate([leaf.normals, ground.normals, strays.normals]),
     )
     write_ply(tmp_path / "cloud.ply", leaf)
     write_ply(tmp_path / "scene.ply", whole)
@@ -87,7 +87,6 @@ def test_patches_come_from_the_photograph_that_sees_them(tmp_path: Path, referen
     photographs = [PosedPhotograph(lambda: stripes, ABOVE, CAMERA)]
     made = scene_from_reference(reference, tmp_path / "scene", photographs=photographs)
     description = read_scene(made.scene)
-    assert description.recorded is not None
     assert sorted(description.recorded.files) == ["ground", "ground_atlas", "plant_atlas", "plants"]
     with Renderer(build(description)) as renderer:
         near = Intrinsics.pinhole(200, 150, 1360.0)
@@ -128,7 +127,6 @@ def test_atlas_holds_every_patch_where_its_surfel_looks(count: int) -> None:
         rng.random((count, 3)), np.zeros((count, 3), np.uint8), rng.normal(size=(count, 3)).astype(np.float32)
     )
     mesh = surfels("x", cloud, 0.01, atlas=atlas, texels=3)
-    assert mesh.uv is not None
     column = np.floor(mesh.uv[:, 0] * atlas.shape[1]).astype(int).reshape(count, 4)
     row = np.floor((1 - mesh.uv[:, 1]) * atlas.shape[0]).astype(int).reshape(count, 4)
     found = atlas[row, column]
@@ -173,4 +171,4 @@ def test_errors(tmp_path: Path, reference: ReferenceFiles) -> None:
     for bad in ({"texels": 1}, {"plant_surfel_m": 0.0}):
         with pytest.raises(ValueError):
             RecordedSurface(**{"plants": Path("a"), "ground": Path("b"), "plant_surfel_m": 0.001,
-                               "ground_surfel_m": 0.001, **bad})  # type: ignore[arg-type]  # fmt: skip
+                               "ground_surfel_m": 0.001, **bad})  # fmt: skip

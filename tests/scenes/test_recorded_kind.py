@@ -65,8 +65,6 @@ def test_plants_keep_their_shape_up_to_their_scale(row: Row, apart: PlantsApart)
         foot = apart.feet_m[number - 1]
         heights = (varied.points[mine, 2] - foot[2]) / (row.cloud.points[mine, 2] - foot[2])
         np.testing.assert_allclose(heights, change.scale)
-        assert varied.normals is not None
-        assert row.cloud.normals is not None
         np.testing.assert_allclose(varied.normals[mine, 2], row.cloud.normals[mine, 2], atol=1e-6)
 
 
@@ -117,14 +115,12 @@ def test_mirroring_reflects_points_and_normals() -> None:
 def test_the_scene_holds_the_same_plants_as_the_cloud(
     told_apart: bool, row: Row, apart: PlantsApart, recorded: SceneDescription, tmp_path: Path
 ) -> None:
-    assert recorded.recorded is not None
     cloud = recorded_plants(recorded.recorded)
     known = apart if told_apart else not_apart(cloud)
     drawn = [draw_variation(cloud, known, 6, number) for number in range(8)]
     variation = next(v for v in drawn if v.left_out or (v.whole is not None and v.whole.mirror_deg is not None))
     written = write_varied_scene(recorded, known, variation, tmp_path / "scene")
     description = read_scene(written)
-    assert description.recorded is not None
     scene = build(description)
     plants = sample_reference(description, scene)
     expected = varied_cloud(cloud, known, variation)

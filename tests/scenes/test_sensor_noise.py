@@ -33,7 +33,7 @@ def test_tabled_noise_is_the_same_for_a_seed_and_independent() -> None:
 
 
 @pytest.mark.parametrize("draw", [with_noise, with_tabled_noise])
-def test_noise_stops_at_black_and_white(draw) -> None:  # type: ignore[no-untyped-def]
+def test_noise_stops_at_black_and_white(draw) -> None:
     ends = np.zeros((40, 40, 3), np.uint8)
     ends[:20] = 255
     noisy = draw(ends, 3.0, np.random.default_rng(0))

@@ -45,7 +45,6 @@ def test_a_capture_reads_back_with_its_geotags(tmp_path: Path, renderer: Rendere
         assert (photo.make, photo.model) == ("fieldkit", "proxy")
         assert (photo.width, photo.height) == (200, 150)
         assert photo.focal_px == pytest.approx(170.0, rel=0.02)  # the 35 mm equivalent is a whole number
-        assert photo.geotag is not None
         assert photo.geotag.rtk
         assert photo.geotag.datum == "ellipsoid"
         tag = photo.geotag
@@ -53,7 +52,6 @@ def test_a_capture_reads_back_with_its_geotags(tmp_path: Path, renderer: Rendere
         np.testing.assert_allclose(local, pose.center, atol=0.001)
         assert tag.relative_altitude_m == pytest.approx(pose.center[2], abs=0.001)
         yaw, pitch, _ = pose.yaw_pitch_roll_deg()
-        assert photo.yaw_deg is not None
         assert (photo.yaw_deg - yaw + 180) % 360 - 180 == pytest.approx(0.0, abs=0.01)
         assert photo.pitch_deg == pytest.approx(pitch, abs=0.01)
     assert len({photo.captured_at for photo in capture.photos}) == 4
@@ -159,18 +157,15 @@ def test_geotags_survive_exif_and_xmp(
     data, problems = with_exif(Photo(Path("a.jpg"), "a.jpg", *image.size, "JPEG", ""), image)
     assert not [code for code, _ in problems if code != "gps-zero"]
     assert data.captured_at == datetime(2026, 7, 1, 23, 59, 58)
-    assert data.focal_mm is not None
     detail = exif.get_ifd(ExifTags.IFD.Exif)
     focal_px = data.focal_mm * float(detail[ExifTags.Base.FocalPlaneXResolution])
     assert focal_px == pytest.approx(170.0, rel=1e-3)
     if abs(latitude) < 1e-6 and abs(longitude) < 1e-6:
         return  # readers take (0, 0) for no position
-    assert data.geotag is not None
     assert data.geotag.latitude_deg == pytest.approx(latitude, abs=1e-9)
     assert data.geotag.longitude_deg == pytest.approx(longitude, abs=1e-9)
     assert data.geotag.altitude_m == pytest.approx(altitude, abs=0.001)
     assert data.geotag.rtk == rtk
-    assert data.yaw_deg is not None
     assert (data.yaw_deg - yaw + 180) % 360 - 180 == pytest.approx(0.0, abs=0.006)
     assert data.pitch_deg == pytest.approx(pitch, abs=0.006)
     assert data.geotag.relative_altitude_m == pytest.approx(12.345)

@@ -73,7 +73,7 @@ def test_nothing_beside_the_photographs_where_it_is_not_wanted(tmp_path: Path, d
 def test_the_truth_stays_outside(tmp_path: Path, description: SceneDescription) -> None:
     for option in ("truth", "truth_cloud"):
         with pytest.raises(UsageError, match="truth"):
-            simulate(description, ring_about(2), tmp_path / "a", **{option: tmp_path / "a" / "x"})  # type: ignore[arg-type]
+            simulate(description, ring_about(2), tmp_path / "a", **{option: tmp_path / "a" / "x"})
     assert not list(tmp_path.iterdir())
 
 
@@ -96,10 +96,8 @@ def test_rows_that_do_not_run_east(tmp_path: Path, renderer: Renderer) -> None:
     simulate_capture(tmp_path / "a", renderer, [pose], CAMERA, noise=EXACT, site=site, row_heading_deg=30.0)
     photo = read_capture(tmp_path / "a").photos[0]
     tag = photo.geotag
-    assert tag is not None
     local = site.origin.to_local(tag.latitude_deg, tag.longitude_deg, tag.altitude_m or 0.0)[0]
     np.testing.assert_allclose(local, (np.sin(np.radians(30)), np.cos(np.radians(30)), 0.8), atol=0.001)
-    assert photo.yaw_deg is not None
     assert (photo.yaw_deg + 60.0 + 180) % 360 - 180 == pytest.approx(0.0, abs=0.01)
 
 

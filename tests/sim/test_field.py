@@ -111,14 +111,12 @@ def test_switches_of_light(field: PlotDescription, scene: Scene) -> None:
         assert (flat.shading[:, :2] == 1).all()
         assert (flat.shading[:, 2:] == 0).all()
     ground = next(mesh.shading for mesh in scene.meshes if mesh.name == "soil-1-1")
-    assert ground is not None
     assert float(ground[:, 1].min()) < 0.8
 
 
 class TestSway:
     def test_stems_stand_and_tips_move_by_the_strength(self, scene: Scene) -> None:
         (plant,) = scene.plants
-        assert plant.flex_m is not None
         moves = np.stack([sway(scene, 0.01, seed)["plant-1"] - plant.vertices for seed in range(60)])
         assert np.abs(moves[:, plant.flex_m == 0]).max() == 0
         far = plant.flex_m > 0.7 * plant.flex_m.max()
@@ -183,16 +181,16 @@ def test_descriptions_go_through_plain_values_and_back(field: PlotDescription) -
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: SoilDescription(kind="sand"),  # type: ignore[arg-type]
+        lambda: SoilDescription(kind="sand"),
         lambda: SoilDescription(spacing_m=0.5),
         lambda: SoilDescription(stones=-1),
         lambda: WeedsDescription(cover_per_m2=-1.0),
         lambda: WeedsDescription(patchiness=2.0),
         lambda: NeighboursDescription(rows=9),
-        lambda: NeighboursDescription(stage="V40"),  # type: ignore[arg-type]
+        lambda: NeighboursDescription(stage="V40"),
         lambda: PlotDescription((), extent_m=0.0),
     ],
 )
-def test_descriptions_that_make_no_sense_are_refused(make) -> None:  # type: ignore[no-untyped-def]
+def test_descriptions_that_make_no_sense_are_refused(make) -> None:
     with pytest.raises(ValueError):
         make()

@@ -37,7 +37,6 @@ def test_every_format_gives_the_same_plant(tmp_path: Path, suffix: str) -> None:
     np.testing.assert_allclose((lower + upper)[:2] / 2, (0.3, -0.2), atol=0.002)
     assert lower[2] == pytest.approx(0.04, abs=1e-5)
     assert upper[2] == pytest.approx(0.34, abs=1e-5)
-    assert mesh.colors is not None
     assert (mesh.colors[:, 1] > mesh.colors[:, 2]).mean() > 0.95  # a leaf's green
     assert mesh.colors.std(axis=0).min() > 0.01
     assert len(mesh.faces) > 10_000  # fine enough to carry it
@@ -48,12 +47,12 @@ def test_up_and_unit(tmp_path: Path) -> None:
         lying = stick(600.0)
         lying.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, turn))
         lying.export(tmp_path / f"{up}.ply")
-        plant = MeshPlantDescription(tmp_path / f"{up}.ply", up=up, unit_m=0.001)  # type: ignore[arg-type]
+        plant = MeshPlantDescription(tmp_path / f"{up}.ply", up=up, unit_m=0.001)
         mesh = build_mesh_plant(plant)
         assert np.ptp(mesh.vertices[:, 2]) == pytest.approx(0.6, abs=1e-4)
         top = mesh.vertices[mesh.vertices[:, 2].argmax()]
         np.testing.assert_allclose(top[:2], 0, atol=0.002)
-        fine = build_mesh_plant(MeshPlantDescription(tmp_path / f"{up}.ply", up=up, unit_m=0.001, yaw_deg=90))  # type: ignore[arg-type]
+        fine = build_mesh_plant(MeshPlantDescription(tmp_path / f"{up}.ply", up=up, unit_m=0.001, yaw_deg=90))
         np.testing.assert_allclose(fine.vertices[:, 0], mesh.vertices[:, 1], atol=1e-5)
 
 
@@ -62,10 +61,8 @@ def test_the_files_colours_are_kept(tmp_path: Path) -> None:
     mesh.visual.vertex_colors = np.tile([200, 10, 30, 255], (len(mesh.vertices), 1)).astype(np.uint8)
     mesh.export(tmp_path / "a.ply")
     kept = build_mesh_plant(MeshPlantDescription(tmp_path / "a.ply"))
-    assert kept.colors is not None
     np.testing.assert_allclose(kept.colors, np.tile(np.array([200, 10, 30]) / 255, (len(kept.colors), 1)), atol=0.01)
     painted = build_mesh_plant(MeshPlantDescription(tmp_path / "a.ply", color="leaf"))
-    assert painted.colors is not None
     assert painted.colors[:, 1].mean() > painted.colors[:, 0].mean()
 
 
@@ -87,8 +84,6 @@ def test_a_texture_is_kept(tmp_path: Path) -> None:
     quad.visual = trimesh.visual.TextureVisuals(uv=[(0, 0), (1, 0), (1, 1), (0, 1)], image=image)
     quad.export(tmp_path / "a.glb")
     mesh = build_mesh_plant(MeshPlantDescription(tmp_path / "a.glb"))
-    assert mesh.texture is not None
-    assert mesh.uv is not None
     corner = mesh.uv[(mesh.vertices[:, 2] > 0.29) & (mesh.vertices[:, 0] < mesh.vertices[:, 0].min() + 0.01)][0]
     np.testing.assert_allclose(corner, (0, 1), atol=1e-6)
     assert tuple(mesh.texture[0, 0]) == (255, 0, 0)

@@ -69,4 +69,4 @@ def test_the_two_directions_differ() -> None:
                                        {"delay_s": float("inf")}])  # fmt: skip
 def test_errors(arguments: dict[str, float]) -> None:
     with pytest.raises(UsageError):
-        Faults(**arguments)  # type: ignore[arg-type]
+        Faults(**arguments)

@@ -144,7 +144,7 @@ def test_only_on_this_machine(recording: Recording) -> None:
 @pytest.mark.parametrize("arguments", [{"speed": 0.0}, {"speed": float("nan")}, {"begin_s": -1.0}, {"rate_hz": 0.0}])
 def test_errors(recording: Recording, arguments: dict[str, float]) -> None:
     with pytest.raises(UsageError):
-        Replay(recording, **arguments)  # type: ignore[arg-type]
+        Replay(recording, **arguments)
 
 
 def test_a_taken_port_is_told(recording: Recording) -> None:
