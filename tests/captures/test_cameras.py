@@ -159,14 +159,6 @@ def test_any_json_is_read_or_refused(value: object) -> None:
     assert entries
 
 
-@given(st.text(max_size=80))
-def test_any_toml_is_read_or_refused(text: str) -> None:
-    try:
-        parse_camera_file(text, Path("camera.toml"))
-    except FieldkitError:
-        return
-
-
 @pytest.mark.parametrize(
     ("make", "plain", "zoomed", "times"),
     [

@@ -12,7 +12,6 @@ from PIL.PngImagePlugin import PngInfo
 from PIL.TiffImagePlugin import IFDRational
 
 from fieldkit.captures import Photo, read_capture
-from fieldkit.captures.exif import focal_in_pixels
 from fieldkit.captures.xmp import parse_xmp, read_fields
 from fieldkit.documents.xml_tree import XmlError
 from tests.captures.photographs import MakePhoto, dji_xmp, exif_block, gps_tags
@@ -217,39 +216,10 @@ def test_entities_are_never_expanded() -> None:
             read_fields(packet)
 
 
-@given(st.binary(max_size=300))
-def test_any_xmp_bytes_are_read_or_refused(packet: bytes) -> None:
-    for data in (packet, b"<x:xmpmeta>" + packet + b"</x:xmpmeta>"):
-        try:
-            parse_xmp(data)
-        except XmlError:
-            continue
-
-
 @given(st.text(alphabet="0123456789+-.einfa", max_size=8))
 def test_xmp_numbers_are_finite_or_none(text: str) -> None:
     value = parse_xmp(dji_xmp(GimbalYawDegree=text or "0")).gimbal_yaw_deg
     assert value is None or math.isfinite(value)
-
-
-def test_focal_length_of_the_35_mm_equivalent() -> None:
-    assert focal_in_pixels(36.0, 3600, 2400) == pytest.approx(3600.0)
-    assert focal_in_pixels(36.0, 2400, 3600) == pytest.approx(3600.0)
-    # Cropping a 4:3 frame to 16:9 keeps its width and so its focal length in pixels.
-    assert focal_in_pixels(20.0, 4000, 2250) == pytest.approx(focal_in_pixels(20.0, 4000, 3000))
-
-
-def test_focal_length_from_the_sensor_where_there_is_no_equivalent(photo_file: MakePhoto) -> None:
-    # 8.8 mm on 13.2 mm for 5472 px, copied at 120 px.
-    detail = {37386: 8.8, 41486: 5472 / 13.2, 41488: 4, 40962: 5472}
-    photo, _ = only(photo_file("a.jpg", exif=exif_block(detail=detail)))
-    assert photo.focal_px == pytest.approx(120 * 8.8 / 13.2, rel=1e-3)
-
-
-def test_an_impossible_focal_length_is_not_used(photo_file: MakePhoto) -> None:
-    photo, findings = only(photo_file("a.jpg", exif=exif_block(detail={41989: 60000})))
-    assert photo.focal_px is None
-    assert findings == ["focal-implausible"]
 
 
 def test_the_orientation_is_told(photo_file: MakePhoto) -> None:

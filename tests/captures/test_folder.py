@@ -166,13 +166,6 @@ def test_of_equal_files_the_located_one_is_read(photo_file: MakePhoto) -> None:
     assert left_out(capture) == {"a copy of b.jpg": "duplicate", "c.jpg": "duplicate"}
 
 
-def test_a_name_of_255_bytes_is_read(photo_file: MakePhoto) -> None:
-    name = "x" * 251 + ".jpg"
-    capture = read_capture(photo_file(name).parent)
-    assert capture.names == (name,)
-    assert find_mask(capture.photos[0].path) is None
-
-
 def test_a_decompression_bomb_is_not_decoded(photo_file: MakePhoto) -> None:
     folder = photo_file("a.jpg").parent
     bomb_png(folder / "bomb.png")
@@ -314,24 +307,6 @@ def test_a_folder_that_cannot_be_read(tmp_path: Path) -> None:
     folder.mkdir(mode=0o000)
     with pytest.raises(CaptureError, match="cannot be read"):
         read_capture(folder)
-
-
-def test_nothing_in_the_folder_changes(photo_file: MakePhoto) -> None:
-    folder = photo_file("a.jpg").parent
-    photo_file("b.png")
-    before = {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in folder.iterdir()}
-    read_capture(folder)
-    assert {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in folder.iterdir()} == before
-
-
-def test_one_photograph_is_enough_here(photo_file: MakePhoto) -> None:
-    assert len(read_capture(photo_file("a.jpg").parent).photos) == 1
-
-
-@given(st.lists(st.text(min_size=1, max_size=12), unique=True, max_size=8))
-def test_natural_order_is_total_and_does_not_depend_on_the_input_order(names: list[str]) -> None:
-    backwards = names[::-1]
-    assert sorted(names, key=natural_key) == sorted(backwards, key=natural_key)
 
 
 def test_natural_order_ignores_how_an_umlaut_is_composed() -> None:

@@ -10,7 +10,6 @@ from fieldkit.captures.priors import unit_doubt
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import LocalFrame, utm_epsg_of
 from tests.captures.photographs import MakePhoto, dji_xmp, exif_block, gps_tags
-from tests.captures.test_xmp import packet
 
 FRAME = LocalFrame(52.0, 13.0, 100.0)
 PLACES = {f"{letter}.jpg": (8.0 * i, 3.0 * (i % 2), 20.0 + 0.1 * i) for i, letter in enumerate("abcdef")}
@@ -257,36 +256,6 @@ def test_angles_of_zero_in_some_photographs_are_none_of_these(photo_file: MakePh
     assert ("b.jpg", "angles-zero") in codes(capture)
     assert capture.priors["b.jpg"].yaw_deg is None
     assert capture.priors["a.jpg"].pitch_deg == -60.0
-
-
-ZEROS_OF_MAKERS = {
-    "DJI": dji_xmp(GimbalYawDegree="+0.00", GimbalPitchDegree="+0.00", GimbalRollDegree="+0.00"),
-    "DJI, as elements": dji_xmp(False, GimbalYawDegree="0", GimbalPitchDegree="-0.0", GimbalRollDegree="+0"),
-    "Autel": packet({"drone:GimbalYawDegree": "0.00", "drone:GimbalPitchDegree": "0", "drone:GimbalRollDegree": "0"}),
-    "Parrot": packet(
-        {
-            "drone-parrot:CameraYawDegree": "0",
-            "drone-parrot:CameraPitchDegree": "0",
-            "drone-parrot:CameraRollDegree": "0",
-        }
-    ),
-    "Yuneec": packet({"drone-yuneec:GimbalYaw": "0", "drone-yuneec:GimbalPitch": "0", "drone-yuneec:GimbalRoll": "0"}),
-    "Skydio": packet(
-        inside='<drone-skydio:CameraOrientationNED drone-skydio:Roll="0" drone-skydio:Pitch="0" drone-skydio:Yaw="0"/>'
-    ),
-    "Pix4D": packet({"Camera:Yaw": "0", "Camera:Pitch": "0", "Camera:Roll": "0"}),
-    "yaw and pitch only": dji_xmp(GimbalYawDegree="+0.00", GimbalPitchDegree="+0.00"),
-}
-
-
-@pytest.mark.parametrize("maker", ZEROS_OF_MAKERS)
-def test_zeros_are_no_angles_whoever_writes_them(photo_file: MakePhoto, maker: str) -> None:
-    for name, place in PLACES.items():
-        (latitude,), (longitude,), (altitude,) = FRAME.to_geodetic([place])
-        exif = exif_block(gps=gps_tags(latitude, longitude, round(altitude, 3)))
-        folder = photo_file(name, exif=exif, xmp=ZEROS_OF_MAKERS[maker]).parent
-    priors = read_capture(folder).priors.values()
-    assert {(p.angles, p.rotation) for p in priors} == {(None, None)}
 
 
 def test_angles_of_zero_in_all_lines_of_poses_csv_are_none(photo_file: MakePhoto) -> None:

@@ -10,7 +10,7 @@ import pytest
 from fieldkit.cache import digest
 from fieldkit.captures import read_capture
 from fieldkit.captures.selection import capture_of, find_photographs, photographs_at
-from fieldkit.errors import CaptureError, MetadataError
+from fieldkit.errors import MetadataError
 from tests.captures.photographs import MakePhoto, dji_xmp, exif_block, gps_tags
 
 EXIF = {"exif": exif_block(base={271: "DJI", 272: "M3"}, detail={0x9003: "2026:06:18 09:00:00"},
@@ -51,11 +51,6 @@ def test_folders_that_are_skipped(photo_file: MakePhoto, tmp_path: Path) -> None
     photo_file("results/deep/x.jpg", seed=2)
     found = find_photographs(tmp_path / "capture", skip=lambda folder: folder.name == "results")
     assert [each.place for each in found.photos] == ["a/x.jpg"]
-
-
-def test_no_folder(tmp_path: Path) -> None:
-    with pytest.raises(CaptureError, match="does not exist"):
-        find_photographs(tmp_path / "nowhere")
 
 
 @pytest.mark.parametrize("where", ["", "images/"])

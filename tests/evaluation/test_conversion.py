@@ -91,11 +91,6 @@ class TestReference:
         other = dataclasses.replace(sparse.capture, metric_source="EXIF GPS")
         assert known_centers(dataclasses.replace(sparse, capture=other)) == {}
 
-    def test_settings_are_written_out(self) -> None:
-        settings = reference_report(reconstruction(), SETTINGS, seconds=0, cpu_seconds=0).settings
-        assert settings["mapping"] == "auto"
-        assert isinstance(settings["features"], dict)
-
 
 class TestPlot:
     def test_keys_the_design_promises(self) -> None:
@@ -198,7 +193,3 @@ class TestPlants:
         assert alone.prediction is not None
         # Half a metre wide, on a ring of 0.6 m: nothing like the plots of the fit.
         assert (alone.prediction.chamfer_m is None) == bool(alone.prediction.reason)
-
-    def test_failed_plots_have_neither(self) -> None:
-        plot = failed_plot("p", CaptureError("no photographs"), seconds=0, cpu_seconds=0)
-        assert (plot.traits, plot.prediction) == (None, None)

@@ -11,7 +11,7 @@ import pytest
 from fieldkit.cache import StageCache
 from fieldkit.captures import Capture, read_capture
 from fieldkit.errors import CaptureError, StorageError
-from fieldkit.evaluation.evaluate import count_photographs, evaluate_captures, find_plots
+from fieldkit.evaluation.evaluate import evaluate_captures, find_plots
 from fieldkit.results.report_files import load_evaluation_report
 from fieldkit.runtime.progress import Silent
 
@@ -105,10 +105,3 @@ def test_names_that_are_no_utf_8_are_written_out(tmp_path: Path) -> None:
     plots, passed_over = find_plots(tmp_path)
     assert sorted(name for name, _ in plots) == [r"Fl\udce4che", "plot 1"]
     assert passed_over == [r"l\udce9er"]
-
-
-def test_photographs_are_counted(tmp_path: Path) -> None:
-    for name in ("a.jpg", "b.jpg"):
-        photograph(tmp_path / "plot" / name)
-    assert count_photographs(tmp_path / "plot") == 2
-    assert count_photographs(tmp_path / "none") == 0

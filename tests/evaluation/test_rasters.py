@@ -18,7 +18,6 @@ from fieldkit.evaluation.rasters import (
     canopy_raster,
     coarse_place,
     require_rasters,
-    sampling_m,
     style_text,
     surface_raster,
     to_utm,
@@ -92,12 +91,6 @@ def test_positions_of_metres_leave_the_plot_where_its_site_has_it(tmp_path: Path
     assert coarse_place(FRAME) == ""
     assert coarse_place(replace(FRAME, bound_m=None)) == ""
     assert "good to 3.0 m only" in coarse_place(replace(FRAME, bound_m=4.03 * 3.0))
-
-
-def test_cells_follow_the_pixels() -> None:
-    assert sampling_m(0.002) == 0.005
-    assert sampling_m(0.008) == 0.008
-    assert sampling_m(0.008, 0.1) == 0.1
 
 
 def test_refusals(monkeypatch: pytest.MonkeyPatch) -> None:

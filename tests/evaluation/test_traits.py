@@ -98,11 +98,6 @@ class TestValues:
         assert doubtful.height_error_m > 1.005 * sure.height_error_m
         assert doubtful.canopy_volume_error_m3 / sure.canopy_volume_error_m3 > 2  # type: ignore[operator]
 
-    def test_a_pixel_of_the_depth_maps(self) -> None:
-        result = found()
-        fine = depth_pixel_m(result, result.plants.points, ReconstructionSettings(fidelity="fine"))
-        assert depth_pixel_m(result, result.plants.points, SETTINGS) == pytest.approx(fine * 1000 / 750, rel=0.01)
-
 
 class TestRefusals:
     def test_without_an_outline_there_is_no_cover_but_an_area(self) -> None:

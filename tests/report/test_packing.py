@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fieldkit.report.html.packing import NO_VALUE, PackedPoints, pack_points, plain_floats
+from fieldkit.report.html.packing import NO_VALUE, PackedPoints, pack_points
 
 
 def unpacked(block: PackedPoints) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint8]]:
@@ -71,12 +71,6 @@ def test_points_that_are_nowhere_are_left_out_with_their_colours() -> None:
     np.testing.assert_allclose(found[np.argsort(tones[:, 0])], [[0, 0, 0], [1, 1, 1]], atol=1e-4)
 
 
-def test_no_points() -> None:
-    block = pack_points(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.uint8), np.zeros(0))
-    assert block.count == 0
-    assert gzip.decompress(base64.b64decode(block.text)) == b""
-
-
 def test_same_points_same_text() -> None:
     points = np.random.default_rng(0).normal(size=(1000, 3))
     assert pack_points(points).text == pack_points(points.copy()).text
@@ -101,9 +95,3 @@ def test_a_surface_takes_less_than_its_plain_integers() -> None:
 def test_arrays_that_do_not_fit(colors: object, values: object, limit: float, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         pack_points(np.zeros((3, 3)), colors, values, limit)  # type: ignore[arg-type]
-
-
-def test_plain_floats_are_finite() -> None:
-    assert plain_floats([[1.23456789, -2.0, 0.0]]) == [[1.2346, -2.0, 0.0]]
-    with pytest.raises(ValueError, match="finite"):
-        plain_floats([1.0, np.inf])

@@ -107,13 +107,6 @@ def test_figure_and_date_of_the_map_can_be_chosen(page: Page) -> None:
     assert shown() == ["maize-1, 2026-07-14, chamfer distance: 10 mm"]
 
 
-def test_plots_bear_their_names_on_the_map(page: Page) -> None:
-    names = page.locator("figure.map g.choice:not(.hidden) .plot text")
-    assert names.count() == 8
-    heights = [names.nth(k).evaluate("(e) => e.getBoundingClientRect().height") for k in range(8)]
-    assert min(heights) > 11  # CSS pixels
-
-
 def test_a_plot_of_the_map_leads_to_its_own_part(page: Page) -> None:
     page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = false; })")
     page.locator("figure.map g.choice:not(.hidden) a.plot").first.click()

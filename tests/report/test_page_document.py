@@ -155,15 +155,3 @@ def test_anchors_are_unique_and_plain(anchors: tuple[str, ...]) -> None:
     sections = [Section(anchor, "h", (view,) if k == 0 else ()) for k, anchor in enumerate(anchors)]
     with pytest.raises(ValueError, match="anchors"):
         render(Page("t", "s", tuple(sections)))
-
-
-def test_a_row_has_a_cell_for_every_column() -> None:
-    with pytest.raises(ValueError, match="2 cells"):
-        Table("t", (Column("a"), Column("b")), (("1",),))
-
-
-def test_the_style_prints_as_many_rows_as_the_note_says() -> None:
-    table = Table("Long", (Column("plot"),), tuple((f"{k}",) for k in range(60)))
-    html = render(Page("t", "s", (Section("a", "A", (table,)),)))
-    assert "On paper the first 40 of 60 rows." in html
-    assert "tbody tr:nth-child(n + 41) { display: none; }" in html

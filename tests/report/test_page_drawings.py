@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from fieldkit.figures.drawings import LineChart, MappedPlot, Measure, PlotMap, Series
 from fieldkit.figures.style import DISTANCE_RAMP
-from fieldkit.report.html.charts import HEIGHT, WIDTH, draw, number_text, round_ticks
+from fieldkit.report.html.charts import HEIGHT, WIDTH, draw, round_ticks
 from fieldkit.report.html.plot_map import draw_map, ramp_color
 
 FINITE = st.floats(-1e9, 1e9)
@@ -47,12 +47,6 @@ def test_what_lies_above_the_axis_is_drawn_on_its_edge_and_counted() -> None:
     assert drawing.series[0].dots[1][1] == drawing.top
 
 
-def test_colours_of_lines_differ_and_the_background_is_grey() -> None:
-    point = ((0.0, 1.0), (1.0, 2.0))
-    series = [Series("", point, "dots"), Series("", point, "band"), *(Series("", point) for _ in range(5))]
-    assert [s.number for s in draw(chart(*series)).series] == [2, 2, 1, 3, 4, 5, 6]
-
-
 @given(
     st.lists(st.tuples(FINITE, st.none() | FINITE), min_size=1, max_size=20), st.sampled_from(["line", "dots", "step"])
 )
@@ -79,13 +73,6 @@ def test_ticks_are_round_few_and_inside(low: float, size: float, most: int) -> N
         step = ticks[1] - ticks[0]
         slack = 1e-6 * max(abs(low), abs(high), step)
         assert all(low - slack <= tick <= high + slack for tick in ticks)
-
-
-def test_ticks() -> None:
-    assert round_ticks(0, 100, 6) == [0, 20, 40, 60, 80, 100]
-    assert round_ticks(0.0, 0.012, 6) == [0, 0.005, 0.01]
-    assert round_ticks(1, 3, 9, whole=True) == [1, 2, 3]
-    assert number_text(-0.5) == "−0.5"
 
 
 def test_not_finite_is_an_error() -> None:

@@ -127,17 +127,6 @@ def test_a_mission_is_seen_from_its_lines_and_the_ground() -> None:
     assert far["outer"][0][2] == 0
 
 
-def test_hidden_characters_are_written_out() -> None:
-    html = viewer.viewer_html(ViewerScene("plot\u202egnp.exe"), identifier="v")
-    assert "\u202e" not in html
-    assert "\\u202e" in html
-
-
-def test_identifier_is_an_attribute() -> None:
-    page = Elements(viewer.viewer_html(ViewerScene("t"), identifier='a"b'))
-    assert page.elements[0][1]["id"] == 'a"b'
-
-
 def test_the_first_view_shows_the_plants_not_the_strays() -> None:
     points = np.vstack([leaves().points, [[500.0, 0.0, 0.0]], [[np.nan, 0.0, 0.0]]]).astype(np.float32)
     focus = data_of(viewer.viewer_html(ViewerScene("t", [PointLayer("p", points)]), identifier="v"))["focus"]

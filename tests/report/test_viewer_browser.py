@@ -232,30 +232,6 @@ def test_stations_bear_their_numbers_and_plots_their_names(browser: Browser, sma
         assert page.locator(".fk-view-names span:visible").count() == 0
 
 
-def test_views_are_reached_step_by_step_unless_motion_is_unwelcome(browser: Browser, small: Path) -> None:
-    with offline_page(browser, reduced_motion=False) as (page, complaints):
-        page.goto(small.as_uri())
-        page.wait_for_selector(READY)
-        first = page.evaluate(EYE)
-        frames = page.evaluate("document.querySelector('.fk-view').fieldkitView.frames")
-        page.get_by_role("button", name="From above").click()
-        page.wait_for_function(f"() => {{ const [x, y, z] = {EYE}; return Math.hypot(x, y) < 0.01 * z; }}")
-        assert page.evaluate("document.querySelector('.fk-view').fieldkitView.frames") > frames + 1
-        assert not np.allclose(page.evaluate(EYE), first)
-        assert complaints == []
-
-
-def test_full_screen_and_back(browser: Browser, small: Path) -> None:
-    with ready(browser, small) as (page, stage):
-        before = stage.bounding_box()
-        assert before
-        page.get_by_role("button", name="Full screen").click()
-        page.wait_for_function("() => document.fullscreenElement?.matches('.fk-view-stage')")
-        page.wait_for_function("() => document.querySelector('canvas').height === innerHeight * devicePixelRatio")
-        page.evaluate("document.exitFullscreen()")
-        page.wait_for_function(f"() => document.querySelector('canvas').clientHeight < {before['height']}")
-
-
 def test_the_wheel_is_the_pages_until_the_view_is_clicked(browser: Browser, written: Callable[..., Path]) -> None:
     with ready(browser, written("tall", small_scene(), small_scene(), gap_px=500)) as (page, _):
         stage = page.locator(".fk-view-stage").first
@@ -288,13 +264,6 @@ def test_labels_are_shown_over_cameras(browser: Browser, small: Path) -> None:
         assert not tip.is_visible()
 
 
-def test_labels_are_shown_on_a_tap(browser: Browser, small: Path) -> None:
-    with ready(browser, small, width=390, height=844, touch=True) as (page, stage):
-        place = page.evaluate(PLACES)[0][0]
-        stage.tap(position=place)
-        assert page.locator(".fk-view-tip").inner_text().startswith(("Planned", "Achieved"))
-
-
 def test_names_that_look_like_script_are_inert(browser: Browser, written: Callable[..., Path]) -> None:
     with ready(browser, written("hostile", hostile_scene())) as (page, stage):
         stage.hover(position=page.evaluate(PLACES)[0][0])
@@ -302,15 +271,6 @@ def test_names_that_look_like_script_are_inert(browser: Browser, written: Callab
         assert page.locator(".fk-view-title").inner_text() == HOSTILE
         assert page.evaluate("window.broken") is None
         assert page.locator("img").count() == 0
-
-
-def test_nothing_is_drawn_while_nothing_happens(browser: Browser, small: Path) -> None:
-    with ready(browser, small) as (page, _):
-        settled(page)
-        frames = "document.querySelector('.fk-view').fieldkitView.frames"
-        before = page.evaluate(frames)
-        page.wait_for_timeout(500)
-        assert page.evaluate(frames) == before
 
 
 def test_a_lost_context_is_told_and_comes_back(browser: Browser, small: Path) -> None:

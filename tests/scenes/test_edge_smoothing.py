@@ -39,11 +39,6 @@ def test_what_has_no_edges_stays_as_it_is() -> None:
     np.testing.assert_array_equal(smooth_edges(dim), dim)
 
 
-def test_an_image_smaller_than_a_neighbourhood_passes() -> None:
-    tiny = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
-    np.testing.assert_array_equal(smooth_edges(tiny), tiny)
-
-
 def test_a_rendered_plant_lies_nearer_to_many_samples(renderer: Renderer) -> None:
     camera = Intrinsics.pinhole(400, 300, 340.0)
     pose = ring(1, 1.0, 0.8)[0]

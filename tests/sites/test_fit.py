@@ -96,11 +96,6 @@ def test_heights_that_are_given_for_all_plots_or_not_known() -> None:
     assert heights(planned(plants=False), "unknown") == heights(None, "unknown") == [None, 1.2]
 
 
-def test_the_plans_plants_are_09_m_high() -> None:
-    top = PlanFacts(planned()).top_m
-    assert top == pytest.approx(0.9, abs=0.01)
-
-
 def test_higher_plants_are_flown_clear_of_or_refused() -> None:
     high, low = planned(height_m=2.2), planned(height_m=1.5)
     assert findings(low, plant_height_m=0.93) == {}

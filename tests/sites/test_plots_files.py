@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyogrio
 import pytest
 import shapely
 from pyogrio.raw import write
@@ -365,10 +364,6 @@ def test_plan_and_site_in_each_others_place(tmp_path: Path) -> None:
         assert f"{other} as the plan" in caught.value.remedy
     with pytest.raises(MetadataError, match="is not TOML"):
         load_site(plan)
-
-
-def test_the_drivers_are_there() -> None:
-    assert set(KINDS) <= set(pyogrio.list_drivers(read=True))
 
 
 @pytest.mark.parametrize("suffix", [".gpkg", ".kml", ".geojson"])

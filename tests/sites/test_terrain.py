@@ -101,15 +101,6 @@ def test_no_slope_is_todays_result_bit_for_bit(row: float, heading: float, x: fl
     assert unreachable(place(plan, plain), plain, VEHICLE) == unreachable(place(plan, level), level, VEHICLE)
 
 
-def test_no_slope_has_todays_obstacles_and_routes() -> None:
-    plan, plain, level = planned(), site_with(), site_with(slope_percent=0.0, uphill_heading_deg=12.0)
-    assert site_obstacles(plain, 0.5, plan).volumes == site_obstacles(level, 0.5, plan).volumes
-    assert {volume.kind for volume in site_obstacles(plain, 0.5, plan).volumes} == {"plants"}
-    one, other = (route_plan(plan, VEHICLE, site) for site in (plain, level))
-    assert [each.mission for each in one.flights] == [each.mission for each in other.flights]
-    assert (one.lowest_m, one.plants_m) == (other.lowest_m, other.plants_m)
-
-
 @settings(max_examples=30, deadline=None)
 @given(st.floats(-360, 0), SLOPES, st.floats(-360, 0))
 def test_a_whole_turn_changes_nothing(row: float, percent: float, heading: float) -> None:

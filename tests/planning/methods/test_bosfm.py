@@ -139,14 +139,6 @@ def test_another_process_proposes_the_same() -> None:
     assert found.stdout.strip() == ours
 
 
-def test_a_proposal_does_not_depend_on_earlier_calls() -> None:
-    plot = problem(4)
-    results = run(Bosfm(plot, QUICK, 3), 7)
-    fresh = Bosfm(plot, QUICK, 3).propose(6, results[:6], ())
-    assert fresh is not None
-    assert fresh.cameras == results[6].trial.cameras
-
-
 def test_a_recorded_set_is_gone_through_once() -> None:
     plot = problem(3, views=5)
     results = run(Bosfm(plot, QUICK, 0), 20)
@@ -205,8 +197,3 @@ def test_tuned_codes_do_not_know_the_cameras_order() -> None:
     turned = cameras.select([2, 0, 3, 1])
     np.testing.assert_array_equal(tuned.encode(cameras), tuned.encode(turned))
     assert (literal.encode(cameras) != literal.encode(turned)).any()
-
-
-def test_initial_trials_are_needed() -> None:
-    with pytest.raises(ValueError):
-        Bosfm(problem(4), 0)

@@ -13,7 +13,7 @@ from benchmarks.planners import PLANNERS
 from benchmarks.planners.random_sets import Random
 from fieldkit.clouds import Cloud
 from fieldkit.planning.methods.field import Field, FieldSettings
-from fieldkit.planning.methods.optimise import Effort, looked_at, near
+from fieldkit.planning.methods.optimise import Effort, near
 from fieldkit.planning.methods.registry import METHODS
 from fieldkit.planning.methods.subsets import MatchGraph, Uniform
 from fieldkit.planning.problem import Judge, Method, PlanningProblem, Result, Trial
@@ -278,20 +278,6 @@ def test_the_embedding_knows_no_order_and_its_distance_is_the_discrepancy() -> N
         for j in range(i):
             exact = kernel(rows[i], rows[i]) + kernel(rows[j], rows[j]) - 2 * kernel(rows[i], rows[j])
             assert float(((embedded[i] - embedded[j]) ** 2).sum()) == pytest.approx(exact, abs=0.12)
-
-
-def test_moves_are_near_and_feasible() -> None:
-    problem = bowl_problem(6)
-    cameras = problem.sample(1)
-    rng = np.random.default_rng(0)
-    for size in (0.02, 0.2):
-        for _ in range(20):
-            found = near(cameras, problem, size, rng)
-            assert problem.contains(found)
-            assert found != cameras
-            assert np.linalg.norm(found.positions - cameras.positions, axis=1).max() < 6 * size + 0.05
-    points = looked_at(cameras, problem)
-    assert np.allclose(np.cross(points - cameras.positions, cameras.forward), 0, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", PLANNERS)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.planners.rings import Cap, Hemisphere, Rings, TwoRings
+from benchmarks.planners.rings import Cap, Hemisphere, TwoRings
 from fieldkit.planning.methods.circle import StagedSearch
 from fieldkit.planning.problem import Result
 from tests.planning.leafy import problem, recorded
@@ -37,20 +37,6 @@ def test_a_grid_is_refined_about_its_best_and_ends(make: type[TwoRings | Hemisph
     few = run(make(plot))
     assert all(plot.contains(r.trial.cameras) for r in few)
     assert len(few) == make(plot).trials
-
-
-def test_two_rings_are_two_even_rings() -> None:
-    cameras = Rings(1.2, 0.9, 0.8, 1.6, 0.3).cameras(PROBLEM)
-    offset = cameras.positions - PROBLEM.center
-    np.testing.assert_allclose(np.hypot(offset[:4, 0], offset[:4, 1]), 1.2)
-    np.testing.assert_allclose(np.hypot(offset[4:, 0], offset[4:, 1]), 0.9)
-    np.testing.assert_allclose(cameras.positions[:, 2], [0.8] * 4 + [1.6] * 3)
-    azimuth = np.degrees(np.arctan2(offset[:, 0], offset[:, 1])) % 360.0
-    np.testing.assert_allclose(np.diff(azimuth[:4]), 90.0)
-    np.testing.assert_allclose(np.diff(azimuth[4:]), 120.0)
-    assert azimuth[4] == pytest.approx(60.0)
-    radii = {r.trial.notes["lower_radius_m"] for r in run(TwoRings(PROBLEM))}
-    assert (min(radii), max(radii)) == pytest.approx(PROBLEM.ranges.radius_m)
 
 
 def test_a_cap_is_evenly_covered_within_the_height_band() -> None:

@@ -15,7 +15,6 @@ import pytest
 
 from benchmarks.objective_scenes import tuning_plot
 from fieldkit.captures import read_image
-from fieldkit.clouds import Cloud
 from fieldkit.errors import UsageError
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
@@ -28,7 +27,6 @@ from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.renderer import RenderingError
 from fieldkit.scenes.simulate import CaptureNoise
-from tests.planning.bowl import here
 from tests.scenes.conftest import SMALL_PLOT
 
 DRAFT = ObjectiveSettings("draft")
@@ -121,13 +119,6 @@ def test_senseless_requests_are_refused(source: SimulatedSource, arc: Cameras) -
         ObjectiveSettings("ultra")  # type: ignore[arg-type]
 
 
-def test_the_reference_of_a_proxy_is_its_plants(proxy: Proxy) -> None:
-    points = proxy.reference.points
-    assert len(points) > 5000
-    assert points[:, 2].min() > 0.03 == proxy.volume.lower[2]
-    assert proxy.volume.contains(points).all()
-
-
 @pytest.mark.slow
 def test_a_described_proxy_is_photographed_as_its_file_says(
     proxy: Proxy, source: SimulatedSource, arc: Cameras
@@ -144,15 +135,6 @@ def test_a_described_proxy_is_photographed_as_its_file_says(
     described.close()
     assert second.min() > first.min() + 20
     assert shot.views == plain.views
-
-
-@pytest.mark.slow
-def test_serial_and_parallel_agree(source: SimulatedSource, arc: Cameras) -> None:
-    sets = [arc, arc.select([0, 1, 2]), arc.select([3, 4, 5, 0])]
-    objective = Objective(source, DRAFT)
-    with evaluating(objective, Context(workers=2)) as pool:
-        parallel = list(pool.each(Job(cameras) for cameras in sets))
-    assert parallel == list(here(objective).each(Job(cameras) for cameras in sets))
 
 
 def test_without_a_renderer_the_error_names_the_remedy(tmp_path: Path) -> None:
@@ -176,12 +158,6 @@ def test_without_a_renderer_the_error_names_the_remedy(tmp_path: Path) -> None:
         env={"PYTHONPATH": str(Path(__file__).parents[3]), "PYOPENGL_PLATFORM": "nonsense", "PATH": "/usr/bin"},
     )  # fmt: skip
     assert done.stdout.startswith("RenderingError Install the off-screen OpenGL libraries"), done.stderr
-
-
-def test_a_reference_far_away_costs_the_worst(proxy: Proxy, source: SimulatedSource, arc: Cameras) -> None:
-    far = SimulatedSource(replace(proxy, reference=Cloud(proxy.reference.points + 3.0)))
-    assert Objective(far, DRAFT).evaluate(arc).value_m == pytest.approx(0.2)
-    far.close()
 
 
 @pytest.mark.slow

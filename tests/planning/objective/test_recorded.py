@@ -84,10 +84,6 @@ def test_recorded_cameras_stand_for_themselves(source: RecordedSource) -> None:
     assert source.project(moved).tolist() == [2, 6]
 
 
-def test_two_cameras_at_one_place_get_two_views(source: RecordedSource) -> None:
-    assert len(set(source.project(source.cameras([4, 4, 4])).tolist())) == 3
-
-
 def test_more_cameras_than_views_are_refused(source: RecordedSource) -> None:
     with pytest.raises(UsageError, match="9 cameras are asked for, but the set has 8"):
         source.project(source.cameras([*range(8), 0]))

@@ -23,7 +23,7 @@ from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import Limits, NoWorkersError
 from tests.planning.bowl import here
-from tests.planning.traps import EXIT, GROW, HANG, ONCE, RAISE, REFUSE, SEGFAULT, SLOW, Trap, job_cameras
+from tests.planning.traps import EXIT, GROW, HANG, RAISE, REFUSE, SEGFAULT, SLOW, Trap, job_cameras
 
 QUICK = Limits(seconds=1.5, memory_bytes=700 << 20)
 
@@ -66,13 +66,6 @@ def test_what_breaks_costs_itself_only(tmp_path: Path, trap: float, reason: str)
     assert broken.value_m == 0.2
     # A worker's death may be luck, a bug is not.
     assert (tmp_path / "attempts").read_text().split().count(f"{trap:g}") == (1 if trap == RAISE else 2)
-
-
-def test_a_second_try_can_succeed(tmp_path: Path) -> None:
-    with evaluating(Trap(tmp_path), Context()) as pool:
-        (found,) = evaluate_all(pool, [job_cameras(ONCE)])
-    assert found.measured
-    assert found.value_m == ONCE + 2.0
 
 
 def test_errors_for_people_come_through(tmp_path: Path) -> None:

@@ -187,8 +187,3 @@ def test_recorded_views_are_compared_with_the_vehicle() -> None:
     assert len(notes.told) == 1
     with pytest.raises(UsageError, match="can take 4 of the 6 photographs' poses, 5 are asked for"):
         check_views(views, run.model_copy(update={"cameras": 5}), notes)
-
-
-def test_heights_in_centimetres_are_refused_before_anything_is_tried() -> None:
-    with pytest.raises(ValueError, match=r"metres above the ground, at most 50, and not 250: in centimetres\?"):
-        EnvelopeSettings(height_m=(80.0, 250.0))

@@ -12,7 +12,7 @@ from fieldkit.clouds import Cloud
 from fieldkit.clouds.canopy import with_room_m
 from fieldkit.planning.score.geometric import GeometricScore, ScoreSettings, room_above
 from fieldkit.planning.score.matchability import Matchability
-from fieldkit.planning.score.visibility import PerCamera, Surface, in_picture, look
+from fieldkit.planning.score.visibility import Surface, in_picture, look
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot
 from tests.planning.leafy import CAMERA, around, leaves, problem
@@ -82,11 +82,6 @@ def test_room_above_the_plants_is_lost_where_pictures_end_below_it() -> None:
     assert SCORE.score(ring).lost_room < 0.2
 
 
-def test_incidence_is_left_out_without_normals() -> None:
-    sights = look(Surface.of(problem(normals=False).plots[0]), PROBLEM.sample(0), CAMERA)
-    assert all((sight.facing == 1).all() for sight in sights)
-
-
 def test_a_wall_hides_what_is_behind_it_and_nothing_else() -> None:
     grid = np.stack(np.meshgrid(np.linspace(-0.2, 0.2, 9), np.linspace(0.1, 0.5, 9)), axis=-1).reshape(-1, 2)
     behind = np.column_stack([grid[:, 0], np.full(len(grid), 0.3), grid[:, 1]])
@@ -114,12 +109,6 @@ def test_a_stem_hides_its_own_far_side() -> None:
     assert seen[surface.points[:, 1] > 0.008].mean() < 0.1  # what the splats of its front leave open
 
 
-def test_what_is_in_the_picture_projects_into_it() -> None:
-    cameras = around(np.array([0.0, 90.0]))
-    points = np.array([[0, 0, 0.3], [-3.0, 0, 0.3], [0, 5.0, 1.2]])
-    np.testing.assert_array_equal(in_picture(points, cameras, CAMERA), [[True, False, False], [True, True, False]])
-
-
 def test_a_further_view_never_makes_the_gap_worse() -> None:
     for seed in range(5):
         cameras = PROBLEM.envelope.sample(9, seed)
@@ -140,11 +129,6 @@ def test_limits_of_the_distance() -> None:
     assert dense.distance_m < sparse.distance_m
     narrow = SCORE.score(around(np.arange(6) * 2.0))
     assert narrow.noise_m > 2 * dense.noise_m  # small angles triangulate badly
-
-
-def test_incidence_and_distance_cost() -> None:
-    near, far = (SCORE.score(around(np.arange(6) * 12.0, radius_m=r)) for r in (1.4, 2.0))
-    assert near.covered > far.covered
 
 
 def test_closer_views_hang_together_more_firmly() -> None:
@@ -172,25 +156,6 @@ def test_kept_views_change_nothing() -> None:
     assert kept.score(moved).distance_m == fresh.score(moved).distance_m
     assert kept.score(moved).tie_m == fresh.score(moved).tie_m
     assert kept.score(cameras).distance_m == GeometricScore(PROBLEM, points=400).score(cameras).distance_m
-
-
-def test_values_are_computed_once_and_the_oldest_go() -> None:
-    asked: list[int] = []
-
-    def compute(cameras: Cameras) -> list[float]:
-        asked.append(len(cameras))
-        return [float(x) for x in cameras.positions[:, 0]]
-
-    kept = PerCamera(compute, kept=4)
-    some = around(np.arange(6) * 10.0)
-    assert kept(some.select([0, 1, 2])) == [float(x) for x in some.positions[:3, 0]]
-    kept(some.select([2, 1, 3]))
-    assert asked == [3, 1]
-    kept(some.select([4, 5]))  # 0, the one not used for longest, and 2 go
-    kept(some.select([1, 3]))
-    assert asked == [3, 1, 2]
-    kept(some.select([0]))
-    assert asked == [3, 1, 2, 1]
 
 
 def test_the_order_of_cameras_does_not_matter() -> None:

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
-from fieldkit.planning.surrogate.ensemble import KERNELS, Ensemble, Periodic, fit_ensemble, posterior_weights
+from fieldkit.planning.surrogate.ensemble import KERNELS, Ensemble, fit_ensemble, posterior_weights
 from fieldkit.planning.surrogate.fit import fit, log_likelihood
 
 
@@ -86,14 +86,6 @@ def test_the_kernel_that_fits_gets_the_weight() -> None:
     assert fit_ensemble(x, repeated, 0).named_weights()["periodic"] > 0.99
     weights = fit_ensemble(x, np.abs(np.sin(9 * x)).sum(axis=1), 0).named_weights()
     assert weights["matern"] > weights["rbf"]
-
-
-def test_the_periodic_kernel_is_gpytorchs() -> None:
-    ours, theirs = Periodic(5).double(), gpytorch.kernels.PeriodicKernel().double()
-    theirs.period_length, theirs.lengthscale = 1.0, ours.lengthscale.item() ** 2
-    x = torch.rand(9, 5, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
-    torch.testing.assert_close(ours(x[:4], x[4:]).to_dense(), theirs(x[:4], x[4:]).to_dense())
-    torch.testing.assert_close(ours(x, diag=True), theirs(x, diag=True))
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fieldkit.figures.content import Mark, Table
-from fieldkit.report.sections.demo import demo_blocks, demo_verdict
+from fieldkit.report.sections.demo import demo_verdict
 from fieldkit.results.demo import DemoEntry, DemoReport
 
 
@@ -32,11 +31,3 @@ def test_the_verdict_claims_no_more_than_a_flight_can_tell(seen: float, unseen: 
     verdict = demo_verdict(report(seen=seen, unseen=unseen))
     assert verdict.level == level
     assert said in verdict.text
-
-
-def test_every_plot_and_judge_has_a_row() -> None:
-    _, table, _ = demo_blocks(report(seen=3.6, unseen=4.4))
-    assert isinstance(table, Table)
-    assert [row[1] for row in table.rows] == ["its reference", "the true plants"] * 2
-    marks = [row[4] for row in table.rows]
-    assert [mark.level for mark in marks if isinstance(mark, Mark)] == ["fact", "good", "fact", "problem"]

@@ -167,11 +167,6 @@ class TestMissions:
         assert (part.report.changed, part.report.mission_file) == (False, "")
         assert "Only its record is here" in _advice(part)
 
-    def test_other_geojson_is_none(self, tmp_path: Path) -> None:
-        (tmp_path / "plots.geojson").write_bytes((SITES / "plots.geojson").read_bytes())
-        with pytest.raises(MetadataError, match="holds no result"):
-            read_results(tmp_path)
-
     def test_plants_stand_where_their_plan_is_flown(self, tmp_path: Path) -> None:
         (tmp_path / "plan").mkdir()
         save_plan(tmp_path / "plan" / "plan.json", planned(5, height_m=2.0))

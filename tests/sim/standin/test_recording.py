@@ -42,25 +42,6 @@ def test_messages_are_those_that_mavutil_reads(sitl: Path) -> None:
     assert sum(name == "CAMERA_FEEDBACK" for name, _, _ in ours) == len(photographs)
 
 
-def test_what_is_between_frames_is_skipped(sitl: Path, tmp_path: Path) -> None:
-    frames = list(read_frames(sitl / "probe_items.tlog"))[:60]
-    noise = bytes(range(256)) + b"\xfd\xfe" * 20
-    parts = []
-    for number, frame in enumerate(frames):
-        parts.append(struct.pack(">Q", round(frame.time_s * 1e6)) + frame.data)
-        if number % 7 == 3:
-            parts.append(noise)
-    (tmp_path / "noisy.tlog").write_bytes(b"".join(parts))
-    assert [f.data for f in read_frames(tmp_path / "noisy.tlog")] == [f.data for f in frames]
-
-
-def test_the_last_frame_may_be_cut_off(sitl: Path, tmp_path: Path) -> None:
-    frames = list(read_frames(sitl / "probe_items.tlog"))
-    data = (sitl / "probe_items.tlog").read_bytes()
-    (tmp_path / "cut.tlog").write_bytes(data[:-5])
-    assert list(read_frames(tmp_path / "cut.tlog")) == frames[:-1]
-
-
 @settings(max_examples=150, deadline=None)
 @given(st.data())
 def test_damaged_logs_never_fail_but_cleanly(data: st.DataObject) -> None:
