@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 import typer
 
 from fieldkit.cli.boundary import Boundary
-from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, emit_json, show, table
+from fieldkit.cli.common import JsonOption, OverwriteOption, emit_json, show, table
 from fieldkit.cli.main import parser_of
 from fieldkit.cli.reconstruction_options import open_cache, run_context
 from fieldkit.errors import UsageError
@@ -153,7 +153,6 @@ def command(
     no_scene: Annotated[bool, typer.Option("--no-scene", help="In scaling: plants only, in half the time.")] = False,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
-    debug: DebugOption = False,
 ) -> None:
     """Measure speed and accuracy on this machine, fieldkit's and an alternative's in the same run.
 
