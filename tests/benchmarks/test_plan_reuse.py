@@ -5,15 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.plan_reuse import (
-    PLANNED,
-    rescored,
-    ring_plan,
-    run_plan_reuse,
-    slope_ways,
-    variants,
-    ways_table,
-)
+from benchmarks.plan_reuse import PLANNED, rescored, ring_plan, run_plan_reuse, slope_ways, variants, ways_table
 from benchmarks.sloped_plots import sheared, shifted, sloped, turned
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume

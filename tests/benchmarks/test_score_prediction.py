@@ -5,14 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.score_prediction import (
-    CANDIDATES,
-    Plot,
-    checked,
-    fit,
-    left_out,
-    names,
-)
+from benchmarks.score_prediction import CANDIDATES, Plot, checked, fit, left_out, names
 from benchmarks.scored_captures import FITTED, HELD_OUT, designs
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.prediction import FLOORS, predict

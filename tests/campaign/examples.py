@@ -59,7 +59,7 @@ def plots_geojson(plots: tuple[CampaignPlot, ...]) -> str:
 def photo(name: str, **values: object) -> Photo:
     """A photograph that nobody took."""
     base = Photo(Path("/nowhere") / name, name, 1000, 750, "JPEG", name, make="m", model="c", serial="1")
-    return replace(base, **values)  # type: ignore[arg-type]
+    return replace(base, **values)
 
 
 def flown(
@@ -96,5 +96,5 @@ def campaign_folder(tmp_path: Path, plots: tuple[CampaignPlot, ...], plan: Plan 
         'format = 1\nplots = "plots.geojson"\n[home]\nlatitude_deg = 52.296\nlongitude_deg = 10.437\namsl_m = 40.0\n'
     )
     folder = tmp_path / "season"
-    init_campaign(folder, CampaignSources(sources / "plan.json", sources / "site.toml"), **options)  # type: ignore[arg-type]
+    init_campaign(folder, CampaignSources(sources / "plan.json", sources / "site.toml"), **options)
     return folder

@@ -77,13 +77,10 @@ def test_every_plot_with_a_cloud_has_its_own_plan_and_no_worse_score(tmp_path: P
     assert [each.plot for each in plans] == ["r1c1", "r1c2", "r1c3"]
     assert [each.date for each in plans] == [DATES[0], DATES[0], None]
     for each in plans[:2]:
-        assert each.expected_m is not None
-        assert each.carried_m is not None
         assert each.expected_m <= each.carried_m
         assert len(each.plan.stations) == len(PLAN.stations)
         assert min(station.position_m[2] for station in each.plan.stations) >= vehicle.min_height_m
         assert each.plan.plants is not None
-        assert each.plan.method is not None
         assert (each.plan.method.name, each.plan.method.repeats) == ("score", 0)
     assert plans[2].plan is found.plan
     again = next_plans(found, vehicle, Context(), growth=1.2)
@@ -116,7 +113,6 @@ def test_visits_are_compared_with_the_plan_that_was_made_for_them(tmp_path: Path
 
 def test_a_plan_for_a_kind_is_fitted_to_each_plots_plants(tmp_path: Path) -> None:
     """A visit is compared with the stations that were flown, and the next one is planned from them."""
-    assert PLAN.plants is not None
     height_m = max(z for _, _, z in PLAN.plants.points_m)
     found = season(tmp_path, ("r1c1",), PLAN.model_copy(update={"plant_height_m": height_m}))
     sites = tuple(
@@ -126,7 +122,6 @@ def test_a_plan_for_a_kind_is_fitted_to_each_plots_plants(tmp_path: Path) -> Non
     found = replace(found, site=found.site.model_copy(update={"plots": sites}))
     assert found.plan_of("r1c1", DATES[0]) is found.plan
     flown = found.plan_of("r1c3", DATES[0])
-    assert flown.fit is not None
     assert flown.fit.height == pytest.approx(1.2)
     plans = {each.plot: each.plan for each in next_plans(found, None, Context(), growth=1.2)}
     assert plans["r1c3"] == flown

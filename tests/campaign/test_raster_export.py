@@ -62,7 +62,6 @@ def season(tmp_path: Path) -> Campaign:
 
 def span(file: Path) -> tuple[float, float]:
     renderer = ElementTree.fromstring(file.read_text().partition("\n")[2]).find("pipe/rasterrenderer")
-    assert renderer is not None
     return float(renderer.get("classificationMin", "")), float(renderer.get("classificationMax", ""))
 
 
@@ -135,5 +134,4 @@ def test_refusals(season: Campaign, tmp_path: Path) -> None:
 
 def test_the_files_of_a_plot_whose_name_is_no_folders_name(season: Campaign) -> None:
     file = visit_cloud(season.folder, season.visits[0])
-    assert file is not None
     assert file.is_file()

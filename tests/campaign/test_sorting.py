@@ -47,7 +47,6 @@ def test_stations_over_a_neighbour_are_told_by_where_they_look() -> None:
     nearest = []
     for shot in shots:
         tag = shot.photo.geotag
-        assert tag is not None
         nearest.append(min(middles, key=lambda name: abs(middles[name].latitude_deg - tag.latitude_deg)))
     assert set(nearest) == {"r1c1", "r2c1", "r3c1"}
     assert counts(sort_photographs(shots, close, PLAN)) == {("r2c1", "2026-06-18"): 8}
@@ -177,7 +176,7 @@ def test_folder_dates(name: str, date: str | None) -> None:
         max_size=12,
     )
 )
-def test_every_photograph_is_in_one_visit_or_left_out(rows: list[tuple]) -> None:  # type: ignore[type-arg]
+def test_every_photograph_is_in_one_visit_or_left_out(rows: list[tuple]) -> None:
     shots = []
     for k, (folder, place, taken, yaw, pitch) in enumerate(rows):
         tag = None if place is None else GeoTag(*place)

@@ -63,7 +63,6 @@ def scene(rng: np.random.Generator, tilt: float = 0.0) -> np.ndarray:
 def test_gps_positions_come_into_the_plots_frame() -> None:
     capture = tagged()
     placed = place_visit(capture, PLOT, PLAN, None)
-    assert placed.plot is not None
     assert placed.notes == ()
     known = known_poses(capture, placed.plot.source)
     found = np.array([known.by_name[photo.name].position for photo in capture.photos])
@@ -84,7 +83,6 @@ def test_the_ground_becomes_zero_at_the_origin(tilt: float) -> None:
     motion, ground = Settling(None, 1.3)(scene(rng, tilt) + lifted, poses)
     np.testing.assert_allclose(motion.translation, -lifted, atol=0.004)
     np.testing.assert_allclose(motion.rotation, np.eye(3))
-    assert ground is not None
     assert ground.normal[0] == pytest.approx(-tilt, abs=0.01)  # a slope stays one
     assert ground.heights(np.array([[0.5, 0.3, 0.5 * tilt]]))[0] == pytest.approx(0.0, abs=0.004)
 
@@ -125,7 +123,6 @@ def test_poses_in_the_plot_frame_are_told_by_the_stations() -> None:
     assert wanted_sidecars(listed(3.0), PLAN, None) == {"poses.csv"}
     assert wanted_sidecars(listed(3.0, tags=False), PLAN, None) == frozenset()
     placed = place_visit(listed(), PLOT, PLAN, None)
-    assert placed.plot is not None
     assert placed.plot.source.source == "poses.csv"
     nowhere = place_visit(listed(3.0, tags=False), PLOT, PLAN, None)
     assert nowhere.plot is None
@@ -143,7 +140,6 @@ def test_a_reference_of_its_own_fixes_frame_and_volume() -> None:
     earthly = KnownPlot(SourceFrame("EXIF GPS", origin, Similarity.identity()), volume, GROUND)
     assert wanted_sidecars(listed(), PLAN, earthly) == {"poses.csv"}
     placed = place_visit(tagged(), PLOT, PLAN, earthly)
-    assert placed.plot is not None
     assert placed.plot.volume is volume
     assert placed.plot.settle is not None
 
@@ -176,10 +172,8 @@ class TestOutline:
 
     def test_of_a_polygon_with_positions_by_gps(self) -> None:
         placed = place_visit(tagged(), self.drawn(), PLAN, None)
-        assert placed.outline is not None
         assert placed.outline.corners is not None
         np.testing.assert_allclose(placed.outline.corners, self.CORNERS, atol=1e-4)
-        assert placed.plot is not None
         np.testing.assert_allclose(placed.plot.volume.lower[:2], (-1.5, -0.75), atol=1e-4)
         np.testing.assert_allclose(placed.plot.volume.upper[:2], (1.5, 0.75), atol=1e-4)
         assert placed.plot.volume.upper[2] == plan_volume(PLAN).upper[2]
@@ -187,7 +181,6 @@ class TestOutline:
     def test_of_a_length_and_a_width(self) -> None:
         plot = replace(PLOT, row_heading_deg=200.0, shape=None, size_m=(3.0, 1.5))
         placed = place_visit(listed(tags=False), plot, PLAN, None)
-        assert placed.outline is not None
         np.testing.assert_allclose(placed.outline.corners, self.CORNERS, atol=1e-4)
 
     def test_in_the_frame_of_a_reference(self) -> None:
@@ -199,13 +192,10 @@ class TestOutline:
 
     def test_is_not_known_of_a_point(self) -> None:
         placed = place_visit(tagged(), replace(PLOT, shape=None), PLAN, None)
-        assert placed.outline is not None
         assert placed.outline.corners is None
-        assert placed.plot is not None
         assert placed.plot.volume == plan_volume(PLAN)
 
     def test_cannot_be_placed_by_coarse_positions(self) -> None:
         placed = place_visit(tagged(3.0), self.drawn(), PLAN, None)
-        assert placed.outline is not None
         assert placed.outline.corners is None
         assert "good to 3.0 m only" in placed.outline.reason

@@ -46,7 +46,6 @@ def test_everything_a_drone_writes(photo_file: MakePhoto) -> None:
     assert photo.captured_at == datetime(2024, 6, 23, 16, 31, 59, 250000)
     assert (photo.yaw_deg, photo.pitch_deg, photo.roll_deg, photo.flight_yaw_deg) == (45.0, -89.9, 0.0, 46.0)
     tag = photo.geotag
-    assert tag is not None
     assert (tag.latitude_deg, tag.longitude_deg) == pytest.approx((-33.5, 151.25))
     assert (tag.altitude_m, tag.datum, tag.relative_altitude_m, tag.rtk) == (45.5, "sea level", 39.8, False)
 
@@ -94,7 +93,6 @@ def test_metadata_of_other_formats(photo_file: MakePhoto, suffix: str) -> None:
     photo, findings = only(photo_file(f"a.{suffix}", **options))
     assert findings == []
     assert (photo.make, photo.focal_35mm, photo.yaw_deg) == ("DJI", 24.0, 12.0)
-    assert photo.geotag is not None
     assert photo.geotag.latitude_deg == pytest.approx(52.0)
 
 
@@ -131,7 +129,6 @@ def test_the_altitude_says_what_it_is_measured_from(
     xmp = dji_xmp(AltitudeType=altitude_type) if altitude_type else b""
     exif = exif_block(gps=gps_tags(52.0, 13.0, altitude, reference))
     photo, _ = only(photo_file("a.jpg", exif=exif, xmp=xmp))
-    assert photo.geotag is not None
     assert photo.geotag.altitude_m == pytest.approx(expected)
     assert photo.geotag.datum == datum
 
@@ -140,7 +137,6 @@ def test_rtk_is_known_with_its_deviations(photo_file: MakePhoto) -> None:
     xmp = dji_xmp(RtkFlag="50", RtkStdLon="0.011", RtkStdLat="0.014", RtkStdHgt="0.025", AltitudeType="RtkAlt")
     photo, _ = only(photo_file("a.jpg", exif=exif_block(gps=gps_tags(52.0, 13.0, 80.0)), xmp=xmp))
     tag = photo.geotag
-    assert tag is not None
     assert (tag.rtk, tag.horizontal_accuracy_m, tag.vertical_accuracy_m) == (True, 0.014, 0.025)
 
 
@@ -161,7 +157,6 @@ def test_impossible_positions_are_reported_and_not_used(photo_file: MakePhoto, g
 
 def test_an_impossible_altitude_leaves_the_position(photo_file: MakePhoto) -> None:
     photo, findings = only(photo_file("a.jpg", exif=exif_block(gps=gps_tags(52.0, 13.0, 500000.0))))
-    assert photo.geotag is not None
     assert photo.geotag.altitude_m is None
     assert "altitude-implausible" in findings
 

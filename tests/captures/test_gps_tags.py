@@ -94,7 +94,6 @@ def test_a_minus_is_a_sign_and_not_a_second_one(photo_file: MakePhoto) -> None:
     for letter, expected in (("S", ()), (None, ()), ("N", ("latitude",))):
         gps = {1: letter, 2: (-33.0, 54.0, 0.0), 3: "E", 4: 151.2}
         tag = geotag_of({k: v for k, v in gps.items() if v is not None}, XmpData(), [])
-        assert tag is not None
         assert (tag.unsigned, abs(tag.latitude_deg), tag.longitude_deg) == (expected, pytest.approx(33.9), 151.2)
         assert letter == "N" or tag.latitude_deg < 0
 

@@ -42,7 +42,6 @@ def test_gps_becomes_east_north_up_metres_about_the_centroid(photo_file: MakePho
     capture = read_capture(geotagged(photo_file))
     truth = np.array(list(PLACES.values()))
     assert (capture.metric_source, utm_epsg_of(capture.origin)) == ("EXIF GPS", 32633)
-    assert capture.origin is not None
     assert (capture.origin.datum, capture.height_source) == ("sea level", "relative altitude")
     np.testing.assert_allclose(positions(capture), truth - truth.mean(0), atol=2e-3)
     prior = capture.priors["a.jpg"]
@@ -68,7 +67,6 @@ def test_rtk_heights_are_used_as_they_are(photo_file: MakePhoto) -> None:
     folder = geotagged(photo_file, RtkFlag="50", AltitudeType="RtkAlt", RtkStdHgt="0.045", RtkStdLon="0.01")
     capture = read_capture(folder)
     assert capture.height_source == "RTK altitude"
-    assert capture.origin is not None
     assert capture.origin.datum == "ellipsoid"
     assert capture.priors["a.jpg"].position_sigma_m == 0.045
 
@@ -93,7 +91,6 @@ def test_a_position_on_another_continent_does_not_move_the_frame(photo_file: Mak
     folder = photo_file("g.jpg", exif=exif_block(gps=gps_tags(-33.0, 151.0, 5.0))).parent
     capture = read_capture(folder)
     assert ("g.jpg", "gps-far-away") in codes(capture)
-    assert capture.origin is not None
     assert capture.origin.latitude_deg == pytest.approx(52.0, abs=0.01)
     assert "g.jpg" not in capture.priors
 
@@ -215,7 +212,6 @@ def test_poses_in_degrees_are_georeferenced(photo_file: MakePhoto) -> None:
     (folder / "poses.csv").write_text(header + "".join(rows))
     capture = read_capture(folder)
     assert capture.metric_source == "poses.csv"
-    assert capture.origin is not None
     assert (capture.origin.latitude_deg, capture.origin.longitude_deg) == pytest.approx((46.84263, -91.99397), abs=1e-5)
     north = np.subtract(capture.priors["1.jpg"].position, capture.priors["0.jpg"].position)
     east = np.subtract(capture.priors["2.jpg"].position, capture.priors["0.jpg"].position)
@@ -232,7 +228,6 @@ def test_heights_of_geo_txt_in_feet(photo_file: MakePhoto) -> None:
         folder = photo_file(f"{k}.jpg", seed=k).parent
     (folder / "GEO.TXT").write_text("\n".join(lines))
     capture = read_capture(folder)
-    assert capture.origin is not None
     assert capture.origin.altitude_m == pytest.approx(651.41 * 1200 / 3937)
     assert capture.priors["0.jpg"].position_sigma_m == pytest.approx(0.131 * 1200 / 3937)
     assert "height-unit" in [finding.code for finding in capture.findings]

@@ -36,12 +36,10 @@ def test_drone(data_folder: Path) -> None:
     assert capture.findings == ()
     (group,) = capture.groups
     assert (group.source, group.fixed) == ("EXIF", False)
-    assert group.intrinsics is not None
     # 20 mm equivalent on a 4:3 sensor, cropped to 16:9: 924 px at 1600 px width.
     assert group.intrinsics.fx * 1600 / 2000 == pytest.approx(924.5, abs=1)
     photo = capture.photos[0]
     assert (photo.make, photo.model, photo.pitch_deg) == ("DJI", "FC300S", -89.9)
-    assert photo.geotag is not None
     assert photo.geotag.relative_altitude_m == pytest.approx(39.8)
     positions = np.array([prior.position for prior in capture.priors.values()], dtype=float)
     np.testing.assert_allclose(np.ptp(positions[:, :2], axis=0), [84.3, 84.1], atol=0.1)

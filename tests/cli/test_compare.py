@@ -44,10 +44,7 @@ def test_tables_say_what_cannot_be_told(two: list[str], capsys: pytest.CaptureFi
 
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
-    [
-        (["compare", "nowhere", "neither"], 3, "no such file"),
-        (["compare"], 2, "missing argument"),
-    ],
+    [(["compare", "nowhere", "neither"], 3, "no such file"), (["compare"], 2, "missing argument")],
 )
 def test_wrong_usage(
     arguments: list[str], code: int, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,

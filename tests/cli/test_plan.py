@@ -84,14 +84,7 @@ def test_a_run_that_fails_at_once_leaves_no_folder(
 
 @pytest.mark.parametrize(
     "arguments",
-    [
-        ["-n", "5"],
-        ["--seed", "4"],
-        ["--for", "kind"],
-        ["--vary", "8"],
-        ["--clearance", "2"],
-        ["--pose-noise", "0.1,1"],
-    ],
+    [["-n", "5"], ["--seed", "4"], ["--for", "kind"], ["--vary", "8"], ["--clearance", "2"], ["--pose-noise", "0.1,1"]],
 )
 def test_a_run_goes_on_as_it_began(tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str]) -> None:
     with create_run(tmp_path / "run", bowl_settings()):

@@ -31,7 +31,6 @@ __all__ = ["photo_file"]
 def plots(photo_file: MakePhoto) -> list[tuple[str, Path]]:
     """Two folders: photographs 0–7 of mount_then_yaw without the third, and 8–12 with an extra one."""
     for k, trigger in enumerate(read_flight_log(recording("mount_then_yaw.tlog")).triggers):
-        assert trigger.utc_s is not None
         if k != 2:
             path = make(photo_file, f"{'a' if k < 8 else 'b'}/{k}.jpg", trigger.utc_s + 3600.1)
     make(
@@ -64,18 +63,14 @@ def plan_of_the_flight(frame: LocalFrame, motion: Similarity) -> Plan:
 def test_captures_get_the_poses_of_their_triggers(plots: list[tuple[str, Path]]) -> None:
     flight = Flight.read(recording("mount_then_yaw.tlog"), plots)
     a, b = flight.capture("a"), flight.capture("b")
-    assert a is not None
-    assert b is not None
     assert (len(a.priors), len(b.priors)) == (7, 5)
     assert a.metric_source == b.metric_source == "flight log"
     assert a.origin == b.origin
     assert utm_epsg_of(a.origin) == 32632
     assert [f.subject for f in b.findings if f.code == "photo-without-trigger"] == ["extra.jpg"]
     known = known_poses(a)
-    assert known.frame is not None
     assert known.frame.source == "flight log"
     told = description("mount_then_yaw")["triggers"]
-    assert a.origin is not None
     for name, prior in a.priors.items():
         t = told[int(name.removesuffix(".jpg"))]
         east, north, _ = a.origin.to_local(t["est"]["lat"], t["est"]["lon"], a.origin.altitude_m)[0]
@@ -100,7 +95,6 @@ def test_adherence_to_the_plan(plots: list[tuple[str, Path]]) -> None:
     assert isinstance(found, AdherenceEntry)
     assert [s.image for s in found.stations] == [f"{k}.jpg" for k in range(8) if k != 2]
     assert set(found.missing) == {f"station {k + 1}" for k in (2, 8, 9, 10, 11, 12)}
-    assert found.horizontal_rms_m is not None
     assert found.horizontal_rms_m < 0.05
     assert all(s.up_m is not None and abs(s.up_m) < 0.02 for s in found.stations)
     assert all(s.yaw_deg is not None and abs(s.yaw_deg) < 0.1 for s in found.stations)

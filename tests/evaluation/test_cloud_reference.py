@@ -51,7 +51,6 @@ def opened(path: Path, frame: str = "", bounds: Volume | None = None) -> CloudRe
 
 def about_origin(found: CloudReference, place: LocalFrame = ORIGIN) -> NDArray[np.float64]:
     """Its points in the frame about a place."""
-    assert found.origin is not None
     return place.to_local(*found.origin.to_geodetic(found.from_source.inverse().apply(found.cloud.points)))
 
 
@@ -68,7 +67,6 @@ def test_a_clouds_plants_ground_and_volume(tmp_path: Path) -> None:
     write_cloud(tmp_path / "a.ply", plot_cloud())
     found = opened(tmp_path / "a.ply", "metres")
     assert found.origin is None
-    assert found.ground is not None
     assert abs(found.ground.offset_m) < MM
     assert same(found.cloud.points, plot_cloud().points)
     assert len(found.cloud) < 1600  # hardly any soil
@@ -111,7 +109,6 @@ def test_our_own_georeferenced_cloud_comes_back_to_its_place(tmp_path: Path, suf
     assert write_georeferenced(tmp_path / f"a.{suffix}", plant.transformed(motion), frame, Silent())
     found = opened(tmp_path / f"a.{suffix}")
     assert same(about_origin(found), plant.points)
-    assert found.origin is not None
     assert found.origin.datum == "unknown"  # UTM's code says nothing of heights
 
 
@@ -161,7 +158,6 @@ def test_heights_above_sea_level_and_above_the_ellipsoid_are_told(tmp_path: Path
     for code, datum in (("EPSG:25832+7837", "sea level"), ("EPSG:32632", "unknown")):
         write_las_in(tmp_path / "a.las", None, "EPSG:32632")
         found = opened(tmp_path / "a.las", code)
-        assert found.origin is not None
         assert found.origin.datum == datum
 
 
@@ -246,7 +242,6 @@ def test_an_evaluation_against_a_bare_cloud_is_that_against_its_reference(tmp_pa
         )  # fmt: skip
     whole, bare = (load_evaluation_report(tmp_path / name) for name in ("whole", "bare"))
     assert whole.plots[0].chamfer_m == pytest.approx(0.0, abs=1e-5)  # the same photographs, the same volume
-    assert bare.plots[0].chamfer_m is not None
     assert bare.plots[0].chamfer_m < 0.008  # another volume, and with it other depths, at 3 mm per pixel
     assert bare.settings["reference_frame"] == "metres"
     assert "reference_frame" not in whole.settings

@@ -46,10 +46,8 @@ class TestReference:
     def test_frame(self) -> None:
         frame = reference_report(reconstruction(), SETTINGS, seconds=0, cpu_seconds=0).frame
         assert np.array(frame.plot_from_source)[2].tolist() == [0, 0, 1, -1.2]
-        assert frame.origin is not None
         assert frame.origin.datum == "sea level"
         assert frame.crs_epsg == 32632
-        assert frame.ground is not None
         assert frame.ground.normal == (0, 0, 1)
 
     def test_images_and_cameras(self) -> None:
@@ -122,7 +120,6 @@ class TestPlot:
     def test_failed(self) -> None:
         error = ReconstructionError("no model", path="plot 7", remedy="Take more photographs.")
         plot = failed_plot("plot 7", error, seconds=1, cpu_seconds=1, photographs=8)
-        assert plot.error is not None
         assert plot.error.model_dump() == {
             "type": "ReconstructionError",
             "message": "plot 7: no model",
@@ -176,10 +173,8 @@ def test_no_distance(distance: float) -> None:
 class TestPlants:
     def test_neither_without_a_scale(self) -> None:
         plot = plot_evaluation("p", reconstruction(metric=False), SETTINGS, score=None, seconds=1, cpu_seconds=1)
-        assert plot.traits is not None
         assert set(plot.traits.unknown) == set(TRAITS)
         assert "scale" in plot.traits.unknown["height_m"]
-        assert plot.prediction is not None
         assert plot.prediction.chamfer_m is None
         assert "scale" in plot.prediction.reason
 
@@ -190,6 +185,5 @@ class TestPlants:
         )
         alone = plot_evaluation("p", result, SETTINGS, score=None, seconds=1, cpu_seconds=1)
         assert against.prediction is None
-        assert alone.prediction is not None
         # Half a metre wide, on a ring of 0.6 m: nothing like the plots of the fit.
         assert (alone.prediction.chamfer_m is None) == bool(alone.prediction.reason)

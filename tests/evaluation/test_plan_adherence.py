@@ -40,7 +40,6 @@ Shuffled = tuple[Plan, Path, list[Pose], SourceFrame]
 def flight_folder(photo_file: MakePhoto) -> Path:
     """Photographs of mount_then_yaw's triggers without the third; no position in them."""
     for k, trigger in enumerate(read_flight_log(recording("mount_then_yaw.tlog")).triggers):
-        assert trigger.utc_s is not None
         if k != 2:
             path = make(photo_file, f"a/{k:02d}.jpg", trigger.utc_s + 3600.1)
     return path.parent
@@ -57,9 +56,7 @@ def test_a_logged_flight(flight_folder: Path, tmp_path: Path) -> None:
     plot = plot_report("flight log", MOTION, ORIGIN, images)
     flown = FlownPlan.of(plan, SOURCE, flight)
     found = flown.adherence(plot, "a", capture)
-    assert found is not None
     by_log = flight.adherence("a", flown.planned, flown.datum)
-    assert by_log is not None
     assert found.stations == by_log.stations
     assert found.missing == by_log.missing == ("station 3",)
     assert (found.extra, found.achieved_by) == ((), "reported")
@@ -102,7 +99,6 @@ def test_without_a_log_in_any_order(shuffled: Shuffled, tmp_path: Path) -> None:
     images = {f"{k}.jpg": pose for k, pose in enumerate(flown)}
     plot = plot_report("poses.csv", source.from_source, None, images, name="=b")
     found = FlownPlan.of(plan, source).adherence(plot, "b", read_capture(folder))
-    assert found is not None
     assert found.achieved_by == "reconstructed"
     order = np.random.default_rng(3).permutation(9)
     assert {s.image: s.station for s in found.stations} == {f"{i}.jpg": f"station {k + 1}" for i, k in enumerate(order)}
@@ -113,10 +109,8 @@ def test_without_a_log_in_any_order(shuffled: Shuffled, tmp_path: Path) -> None:
     # Where structure from motion gave no pose, tags tell; what they have in common does not change the assignment.
     lost = plot_report("poses.csv", source.from_source, None, dict.fromkeys(images))
     tagged = FlownPlan.of(plan, source).adherence(lost, "b", read_capture(folder))
-    assert tagged is not None
     assert tagged.achieved_by == "tagged"
     assert {s.image: s.station for s in tagged.stations} == {s.image: s.station for s in found.stations}
-    assert tagged.shift_m is not None
     assert tagged.shift_m[0] == pytest.approx(0.6 + np.median(apart[:, 0]), abs=3e-3)
 
 
@@ -154,7 +148,6 @@ def test_without_a_reference_the_plan_is_in_the_frame_of_poses_csv(shuffled: Shu
     images = {f"{k}.jpg": pose for k, pose in enumerate(flown)}
     plot = plot_report("poses.csv", source.from_source, None, images)
     found = FlownPlan.of(plan, None).adherence(plot, "b", read_capture(folder))
-    assert found is not None
     assert found.missing == ()
     (first,) = [error for error in found.stations if error.station == "station 1"]
     apart = images[first.image].center - source.from_source.apply(np.array(plan.stations[0].position_m))
@@ -178,7 +171,6 @@ def test_files_and_table(shuffled: Shuffled, tmp_path: Path) -> None:
     images = {("=" if k == 8 else "") + f"{k}.jpg": pose for k, pose in enumerate(flown)}
     plot = plot_report("poses.csv", source.from_source, None, images)
     found = FlownPlan.of(plan, source).adherence(plot, "b", read_capture(folder))
-    assert found is not None
     compared = plot.model_copy(update={"adherence": found})
     (tmp_path / "b").mkdir()
     written = write_adherence(tmp_path, "b", compared)
@@ -204,6 +196,5 @@ def test_straight_down_the_heading_is_the_images(shuffled: Shuffled) -> None:
     images = {f"{k}.jpg": Pose(tilt @ pose.rotation, pose.center) for k, pose in enumerate(poses)}
     plot = plot_report("poses.csv", source.from_source, None, images)
     found = FlownPlan.of(plan, source).adherence(plot, "b", read_capture(folder, sidecars=False))
-    assert found is not None
     assert found.yaw_rms_deg == pytest.approx(0.0, abs=0.01)
     assert found.pitch_rms_deg == pytest.approx(0.2, abs=0.01)

@@ -68,7 +68,6 @@ def test_nothing_is_made_up_where_nothing_was_seen() -> None:
 
 def test_the_surface_is_above_the_datum() -> None:
     raster = surface_raster(LEAF, SOIL, FRAME, CELL_M)
-    assert FRAME.origin is not None
     ground = FRAME.origin.altitude_m + 1.2  # the example's source frame lies 1.2 m below the ground
     assert at(raster, 0.1, 0.05) == pytest.approx(ground + 0.3, abs=1e-3)
     assert at(raster, -0.1, 0.05) == pytest.approx(ground + 0.004, abs=1e-3)
@@ -109,7 +108,6 @@ def test_refusals(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_style_has_its_colours_in_order() -> None:
     text = style_text(0.0, 1.2, ("#ffffff", "#888888", "#000000"))
     shader = ElementTree.fromstring(text.partition("\n")[2]).find("pipe/rasterrenderer/rastershader/colorrampshader")
-    assert shader is not None
     assert [(item.get("value"), item.get("color")) for item in shader.findall("item")] == [
         ("0.000", "#ffffff"), ("0.600", "#888888"), ("1.200", "#000000"),
     ]  # fmt: skip

@@ -93,10 +93,8 @@ class TestValues:
 
     def test_a_doubtful_scale_is_in_the_errors(self) -> None:
         sure, doubtful = traits(found()), traits(found(rms_m=0.08))
-        assert sure.height_error_m is not None
-        assert doubtful.height_error_m is not None
         assert doubtful.height_error_m > 1.005 * sure.height_error_m
-        assert doubtful.canopy_volume_error_m3 / sure.canopy_volume_error_m3 > 2  # type: ignore[operator]
+        assert doubtful.canopy_volume_error_m3 / sure.canopy_volume_error_m3 > 2
 
 
 class TestRefusals:

@@ -111,7 +111,7 @@ class TestPictures:
     )
     def test_one_spoilt_photograph_of_five(self, change: object, problem: str) -> None:
         images = {f"{k}.jpg": texture(k) for k in range(5)}
-        images["2.jpg"] = change(images["2.jpg"])  # type: ignore[operator]
+        images["2.jpg"] = change(images["2.jpg"])
         capture = capture_of([None] * 5)
         found = judge_pictures(capture, {n: measure_picture(i) for n, i in images.items()}, CheckSettings())
         assert {n: v.problem for n, v in found.items()} == {n: problem if n == "2.jpg" else "" for n in images}
@@ -431,7 +431,7 @@ class TestShift:
     )
     def test_is_told_where_it_matters(self, placement: str, sigma_m: float, shift_m: float, told: bool) -> None:
         tags = Tags((), PoseArray.of([]), np.zeros(0), sigma_m, 3.0)
-        placed = Placed(tags, placement, shift_m=np.array([shift_m, 0.0, 4.0]))  # type: ignore[arg-type]
+        placed = Placed(tags, placement, shift_m=np.array([shift_m, 0.0, 4.0]))
         found = common_findings(placed, CheckSettings())
         assert [finding.code for finding in found] == ["shifted"] * told
         assert all("nothing to do" not in finding.remedy.lower() for finding in found)
@@ -473,27 +473,27 @@ class TestConnection:
 
     def test_a_ring_hangs_together(self) -> None:
         _, _, found = self.joined(set())
-        assert found.components == (13,)  # type: ignore[attr-defined]
-        assert found.lonely == found.thin == frozenset()  # type: ignore[attr-defined]
+        assert found.components == (13,)
+        assert found.lonely == found.thin == frozenset()
 
     def test_what_is_flown_again_is_counted_on(self) -> None:
         _, _, found = self.joined({3, 9})
-        assert found.components == (11,)  # type: ignore[attr-defined]
-        assert not found.findings  # type: ignore[attr-defined]
+        assert found.components == (11,)
+        assert not found.findings
 
     def test_groups_are_told(self) -> None:
         _, _, found = self.joined(set(), {(2, 3), (8, 9)})
-        assert found.components == (7, 6)  # type: ignore[attr-defined]
-        assert [f.code for f in found.findings] == ["disconnected"]  # type: ignore[attr-defined]
+        assert found.components == (7, 6)
+        assert [f.code for f in found.findings] == ["disconnected"]
 
     def test_a_good_photograph_beside_a_gap_is_not_sent_back(self) -> None:
         _, _, found = self.joined({3}, {(3, 4), (4, 5)})
-        assert found.lonely == frozenset()  # type: ignore[attr-defined]
-        assert found.beside_gaps == {4}  # type: ignore[attr-defined]
+        assert found.lonely == frozenset()
+        assert found.beside_gaps == {4}
 
     def test_one_without_matches_beside_near_neighbours_is_named(self) -> None:
         _, _, found = self.joined(set(), {(3, 4), (4, 5)})
-        assert found.lonely == {4}  # type: ignore[attr-defined]
+        assert found.lonely == {4}
 
 
 class TestReport:
@@ -511,7 +511,7 @@ class TestReport:
         ],
     )
     def test_summary(self, verdicts: list[str], said: str) -> None:
-        rows = tuple(StationCheck(k, verdict=v) for k, v in enumerate(verdicts))  # type: ignore[arg-type]
+        rows = tuple(StationCheck(k, verdict=v) for k, v in enumerate(verdicts))
         report = CheckReport("plot", Path(), 2, rows, ())
         assert report.summary() == said
         assert report.ok == (said == "All 2 will do.")

@@ -32,7 +32,7 @@ class TestCsv:
         plot = evaluation.plots[0]
         assert list(first) == list(plot_row(plot, ["0.002", "0.005", "0.010", "0.020"]))
         assert float(first["chamfer_m"]) == plot.chamfer_m
-        assert float(first["f_score_0.005"]) == plot.f_score["0.005"]  # type: ignore[index]
+        assert float(first["f_score_0.005"]) == plot.f_score["0.005"]
         assert (first["registered"], first["metric"], first["error"]) == ("7", "true", "")
         assert (second["plot"], second["chamfer_m"], second["error"]) == ("[plot] 8", "", "no photographs")
 

@@ -44,14 +44,12 @@ def test_poses_are_those_of_the_triggers(name: str) -> None:
     for trigger, t in zip(log.triggers, told, strict=True):
         pose = achieved_pose(trigger)
         assert abs(trigger.time_s - t["t_s"]) < 0.020
-        assert pose.place is not None
         assert apart_m(pose.place.latitude_deg, pose.place.longitude_deg, t["est"]) < 0.02
         assert pose.place.above_home_m == pytest.approx(t["est"]["rel_alt"], abs=0.02)
         assert pose.yaw_deg is not None
         assert turn(pose.yaw_deg, t["est"]["yaw"] + t["gimbal"]["yaw_body"]) < 0.2
         assert pose.pitch_deg == pytest.approx(t["gimbal"]["pitch"], abs=0.2)
         assert pose.source == "gimbal"
-        assert trigger.attitude is not None
         assert trigger.attitude.roll_deg == pytest.approx(t["est"]["roll"], abs=0.2)
         assert trigger.attitude.pitch_deg == pytest.approx(t["est"]["pitch"], abs=0.2)
 
@@ -67,9 +65,6 @@ def test_the_track_between_messages_leads_to_the_same_poses(name: str) -> None:
     for trigger, t in zip(log.triggers, description(name.split(".")[0])["triggers"], strict=True):
         place, attitude = log.track.position.at(trigger.time_s), log.track.attitude.at(trigger.time_s)
         velocity = log.track.velocity.at(trigger.time_s)
-        assert place is not None
-        assert attitude is not None
-        assert velocity is not None
         assert apart_m(place[0], place[1], t["est"]) < (0.02 if settled else 0.05)
         assert place[3] == pytest.approx(t["est"]["rel_alt"], abs=0.02 if settled else 0.06)
         assert turn(attitude[2], t["est"]["yaw"]) < (0.2 if settled else 2.0)
@@ -90,7 +85,6 @@ def test_mavsdk4_holds_only_the_triggers() -> None:
         for s in stations
     ]
     for trigger, m in zip(log.triggers, told, strict=True):
-        assert trigger.place is not None
         assert trigger.place.latitude_deg == pytest.approx(m.lat * 1e-7, abs=1e-10)
         assert trigger.utc_s == pytest.approx(m.time_usec * 1e-6, abs=1e-5)
     found = adherence(planned, log.triggers, [f"{k}.jpg" for k in range(13)])
@@ -186,7 +180,6 @@ def test_series_wrap_and_end() -> None:
     series = Series.of([2.0, 0.0, 1.0, 1.0, math.nan], [[10], [350], [358], [0], [5]], 1, (0,))
     assert len(series) == 3
     middle = series.at(1.5)
-    assert middle is not None
     assert turn(float(middle[0]), 4.0) < 1e-9
     assert series.at(3.5) is None
     assert series.at(2.5) == pytest.approx([10.0])

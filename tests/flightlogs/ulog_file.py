@@ -32,6 +32,6 @@ def write_ulog(topics: Mapping[str, Topic], *, start_us: int = 1_000_000) -> byt
                 values = value if isinstance(value, Sequence) else [value]
                 whole = _CODES[kind] not in "fd"
                 body += struct.pack(f"<{len(values)}{_CODES[kind]}", *(int(v) if whole else v for v in values))
-            data.append((float(row[0]), body))  # type: ignore[arg-type]
+            data.append((float(row[0]), body))
     parts += [message("D", body) for _, body in sorted(data, key=lambda entry: entry[0])]
     return b"".join(parts)

@@ -11,7 +11,7 @@ WINDOW = Window(-1.0, 1.0, -0.5, 0.5, 200, 100)
 RED, BLUE = (200, 0, 0), (0, 0, 200)
 
 
-def draw(points: list[tuple[float, float, float]], colors: list[tuple[int, int, int]], direction=FRONT) -> np.ndarray:  # type: ignore[no-untyped-def]
+def draw(points: list[tuple[float, float, float]], colors: list[tuple[int, int, int]], direction=FRONT) -> np.ndarray:
     return draw_points(np.array(points, dtype=float), np.array(colors, dtype=np.uint8), direction, WINDOW)
 
 
@@ -25,14 +25,10 @@ def test_a_point_lies_where_it_should() -> None:
 
 @pytest.mark.parametrize(
     ("direction", "near", "far"),
-    [
-        (FRONT, (0, -1, 0), (0, 1, 0)),
-        (SIDE, (1, 0, 0), (-1, 0, 0)),
-        (TOP, (0, 0, 1), (0, 0, -1)),
-    ],
+    [(FRONT, (0, -1, 0), (0, 1, 0)), (SIDE, (1, 0, 0), (-1, 0, 0)), (TOP, (0, 0, 1), (0, 0, -1))],
 )
 @pytest.mark.parametrize("swap", [False, True])
-def test_the_nearer_point_hides_the_other(direction, near, far, swap: bool) -> None:  # type: ignore[no-untyped-def]
+def test_the_nearer_point_hides_the_other(direction, near, far, swap: bool) -> None:
     points, colors = ([far, near], [BLUE, RED]) if swap else ([near, far], [RED, BLUE])
     picture = draw(points, colors, direction)
     assert tuple(picture[50, 100, :3]) == RED

@@ -109,4 +109,4 @@ def bowl_settings(**more: object) -> SearchSettings:
         "fieldkit": "0", "source": PlanSource(kind="scene", name="bowl"), "path": "nowhere", "cameras": 4,
         "method": "circle", "evaluations": 12, "finalists": 3, "repeats": 2,
     }  # fmt: skip
-    return SearchSettings(**(values | more))  # type: ignore[arg-type]
+    return SearchSettings(**(values | more))

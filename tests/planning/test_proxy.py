@@ -82,7 +82,6 @@ def test_a_proxy_of_a_mesh(tmp_path: Path) -> None:
     proxy = Proxy.from_description(description)
     assert 1_000 < len(proxy.reference) <= 2_000
     assert proxy.reference.points[:, 2].max() > 0.2
-    assert proxy.surface is not None
     assert 10_000 < len(proxy.surface) <= 20_000
     assert proxy.surface.points[:, 2].min() > proxy.volume.lower[2]
     # The same faces: what is nearest to a point of PC_env lies a tenth of a side away at most.
@@ -99,7 +98,6 @@ def test_a_proxy_of_a_reference_keeps_its_volume(tmp_path: Path) -> None:
     bounds = Bounds((-0.2, -0.2, -0.05), (0.2, 0.2, 0.6))
     description = SceneDescription(recorded=surface, bounds=bounds, camera=CAMERA)
     proxy = Proxy.from_description(description)
-    assert proxy.surface is not None
     assert len(proxy.reference) == len(proxy.surface) == 2500  # nothing is cut off at 3 cm: the table is flat
     assert proxy.volume.lower == pytest.approx((-0.2, -0.2, 0.012))
     assert proxy.volume.upper == (0.2, 0.2, 0.6)
@@ -114,7 +112,6 @@ def test_weeds_are_not_asked_for_and_no_error_where_they_are_reconstructed() -> 
     vertices = np.concatenate([mesh.vertices for mesh in weed_meshes(proxy.scene)]).astype(float)
     weeds = vertices[proxy.volume.contains(vertices)]
     assert len(weeds) > 100
-    assert proxy.surface is not None
     assert cKDTree(proxy.surface.points).query(weeds)[0].max() < 0.01
     assert np.median(cKDTree(proxy.reference.points).query(weeds)[0]) > 0.05
     assert proxy.volume.contains(proxy.surface.points).all()

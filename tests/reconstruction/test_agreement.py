@@ -44,7 +44,6 @@ def test_alignment_finds_the_similarity_in_spite_of_wrong_images() -> None:
     poses["3"] = Pose(np.eye(3), np.array([9.0, 9.0, 9.0]))
     known = {str(k): _known(c) for k, c in enumerate(world)}
     found = align_to_positions(poses, known, seed=0)
-    assert found is not None
     assert found.scale == pytest.approx(0.3, rel=1e-6)
     right = {name for name, pose in poses.items() if judge(found.apply_pose(pose), known[name]).right}
     assert right == set(poses) - {"3"}
@@ -61,7 +60,6 @@ def test_positions_in_one_plane_align_wherever_the_plane_lies(height: float, tur
     inverse = similarity.inverse()
     poses = {str(k): inverse.apply_pose(Pose(np.eye(3), c)) for k, c in enumerate(world)}
     found = align_to_positions(poses, {str(k): _known(c) for k, c in enumerate(world)}, seed=0)
-    assert found is not None
     assert found.scale == pytest.approx(2.5, rel=1e-6)
     np.testing.assert_allclose(found.apply(inverse.apply(world)), world, atol=1e-9)
 

@@ -37,7 +37,6 @@ def test_small_coordinates_stay_and_large_ones_are_shifted() -> None:
     moved = far.by_name["2.jpg"].position
     assert moved is not None
     assert np.abs(moved).max() < 10.0
-    assert far.frame is not None
     back = far.frame.from_source.inverse().apply(moved)
     assert back == pytest.approx([500_002.0, 4.0, 1.0])
 
@@ -59,7 +58,6 @@ def test_another_origin_on_earth_is_taken_into_account() -> None:
     within = SourceFrame("EXIF GPS", other, Similarity.identity())
     known = known_poses(_capture(_priors(), "EXIF GPS", own), within)
     position = known.by_name["0.jpg"].position
-    assert position is not None
     assert position[1] == pytest.approx(-111.2, abs=0.2)
 
 

@@ -52,7 +52,7 @@ def test_nothing_is_said_of_a_plot_on_level_ground() -> None:
     ],
 )
 def test_what_is_hardly_the_plots_is_said(changed: dict[str, object], code: str) -> None:
-    assert code in codes(**changed)  # type: ignore[arg-type]
+    assert code in codes(**changed)
 
 
 def test_a_references_ground_is_not_doubted() -> None:

@@ -94,4 +94,4 @@ def test_a_surface_takes_less_than_its_plain_integers() -> None:
 )
 def test_arrays_that_do_not_fit(colors: object, values: object, limit: float, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        pack_points(np.zeros((3, 3)), colors, values, limit)  # type: ignore[arg-type]
+        pack_points(np.zeros((3, 3)), colors, values, limit)

@@ -18,7 +18,7 @@ FINITE = st.floats(-1e9, 1e9)
 
 
 def chart(*series: Series, **more: object) -> LineChart:
-    return LineChart("t", "d", "x", "y", series, **more)  # type: ignore[arg-type]
+    return LineChart("t", "d", "x", "y", series, **more)
 
 
 def numbers(path: str) -> list[float]:
@@ -53,7 +53,7 @@ def test_what_lies_above_the_axis_is_drawn_on_its_edge_and_counted() -> None:
 @example([(0.0, 5e-324)], "line")
 @example([(0.0, 1.0), (5e-324, 2.0)], "line")
 def test_everything_lies_in_the_drawing(points: list[tuple[float, float | None]], style: str) -> None:
-    drawing = draw(chart(Series("a", tuple(points), style)))  # type: ignore[arg-type]
+    drawing = draw(chart(Series("a", tuple(points), style)))
     spots = [(float(x), float(y)) for line in drawing.series for x, y, _ in line.dots]
     path = drawing.series[0].path
     spots += [(float(a), float(b)) for a, b in re.findall(r"[ML](-?[\d.]+) (-?[\d.]+)", path)]

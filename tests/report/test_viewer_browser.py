@@ -57,7 +57,7 @@ def small(written: Callable[..., Path]) -> Path:
 @contextmanager
 def ready(browser: Browser, file: Path, **options: object) -> Iterator[tuple[Page, Locator]]:
     """The page and its stage when the first frame has been drawn."""
-    with opened(browser, file, **{"height": 520, **options}) as page:  # type: ignore[arg-type]
+    with opened(browser, file, **{"height": 520, **options}) as page:
         page.wait_for_selector(READY)
         yield page, page.locator(".fk-view-stage")
 
@@ -86,8 +86,6 @@ def test_points_arrive_where_they_were(browser: Browser, written: Callable[..., 
     match = distances.argmin(axis=1)
     assert sorted(match) == list(range(500))
     assert np.abs(points - layer.points[match]).max() <= 0.51 * found["layer"]["step"]
-    assert layer.colors is not None
-    assert layer.values is not None
     np.testing.assert_array_equal(colors, layer.colors[match])
     expected = np.clip(layer.values[match] / layer.limit, 0, 1) * 254
     np.testing.assert_allclose(found["values"], expected, atol=0.51)

@@ -66,11 +66,7 @@ def test_wheel_holds_the_view_and_its_licence(checkout: Path, tmp_path: Path) ->
     (wheel,) = (tmp_path / "out").glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
-    assert {
-        f"{VENDOR}/{viewer.BUNDLE}",
-        f"{VENDOR}/{viewer.LICENSE}",
-        "fieldkit/report/html/web/viewer.css",
-    } <= names
+    assert {f"{VENDOR}/{viewer.BUNDLE}", f"{VENDOR}/{viewer.LICENSE}", "fieldkit/report/html/web/viewer.css"} <= names
     assert not {name for name in names if name.endswith((".js", ".json")) and "/web/" in name}
 
 

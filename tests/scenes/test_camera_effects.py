@@ -11,14 +11,7 @@ from hypothesis import strategies as st
 
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.pose import rotation_from_vector
-from fieldkit.scenes.camera_effects import (
-    CameraEffects,
-    Motion,
-    image_motion,
-    motion_blurred,
-    photographed,
-    vignette,
-)
+from fieldkit.scenes.camera_effects import CameraEffects, Motion, image_motion, motion_blurred, photographed, vignette
 from fieldkit.scenes.renderer import Renderer
 from fieldkit_sim.simulation import ring
 

@@ -83,7 +83,6 @@ def test_without_a_plant_height_a_plan_does_not_fit() -> None:
 def test_heights_that_are_given_for_all_plots_or_not_known() -> None:
     plan, site = planned(), site_with({}, {"plant_height_m": 1.2})
     top_m = PlanFacts(plan).top_m
-    assert top_m is not None
 
     def heights(plans: Plans | None, given: float | Literal["unknown"] | None) -> list[float | None]:
         return [plot.plant_height_m for plot in with_plant_height(site, plans, given).plots]
@@ -124,7 +123,6 @@ def test_what_is_flown_keeps_clear_of_plants_as_high_as_said(height: float) -> N
     top = PlanFacts(plan).top_m
     assert top is not None
     assert max(height, top) - 1e-6 <= routed.plants[:, 2].max() <= max(height, top) + 0.05
-    assert routed.plants_m is not None
     assert routed.plants_m > VEHICLE.clearance_m - 0.07
 
 
@@ -184,10 +182,8 @@ def test_stations_over_a_plot_that_is_larger_than_the_plans() -> None:
 @given(st.floats(0.2, 20), st.floats(0.2, 20))
 def test_what_lies_beyond_the_plans_plants_counts_as_full(length: float, width: float) -> None:
     facts = PlanFacts(planned())
-    assert facts.box is not None
     plot = site_with({"length_m": length, "width_m": width, "plant_height_m": 1.0}).plots[0]
     plants = plants_on(facts, plot)
-    assert plants is not None
     low, high = facts.box[0] - 0.25, facts.box[1] + 0.25
     rng = np.random.default_rng(0)
     places = rng.uniform(-0.5, 0.5, (300, 2)) * [length, width]
@@ -262,7 +258,6 @@ def test_slopes() -> None:
 def test_measured_plants_that_have_outgrown_the_plan() -> None:
     plan = planned()
     told = plants_outgrown(plan, 1.31, plot="plot-7")
-    assert told is not None
     assert (told.subject, told.code, told.severity) == ("plot-7", "plants-outgrown", "warning")
     assert "1.31 m high, 0.4" in told.message
     assert "plant_height_m = 1.35" in told.remedy

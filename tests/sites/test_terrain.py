@@ -134,7 +134,6 @@ def test_three_heights_give_their_plane(
     plane = plane_through(LATITUDE, LONGITUDE, points)
     assert plane.slope_percent == pytest.approx(percent, abs=1e-4)
     assert plane.height_m == pytest.approx(height, abs=1e-5)
-    assert plane.uphill_heading_deg is not None
     assert abs((plane.uphill_heading_deg - heading + 180) % 360 - 180) < 1e-2
     plot = SitePlot.model_validate(
         {"latitude_deg": LATITUDE, "longitude_deg": LONGITUDE, "datum": "home", "ground_points": points}
@@ -254,7 +253,6 @@ def test_what_is_flown_over_a_slope_keeps_clear_of_plants_and_ground() -> None:
     site = site_with(slope_percent=20.0, uphill_heading_deg=40.0, row_heading_deg=75.0)
     routed = route_plan(plan, VEHICLE, site)
     assert routed.lowest_m == pytest.approx(1.2, abs=1e-5)
-    assert routed.plants_m is not None
     assert routed.plants_m > VEHICLE.clearance_m - 0.07
     frame, local = PlotFrame.of(site, site.plots[0]), SiteFrame(site.home)
     shots = [shot for each in routed.flights for shot in each.mission.shots]

@@ -68,7 +68,6 @@ def test_a_colmap_model_alone_gives_poses_and_a_camera_but_no_metres(photographs
     capture = read_capture(photographs)
     assert capture.metric_source is None
     assert not capture.priors
-    assert capture.program is not None
     assert capture.program.program == "COLMAP"
     (group,) = capture.groups
     assert group.source == "COLMAP"
@@ -80,7 +79,6 @@ def test_a_colmap_model_alone_gives_poses_and_a_camera_but_no_metres(photographs
     assert "1 %" in said
     assert "1°" in said
     known = known_poses(capture)
-    assert known.frame is not None
     assert not known.frame.scaled
     assert not known.frame.georeferenced
     back = moved(working(known), known.frame.from_source.inverse())
@@ -103,7 +101,6 @@ def test_a_colmap_model_takes_scale_and_place_from_positions_beside_it(photograp
     assert capture.metric_source == "poses.csv"
     assert capture.program is not None
     known = known_poses(capture)
-    assert known.frame is not None
     assert known.frame.scaled
     assert not known.notes
     distance, angle = apart(working(known), truth())
@@ -181,7 +178,6 @@ def test_a_camera_file_comes_before_a_programs_camera(photographs: Path) -> None
 def test_poses_of_some_photographs(photographs: Path) -> None:
     write_colmap(photographs / "sparse" / "0", {n: p for n, p in truth().items() if n != NAMES[0]})
     capture = read_capture(photographs)
-    assert capture.program is not None
     assert NAMES[0] not in capture.program.poses
     assert "7 of 8 photographs" in next(f.message for f in capture.findings if f.code == "program-poses")
     assert {group.source for group in capture.groups} == {"COLMAP", "self-calibrated"}
@@ -191,7 +187,6 @@ def test_of_several_results_one_is_used_and_the_others_are_named(photographs: Pa
     write_colmap(photographs / "sparse" / "0", truth())
     write_shots(photographs / "shots.geojson", truth())
     capture = read_capture(photographs)
-    assert capture.program is not None
     assert capture.program.program == "COLMAP"
     assert "sidecar-unused" in codes(capture)
 

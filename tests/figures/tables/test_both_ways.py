@@ -81,7 +81,7 @@ def test_no_figure_is_lost(blocks: tuple[Block, ...]) -> None:
     console = Console(file=io.StringIO(), width=160, color_system=None)
     for each in rendered(blocks):
         console.print(each)
-    terminal = console.file.getvalue()  # type: ignore[attr-defined]
+    terminal = console.file.getvalue()
     page = checked(render(Page("t", "", (Section("s", "S", blocks),)))).text
     wanted = {re.sub(r"\s+", " ", text) for text in texts(blocks)}
     assert len(wanted) > 4

@@ -25,11 +25,11 @@ from fieldkit.figures.terminal.blocks import MOST_ROWS, rendered
 HOSTILE = "[bold]\x1b[2J\u202egnp"
 
 
-def shown(*blocks, width: int = 80) -> str:  # type: ignore[no-untyped-def]
+def shown(*blocks, width: int = 80) -> str:
     console = Console(file=io.StringIO(), width=width, color_system=None)
     for each in rendered(blocks):
         console.print(each)
-    return console.file.getvalue()  # type: ignore[attr-defined,no-any-return]
+    return console.file.getvalue()
 
 
 def test_names_are_text_and_steer_nothing() -> None:

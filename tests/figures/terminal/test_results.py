@@ -21,11 +21,11 @@ from tests.evaluation.examples import plant_cloud, reconstruction
 SETTINGS = ReconstructionSettings()
 
 
-def shown(tables, width: int = 80) -> str:  # type: ignore[no-untyped-def]
+def shown(tables, width: int = 80) -> str:
     console = Console(file=io.StringIO(), width=width, color_system=None)
     for each in tables:
         console.print(each)
-    return re.sub(r"[ ]+", " ", console.file.getvalue())  # type: ignore[attr-defined]
+    return re.sub(r"[ ]+", " ", console.file.getvalue())
 
 
 def scored(name: str, **options: object) -> PlotEvaluation:
@@ -33,7 +33,7 @@ def scored(name: str, **options: object) -> PlotEvaluation:
     reference = plant_cloud(seed=1)
     return plot_evaluation(
         name, result, SETTINGS, score=score(reference, result.plants), seconds=65, cpu_seconds=70, **options
-    )  # type: ignore[arg-type]
+    )
 
 
 def unscored(name: str) -> PlotEvaluation:

@@ -76,12 +76,10 @@ def test_a_proposal_depends_on_its_arguments_only() -> None:
     found = run(Field(problem, QUICK), 7, problem)
     for number in (0, 3, 6):
         again = Field(problem, QUICK).propose(number, found[:number], [])
-        assert again is not None
         assert again.cameras == found[number].trial.cameras
         assert again.notes == found[number].trial.notes
         assert again.gain == found[number].trial.gain
     other = Field(problem, QUICK, seed=1).propose(6, found[:6], [])
-    assert other is not None
     assert other.cameras != found[6].trial.cameras
 
 
@@ -94,7 +92,6 @@ def test_the_geometric_scores_optimum_is_the_first() -> None:
     assert int(np.argmin(terms @ method.weights)) in (0, 2)
     assert [trial.origin.split()[0] for trial in trials if trial][:3] == ["optimum", "circle", "optimum"]
     other = Field(problem, weights=(0.0, 0.0, 1.0)).propose(0, [], [])
-    assert other is not None
     assert terms_m(method, [other.cameras])[0, 2] < terms[0, 2]
 
 
@@ -121,7 +118,7 @@ def test_what_a_plot_adds_to_all_sets_is_not_learnt_as_the_sets_doing() -> None:
     turned = [Plot(Cloud(plot.reference.points @ turn(a)), np.zeros((0, 3))) for a in (0.0, 2.0, 4.0)]
     problem = replace(leafy(5), plots=tuple(turned))
     method = Field(problem, QUICK)
-    assert [method.propose(number, [], []).plot for number in range(4)] == [0, 1, 2, 0]  # type: ignore[union-attr]
+    assert [method.propose(number, [], []).plot for number in range(4)] == [0, 1, 2, 0]
     sets = [problem.sample(seed) for seed in range(18)]
     effect = (1.0, 2.0, 0.6)
     results = []
@@ -175,13 +172,10 @@ def test_it_tells_when_nothing_is_left_to_gain() -> None:
     assert gains[12].noise_m == pytest.approx(0.05 * min(r.value_m for r in found), rel=0.5)
     doubtful = [Result(r.trial, r.value_m * (1.5 if r.trial.number % 2 else 0.7)) for r in found[:8]]
     trial = Field(problem, QUICK).propose(8, doubtful, [])  # values that the score does not explain
-    assert trial is not None
-    assert trial.gain is not None
     assert not trial.gain.negligible
     blind = replace(problem, blind=True)
     results = [Result(r.trial, r.value_m, True, 3) for r in found[:12]]
     trial = Field(blind, QUICK).propose(12, results, [])
-    assert trial is not None
     assert trial.gain is None
 
 
@@ -190,7 +184,6 @@ def test_of_a_recorded_set_the_first_are_what_a_person_would_take() -> None:
     found = [Field(plot, FieldSettings(initial=7)).propose(number, [], []) for number in range(7)]
     given = [method(plot).propose(turn, (), ()) for turn in range(3) for method in (Uniform, MatchGraph)]
     assert [t.cameras for t in found[:6] if t] == [t.cameras for t in given if t]
-    assert found[6] is not None
     assert found[6].cameras not in {t.cameras for t in given if t}
 
 
@@ -200,7 +193,6 @@ def test_pending_trials_are_not_proposed_again() -> None:
     pending: list[Trial] = []
     for number in range(6, 9):
         trial = Field(problem, QUICK).propose(number, found, pending)
-        assert trial is not None
         assert all(trial.cameras != other.cameras for other in pending)
         pending.append(trial)
 
@@ -210,7 +202,6 @@ def test_what_broke_teaches_nothing() -> None:
     found = run(Field(problem, QUICK), 6, problem)
     broken = [Result(r.trial, 0.0 if k == 4 else r.value_m, measured=k != 4) for k, r in enumerate(found)]
     with_it = Field(problem, QUICK).propose(6, broken, [])
-    assert with_it is not None
     assert with_it.cameras != found[4].trial.cameras
     assert problem.contains(with_it.cameras)
 
@@ -293,7 +284,6 @@ def blind_results(method: Field, problem: PlanningProblem, count: int, least: fl
     results: list[Result] = []
     for number in range(count):
         trial = method.propose(number, results, [])
-        assert trial is not None
         found = score.score(trial.cameras)
         whole = connectivity(found.matches) >= least
         results.append(Result(trial, found.distance_m if whole else 0.2, True, problem.count if whole else 0))

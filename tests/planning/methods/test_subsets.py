@@ -20,7 +20,6 @@ def test_uniform_subsets_are_even_and_differ() -> None:
     assert method.propose(5, (), ()) is None
     steps = []
     for trial in trials:
-        assert trial is not None
         assert plot.contains(trial.cameras)
         turn = np.sort(np.degrees(np.arctan2(*trial.cameras.positions[:, :2].T)))
         steps.append(np.diff(turn))
@@ -32,7 +31,6 @@ def test_a_number_that_does_not_divide_is_nearly_even() -> None:
     plot = recorded(9, 40)
     trials = [Uniform(plot).propose(k, (), ()) for k in range(4)]
     for trial in trials:
-        assert trial is not None
         gaps = np.diff(sorted(trial.notes["views"]))
         assert set(gaps) <= {4, 5}
         assert len(set(trial.notes["views"])) == 9
@@ -66,13 +64,11 @@ def test_match_graph_takes_counts_or_expects_them() -> None:
     assert expected.trials == 3
     assert expected.propose(3, (), ()) is None
     for trial in trials:
-        assert trial is not None
         assert plot.contains(trial.cameras)
     # Counted matches that are all between the first views draw the choice there.
     counted = np.zeros((30, 30))
     counted[:6, :6] = 200.0
     drawn = MatchGraph(replace(plot, plots=(replace(plot.plots[0], matches=counted),))).propose(0, (), ())
-    assert drawn is not None
     assert len(set(drawn.notes["views"]) & set(range(6))) >= 5
     with pytest.raises(UsageError, match="30 views"):
         replace(plot, plots=(replace(plot.plots[0], matches=np.zeros((4, 4))),))

@@ -37,8 +37,6 @@ def test_a_set_that_reconstructs_has_its_chamfer_distance(source: SimulatedSourc
     assert found.failure == ""
     assert found.measured
     assert (found.images, found.registered, found.right, found.models) == (6, 6, 6, 1)
-    assert found.accuracy_m is not None
-    assert found.completeness_m is not None
     assert found.chamfer_m == pytest.approx(found.accuracy_m + found.completeness_m)
     assert found.value_m == pytest.approx(found.chamfer_m, rel=0.01)  # hardly a distance exceeds the cap
     assert found.value_m < 0.07
@@ -116,7 +114,7 @@ def test_senseless_requests_are_refused(source: SimulatedSource, arc: Cameras) -
     with pytest.raises(UsageError, match="two cameras"):
         Objective(source, DRAFT).evaluate(arc.select([0]))
     with pytest.raises(UsageError, match="fidelity"):
-        ObjectiveSettings("ultra")  # type: ignore[arg-type]
+        ObjectiveSettings("ultra")
 
 
 @pytest.mark.slow

@@ -60,10 +60,7 @@ def test_no_other_assignment_is_cheaper(wanted: list, there: list, distance: flo
 
 def test_a_reference_of_the_same_photographs_lends_missing_orientations(source: RecordedSource) -> None:
     capture = source.capture
-    bare = replace(
-        capture,
-        priors={n: p.with_angles(None) for n, p in capture.priors.items()},
-    )
+    bare = replace(capture, priors={n: p.with_angles(None) for n, p in capture.priors.items()})
     with pytest.raises(MetadataError, match="0 photographs only"):
         recorded_views(bare, PLOT)
     reconstructed = {view.name: view.pose for view in source.views}

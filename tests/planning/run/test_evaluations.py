@@ -138,6 +138,6 @@ def test_no_orphans_when_the_parent_ends(tmp_path: Path, ending: signal.Signals)
 
 def wait_until(done: object, seconds: float = 60.0) -> None:
     until = time.monotonic() + seconds
-    while not done():  # type: ignore[operator]
+    while not done():
         assert time.monotonic() < until, "took too long"
         time.sleep(0.1)

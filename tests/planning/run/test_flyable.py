@@ -131,7 +131,6 @@ def test_a_camera_that_is_given_is_taken_instead(tmp_path: Path) -> None:
     file = tmp_path / "camera.toml"
     file.write_text(NO_CAMERA)
     found = search_settings(scene=Path("demo"), vehicle="px4-gimbal", camera=file)
-    assert found.camera is not None
     assert found.camera.width == 640
     assert found.vehicle is not None
     with pytest.raises(UsageError, match="did not begin with camera"):
@@ -147,7 +146,6 @@ def _other(folder: Path) -> Path:
 
 def test_a_run_goes_on_for_the_vehicle_it_began_with(tmp_path: Path) -> None:
     began = search_settings(scene=Path("demo"), vehicle="ardupilot-pitch")
-    assert began.vehicle is not None
     assert (began.vehicle.name, began.vehicle.title) == ("ardupilot-pitch", "ArduCopter quad with a pitch gimbal")
     assert resumed_settings(began, PlanRequest({}, {}, {})) == began
     assert resumed_settings(began, PlanRequest({}, {}, {"height_m": (1.0, 2.5)}, vehicle="ardupilot-pitch")) == began

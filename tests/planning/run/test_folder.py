@@ -102,7 +102,6 @@ with create_run(Path({str(tmp_path / "run")!r}), bowl_settings()):
 """
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[3])}
     with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, env=environment) as other:
-        assert other.stdout is not None
         assert other.stdout.readline() == b"open\n"
         with pytest.raises(UsageError, match="another process"), open_run(tmp_path / "run"):
             pass

@@ -115,8 +115,8 @@ def test_an_interrupted_run_ends_as_an_unbroken_one(tmp_path: Path, stop: int, l
         seen += 1
 
     def go(run: RunFolder, evaluations: Evaluations, watch: object) -> None:
-        search(Greedy(bowl_problem()), evaluations, run, out_of_time=never, watch=watch)  # type: ignore[arg-type]
-        confirm(Greedy(bowl_problem()), evaluations, run, watch=watch)  # type: ignore[arg-type]
+        search(Greedy(bowl_problem()), evaluations, run, out_of_time=never, watch=watch)
+        confirm(Greedy(bowl_problem()), evaluations, run, watch=watch)
 
     with create_run(tmp_path / "run", settings) as run:
         evaluations = serial(tmp_path, noise_m=0.1)

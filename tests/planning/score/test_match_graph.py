@@ -40,7 +40,7 @@ def test_it_is_kept(tmp_path: Path) -> None:
     stages = []
 
     class Told(Silent):
-        def stage(self, name: str, total: int | None = None, **work):  # type: ignore[no-untyped-def]
+        def stage(self, name: str, total: int | None = None, **work):
             stages.append(name)
             return super().stage(name, total, **work)
 

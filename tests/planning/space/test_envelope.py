@@ -110,10 +110,9 @@ def test_an_envelope_without_room_says_so() -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong",
-    [{"x_m": (1.0, 0.0)}, {"height_m": (0.0, np.nan)}, {"pitch_deg": (-100.0, 0.0)}, {"clearance_m": -0.1}],
+    "wrong", [{"x_m": (1.0, 0.0)}, {"height_m": (0.0, np.nan)}, {"pitch_deg": (-100.0, 0.0)}, {"clearance_m": -0.1}]
 )
 def test_senseless_limits_are_refused(wrong: dict[str, object]) -> None:
     limits = {"x_m": (0.0, 1.0), "y_m": (0.0, 1.0), "height_m": (0.0, 1.0), "target": TARGET} | wrong
     with pytest.raises(ValueError):
-        Envelope(**limits)  # type: ignore[arg-type]
+        Envelope(**limits)

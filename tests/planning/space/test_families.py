@@ -8,13 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldkit.planning.space.envelope import fill_distance_m, reach_m
-from fieldkit.planning.space.families import (
-    SPAN_DEG,
-    Circle,
-    circles,
-    families,
-    family,
-)
+from fieldkit.planning.space.families import SPAN_DEG, Circle, circles, families, family
 from tests.planning.leafy import problem
 
 PROBLEM = problem(9)

@@ -38,8 +38,6 @@ def run(seed: int = 0, cache: StageCache | None = None, given: list[View] | None
         for array in (depth_map.depth, depth_map.normal, depth_map.cost):
             state.update(array.tobytes())
     state.update(cloud.points.tobytes())
-    assert cloud.colors is not None
-    assert cloud.normals is not None
     state.update(cloud.colors.tobytes() + cloud.normals.tobytes())
     return state.hexdigest()
 

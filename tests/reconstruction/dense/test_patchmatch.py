@@ -61,7 +61,6 @@ def test_normals_are_those_of_the_plane_and_face_the_camera(slanted):
 def test_the_fused_cloud_lies_on_the_plane(slanted):
     views, _, found = slanted
     cloud = fuse(views, found, VOLUME, STANDARD)
-    assert cloud.colors is not None
     assert cloud.normals is not None
     height = cloud.points[:, 2] - 0.3 * cloud.points[:, 0] + 0.2 * cloud.points[:, 1]
     assert len(cloud) > 10_000

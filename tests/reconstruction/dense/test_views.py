@@ -65,7 +65,6 @@ def test_without_distortion_at_full_size_the_image_is_untouched():
 def test_what_lies_outside_the_photograph_is_masked():
     camera = Intrinsics("SIMPLE_RADIAL", 400, 300, (300.0, 200.0, 150.0, 0.25))
     view = prepare_view("a", np.full((300, 400, 3), 200, np.uint8), camera, POSE, "full", "none")
-    assert view.mask is not None
     assert not view.mask[0, 0]
     assert view.mask[150, 200]
     assert (view.image[view.mask] > 150).all()
@@ -76,7 +75,6 @@ def test_a_mask_file_is_scaled_and_undistorted_with_the_photograph():
     mask = np.zeros((450, 600), dtype=np.uint8)
     mask[:, :300] = 255
     view = prepare_view("a", np.zeros((900, 1201, 3), np.uint8), camera, POSE, "standard", "file", mask)
-    assert view.mask is not None
     assert view.mask.shape == view.image.shape[:2]
     assert view.mask[:, 10:360].mean() > 0.99
     assert not view.mask[:, 400:].any()
@@ -128,7 +126,6 @@ def test_pixels_from_outside_the_photograph_are_told_from_background():
     camera = Intrinsics("SIMPLE_RADIAL", 400, 300, (300.0, 200.0, 150.0, 0.1))
     leaf = np.full((300, 400, 3), (90, 140, 60), dtype=np.uint8)
     view = prepare_view("a", leaf, camera, POSE, "full")
-    assert view.inside is not None
     assert view.mask is not None
     assert np.array_equal(view.mask, view.inside)
     assert 0 < (~view.inside).sum() < 0.2 * view.inside.size

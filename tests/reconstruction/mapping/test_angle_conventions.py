@@ -126,7 +126,6 @@ def test_the_frame_may_be_turned() -> None:
     turn = rotation_from_vector((0.0, 0.0, np.radians(70.0)))
     turned = {name: matrix @ turn.T for name, matrix in found(OBLIQUE).items()}
     convention = find_convention(capture([from_nadir(a) for a in OBLIQUE]), turned, turn, BOUND_DEG)
-    assert convention is not None
     assert convention.name == "pitch 0 is straight down"
     assert rotation_angle_deg(convention.rotations["3.jpg"], turned["3.jpg"]) < BOUND_DEG
 

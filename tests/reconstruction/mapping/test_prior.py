@@ -175,7 +175,6 @@ def test_the_same_seed_gives_the_same_bits(scene: FeatureScene) -> None:
 
 def test_the_region_is_what_the_axes_share() -> None:
     region = region_of_interest(ring(8, target=(0.1, -0.2, 0.05)))
-    assert region is not None
     assert region.center == pytest.approx((0.1, -0.2, 0.05), abs=1e-6)
     assert region_of_interest(ring(1)) is None
     away = [Pose(np.diag([1.0, -1.0, -1.0]) @ pose.rotation, pose.center) for pose in ring(8)]

@@ -69,7 +69,6 @@ def test_an_orientation_that_matches_contradict_is_put_right(scene: FeatureScene
     priors = recorded(scene)
     wrong = scene.names[2]
     rotation = priors[wrong].rotation
-    assert rotation is not None
     priors[wrong] = replace(priors[wrong], rotation=TURNED @ rotation)
     inputs, belief = given(scene, priors)
     mapped = map_by_priors(inputs, belief)

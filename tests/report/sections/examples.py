@@ -19,13 +19,7 @@ from fieldkit.missions.export_mission import export_mission
 from fieldkit.planning.run.folder import LogEntry
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.results.comparison import (
-    COMPARE_FILE,
-    ComparedEvaluation,
-    ComparisonReport,
-    DifferenceEntry,
-    ValueEntry,
-)
+from fieldkit.results.comparison import COMPARE_FILE, ComparedEvaluation, ComparisonReport, DifferenceEntry, ValueEntry
 from fieldkit.results.evaluation import AdherenceEntry, EvaluationReport, ReferenceReport, StationErrorEntry
 from fieldkit.results.plan import Plan, PlanMethod, PlanSource
 from fieldkit.results.plan_file import save_plan

@@ -177,10 +177,7 @@ class TestMissions:
         results = read_results(tmp_path)
         (part,), (plan,) = results.of(FlownMission), results.of(PlanRun)
         view = mission_view(part, results)[0]
-        assert view is not None
         (layer,) = view.points
-        assert plan.report.plan is not None
-        assert plan.report.plan.plants is not None
         field = load_site(SITES / "example.toml", HILLSIDE)
         wanted = np.concatenate([
             SiteFrame(field.home).to_local(*PlotFrame.of(field, plot).to_geodetic(plan.report.plan.plants.points_m))
@@ -190,7 +187,6 @@ class TestMissions:
         save_plan(tmp_path / "plan" / "plan.json", planned(7))  # another one
         results = read_results(tmp_path)
         view = mission_view(results.of(FlownMission)[0], results)[0]
-        assert view is not None
         assert view.points == []
 
     @settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -219,7 +215,6 @@ class TestMissions:
             return
         for part in results.of(FlownMission):
             view = mission_view(part, results)[0]
-            assert view is not None
             (line, *_) = view.lines
             assert all(np.isfinite(each).all() for each in line.lines)
 

@@ -142,7 +142,6 @@ class TestSummary:
         assert "1 no pair verified" in left_out.text
         assert "1 wrong pose" in left_out.text
         distances = next(s for s in told if "chamfer" in s.text)
-        assert plot.chamfer_m is not None
         assert f"{1000 * plot.chamfer_m:.1f} mm (chamfer distance)" in distances.text
         # A leaf is missing, and nothing is there that should not be.
         assert any("the larger part of that distance is completeness" in s.text for s in told)
@@ -182,12 +181,7 @@ class TestSummary:
         (tmp_path / "eval" / "evaluation.json").write_text(document)
         write_report(tmp_path / "eval", tmp_path / "r.html")
         text = checked((tmp_path / "r.html").read_text()).text
-        for told in (
-            "height 0.42\u00a0m",
-            "cover 31.0\u00a0%",
-            "canopy volume 0.012\u00a0m³",
-            "8.00 to 16.0\u00a0mm",
-        ):
+        for told in ("height 0.42\u00a0m", "cover 31.0\u00a0%", "canopy volume 0.012\u00a0m³", "8.00 to 16.0\u00a0mm"):
             assert " ".join(told.split()) in text
 
     def test_of_flights_and_failures(self, season: Path) -> None:
@@ -227,13 +221,12 @@ class TestViews:
     def test_distances_are_exact_both_ways(self, scored: Results) -> None:
         part = scored.of(EvaluationReport)[0]
         scene, note = plot_view(part, part.report.plots[0], scored)
-        assert scene is not None
         assert "completeness" in note
         ours, theirs = scene.points
         reference, cloud = (read_cloud(scored.root / p) for p in ("ref/cloud.ply", "eval/plot 7/cloud.ply"))
         np.testing.assert_allclose(ours.values, PointIndex(reference.points).nearest(cloud.points)[0], atol=1e-6)
         np.testing.assert_allclose(theirs.values, PointIndex(cloud.points).nearest(reference.points)[0], atol=1e-6)
-        assert np.mean(ours.values) == pytest.approx(part.report.plots[0].accuracy_m, rel=1e-4)  # type: ignore[arg-type]
+        assert np.mean(ours.values) == pytest.approx(part.report.plots[0].accuracy_m, rel=1e-4)
         assert [layer.name for layer in scene.frusta] == ["Cameras, achieved", "Cameras, pose found wrong"]
         assert [len(layer.poses) for layer in scene.frusta] == [6, 1]
 
@@ -243,11 +236,10 @@ class TestViews:
         results = read_results(scored.root)
         part = results.of(EvaluationReport)[0]
         scene, _ = plot_view(part, part.report.plots[0], results)
-        assert scene is not None
         assert [layer.name for layer in scene.frusta][2:] == ["Cameras, planned"]
         scenes = {plan.name: plan_view(plan, results)[0] for plan in results.of(PlanRun)}
-        assert [layer.name for layer in scenes["plan"].points] == ["Reference", "Plants, as flights keep clear of them"]  # type: ignore[union-attr]
-        assert [layer.shown for layer in scenes["other"].points] == [True]  # type: ignore[union-attr]
+        assert [layer.name for layer in scenes["plan"].points] == ["Reference", "Plants, as flights keep clear of them"]
+        assert [layer.shown for layer in scenes["other"].points] == [True]
 
     def test_a_missions_way_lies_where_the_reference_is_on_the_earth(self, scored: Results) -> None:
         # The example's source frame has its origin at 50.6° N 6.98° E, 70 m; the plot frame lies 1.2 m above it.
@@ -267,7 +259,6 @@ class TestViews:
             way = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, takeoff_m], [10.0, -4.0, 5.0], [10.0, -4.0, 0.0]])
             part = scored.of(EvaluationReport)[0]
             scene, _ = plot_view(part, part.report.plots[0], replace(scored, found=(*scored.found, moved)))
-            assert scene is not None
             ways = [layer for layer in scene.lines if layer.name == "Way of m.plan"]
             assert len(ways) == shown
             if ways:
@@ -284,14 +275,11 @@ class TestViews:
     def test_points_are_thinned_out_the_same_every_time(self, scored: Results) -> None:
         part = scored.of(EvaluationReport)[0]
         scene, _ = plot_view(part, part.report.plots[0], scored)
-        assert scene is not None
         (thin,), (again,) = (within_budget([scene], 1000) for _ in range(2))
         assert 990 <= points_of([thin]) <= 1000
         assert within_budget([scene], 10_000) == [scene]
         for layer, other, whole in zip(thin.points, again.points, scene.points, strict=True):
             np.testing.assert_array_equal(layer.points, other.points)
-            assert layer.values is not None
-            assert whole.values is not None
             rows = {tuple(p): v for p, v in zip(whole.points.tolist(), whole.values.tolist(), strict=True)}
             assert all(rows[tuple(p)] == v for p, v in zip(layer.points.tolist(), layer.values.tolist(), strict=True))
 

@@ -18,7 +18,6 @@ BLUE = "#3b7dd8"
 
 def pixels(scene: ViewerScene) -> NDArray[np.int64]:
     picture = still(scene)
-    assert picture is not None
     assert picture.description.startswith(scene.title)
     with Image.open(BytesIO(picture.jpeg)) as image:
         found = np.asarray(image.convert("RGB")).astype(np.int64)
@@ -60,8 +59,6 @@ def test_front_and_top_have_one_scale() -> None:
 
 def test_a_weed_far_out_does_not_make_the_plants_small() -> None:
     alone, beside = (still(ViewerScene("t", [layer])) for layer in (plants(), plants((9.0, 9.0, 0.0))))
-    assert alone is not None
-    assert beside is not None
     assert beside.width < 1.5 * alone.width
 
 
