@@ -1,7 +1,5 @@
 """A fixture that makes photographs for a test."""
 
-from __future__ import annotations
-
 import zlib
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What may lie where a file is expected, for tests; and a limit of time, since reading one of these may never end."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket

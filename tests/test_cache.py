@@ -1,7 +1,5 @@
 """The stage cache: right keys, and entries that are whole or missing."""
 
-from __future__ import annotations
-
 import dataclasses
 import enum
 import os

@@ -1,7 +1,5 @@
 """The documentation: nothing is left out of the site, no link is dead, and it needs nothing from elsewhere."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import re

@@ -1,7 +1,5 @@
 """What `import fieldkit` offers."""
 
-from __future__ import annotations
-
 import inspect
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Nothing needs Linux that has a plain substitute: as far as that can be tried on Linux."""
 
-from __future__ import annotations
-
 import ast
 import errno
 import json

@@ -1,7 +1,5 @@
 """Only regular files are read, by every reader, and only they are replaced."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """The wheel, built and installed as a person does: outside the checkout, in a path with umlauts, not as root."""
 
-from __future__ import annotations
-
 import configparser
 import json
 import os

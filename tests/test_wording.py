@@ -1,7 +1,5 @@
 """Counts in messages: one of a thing is never told in the plural."""
 
-from __future__ import annotations
-
 from hypothesis import given
 from hypothesis import strategies as st
 

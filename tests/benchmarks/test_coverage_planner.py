@@ -1,7 +1,5 @@
 """Maximum coverage: exact against greedy and brute force."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How poses of a subset are judged and tabled; mapping itself is tested elsewhere."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

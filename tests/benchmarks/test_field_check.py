@@ -1,7 +1,5 @@
 """The study of checks in the field: faults are what they say, and outcomes are counted."""
 
-from __future__ import annotations
-
 from datetime import datetime
 from pathlib import Path
 

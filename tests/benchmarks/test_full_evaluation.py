@@ -1,7 +1,5 @@
 """Both sides of a whole evaluation, on the demo's ten small renderings."""
 
-from __future__ import annotations
-
 import pytest
 
 from benchmarks.full_evaluation import LENT, OURS, THEIRS, Case, ours, summary, theirs

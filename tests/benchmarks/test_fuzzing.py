@@ -1,7 +1,5 @@
 """The fuzzer finds what it looks for."""
 
-from __future__ import annotations
-
 import io
 import time
 import zipfile

@@ -1,7 +1,5 @@
 """Matches against the angle: its measures on small inputs, and that rendered plots lose matches."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The missions' studies, small."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Two dates of a plot: older plants, and the table of ways to fly the second."""
 
-from __future__ import annotations
-
 from benchmarks.next_visit import older
 from fieldkit.planning.space.plots import Plot
 from fieldkit_sim.generator import new_scene

@@ -1,7 +1,5 @@
 """The objective's studies on a tiny plot: their structure and that their measures are right."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The paper's tables: ratios to the best baseline, and depth images of points."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

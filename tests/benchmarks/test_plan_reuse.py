@@ -1,7 +1,5 @@
 """The study of plans on other plots: its slopes, and the plots it makes. Nothing is rendered."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The planner's studies on a tiny scene: runs are kept, shared and carried, and the tables count right."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """True traits of plants' meshes, and the table of errors."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """The recorded and proxy studies: who may judge whom, their tables, and small runs on real photographs."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

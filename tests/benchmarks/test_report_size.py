@@ -1,7 +1,5 @@
 """The study of reports' sizes, at a small size."""
 
-from __future__ import annotations
-
 import pytest
 
 from benchmarks import headless, report_size

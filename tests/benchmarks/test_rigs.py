@@ -1,7 +1,5 @@
 """Commanded poses of a rig, completed; subsets; noise."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Fitting predictions: recovers a law, leaves scenes out whole, and intervals hold what they say."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

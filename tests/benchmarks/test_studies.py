@@ -1,7 +1,5 @@
 """The other studies on tiny inputs: their structure and that their measures are right; never how long they take."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

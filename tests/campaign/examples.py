@@ -1,7 +1,5 @@
 """A small field, a plan and photographs' metadata for the tests of campaigns."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from datetime import datetime, timedelta

@@ -1,7 +1,5 @@
 """A campaign's folder: made, read, shown, exported."""
 
-from __future__ import annotations
-
 import csv
 import json
 import sqlite3

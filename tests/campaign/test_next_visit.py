@@ -1,7 +1,5 @@
 """The next visit of a campaign: each plot's own stations, one mission, and visits that are compared with them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache

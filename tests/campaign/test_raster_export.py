@@ -1,7 +1,5 @@
 """A campaign's height models in one folder: what lies there, under which names, and what is said of the others."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import replace
 from pathlib import Path

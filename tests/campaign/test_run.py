@@ -1,7 +1,5 @@
 """One run at a time, which goes on where an earlier one ended."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import textwrap

@@ -1,7 +1,5 @@
 """Photographs into plots and dates."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import datetime, timedelta
 

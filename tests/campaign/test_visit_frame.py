@@ -1,7 +1,5 @@
 """The frame, the volume and the ground of a visit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Visits in their folders."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

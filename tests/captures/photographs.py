@@ -1,7 +1,5 @@
 """Small photographs with the metadata a camera or a drone writes."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Callable

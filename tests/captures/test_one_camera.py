@@ -1,7 +1,5 @@
 """Photographs of several lenses, bands and cameras in one folder: one camera's make a capture, the others are named."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Mapping
 from pathlib import Path

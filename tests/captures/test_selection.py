@@ -1,7 +1,5 @@
 """Photographs of a tree of folders, and captures made of some of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

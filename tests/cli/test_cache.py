@@ -1,7 +1,5 @@
 """fieldkit cache."""
 
-from __future__ import annotations
-
 import json
 import os
 import time

@@ -1,7 +1,5 @@
 """fieldkit campaign init, show and export, and where fieldkit evaluate puts its results."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

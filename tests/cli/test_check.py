@@ -1,7 +1,5 @@
 """The check command: what it prints, its exit codes, and calls that cannot be."""
 
-from __future__ import annotations
-
 import json
 from io import StringIO
 from pathlib import Path

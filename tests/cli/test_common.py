@@ -1,7 +1,5 @@
 """What commands print for people: tables with all their rows, and lines that are neither markup nor broken."""
 
-from __future__ import annotations
-
 import pytest
 
 from fieldkit.cli.common import show, table

@@ -1,7 +1,5 @@
 """fieldkit compare, and the options of evaluate's plan, by the command line."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The demo, and the commands a person would run after it."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

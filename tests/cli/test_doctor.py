@@ -1,7 +1,5 @@
 """fieldkit doctor, and what it rests on."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The commands about missions, as people call them."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

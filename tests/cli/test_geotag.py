@@ -1,7 +1,5 @@
 """Where the local frame of fieldkit geotag lies."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

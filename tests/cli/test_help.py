@@ -1,7 +1,5 @@
 """Help: every command has a page, and examples that the command would take. Completion: what the Tab key offers."""
 
-from __future__ import annotations
-
 import inspect
 import re
 import shlex

@@ -1,7 +1,5 @@
 """The command line as a whole: help is light, results go to stdout, errors are for people."""
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess

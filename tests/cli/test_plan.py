@@ -1,7 +1,5 @@
 """`fieldkit plan`: wrong calls are told in words, and a run is planned, resumed and extended on real photographs."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

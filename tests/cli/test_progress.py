@@ -1,7 +1,5 @@
 """Progress: lines in a log, bars on a terminal, silence with --json."""
 
-from __future__ import annotations
-
 import os
 import pty
 import subprocess

@@ -1,7 +1,5 @@
 """The options of reference and evaluate, before any photograph is read."""
 
-from __future__ import annotations
-
 import json
 from contextlib import suppress
 from pathlib import Path

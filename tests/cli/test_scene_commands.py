@@ -1,7 +1,5 @@
 """fieldkit scene and fieldkit simulate."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Cover, canopy volume and height of shapes whose figures are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Clumps that are smaller than leaves and touch nothing, beside shapes that must stay."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st

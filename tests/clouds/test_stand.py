@@ -1,7 +1,5 @@
 """A stand of plants, and weeds far from it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -5,8 +5,6 @@ They are kept in the repository, so that tests need no renderer and every machin
     python tests/data/make_small_plot.py
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

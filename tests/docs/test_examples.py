@@ -1,7 +1,5 @@
 """The examples of the documentation run as they stand, and are what their page says."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """The tutorial's commands run as they stand, one after the other, and say what the page shows."""
 
-from __future__ import annotations
-
 import csv
 import os
 import re

@@ -1,7 +1,5 @@
 """Cells that any reader of CSV understands."""
 
-from __future__ import annotations
-
 import csv
 import io
 

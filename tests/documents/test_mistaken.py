@@ -1,7 +1,5 @@
 """Whatever is given in the place of something else is called by its name."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """TOML files of people: what is read, and what is said of those that cannot be."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Running fieldkit's command line as a person does, and comparing what it leaves."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """A small capture, and the reference made from it once."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Photographs that cannot be used: what is wrong, which file, what to do, the exit code, and nothing left over."""
 
-from __future__ import annotations
-
 import json
 import struct
 import sys

@@ -1,7 +1,5 @@
 """Results, references and disks that cannot be used."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """A campaign by the command line: init, evaluate, killed and resumed, show, export."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil

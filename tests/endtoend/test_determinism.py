@@ -1,7 +1,5 @@
 """The same photographs and seed give the same bytes: in any process, on any number of workers, whatever is cached."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Simulated photographs and flight logs that belong to them, by the command line: known poses come from the log."""
 
-from __future__ import annotations
-
 import shutil
 from datetime import UTC, datetime
 from pathlib import Path

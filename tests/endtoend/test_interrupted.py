@@ -1,7 +1,5 @@
 """Runs that are killed or interrupted, and go on with the same result."""
 
-from __future__ import annotations
-
 import random
 import signal
 import time

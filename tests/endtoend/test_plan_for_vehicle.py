@@ -1,7 +1,5 @@
 """A plan for a vehicle is exported for it as it is, and its check finds nothing wrong."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Few photographs of a plant with positions and nothing else: no angles, no calibration."""
 
-from __future__ import annotations
-
 import csv
 import shutil
 from pathlib import Path

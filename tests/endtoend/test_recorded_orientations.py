@@ -1,7 +1,5 @@
 """Orientations that the camera recorded wrongly: found out, left out, and said so."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

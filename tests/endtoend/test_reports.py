@@ -1,7 +1,5 @@
 """What reference and evaluate report, and how a capture scores against itself."""
 
-from __future__ import annotations
-
 import csv
 import json
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Scene file → photographs → reference → scores, by the command line only, as with a real plot."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

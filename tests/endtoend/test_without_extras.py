@@ -1,7 +1,5 @@
 """Without the extra `search` everything works but the searches, which say what is missing."""
 
-from __future__ import annotations
-
 import json
 import os
 import pkgutil

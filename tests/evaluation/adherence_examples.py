@@ -1,7 +1,5 @@
 """Evaluated plots for tests of adherence: reports as a reconstruction leaves them, with poses that are known."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
 

@@ -1,7 +1,5 @@
 """A small reconstruction made by hand: cameras on a ring about a plant, a synthesised sparse model, a made-up cloud."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Poses of captures from a flight log, and how the flight kept to the plan."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

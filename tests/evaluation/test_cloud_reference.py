@@ -1,7 +1,5 @@
 """Bare clouds as references: where they lie, what counts of them, and what is refused."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Evaluations side by side: clouds of one surface differ by noise, shifted ones by more."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

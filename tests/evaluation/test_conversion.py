@@ -1,7 +1,5 @@
 """Reports made from a Reconstruction."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which folders are plots, and an evaluation of many plots, of which some fail."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A cloud moved onto a reference: scaled as far as its photographs' positions leave its scale in doubt."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which photograph is which station: flight logs, evaluations, field checks and mission checks say the same."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

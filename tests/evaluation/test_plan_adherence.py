@@ -1,7 +1,5 @@
 """Reported, reconstructed and tagged poses of one flight against its plan."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Predicted chamfer distances: the model that comes with fieldkit, and the rules of what it does not say."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """References of photographs whose poses another program found, and our own model read back."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

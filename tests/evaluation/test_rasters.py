@@ -1,7 +1,5 @@
 """Height models: where their cells lie, what they hold, and the files."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree

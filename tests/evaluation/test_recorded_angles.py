@@ -1,7 +1,5 @@
 """Recorded angles read as orientations that were found without them say."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

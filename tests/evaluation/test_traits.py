@@ -1,7 +1,5 @@
 """Traits of a plot, and why they cannot be had."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

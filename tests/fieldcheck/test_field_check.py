@@ -1,7 +1,5 @@
 """Checks in the field, part by part: sharpness, exposure, placement, tags against ties, the mission to fly again."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable

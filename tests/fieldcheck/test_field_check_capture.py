@@ -1,7 +1,5 @@
 """A check of real photographs: eight of a recorded rig, as they are and with faults."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from pathlib import Path

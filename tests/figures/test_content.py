@@ -1,7 +1,5 @@
 """Tables made of rows."""
 
-from __future__ import annotations
-
 from fieldkit.figures.content import MOST_ROWS, Column, tabulated
 from fieldkit.figures.tables.adherence import station_table
 from fieldkit.results.evaluation import AdherenceEntry

@@ -1,7 +1,5 @@
 """Every figure is described once, and reads the same of an evaluation and of a visit."""
 
-from __future__ import annotations
-
 import pytest
 
 from fieldkit.figures.registry import FIGURES, TRENDS, figure, figures_of

@@ -1,7 +1,5 @@
 """plots.csv and traits.csv."""
 
-from __future__ import annotations
-
 import csv
 import io
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Figures as people read them."""
 
-from __future__ import annotations
-
 import pytest
 
 from fieldkit.figures.style import format_length, format_nominal, format_seconds, metres, millimetres, percent, signed

@@ -1,7 +1,5 @@
 """The recordings of real flights (sim/sitl; the larger ones lie beside the recorded image sets)."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

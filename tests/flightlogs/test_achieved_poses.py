@@ -1,7 +1,5 @@
 """Poses achieved at every trigger of the recorded flights, against what the recordings' JSON says of them."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Photographs of a recorded flight, geotagged from its log."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import json

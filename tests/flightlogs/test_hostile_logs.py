@@ -1,7 +1,5 @@
 """Logs that are cut, mutated or made to do harm end in a MetadataError, or are read as far as they make sense."""
 
-from __future__ import annotations
-
 import gzip
 import os
 import struct

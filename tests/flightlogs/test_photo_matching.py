@@ -1,7 +1,5 @@
 """Photographs matched to triggers: by time and place, with some missing, some extra and a clock that is wrong."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

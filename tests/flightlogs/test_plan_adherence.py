@@ -1,7 +1,5 @@
 """How far photographs were taken from their stations, on the recorded flights."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

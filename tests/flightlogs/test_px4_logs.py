@@ -1,7 +1,5 @@
 """PX4 logs, written by the published format and read back, also by pyulog."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A small PX4 log by the published format. No recording of a real PX4 was at hand."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Mapping, Sequence
 

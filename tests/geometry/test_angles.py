@@ -1,7 +1,5 @@
 """Angles on a circle."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """Photographs find their stations by pose, in any order and whatever offset a receiver has."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """fieldkit upload, and the stand-in's own command."""
 
-from __future__ import annotations
-
 import json
 import re
 import socket

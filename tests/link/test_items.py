@@ -1,7 +1,5 @@
 """Items against what ArduCopter 4.5.6 answered, and what is sent against what is read back."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Uploads through the real MAVSDK."""
 
-from __future__ import annotations
-
 import random
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Many uploads over bad links; the full count is in the benchmark."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """What several tests ask of routes, by sampling: nothing here uses the tests of legs that the package has."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Random missions that a vehicle can fly, for property tests."""
 
-from __future__ import annotations
-
 from hypothesis import strategies as st
 
 from fieldkit.routing.mission import Fence, GeoPoint, Home, Mission, Shot, Via

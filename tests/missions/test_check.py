@@ -1,7 +1,5 @@
 """What a check of a mission finds, in the recorded ones and in ones with a fault each."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What speaks against an upload, with a vehicle's profile and without."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

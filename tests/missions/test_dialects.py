@@ -1,7 +1,5 @@
 """Missions in the words of ArduPilot and PX4."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

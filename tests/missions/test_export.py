@@ -1,7 +1,5 @@
 """From a plan to mission files, and back."""
 
-from __future__ import annotations
-
 import json
 from itertools import pairwise
 from pathlib import Path

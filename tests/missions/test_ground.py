@@ -1,7 +1,5 @@
 """No mission into the plants, in any format: what exports and checks make of plots, plans and mission.json."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

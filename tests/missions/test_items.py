@@ -1,7 +1,5 @@
 """What items may be written, and what ArduPilot answers to each of those it was asked."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

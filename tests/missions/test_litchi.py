@@ -1,7 +1,5 @@
 """Litchi's CSV: written and read back."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

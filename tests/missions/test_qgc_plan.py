@@ -1,7 +1,5 @@
 """QGroundControl's .plan: written, read back by fieldkit and by MAVSDK."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from dataclasses import replace

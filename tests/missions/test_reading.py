@@ -1,7 +1,5 @@
 """Reading any mission file, and whatever else somebody calls one."""
 
-from __future__ import annotations
-
 import io
 import json
 import random

@@ -1,7 +1,5 @@
 """QGC WPL 110 files: written, read back by fieldkit and by pymavlink."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

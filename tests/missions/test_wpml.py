@@ -1,7 +1,5 @@
 """DJI WPML archives: written, read back, and hostile ones refused."""
 
-from __future__ import annotations
-
 import io
 import struct
 import zipfile

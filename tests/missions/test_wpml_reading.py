@@ -1,7 +1,5 @@
 """What the waypoints of a WPML file come to: actions in order, what stays, what is done on the way."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

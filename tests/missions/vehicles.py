@@ -1,7 +1,5 @@
 """Vehicles, missions and recordings that several tests use."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The overview, the cost plot and the picture of a plan."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Orthographic pictures of clouds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

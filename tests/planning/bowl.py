@@ -1,7 +1,5 @@
 """An objective that answers at once: how far cameras are from a place that is best."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future

@@ -1,7 +1,5 @@
 """A small proxy whose evaluations take seconds."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

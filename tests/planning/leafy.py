@@ -1,7 +1,5 @@
 """Small plots for planners: bent leaves as points with normals, and a dense recorded set about them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fieldkit.clouds import Cloud, Volume

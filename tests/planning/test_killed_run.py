@@ -1,7 +1,5 @@
 """A real run of 40 evaluations that is killed twenty times ends in the plan of the run nobody disturbed."""
 
-from __future__ import annotations
-
 import json
 import os
 import random

@@ -1,7 +1,5 @@
 """Proxies of whatever a scene file can hold, and what a simulated source does with effects and wind."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 from functools import partial

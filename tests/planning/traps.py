@@ -1,7 +1,5 @@
 """An objective that answers at once and breaks where its cameras tell it to."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

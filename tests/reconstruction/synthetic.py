@@ -1,7 +1,5 @@
 """Simulated photographs as features, and rendered markers: scenes whose truth is known."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

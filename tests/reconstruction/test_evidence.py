@@ -1,7 +1,5 @@
 """Evidence for a cloud: leverage of positions, support by views, roughness."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

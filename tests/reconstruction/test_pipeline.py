@@ -1,7 +1,5 @@
 """What a reconstruction refuses before and after its work."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

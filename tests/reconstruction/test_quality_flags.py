@@ -1,7 +1,5 @@
 """Findings about results that are hardly those of the plot."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

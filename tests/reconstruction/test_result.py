@@ -1,7 +1,5 @@
 """What of a moved cloud can be the plot's plants."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

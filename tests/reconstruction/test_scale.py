@@ -1,7 +1,5 @@
 """What decides the scale; positions that are coarser than the cameras' spread give none, and check no pose."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What stages keep of single photographs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Focal length and height of photographs that look the same way: held, and said so."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

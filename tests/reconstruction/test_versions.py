@@ -1,7 +1,5 @@
 """One place says which results a change of the engine invalidates."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 

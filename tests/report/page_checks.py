@@ -1,7 +1,5 @@
 """What a report's HTML says, read back by the standard library's parser."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import re

@@ -1,7 +1,5 @@
 """Points as blocks: what comes out again is what went in."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 

@@ -1,7 +1,5 @@
 """A page as HTML: what is in it, and that nothing that people write into it comes alive."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Charts and maps: where their marks lie."""
 
-from __future__ import annotations
-
 import math
 import re
 

@@ -1,7 +1,5 @@
 """The 3D view's markup, without a browser."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """What is packed holds the 3D view; without it nothing is packed."""
 
-from __future__ import annotations
-
 import importlib.util
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Scenes for tests of the 3D view, and pages that hold them under the strictest policy that a page may have."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """reference.json and evaluation.json on disk."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """One way, as a tour takes many at once."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,7 +1,5 @@
 """How long flights take, against the formula's cases and recorded flights."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """From stops to flights."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise, permutations, product
 

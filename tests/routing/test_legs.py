@@ -1,7 +1,5 @@
 """Safe ways between two places."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

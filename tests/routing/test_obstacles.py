@@ -1,7 +1,5 @@
 """Legs against plants, obstacles, zones, fences and ceilings."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

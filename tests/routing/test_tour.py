@@ -1,7 +1,5 @@
 """Tours: exact for few places, near the optimum for many."""
 
-from __future__ import annotations
-
 from itertools import pairwise, permutations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The Dask executor on a local cluster, one of whose workers is killed in the middle."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

@@ -1,7 +1,5 @@
 """pycolmap is imported without what it does to a process."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Kernels where their machine code cannot be kept."""
 
-from __future__ import annotations
-
 import errno
 import warnings
 from collections.abc import Callable

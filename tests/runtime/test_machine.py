@@ -1,7 +1,5 @@
 """Cores and memory under control groups."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

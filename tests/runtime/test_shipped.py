@@ -1,7 +1,5 @@
 """Files beside the code, in a repository and in an installed package."""
 
-from __future__ import annotations
-
 import shutil
 import tomllib
 from pathlib import Path

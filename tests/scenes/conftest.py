@@ -1,7 +1,5 @@
 """One small plot and one row of plants for all scene tests, and a renderer of the plot, kept."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Each effect does what it says, and nothing when off."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

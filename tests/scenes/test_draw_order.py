@@ -1,7 +1,5 @@
 """Meshes are drawn in the scene's order, so that surfaces that touch look the same in every process."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fieldkit.geometry import Intrinsics, Pose

@@ -1,7 +1,5 @@
 """Drawings that are kept are those that would be drawn."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Edges smoothed after the fact: nearer to four samples per pixel than one is, and nothing else changed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """The scenes that come with fieldkit are what the paper says."""
 
-from __future__ import annotations
-
 import importlib.util
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Which plant each point of a cloud belongs to, against simulated plants."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scenes made of clouds: surfels, atlases, and what becomes of strays."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Other plots of a recorded plot's kind, as clouds and as scenes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Pixels and depths are where the camera model says."""
 
-from __future__ import annotations
-
 import ctypes
 import gc
 import os

@@ -1,7 +1,5 @@
 """Plants, soil, light and the true cloud."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scene files say all that a description can, and nothing else."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The sensor's noise has the strength it states, drawn one way or the other."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import norm

@@ -1,7 +1,5 @@
 """Simulated captures read back like real ones, and keep their truth to themselves."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 

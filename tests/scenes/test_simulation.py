@@ -1,7 +1,5 @@
 """`fieldkit simulate` as a function, and what other captures cannot show: headings, effects, sway."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

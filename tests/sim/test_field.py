@@ -1,7 +1,5 @@
 """Soil as geometry, weeds, neighbours, wind and the switches of light."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Plants by growth stage."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Plants from mesh files."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Whether a plan fits a plot, and what is said where it does not."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any, Literal

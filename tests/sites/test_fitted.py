@@ -1,7 +1,5 @@
 """Plans fitted to plots of higher, lower, larger and smaller plants."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

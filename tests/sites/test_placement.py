@@ -1,7 +1,5 @@
 """From the plot frame to WGS 84."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The plants' no-fly volume."""
 
-from __future__ import annotations
-
 import numpy as np
 import shapely
 from hypothesis import given, settings

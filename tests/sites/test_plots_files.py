@@ -1,7 +1,5 @@
 """Plots files as people have them: kinds, reference systems, ids, and what is wrong with them."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys

@@ -1,7 +1,5 @@
 """What a vehicle can reach."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Site files and plots files."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

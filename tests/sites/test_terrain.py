@@ -1,7 +1,5 @@
 """Plots on slopes: how a slope is given, and where a plan comes to lie on it."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Vehicle profiles."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from contextlib import nullcontext

@@ -1,7 +1,5 @@
 """One set of known poses, and writers of the files in which other programs would keep it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Captures whose poses another program found."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Poses of other programs are those that were written, in frames that mean the same."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The same figures on a terminal and in HTML."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Sequence

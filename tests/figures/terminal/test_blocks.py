@@ -1,7 +1,5 @@
 """Content on a terminal: nothing is lost where it is narrow, and no name steers it."""
 
-from __future__ import annotations
-
 import io
 
 from rich.console import Console

@@ -1,7 +1,5 @@
 """What commands print of a reference and an evaluation."""
 
-from __future__ import annotations
-
 import io
 import re
 

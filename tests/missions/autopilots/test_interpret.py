@@ -1,7 +1,5 @@
 """What missions really photograph, compared with what was flown."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

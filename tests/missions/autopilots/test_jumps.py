@@ -1,7 +1,5 @@
 """Jumps, followed with their counts."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections import Counter

@@ -1,7 +1,5 @@
 """Algorithm 1 on cameras: feasible, repeatable, never twice the same, and it gets somewhere."""
 
-from __future__ import annotations
-
 import json
 import math
 import subprocess

@@ -1,7 +1,5 @@
 """The circle baselines: a grid, a finer one about the best, and the end."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

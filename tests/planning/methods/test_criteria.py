@@ -1,7 +1,5 @@
 """Methods that optimise a geometric criterion, without evaluations."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The method `field`: feasible, repeatable, never twice the same, and better than chance on a planted optimum."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Optima of the geometric score as plans."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

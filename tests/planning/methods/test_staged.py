@@ -1,7 +1,5 @@
 """Two rings and hemispheres: as many trials as circles have, feasible, from the ranges, and refined about the best."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Choices among recorded views without evaluations."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

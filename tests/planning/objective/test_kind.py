@@ -1,7 +1,5 @@
 """Plots of a recorded plot's kind, as planning knows them and as they are photographed."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The objective end to end, on real renderings of a small plot."""
 
-from __future__ import annotations
-
 import json
 import pickle
 import subprocess

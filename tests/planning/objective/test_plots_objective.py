@@ -1,7 +1,5 @@
 """Evaluations on several plots of a kind, by workers that share what they build."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The recorded back end on the small plot's eight photographs."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from itertools import permutations

@@ -1,7 +1,5 @@
 """Plots of a recorded plot's kind, on the small plot's eight photographs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The rule of r: bounded, continuous, worst where there is nothing, and never against a good point."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

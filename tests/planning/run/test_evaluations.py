@@ -1,7 +1,5 @@
 """Worker processes: what breaks costs its own evaluation only, and nothing stays behind."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

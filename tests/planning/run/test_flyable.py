@@ -1,7 +1,5 @@
 """Plans within a vehicle's limits: whatever the envelope lets through, the vehicle's mission takes as it is."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from pathlib import Path
 from typing import Any

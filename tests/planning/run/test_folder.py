@@ -1,7 +1,5 @@
 """A run's folder: what is logged comes back bit for bit, and what a killed run leaves can be gone on from."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """The loop: what methods may know, what is logged, and that an interrupted run ends as an unbroken one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path

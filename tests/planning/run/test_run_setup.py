@@ -1,7 +1,5 @@
 """From what a person names to a problem."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

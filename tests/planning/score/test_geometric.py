@@ -1,7 +1,5 @@
 """The geometric score against a slow one, visibility against a wall, and how its terms behave."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The match graph of the small plot's eight photographs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

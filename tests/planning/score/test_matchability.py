@@ -1,7 +1,5 @@
 """Expected matches, how firmly cameras hang together by them, and the connectivity of view graphs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

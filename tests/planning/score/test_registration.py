@@ -1,7 +1,5 @@
 """Which sets blind mapping is expected to register, by the connectivity of their views."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Sets of cameras: the vector z, poses and aiming."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Cameras and their codes in the unit cube."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

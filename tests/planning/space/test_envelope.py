@@ -1,7 +1,5 @@
 """The feasible set: what is in it, samples of it, and the way into it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

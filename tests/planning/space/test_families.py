@@ -1,7 +1,5 @@
 """Families of cameras: every point of the cube decodes to N cameras that look at the plot and can be made feasible."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

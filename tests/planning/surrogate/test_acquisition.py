@@ -1,7 +1,5 @@
 """Expected improvement, its maximum in a feasible set, and Algorithm 1 on functions whose optimum is known."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The paper's ensemble against linear algebra in NumPy: posteriors, weights by Bayes' rule, the draw."""
 
-from __future__ import annotations
-
 import gpytorch
 import numpy as np
 import pytest

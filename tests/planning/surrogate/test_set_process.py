@@ -1,7 +1,5 @@
 """The process of sets: the same as BoTorch's and GPyTorch's of the same kernel, priors and bounds."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import gpytorch

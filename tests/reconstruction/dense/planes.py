@@ -1,7 +1,5 @@
 """Photographs of textured planes with exact depths, for tests: no renderer, no files."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache

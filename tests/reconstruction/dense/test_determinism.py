@@ -1,7 +1,5 @@
 """The same bytes in every process, with the cache cold and warm, and only what changed computed again."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """The rule by which depths become points, on depth maps made by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which pixels count as plants."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

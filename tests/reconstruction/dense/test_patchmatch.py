@@ -1,7 +1,5 @@
 """Depth maps of scenes whose depths are known exactly."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """`standard` on a simulated plot with known truth and known poses: the test scenes, on which nothing was tuned."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

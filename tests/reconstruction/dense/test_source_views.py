@@ -1,7 +1,5 @@
 """Choice of source views, and the rays through the volume."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

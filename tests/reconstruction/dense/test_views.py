@@ -1,7 +1,5 @@
 """Undistorted views at working size."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

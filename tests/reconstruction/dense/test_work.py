@@ -1,7 +1,5 @@
 """What the passes of dense stereo are said to cost, from which the time left is told."""
 
-from __future__ import annotations
-
 from fieldkit.reconstruction.dense.depth_maps import _work_of_passes
 
 

@@ -1,7 +1,5 @@
 """Mapping from rough poses: simulated rings with known truth, and the recorded basil."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Mapping with priors, step by step, on simulated features: what is believed at first is never changed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Sub-models put together: arcs of a ring that share a few points, too few for any pair of photographs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Folders of results of every kind, small and made by fieldkit's own writers; their names may be hostile."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

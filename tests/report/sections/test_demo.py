@@ -1,7 +1,5 @@
 """The demo's verdict: planned views against the circle, by both judges."""
 
-from __future__ import annotations
-
 import pytest
 
 from fieldkit.report.sections.demo import demo_verdict

@@ -1,7 +1,5 @@
 """Damaged and hostile results: a report or an error for people, never anything else."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

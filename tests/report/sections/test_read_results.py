@@ -1,7 +1,5 @@
 """Finding results in folders and reading them."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

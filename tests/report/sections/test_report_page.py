@@ -1,7 +1,5 @@
 """What a report says of results: the summary's rules, views, and the file as a whole."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

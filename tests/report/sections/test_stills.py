@@ -1,7 +1,5 @@
 """Still pictures of 3D views: everything at its place, to one scale, with names and north."""
 
-from __future__ import annotations
-
 from io import BytesIO
 
 import numpy as np

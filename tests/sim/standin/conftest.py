@@ -1,7 +1,5 @@
 """The recordings in sim/sitl, and missions made of them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The model's answers against every exchange that was recorded with ArduCopter 4.5.6."""
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_left, bisect_right
 from collections import Counter

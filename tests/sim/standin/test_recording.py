@@ -1,7 +1,5 @@
 """Telemetry logs, whole and damaged."""
 
-from __future__ import annotations
-
 import json
 import struct
 import tempfile

@@ -1,7 +1,5 @@
 """The stand-in vehicle, against the real pymavlink."""
 
-from __future__ import annotations
-
 import socket
 import time
 from collections import Counter
