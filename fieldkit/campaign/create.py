@@ -109,7 +109,7 @@ def init_campaign(
                 references=tuple(references),
             )
         except ValidationError as error:
-            raise UsageError(sentence(error), remedy="Give another --name.") from error
+            raise UsageError(sentence(error), remedy="Give another name.") from error
         write_atomic(partial / CAMPAIGN_FILE, campaign_text(table))
         read_campaign(partial)
     return read_campaign(folder)

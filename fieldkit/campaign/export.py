@@ -39,15 +39,12 @@ _COUNTS = ("images", "registered", "right", "rank", "predicted_rank", "visits")
 Values = dict[str, Any]
 
 
-def export_campaign(
-    campaign: Campaign, output: Path, *, format_: Format | None = None, overwrite: bool = False
-) -> Format:
+def export_campaign(campaign: Campaign, output: Path, *, overwrite: bool = False) -> Format:
     """Write a campaign's table.
 
     Args:
         campaign: as read.
-        output: file.
-        format_: None takes it from the file's suffix.
+        output: file; its suffix says the format.
         overwrite: replace an existing file.
 
     Raises:
@@ -56,11 +53,9 @@ def export_campaign(
         StorageError: it cannot be written.
     """
     output = Path(output)
-    chosen = format_ or SUFFIXES.get(output.suffix.lower())
+    chosen = SUFFIXES.get(output.suffix.lower())
     if chosen is None:
-        raise UsageError(
-            f"which format is {output.name}?", remedy="End its name in .csv, .geojson or .gpkg, or give --format."
-        )
+        raise UsageError(f"which format is {output.name}?", remedy="End its name in .csv, .geojson or .gpkg.")
     check_replaceable(output, overwrite=overwrite)
     check_writable(output.parent)
     match chosen:

@@ -21,7 +21,7 @@ from fieldkit.campaign.sorting import Shot, Sorting, sort_photographs
 from fieldkit.campaign.visits import Visits, keep_visit, stage_versions
 from fieldkit.captures import find_mask
 from fieldkit.captures.selection import FoundPhoto, FoundPhotos, capture_of, find_photographs, photographs_at
-from fieldkit.errors import CaptureError, FieldkitError, MetadataError, StorageError, UsageError
+from fieldkit.errors import CaptureError, FieldkitError, MetadataError, StorageError
 from fieldkit.evaluation.rasters import require_rasters
 from fieldkit.figures.spreadsheets import TRAITS_FILE, trait_row, write_traits_csv
 from fieldkit.figures.style import format_length
@@ -71,7 +71,6 @@ def evaluate_campaign(
     progress: Progress,
     workers: int = 1,
     scheduler: str = "",
-    wait: bool = True,
     overwrite: bool = False,
 ) -> CampaignRun:
     """Sort photographs into a campaign's plots and dates, and evaluate every visit that is new or changed.
@@ -84,12 +83,10 @@ def evaluate_campaign(
     Args:
         folder: of the campaign.
         captures: folder with photographs in it and below it; only read.
-        wait: for another run in this campaign to end; else it is an error.
         overwrite: evaluate also what is there already.
 
     Raises:
-        UsageError: another run works in the campaign, and ``wait`` is off; or it makes rasters, and rasterio is not
-            installed.
+        UsageError: it makes rasters, and rasterio is not installed.
         MetadataError: a file of the campaign is missing or malformed.
         CaptureError: there are no photographs, or none belongs to any plot.
         StorageError: the disk is full or not writable.
@@ -100,7 +97,7 @@ def evaluate_campaign(
     check_writable(folder)
     if campaign.evaluation.rasters:
         require_rasters()
-    with campaign_lock(folder, wait=wait, note=progress.note):
+    with campaign_lock(folder, note=progress.note):
         sweep(folder)
         campaign = read_campaign(folder)  # another run may have ended meanwhile
         visits = {visit.key: visit for visit in campaign.visits}
@@ -155,18 +152,13 @@ def _visit(job: VisitJob, future: Future[Visit]) -> Visit:
 
 
 @contextmanager
-def campaign_lock(folder: Path, *, wait: bool, note: Callable[[str], None]) -> Iterator[None]:
+def campaign_lock(folder: Path, *, note: Callable[[str], None]) -> Iterator[None]:
     """Hold a campaign's lock within the block; it ends with the process that holds it."""
     lock = FileLock(folder / LOCK_FILE)
     with storage_errors(folder):
         try:
             lock.acquire(timeout=0)
         except Timeout:
-            if not wait:
-                raise UsageError(
-                    "another run works in this campaign", path=folder,
-                    remedy="Let it end, or leave --no-wait out to wait for it.",
-                ) from None  # fmt: skip
             note("waiting: another run works in this campaign")
             lock.acquire(poll_interval=_POLL_S)
     try:

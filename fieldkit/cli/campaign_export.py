@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from typer import Option
 
 from fieldkit.cli.common import CampaignArgument, JsonOption, OverwriteOption, emit_json, say
-from fieldkit.errors import UsageError
 from fieldkit.wording import count
-
-Format = Literal["csv", "geojson", "gpkg"]
 
 
 def command(
@@ -20,7 +17,6 @@ def command(
         Path, Option("--output", "-o", help="File to write: .csv, .geojson or .gpkg; with --rasters a folder.")
     ],
     folder: CampaignArgument = None,
-    format_: Annotated[Format | None, Option("--format", help="Where the file's name does not say it.")] = None,
     rasters: Annotated[
         bool, Option("--rasters", help="Canopy height and surface models of all plots and dates, in a folder for QGIS.")
     ] = False,
@@ -50,8 +46,6 @@ def command(
     """
     from fieldkit.campaign.reading import campaign_folder, read_campaign
 
-    if rasters and format_ is not None:
-        raise UsageError("--format is that of a table", remedy="Leave --format out, or --rasters.")
     campaign = read_campaign(campaign_folder(folder))
     counts = {"visits": len(campaign.visits), "plots": len(campaign.plots)}
     if rasters:
@@ -67,7 +61,7 @@ def command(
         return
     from fieldkit.campaign.export import export_campaign
 
-    written = export_campaign(campaign, output, format_=format_, overwrite=overwrite)
+    written = export_campaign(campaign, output, overwrite=overwrite)
     if as_json:
         emit_json({"output": output, "format": written, **counts})
     else:

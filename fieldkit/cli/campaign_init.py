@@ -17,11 +17,8 @@ from fieldkit.cli.common import (
     vehicles_like,
 )
 from fieldkit.cli.reconstruction_options import (
-    DISTANCES,
-    DistancesOption,
     RasterOptions,
     ReconstructionOptions,
-    parse_distances,
 )
 from fieldkit.errors import UsageError
 
@@ -43,11 +40,6 @@ def command(
         list[str] | None,
         Option("--reference", metavar="PLOT=REF", help="A plot's own reference. May be given several times."),
     ] = None,
-    name: Annotated[str | None, Option("--name", help="In words; the folder's name where not given.")] = None,
-    refine: Annotated[
-        bool, Option("--refine", help="Move each cloud onto its plot's reference by ICP before scoring.")
-    ] = False,
-    distances: DistancesOption = DISTANCES,
     reconstruction: ReconstructionOptions,
     rasters: RasterOptions,
     seed: SeedOption = 0,
@@ -66,8 +58,7 @@ def command(
     See Also:
         fieldkit evaluate, fieldkit campaign show
     """
-    corners, distances_m = reconstruction.corners, parse_distances(distances)
-    wanted = rasters.wanted()
+    corners, wanted = reconstruction.corners, rasters.wanted()
     from pydantic import ValidationError
 
     from fieldkit.campaign.campaign_file import EvaluationTable
@@ -79,7 +70,7 @@ def command(
     try:
         evaluation = EvaluationTable(
             mapping=reconstruction.mapping, fidelity=reconstruction.fidelity, mask=reconstruction.mask,
-            bounds_m=corners, refine=refine, distances_m=distances_m, seed=seed,
+            bounds_m=corners, seed=seed,
             rasters=wanted is not None, gsd_m=None if wanted is None else wanted.cell_m,
         )  # fmt: skip
     except ValidationError as error:
@@ -88,7 +79,7 @@ def command(
     if reference:
         references = split_references(reference, [plot.name for plot in load_site(site, plots, plot_id).plots])
     sources = CampaignSources(plan, site, plots, vehicle, camera, references, plot_id)
-    made = init_campaign(folder, sources, evaluation, name=name, tell=None if as_json else say)
+    made = init_campaign(folder, sources, evaluation, tell=None if as_json else say)
     if as_json:
         emit_json(
             {

@@ -82,9 +82,6 @@ def command(
     reconstruction: ReconstructionOptions,
     poses: PosesOptions,
     rasters: RasterOptions,
-    no_wait: Annotated[
-        bool, Option("--no-wait", help="In a campaign: do not wait for another run in it to end.")
-    ] = False,
     run: RunOptions,
     scheduler: SchedulerOption = "",
     as_json: JsonOption = False,
@@ -115,7 +112,7 @@ def command(
     cache = run.cache()
     if output is None:
         folder = _campaign_folder(context, campaign, flight, poses)
-        return _in_campaign(folder, captures, cache, run, scheduler, wait=not no_wait, as_json=as_json)
+        return _in_campaign(folder, captures, cache, run, scheduler, as_json=as_json)
     if campaign is not None:
         raise UsageError("a campaign's results go into its own folder", remedy="Leave -o out, or --campaign.")
     distances_m, settings = parse_distances(distances), reconstruction.settings(run.seed)
@@ -166,7 +163,7 @@ def _campaign_folder(context: Context, campaign: Path | None, flight: FlightOpti
 
 
 def _in_campaign(
-    folder: Path, captures: Path, cache: StageCache, run: RunOptions, scheduler: str, *, wait: bool, as_json: bool
+    folder: Path, captures: Path, cache: StageCache, run: RunOptions, scheduler: str, *, as_json: bool
 ) -> int:
     """Evaluate the photographs' visits in a campaign."""
     from fieldkit.campaign.run import evaluate_campaign
@@ -179,7 +176,6 @@ def _in_campaign(
             progress=progress,
             workers=run.processes,
             scheduler=scheduler,
-            wait=wait,
             overwrite=run.overwrite,
         )
     if as_json:

@@ -16,9 +16,6 @@ def command(
     images: Annotated[
         Path | None, Option("--images", help="Its photographs: surfels take their pixels from them.")
     ] = None,
-    max_surfels: Annotated[
-        int, Option("--max-surfels", min=1000, max=4_000_000, help="Of everything but the plants.")
-    ] = 1_000_000,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -29,7 +26,6 @@ def command(
 
     Examples:
         fieldkit scene from-reference plot_7-reference --images plot_7/ -o plot_7-scene
-        fieldkit scene from-reference plot_7-reference --max-surfels 300000 -o small-scene
 
     Files:
         OUTPUT/scene.toml  the scene; name it or the folder
@@ -41,9 +37,7 @@ def command(
     from fieldkit.evaluation.proxy import make_proxy
 
     with open_progress(as_json=as_json) as progress:
-        made = make_proxy(
-            reference, output, images=images, max_ground_surfels=max_surfels, overwrite=overwrite, progress=progress
-        )
+        made = make_proxy(reference, output, images=images, overwrite=overwrite, progress=progress)
     if as_json:
         from dataclasses import asdict
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
@@ -81,40 +80,6 @@ class StationOptions:
         return ring_about(int(circle[0]), *circle[1:]) if circle else dense_about(self.dense), None
 
 
-@dataclass(frozen=True)
-class InexactOptions:
-    """What is not as commanded; the scene's where not given."""
-
-    pose_noise: Annotated[
-        str, Option("--pose-noise", metavar="M,DEG", help="True against commanded poses, standard deviations.")
-    ] = ""
-    image_noise: Annotated[
-        float | None, Option("--image-noise", metavar="GREY", help="Standard deviation per channel.")
-    ] = None
-    gps_noise: Annotated[
-        str, Option("--gps-noise", metavar="M[,M]", help="Of GPS positions: horizontal and vertical.")
-    ] = ""
-    blur: Annotated[float | None, Option("--blur", metavar="S", help="Exposure time: the drone drifts meanwhile.")] = (
-        None
-    )
-    wind: Annotated[
-        float | None,
-        Option("--wind", metavar="M", min=0.0, max=0.2, help="Leaves sway by this, half a metre out; 0 for none."),
-    ] = None
-
-    def noise(self) -> dict[str, Any]:
-        """By the parameters of `with_noise`; None where nothing is given."""
-        pose = read_pose_noise(self.pose_noise) if self.pose_noise else None
-        gps = read_numbers("--gps-noise", self.gps_noise, (1, 2)) if self.gps_noise else None
-        for name, number in (("--image-noise", self.image_noise), ("--blur", self.blur)):
-            if number is not None and not (isfinite(number) and number >= 0):
-                raise UsageError(f"{name}: cannot be {number}", remedy="Give 0 (off) or more.")
-        if self.blur is not None and self.blur > 1:
-            remedy = "Give the exposure time in seconds, such as 0.002."
-            raise UsageError(f"--blur: {self.blur:g} s is too long", remedy=remedy)
-        return {"pose": pose, "image": self.image_noise, "gps": None if gps is None else (gps[0], gps[-1])}
-
-
 def command(
     scene: Annotated[
         Path,
@@ -124,7 +89,13 @@ def command(
     stations: StationOptions,
     *,
     size: Annotated[str, Option("--size", metavar="WxH", help="Of the photographs, pixels.")] = "",
-    inexact: InexactOptions,
+    pose_noise: Annotated[
+        str, Option("--pose-noise", metavar="M,DEG", help="True against commanded poses, standard deviations.")
+    ] = "",
+    blur: Annotated[
+        float | None,
+        Option("--blur", metavar="S", min=0.0, max=1.0, help="Exposure time, in which the drone drifts."),
+    ] = None,
     no_poses: Annotated[bool, Option("--no-poses", help="Leave out poses.csv and camera.toml.")] = False,
     no_gps: Annotated[bool, Option("--no-gps", help="Leave out GPS and gimbal angles.")] = False,
     truth_cloud: Annotated[
@@ -137,8 +108,8 @@ def command(
     """Photograph a simulated plot as a drone would.
 
     Writes JPEGs with EXIF, GPS and gimbal angles, poses.csv with the commanded poses and camera.toml: a folder that
-    `fieldkit reference` and `fieldkit evaluate` take. The true poses go to CAPTURES.truth.csv beside the folder. Noise,
-    camera effects and wind that are not given are the scene file's.
+    `fieldkit reference` and `fieldkit evaluate` take. The true poses go to CAPTURES.truth.csv beside the folder. Noise
+    and exposure that are not given, the camera's other effects and the wind are the scene file's.
 
     Examples:
         fieldkit simulate case-1 --dense 45 -o case-1-dense
@@ -154,24 +125,26 @@ def command(
         fieldkit scene new, fieldkit reference, fieldkit evaluate
     """
     stations.circle()
-    noise, pixels = inexact.noise(), _size(size) if size else None
+    off, pixels = read_pose_noise(pose_noise) if pose_noise else None, _size(size) if size else None
     from dataclasses import asdict, replace
 
     from fieldkit.cli.progress import open_progress
     from fieldkit.scenes.library import find_scene
     from fieldkit.scenes.scene_file import read_scene
-    from fieldkit_sim.simulation import simulate, with_noise
+    from fieldkit_sim.simulation import simulate
 
     description = read_scene(find_scene(scene))
     commanded, camera = stations.read()
     camera = camera or description.camera
-    effects = description.camera_effects
+    noise, effects = description.noise, description.camera_effects
+    if off is not None:
+        noise = replace(noise, position_m=off[0], angle_deg=off[1])
     with open_progress(as_json=as_json) as progress:
         done = simulate(
             description, commanded, output, intrinsics=camera if pixels is None else _at_size(camera, *pixels),
-            noise=with_noise(description.noise, **noise),
-            effects=effects if inexact.blur is None else replace(effects, exposure_s=inexact.blur), seed=seed,
-            wind_m=inexact.wind, poses_csv=not no_poses, gps=not no_gps, truth_cloud=truth_cloud, overwrite=overwrite,
+            noise=noise,
+            effects=effects if blur is None else replace(effects, exposure_s=blur), seed=seed,
+            poses_csv=not no_poses, gps=not no_gps, truth_cloud=truth_cloud, overwrite=overwrite,
             progress=progress,
         )  # fmt: skip
     if as_json:

@@ -18,7 +18,7 @@ from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.library import scenes_folder
 from fieldkit.scenes.scene_file import read_scene
-from fieldkit_sim.simulation import Stations, dense_about, simulate, with_noise
+from fieldkit_sim.simulation import Stations, dense_about, simulate
 
 SEEN, UNSEEN = "seen", "unseen"
 SCENES = {SEEN: "demo", UNSEEN: "demo-unseen"}
@@ -74,9 +74,9 @@ def dense_shooting(plot: str, output: Path, seed: int, truth_cloud: Path | None 
 def photograph(job: Shooting) -> int:
     """Take the photographs of a job; returns how many."""
     scene = read_scene(scene_path(job.plot))
+    noise = replace(scene.noise, position_m=job.noise[0], angle_deg=job.noise[1])
     done = simulate(
-        scene, job.stations, job.output, intrinsics=job.camera, noise=with_noise(scene.noise, pose=job.noise),
-        seed=job.seed, truth_cloud=job.truth_cloud,
+        scene, job.stations, job.output, intrinsics=job.camera, noise=noise, seed=job.seed, truth_cloud=job.truth_cloud,
     )  # fmt: skip
     return done.photographs
 

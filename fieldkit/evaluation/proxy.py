@@ -13,13 +13,13 @@ from fieldkit.results.evaluation import ReferenceReport
 from fieldkit.results.report_files import REFERENCE_FILE, check_file, load_reference_report
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.description import Bounds
-from fieldkit.scenes.from_reference import MAX_GROUND_SURFELS, RecordedScene, ReferenceFiles, scene_from_reference
+from fieldkit.scenes.from_reference import RecordedScene, ReferenceFiles, scene_from_reference
 from fieldkit.scenes.photo_texture import PosedPhotograph
 
 
 def make_proxy(
-    reference: Path, output: Path, *, images: Path | None = None, max_ground_surfels: int = MAX_GROUND_SURFELS,
-    overwrite: bool = False, progress: Progress | None = None,
+    reference: Path, output: Path, *, images: Path | None = None, overwrite: bool = False,
+    progress: Progress | None = None,
 ) -> RecordedScene:  # fmt: skip
     """Write a scene of the reference's clouds.
 
@@ -27,7 +27,6 @@ def make_proxy(
         reference: what `fieldkit reference` wrote.
         output: folder for scene.toml, plants.ply and ground.ply, and plants.png and ground.png with ``images``.
         images: the photographs the reference was built from, for finer surfels.
-        max_ground_surfels: everything but the plants is thinned to this.
         overwrite: replace an existing scene.
 
     Raises:
@@ -64,7 +63,7 @@ def make_proxy(
     )
     photographs = [] if images is None else _photographs(report, images)
     return scene_from_reference(
-        files, output, photographs=photographs, max_ground_surfels=max_ground_surfels, overwrite=overwrite,
+        files, output, photographs=photographs, overwrite=overwrite,
         progress=progress,
     )  # fmt: skip
 

@@ -77,12 +77,12 @@ class RecordedScene:
 
 def scene_from_reference(
     reference: ReferenceFiles, output: Path, *, photographs: Sequence[PosedPhotograph] = (),
-    max_ground_surfels: int = MAX_GROUND_SURFELS, overwrite: bool = False, progress: Progress | None = None,
+    overwrite: bool = False, progress: Progress | None = None,
 ) -> RecordedScene:  # fmt: skip
     """Write ``output``/scene.toml with the plants' and the other surfels beside it.
 
     The plants are the reference's cloud without its strays. Everything else is the scene's points, without strays,
-    that do not repeat a plant's, thinned to at most ``max_ground_surfels``. With ``photographs`` each surfel has a
+    that do not repeat a plant's, thinned to MAX_GROUND_SURFELS. With ``photographs`` each surfel has a
     patch of 4 × 4 pixels of the one that sees it best, else the colour of its point.
     """
     plants = without_strays(_usable(reference.plants), _PLANT_STRAY)
@@ -97,7 +97,7 @@ def scene_from_reference(
         rest = without_islands(rest, 6.0 * spacing(rest), _ISLAND * len(rest))
     if not len(rest):
         raise SceneError("holds no ground", path=reference.scene, remedy=_REMEDY)
-    rest = thinned_to(rest, max_ground_surfels)
+    rest = thinned_to(rest, MAX_GROUND_SURFELS)
     with atomic_folder(output, overwrite=overwrite, marker=SCENE_FILE) as partial, storage_errors(output):
         write_ply(partial / PLANTS_FILE, plants)
         write_ply(partial / GROUND_FILE, rest)

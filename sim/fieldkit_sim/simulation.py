@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -47,7 +47,7 @@ class Simulation:
 def simulate(
     description: SceneDescription, stations: Stations | Sequence[Pose], output: Path, *,
     intrinsics: Intrinsics | None = None, noise: CaptureNoise | None = None, effects: CameraEffects | None = None,
-    wind_m: float | None = None, seed: int = 0, poses_csv: bool = True, gps: bool = True, truth: Path | None = None,
+    seed: int = 0, poses_csv: bool = True, gps: bool = True, truth: Path | None = None,
     truth_cloud: Path | None = None, overwrite: bool = False, progress: Progress | None = None,
 ) -> Simulation:  # fmt: skip
     """Photograph a described scene as a drone would.
@@ -60,7 +60,6 @@ def simulate(
         intrinsics: without distortion.
         noise: of poses, GPS and pixels.
         effects: of the camera.
-        wind_m: how far leaves sway between photographs (`wind_sway`); 0 keeps them still.
         seed: of all noise.
         poses_csv: whether commanded poses and intrinsics are written beside the photographs.
         gps: whether EXIF and XMP have positions and angles.
@@ -71,7 +70,6 @@ def simulate(
     progress = progress or Silent()
     camera = (intrinsics or description.camera).without_distortion()
     noise, effects = noise or description.noise, effects or description.camera_effects
-    wind_m = description.wind_m if wind_m is None else wind_m
     truth = default_truth(output) if truth is None else truth
     for file in (truth, truth_cloud):
         if file is not None and file.absolute().is_relative_to(output.absolute()):
@@ -84,9 +82,10 @@ def simulate(
         advance(1)
     with Renderer(scene) as renderer:
         true = simulate_capture(
-            output, renderer, poses, camera, noise=noise, seed=seed, effects=effects, sway=wind_sway(wind_m, seed),
-            site=description.site if gps else None, row_heading_deg=description.row_heading_deg,
-            sidecars=Sidecars(poses=poses_csv, camera=poses_csv), truth=truth, overwrite=overwrite, progress=progress,
+            output, renderer, poses, camera, noise=noise, seed=seed, effects=effects,
+            sway=wind_sway(description.wind_m, seed), site=description.site if gps else None,
+            row_heading_deg=description.row_heading_deg, sidecars=Sidecars(poses=poses_csv, camera=poses_csv),
+            truth=truth, overwrite=overwrite, progress=progress,
         )  # fmt: skip
     if truth_cloud is not None:
         with progress.stage("truth") as advance:
@@ -99,27 +98,6 @@ def simulate(
 def default_truth(output: Path) -> Path:
     """Where the true poses of a capture go: beside its folder, under its name."""
     return output.parent / f"{output.name}.truth.csv"
-
-
-def with_noise(
-    noise: CaptureNoise, *, pose: tuple[float, float] | None = None, image: float | None = None,
-    gps: tuple[float, float] | None = None,
-) -> CaptureNoise:  # fmt: skip
-    """``noise`` with what is given instead of its own.
-
-    Args:
-        noise: the scene's.
-        pose: position (m) and angle (deg).
-        image: grey levels.
-        gps: horizontal and vertical (m).
-    """
-    if pose is not None:
-        noise = replace(noise, position_m=pose[0], angle_deg=pose[1])
-    if image is not None:
-        noise = replace(noise, image_sigma=image)
-    if gps is not None:
-        noise = replace(noise, gps_horizontal_m=gps[0], gps_vertical_m=gps[1])
-    return noise
 
 
 def ring_about(count: int, radius_m: float | None = None, height_m: float | None = None) -> Stations:

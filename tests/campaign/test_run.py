@@ -10,15 +10,15 @@ from pathlib import Path
 from types import MappingProxyType
 
 import pytest
+from filelock import FileLock, Timeout
 
 from fieldkit.campaign import Visit, read_campaign
 from fieldkit.campaign.campaign_file import EvaluationTable
 from fieldkit.campaign.evaluate_visit import VisitJob
 from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks
-from fieldkit.campaign.run import _evaluated, campaign_lock, unchanged, visit_inputs
+from fieldkit.campaign.run import LOCK_FILE, _evaluated, campaign_lock, unchanged, visit_inputs
 from fieldkit.campaign.visits import changed_stages, is_current, keep_visit, stage_versions
 from fieldkit.captures.selection import FoundPhoto
-from fieldkit.errors import UsageError
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.runtime.context import Context
 from tests.campaign.examples import PLAN, campaign_folder, field, flown
@@ -118,18 +118,15 @@ def test_show_says_which_fieldkit_computed_what(tmp_path: Path) -> None:
 LIMIT_S = 120.0
 
 
-def test_a_second_run_refuses_or_waits(tmp_path: Path) -> None:
+def test_a_second_run_waits(tmp_path: Path) -> None:
     said: list[str] = []
     done = threading.Event()
 
     def second() -> None:
-        with campaign_lock(tmp_path, wait=True, note=said.append):
+        with campaign_lock(tmp_path, note=said.append):
             done.set()
 
-    with campaign_lock(tmp_path, wait=True, note=said.append):
-        with pytest.raises(UsageError, match="another run works in this campaign"):
-            with campaign_lock(tmp_path, wait=False, note=said.append):
-                pass
+    with campaign_lock(tmp_path, note=said.append):
         thread = threading.Thread(target=second)
         thread.start()
         give_up = time.monotonic() + LIMIT_S
@@ -147,18 +144,18 @@ def test_a_killed_run_leaves_no_lock(tmp_path: Path) -> None:
         import sys, time
         from pathlib import Path
         from fieldkit.campaign.run import campaign_lock
-        with campaign_lock(Path(sys.argv[1]), wait=False, note=print):
+        with campaign_lock(Path(sys.argv[1]), note=print):
             print("held", flush=True)
             time.sleep(600)
     """)
     process = subprocess.Popen([sys.executable, "-c", script, str(tmp_path)], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     assert process.stdout.readline() == "held\n"
-    with pytest.raises(UsageError), campaign_lock(tmp_path, wait=False, note=print):
-        pass
+    with pytest.raises(Timeout):
+        FileLock(tmp_path / LOCK_FILE).acquire(timeout=0)
     process.kill()
     process.communicate()
-    with campaign_lock(tmp_path, wait=False, note=print):
+    with campaign_lock(tmp_path, note=print):
         pass
 
 

@@ -31,16 +31,13 @@ def test_init_takes_the_settings(
 ) -> None:
     campaign_folder(place, FIELD)
     arguments = ("--plan", "sources/plan.json", "--site", "sources/site.toml", "--fidelity", "fine", "--mask", "none",
-                 "--bounds", "-1,-1,0,1,1,2", "--distances", "0.01,0.005", "--seed", "7", "--refine",
-                 "--name", "Ä")  # fmt: skip
+                 "--bounds", "-1,-1,0,1,1,2", "--seed", "7")  # fmt: skip
     made = answer(capsys, "campaign", "init", "new", *arguments, "--vehicle", "ardupilot-pitch")
-    assert made == {"output": "new", "campaign": "Ä", "plots": ["r1c1", "r1c2"], "stations": 8, "references": []}
+    assert made == {"output": "new", "campaign": "new", "plots": ["r1c1", "r1c2"], "stations": 8, "references": []}
     found = read_campaign(place / "new")
     settings = found.evaluation.settings
     assert (settings.fidelity, settings.mask, settings.seed) == ("fine", "none", 7)
     assert settings.bounds.upper == (1, 1, 2)
-    assert found.evaluation.distances_m == (0.005, 0.01)
-    assert found.evaluation.refine
     assert answer(capsys, "campaign", "init", "new", *arguments, code=2)["error"]["type"] == "UsageError"
     assert not found.evaluation.rasters
     answer(capsys, "campaign", "init", "maps", *arguments, "--rasters", "--gsd", "0.01")
@@ -83,7 +80,6 @@ def test_show_and_export_find_the_campaign_about_the_folder(
     assert answer(capsys, "campaign", "export", "-o", "out.gpkg", code=2)["error"]["path"] == "out.gpkg"
     error = answer(capsys, "campaign", "export", "-o", "maps", "--rasters", code=2)["error"]
     assert error["message"] == "no visit has rasters: no rasters of r1c1 2026-06-18: [bold]"
-    assert answer(capsys, "campaign", "export", "-o", "maps", "--rasters", "--format", "csv", code=2)
     assert not Path("maps").exists()
 
 

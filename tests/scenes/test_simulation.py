@@ -21,7 +21,7 @@ from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.simulate import CaptureNoise, Site, simulate_capture
 from fieldkit.scenes.sway import wind_sway
-from fieldkit_sim.simulation import dense_about, poses_from_csv, ring, ring_about, simulate, with_noise
+from fieldkit_sim.simulation import dense_about, poses_from_csv, ring, ring_about, simulate
 
 CAMERA = Intrinsics.pinhole(200, 150, 170.0)
 EXACT = CaptureNoise(gps_horizontal_m=0.0, gps_vertical_m=0.0, gimbal_deg=0.0, image_sigma=0.0)
@@ -50,10 +50,10 @@ def test_a_capture_with_everything(tmp_path: Path, description: SceneDescription
     assert len(read_cloud(tmp_path / "truth.ply")) == 3_000
 
 
-def test_the_wind_is_the_scenes_unless_another_is_given(tmp_path: Path, description: SceneDescription) -> None:
-    windy = replace(description, wind_m=0.05, noise=EXACT)
-    for name, wind in (("windy", None), ("still", 0.0)):
-        simulate(windy, ring_about(1), tmp_path / name, wind_m=wind, seed=2)
+def test_the_wind_is_the_scenes(tmp_path: Path, description: SceneDescription) -> None:
+    windy = replace(description, noise=EXACT)
+    for name, wind in (("windy", 0.05), ("still", 0.0)):
+        simulate(replace(windy, wind_m=wind), ring_about(1), tmp_path / name, seed=2)
     moved, still = (np.asarray(Image.open(tmp_path / n / "IMG_0001.jpg"), float) for n in ("windy", "still"))
     changed = np.abs(moved - still).max(axis=2) > 40
     assert 0.001 < changed.mean() < 0.3
@@ -129,10 +129,3 @@ def test_poses_need_a_direction(tmp_path: Path) -> None:
     (tmp_path / "poses.csv").write_text("image,x_m,y_m,z_m\na.jpg,1,2,3\n")
     with pytest.raises(MetadataError, match="no yaw or pitch"):
         poses_from_csv(tmp_path / "poses.csv")
-
-
-def test_noise_that_is_not_given_stays_the_scenes() -> None:
-    noise = with_noise(CaptureNoise(position_m=0.1, image_sigma=7.0), pose=(0.02, 1.0), gps=(0.5, 1.0))
-    assert noise == CaptureNoise(
-        position_m=0.02, angle_deg=1.0, image_sigma=7.0, gps_horizontal_m=0.5, gps_vertical_m=1.0
-    )
