@@ -65,7 +65,7 @@ class Boundary:
         warnings.showwarning = self._show_warning
         if not self._debug:  # such as that there is no home folder to keep its fonts in
             logging.getLogger("matplotlib").setLevel(logging.ERROR)
-        self._before = _on_terminate(self._terminate)
+        self._before = _handle(signal.SIGTERM, self._terminate)
         if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else a shell has Ctrl-C ignored
             _handle(signal.SIGINT, self._interrupt)
         self._unraisable, sys.unraisablehook = sys.unraisablehook, self._show_unraisable
@@ -146,7 +146,7 @@ class Boundary:
         if self._again is not None:
             self._again.cancel()
             self._again.join()
-        _on_terminate(self._before)
+        _handle(signal.SIGTERM, self._before or signal.SIG_DFL)
         if signal.getsignal(signal.SIGINT) == self._interrupt:
             _handle(signal.SIGINT, signal.default_int_handler)
         sys.unraisablehook = self._unraisable
@@ -247,10 +247,6 @@ def _sentence(error: BaseException) -> str:
     message: str = error.format_message() if hasattr(error, "format_message") else "aborted"
     message = message.replace("Value error, ", "")  # pydantic's prefix
     return message[:1].lower() + message[1:].rstrip(".")
-
-
-def _on_terminate(handler: Any) -> Any:
-    return _handle(signal.SIGTERM, handler or signal.SIG_DFL)
 
 
 def _handle(number: signal.Signals, handler: Any) -> Any:

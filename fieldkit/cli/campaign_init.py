@@ -7,19 +7,8 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import (
-    JsonOption,
-    PlotIdOption,
-    PlotsOption,
-    SeedOption,
-    emit_json,
-    say,
-    vehicles_like,
-)
-from fieldkit.cli.reconstruction_options import (
-    RasterOptions,
-    ReconstructionOptions,
-)
+from fieldkit.cli.common import JsonOption, PlotIdOption, PlotsOption, SeedOption, VehicleOption, emit_json, say
+from fieldkit.cli.reconstruction_options import RasterOptions, ReconstructionOptions
 from fieldkit.errors import UsageError
 
 
@@ -30,9 +19,7 @@ def command(
     *,
     plots: PlotsOption = None,
     plot_id: PlotIdOption = None,
-    vehicle: Annotated[
-        str | None, Option("--vehicle", autocompletion=vehicles_like, help="Profile, by name or path.")
-    ] = None,
+    vehicle: VehicleOption = None,
     camera: Annotated[
         Path | None, Option("--camera-file", help="camera.toml for photographs that have none beside them.")
     ] = None,

@@ -15,11 +15,11 @@ from fieldkit.cli.common import (
     OverwriteOption,
     PlantHeightOption,
     SeedOption,
+    VehicleOption,
     emit_json,
     plant_height,
     show,
     table,
-    vehicles_like,
 )
 from fieldkit.cli.reconstruction_options import WorkersOption, processes, run_context
 from fieldkit.errors import UsageError
@@ -34,15 +34,7 @@ def command(
     growth: Annotated[
         float, Option("--growth", metavar="FACTOR", help="By which plants have grown since the last visit.")
     ] = 1.15,
-    vehicle: Annotated[
-        str | None,
-        Option(
-            "--vehicle",
-            autocompletion=vehicles_like,
-            metavar="NAME",
-            help="A profile's name or file, in place of the campaign's.",
-        ),
-    ] = None,
+    vehicle: VehicleOption = None,
     height: PlantHeightOption = None,
     format: MissionFormatOption = None,  # noqa: A002
     seed: SeedOption = 0,

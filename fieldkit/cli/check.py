@@ -12,16 +12,17 @@ from fieldkit.cli.common import (
     AdjustOption,
     FitOption,
     JsonOption,
+    LogOption,
     MissionFormatOption,
     OverwriteOption,
     PlantHeightOption,
     SeedOption,
     SitePlotOptions,
+    VehicleOption,
     emit_json,
     plant_height,
     say,
     show,
-    vehicles_like,
 )
 from fieldkit.cli.reconstruction_options import NoCacheOption, open_cache, run_context
 from fieldkit.errors import UsageError
@@ -40,15 +41,7 @@ _LEVELS: Mapping[str, Level] = {"fine": "good", "fix tags": "note", "fly again":
 class AgainOptions:
     """The mission that flies stations again."""
 
-    vehicle: Annotated[
-        str | None,
-        Option(
-            "--vehicle",
-            autocompletion=vehicles_like,
-            metavar="NAME",
-            help="A profile's name or file: for the mission that flies again.",
-        ),
-    ] = None
+    vehicle: VehicleOption = None
     output: Annotated[
         Path | None,
         Option("--output", "-o", help="Mission file for the stations to fly again; needs --vehicle and --site."),
@@ -70,9 +63,7 @@ def command(
     plan: Annotated[Path, Option("--plan", help="plan.json that was flown, or the folder that holds it.")],
     *,
     place: SitePlotOptions,
-    log: Annotated[
-        Path | None, Option("--log", help="Flight log (.tlog, .BIN, .ulg): its poses instead of EXIF's.")
-    ] = None,
+    log: LogOption = None,
     fit: FitOption = None,
     again: AgainOptions,
     position_tolerance: Annotated[
@@ -114,16 +105,9 @@ def command(
     settings = CheckSettings(position_m=position_tolerance, angle_deg=angle_tolerance, seed=seed)
     with run_context(as_json=as_json) as progress:
         reports = check_captures(
-            captures,
-            plan,
-            site=site,
-            plot=place.plot,
-            log=log,
-            fit=fit,
-            settings=settings,
-            cache=cache,
+            captures, plan, site=site, plot=place.plot, log=log, fit=fit, settings=settings, cache=cache,
             progress=progress,
-        )
+        )  # fmt: skip
     files = list(_missions(reports, plan, site, again, fit=fit, overwrite=overwrite, seed=seed))
     if as_json:
         plots = [_plain(report) for report in reports]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from fieldkit.cli.common import (
+    VEHICLE,
     FitOption,
     JsonOption,
     PlantHeightOption,
@@ -18,7 +19,6 @@ from fieldkit.cli.common import (
     plant_height,
     say,
     show_findings,
-    vehicles_like,
 )
 from fieldkit.errors import EXIT_OK, MissionError, UsageError
 from fieldkit.figures.style import format_length, format_seconds
@@ -33,9 +33,7 @@ _SITE = "Give the site file that says where home is."
 
 def command(
     file: Annotated[Path, Argument(help="A .plan, .waypoints, .kmz (DJI WPML) or Litchi .csv file.")],
-    vehicle: Annotated[
-        str, Option("--vehicle", autocompletion=vehicles_like, help="Vehicle profile: a name or a TOML file.")
-    ],
+    vehicle: Annotated[str, VEHICLE],
     plan: Annotated[Path | None, Option("--plan", help="plan.json: compare the photographs with its stations.")] = None,
     site: Annotated[
         Path | None,

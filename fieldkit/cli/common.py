@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Argument, Option
 
-from fieldkit.cli.boundary import emit_json, say
+from fieldkit.cli.boundary import emit_json as emit_json
+from fieldkit.cli.boundary import say as say
 from fieldkit.errors import UsageError
 from fieldkit.wording import count
 
@@ -23,13 +24,6 @@ if TYPE_CHECKING:
     from fieldkit.sites.plot_plants import PlantHeight
     from fieldkit.sites.site import Site
     from fieldkit.sites.site_file import Tell
-
-__all__ = [
-    "SEED", "AdjustOption", "CampaignArgument", "DebugOption", "FitOption", "JsonOption", "MissionFormatOption",
-    "MissionOutputOption", "OutputOption", "OverwriteOption", "PlantHeightOption", "PlotIdOption", "PlotsOption",
-    "ResumeOption", "SeedOption", "SitePlotOptions", "emit_json", "plant_height", "say", "scenes_like",
-    "show", "table", "vehicles_like",
-]  # fmt: skip
 
 _MOST_NOISE_M = 5.0
 _MOST_ROWS = 30
@@ -133,6 +127,19 @@ def plant_height(given: str | None) -> PlantHeight | None:
     return metres
 
 
+def vehicles_like(incomplete: str) -> list[str]:
+    """The names of vehicles that begin so, for the Tab key."""
+    from fieldkit.vehicles.vehicle_file import vehicle_names
+
+    return [name for name in vehicle_names() if name.startswith(incomplete)]
+
+
+VEHICLE = Option("--vehicle", autocompletion=vehicles_like, metavar="NAME", help="Vehicle profile, by name or file.")
+VehicleOption = Annotated[str | None, VEHICLE]
+LogOption = Annotated[
+    Path | None,
+    Option("--log", help="Flight log (.tlog, .BIN, .ulg): poses of its triggers, in place of poses.csv and GPS."),
+]
 AdjustOption = Annotated[
     bool, Option("--adjust", help="Fly the nearest poses where the vehicle cannot take the plan's.")
 ]
@@ -141,13 +148,6 @@ OutputOption = Annotated[
 ]
 OverwriteOption = Annotated[bool, Option("--overwrite", rich_help_panel=RUN, help="Replace an existing result.")]
 ResumeOption = Annotated[bool, Option("--resume", rich_help_panel=RUN, help="Go on with an interrupted run.")]
-
-
-def vehicles_like(incomplete: str) -> list[str]:
-    """The names of vehicles that begin so, for the Tab key."""
-    from fieldkit.vehicles.vehicle_file import vehicle_names
-
-    return [name for name in vehicle_names() if name.startswith(incomplete)]
 
 
 def scenes_like(incomplete: str) -> list[str]:

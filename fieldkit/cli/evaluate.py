@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Context, Option
 
-from fieldkit.cli.common import JsonOption, emit_json, show
+from fieldkit.cli.common import JsonOption, LogOption, emit_json, show
 from fieldkit.cli.reconstruction_options import (
     DISTANCES,
     DistancesOption,
@@ -43,10 +43,7 @@ _OF_CAMPAIGN = {
 class FlightOptions:
     """What was flown."""
 
-    log: Annotated[
-        Path | None,
-        Option("--log", help="Flight log (.tlog, .BIN, .ulg): poses of its triggers instead of poses.csv or GPS."),
-    ] = None
+    log: LogOption = None
     plan: Annotated[Path | None, Option("--plan", help="plan.json that was flown: how the photographs kept to it.")] = (
         None
     )
@@ -71,8 +68,7 @@ def command(
         ),
     ] = None,
     reference_frame: Annotated[
-        str,
-        Option("--reference-frame", metavar="FRAME", help="Of a cloud that does not say it: EPSG:CODE or metres."),
+        str, Option("--reference-frame", metavar="FRAME", help="Of a cloud that does not say it: EPSG:CODE or metres.")
     ] = "",
     flight: FlightOptions,
     refine: Annotated[
@@ -170,14 +166,9 @@ def _in_campaign(
 
     with run_context(as_json=as_json) as progress:
         done = evaluate_campaign(
-            folder,
-            captures,
-            cache=cache,
-            progress=progress,
-            workers=run.processes,
-            scheduler=scheduler,
+            folder, captures, cache=cache, progress=progress, workers=run.processes, scheduler=scheduler,
             overwrite=run.overwrite,
-        )
+        )  # fmt: skip
     if as_json:
         emit_json(
             {

@@ -10,6 +10,7 @@ from typer import Argument, Option
 
 from fieldkit.cli.boundary import finding_entry
 from fieldkit.cli.common import (
+    VEHICLE,
     AdjustOption,
     JsonOption,
     MissionFormatOption,
@@ -24,7 +25,6 @@ from fieldkit.cli.common import (
     say,
     show,
     table,
-    vehicles_like,
 )
 from fieldkit.figures.style import format_length, format_seconds
 from fieldkit.wording import count
@@ -38,9 +38,7 @@ _MOST_MOVED = 20
 
 def command(
     plan: Annotated[Path, Argument(help="plan.json, or the folder that holds it.")],
-    vehicle: Annotated[
-        str, Option("--vehicle", autocompletion=vehicles_like, metavar="NAME", help="A profile's name or file.")
-    ],
+    vehicle: Annotated[str, VEHICLE],
     site: Annotated[Path, Option("--site", help="Site file: home, plots, fence, obstacles.")],
     output: MissionOutputOption,
     format: MissionFormatOption = None,  # noqa: A002 - the option's name

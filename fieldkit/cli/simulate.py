@@ -93,8 +93,7 @@ def command(
         str, Option("--pose-noise", metavar="M,DEG", help="True against commanded poses, standard deviations.")
     ] = "",
     blur: Annotated[
-        float | None,
-        Option("--blur", metavar="S", min=0.0, max=1.0, help="Exposure time, in which the drone drifts."),
+        float | None, Option("--blur", metavar="S", min=0.0, max=1.0, help="Exposure time, in which the drone drifts.")
     ] = None,
     no_poses: Annotated[bool, Option("--no-poses", help="Leave out poses.csv and camera.toml.")] = False,
     no_gps: Annotated[bool, Option("--no-gps", help="Leave out GPS and gimbal angles.")] = False,

@@ -11,11 +11,11 @@ from fieldkit.cli.common import (
     JsonOption,
     PlotIdOption,
     PlotsOption,
+    VehicleOption,
     emit_json,
     finding_entries,
     say,
     show_findings,
-    vehicles_like,
 )
 from fieldkit.errors import MissionError
 from fieldkit.wording import count
@@ -35,9 +35,7 @@ def command(
     site: Annotated[Path | None, Option("--site", metavar="FILE", help="Site file: checked against it.")] = None,
     plots: PlotsOption = None,
     plot_id: PlotIdOption = None,
-    vehicle: Annotated[
-        str | None, Option("--vehicle", autocompletion=vehicles_like, metavar="NAME", help="Profile to check for.")
-    ] = None,
+    vehicle: VehicleOption = None,
     force: Annotated[bool, Option("--force", help="Send a mission that check-mission finds errors in.")] = False,
     as_json: JsonOption = False,
 ) -> None:
