@@ -58,8 +58,8 @@ def _of_plants(plants: Cloud, volume: Volume, gsd_m: float, *, own_volume: bool)
         yield (
             "volume-cuts-plants",
             (
-                f"the plants reach the top of the volume of interest (z = {volume.upper[2]:.2f} m) and are cut off there; "
-                "give a higher one with --bounds"
+                f"the plants reach the top of the volume of interest (z = {volume.upper[2]:.2f} m) and are cut off "
+                "there; give a higher one with --bounds"
             ),
         )
     stand = find_stand(plants.points) if own_volume else None
@@ -70,9 +70,9 @@ def _of_plants(plants: Cloud, volume: Volume, gsd_m: float, *, own_volume: bool)
         yield (
             "plants-apart",
             (
-                f"{100 * (1 - stand.apart):.1f} % of the plants stand on {x1 - x0:.1f} × {y1 - y0:.1f} m, the rest apart "
-                f"on {stand.reach[0]:.1f} × {stand.reach[1]:.1f} m: if those are weeds or neighbours, leave them out of "
-                f"the plot and of plans for it with --bounds {low},{high}"
+                f"{100 * (1 - stand.apart):.1f} % of the plants stand on {x1 - x0:.1f} × {y1 - y0:.1f} m, the rest "
+                f"apart on {stand.reach[0]:.1f} × {stand.reach[1]:.1f} m: if those are weeds or neighbours, leave them "
+                f"out of the plot and of plans for it with --bounds {low},{high}"
             ),
         )
 
@@ -96,16 +96,16 @@ def _of_ground(
         yield (
             "steep-ground",
             (
-                f"the ground came out {ground.tilt_deg():.0f}° from level; where the land is flatter, little of the soil "
-                "was seen, and heights above it are wrong"
+                f"the ground came out {ground.tilt_deg():.0f}° from level; where the land is flatter, little of the "
+                "soil was seen, and heights above it are wrong"
             ),
         )
     if ground.inlier_share < _WEAK_SHARE:
         yield (
             "weak-ground",
             (
-                f"only {100 * ground.inlier_share:.0f} % of the points lie on the ground that was found: it may be none, "
-                "and heights above it wrong; photograph some bare soil beside the plants"
+                f"only {100 * ground.inlier_share:.0f} % of the points lie on the ground that was found: it may be "
+                "none, and heights above it wrong; photograph some bare soil beside the plants"
             ),
         )
     # Cameras on a gimbal or a tripod are level, upright or turned by 90°.
@@ -116,7 +116,8 @@ def _of_ground(
         yield (
             "cameras-off-level",
             (
-                f"the cameras are rolled by {off:.0f}° against the ground that was found (median); where they were level, "
-                "the ground is wrong, and with it heights and the plot's axes: give positions in poses.csv, or --bounds"
+                f"the cameras are rolled by {off:.0f}° against the ground that was found (median); where they were "
+                "level, the ground is wrong, and with it heights and the plot's axes: give positions in poses.csv, "
+                "or --bounds"
             ),
         )
