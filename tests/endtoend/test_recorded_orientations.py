@@ -1,10 +1,13 @@
 """Orientations that the camera recorded wrongly: found out, left out, and said so."""
 
+import csv
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from benchmarks.rigs import RIG_FILE, read_rig, uniform_subset
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.reconstruction.pipeline import place
@@ -66,3 +69,25 @@ def test_a_real_flight_with_six_turned_photographs(data_folder: Path, tmp_path: 
     assert sparse.frame.rms_m <= 0.6
     turned = ", ".join(f"DJI_{number:04d}.jpg" for number in range(24, 30))
     assert any(turned in note for note in sparse.frame.notes)
+
+
+# Few photographs of a plant with positions and nothing else: no angles, no calibration.
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("phase", range(6))
+def test_thirteen_even_views_come_out_right(data_folder: Path, tmp_path: Path, phase: int) -> None:
+    """At phase 5 the blind model that calibrates the camera fits four positions, turned by half a circle."""
+    rig, folder = data_folder / "basil_rig", tmp_path / "views"
+    folder.mkdir()
+    with (rig / "images" / "poses.csv").open(newline="") as file:
+        rows = {row["image"]: row for row in csv.DictReader(file)}
+    chosen = uniform_subset(list(read_rig(rig / RIG_FILE)), 13, phase)
+    for name in chosen:
+        shutil.copy(rig / "images" / name, folder / name)
+    with (folder / "poses.csv").open("w", newline="") as file:
+        table = csv.DictWriter(file, ["image", "x_m", "y_m", "z_m", "accuracy_m"], extrasaction="ignore")
+        table.writeheader()
+        table.writerows(rows[name] for name in chosen)
+    sparse, _ = place(read_capture(folder), ReconstructionSettings(), [], Context(StageCache(tmp_path / "c")))
+    assert sparse.right == 13

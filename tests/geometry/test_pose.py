@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from fieldkit.geometry import Pose
-from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
+from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector, wrapped_deg
 
 coordinates = st.tuples(*[st.floats(-1000, 1000)] * 3)
 yaws = st.floats(-180, 180)
@@ -102,3 +102,17 @@ def test_a_pose_cannot_be_changed() -> None:
     pose = Pose.from_yaw_pitch((0, 0, 0), 0, 0)
     with pytest.raises(ValueError, match="read-only"):
         pose.center[0] = 1.0
+
+
+# Angles on a circle.
+
+
+@given(st.floats(-1e4, 1e4))
+def test_the_same_direction_within_half_a_turn(angle: float) -> None:
+    wrapped = wrapped_deg(angle)
+    assert -180.0 <= wrapped < 180.0 + 1e-9
+    assert abs(np.exp(1j * np.radians(angle)) - np.exp(1j * np.radians(wrapped))) < 1e-9
+
+
+def test_arrays_and_ends() -> None:
+    np.testing.assert_array_equal(wrapped_deg(np.array([180.0, -180.0, 190.0, 359.0, 0.0])), [-180, -180, -170, -1, 0])
