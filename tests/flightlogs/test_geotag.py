@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from fieldkit.captures import read_capture
 from fieldkit.captures.poses_csv import parse_poses_csv
-from fieldkit.cli import geotag as geotag_command
+from fieldkit.cli.geotag import command as geotag_command
+from fieldkit.cli.main import grouped
 from fieldkit.errors import CaptureError, MetadataError, UsageError
 from fieldkit.flightlogs import FixedMount, read_flight_log
 from fieldkit.flightlogs.geotag import PhotoPose, geotag, poses_table, turned
@@ -141,7 +142,8 @@ def test_the_command(photographs: Path, tmp_path: Path, capsys: pytest.CaptureFi
     )  # fmt: skip
     output = tmp_path / "poses.csv"
     log = recording("mount_then_yaw.tlog")
-    geotag_command.command(photographs, log, output, site=site, as_json=True)
+    command = grouped(geotag_command)
+    command(photographs, log, output, site=site, as_json=True)
     told = json.loads(capsys.readouterr().out)
     assert told["matched"] == 12
     assert told["images_without_trigger"] == ["P99_test.jpg"]
@@ -149,7 +151,7 @@ def test_the_command(photographs: Path, tmp_path: Path, capsys: pytest.CaptureFi
     rows = list(csv.DictReader(output.read_text().splitlines()))
     assert len(rows) == 12
     assert all(float(r["x_m"]) ** 2 + float(r["y_m"]) ** 2 == pytest.approx(6.25, abs=0.4) for r in rows)
-    geotag_command.command(photographs, log, output, origin="50.8649,6.4473,92.06", mount="-40,0", overwrite=True)
+    command(photographs, log, output, origin="50.8649,6.4473,92.06", mount="-40,0", overwrite=True)
     assert "12 of 13" in capsys.readouterr().err
     for wrong in (
         {"origin": "1,2"},
@@ -159,5 +161,5 @@ def test_the_command(photographs: Path, tmp_path: Path, capsys: pytest.CaptureFi
         {"origin": "1,2,3", "site": site},
     ):
         with pytest.raises(UsageError):
-            geotag_command.command(photographs, log, tmp_path / "other.csv", **wrong)
+            command(photographs, log, tmp_path / "other.csv", **wrong)
     assert not (tmp_path / "other.csv").exists()
