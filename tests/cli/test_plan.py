@@ -190,7 +190,7 @@ def test_photographs_are_chosen_resumed_and_extended(tmp_path: Path, capsys: pyt
     plan = load_plan(tmp_path / "run")
     assert len(plan.stations) == 4
     assert plan.source.kind == "captures"
-    places = known_poses(read_capture(SMALL_PLOT)).poses
+    places = known_poses(read_capture(SMALL_PLOT)).by_name
     for station, name in zip(plan.stations, second["photographs"], strict=True):
         place = places[name].position
         assert np.linalg.norm(np.array(station.position_m) - place) < 0.02  # the frame is moved onto the ground
