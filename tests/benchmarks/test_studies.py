@@ -1,7 +1,6 @@
 """The other studies on tiny inputs: their structure and that their measures are right; never how long they take."""
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,14 +17,11 @@ from benchmarks.objective import STUDIES as OBJECTIVE_STUDIES
 from benchmarks.paper import STUDIES as PAPER_STUDIES
 from benchmarks.planner import STUDIES as PLANNER_STUDIES
 from benchmarks.references import recall_of
-from benchmarks.scaling import process_cost
 from fieldkit.cache import StageCache
-from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics
 from fieldkit.runtime.progress import Silent
-from fieldkit.scenes.simulate import camera_toml
 from tests.reconstruction.dense.planes import SIZE, Plane, photograph, ring
 
 
@@ -58,15 +54,6 @@ def test_dense_measures_both_methods() -> None:
     assert [row[0] for row in dense_table(runs).rows] == ["plane", "plane"]
 
 
-class TestScaling:
-    def test_a_process_is_measured(self) -> None:
-        work = "import sys; x = bytearray(300_000_000); x[::4096] = b'1' * len(x[::4096]); sys.exit(3)"
-        cpu_s, memory, code = process_cost([sys.executable, "-c", work])
-        assert code == 3
-        assert cpu_s > 0
-        assert 300e6 < memory < 3e9
-
-
 def test_ways_to_map(tmp_path: Path) -> None:
     small = Path(__file__).parents[1] / "data" / "small_plot"
     (tmp_path / "plot").mkdir()
@@ -85,12 +72,6 @@ class TestReferences:
         assert recall_of(moved, known)[0.002] > 0.999
         half = known.select(known.points[:, 0] < np.median(known.points[:, 0]))
         assert recall_of(known, half)[0.002] < 0.7
-
-
-def test_camera_toml_reads_back(tmp_path: Path) -> None:
-    camera = Intrinsics("SIMPLE_RADIAL", 2304, 1296, (1693.3, 1152.0, 648.0, -0.0123456789))
-    (tmp_path / "camera.toml").write_text(camera_toml(camera))
-    assert [entry.intrinsics for entry in read_camera_file(tmp_path / "camera.toml")] == [camera]
 
 
 class TestEngine:

@@ -12,7 +12,7 @@ import pytest
 import fieldkit
 from fieldkit.clouds import Cloud, score, write_cloud
 from fieldkit.errors import MetadataError, UsageError
-from fieldkit.evaluation.compare import compare_evaluations, pooled_spread
+from fieldkit.evaluation.compare import compare_evaluations
 from fieldkit.evaluation.conversion import evaluation_report, plot_evaluation
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.comparison import ComparisonReport, DifferenceEntry
@@ -214,8 +214,3 @@ def test_numbers_without_sense_do_no_harm(number: float, tmp_path: Path) -> None
     folders = [evaluation_folder(tmp_path / n, {"a": leaves(1, points=300)}, None, change) for n in "xyz"]
     report = compare_evaluations([f"x={folders[0]}", f"x={folders[1]}", folders[2]], tmp_path / "out").report
     assert "points" not in report.figures
-
-
-def test_pooled_spread() -> None:
-    assert pooled_spread([[1.0], [2.0]]) is None
-    assert pooled_spread([[1.0, 3.0], [10.0, 12.0], [5.0]]) == (pytest.approx(np.sqrt(2)), 2)

@@ -100,11 +100,6 @@ class TestEvidence:
         assert few.support < many.support
         assert few.noise_m > many.noise_m
 
-    def test_roughness_is_the_noise(self) -> None:
-        rough = found(leaf(0.002, step=0.003))
-        assert 0.001 < rough.roughness_m < 0.0025
-        assert rough.roughness_high_m >= rough.roughness_m
-
     def test_sparse_points_that_the_cloud_lacks(self) -> None:
         missing = np.array([[0.0, 0.0, 0.3], [0.05, 0.05, 0.3]])
         holed = leaf()
@@ -112,10 +107,6 @@ class TestEvidence:
         # They lie within the cloud's box; the first is 4 cm from the next point.
         assert found(np.vstack([holed, [[0, 0, 0.31]] * 50]), sparse=missing).gap_m == pytest.approx(0.005, abs=0.003)
         assert found(leaf(), sparse=np.zeros((0, 3))).gap_m is None
-
-    def test_lone_points(self) -> None:
-        thin = leaf(step=0.009)
-        assert found(thin).lone > 0.9
 
     def test_order_does_not_matter(self) -> None:
         points = leaf(0.001)

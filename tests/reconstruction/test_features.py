@@ -105,13 +105,6 @@ def test_no_texture_no_features(image: np.ndarray) -> None:
     assert features.descriptors.shape == (0, 128)
 
 
-def test_small_images_are_not_enlarged() -> None:
-    image = picture()
-    same = (extract_features(image, FeatureSettings(working_side=side)) for side in (320, 4000))
-    first, second = same
-    assert np.array_equal(first.keypoints, second.keypoints)
-
-
 def test_the_same_image_gives_the_same_bits() -> None:
     first, second = (extract_features(picture(5), FeatureSettings()) for _ in range(2))
     assert first.keypoints.tobytes() == second.keypoints.tobytes()

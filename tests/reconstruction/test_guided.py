@@ -164,14 +164,6 @@ def test_no_features_no_matches(scene: FeatureScene) -> None:
     assert match_guided(posed(scene, 1), empty, Band(BAND_PX)).shape == (0, 2)
 
 
-def test_rays_point_at_what_the_pixels_show(scene: FeatureScene) -> None:
-    a = posed(scene, 0)
-    real = np.flatnonzero(scene.point_of[0] >= 0).astype(np.uint32)
-    towards = scene.points[scene.point_of[0][real]] - a.pose.center
-    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-    assert a.rays(real) == pytest.approx(towards, abs=2e-3)
-
-
 A = Intrinsics("PINHOLE", 1600, 1200, (1500.0, 1480.0, 810.0, 590.0))
 B = Intrinsics("PINHOLE", 1200, 1600, (900.0, 905.0, 600.0, 800.0))
 places = st.tuples(*[st.floats(-3, 3)] * 3).filter(lambda place: np.linalg.norm(place) > 1)

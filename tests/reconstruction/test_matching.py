@@ -97,12 +97,6 @@ def test_no_features_no_matches(n: int, m: int) -> None:
     assert match_features(features(random_descriptors(rng, n)), features(random_descriptors(rng, m))).shape == (0, 2)
 
 
-def test_one_candidate_has_no_rival() -> None:
-    rng = np.random.default_rng(0)
-    one, other = features(random_descriptors(rng, 1)), features(random_descriptors(rng, 1))
-    assert match_features(one, other).tolist() == [[0, 0]]
-
-
 def test_descriptors_of_zeros_do_no_harm() -> None:
     a = features(np.zeros((3, 128)))
     assert len(match_features(a, a)) == 0

@@ -61,11 +61,6 @@ def test_a_georeferenced_slope_stays_a_slope() -> None:
     assert moved_plane(ground, motion).tilt_deg() == pytest.approx(np.degrees(0.1), abs=0.3)
 
 
-def test_without_ground_the_frame_is_only_centred() -> None:
-    motion = plot_from_world(np.ones((5, 3)), _ring(), None, keep_upright=False)
-    assert motion.rotation == pytest.approx(np.eye(3))
-
-
 def test_the_volume_holds_what_converging_cameras_share_and_not_the_background() -> None:
     rng = np.random.default_rng(2)
     background = rng.normal(size=(2000, 3))

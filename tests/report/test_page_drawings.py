@@ -33,11 +33,6 @@ def test_a_line_goes_through_its_points_and_breaks_at_gaps() -> None:
     )
 
 
-def test_steps_hold_a_value_until_the_next() -> None:
-    (line,) = draw(chart(Series("best", ((1, 3.0), (2, 2.0)), "step"))).series
-    assert re.fullmatch(r"M[\d.]+ [\d.]+H[\d.]+V[\d.]+", line.path)
-
-
 def test_what_lies_above_the_axis_is_drawn_on_its_edge_and_counted() -> None:
     drawing = draw(chart(Series("a", ((0, 1.0), (1, 99.0)), "dots"), y_top=2.0))
     assert drawing.above == 1

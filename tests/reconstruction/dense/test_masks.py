@@ -19,10 +19,6 @@ def test_excess_green_is_the_published_index():
     assert excess_green(image)[0] == pytest.approx([2 * g - r - b, 0.0, 0.0], abs=1e-6)
 
 
-def test_a_dark_pixel_has_no_hue():
-    assert excess_green(np.array([[DARK_GREEN]], dtype=np.uint8))[0, 0] == 0.0
-
-
 @pytest.mark.parametrize(("rows", "added"), [(4, 1), (5, 0), (10, 0)])
 def test_thin_parts_are_found_with_the_mixed_pixels_around_them_and_wide_ones_without(rows, added):
     image = field()
@@ -77,10 +73,6 @@ def test_a_stem_keeps_its_own_colour():
     mask = np.zeros((40, 40), dtype=bool)
     mask[19:22, 3:35] = True
     assert np.array_equal(inner_colors(image, mask), image)
-
-
-def test_none_is_no_mask():
-    assert plant_mask(field(), "none") is None
 
 
 def test_a_file_is_taken_as_it_is():

@@ -101,11 +101,6 @@ def test_a_view_without_neighbours_has_no_depths():
         assert not depth_map.depth.any()
 
 
-def test_nothing_in_nothing_out():
-    assert depth_maps([]) == []
-    assert len(fuse([], [], VOLUME, STANDARD)) == 0
-
-
 def test_views_of_different_sizes_go_together():
     views, truth = scene_views([Plane(slope_x=0.2)], ring(4))
     other, _ = scene_views([Plane(slope_x=0.2)], ring(4), focal=300.0)

@@ -50,11 +50,6 @@ def test_a_view_that_sees_nothing_of_the_volume_has_no_sources_and_is_none():
     assert chosen == [(2,), (), (0,)]
 
 
-def test_a_far_view_is_worth_less():
-    near, far = circle([0, 10]), circle([-10], radius=6.0)
-    assert choose_sources([*near, *far], VOLUME, DenseSettings(sources=1))[0] == (1,)
-
-
 @given(
     st.tuples(*[st.floats(-1.5, 1.5)] * 3),
     st.floats(-180, 180),

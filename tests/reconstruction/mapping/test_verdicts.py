@@ -130,11 +130,6 @@ def test_positions_that_leave_a_group_loose_move_nothing(scene: FeatureScene, si
     assert all(np.array_equal(after[name].center, center) for name, center in before.items())
 
 
-def test_many_names_are_not_all_told() -> None:
-    assert str(Group(tuple("abcdef"), 0)) == "a, b, c, d, e, f"
-    assert str(Group(tuple("abcdefgh"), 0)) == "a, b, c, d, e, f and 2 more"
-
-
 LOW_M = 3.0
 BASIL = Intrinsics("SIMPLE_RADIAL", 2304, 1296, (1718.6, 1152.0, 648.0, 0.0257))
 

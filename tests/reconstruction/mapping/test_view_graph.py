@@ -105,11 +105,6 @@ def test_an_image_that_lacks_ties_gets_what_touches_a_good_pair() -> None:
     assert usable_matches(*crowded(), EDGES, nothing, least=LEAST)[2, 5].tolist() == [[4, 7], [3, 9]]
 
 
-def test_two_images_that_lack_ties_keep_all_they_have() -> None:
-    counts, matches = crowded()
-    assert usable_matches(counts, matches, EDGES, nothing, least=LEAST)[5, 6].tolist() == matches[5, 6].tolist()
-
-
 def test_few_ties_are_as_none() -> None:
     """An image with fewer features in good pairs than a pair must have counts as lacking."""
     counts, matches = crowded()

@@ -73,7 +73,3 @@ def test_cameras_stand_at_their_places_and_bear_names() -> None:
     for text_x, text_y in ((x, y - 9), (x + (3.0 - 2.0) * scale, y - scale)):  # station 1, and home
         around = dark[int(text_y) - 8 : int(text_y) + 8, int(text_x) - 12 : int(text_x) + 12]
         assert around.sum() > 5
-
-
-def test_nothing_to_see_is_no_picture() -> None:
-    assert still(ViewerScene("t")) is None
