@@ -23,14 +23,6 @@ def test_no_name_breaks_a_row(name: str) -> None:
     assert rows[1][0] == on_one_line(name)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_pandas_reads_the_same(name: str) -> None:
-    pandas = pytest.importorskip("pandas")
-    text = csv_text(["plot", "value"], [[name, 1.5], ["last", None]])
-    table = pandas.read_csv(io.StringIO(text))
-    assert table["plot"].tolist() == [on_one_line(name), "last"]
-
-
 def test_no_header_breaks_either() -> None:
     text = csv_text(["plot", "so\u202ert\n", "=1"], [["a", 1, 2]])
     assert text == "plot,so\\u202ert\\n,'=1\na,1,2\n"
