@@ -35,9 +35,7 @@ class TestAtomicFolder:
             _ = 1 / 0
         assert names(tmp_path) == []
 
-    def test_leaves_nothing_when_interrupted_before_the_block_begins(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_leaves_nothing_when_interrupted_before_the_block_begins(self, tmp_path, monkeypatch) -> None:
         def interrupt(*_: object) -> None:
             assert len(names(tmp_path)) == 1  # the folder is there already
             raise KeyboardInterrupt

@@ -90,9 +90,7 @@ class TestEngine:
         assert written["machine"]["cores"] >= 1
         assert "Not measured" in (tmp_path / "out" / "results.md").read_text()
 
-    def test_the_command(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-    ) -> None:
+    def test_the_command(self, tmp_path, monkeypatch, capsys) -> None:
         monkeypatch.delenv("FIELDKIT_DATA", raising=False)
         out = tmp_path / "out"
         assert main(["engine", "--only", "few-views", "-o", str(out), "--json"]) == 0

@@ -41,9 +41,7 @@ def raised(monkeypatch: pytest.MonkeyPatch, stage: str) -> None:
 
 
 @pytest.mark.parametrize("stage", STAGES)
-def test_another_version_of_any_stage_is_another_visit(
-    stage: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_version_of_any_stage_is_another_visit(stage, tmp_path, monkeypatch) -> None:
     before = job(tmp_path)
     visit = Visit(plot=FIELD[0].name, date=DATE, folder=before.place, inputs=before.inputs, stages=stage_versions())
     (tmp_path / before.place).mkdir(parents=True)

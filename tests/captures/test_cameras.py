@@ -169,9 +169,7 @@ def test_any_json_is_read_or_refused(value: object) -> None:
         ("Apple", 26, 26, 2.0),
     ],
 )
-def test_digital_zoom_is_a_camera_of_its_own(
-    photo_file: MakePhoto, make: str, plain: int | None, zoomed: int, times: float
-) -> None:
+def test_digital_zoom_is_a_camera_of_its_own(photo_file, make, plain, zoomed, times) -> None:
     detail = {37386: 4.5, 41989: zoomed, 41988: 2.0}
     folder = photo_file("z.jpg", exif=exif_block(base={271: make, 272: "M"}, detail=detail)).parent
     if plain is not None:

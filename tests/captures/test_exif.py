@@ -71,9 +71,7 @@ def test_everything_a_drone_writes(photo_file: MakePhoto) -> None:
         ({}, {36867: "yesterday"}, {}, None),
     ],
 )
-def test_ways_to_write_the_time(
-    photo_file: MakePhoto, base: dict, detail: dict, gps: dict, expected: tuple[int, ...] | None
-) -> None:
+def test_ways_to_write_the_time(photo_file, base, detail, gps, expected) -> None:
     photo, _ = only(photo_file("a.jpg", exif=exif_block(base=base, detail=detail, gps=gps)))
     assert photo.captured_at == (None if expected is None else datetime(*expected))
 

@@ -116,9 +116,7 @@ def test_a_position_in_xmp_alone_is_read(photo_file: MakePhoto) -> None:
         (2.0, 0, "+2.10", 2.0, False),
     ],
 )
-def test_the_sign_of_an_altitude_is_that_of_xmp(
-    photo_file: MakePhoto, exif: float, reference: int, xmp: str, expected: float, reported: bool
-) -> None:
+def test_the_sign_of_an_altitude_is_that_of_xmp(photo_file, exif, reference, xmp, expected, reported) -> None:
     gps = gps_tags(52.0, 13.0, exif, reference)
     capture = read_capture(folder_of(photo_file, gps, xmp=dji_xmp(AbsoluteAltitude=xmp)))
     assert tags_of(capture)[0].altitude_m == pytest.approx(expected)
@@ -155,9 +153,7 @@ STD = {"RtkStdLon": "0.011", "RtkStdLat": "0.010", "RtkStdHgt": "0.024"}
         ({}, 0.02, (0.02, None)),
     ],
 )
-def test_accuracies_are_those_of_the_position(
-    photo_file: MakePhoto, fields: dict[str, str], error: float | None, expected: tuple[float | None, float | None]
-) -> None:
+def test_accuracies_are_those_of_the_position(photo_file, fields, error, expected) -> None:
     gps = gps_tags(52.0, 13.0, 80.0) | ({} if error is None else {31: error})
     (tag,) = tags_of(read_capture(folder_of(photo_file, gps, xmp=dji_xmp(**fields))))
     assert (tag.horizontal_accuracy_m, tag.vertical_accuracy_m) == pytest.approx(expected)

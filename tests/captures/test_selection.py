@@ -52,9 +52,7 @@ def test_folders_that_are_skipped(photo_file: MakePhoto, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("where", ["", "images/"])
-def test_a_whole_folder_is_the_capture_that_read_capture_gives(
-    where: str, photo_file: MakePhoto, tmp_path: Path
-) -> None:
+def test_a_whole_folder_is_the_capture_that_read_capture_gives(where, photo_file, tmp_path) -> None:
     for name in ("a.jpg", "b.jpg", "c.jpg"):
         photo_file(where + name, **EXIF)
     root = tmp_path / "capture"

@@ -36,9 +36,7 @@ def angles(data: XmpData) -> tuple[float | None, float | None, float | None]:
         ((90.0, 0.0, 10.0), (0.0, -80.0, 90.0)),  # rolled right at nadir: it sees what lies left, here the north
     ],
 )
-def test_pix4d_counts_pitch_from_straight_down(
-    own: tuple[float, float, float], expected: tuple[float, float, float]
-) -> None:
+def test_pix4d_counts_pitch_from_straight_down(own, expected) -> None:
     names = ("Camera:Yaw", "Camera:Pitch", "Camera:Roll")
     data = parse_xmp(packet(dict(zip(names, map(str, own), strict=True))))
     assert angles(data) == pytest.approx(expected, abs=1e-3)

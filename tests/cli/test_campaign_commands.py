@@ -26,9 +26,7 @@ def answer(capsys: pytest.CaptureFixture[str], *arguments: str, code: int = 0) -
     return json.loads(capsys.readouterr().out)
 
 
-def test_init_takes_the_settings(
-    place: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_init_takes_the_settings(place, capsys, monkeypatch) -> None:
     campaign_folder(place, FIELD)
     arguments = ("--plan", "sources/plan.json", "--site", "sources/site.toml", "--fidelity", "fine", "--mask", "none",
                  "--bounds", "-1,-1,0,1,1,2", "--seed", "7")  # fmt: skip
@@ -57,9 +55,7 @@ def test_init_takes_the_settings(
     assert not (place / "x").exists()
 
 
-def test_show_and_export_find_the_campaign_about_the_folder(
-    place: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_show_and_export_find_the_campaign_about_the_folder(place, capsys, monkeypatch) -> None:
     folder = campaign_folder(place, FIELD)
     visit = Visit(plot="r1c1", date="2026-06-18", chamfer_m=0.01, notes=("[bold]",), no_rasters="[bold]")
     keep_visit(folder, visit)
@@ -83,9 +79,7 @@ def test_show_and_export_find_the_campaign_about_the_folder(
     assert not Path("maps").exists()
 
 
-def test_where_evaluate_puts_its_results(
-    place: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_where_evaluate_puts_its_results(place, capsys, monkeypatch) -> None:
     folder = campaign_folder(place, FIELD)
     (place / "photos").mkdir()
     error = answer(capsys, "evaluate", "photos", code=2)["error"]

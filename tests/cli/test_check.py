@@ -71,9 +71,7 @@ def test_a_mission_needs_vehicle_and_site(capture: tuple[Path, Path], capsys: py
     assert main([*words, "--vehicle", "px4-gimbal"]) == 2
 
 
-def test_plots_of_a_file_of_their_own(
-    capture: tuple[Path, Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_plots_of_a_file_of_their_own(capture, capsys, tmp_path) -> None:
     """Whoever exports with --site and --plots checks with both, and flies again with them."""
     field_of_two = field(1, 2)
     (tmp_path / "plots.geojson").write_text(plots_geojson(field_of_two))
@@ -105,9 +103,7 @@ def test_a_plan_that_is_none(capture: tuple[Path, Path], capsys: pytest.CaptureF
     assert "not a JSON object" in capsys.readouterr().out
 
 
-def test_no_mission_for_nothing_is_said(
-    capture: tuple[Path, Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_no_mission_for_nothing_is_said(capture, capsys, tmp_path) -> None:
     (capture[0] / "poses.csv").unlink()  # which station is missing, nothing tells
     site = Path(__file__).parents[2] / "missions" / "sites" / "example.toml"
     words = [

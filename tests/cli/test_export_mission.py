@@ -58,9 +58,7 @@ def test_people_are_told(plan: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
     assert not (tmp_path / "low.plan").exists()
 
 
-def test_moved_stations_are_told_and_those_that_coincide_are_refused(
-    plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_moved_stations_are_told_and_those_that_coincide_are_refused(plan, tmp_path, capsys) -> None:
     given = planned(5)
     first = given.stations[0]
     tilted = [s.model_copy(update={"pitch_deg": -50.0 - k}) for k, s in enumerate(given.stations)]
@@ -86,9 +84,7 @@ def test_a_faulty_mission_is_told_by_its_exit_code(tmp_path: Path, capsys: pytes
 
 
 @pytest.mark.parametrize(("vehicle", "name"), [("dji-mini-4-pro", "m.csv"), ("dji-mavic-3-enterprise", "m.kmz")])
-def test_what_adjust_exports_may_be_flown(
-    plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], vehicle: str, name: str
-) -> None:
+def test_what_adjust_exports_may_be_flown(plan, tmp_path, capsys, vehicle, name) -> None:
     """The check compares with the poses that the export flew, by one rule, and says that they are not the plan's."""
     save_plan(plan, planned(5))
     where = ["--vehicle", vehicle, "--site", str(SITES / "example.toml"), "--plots", str(SITES / "plots.geojson")]
@@ -113,9 +109,7 @@ def test_what_adjust_exports_may_be_flown(
     assert way[0].replace(" and ", " and about ") in told
 
 
-def test_swapped_arguments_and_options_without_a_site(
-    plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_swapped_arguments_and_options_without_a_site(plan, tmp_path, capsys) -> None:
     save_plan(plan, planned(5))
     site = str(SITES / "example.toml")
     out = ["--vehicle", "ardupilot-pitch", "-o", str(tmp_path / "m.plan")]

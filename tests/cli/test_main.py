@@ -78,9 +78,7 @@ class TestUsageErrors:
             (["cache", "prune", "--older-than", "9"], "Error: --older-than: not a time: 9\n  Write it like 12h"),
         ],
     )
-    def test_message_and_code(
-        self, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
-    ) -> None:
+    def test_message_and_code(self, arguments, message, capsys, tmp_path) -> None:
         assert main(arguments) == 2
         output = capsys.readouterr()
         assert output.err.startswith(message)
@@ -173,9 +171,7 @@ class TestBoundary:
         assert main(["probe"]) == 130
         assert "--resume" not in capsys.readouterr().err
 
-    def test_interrupted_while_compiled_modules_are_imported(
-        self, a_command: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
+    def test_interrupted_while_compiled_modules_are_imported(self, a_command, capsys) -> None:
         before = signal.getsignal(signal.SIGINT)
         lines = ("try:", "    os.kill(os.getpid(), signal.SIGINT)", "except KeyboardInterrupt:",
                  "    raise ImportError('initialization failed')")  # fmt: skip
@@ -205,9 +201,7 @@ class TestBoundary:
         assert "--resume" in said
         assert signal.getsignal(signal.SIGTERM) == before
 
-    def test_terminated_where_exceptions_are_dropped_or_changed(
-        self, a_command: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
+    def test_terminated_where_exceptions_are_dropped_or_changed(self, a_command, capsys) -> None:
         end = "lambda *_: os.kill(os.getpid(), signal.SIGTERM)"
         dropped = f"each = type('A', (), {{'__del__': {end}}})(); del each; [time.sleep(0.1) for _ in range(100)]"
         write(a_command, dropped)

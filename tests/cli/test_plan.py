@@ -58,9 +58,7 @@ SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
         (["--resume"], 3, "search.json"),
     ],
 )
-def test_wrong_calls_are_told_in_words(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], code: int, words: str
-) -> None:
+def test_wrong_calls_are_told_in_words(tmp_path, capsys, arguments, code, words) -> None:
     assert main(["plan", *arguments, "-o", str(tmp_path / "run")]) == code
     told = capsys.readouterr().err
     assert words in told
@@ -69,9 +67,7 @@ def test_wrong_calls_are_told_in_words(
 
 
 @pytest.mark.parametrize("more", [[], ["--resume"]])  # as a run says that was interrupted before its folder was there
-def test_a_run_that_fails_at_once_leaves_no_folder(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, more: list[str]
-) -> None:
+def test_a_run_that_fails_at_once_leaves_no_folder(tmp_path, capsys, monkeypatch, more) -> None:
     monkeypatch.setenv("FIELDKIT_CACHE", str(tmp_path / "cache"))
     (tmp_path / "photos").mkdir()
     shutil.copy(next(SMALL_PLOT.glob("*.jpg")), tmp_path / "photos")
@@ -146,9 +142,7 @@ def test_sparklines_fall_to_the_lowest_bar() -> None:
 
 
 @pytest.mark.slow
-def test_a_plan_by_the_score_is_made_where_nothing_can_be_rendered(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_plan_by_the_score_is_made_where_nothing_can_be_rendered(tmp_path, capsys, monkeypatch) -> None:
     def cannot(*_: object, **__: object) -> None:
         raise RenderingError("there is no OpenGL", remedy="Install it.")
 

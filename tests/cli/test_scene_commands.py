@@ -141,9 +141,7 @@ class TestSimulate:
             (["--ring", "3", "--blur", "2"], "invalid value for '--blur'"),
         ],
     )
-    def test_wrong_usage(
-        self, tiny: Path, tmp_path: Path, options: list[str], message: str, capsys: pytest.CaptureFixture[str]
-    ) -> None:
+    def test_wrong_usage(self, tiny, tmp_path, options, message, capsys) -> None:
         assert main(["simulate", str(tiny), *options, "-o", str(tmp_path / "a")]) == 2
         assert message in capsys.readouterr().err
         assert not (tmp_path / "a").exists()

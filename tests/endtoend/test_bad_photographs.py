@@ -120,9 +120,7 @@ CASES = [
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.make.__name__)
 class TestNothingUsable:
     @pytest.mark.parametrize("command", ["reference", "evaluate"])
-    def test_json(
-        self, case: Case, command: str, place: Path, photographs: Photographs, capsys: pytest.CaptureFixture[str]
-    ) -> None:
+    def test_json(self, case, command, place, photographs, capsys) -> None:
         case.make(photographs)
         code = main([command, "photos", "-o", "out", *DRAFT, "--json"])
         output = capsys.readouterr()

@@ -26,9 +26,7 @@ class TestOutput:
         assert "--overwrite" in done.error["remedy"]
         assert contents(warm.folder / "out") == contents(built.reference)
 
-    def test_overwrite_replaces_a_result_and_nothing_else(
-        self, warm: CommandLine, small_plot: Path, built: Built
-    ) -> None:
+    def test_overwrite_replaces_a_result_and_nothing_else(self, warm, small_plot, built) -> None:
         shutil.copytree(built.reference, warm.folder / "out")
         (warm.folder / "out" / "cloud.ply").write_bytes(b"")
         done = warm.run("reference", str(small_plot), "-o", "out", *DRAFT, "--overwrite")
@@ -64,9 +62,7 @@ class TestOutput:
             assert "Free some space" in done.error["remedy"]
             assert sorted(path.name for path in small_disk.iterdir()) == ["filler", "mine.txt"]
 
-    def test_a_cache_on_a_full_disk_costs_only_time(
-        self, line: CommandLine, small_plot: Path, built: Built, small_disk: Path
-    ) -> None:
+    def test_a_cache_on_a_full_disk_costs_only_time(self, line, small_plot, built, small_disk) -> None:
         (small_disk / "filler").write_bytes(bytes(1_000_000))
         full = CommandLine(line.folder, small_disk / "cache")
         done = full.run("reference", str(small_plot), "-o", "out", *DRAFT, "--json")

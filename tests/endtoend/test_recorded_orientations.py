@@ -2,7 +2,6 @@
 
 import csv
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,12 +13,10 @@ from fieldkit.reconstruction.pipeline import place
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
-from tests.endtoend.commands import DRAFT, CommandLine
+from tests.endtoend.commands import DRAFT
 
 
-def test_photographs_that_were_turned_after_their_yaw_was_written(
-    line: CommandLine, photographs: Callable[..., Path]
-) -> None:
+def test_photographs_that_were_turned_after_their_yaw_was_written(line, photographs) -> None:
     folder = photographs()
     table = (folder / "poses.csv").read_text("utf-8").splitlines()
     yaw = table[0].split(",").index("yaw_deg")
@@ -44,9 +41,7 @@ def test_photographs_that_were_turned_after_their_yaw_was_written(
         (lambda yaw, pitch, k: (yaw, pitch + 90.0 * (k % 2)), "follow no one convention"),
     ],
 )
-def test_angles_of_another_convention_are_read_by_it(
-    photographs: Callable[..., Path], tmp_path: Path, write: Callable[..., tuple[float, float]], said: str
-) -> None:
+def test_angles_of_another_convention_are_read_by_it(photographs, tmp_path, write, said) -> None:
     folder = photographs()
     table = [line.split(",") for line in (folder / "poses.csv").read_text("utf-8").splitlines()]
     yaw, pitch = table[0].index("yaw_deg"), table[0].index("pitch_deg")

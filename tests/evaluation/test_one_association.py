@@ -141,9 +141,7 @@ def offset_of(size: float, towards: float, up: float) -> np.ndarray:
     towards=st.floats(0.0, 360.0), up=st.floats(-30.0, 30.0),
     missing=st.integers(0, 3), twice=st.integers(0, 3), seed=st.integers(0, 10_000),
 )  # fmt: skip
-def test_all_four_give_the_same_pairs(
-    layout: str, size: float, towards: float, up: float, missing: int, twice: int, seed: int
-) -> None:
+def test_all_four_give_the_same_pairs(layout, size, towards, up, missing, twice, seed) -> None:
     """Corners of a grid are always photographed: without an edge it may lie in more than one way."""
     kind, shape = layout.split()
     stations = ring(int(shape)) if kind == "ring" else grid(*(int(n) for n in shape.split("×")))

@@ -2,7 +2,6 @@
 
 import csv
 import io
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -120,9 +119,7 @@ def test_without_a_log_in_any_order(shuffled: Shuffled, tmp_path: Path) -> None:
         (lambda yaw, pitch, k: ((37.0 + 131.0 * k) % 360.0, pitch + 40.0), False),
     ],
 )
-def test_tags_are_read_by_the_convention_that_the_reconstruction_shows(
-    shuffled: Shuffled, write: Callable[[float, float, int], tuple[float, float]], used: bool
-) -> None:
+def test_tags_are_read_by_the_convention_that_the_reconstruction_shows(shuffled, write, used) -> None:
     _, folder, flown, source = shuffled
     head, *rows = (folder / "poses.csv").read_text().splitlines()
     lines = [head]

@@ -53,9 +53,7 @@ def test_our_own_model_reads_back_with_the_same_poses(built: tuple[Path, Referen
     assert camera.intrinsics.params == report.cameras[0].params
 
 
-def test_a_model_without_scale_registers_all_photographs_and_claims_no_metres(
-    built: tuple[Path, ReferenceReport], bare: Path, tmp_path: Path
-) -> None:
+def test_a_model_without_scale_registers_all_photographs_and_claims_no_metres(built, bare, tmp_path) -> None:
     model = read_result(PosesFile(built[0] / "model"))
     write_colmap(bare / "sparse" / "0", moved(model.poses, some_motion()), model.cameras[0].intrinsics)
     report = build_reference(bare, tmp_path / "out", DRAFT, cache=StageCache(None), progress=Silent(), scene=False)

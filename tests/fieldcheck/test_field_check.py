@@ -163,9 +163,7 @@ class TestPlacement:
         seed=st.integers(0, 1000), east=st.floats(-3, 3), north=st.floats(-3, 3), up=st.floats(-20, 20),
         compass=st.floats(-8, 8), gone=st.integers(0, 12),
     )  # fmt: skip
-    def test_a_common_offset_is_found_and_taken_out(
-        self, seed: int, east: float, north: float, up: float, compass: float, gone: int
-    ) -> None:
+    def test_a_common_offset_is_found_and_taken_out(self, seed, east, north, up, compass, gone) -> None:
         planned = stations(seed=seed)
         origin = LocalFrame(52.3, 10.4, 81.0, "ellipsoid")
         site = Site(
@@ -352,9 +350,7 @@ class TestAngles:
             lambda a: (-a[0], a[1], a[2]),
         ],
     )
-    def test_another_convention_of_all_is_read_and_told_once(
-        self, write: Callable[[Angles], Angles], ties: bool
-    ) -> None:
+    def test_another_convention_of_all_is_read_and_told_once(self, write, ties) -> None:
         placed, found, told, planned = self.read(write, ties=ties)
         assert placed.station_of == {k: k for k in range(13)}
         assert found.contradicted == frozenset()

@@ -155,9 +155,7 @@ def rewritten(folder: Path, write: Callable[[list[float]], list[float]]) -> None
         (lambda a: [7919.0 * a[0] % 360.0, a[1] + 60.0, 0.0], ["angles-not-used"]),
     ],
 )
-def test_no_station_is_sent_back_for_the_way_angles_are_written(
-    rig: tuple[Path, Plan, StageCache], copy: Path, write: Callable[[list[float]], list[float]], told: list[str]
-) -> None:
+def test_no_station_is_sent_back_for_the_way_angles_are_written(rig, copy, write, told) -> None:
     rewritten(copy, write)
     report = check(copy, rig)
     assert report.ok, report.findings
@@ -165,9 +163,7 @@ def test_no_station_is_sent_back_for_the_way_angles_are_written(
 
 
 @pytest.mark.parametrize("heights", ["one for all", "of a barometer"])
-def test_no_station_is_sent_back_for_heights_that_nothing_measured(
-    rig: tuple[Path, Plan, StageCache], copy: Path, heights: str
-) -> None:
+def test_no_station_is_sent_back_for_heights_that_nothing_measured(rig, copy, heights) -> None:
     rng = np.random.default_rng(1)
     head, *rows = (copy / "poses.csv").read_text("utf-8").splitlines()
     column, lines = head.split(",").index("z_m"), [head]

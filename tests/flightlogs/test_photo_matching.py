@@ -55,9 +55,7 @@ def series(count: int, seed: int, low: float = 4.0, high: float = 14.0) -> list[
     kind=st.sampled_from([(False, False), (True, True), (False, True)]),
 )
 @settings(max_examples=40)
-def test_one_missing_and_one_extra_anywhere(
-    seed: int, plots: int, drop: int, extra: float, offset: float, drift: float, kind: tuple[bool, bool]
-) -> None:
+def test_one_missing_and_one_extra_anywhere(seed, plots, drop, extra, offset, drift, kind) -> None:
     """Fractions of seconds, or whole ones with GPS (5 cm): every photograph finds its own trigger."""
     whole, gps = kind
     rng = np.random.default_rng(seed)

@@ -35,9 +35,7 @@ def test_rotation_is_proper(center: tuple[float, float, float], yaw: float, pitc
     ("yaw", "pitch", "forward"),
     [(0, 0, (0, 1, 0)), (90, 0, (1, 0, 0)), (180, 0, (0, -1, 0)), (0, -90, (0, 0, -1)), (45, 90, (0, 0, 1))],
 )
-def test_yaw_is_clockwise_from_north_and_pitch_is_elevation(
-    yaw: float, pitch: float, forward: tuple[float, float, float]
-) -> None:
+def test_yaw_is_clockwise_from_north_and_pitch_is_elevation(yaw, pitch, forward) -> None:
     np.testing.assert_allclose(Pose.from_yaw_pitch((0, 0, 0), yaw, pitch).forward, forward, atol=1e-12)
 
 
@@ -63,9 +61,7 @@ def test_angles_are_those_of_the_north_east_down_rotation_order() -> None:
 
 
 @given(coordinates, coordinates)
-def test_look_at_puts_the_target_on_the_axis(
-    center: tuple[float, float, float], target: tuple[float, float, float]
-) -> None:
+def test_look_at_puts_the_target_on_the_axis(center, target) -> None:
     distance = float(np.linalg.norm(np.subtract(target, center)))
     if distance < 1e-3:
         return
@@ -77,9 +73,7 @@ def test_look_at_puts_the_target_on_the_axis(
 
 
 @given(coordinates, yaws, pitches, coordinates)
-def test_translation_is_that_of_the_camera_from_world_transform(
-    center: tuple[float, float, float], yaw: float, pitch: float, point: tuple[float, float, float]
-) -> None:
+def test_translation_is_that_of_the_camera_from_world_transform(center, yaw, pitch, point) -> None:
     pose = Pose.from_yaw_pitch(center, yaw, pitch)
     expected = pose.rotation @ np.array(point) + pose.translation
     np.testing.assert_allclose(pose.to_camera(np.array([point]))[0], expected, atol=1e-8)

@@ -36,13 +36,7 @@ def test_matrix_round_trip(similarity: Similarity, point: tuple[float, float, fl
 
 
 @given(similarities(), coordinates, st.floats(-180, 180), st.floats(-89, 89), coordinates)
-def test_a_moved_camera_sees_a_moved_point_in_the_same_direction(
-    similarity: Similarity,
-    center: tuple[float, float, float],
-    yaw: float,
-    pitch: float,
-    point: tuple[float, float, float],
-) -> None:
+def test_a_moved_camera_sees_a_moved_point_in_the_same_direction(similarity, center, yaw, pitch, point) -> None:
     pose = Pose.from_yaw_pitch(center, yaw, pitch)
     moved = similarity.apply_pose(pose)
     seen = pose.to_camera(np.array([point]))[0]

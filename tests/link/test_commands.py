@@ -97,9 +97,7 @@ def test_what_only_a_profile_says_is_checked_with_one(mission: Path) -> None:
         upload_command.command(mission, "udpin://127.0.0.1:0", vehicle="dji-mini-4-pro")
 
 
-def test_force_sends_what_has_errors_and_says_so(
-    mission: Path, vehicle: Replay, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_force_sends_what_has_errors_and_says_so(mission, vehicle, capsys) -> None:
     site = mission.parent / "site.toml"
     with vehicle:
         upload_command.command(swapped(mission), vehicle.url, site=site, force=True)
@@ -110,9 +108,7 @@ def test_force_sends_what_has_errors_and_says_so(
     assert "other-home" in {finding["code"] for finding in printed["findings"]}
 
 
-def test_a_fence_stays_behind_and_that_is_said(
-    mission: Path, vehicle: Replay, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_fence_stays_behind_and_that_is_said(mission, vehicle, capsys) -> None:
     site = mission.with_name("fenced.toml")
     corners = "[[50.864, 6.446], [50.864, 6.449], [50.867, 6.449], [50.867, 6.446]]"
     site.write_text(SITE.replace("[home]", f"fence = [{corners}]\n\n[home]"))

@@ -61,9 +61,7 @@ def test_other_autopilots_keep_nan_and_have_no_home() -> None:
     st.floats(0, 65000),
     st.sampled_from([0, 3, 5, 6, 10, 11]),
 )
-def test_places_are_rounded_to_the_nearest(
-    latitude: float, longitude: float, height: float, hold: float, frame: int
-) -> None:
+def test_places_are_rounded_to_the_nearest(latitude, longitude, height, hold, frame) -> None:
     (item,) = to_wire((MissionItem(16, frame, (hold, 0, 0, 0, latitude, longitude, height)),))
     assert abs(item.x * 1e-7 - latitude) <= 0.5000001e-7
     assert abs(item.y * 1e-7 - longitude) <= 0.5000001e-7
@@ -148,9 +146,7 @@ def test_the_highest_altitude_is_the_sources() -> None:
     st.integers(-(2**31), 2**31 - 1),
     st.floats(width=32),
 )
-def test_what_is_kept_is_kept_again(
-    command: int, frame: int, params: tuple[float, float, float, float], x: int, y: int, z: float
-) -> None:
+def test_what_is_kept_is_kept_again(command, frame, params, x, y, z) -> None:
     item = WireItem(command, frame, params, x, y, z)
     once = stored(item)
     if isinstance(once, WireItem):

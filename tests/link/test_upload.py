@@ -76,9 +76,7 @@ def test_a_larger_one_is_refused_before_anything_is_sent(recording: Recording, d
         assert vehicle.autopilot.mission == ()
 
 
-def test_a_refused_item_is_named_and_nothing_mixed_is_left(
-    recording: Recording, flown: tuple[MissionItem, ...], delays: Missions
-) -> None:
+def test_a_refused_item_is_named_and_nothing_mixed_is_left(recording, flown, delays) -> None:
     bad = list(flown)
     bad[7] = MissionItem(195, 6, (0.0, 0.0, 0.0, 0.0, 50.865, 6.4473, 0.5))
     vehicle = standing(recording)
@@ -120,9 +118,7 @@ def test_bad_links(recording: Recording, flown: tuple[MissionItem, ...], delays:
 
 
 @pytest.mark.parametrize("item", [30, pytest.param(1, marks=SLOW), pytest.param(67, marks=SLOW)])
-def test_ctrl_c_clears_what_was_begun(
-    recording: Recording, flown: tuple[MissionItem, ...], delays: Missions, item: int
-) -> None:
+def test_ctrl_c_clears_what_was_begun(recording, flown, delays, item) -> None:
     shown = 0
 
     def advance(count: int) -> None:
@@ -143,9 +139,7 @@ def test_ctrl_c_clears_what_was_begun(
 
 
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=SLOW) for seed in range(2, 12))])
-def test_cut_at_any_packet_and_repeated(
-    recording: Recording, flown: tuple[MissionItem, ...], delays: Missions, seed: int
-) -> None:
+def test_cut_at_any_packet_and_repeated(recording, flown, delays, seed) -> None:
     """The link breaks after some packets: the state is not known, and that is told; repeated, the mission is whole."""
     vehicle = standing(recording, faults=Faults(loss=0.02, seed=seed))
     vehicle.hold(delays(30))

@@ -78,9 +78,7 @@ def test_every_photograph_is_the_plans_and_no_leg_comes_too_near() -> None:
         ("dji-mavic-3-enterprise", "wpml", ".kmz"), ("dji-mini-4-pro", "litchi", ".csv"),
     ],
 )  # fmt: skip
-def test_what_is_written_passes_its_check_against_the_plan(
-    tmp_path: Path, vehicle: str, form: str, suffix: str
-) -> None:
+def test_what_is_written_passes_its_check_against_the_plan(tmp_path, vehicle, form, suffix) -> None:
     plan, field, profile = planned(height_m=2.0, plants=False), site(), load_vehicle(vehicle)
     done = export_mission(plan, vehicle, field, tmp_path / "mission", format=form, picture=False, adjust=True)
     assert [file.name for file in done.files] == [f"mission{suffix}", "mission.json", "mission.geojson"]

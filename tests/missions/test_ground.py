@@ -89,9 +89,7 @@ def codes(answer: Answer, severity: str = "error") -> set[str]:
 
 
 @pytest.mark.parametrize(("vehicle", "form", "suffix"), FLOWN)
-def test_a_mission_into_the_plants_is_found_with_and_without_its_record_and_plan(
-    field: Field, vehicle: str, form: str, suffix: str
-) -> None:
+def test_a_mission_into_the_plants_is_found_with_and_without_its_record_and_plan(field, vehicle, form, suffix) -> None:
     as_planned, tall = (plots_file(field.folder, f"{h}.geojson", [h, h]) for h in (0.9, 2.3))
     unknown = plots_file(field.folder, "unknown.geojson", [None, 0.9])
     code, told = field.export(vehicle, form, as_planned, "--adjust")

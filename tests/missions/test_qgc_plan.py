@@ -133,9 +133,7 @@ def read_of(folder: Path, document: dict[str, Any]) -> ReadMission:
 
 @pytest.mark.parametrize("kind", ["survey", "CorridorScan"])
 @pytest.mark.parametrize("dialect", ["ardupilot", "px4"])
-def test_complex_items_stand_for_the_items_they_carry(
-    tmp_path: Path, importers: dict[str, Any], dialect: str, kind: str
-) -> None:
+def test_complex_items_stand_for_the_items_they_carry(tmp_path, importers, dialect, kind) -> None:
     simple = written(small_mission(), dialect)
     document = with_survey(simple, kind)
     read = read_of(tmp_path, document)

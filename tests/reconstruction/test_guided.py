@@ -85,9 +85,7 @@ def brute_force(a: PosedFeatures, b: PosedFeatures, band: float, ratio: float) -
     ratio=st.sampled_from([0.7, 0.85, 0.99]),
     place=st.sampled_from([(0.9, 0.4, 0.5), (1.0, 0.0, 1.2), (1.2, 0.0, 0.6), (2.0, 0.0, 1.0), (0.0, 1.0, 0.5)]),
 )
-def test_brute_force_finds_the_same(
-    seed: int, counts: tuple[int, int], band: float, ratio: float, place: tuple[float, float, float]
-) -> None:
+def test_brute_force_finds_the_same(seed, counts, band, ratio, place) -> None:
     """Whatever way the epipolar lines run: sideways, upright, through an epipole inside the image."""
     rng = np.random.default_rng(seed)
     camera = Intrinsics("SIMPLE_RADIAL", 400, 300, (380.0, 200.0, 150.0, -0.05))

@@ -206,9 +206,7 @@ def board(request: pytest.FixtureRequest) -> tuple[str, Board]:
 
 @pytest.mark.parametrize("blur", [0.5, 1.0])
 @pytest.mark.parametrize("place", [(0.35, 0.2, 0.85), (-0.1, -0.1, 0.8)])
-def test_corners_are_where_the_camera_sees_them(
-    board: tuple[str, Board], place: tuple[float, float, float], blur: float
-) -> None:
+def test_corners_are_where_the_camera_sees_them(board, place, blur) -> None:
     name, markers = board
     pose = Pose.look_at(place, (0.31, 0.27, 0))
     found = detect_markers(render_board(markers, pose, BOARD_CAMERA, blur=blur), name)

@@ -16,9 +16,7 @@ from fieldkit.reconstruction.settings import mapping_methods
         (0, 10, ("incremental", "global")),
     ],
 )
-def test_auto_is_prior_with_known_positions_else_incremental_else_global(
-    positioned: int, photographs: int, methods: tuple[str, ...]
-) -> None:
+def test_auto_is_prior_with_known_positions_else_incremental_else_global(positioned, photographs, methods) -> None:
     assert mapping_methods("auto", positioned, photographs) == methods
 
 

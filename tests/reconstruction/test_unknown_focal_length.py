@@ -66,9 +66,7 @@ def codes(result: SparseResult) -> list[str]:
 
 
 @pytest.mark.parametrize("mapping", ["prior", "incremental"])
-def test_without_a_focal_length_one_is_held_and_heights_are_undetermined(
-    tmp_path: Path, mapping: MappingChoice
-) -> None:
+def test_without_a_focal_length_one_is_held_and_heights_are_undetermined(tmp_path, mapping) -> None:
     result = mapped(photographed(tmp_path / "flight", nadir(), equivalent=None), tmp_path, mapping)
     assert result.right == len(CENTERS)
     assert {camera.fx for camera in result.intrinsics.values()} == {assumed_camera(WIDTH, HEIGHT).fx}

@@ -165,9 +165,7 @@ def test_drag_turns_and_buttons_go_to_views(browser: Browser, small: Path) -> No
 
 
 @pytest.mark.parametrize("north", [None, (0.6, 0.8)])
-def test_from_above_the_view_is_a_map(
-    browser: Browser, written: Callable[..., Path], north: tuple[float, float] | None
-) -> None:
+def test_from_above_the_view_is_a_map(browser, written, north) -> None:
     scene = replace(small_scene(), north=north)
     with ready(browser, written(f"north-{north is None}", scene)) as (page, stage):
         length = page.locator(".fk-view-length")

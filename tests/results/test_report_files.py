@@ -100,9 +100,7 @@ def setting(*path: str | int, value: Any) -> Callable[[dict[str, Any]], Any]:
         (setting("frame", "origin", "latitude_deg", value=91), "frame.origin: latitude 91.0° is outside"),
     ],
 )
-def test_wrong_fields(
-    tmp_path: Path, reference: ReferenceReport, change: Callable[[dict[str, Any]], Any], message: str
-) -> None:
+def test_wrong_fields(tmp_path, reference, change, message) -> None:
     document = json.loads(reference.model_dump_json())
     change(document)
     file = tmp_path / "reference.json"

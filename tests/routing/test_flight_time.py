@@ -80,9 +80,7 @@ def test_the_curve_stays_within_speed_acceleration_and_jerk(level: float, rise: 
 
 @settings(max_examples=100, deadline=None)
 @given(st.floats(0.05, 30), st.floats(0.05, 30), st.floats(-1, 1), st.floats(0.05, 2))
-def test_a_passed_corner_saves_time_and_keeps_within_the_radius(
-    a: float, b: float, cosine: float, radius: float
-) -> None:
+def test_a_passed_corner_saves_time_and_keeps_within_the_radius(a, b, cosine, radius) -> None:
     before, after = corner(leg(a, 0.0, SPEEDS), leg(b, 0.0, SPEEDS), cosine, radius)
     assert 0.0 < before.left_s == after.ahead_s <= min(before.ramp_s, after.ramp_s) / 2.0
     left, ahead = before.risen(before.left_s), after.risen(after.ahead_s)

@@ -2,7 +2,6 @@
 
 import errno
 import warnings
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -14,9 +13,7 @@ EVERY = pytest.mark.parametrize("make", [kernels.kernel, kernels.fast_kernel, ke
 
 
 @EVERY
-def test_kernels_that_cannot_be_kept_are_compiled_anyway(
-    make: Callable[[Any], Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_kernels_that_cannot_be_kept_are_compiled_anyway(make, monkeypatch) -> None:
     def nowhere(function: Any) -> None:
         raise RuntimeError("no locator available")
 
@@ -27,9 +24,7 @@ def test_kernels_that_cannot_be_kept_are_compiled_anyway(
 
 
 @EVERY
-def test_a_full_disk_under_the_kernels_is_a_warning(
-    make: Callable[[Any], Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_under_the_kernels_is_a_warning(make, monkeypatch) -> None:
     def full(*arguments: Any) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 

@@ -4,8 +4,6 @@ import shutil
 import tomllib
 from pathlib import Path
 
-import pytest
-
 from fieldkit.runtime import shipped
 from fieldkit.runtime.shipped import shipped_folder, shipped_page
 from fieldkit.vehicles.vehicle_file import load_vehicle, vehicles_folder
@@ -13,9 +11,7 @@ from fieldkit.vehicles.vehicle_file import load_vehicle, vehicles_folder
 ROOT = Path(__file__).parents[2]
 
 
-def test_the_wheel_puts_every_folder_where_an_installed_package_looks(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_wheel_puts_every_folder_where_an_installed_package_looks(tmp_path, monkeypatch) -> None:
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
     included = settings["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
     for source, target in included.items():

@@ -89,9 +89,7 @@ def test_defocus_keeps_light_in_linear_space() -> None:
     shift=st.tuples(*[st.floats(-0.01, 0.01)] * 3), turn=st.tuples(*[st.floats(-0.01, 0.01)] * 3),
     depth=st.floats(0.5, 5.0),
 )  # fmt: skip
-def test_image_motion_is_the_projections_difference(
-    shift: tuple[float, float, float], turn: tuple[float, float, float], depth: float
-) -> None:
+def test_image_motion_is_the_projections_difference(shift, turn, depth) -> None:
     flow = image_motion(np.full((150, 200), depth, np.float32), CAMERA, Motion(shift, turn))
     rows, columns = np.array([10, 75, 140]), np.array([5, 100, 190])
     pixels = np.column_stack([columns + 0.5, rows + 0.5])

@@ -1,7 +1,5 @@
 """Drawings that are kept are those that would be drawn."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -20,9 +18,7 @@ SHAKEN = CameraEffects(exposure_s=0.01, defocus_px=0.4, grain=3.0)
 
 @pytest.mark.parametrize("effects", [None, SHAKEN])
 @pytest.mark.parametrize("economy", [False, True])
-def test_photographs_are_the_same_bytes_from_kept_drawings(
-    tmp_path: Path, renderer: Renderer, effects: CameraEffects | None, economy: bool
-) -> None:
+def test_photographs_are_the_same_bytes_from_kept_drawings(tmp_path, renderer, effects, economy) -> None:
     kept = KeptDrawings()
     for name, drawing, poses in (
         ("anew", draw, POSES), ("first", kept, POSES), ("shared", kept, [POSES[2], POSES[1], POSES[0]])

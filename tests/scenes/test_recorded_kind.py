@@ -110,9 +110,7 @@ def test_mirroring_reflects_points_and_normals() -> None:
 
 
 @pytest.mark.parametrize("told_apart", [True, False])
-def test_the_scene_holds_the_same_plants_as_the_cloud(
-    told_apart: bool, row: Row, apart: PlantsApart, recorded: SceneDescription, tmp_path: Path
-) -> None:
+def test_the_scene_holds_the_same_plants_as_the_cloud(told_apart, row, apart, recorded, tmp_path) -> None:
     cloud = recorded_plants(recorded.recorded)
     known = apart if told_apart else not_apart(cloud)
     drawn = [draw_variation(cloud, known, 6, number) for number in range(8)]
@@ -138,9 +136,7 @@ def test_the_scene_holds_the_same_plants_as_the_cloud(
         write_varied_scene(recorded, known, variation, tmp_path / "scene")
 
 
-def test_without_patches_points_keep_their_order(
-    row: Row, apart: PlantsApart, recorded: SceneDescription, tmp_path: Path
-) -> None:
+def test_without_patches_points_keep_their_order(row, apart, recorded, tmp_path) -> None:
     assert recorded.recorded is not None
     plain = replace(recorded, recorded=replace(recorded.recorded, plant_atlas=None, ground_atlas=None))
     cloud = recorded_plants(recorded.recorded)

@@ -112,9 +112,7 @@ def test_nothing_hit_is_depth_zero() -> None:
     assert (depth > 0).sum() > 50
 
 
-def test_the_same_view_twice_is_the_same_bytes_and_a_new_renderer_agrees(
-    renderer: Renderer, small_scene: Scene
-) -> None:
+def test_the_same_view_twice_is_the_same_bytes_and_a_new_renderer_agrees(renderer, small_scene) -> None:
     first = renderer.photograph(POSE, CAMERA)
     renderer.photograph(Pose.look_at([1.0, 1.0, 1.0], [0.0, 0.0, 0.0]), CAMERA.scaled(320, 240), samples=0)
     assert np.array_equal(first, renderer.photograph(POSE, CAMERA))

@@ -141,9 +141,7 @@ def test_wrong_calls_leave_nothing_behind(tmp_path: Path, renderer: Renderer) ->
     latitude=st.floats(-85, 85), longitude=st.floats(-180, 180), altitude=st.floats(-400, 5000),
     yaw=st.floats(-720, 720), pitch=st.floats(-90, 90), rtk=st.booleans(),
 )  # fmt: skip
-def test_geotags_survive_exif_and_xmp(
-    latitude: float, longitude: float, altitude: float, yaw: float, pitch: float, rtk: bool
-) -> None:
+def test_geotags_survive_exif_and_xmp(latitude, longitude, altitude, yaw, pitch, rtk) -> None:
     from datetime import datetime
     from io import BytesIO
 

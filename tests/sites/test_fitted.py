@@ -70,9 +70,7 @@ def test_of_plants_larger_on_all_sides_the_pictures_are_the_same() -> None:
 
 
 @given(height=st.floats(0.5, 1.7), length=st.none() | st.floats(0.4, 1.1), station_m=st.floats(0.7, 2.2))
-def test_whatever_the_plot_the_plan_keeps_its_limits_and_fits_once(
-    height: float, length: float | None, station_m: float
-) -> None:
+def test_whatever_the_plot_the_plan_keeps_its_limits_and_fits_once(height, length, station_m) -> None:
     plan = plan_in_envelope(station_m)
     there = plot(plant_height_m=height, **({} if length is None else {"length_m": length, "width_m": length}))
     found = fitted(plan, there)
@@ -156,9 +154,7 @@ def test_every_plot_has_its_own_plan_and_its_file(tmp_path: Path) -> None:
         assert sorted(found) == pytest.approx(sorted(positions(plans[name])[:, 2]), abs=1e-6)
 
 
-def test_a_fitted_mission_is_checked_against_the_fitted_stations(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_fitted_mission_is_checked_against_the_fitted_stations(tmp_path, capsys) -> None:
     save_plan(tmp_path / "plan.json", plan_in_envelope())
     site = tmp_path / "site.toml"
     site.write_text(

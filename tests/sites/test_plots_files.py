@@ -176,9 +176,7 @@ def test_ids(tmp_path: Path, rows: list[dict[str, Any]], field: str | None, said
         ([{"name": "a", "rep": 1}, {"name": "b", "rep": 1}], "plot", 'no plot has a field "plot"', "name, rep"),
     ],
 )  # fmt: skip
-def test_ids_that_are_none(
-    tmp_path: Path, rows: list[dict[str, Any]], field: str | None, problem: str, remedy: str
-) -> None:
+def test_ids_that_are_none(tmp_path, rows, field, problem, remedy) -> None:
     features = read_features(geojson(tmp_path, *(point(**row) for row in rows)))
     with pytest.raises(IdProblem, match=re.escape(problem)) as caught:
         plot_ids(features, field)
@@ -303,9 +301,7 @@ def test_a_site_names_its_file_and_its_field_and_tells_of_them(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("named", [False, True])
-def test_a_campaign_takes_its_plots_along_as_geojson(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, named: bool
-) -> None:
+def test_a_campaign_takes_its_plots_along_as_geojson(tmp_path, monkeypatch, named) -> None:
     """Whatever they were, with the ids that were chosen: in the folder nothing more is needed to read them."""
     shapes = in_crs(places(), UTM)
     file = write_plots(tmp_path / "field.shp", shapes, UTM, name=["x"] * 4, Plot_ID=["old"] * 4, entry=list(IDS))

@@ -287,9 +287,7 @@ def test_reference_systems(tmp_path: Path) -> None:
     st.sampled_from([(50.8, 6.4), (-33.4, 179.99999), (89.99, 20.0), (-89.9, -100.0), (0.0, 0.0)]),
     st.floats(0, 180, exclude_max=True), st.floats(2.0, 80.0), st.floats(0.05, 0.9), st.integers(0, 3), st.booleans(),
 )  # fmt: skip
-def test_shapes(
-    middle: tuple[float, float], heading: float, length: float, share: float, first: int, backwards: bool
-) -> None:
+def test_shapes(middle, heading, length, share, first, backwards) -> None:
     ring = rectangle(middle, heading, length, length * share)[:-1]
     ring = ring[first:] + ring[:first]
     shape = plot_shape([(lat, lon) for lon, lat in (ring[::-1] if backwards else ring)])

@@ -51,9 +51,7 @@ def uphill(east: NDArray[np.float64], north: NDArray[np.float64], percent: float
 
 @settings(max_examples=60, deadline=None)
 @given(HEADINGS, SLOPES, HEADINGS, st.lists(st.tuples(*[st.floats(-20, 20)] * 2, st.floats(0.5, 5)), min_size=1))
-def test_stations_keep_their_height_above_the_plane_and_their_place(
-    row: float, percent: float, heading: float, points: list[tuple[float, float, float]]
-) -> None:
+def test_stations_keep_their_height_above_the_plane_and_their_place(row, percent, heading, points) -> None:
     plan = plan_of(*((*point, 30.0, -40.0) for point in points))
     sloping = site_with(row_heading_deg=row, slope_percent=percent, uphill_heading_deg=heading)
     shots, level = place(plan, sloping), place(plan, site_with(row_heading_deg=row))
@@ -72,9 +70,7 @@ def test_stations_keep_their_height_above_the_plane_and_their_place(
 
 @settings(max_examples=60, deadline=None)
 @given(HEADINGS, SLOPES, HEADINGS, st.floats(0, 359), st.floats(-89, 20), st.floats(0.2, 8))
-def test_a_camera_looks_at_the_same_place_of_the_slope(
-    row: float, percent: float, heading: float, yaw: float, pitch: float, reach: float
-) -> None:
+def test_a_camera_looks_at_the_same_place_of_the_slope(row, percent, heading, yaw, pitch, reach) -> None:
     """What the optical axis meets on the level plot, it meets at the same height above the ground on the slope."""
     site = site_with(row_heading_deg=row, slope_percent=percent, uphill_heading_deg=heading)
     frame = PlotFrame.of(site, site.plots[0])
@@ -118,9 +114,7 @@ def test_a_whole_turn_changes_nothing(row: float, percent: float, heading: float
     SLOPES, st.floats(0, 359.9), st.floats(-50, 50), st.floats(0, 359), st.floats(5, 80), st.floats(40, 140),
     st.floats(5, 80),
 )  # fmt: skip
-def test_three_heights_give_their_plane(
-    percent: float, heading: float, height: float, first: float, r1: float, apart: float, r2: float
-) -> None:
+def test_three_heights_give_their_plane(percent, heading, height, first, r1, apart, r2) -> None:
     angles = np.radians([first, first + apart, first + apart + 120.0])
     local = np.column_stack([np.array([r1, r2, r1]) * np.sin(angles), np.array([r1, r2, r1]) * np.cos(angles)])
     (a, b), (c, d) = local[1] - local[0], local[2] - local[0]
@@ -214,9 +208,7 @@ def rectangle(length: float, width: float, heading: float) -> dict[str, Any]:
 
 @settings(max_examples=40, deadline=None)
 @given(st.floats(1, 40), st.floats(0.3, 0.9), st.floats(0, 359), st.floats(-30, 30))
-def test_a_polygons_size_is_that_of_its_own_rectangle(
-    tmp_path_factory: pytest.TempPathFactory, length: float, share: float, heading: float, off: float
-) -> None:
+def test_a_polygons_size_is_that_of_its_own_rectangle(tmp_path_factory, length, share, heading, off) -> None:
     folder = tmp_path_factory.mktemp("plots")
     shape = rectangle(length, share * length, heading)
     drawn, along, across = (

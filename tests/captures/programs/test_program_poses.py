@@ -232,9 +232,7 @@ def test_metashapes_local_coordinates(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("reference", "motion", "locked"), [("", None, "true"), (LOCAL, None, "true"), (LOCAL, some_motion(), "false")]
 )
-def test_a_chunk_without_references_has_no_scale(
-    tmp_path: Path, reference: str, motion: Similarity | None, locked: str
-) -> None:
+def test_a_chunk_without_references_has_no_scale(tmp_path, reference, motion, locked) -> None:
     path = write_metashape(tmp_path / "c.xml", known_poses(), reference=reference, motion=motion, locked=locked)
     found = read_result(PosesFile(path))
     assert not found.metric

@@ -116,9 +116,7 @@ def test_senseless_requests_are_refused(source: SimulatedSource, arc: Cameras) -
 
 
 @pytest.mark.slow
-def test_a_described_proxy_is_photographed_as_its_file_says(
-    proxy: Proxy, source: SimulatedSource, arc: Cameras
-) -> None:
+def test_a_described_proxy_is_photographed_as_its_file_says(proxy, source, arc) -> None:
     description = SceneDescription(
         SMALL_PLOT, camera=proxy.camera, wind_m=0.01, camera_effects=CameraEffects(veiling_glare=0.1)
     )

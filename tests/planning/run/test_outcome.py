@@ -55,9 +55,7 @@ def test_plans_are_for_plots_of_the_kind_where_the_method_knows_how(asked: dict[
         ({"purpose": "this-plot"}, "field", (3, 2)), ({"plots": 1}, "field", (3, 2)),
     ],
 )  # fmt: skip
-def test_plans_for_a_kind_are_chosen_and_confirmed_where_no_search_is_asked_for(
-    asked: dict[str, Any], method: str, confirmed: tuple[int, int]
-) -> None:
+def test_plans_for_a_kind_are_chosen_and_confirmed_where_no_search_is_asked_for(asked, method, confirmed) -> None:
     settings = search_settings(scene=Path("case-1"), **asked)
     assert (settings.method, (settings.finalists, settings.repeats)) == (method, confirmed)
 
@@ -74,9 +72,7 @@ def test_plans_for_a_kind_are_chosen_and_confirmed_where_no_search_is_asked_for(
         ({"purpose": "this-plot"}, (0.0, 0.0), False),
     ],
 )
-def test_plans_for_a_kind_expect_the_flights_noise(
-    asked: dict[str, Any], noise: tuple[float, float], refined: bool
-) -> None:
+def test_plans_for_a_kind_expect_the_flights_noise(asked, noise, refined) -> None:
     settings = search_settings(scene=Path("case-1"), **asked)
     assert (settings.noise.pose_m, settings.noise.pose_deg) == noise
     # The score expects what was asked for.

@@ -80,8 +80,6 @@ def test_two_groups_without_a_match_between_them_are_not_connected() -> None:
 
 
 @given(MATCHES, MATCHES, st.permutations(range(COUNT)))
-def test_more_matches_never_connect_worse_and_the_order_does_not_count(
-    matches: np.ndarray, more: np.ndarray, order: list[int]
-) -> None:
+def test_more_matches_never_connect_worse_and_the_order_does_not_count(matches, more, order) -> None:
     assert connectivity(matches + more) >= connectivity(matches) - 1e-6
     assert connectivity(matches[np.ix_(order, order)]) == pytest.approx(connectivity(matches), abs=1e-6)

@@ -155,9 +155,7 @@ def hartmann(u: np.ndarray) -> float:
     [(branin, 2, 8, 16, -0.7), (hartmann, 6, 12, 16, 2.8)],
     ids=["branin", "hartmann-6"],
 )
-def test_a_planted_optimum_is_found(
-    function: Function, dimension: int, initial: int, steps: int, reached: float
-) -> None:
+def test_a_planted_optimum_is_found(function, dimension, initial, steps, reached) -> None:
     x, y = evaluated(function, initial, dimension, seed=3)
     for step in range(steps):
         found = suggest(x, y, Box(dimension), np.random.default_rng([3, step])).x

@@ -155,9 +155,7 @@ def mapped(capture: Capture, settings: ReconstructionSettings, plot: KnownPlot |
 
 
 @pytest.mark.parametrize(("corners", "told"), [([(0.0, 0.0)], []), ([(-3.0, 0.0), (6.0, 0.0)], ["weakly-tied"])])
-def test_groups_without_a_pair_across_are_named(
-    tmp_path: Path, corners: list[tuple[float, float]], told: list[str]
-) -> None:
+def test_groups_without_a_pair_across_are_named(tmp_path, corners, told) -> None:
     result = mapped(flown(tmp_path / "flight", corners), ReconstructionSettings())
     assert result.right == 4 * len(corners)
     assert [code for code in codes(result) if code == "weakly-tied"] == told
