@@ -1,18 +1,14 @@
 """The objective's studies on a tiny plot: their structure and that their measures are right."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from benchmarks.objective import STUDIES, ObjectiveOptions, run_objective
+from benchmarks.objective import ObjectiveOptions
 from benchmarks.objective_cost import run_cost, run_throughput
 from benchmarks.objective_noise import run_noise
 from benchmarks.objective_ranks import Ranks, rank_table, run_ranks
 from benchmarks.objective_scenes import TuningPlot, tuning_plot
 from fieldkit.cache import StageCache
-from fieldkit.errors import UsageError
 from fieldkit.planning.objective.evaluation import Evaluation, StageCost
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.planning.space.cameras import Cameras
@@ -64,15 +60,6 @@ def test_a_tuning_plot_is_as_its_scene_file_says() -> None:
     assert plot.source.proxy.camera == described.camera
     assert (plot.source.noise, plot.source.effects) == (described.noise, described.camera_effects)
     assert plot.envelope.contains(plot.ring)
-
-
-def test_studies_that_cannot_run_say_so(tmp_path: Path) -> None:
-    (result,) = run_objective(tmp_path / "out", ["recorded"], NOTHING, progress=Silent())
-    assert "FIELDKIT_DATA" in result.skipped
-    assert json.loads((tmp_path / "out" / "results.json").read_text())["studies"]["recorded"]["skipped"]
-    with pytest.raises(UsageError, match="no study 'dense'") as caught:
-        run_objective(tmp_path / "other", ["dense"], NOTHING, progress=Silent())
-    assert all(name in caught.value.remedy for name in STUDIES)
 
 
 @pytest.mark.slow

@@ -76,11 +76,6 @@ class TestFile:
             write_report(season, tmp_path / name, points=1000)
         assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
 
-    def test_title(self, scored: Results, tmp_path: Path) -> None:
-        write_report(scored.root / "eval", tmp_path / "r.html", title=HOSTILE)
-        page = checked((tmp_path / "r.html").read_text())
-        assert SHOWN in page.text
-
     def test_never_overwrites_unasked_and_never_leaves_half_a_file(self, scored: Results, tmp_path: Path) -> None:
         folder = scored.root / "eval"
         file = tmp_path / "r.html"
@@ -88,10 +83,13 @@ class TestFile:
         with pytest.raises(UsageError, match="exists already"):
             write_report(folder, file)
         assert file.read_text() == "mine"
-        write_report(folder, file, overwrite=True)
-        checked(file.read_text())
+        write_report(folder, file, overwrite=True, title=HOSTILE)
+        assert SHOWN in checked(file.read_text()).text
         with pytest.raises(UsageError, match="is a folder"):
             write_report(folder, folder, overwrite=True)
+        for name in ("r.pdf", "r.zip", "r.html.gz"):
+            with pytest.raises(UsageError, match="HTML"):
+                write_report(folder, tmp_path / name)
         with pytest.raises(UsageError, match="cannot show"):
             write_report(folder, tmp_path / "x.html", points=5)
         with pytest.raises(StorageError):
@@ -351,12 +349,6 @@ def test_a_report_begins_with_its_figures_and_ends_with_the_next_step(tmp_path: 
     ):
         assert f"fieldkit {command}" in said[name][1]
     assert next_step(read_results(tmp_path)) == ""
-
-
-@pytest.mark.parametrize("name", ["r.pdf", "r.zip", "r.html.gz"])
-def test_a_report_is_html(scored: Results, name: str) -> None:
-    with pytest.raises(UsageError, match="HTML"):
-        write_report(scored.root, scored.root / name)
 
 
 def test_terms_are_explained() -> None:
