@@ -74,6 +74,7 @@ class TestModel:
         if not told:
             assert found.reason == f"place_m is {place_m:.3g}; plots of the fit have 0.004 to 0.05"
             assert (found.low_m, found.high_m) == (None, None)
+        assert predict({"place_m": math.nan, "lone": 0.05}, MODEL).chamfer_m is None
 
     def test_guards(self) -> None:
         """They say nothing of the value, only of whether there is one."""
@@ -83,10 +84,6 @@ class TestModel:
         assert predict({**features, "cameras": 40.0}, model).reason == (
             "the number of photographs that count is 40; plots of the fit have 6 to 13"
         )
-
-    @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-    def test_what_is_no_number(self, bad: float) -> None:
-        assert predict({"place_m": bad, "lone": 0.05}, MODEL).chamfer_m is None
 
     def test_what_is_less_than_counts(self) -> None:
         """A perfect figure is as good as the least one that counts: no logarithm of 0."""
@@ -103,6 +100,7 @@ class TestFeatures:
         assert found["place_m"] == pytest.approx(0.016 * 0.5 * math.sqrt(33 / 26))
         assert found["right_share"] == pytest.approx(11 / 12)
         assert all(np.isfinite(value) for value in found.values())
+        assert plot_features(FIGURES, None) == NO_CLOUD
 
     @pytest.mark.parametrize(
         ("change", "reason"),
@@ -119,6 +117,3 @@ class TestFeatures:
         found = plot_features(FIGURES.model_copy(update=change), EVIDENCE)
         assert found == reason
         assert predict(found, MODEL).reason == reason
-
-    def test_without_a_cloud(self) -> None:
-        assert plot_features(FIGURES, None) == NO_CLOUD

@@ -104,14 +104,21 @@ class TestRefusals:
         assert told.covered_area_m2 is not None
         assert told.plot_area_m2 is None
 
-    def test_without_a_scale_there_is_nothing(self) -> None:
-        result = reconstruction(metric=False)
-        assert set(traits(result).unknown) == set(TRAITS)
-
-    def test_a_scale_that_positions_contradict(self) -> None:
-        told = traits(found(rms_m=0.5))
+    @pytest.mark.parametrize(
+        ("frame", "findings", "why"),
+        [
+            (None, (), ""),
+            ({"rms_m": 0.5}, (), "the scale is known to"),
+            ({"ground": None}, (), "no ground"),
+            ({}, (Finding("p", "few-plant-points", "few"),), "few"),
+        ],
+    )
+    def test_without_a_sound_scale_ground_or_plants_there_is_nothing(self, frame, findings, why) -> None:
+        result = reconstruction(metric=False) if frame is None else found(**frame)
+        told = traits(replace(result, sparse=replace(result.sparse, findings=(*result.sparse.findings, *findings))))
         assert set(told.unknown) == set(TRAITS)
-        assert "the scale is known to" in told.unknown["height_m"]
+        assert why in told.unknown["height_m"]
+        assert why in told.unknown["covered_area_m2"]
 
     def test_too_few_photographs(self) -> None:
         result = found()
@@ -122,11 +129,6 @@ class TestRefusals:
         assert told.unknown["height_m"] == "only 5 photographs count, and traits need 6"
         assert set(told.unknown) == set(TRAITS)
 
-    def test_without_a_ground_there_is_nothing(self) -> None:
-        told = traits(found(ground=None))
-        assert set(told.unknown) == set(TRAITS)
-        assert "no ground" in told.unknown["covered_area_m2"]
-
     @pytest.mark.parametrize("code", ["height-undetermined", "volume-cuts-plants", "weak-ground", "steep-ground"])
     def test_findings_that_forbid_heights(self, code: str) -> None:
         result = found()
@@ -134,11 +136,6 @@ class TestRefusals:
         told = traits(result)
         assert told.unknown == {"height_m": "what is wrong", "canopy_volume_m3": "what is wrong"}
         assert told.covered_area_m2 is not None
-
-    def test_hardly_any_points(self) -> None:
-        result = found()
-        result = replace(result, sparse=replace(result.sparse, findings=(Finding("p", "few-plant-points", "few"),)))
-        assert set(traits(result).unknown) == set(TRAITS)
 
     def test_no_plant_within_the_outline(self) -> None:
         told = traits(found(), PlotOutline(rectangle((0.5, 0.5), (1.0, 1.0))))
