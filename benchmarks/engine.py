@@ -139,12 +139,7 @@ SPEED = ("help", "clouds", "dense", "evaluation", "scaling")
 
 
 def run_engine(
-    output: Path,
-    names: Sequence[str],
-    options: EngineOptions,
-    *,
-    progress: Progress,
-    overwrite: bool = False,
+    output: Path, names: Sequence[str], options: EngineOptions, *, progress: Progress, overwrite: bool = False
 ) -> list[StudyResult]:
     """Run studies one after the other and write results.json, results.md and their pictures.
 

@@ -248,10 +248,7 @@ def _scored(
 
 
 def _figures(found: CloudScore, prefix: str) -> dict[str, Any]:
-    return {
-        f"{prefix}chamfer_m": found.chamfer.chamfer_m,
-        f"{prefix}f_score": found.f_scores[_F_DISTANCE_M].f_score,
-    }
+    return {f"{prefix}chamfer_m": found.chamfer.chamfer_m, f"{prefix}f_score": found.f_scores[_F_DISTANCE_M].f_score}
 
 
 def _camera(case: Case) -> Intrinsics:

@@ -14,14 +14,7 @@ from numpy.typing import NDArray
 
 from benchmarks.result import Cell, ResultTable, StudyResult
 from benchmarks.rigs import RIG_FILE, read_rig
-from benchmarks.scene_views import (
-    CAMERA,
-    SceneUnderStudy,
-    load_scene,
-    photograph,
-    ring_about_plants,
-    study_scenes,
-)
+from benchmarks.scene_views import CAMERA, SceneUnderStudy, load_scene, photograph, ring_about_plants, study_scenes
 from fieldkit.captures import read_capture, read_image
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.features import Features, FeatureSettings, extract_features

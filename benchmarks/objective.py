@@ -88,12 +88,7 @@ STUDIES: dict[str, Callable[[ObjectiveOptions, Progress], StudyResult]] = {
 
 
 def run_objective(
-    output: Path,
-    names: Sequence[str],
-    options: ObjectiveOptions,
-    *,
-    progress: Progress,
-    overwrite: bool = False,
+    output: Path, names: Sequence[str], options: ObjectiveOptions, *, progress: Progress, overwrite: bool = False
 ) -> list[StudyResult]:
     """Run studies one after the other and write results.json, results.md and their pictures.
 

@@ -80,11 +80,7 @@ def cost_table(measured: dict[str, list[Evaluation]]) -> ResultTable:
 
 
 def run_throughput(
-    plot: TuningPlot | None = None,
-    fidelity: SearchFidelity = "draft",
-    *,
-    evaluations: int = 100,
-    progress: Progress,
+    plot: TuningPlot | None = None, fidelity: SearchFidelity = "draft", *, evaluations: int = 100, progress: Progress
 ) -> StudyResult:
     """Evaluations per minute of one and of two worker processes, with the same sets of cameras."""
     wall, cpu = time.perf_counter(), time.process_time()

@@ -149,10 +149,7 @@ def _evaluated(
 ) -> list[Evaluation]:
     found = []
     objective = Objective(source, ObjectiveSettings(fidelity))
-    with (
-        evaluating(objective, Context(workers=workers)) as evaluations,
-        progress.stage(title, len(jobs)) as advance,
-    ):
+    with evaluating(objective, Context(workers=workers)) as evaluations, progress.stage(title, len(jobs)) as advance:
         for evaluation in evaluations.each(jobs):
             found.append(evaluation)
             advance(1)

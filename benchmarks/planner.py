@@ -171,13 +171,7 @@ def _transfer(options: PlannerOptions, progress: Progress) -> StudyResult:
 
 
 def _ablation(options: PlannerOptions, progress: Progress) -> StudyResult:
-    from benchmarks.planner_ablation import (
-        NOISE,
-        Ended,
-        ablation_table,
-        search,
-        variants,
-    )  # brings PyTorch along
+    from benchmarks.planner_ablation import NOISE, Ended, ablation_table, search, variants  # brings PyTorch along
 
     wall, cpu = time.perf_counter(), time.process_time()
     found: dict[str, dict[str, tuple[Ended, ...]]] = {}

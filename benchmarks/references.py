@@ -95,14 +95,7 @@ def reference_table(results: Sequence[ReferenceResult]) -> ResultTable:
     return ResultTable("fieldkit reference", columns, tuple(rows))
 
 
-def reference_of_set(
-    name: str,
-    data: Path,
-    output: Path,
-    *,
-    cache: StageCache,
-    progress: Progress,
-) -> ReferenceResult:
+def reference_of_set(name: str, data: Path, output: Path, *, cache: StageCache, progress: Progress) -> ReferenceResult:
     """Build the reference of ``data``/``name``/images and compare it with known data of the set."""
     folder = output / name
     report = build_reference(data / name / "images", folder, cache=cache, progress=progress)

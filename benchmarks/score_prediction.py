@@ -18,13 +18,7 @@ from scipy.stats import spearmanr
 from benchmarks.captures import rig_capture
 from benchmarks.result import Cell, ResultTable, StudyResult
 from benchmarks.rigs import load_rig, perturb, uniform_subset
-from benchmarks.scored_captures import (
-    FITTED,
-    designs,
-    make_captures,
-    read_captures,
-    stored_cloud,
-)
+from benchmarks.scored_captures import FITTED, designs, make_captures, read_captures, stored_cloud
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.clouds import ReferenceIndex, crop, score

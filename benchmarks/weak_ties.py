@@ -25,10 +25,7 @@ KEPT = (1.0, 0.4)
 """Shares of all matches that are kept."""
 _GAP_DEG = 55.0
 _PHASES = 4
-_WAYS = {
-    "put together": PriorMappingSettings(),
-    "left apart": PriorMappingSettings(min_agreeing=sys.maxsize),
-}
+_WAYS = {"put together": PriorMappingSettings(), "left apart": PriorMappingSettings(min_agreeing=sys.maxsize)}
 
 
 def run_weak_ties(data: Path, *, cache: StageCache, progress: Progress) -> StudyResult:

@@ -10,12 +10,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from fieldkit.campaign.campaign_file import (
-    CampaignTable,
-    EvaluationTable,
-    ReferenceTable,
-    campaign_text,
-)
+from fieldkit.campaign.campaign_file import CampaignTable, EvaluationTable, ReferenceTable, campaign_text
 from fieldkit.campaign.reading import Campaign, plots_file_of, read_campaign
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.documents.mistaken import check_order
@@ -74,11 +69,6 @@ def init_campaign(
         evaluation: settings of every visit; the defaults where None.
         name: in words; the folder's name where None.
         tell: is told where plots have their ids from.
-
-    Raises:
-        UsageError: ``folder`` exists and holds something, or a reference is of no plot.
-        MetadataError: a file is missing or malformed, or a reference has no scale.
-        StorageError: the folder cannot be written.
     """
     folder = Path(folder).absolute()
     check_order(sources.plan, sources.site)

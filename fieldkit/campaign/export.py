@@ -46,11 +46,6 @@ def export_campaign(campaign: Campaign, output: Path, *, overwrite: bool = False
         campaign: as read.
         output: file; its suffix says the format.
         overwrite: replace an existing file.
-
-    Raises:
-        UsageError: the suffix says no format, something is there that may not be replaced, or the extra for
-            GeoPackage is not installed.
-        StorageError: it cannot be written.
     """
     output = Path(output)
     chosen = SUFFIXES.get(output.suffix.lower())

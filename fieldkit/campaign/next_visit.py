@@ -243,10 +243,6 @@ def plan_next_visit(
         growth: as `next_plans`.
         plant_height, format: as `export_mission`; a height is needed for plots without a visit alone.
         overwrite: replace plans for the date, and files.
-
-    Raises:
-        UsageError: there are plans for the date, or as `next_plans` and `export_mission`; no vehicle is known.
-        FieldkitError: as `next_plans` and `export_mission`.
     """
     folder = campaign.folder / PLANS_FOLDER / date
     if folder.exists() and not overwrite:

@@ -62,10 +62,6 @@ def export_rasters(campaign: Campaign, output: Path, *, overwrite: bool = False)
 
     Returns:
         A row per visit, as rasters.csv has them.
-
-    Raises:
-        UsageError: no visit has rasters, the folder exists, or the extra is not installed.
-        StorageError: it cannot be written.
     """
     require_rasters()
     with atomic_folder(Path(output), overwrite=overwrite, marker=RASTERS_FILE) as folder:

@@ -6,11 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from fieldkit.campaign.campaign_file import (
-    CampaignTable,
-    EvaluationTable,
-    read_campaign_file,
-)
+from fieldkit.campaign.campaign_file import CampaignTable, EvaluationTable, read_campaign_file
 from fieldkit.campaign.visits import read_visits
 from fieldkit.documents.mistaken import refuse_other
 from fieldkit.documents.toml_file import read_versioned
@@ -127,9 +123,6 @@ def read_campaign(folder: Path) -> Campaign:
 
     Args:
         folder: with campaign.toml (or that file).
-
-    Raises:
-        MetadataError: it is no campaign, or a file of it is missing, malformed or damaged.
     """
     folder = Path(folder).absolute()
     folder = folder.parent if folder.name == CAMPAIGN_FILE and folder.is_file() else folder

@@ -84,12 +84,6 @@ def evaluate_campaign(
         folder: of the campaign.
         captures: folder with photographs in it and below it; only read.
         overwrite: evaluate also what is there already.
-
-    Raises:
-        UsageError: it makes rasters, and rasterio is not installed.
-        MetadataError: a file of the campaign is missing or malformed.
-        CaptureError: there are no photographs, or none belongs to any plot.
-        StorageError: the disk is full or not writable.
     """
     context = Context(cache, progress, workers, scheduler=scheduler)
     campaign = read_campaign(folder)

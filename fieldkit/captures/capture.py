@@ -58,11 +58,6 @@ def read_capture(
             holds besides.
         sidecars: whether poses.csv, geo.txt and other programs' results are looked at.
         poses: another program's result to take poses from; None takes what lies in the folder.
-
-    Raises:
-        CaptureError: the folder is missing or unreadable, or has no usable photograph.
-        MetadataError: poses.csv, geo.txt, markers.toml, a camera file or another program's result is malformed or
-            contradicts the photographs, or ``poses`` names none of them.
     """
     folder = Path(folder)
     contents = list_capture(folder)

@@ -28,21 +28,18 @@ _WIDTH = 48
 
 @dataclass
 class Status:
-    """What has come of a run so far.
-
-    Attributes:
-        total: evaluations of the search, at most.
-        confirmations: at most, to come after it.
-        entries: finished.
-        weight: what a confirmation takes, in evaluations of the search.
-        told: when the last one was, on the monotonic clock, seconds.
-    """
+    """What has come of a run so far."""
 
     total: int
+    """Evaluations of the search, at most."""
     confirmations: int
+    """At most, to come after it."""
     entries: list[LogEntry] = field(default_factory=list)
+    """Finished."""
     weight: float = 1.0
+    """What a confirmation takes, in evaluations of the search."""
     told: float = field(default_factory=time.monotonic)
+    """When the last one was, on the monotonic clock, seconds."""
 
     def expect(self, total: int) -> None:
         """The search has this many evaluations, at most."""

@@ -6,13 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fieldkit.cli.common import JsonOption, OutputOption, emit_json, show
-from fieldkit.cli.plan_options import (
-    EnvelopeOptions,
-    PlotOptions,
-    RunOptions,
-    SearchOptions,
-    plan_request,
-)
+from fieldkit.cli.plan_options import EnvelopeOptions, PlotOptions, RunOptions, SearchOptions, plan_request
 from fieldkit.cli.reconstruction_options import processes
 from fieldkit.errors import UsageError
 from fieldkit.wording import count

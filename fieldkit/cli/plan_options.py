@@ -158,12 +158,7 @@ class RunOptions:
 
 
 def plan_request(plot: PlotOptions, search: SearchOptions, envelope: EnvelopeOptions, run: RunOptions) -> PlanRequest:
-    """What was given, for the settings of a run.
-
-    Raises:
-        UsageError: a value is not written as its option takes it.
-        InputError: what a value is to be taken from cannot be read.
-    """
+    """What was given, for the settings of a run."""
     pose_m, pose_deg = _pose_noise(search.pose_noise) if search.pose_noise else (None, None)
     values = search.values() | {"plots": plot.plots, "seed": run.seed}
     limits = envelope.values()

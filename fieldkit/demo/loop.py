@@ -74,13 +74,7 @@ class Demo:
 
 
 def run_demo(
-    output: Path,
-    *,
-    seed: int = 0,
-    cache: StageCache,
-    progress: Progress,
-    overwrite: bool = False,
-    workers: int = 1,
+    output: Path, *, seed: int = 0, cache: StageCache, progress: Progress, overwrite: bool = False, workers: int = 1
 ) -> Demo:
     """Do what fieldkit is for, once, on two simulated plots of young maize.
 

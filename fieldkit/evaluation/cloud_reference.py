@@ -114,11 +114,6 @@ def open_reference(path: Path, frame: str = "", bounds: Volume | None = None) ->
         path: folder, reference.json, or PLY, LAS or LAZ file.
         frame: of a cloud: "metres", ``EPSG:code``, or "" where the file says it.
         bounds: volume of a cloud that counts, plot frame; None takes the cloud's.
-
-    Raises:
-        UsageError: a frame is given for a folder, or one that contradicts the file.
-        MetadataError: as `Reference`.
-        CloudError: the cloud cannot be read, its frame is not known, or its numbers are too coarse.
     """
     file = reference_file(path)
     if file.name != REFERENCE_FILE and is_cloud(file):

@@ -198,10 +198,7 @@ def _described(
         volume=VolumeEntry(lower_m=reconstruction.volume.lower, upper_m=reconstruction.volume.upper),
         cameras=_cameras(sparse),
         dense=DenseEntry(
-            fidelity=settings.fidelity,
-            mask=settings.mask,
-            fusion_rule=reconstruction.fusion_rule,
-            seed=settings.seed,
+            fidelity=settings.fidelity, mask=settings.mask, fusion_rule=reconstruction.fusion_rule, seed=settings.seed
         ),
         image_reports=_placed_images(sparse),
         findings=(*sparse.findings, *findings),

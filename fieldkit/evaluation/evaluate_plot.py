@@ -218,10 +218,7 @@ def _refined(
     center = found.plants.points.mean(axis=0)
     shift = np.asarray(motion.apply(center)) - center
     correction = CorrectionEntry(
-        translation_m=vector(shift),
-        angle_deg=stats.rotation_deg,
-        scale=stats.scale,
-        rms_m=stats.rms_m,
+        translation_m=vector(shift), angle_deg=stats.rotation_deg, scale=stats.scale, rms_m=stats.rms_m
     )
     return found.moved_plants(motion), correction, []
 

@@ -28,15 +28,6 @@ def make_proxy(
         output: folder for scene.toml, plants.ply and ground.ply, and plants.png and ground.png with ``images``.
         images: the photographs the reference was built from, for finer surfels.
         overwrite: replace an existing scene.
-
-    Raises:
-        MetadataError: ``reference`` is no reference, or has no metric scale or no scene; or ``images`` are not its
-            photographs.
-        CaptureError: ``images`` cannot be read.
-        RenderingError: this machine cannot render, which ``images`` needs.
-        SceneError: its clouds cannot be drawn.
-        UsageError: ``output`` exists.
-        StorageError: the disk is full or not writable.
     """
     report = load_reference_report(reference)
     folder = reference if reference.is_dir() else reference.parent

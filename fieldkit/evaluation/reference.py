@@ -23,13 +23,7 @@ from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import ReferenceReport
 from fieldkit.results.fields import clean_text
-from fieldkit.results.report_files import (
-    REFERENCE_FILE,
-    check_file,
-    describe_files,
-    load_reference_report,
-    save_report,
-)
+from fieldkit.results.report_files import REFERENCE_FILE, check_file, describe_files, load_reference_report, save_report
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import processor_seconds
 from fieldkit.runtime.progress import Progress
@@ -162,10 +156,6 @@ class Reference:
 
     Args:
         path: the folder, or its reference.json.
-
-    Raises:
-        MetadataError: reference.json is missing or malformed, the cloud was changed, or the reference has no scale.
-        CloudError: the cloud cannot be read.
     """
 
     def __init__(self, path: Path) -> None:

@@ -68,12 +68,6 @@ def check_captures(
         log: flight log whose poses count instead of the photographs' own.
         fit: whether the plan was fitted to each plot of the site, as of `fieldkit.missions.export_mission`.
         settings: limits; None takes the defaults.
-
-    Raises:
-        UsageError: the site has several plots and none is named, or none of that name, or one for several folders.
-        CaptureError: there are no photographs that can be read, or more than `MAX_PHOTOGRAPHS` of a plot.
-        MetadataError: the plan, the site, the log or a sidecar cannot be used.
-        MissionError: the plan cannot be fitted to a plot.
     """
     plots, empty = find_plots(captures)
     if empty and progress is not None:

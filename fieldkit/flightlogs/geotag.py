@@ -91,12 +91,6 @@ def geotag(
         accuracy_m: of the positions; None takes what the log's GNSS receiver states.
         offset_s: camera's clock less UTC, where it is known.
         overwrite: replace ``output``.
-
-    Raises:
-        UsageError: ``output`` exists.
-        CaptureError: there are no photographs.
-        MetadataError: the log cannot be read, has no triggers or no positions, or no photograph matches one.
-        StorageError: ``output`` cannot be written.
     """
     output = Path(output)
     check_replaceable(output, overwrite=overwrite)

@@ -28,9 +28,6 @@ def read_flight_log(path: Path, *, max_bytes: int = MAX_BYTES) -> FlightLog:
     Args:
         path: of the file; never written to.
         max_bytes: a larger file is refused, and so is one that unpacks to more.
-
-    Raises:
-        MetadataError: it is missing, unreadable, too large, damaged beyond use or no flight log.
     """
     from fieldkit.flightlogs.dataflash import read_dataflash
     from fieldkit.flightlogs.tlog import read_tlog

@@ -106,9 +106,6 @@ class LocalFrame:
 
     Altitudes above sea level may be given as they are: an undulation of 100 m read as ellipsoidal height scales
     horizontal distances by 16 millionths (1.6 mm over 100 m). ``datum`` only says which it was.
-
-    Raises:
-        ValueError: a value is not finite, the latitude is outside −90…90, or the datum is unknown to `DATUMS`.
     """
 
     latitude_deg: float

@@ -22,11 +22,7 @@ _LENGTHS = frozenset({"f", "fx", "fy", "cx", "cy"})
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """A camera model with its size and parameters.
-
-    Raises:
-        ValueError: unknown model, wrong number of parameters, or a size or focal length that is not positive.
-    """
+    """A camera model with its size and parameters."""
 
     model: str
     """A key of `PARAMETER_NAMES`."""

@@ -90,12 +90,6 @@ def upload_mission(
         home: as the file has it; an ArduPilot puts its own in its place.
         dialect: that the mission was written in, "ardupilot" or "px4"; another autopilot is refused where given.
         advance: called as items go over, with their number since the last call.
-
-    Raises:
-        MissionError: the mission does not fit, is for another autopilot, or the vehicle is armed; nothing was sent.
-        ItemRefused: the vehicle does not take an item.
-        UploadError: the link failed; see its ``held``.
-        UploadInterrupted: Ctrl-C.
     """
     check_size(items)
     begun = time.monotonic()

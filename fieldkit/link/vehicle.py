@@ -41,10 +41,6 @@ class Vehicle:
         connect_s: until nobody is heard.
         again_s: until a question is sent again.
         silence_s: until silence ends a transfer; an ArduPilot asks once a second, and gives up after eight.
-
-    Raises:
-        UsageError: the address is none.
-        LinkError: it cannot be opened, or nobody or several vehicles are heard.
     """
 
     def __init__(self, url: str, *, connect_s: float = 10.0, again_s: float = 0.7, silence_s: float = 9.0) -> None:

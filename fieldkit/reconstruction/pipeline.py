@@ -87,10 +87,6 @@ def reconstruct(
         context: a run goes on where a former one with the same cache stopped.
         known_plot: of a reference, to reconstruct in its frame and volume.
         reach_m: how far `Reconstruction.nearby` goes beyond what is of interest.
-
-    Raises:
-        MetadataError: the mask is to come from files, and a photograph has none.
-        ReconstructionError: too few photographs register, or nothing of the plot is seen by two of them.
     """
     timer = StageTimer(context.progress)
     timed = replace(context, progress=timer)

@@ -80,10 +80,6 @@ class ComparisonReport(Strict):
 
 
 def load_comparison(path: Path) -> ComparisonReport:
-    """Read compare.json; ``path`` is the file or the folder that holds it.
-
-    Raises:
-        MetadataError: it is missing, not JSON, of another kind or version, or a field is wrong.
-    """
+    """Read compare.json; ``path`` is the file or the folder that holds it."""
     file = path / COMPARE_FILE if path.is_dir() else path
     return read_model(ComparisonReport, "comparison", file, _AGAIN, max_bytes=_MAX_BYTES)

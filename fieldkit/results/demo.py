@@ -50,10 +50,6 @@ class DemoReport(Strict):
 
 
 def load_demo(path: Path) -> DemoReport:
-    """Read demo.json; ``path`` is the file or the folder that holds it.
-
-    Raises:
-        MetadataError: it is missing, not JSON, of another kind or version, or a field is wrong.
-    """
+    """Read demo.json; ``path`` is the file or the folder that holds it."""
     file = path / DEMO_FILE if path.is_dir() else path
     return read_model(DemoReport, "demo", file, _AGAIN, max_bytes=_MAX_BYTES)

@@ -220,9 +220,5 @@ def record_bytes(record: MissionRecord) -> bytes:
 
 
 def load_mission(file: Path) -> MissionRecord:
-    """Read mission.json.
-
-    Raises:
-        MetadataError: it is missing, not JSON, no mission's, of another version, or a field is wrong.
-    """
+    """Read mission.json."""
     return read_model(MissionRecord, "mission", file, _AGAIN, max_bytes=_MAX_BYTES)

@@ -34,11 +34,7 @@ def plan_from_poses(poses: Sequence[Pose], intrinsics: Intrinsics | None = None,
 
 
 def save_plan(path: Path, plan: Plan) -> None:
-    """Write a plan as JSON (UTF-8, indented).
-
-    Raises:
-        StorageError: the place is full or not writable.
-    """
+    """Write a plan as JSON (UTF-8, indented)."""
     write_atomic(path, plan_bytes(plan))
 
 

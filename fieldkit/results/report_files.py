@@ -35,11 +35,7 @@ _Report = TypeVar("_Report", ReferenceReport, EvaluationReport)
 
 
 def save_report(path: Path, report: ReferenceReport | EvaluationReport) -> None:
-    """Write a report as JSON (UTF-8, indented).
-
-    Raises:
-        StorageError: the place is full or not writable.
-    """
+    """Write a report as JSON (UTF-8, indented)."""
     write_atomic(path, report.model_dump_json(indent=2) + "\n")
 
 

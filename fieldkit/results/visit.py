@@ -151,10 +151,6 @@ def save_visit(folder: Path, visit: Visit) -> None:
 
 
 def load_visit(folder: Path) -> Visit:
-    """Read a folder's visit.json.
-
-    Raises:
-        MetadataError: it is missing, not JSON, no visit, of another version, or a field is wrong.
-    """
+    """Read a folder's visit.json."""
     remedy = "Move it away, and run `fieldkit evaluate` on the photographs again."
     return read_model(Visit, "visit", folder / VISIT_FILE, remedy, max_bytes=_MAX_BYTES)

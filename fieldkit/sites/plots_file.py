@@ -88,10 +88,6 @@ def read_plots(path: Path, plot_id: str | None = None) -> PlotsFile:
     Args:
         path: of any kind that `read_features` reads.
         plot_id: field that holds the plots' ids; None looks for one (`plot_ids`).
-
-    Raises:
-        MetadataError: as `read_features`; no field gives every plot an id; a property is wrong, a point has no heading,
-            a polygon is nearly square and has none, crosses itself or has several parts, a height has no datum.
     """
     path = Path(path)
     file = read_wgs84(path)
@@ -165,12 +161,7 @@ def _plot(feature: Feature, name: Any, towards: float | None) -> tuple[SitePlot,
             f"has the height {feature.height_m:g} in its coordinates, which files mean differently: "
             "give height_m and datum as properties"
         )
-    values = {
-        "name": name,
-        "latitude_deg": latitude,
-        "longitude_deg": longitude,
-        "row_heading_deg": heading,
-    }
+    values = {"name": name, "latitude_deg": latitude, "longitude_deg": longitude, "row_heading_deg": heading}
     values |= {key: given[key] for key in _AS_THEY_ARE if key in given}
     if "ground_points" in given:
         values["ground_points"] = _latitude_first(given["ground_points"])

@@ -48,11 +48,6 @@ def load_site(
         plot_id: field of the plots file that holds the plots' ids. None takes the site file's ``plot_id`` for the file
             that it names itself, and else looks for one (`plot_ids`).
         tell: is told where the ids are from, before they are used.
-
-    Raises:
-        MetadataError: a file is missing or malformed, a key is missing, unknown or wrong, a polygon crosses itself, two
-            plots have one name, heights lack the datum that would connect them, or something lies more than
-            `FARTHEST_M` from home.
     """
     path = Path(path)
     refuse_other(path, "site file", _REMEDY)

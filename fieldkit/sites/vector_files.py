@@ -20,14 +20,7 @@ import shapely
 
 from fieldkit.documents.file_bytes import file_bytes
 from fieldkit.documents.json_file import json_number, read_json_object
-from fieldkit.documents.mistaken import (
-    DEGREES,
-    PROJECTED,
-    SWAPPED,
-    look_like_degrees,
-    look_swapped,
-    refuse_other,
-)
+from fieldkit.documents.mistaken import DEGREES, PROJECTED, SWAPPED, look_like_degrees, look_swapped, refuse_other
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import on_earth
 

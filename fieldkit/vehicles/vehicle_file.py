@@ -53,11 +53,7 @@ def find_vehicle(name: str | Path) -> Path:
 
 
 def load_vehicle(name: str | Path) -> Vehicle:
-    """Read a vehicle profile, by path or by name.
-
-    Raises:
-        MetadataError: it is missing, no TOML, of another format version, or a key is missing, unknown or wrong.
-    """
+    """Read a vehicle profile, by path or by name."""
     path = find_vehicle(name)
     refuse_other(path, "vehicle profile", _REMEDY)
     return validated_toml(Vehicle, read_versioned(path, "vehicle profile", _REMEDY, _MAX_BYTES), path, _REMEDY)

@@ -60,11 +60,7 @@ def program_of(
 
 
 def read_result(given: PosesFile) -> ProgramPoses:
-    """Another program's result.
-
-    Raises:
-        MetadataError: it is none that is read, unreadable, malformed, or says itself what frame it is in.
-    """
+    """Another program's result."""
     path = given.path
     if path.is_dir():
         found = next((place for place in (path, path / "sparse" / "0", path / "sparse") if colmap_suffix(place)), None)

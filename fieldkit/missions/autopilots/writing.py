@@ -41,12 +41,7 @@ _NAN = math.nan
 
 
 def render(mission: Mission, vehicle: Vehicle) -> tuple[MissionItem, ...]:
-    """The mission's items in the vehicle's dialect, in the order they are uploaded, every one range-checked.
-
-    Raises:
-        MissionError: the dialect has no mission items, or one of the mission's stops is none that it takes; or there
-            are more items than the vehicle stores.
-    """
+    """The mission's items in the vehicle's dialect, in the order they are uploaded, every one range-checked."""
     write = {"ardupilot": _ardupilot_items, "px4": _px4_items}.get(vehicle.dialect)
     if write is None:
         raise MissionError(

@@ -93,9 +93,7 @@ def _ahead(frame: LocalFrame, shot: Shot) -> GeoPoint:
 def geojson_bytes(mission: Mission) -> bytes:
     """A FeatureCollection: home, stations with their poses, legs in the order they are flown, the fence."""
     above = GeoPoint(mission.home.latitude_deg, mission.home.longitude_deg, mission.takeoff_m)
-    features = [
-        _feature("Point", _lonlat(above), kind="home", height_above_home_m=0.0, amsl_m=mission.home.amsl_m),
-    ]
+    features = [_feature("Point", _lonlat(above), kind="home", height_above_home_m=0.0, amsl_m=mission.home.amsl_m)]
     for order, stop in enumerate(mission.stops):
         height = stop.place.height_m
         if isinstance(stop, Shot):
@@ -125,11 +123,7 @@ def geojson_bytes(mission: Mission) -> bytes:
 
 
 def _feature(geometry: str, coordinates: Any, **properties: Any) -> dict[str, Any]:
-    return {
-        "type": "Feature",
-        "geometry": {"type": geometry, "coordinates": coordinates},
-        "properties": properties,
-    }
+    return {"type": "Feature", "geometry": {"type": geometry, "coordinates": coordinates}, "properties": properties}
 
 
 def _lonlat(place: GeoPoint) -> list[float]:

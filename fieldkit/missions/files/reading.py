@@ -38,9 +38,6 @@ def read_mission(path: Path) -> ReadMission:
 
     The file's name says its format. Nothing of an archive is unpacked to disk, XML with a document type is refused,
     and sizes, counts and numbers have limits.
-
-    Raises:
-        MetadataError: the file is missing, of no known format, damaged or far too large.
     """
     path = Path(path)
     reader = READERS.get(path.suffix.lower())

@@ -53,12 +53,7 @@ FORMATS: dict[str, tuple[str, Callable[[Mission, Vehicle], bytes]]] = {
 
 
 def mission_bytes(format: str, mission: Mission, vehicle: Vehicle) -> bytes:  # noqa: A002
-    """The file of a mission, the same bytes for the same mission.
-
-    Raises:
-        UsageError: there is no such format.
-        MissionError: the vehicle, its dialect or the format does not take the mission.
-    """
+    """The file of a mission, the same bytes for the same mission."""
     if format not in FORMATS:
         raise UsageError(f"no such format: {format}", remedy=f"Choose one of {', '.join(FORMATS)}.")
     return FORMATS[format][1](mission, vehicle)

@@ -25,13 +25,7 @@ from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.from_reference import SCENE_FILE
 from fieldkit.scenes.plants_apart import PlantsApart, tell_apart
 from fieldkit.scenes.recorded import recorded_plants
-from fieldkit.scenes.recorded_kind import (
-    Variation,
-    bounds_around,
-    draw_variation,
-    varied_cloud,
-    write_varied_scene,
-)
+from fieldkit.scenes.recorded_kind import Variation, bounds_around, draw_variation, varied_cloud, write_varied_scene
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.scene_file import read_scene

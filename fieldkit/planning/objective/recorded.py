@@ -112,7 +112,6 @@ class RecordedSource:
         capture: with known poses (poses.csv).
         plot: of a reference of the same plot.
         reference: PC_env, plot frame.
-        cache: shared by all evaluations.
         noise: added to the known poses, as a less exact flight would; images stay as they are.
         reconstructed: poses to take missing orientations from; see `recorded_views`.
     """

@@ -43,11 +43,8 @@ def plan_views(
         output: the run's folder: search.json before the start, evaluations.jsonl during the run; at the end plan.json,
             outcome.json, progress.csv and plan.png.
         settings: of the run.
-        cache: of stages, for recorded sets.
-        workers: number of processes that evaluate.
         scheduler: address of a Dask scheduler whose workers evaluate instead.
         overwrite: replace an earlier run in ``output``.
-        progress: receives the stages before the search, and the confirmations of a `Chooser` that nobody watches.
         watch: called with every evaluation.
         expect: called with the most evaluations that the search can have, before the first.
         methods: by name; other planners plug in here.

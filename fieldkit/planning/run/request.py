@@ -89,7 +89,6 @@ def search_settings(
             photographs.
         noise: fields of `NoiseSettings`; without them plans for the kind take the flight's noise of poses.
         envelope: fields of `EnvelopeSettings`.
-        workers: that will evaluate; see `lag_for`.
         more: fields of `SearchSettings`: cameras, evaluations, method, seed and others.
 
     Raises:
@@ -107,11 +106,7 @@ def search_settings(
 
 
 def new_settings(request: PlanRequest, workers: int) -> SearchSettings:
-    """The settings of a new run.
-
-    Args:
-        workers: that will evaluate; see `lag_for`.
-    """
+    """The settings of a new run."""
     (source, path), *others = describe_sources(request.scenes, request.references, request.captures)
     recorded, given = source.kind == "captures", _given(request.settings)
     method = KIND_METHOD if _chooses(request, given, source.kind) else given.get("method", _METHOD)

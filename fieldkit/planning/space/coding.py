@@ -22,21 +22,19 @@ class Coding:
     so that the height band on a slope is a box too. The aim is where the optical axis crosses the plane through the
     target's middle that faces the camera: metres to the right of the middle and above it, cut to ± ``reach_m``, so that
     every code looks at the plants. All entries are linear; a range of a single value has the code 0.5.
-
-    Attributes:
-        low, high: (3,) limits of x, y and the height above ground, metres.
-        ground: a, b, c of the ground z = a·x + b·y + c.
-        pitch_deg: the gimbal's range; aims are cut to it.
-        center: (3,) the target's middle.
-        reach_m: half of the target's diagonal.
     """
 
     low: Array
     high: Array
+    """(3,) limits of x, y and the height above ground, metres."""
     ground: tuple[float, float, float]
+    """a, b, c of the ground z = a·x + b·y + c."""
     pitch_deg: tuple[float, float]
+    """The gimbal's range; aims are cut to it."""
     center: Array
+    """(3,) the target's middle."""
     reach_m: float
+    """Half of the target's diagonal."""
 
     @classmethod
     def of(cls, envelope: Envelope, views: Cameras | None = None) -> Coding:

@@ -58,32 +58,28 @@ class Violations:
 
 @dataclass(frozen=True, eq=False)
 class Envelope:
-    """The feasible set Z for level cameras on a copter's gimbal, in the plot frame. All methods plan within one.
-
-    Attributes:
-        x_m, y_m: bounds of the camera centres: the plot with its margin.
-        height_m: least and greatest height above the ground, vertical.
-        ground: a, b, c of the ground z = a·x + b·y + c.
-        plants: (m, 3) points of the plants; no camera may be within ``clearance_m`` of one.
-        clearance_m: least distance between a camera and a plant.
-        pitch_deg: the gimbal's range; there is no roll.
-        separation_m: least distance between two stations.
-        target: volume that sampled cameras look at.
-        vehicle_clearance_m: a vehicle's clearance to the plants. Cameras then also stay out of its no-fly bands
-            (`no_fly_bands`, which missions are routed around): not below leaves, not in gaps that plants surround. None
-            without a vehicle.
-    """
+    """The feasible set Z for level cameras on a copter's gimbal, in the plot frame. All methods plan within one."""
 
     x_m: tuple[float, float]
     y_m: tuple[float, float]
+    """Bounds of the camera centres: the plot with its margin."""
     height_m: tuple[float, float]
+    """Least and greatest height above the ground, vertical."""
     target: Volume
+    """Volume that sampled cameras look at."""
     ground: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """a, b, c of the ground z = a·x + b·y + c."""
     plants: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    """(m, 3) points of the plants; no camera may be within ``clearance_m`` of one."""
     clearance_m: float = 0.5
+    """Least distance between a camera and a plant."""
     pitch_deg: tuple[float, float] = (-90.0, 0.0)
+    """The gimbal's range; there is no roll."""
     separation_m: float = 0.10
+    """Least distance between two stations."""
     vehicle_clearance_m: float | None = None
+    """A vehicle's clearance to the plants. Cameras then also stay out of its no-fly bands (`no_fly_bands`, which
+    missions are routed around): not below leaves, not in gaps that plants surround. None without a vehicle."""
 
     def __post_init__(self) -> None:
         for name in ("x_m", "y_m", "height_m", "pitch_deg"):

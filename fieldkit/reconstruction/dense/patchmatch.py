@@ -41,19 +41,16 @@ UNSEEN = np.float32(1.2)
 
 
 class Active(NamedTuple):
-    """The n pixels of a view to work on.
-
-    Attributes:
-        pixels: (n, 2) int32 row, column; row by row.
-        place: (H, W) int32 place in ``pixels`` or −1.
-        ranges: (n, 2) float32 smallest and largest inverse depth to search, 1/m.
-        leaving: (n,) float32 inverse depth at which the ray leaves the volume, 1/m.
-    """
+    """The n pixels of a view to work on."""
 
     pixels: NDArray[np.int32]
+    """(n, 2) int32 row, column; row by row."""
     place: NDArray[np.int32]
+    """(H, W) int32 place in ``pixels`` or −1."""
     ranges: NDArray[np.float32]
+    """(n, 2) float32 smallest and largest inverse depth to search, 1/m."""
     leaving: NDArray[np.float32]
+    """(n,) float32 inverse depth at which the ray leaves the volume, 1/m."""
 
     def inside(self, inverse_depths: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Which of n inverse depths, one per pixel, lie in the volume."""
@@ -61,40 +58,34 @@ class Active(NamedTuple):
 
 
 class Planes(NamedTuple):
-    """Plane hypotheses of a view's active pixels.
-
-    Attributes:
-        planes: (n, 3) float32 (w, g_u, g_v): inverse depth (1/m) and its change per pixel to the right and down.
-        costs: (n,) float32.
-    """
+    """Plane hypotheses of a view's active pixels."""
 
     planes: NDArray[np.float32]
+    """(n, 3) float32 (w, g_u, g_v): inverse depth (1/m) and its change per pixel to the right and down."""
     costs: NDArray[np.float32]
+    """(n,) float32."""
 
 
 class Stereo(NamedTuple):
-    """What a plane costs by the photographs alone: the reference view's patches and the k source views.
-
-    Attributes:
-        support: (n, 32) float32, see `support_weights`.
-        packed: the source views' pixels, one view after the other, see `pack_source`.
-        sizes: (k, 3) int64 start in ``packed``, width, height.
-        cameras, back: (k, 12) float32 into the source views and from them, see `relative_camera`.
-        lens: (4,) float32 f_x, f_y, c_x, c_y of the reference view, in index coordinates.
-        noise: variance of the grey levels that counts as no texture.
-        best, slack: of the k costs the ``best`` (1 to 3) lowest are averaged, none counted more than ``slack`` above
-            the lowest: such a view is taken not to see the surface.
-    """
+    """What a plane costs by the photographs alone: the reference view's patches and the k source views."""
 
     support: NDArray[np.float32]
+    """(n, 32) float32, see `support_weights`."""
     packed: NDArray[np.uint32]
+    """The source views' pixels, one view after the other, see `pack_source`."""
     sizes: NDArray[np.int64]
+    """(k, 3) int64 start in ``packed``, width, height."""
     cameras: NDArray[np.float32]
     back: NDArray[np.float32]
+    """(k, 12) float32 into the source views and from them, see `relative_camera`."""
     lens: NDArray[np.float32]
+    """(4,) float32 f_x, f_y, c_x, c_y of the reference view, in index coordinates."""
     noise: np.float32
+    """Variance of the grey levels that counts as no texture."""
     best: int
     slack: np.float32
+    """Of the k costs the ``best`` (1 to 3) lowest are averaged, none counted more than ``slack`` above the lowest: such
+    a view is taken not to see the surface."""
 
 
 class Agreement(NamedTuple):
@@ -102,30 +93,25 @@ class Agreement(NamedTuple):
 
     Each view's cost grows by weight · min(distance in pixels by which a pixel misses itself when sent there and back,
     cap). A weight of 0 leaves it at the photographs alone, and ``depths`` unread.
-
-    Attributes:
-        depths: (k, rows, columns) float32 inverse depths, 1/m; 0: none.
-        weight: per pixel of distance.
-        cap: pixels.
     """
 
     depths: NDArray[np.float32]
+    """(k, rows, columns) float32 inverse depths, 1/m; 0: none."""
     weight: np.float32
+    """Per pixel of distance."""
     cap: np.float32
+    """Pixels."""
 
 
 class Steps(NamedTuple):
-    """How a sweep perturbs planes.
-
-    Attributes:
-        tries: per pixel; each halves the range of the one before.
-        reach_w: range of the first try, as inverse depth (1/m).
-        same_w: planes closer than this in inverse depth, and as close in slope, are not tried again (1/m).
-    """
+    """How a sweep perturbs planes."""
 
     tries: int
+    """Per pixel; each halves the range of the one before."""
     reach_w: np.float32
+    """Range of the first try, as inverse depth (1/m)."""
     same_w: np.float32
+    """Planes closer than this in inverse depth, and as close in slope, are not tried again (1/m)."""
 
 
 _NEIGHBOR_U = np.array([-1, 1, 0, 0, -3, 3, 0, 0], dtype=np.int64)

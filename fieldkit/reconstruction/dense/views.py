@@ -21,11 +21,7 @@ _NEAREST_SHARE = 0.05
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A photograph as dense stereo takes it.
-
-    Raises:
-        ValueError: image, intrinsics and masks do not have one size, or the camera is not a pinhole.
-    """
+    """A photograph as dense stereo takes it."""
 
     name: str
     """Unique among the views."""

@@ -5,17 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from fieldkit.campaign import Campaign, Visit
-from fieldkit.figures.content import (
-    Block,
-    Details,
-    Paragraph,
-    Picture,
-    Section,
-    Statement,
-    Statements,
-    Still,
-    Table,
-)
+from fieldkit.figures.content import Block, Details, Paragraph, Picture, Section, Statement, Statements, Still, Table
 from fieldkit.figures.registry import FIGURES
 from fieldkit.figures.style import format_length, format_range, format_seconds, format_with_error
 from fieldkit.figures.tables.comparison import difference_table, leading_figures

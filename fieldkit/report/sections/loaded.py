@@ -129,10 +129,6 @@ def read_results(path: Path) -> Results:
 
     Args:
         path: the folder, or a file of a result (reference.json …, mission.json, a mission).
-
-    Raises:
-        MetadataError: there is no result of fieldkit, or all are damaged.
-        StorageError: the folder cannot be read.
     """
     path = Path(os.path.abspath(Path(path).expanduser()))  # noqa: PTH100 - links stay as they were given
     if not os.path.lexists(path):
