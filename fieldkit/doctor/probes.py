@@ -14,9 +14,10 @@ from typing import Any
 
 IMPORTS = {
     **{name: name for name in ("numpy", "numba", "pydantic", "trimesh", "psutil", "jinja2", "markupsafe", "pyvrp")},
+    "filelock": "filelock",
     "shapely": "shapely", "scipy": "scipy.spatial", "opencv-python-headless": "cv2", "pillow": "PIL.Image",
     "defusedxml": "defusedxml.ElementTree", "small-gicp": "small_gicp", "matplotlib": "matplotlib.figure",
-    "pymavlink": "pymavlink.dialects.v20.ardupilotmega", "mavsdk": "mavsdk.plugins.mission_raw",
+    "pymavlink": "pymavlink.dialects.v20.ardupilotmega", "mavsdk": "mavsdk.plugins.mavlink_direct",
 }  # fmt: skip
 """Distribution and the module that shows whether it works; pyrender and pycolmap have probes of their own."""
 

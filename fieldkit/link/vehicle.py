@@ -1,8 +1,8 @@
 """A vehicle through MAVSDK's public interface, and missions to and from it.
 
 MAVSDK's own transfer (mission_raw) waits two seconds for the vehicle's next request, which an ArduPilot repeats once a
-second: measured against the stand-in, half of the uploads of 67 items fail where 5 % of packets are lost, and all at
-20 %. So the mission protocol's messages go through mavlink_direct here; the connection is MAVSDK's.
+second: about half of the tries with 67 items failed against the stand-in where 5 % of packets were lost. So the mission
+protocol's messages go through mavlink_direct here; the connection is MAVSDK's.
 """
 
 from __future__ import annotations
