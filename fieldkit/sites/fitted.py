@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from fieldkit.errors import MissionError
 from fieldkit.results.plan import Plan, PlanEnvelope, PlanFit, PlanPlants, Plans, Station
-from fieldkit.sites.plot_plants import BESIDE_M, PlanFacts
+from fieldkit.sites.plot_plants import BESIDE_M, SAME_HEIGHT, SAME_HEIGHT_M, PlanFacts
 from fieldkit.sites.site import SitePlot
 
 SMALLEST, LARGEST = 0.5, 2.0
 """Factors of height and size between which a plan is still the same plan."""
-_SAME, _SAME_M = 0.05, 0.05
-"""Share and length by which plants may differ in height and still be the plan's."""
 _NEAREST_AIM_M = 0.2
 _NO_SIZE = {"length_m": None, "width_m": None}
 
@@ -171,7 +169,9 @@ def _scale(facts: PlanFacts, plot: SitePlot) -> Array:
     scale = np.ones(3)
     assert facts.box is not None
     height_m = _height_m(facts)
-    if plot.plant_height_m is not None and abs(plot.plant_height_m - height_m) > min(_SAME * height_m, _SAME_M):
+    if plot.plant_height_m is not None and abs(plot.plant_height_m - height_m) > min(
+        SAME_HEIGHT * height_m, SAME_HEIGHT_M
+    ):
         scale[2] = plot.plant_height_m / height_m
     if plot.size_m is not None:
         reach = 2.0 * np.maximum(np.abs(facts.box[0]), np.abs(facts.box[1]))

@@ -18,6 +18,7 @@ from fieldkit.results.finding import Finding, Refused
 from fieldkit.results.plan import Plan, PlanPlants, Plans
 from fieldkit.results.plan_file import save_plan
 from fieldkit.sites.fit import CODES, fit_plot, fit_report, plants_outgrown
+from fieldkit.sites.fitted import flown_plan
 from fieldkit.sites.plot_plants import PlanFacts, plants_on, row_spacing_m, with_plant_height
 from fieldkit.sites.site import Obstacle, Site, SiteHome, SitePlot
 from fieldkit.sites.site_obstacles import site_obstacles
@@ -122,6 +123,16 @@ def test_what_is_flown_keeps_clear_of_plants_as_high_as_said(height: float) -> N
     assert top is not None
     assert max(height, top) - 1e-6 <= routed.plants[:, 2].max() <= max(height, top) + 0.05
     assert routed.plants_m > VEHICLE.clearance_m - 0.07
+
+
+@pytest.mark.parametrize("height", [0.86, 0.90, 0.93, 1.0, 1.2])
+def test_what_fitting_takes_for_the_plans_plants_is_kept_clear_of_as_such(height: float) -> None:
+    plan = planned().model_copy(update={"plant_height_m": 0.9})
+    plot = site_with({"plant_height_m": height}).plots[0]
+    flown = flown_plan(plan, plot)
+    facts = PlanFacts(flown)
+    np.testing.assert_array_equal(plants_on(facts, plot).points, facts.points)
+    assert (flown == plan) == (abs(height - 0.9) < 0.045)
 
 
 def test_lower_plants_are_noted_and_change_nothing() -> None:
