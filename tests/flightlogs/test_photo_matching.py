@@ -82,7 +82,8 @@ def test_one_missing_and_one_extra_anywhere(seed, plots, drop, extra, offset, dr
     assert len(found.pairs) == 13 * plots - 1
     assert found.triggers == (drop,)
     assert found.photographs == (("X",) if apart > 1.7 else ())
-    assert abs(found.offset_s - offset) < (0.6 if whole else 0.1)
+    # Whole seconds are cut off, half a second in the mean; the drift fitted to them adds about 0.1 s (one sigma).
+    assert abs(found.offset_s - offset) < (0.5 + 4 * 0.1 if whole else 0.1)
 
 
 @given(seed=st.integers(0, 10_000), drop=st.integers(0, 12), phase=st.floats(0, 1), rhythm=st.sampled_from([0.1, 2.0]))
