@@ -14,7 +14,6 @@ from fieldkit.link.upload import UploadReport, upload_mission
 from fieldkit.link.vehicle import Vehicle
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.runtime.shipped import shipped_folder
-from fieldkit.scenes.simulated_field import simulated_field
 
 FLOWN = "mount_then_yaw"
 STANDING, _STANDS_AT_HOME_S = "probe_items", 45.0
@@ -41,20 +40,19 @@ class RecordedFlight:
 
 def upload_to_stand_in(mission: Path) -> UploadReport:
     """Upload a mission file, through MAVSDK over UDP on this machine, to the recorded vehicle's stand-in."""
+    from fieldkit_sim.standin.recording import read_recording
+    from fieldkit_sim.standin.replay import Replay
+
     read = read_mission(mission)
-    recording = simulated_field("standin.recording").read_recording(_recordings() / f"{STANDING}.tlog")
-    replay = simulated_field("standin.replay").Replay(recording, speed=_SPEED, begin_s=_STANDS_AT_HOME_S, rate_hz=1.0)
+    recording = read_recording(shipped_folder("sim/sitl") / f"{STANDING}.tlog")
+    replay = Replay(recording, speed=_SPEED, begin_s=_STANDS_AT_HOME_S, rate_hz=1.0)
     with replay, Vehicle(replay.url, connect_s=20.0) as vehicle:
         return upload_mission(vehicle, read.items, home=read.home, dialect=read.firmware)
 
 
-def _recordings() -> Path:
-    return shipped_folder("sim/sitl")
-
-
 def recorded_flight() -> RecordedFlight:
     """How the recorded flight kept to its plan, by its log."""
-    folder = _recordings()
+    folder = shipped_folder("sim/sitl")
     log = read_flight_log(folder / f"{FLOWN}.tlog")
     names = [f"photograph {k}" for k in range(len(log.triggers))]
     kept = adherence(_stations(folder / f"{FLOWN}.json"), log.triggers, names)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fieldkit.errors import MissionError
 from fieldkit.results.plan import Plan, PlanEnvelope, PlanFit, PlanPlants, Plans, Station
-from fieldkit.sites.plot_plants import BESIDE_M, SAME_HEIGHT, SAME_HEIGHT_M, PlanFacts
+from fieldkit.sites.plot_plants import BESIDE_M, PlanFacts, same_height_m
 from fieldkit.sites.site import SitePlot
 
 SMALLEST, LARGEST = 0.5, 2.0
@@ -169,9 +169,7 @@ def _scale(facts: PlanFacts, plot: SitePlot) -> Array:
     scale = np.ones(3)
     assert facts.box is not None
     height_m = _height_m(facts)
-    if plot.plant_height_m is not None and abs(plot.plant_height_m - height_m) > min(
-        SAME_HEIGHT * height_m, SAME_HEIGHT_M
-    ):
+    if plot.plant_height_m is not None and abs(plot.plant_height_m - height_m) > same_height_m(height_m):
         scale[2] = plot.plant_height_m / height_m
     if plot.size_m is not None:
         reach = 2.0 * np.maximum(np.abs(facts.box[0]), np.abs(facts.box[1]))

@@ -27,8 +27,6 @@ SAME_SPACING = 0.1
 """Share by which a row spacing may differ and still be the plan's."""
 BESIDE_M = 0.25
 """A plot that reaches no farther beyond the plan's plants is not larger: where its edge is drawn is a convention."""
-SAME_HEIGHT, SAME_HEIGHT_M = 0.05, 0.05
-"""Share and length by which plants may differ in height and still be the plan's, for fitting as for keeping clear."""
 UNKNOWN_SHARE = 1.3
 """By what plants of unknown height may be taller than the tallest that their plan knows."""
 PlantHeight = float | Literal["unknown"]
@@ -234,12 +232,16 @@ def _unknown_height_m(plans: Plans | None, plot: SitePlot) -> float | None:
     return UNKNOWN_SHARE * max(known) if known else None
 
 
+def same_height_m(height_m: float) -> float:
+    """By how much plants may differ from a plan's in height and still be its own, for fitting as for keeping clear."""
+    return min(0.05 * height_m, 0.05)
+
+
 def plants_on(facts: PlanFacts | None, plot: SitePlot) -> PlotPlants | None:
     """The plants of a plot: the plan's, changed by what the site says of this plot.
 
-    - Where ``plant_height_m`` is more than the height that the plan is stated for, and not the same within
-      `SAME_HEIGHT`, the plan's plants are stretched upwards by what it is more, in steps of 5 cm. Lower ones change
-      nothing.
+    - Where ``plant_height_m`` is more than the height that the plan is stated for, by more than `same_height_m`, the
+      plan's plants are stretched upwards by as much, in steps of 5 cm. Lower ones change nothing.
     - Where ``row_spacing_m`` is another than the plan's rows have (by more than 10 %), the rectangle about the plan's
       plants counts as full.
     - Where a plot of known size and plant height reaches beyond the plan's plants, what lies beyond counts as full.
@@ -253,7 +255,7 @@ def plants_on(facts: PlanFacts | None, plot: SitePlot) -> PlotPlants | None:
     top, box = facts.top_m, facts.box
     stated = max(top, facts.plan.plant_height_m or 0.0)  # the points stand in cells, so their top is a little lower
     more = (plot.plant_height_m or 0.0) - stated
-    steps = math.ceil(more / _STEP_M - 1e-6) if more > min(SAME_HEIGHT * stated, SAME_HEIGHT_M) else 0
+    steps = math.ceil(more / _STEP_M - 1e-6) if more > same_height_m(stated) else 0
     height, points = top + _STEP_M * steps, facts.points
     if steps > 0 and top > 0.0:
         points = points * np.array([1.0, 1.0, height / top])
