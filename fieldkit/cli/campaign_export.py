@@ -36,13 +36,6 @@ def command(
         fieldkit campaign export season -o season.gpkg
         fieldkit campaign export -o season.csv --overwrite
         fieldkit campaign export season -o season-maps --rasters
-
-    Files:
-        OUTPUT/PLOT_DATE_canopy-height.tif, PLOT_DATE_surface.tif  with --rasters, each with a QGIS style (.qml)
-        OUTPUT/rasters.csv, campaign.gpkg  with --rasters: what there is of each visit; plots with their figures
-
-    See Also:
-        fieldkit campaign show, fieldkit report
     """
     from fieldkit.campaign.reading import campaign_folder, read_campaign
 

@@ -41,9 +41,6 @@ def command(
     Examples:
         fieldkit campaign init season --plan plan/plan.json --site field.toml --plots plots.gpkg
         fieldkit campaign init season --plan plan --site field.toml --vehicle px4-gimbal --rasters
-
-    See Also:
-        fieldkit evaluate, fieldkit campaign show
     """
     corners, wanted = reconstruction.corners, rasters.wanted()
     from pydantic import ValidationError

@@ -52,9 +52,6 @@ def command(
     Examples:
         fieldkit campaign plan season --date 2026-07-02 -o next.plan
         fieldkit campaign plan season --growth 1.3 --vehicle px4-gimbal -o next.plan
-
-    See Also:
-        fieldkit evaluate, fieldkit export-mission
     """
     day = _day(date)
     from fieldkit.campaign.next_visit import plan_next_visit

@@ -14,9 +14,6 @@ def command(folder: CampaignArgument = None, as_json: JsonOption = False) -> Non
     Examples:
         fieldkit campaign show season
         fieldkit campaign show --json
-
-    See Also:
-        fieldkit evaluate, fieldkit campaign export, fieldkit report
     """
     from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks
     from fieldkit.campaign.reading import campaign_folder, read_campaign

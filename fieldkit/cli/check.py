@@ -88,9 +88,6 @@ def command(
         fieldkit check flight_7/ --plan plan.json
         fieldkit check card/ --plan plan.json --site field.toml --plots plots.gpkg
         fieldkit check flight_7/ --plan plan.json --site field.toml --vehicle ardupilot-pitch -o again.plan
-
-    See Also:
-        fieldkit evaluate, fieldkit upload
     """
     again.check(place.site)
     site = place.load(tell=None if as_json else say)

@@ -12,8 +12,7 @@ from fieldkit.cli.common import (
     FitOption,
     JsonOption,
     PlantHeightOption,
-    PlotIdOption,
-    PlotsOption,
+    SiteOptions,
     emit_json,
     finding_entries,
     plant_height,
@@ -28,19 +27,13 @@ if TYPE_CHECKING:
     from fieldkit.missions.findings import Report
     from fieldkit.missions.ground import Ground
 
-_SITE = "Give the site file that says where home is."
-
 
 def command(
     file: Annotated[Path, Argument(help="A .plan, .waypoints, .kmz (DJI WPML) or Litchi .csv file.")],
     vehicle: Annotated[str, VEHICLE],
     plan: Annotated[Path | None, Option("--plan", help="plan.json: compare the photographs with its stations.")] = None,
-    site: Annotated[
-        Path | None,
-        Option("--site", help="Site file: check legs against its fence, zones, obstacles and its plots' plants."),
-    ] = None,
-    plots: PlotsOption = None,
-    plot_id: PlotIdOption = None,
+    *,
+    place: SiteOptions,
     height: PlantHeightOption = None,
     fit: FitOption = None,
     as_json: JsonOption = False,
@@ -54,31 +47,24 @@ def command(
     Examples:
         fieldkit check-mission plot.plan --vehicle ardupilot-pitch --plan plan.json --site site.toml
         fieldkit check-mission from_qgc.waypoints --vehicle ./my_drone.toml --json
-
-    See Also:
-        fieldkit export-mission, fieldkit upload
     """
     from fieldkit.documents.mistaken import check_order
     from fieldkit.missions.check import check_on_ground
     from fieldkit.missions.files.reading import read_mission
     from fieldkit.missions.ground import ground_of
     from fieldkit.results.plan_file import load_plan
-    from fieldkit.sites.site_file import load_site
     from fieldkit.vehicles.vehicle_file import load_vehicle
 
-    if plots is not None and site is None:
-        raise UsageError("--plots says nothing without --site", remedy=_SITE)
-    if plan is not None and site is not None:
-        check_order(plan, site)
-    flown_by = load_vehicle(vehicle)
+    if plan is not None and place.site is not None:
+        check_order(plan, place.site)
+    site, flown_by = place.load(tell=None if as_json else say), load_vehicle(vehicle)
     read = read_mission(file)
     ground = ground_of(
-        file, None if site is None else load_site(site, plots, plot_id, tell=None if as_json else say),
-        flown_by.clearance_m, plans=None if plan is None else load_plan(plan), fit=fit,
+        file, site, flown_by.clearance_m, plans=None if plan is None else load_plan(plan), fit=fit,
         plant_height=plant_height(height),
     )  # fmt: skip
     if plan is not None and ground is None:
-        raise UsageError("--plan says nothing without --site", remedy=_SITE)
+        raise UsageError("--plan says nothing without --site", remedy="Give the site file that says where home is.")
     report = check_on_ground(read, flown_by, ground, compare=plan is not None)
     if as_json:
         emit_json({"file": file, "format": read.format, "vehicle": flown_by.title, **_facts(report, ground)})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -76,24 +76,32 @@ PlotIdOption = Annotated[
 
 
 @dataclass(frozen=True)
-class SitePlotOptions:
-    """A plot of a site."""
+class SiteOptions:
+    """A site with its plots."""
 
-    site: Annotated[Path | None, Option("--site", help="Site file: where the plots lie.")] = None
+    site: Annotated[
+        Path | None, Option("--site", help="Site file: where the plots lie, fence, zones and obstacles.")
+    ] = None
     plots: PlotsOption = None
     plot_id: PlotIdOption = None
-    plot: Annotated[str | None, Option("--plot", metavar="NAME", help="Of the site, where it has several.")] = None
 
     def load(self, *, tell: Tell | None = None) -> Site | None:
         """The site with its plots; None without --site."""
         if self.site is None:
-            for option, given in (("--plots", self.plots), ("--plot-id", self.plot_id), ("--plot", self.plot)):
-                if given is not None:
-                    raise UsageError(f"{option} goes with a site file", remedy="Give --site, too.")
+            given = [f"--{name.replace('_', '-')}" for name, value in asdict(self).items() if value is not None]
+            if given:
+                raise UsageError(f"{given[0]} goes with a site file", remedy="Give --site, too.")
             return None
         from fieldkit.sites.site_file import load_site
 
         return load_site(self.site, self.plots, self.plot_id, tell=tell)
+
+
+@dataclass(frozen=True)
+class SitePlotOptions(SiteOptions):
+    """A plot of a site."""
+
+    plot: Annotated[str | None, Option("--plot", metavar="NAME", help="Of the site, where it has several.")] = None
 
 
 PlantHeightOption = Annotated[

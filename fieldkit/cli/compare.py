@@ -30,9 +30,6 @@ def command(
     Examples:
         fieldkit compare may-scores june-scores -o spring
         fieldkit compare windy=flight_1 windy=flight_2 calm=flight_3
-
-    See Also:
-        fieldkit evaluate, fieldkit campaign show, fieldkit report
     """
     from fieldkit.cli.progress import open_progress
     from fieldkit.evaluation.compare import compare_evaluations

@@ -24,9 +24,6 @@ def command(output: OutputOption, run: RunOptions, as_json: JsonOption = False) 
 
     Examples:
         fieldkit demo -o demo-output --workers 2
-
-    See Also:
-        fieldkit doctor, fieldkit report
     """
     cache = run.cache()
     from fieldkit.demo.loop import figures, run_demo

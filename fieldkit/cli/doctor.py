@@ -19,9 +19,6 @@ def command(as_json: JsonOption = False) -> int:
     Examples:
         fieldkit doctor
         fieldkit doctor --json > machine.json
-
-    See Also:
-        fieldkit cache
     """
     from dataclasses import asdict
 

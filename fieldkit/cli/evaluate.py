@@ -97,13 +97,6 @@ def command(
         fieldkit evaluate flights/ --reference plot_7-reference -o scores
         fieldkit evaluate flight_7/ --log flight_7.tlog --plan plot_7-plan --reference plot_7-reference -o scores
         fieldkit evaluate card/DCIM --campaign season --workers 2
-
-    Files:
-        OUTPUT/evaluation.json, plots.csv, traits.csv  scores, and traits of the plants
-        OUTPUT/PLOT/cloud.ply, overview.png  each plot's cloud, and a picture
-
-    See Also:
-        fieldkit check, fieldkit campaign init, fieldkit compare, fieldkit report
     """
     cache = run.cache()
     if output is None:

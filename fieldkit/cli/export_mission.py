@@ -72,9 +72,6 @@ def command(
         fieldkit export-mission maize-plan --vehicle ardupilot-pitch --site site.toml --plant-height 1.6 -o mission.plan
         fieldkit export-mission maize-plan --vehicle px4-gimbal --site site.toml --plots plots.gpkg --fit -o field
         fieldkit export-mission maize-plan --vehicle dji-mini-4-pro --site site.toml --format litchi --adjust -o field
-
-    See Also:
-        fieldkit check-mission, fieldkit upload
     """
     from fieldkit.missions.export_mission import export_mission
 

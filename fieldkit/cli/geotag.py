@@ -82,9 +82,6 @@ def command(
         fieldkit geotag flight_7/ --log 00000042.BIN -o flight_7/poses.csv
         fieldkit geotag flight_7/ --log flight_7.ulg --site field.toml --plots plots.gpkg --plot r3c2 -o p.csv
         fieldkit geotag flight_7/ --log flight_7.tlog --mount -90 --camera-offset 7200 -o poses.csv
-
-    See Also:
-        fieldkit evaluate --log
     """
     (origin, heading_deg), fixed = frame.frame(place, tell=None if as_json else say), _mount(mount)
     from fieldkit.flightlogs.geotag import geotag

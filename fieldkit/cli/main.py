@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import fields, is_dataclass
 from importlib import import_module
@@ -40,7 +40,6 @@ _GROUPS = {
     "scene": "Scenes of simulated plots: new ones, those of fieldkit, and those made from a reference.",
     "campaign": "One plan over many plots and dates: make it, plan the next visit, look at it, export it.",
 }
-_SECTIONS = ("Example", "Files:", "See Also:")
 _HELP = {"help_option_names": ["--help", "-h"]}
 
 
@@ -63,31 +62,21 @@ class Command(TyperCommand):
             return super().invoke(ctx)
 
 
-class _Imported(Mapping[str, Any]):
-    """The parsers of the commands whose names begin with some words, each made when it is looked up."""
-
-    def __init__(self, words: str) -> None:
-        self._words = words
-
-    def __iter__(self) -> Iterator[str]:
-        names = (name.removeprefix(self._words).split()[0] for name in COMMANDS if name.startswith(self._words))
-        return iter(dict.fromkeys(names))
-
-    def __len__(self) -> int:
-        return len(list(iter(self)))
-
-    def __getitem__(self, name: str) -> Any:
-        return command_of(self._words + name) if self._words + name in COMMANDS else _group(name, _GROUPS[name])
-
-
 class Commands(TyperGroup):
-    """The commands whose names begin with ``words``."""
+    """The commands whose names begin with ``words``, each imported when it is looked up."""
 
     words = ""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
-        self.commands = _Imported(self.words)  # type: ignore[assignment]
+        names = (name.removeprefix(self.words).split()[0] for name in COMMANDS if name.startswith(self.words))
+        self.commands = dict.fromkeys(names)  # type: ignore[assignment]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name not in self.commands:
+            return None
+        name = self.words + cmd_name
+        return command_of(name) if name in COMMANDS else _group(cmd_name, _GROUPS[cmd_name])
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -187,7 +176,7 @@ def _group(name: str, says: str) -> Any:
 def _page(command: Callable[..., object]) -> str:
     """A command's docstring for Typer: paragraphs as one line each, sections as they are, no brackets as markup."""
     blocks = inspect.cleandoc(command.__doc__ or "").split("\n\n")
-    text = "\n\n".join(block if block.startswith(_SECTIONS) else " ".join(block.split()) for block in blocks)
+    text = "\n\n".join(block if block.startswith("Example") else " ".join(block.split()) for block in blocks)
     return text.replace("[", r"\[")
 
 

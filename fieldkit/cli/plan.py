@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from fieldkit.cli.common import JsonOption, OutputOption, emit_json, show
 from fieldkit.cli.plan_options import EnvelopeOptions, PlotOptions, RunOptions, SearchOptions, plan_request
-from fieldkit.cli.reconstruction_options import processes
+from fieldkit.cli.reconstruction_options import processes, run_context
 from fieldkit.errors import UsageError
 from fieldkit.wording import count
 
@@ -37,16 +37,8 @@ def command(
         fieldkit plan --reference plot_7-reference --vehicle ardupilot-pitch --pose-noise from:flight_1 -o plot_7-plan
         fieldkit plan --captures plot_7/ --reference plot_7-reference -n 13 -o plot_7-best-views
         fieldkit plan --scene case-1 --for this-plot -o case-1-plan
-        fieldkit plan --scene case-1 --method bosfm --mapping incremental --evaluations 200 -o case-1-paper
+        fieldkit plan --scene case-1 --method bosfm --evaluations 200 -o case-1-bosfm
         fieldkit plan --resume --evaluations 150 -o plot_7-plan
-
-    Files:
-        OUTPUT/plan.json  the stations, for simulate, export-mission and evaluate
-        OUTPUT/search.json, evaluations.jsonl  what was asked for, every evaluation
-        OUTPUT/outcome.json, plan.png  what came of it
-
-    See Also:
-        fieldkit reference, fieldkit export-mission, fieldkit simulate
     """
     request = plan_request(plot, search, envelope, run)
     if run.resume and run.overwrite:
@@ -64,31 +56,28 @@ def _planned(
     """Plan, or go on with a plan, while telling of it."""
     from fieldkit.cache import StageCache, default_cache_root
     from fieldkit.cli.live_plan import open_watch
-    from fieldkit.cli.progress import Lines
     from fieldkit.planning.run.folder import read_log, read_settings
     from fieldkit.planning.run.plan_views import plan_views, resume_plan
     from fieldkit.planning.run.request import new_settings, resumed_settings
-    from fieldkit.runtime.progress import Silent
-    from fieldkit.runtime.threads import limit_threads
 
-    limit_threads(1)
     workers = processes(options.workers)
     cache = StageCache(default_cache_root())
-    progress = Silent() if as_json else Lines()  # bars of their own would quarrel with the live view
     given = request.scenes or request.references or request.captures
-    if options.resume and (output.exists() or not given):  # a run that was interrupted before its folder begins anew
-        settings = resumed_settings(read_settings(output), request)
-        with open_watch(settings, read_log(output), as_json=as_json) as (watch, expect):
-            return settings, resume_plan(
-                output, settings, cache=cache, workers=workers, scheduler=options.scheduler, progress=progress,
-                watch=watch, expect=expect,
+    # A run that was interrupted before its folder begins anew.
+    resumed = options.resume and (output.exists() or not given)
+    with run_context(as_json=as_json) as progress:
+        settings = resumed_settings(read_settings(output), request) if resumed else new_settings(request, workers)
+        before = read_log(output) if resumed else []
+        with open_watch(settings, before, progress, as_json=as_json) as (watch, expect):
+            if resumed:
+                return settings, resume_plan(
+                    output, settings, cache=cache, workers=workers, scheduler=options.scheduler, progress=progress,
+                    watch=watch, expect=expect,
+                )  # fmt: skip
+            return settings, plan_views(
+                output, settings, cache=cache, workers=workers, scheduler=options.scheduler,
+                overwrite=options.overwrite, progress=progress, watch=watch, expect=expect,
             )  # fmt: skip
-    settings = new_settings(request, workers)
-    with open_watch(settings, [], as_json=as_json) as (watch, expect):
-        return settings, plan_views(
-            output, settings, cache=cache, workers=workers, scheduler=options.scheduler, overwrite=options.overwrite,
-            progress=progress, watch=watch, expect=expect,
-        )  # fmt: skip
 
 
 def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:

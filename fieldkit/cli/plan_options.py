@@ -20,13 +20,12 @@ from fieldkit.cli.common import (
 )
 from fieldkit.cli.reconstruction_options import SchedulerOption, WorkersOption
 from fieldkit.errors import UsageError
-from fieldkit.vocabulary import MappingName, PlanningMethod, SearchFidelity
+from fieldkit.vocabulary import PlanningMethod, SearchFidelity
 
 if TYPE_CHECKING:
     from fieldkit.planning.run.request import PlanRequest
 
 _FROM = "from:"
-_UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0}
 Purpose = Literal["kind", "this-plot"]
 
 
@@ -84,22 +83,18 @@ class SearchOptions:
         Option("--method", help="score where plans are for a kind and nothing of a search is given, else field."),
     ] = None
     evaluations: Annotated[int | None, Option("--evaluations", min=1, help="At most; 100 where not given.")] = None
-    time_budget: Annotated[str, Option(metavar="TIME", help="No trial starts later: 600, 10m, 2h.")] = ""
     fidelity: Annotated[
         SearchFidelity | None, Option("--fidelity", help="Of the search; standard where not given.")
     ] = None
-    confirm_fidelity: Annotated[
-        SearchFidelity | None, Option("--confirm", help="Of the finalists; fine where not given.")
+    repeats: Annotated[
+        int | None, Option("--repeats", min=0, help="Fresh seeds that finalists are confirmed at; 0: none.")
     ] = None
-    finalists: Annotated[int | None, Option("--finalists", min=1, help="Evaluated again at fresh seeds.")] = None
-    repeats: Annotated[int | None, Option("--repeats", min=0, help="Fresh seeds for each; 0: no confirmation.")] = None
     heights: Annotated[
         bool | None,
         Option(
             "--heights/--no-heights", help="Leave room above the plants in the pictures, as plants' heights need it."
         ),
     ] = None
-    mapping: Annotated[MappingName | None, Option("--mapping", help="Of the evaluations.")] = None
     pose_noise: Annotated[
         str,
         Option(
@@ -110,9 +105,7 @@ class SearchOptions:
 
     def values(self) -> dict[str, Any]:
         """By the keys of `SearchSettings`; None where nothing is given."""
-        values = asdict(self)
-        time_budget, _ = values.pop("time_budget"), values.pop("pose_noise")
-        return values | {"time_budget_s": _seconds(time_budget) if time_budget else None}
+        return {name: value for name, value in asdict(self).items() if name != "pose_noise"}
 
 
 @dataclass(frozen=True)
@@ -133,9 +126,6 @@ class EnvelopeOptions:
             metavar="NAME",
             help="A profile's name or file: plan what it can fly, with its camera.",
         ),
-    ] = None
-    camera_file: Annotated[
-        Path | None, Option("--camera-file", help="camera.toml: instead of the vehicle's or the scene's.")
     ] = None
 
     def values(self) -> dict[str, Any]:
@@ -167,7 +157,7 @@ def plan_request(plot: PlotOptions, search: SearchOptions, envelope: EnvelopeOpt
     return PlanRequest(
         values, {"pose_m": pose_m, "pose_deg": pose_deg}, limits, scenes=tuple(plot.scenes or ()),
         references=tuple(plot.references or ()), captures=plot.captures, images=tuple(plot.images or ()),
-        vehicle=envelope.vehicle, camera=envelope.camera_file, purpose=plot.purpose,
+        vehicle=envelope.vehicle, purpose=plot.purpose,
     )  # fmt: skip
 
 
@@ -185,9 +175,3 @@ def _pose_noise(text: str) -> tuple[float, float]:
     if (file / CAMPAIGN_FILE).is_file():
         return flown_noise(visit_plots(read_campaign(file)), file)
     return flown_noise(load_evaluation_report(file).plots, file)
-
-
-def _seconds(text: str) -> float:
-    """Of a number and a unit: 600, 10m, 2h."""
-    number, unit = (text[:-1], text[-1]) if text[-1:] in _UNITS else (text, "s")
-    return read_numbers("--time-budget", number, (1,))[0] * _UNITS[unit]

@@ -44,17 +44,6 @@ def command(
         fieldkit reference plot_7/ --no-scene -o plot_7-reference
         fieldkit reference plot_7/ --poses sparse/0 --poses-frame metres -o plot_7-reference
         fieldkit reference plot_7/ --bounds -1.5,-0.75,0,1.5,0.75,1.2 --resume -o plot_7-reference
-
-    Files:
-        IMAGES/poses.csv, geo.txt  where the photographs were taken; without, EXIF's GPS
-        IMAGES/sparse/0, opensfm/, cameras.xml  poses that COLMAP, OpenDroneMap or Metashape found
-        IMAGES/camera.toml  the camera's calibration; without, it is found
-        IMAGES/masks/NAME.png  what is plant, with --mask file
-        OUTPUT/reference.json  what was found, and how well
-        OUTPUT/cloud.ply, scene.ply  the plants; the plants and the ground
-
-    See Also:
-        fieldkit plan, fieldkit evaluate, fieldkit scene from-reference
     """
     cache, settings, given = run.cache(), reconstruction.settings(run.seed), poses.given()
     wanted = rasters.wanted()

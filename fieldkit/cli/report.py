@@ -30,9 +30,6 @@ def command(
     Examples:
         fieldkit report season/ -o season.html
         fieldkit report plot_7-plan --title "Plot 7" --points 300000
-
-    See Also:
-        fieldkit evaluate, fieldkit campaign show
     """
     from fieldkit.cli.progress import open_progress
     from fieldkit.report.write_report import write_report

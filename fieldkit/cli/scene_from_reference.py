@@ -26,12 +26,6 @@ def command(
 
     Examples:
         fieldkit scene from-reference plot_7-reference --images plot_7/ -o plot_7-scene
-
-    Files:
-        OUTPUT/scene.toml  the scene; name it or the folder
-
-    See Also:
-        fieldkit plan --reference, fieldkit simulate, fieldkit scene show
     """
     from fieldkit.cli.progress import open_progress
     from fieldkit.evaluation.proxy import make_proxy

@@ -33,9 +33,6 @@ def command(
     Examples:
         fieldkit scene new --plants 6 --seed 7 --layout rows -o plot.toml
         fieldkit scene new --plants 3 --complete
-
-    See Also:
-        fieldkit scene show, fieldkit simulate, fieldkit plan --scene
     """
     from fieldkit.regular_files import check_replaceable
 

@@ -31,9 +31,6 @@ def command(
         fieldkit scene show
         fieldkit scene show case-2 -o case-2.png
         fieldkit scene show plot.toml
-
-    See Also:
-        fieldkit scene new, fieldkit simulate
     """
     if scene is None:
         if output is not None:

@@ -114,14 +114,6 @@ def command(
         fieldkit simulate case-1 --dense 45 -o case-1-dense
         fieldkit simulate case-1 --plan case-1-plan --pose-noise 0.05,2 -o flight_1
         fieldkit simulate plot.toml --ring 10,1.5,1.2 --size 1000x750 --blur 0.002 -o ring
-
-    Files:
-        OUTPUT/IMG_0001.jpg …  photographs with EXIF and XMP
-        OUTPUT/poses.csv, camera.toml  the commanded poses, the exact camera
-        OUTPUT.truth.csv  the true poses, beside the folder
-
-    See Also:
-        fieldkit scene new, fieldkit reference, fieldkit evaluate
     """
     stations.circle()
     off, pixels = read_pose_noise(pose_noise) if pose_noise else None, _size(size) if size else None

@@ -9,8 +9,7 @@ from typer import Argument, Option
 
 from fieldkit.cli.common import (
     JsonOption,
-    PlotIdOption,
-    PlotsOption,
+    SiteOptions,
     VehicleOption,
     emit_json,
     finding_entries,
@@ -32,9 +31,7 @@ def command(
         str, Option("--connect", metavar="URL", help="udpin://0.0.0.0:14550, udpout://…, tcpout://… or serial://…")
     ],
     *,
-    site: Annotated[Path | None, Option("--site", metavar="FILE", help="Site file: checked against it.")] = None,
-    plots: PlotsOption = None,
-    plot_id: PlotIdOption = None,
+    site: SiteOptions,
     vehicle: VehicleOption = None,
     force: Annotated[bool, Option("--force", help="Send a mission that check-mission finds errors in.")] = False,
     as_json: JsonOption = False,
@@ -47,16 +44,12 @@ def command(
     Examples:
         fieldkit upload field.plan --connect udpin://0.0.0.0:14550 --site site.toml
         fieldkit upload field.plan --connect serial:///dev/ttyUSB0:57600 --site site.toml
-
-    See Also:
-        fieldkit check-mission
     """
     from fieldkit.cli.progress import open_progress
     from fieldkit.link.upload import check_size, upload_mission
     from fieldkit.link.vehicle import Vehicle
     from fieldkit.missions.check import findings_by_dialect
     from fieldkit.missions.files.reading import read_mission
-    from fieldkit.sites.site_file import load_site
     from fieldkit.vehicles.vehicle_file import load_vehicle
 
     read = read_mission(mission).behind_home()
@@ -66,7 +59,7 @@ def command(
             remedy="Export the mission as .plan or .waypoints; take this one over with its own app.",
         )  # fmt: skip
     check_size(read.items)
-    place = None if site is None else load_site(site, plots, plot_id)
+    place = site.load()
     profile = None if vehicle is None else load_vehicle(vehicle)
     found = findings_by_dialect(read, profile, place, file=mission)
     fewest = min(found.values(), key=_errors)

@@ -118,4 +118,4 @@ def test_swapped_arguments_and_options_without_a_site(plan, tmp_path, capsys) ->
     assert main(["export-mission", str(plan), "--site", site, "--plots", site, *out]) == 3
     assert "is a site file, not a file of plots or zones" in capsys.readouterr().err
     assert main(["check-mission", "m.plan", "--vehicle", "ardupilot-pitch", "--plots", site]) == 2
-    assert "--plots says nothing without --site" in capsys.readouterr().err
+    assert "--plots goes with a site file" in capsys.readouterr().err

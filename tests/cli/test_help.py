@@ -1,7 +1,6 @@
 """Help: every command has a page, and examples that the command would take. Completion: what the Tab key offers."""
 
 import inspect
-import re
 import shlex
 import subprocess
 import sys
@@ -56,9 +55,6 @@ def test_page(name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest
     for words in ("Output", "--json", "--debug"):
         assert words in text
     assert f"fieldkit {name}" in (ROOT / "docs" / "commands" / f"{name.split()[0]}.md").read_text()
-    _, _, also = text.partition("See Also:\n")
-    for other in re.findall(r"fieldkit ([a-z-]+(?: [a-z-]+)?)", also.partition("╭")[0]):
-        assert other in COMMANDS or other.split()[0] in {known.split()[0] for known in COMMANDS}, other
 
 
 def test_every_command_stands_under_its_stage_once() -> None:

@@ -9,8 +9,9 @@ import pytest
 
 from fieldkit import __version__
 from fieldkit.captures import read_capture
-from fieldkit.cli.live_plan import Status, sparkline
+from fieldkit.cli.live_plan import open_watch
 from fieldkit.cli.main import main
+from fieldkit.cli.progress import Lines
 from fieldkit.planning.run.folder import create_run, open_run, read_log
 from fieldkit.planning.run.outcome import read_outcome
 from fieldkit.planning.run.run_setup import set_up_run
@@ -20,6 +21,7 @@ from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import save_report
 from fieldkit.runtime.context import Context
+from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.renderer import RenderingError
 from tests.cli.test_scene_commands import TINY
 from tests.evaluation.test_adherence import flown
@@ -46,14 +48,12 @@ SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
         (["--scene", "case-1", "--pose-noise", "20,1"], 2, "in centimetres?"),
         (["--captures", str(SMALL_PLOT), "--clearance", "0.5"], 2, "--clearance would not change the choice"),
         (["--scene", "case-1", "--for", "this-plot", "--vary", "4"], 2, "--vary 4 plans for more than this plot"),
-        (["--scene", "case-1", "--time-budget", "soon"], 2, "--time-budget"),
         (["--scene", "case-1", "--method", "matchable"], 2, "matchable"),
         (["--scene", "case-1", "--method", "circle", "--heights"], 2, "--heights would change nothing"),
         (["--scene", "case-1", "--pose-noise", "from:"], 2, "from what?"),
         (["--scene", "case-1", "--pose-noise", "from:nowhere"], 3, "nowhere"),
         (["--scene", "case-1", "--vehicle", "ardupilot-pich"], 3, "Did you mean ardupilot-pitch"),
         (["--scene", "case-1", "--vehicle", "px4-gimbal", "--height", "1,2"], 2, "flies no lower than 1.2 m"),
-        (["--scene", "case-1", "--camera-file", "nowhere.toml"], 3, "nowhere.toml"),
         (["--resume", "--overwrite"], 2, "--overwrite"),
         (["--resume"], 3, "search.json"),
     ],
@@ -120,25 +120,21 @@ def test_a_run_of_another_version_says_so(tmp_path: Path, capsys: pytest.Capture
         assert ("begun with fieldkit 0.0.1" in capsys.readouterr().err) == told
 
 
-def test_progress_in_a_line() -> None:
-    status = Status(10, 4, [entry(0), entry(1)])
-    assert status.line().startswith("2 of at most 10, best ")
-    assert status.per_minute == pytest.approx(60.0)
-    assert status.seconds_left == pytest.approx(12.0)
+def test_progress_goes_on_from_what_the_log_holds(capsys: pytest.CaptureFixture[str]) -> None:
+    settings = bowl_settings(evaluations=4, finalists=1, repeats=1)
+    better, worse = (entry(2).model_copy(update={"value_m": value}) for value in (1e-4, 1e3))
     again = entry(0).model_copy(update={"stage": "confirmation"})
-    again = again.model_copy(update={"finished_s": 8.0})
-    assert Status(2, 4, [entry(0), entry(1), again]).line() == "confirming: 1 of 4, 8.0 s left"
-    assert Status(2, 4, [entry(0), entry(1)], weight=3.0).seconds_left == pytest.approx(12.0)
-    assert Status(2, 0, [entry(0), entry(1)]).seconds_left is None
-    assert Status(10, 4).line() == "0 of at most 10"
-
-
-def test_sparklines_fall_to_the_lowest_bar() -> None:
-    assert sparkline([], 8) == ""
-    assert sparkline([1.0, 1.0], 8) == "▁▁"
-    assert sparkline([8, 7, 6, 5, 4, 3, 2, 1], 8) == "█▇▆▅▄▃▂▁"
-    assert len(sparkline(list(range(100)), 20)) == 20
-    assert sparkline(list(range(100)), 20)[-1] == "█"
+    with open_watch(settings, [entry(0), entry(1)], Lines(), as_json=False) as (watch, expect):
+        expect(4)
+        for each in (worse, better, again):
+            watch(each)
+    told = capsys.readouterr().err.splitlines()
+    assert told[:2] == ["Searching …", f"note: best so far: 0.10 mm ({better.origin})"]
+    assert [line.split(":")[0].removesuffix(" …") for line in told[2:]] == ["Searching", "Confirming", "Confirming"]
+    with open_watch(settings, [], Silent(), as_json=True) as (watch, expect):
+        expect(0)
+        watch(again)
+    assert json.loads(capsys.readouterr().err)["best_m"] is None
 
 
 @pytest.mark.slow
@@ -165,7 +161,7 @@ def test_a_plan_by_the_score_is_made_where_nothing_can_be_rendered(tmp_path, cap
 @pytest.mark.slow
 def test_photographs_are_chosen_resumed_and_extended(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = str(tmp_path / "run")
-    begin = ["plan", "--captures", str(SMALL_PLOT), "-n", "4", "--method", "bosfm", "--finalists", "1", "-o", run]
+    begin = ["plan", "--captures", str(SMALL_PLOT), "-n", "4", "--method", "bosfm", "--repeats", "1", "-o", run]
     assert main([*begin, "--evaluations", "2", "--workers", "1", "--json"]) == 0
     told = capsys.readouterr()
     first = json.loads(told.out)

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.cli import upload as upload_command
+from fieldkit.cli.main import grouped
+from fieldkit.cli.upload import command
 from fieldkit.errors import MissionError
 from fieldkit.missions.items import MissionItem
 from fieldkit.vehicles.vehicle_file import missions_folder
@@ -16,6 +17,7 @@ from fieldkit_sim.__main__ import main
 from fieldkit_sim.standin.recording import Recording
 from fieldkit_sim.standin.replay import Replay
 
+upload = grouped(command)
 SITE = """\
 format = 1
 
@@ -49,10 +51,10 @@ def vehicle(recording: Recording) -> Replay:
 
 def test_upload(mission: Path, vehicle: Replay, capsys: pytest.CaptureFixture[str]) -> None:
     with vehicle:
-        upload_command.command(mission, vehicle.url, as_json=True)
+        upload(mission, vehicle.url, as_json=True)
         printed = json.loads(capsys.readouterr().out)
         assert len(vehicle.autopilot.items) == 68
-        upload_command.command(mission, vehicle.url)
+        upload(mission, vehicle.url)
         assert "The ArduPilot holds the new mission whole: 67 items" in capsys.readouterr().err
     assert printed["vehicle_holds"] == "new mission"
     assert (printed["items"], printed["attempts"]) == (67, 1)
@@ -72,19 +74,19 @@ def test_a_mission_with_errors_is_refused_before_anybody_is_called(mission: Path
     with pytest.raises(
         MissionError, match=r"the file's home is \d+\.\d km from the site's.*Nothing was sent"
     ) as caught:
-        upload_command.command(swapped(mission), nowhere, site=site)
+        upload(swapped(mission), nowhere, site=site)
     assert caught.value.exit_code == 5
     assert "--force" in caught.value.remedy
     text = mission.read_text()
     never = mission.with_name("never.waypoints")
     never.write_text(text.replace("\t2000\t0.00000000\t0.00000000\t1.0", "\t2000\t0.00000000\t0.00000000\t0.0"))
     with pytest.raises(MissionError, match=r"13 items: .*without end"):
-        upload_command.command(never, nowhere)
+        upload(never, nowhere)
     zone = mission.with_name("zone.toml")
     zone.write_text(SITE + '[[obstacles]]\nname = "mast"\nlatitude_deg = 50.865\nlongitude_deg = 6.4473\n'
                     "radius_m = 5.0\ntop_m = 20.0\n")  # fmt: skip
     with pytest.raises(MissionError, match="legs, the first at item"):
-        upload_command.command(mission, nowhere, site=zone)
+        upload(mission, nowhere, site=zone)
 
 
 def test_what_only_a_profile_says_is_checked_with_one(mission: Path) -> None:
@@ -92,18 +94,18 @@ def test_what_only_a_profile_says_is_checked_with_one(mission: Path) -> None:
     known = (missions_folder() / "vehicles" / "ardupilot-pitch.toml").read_text()
     mini.write_text(re.sub(r"pitch_deg = .*", "pitch_deg = [-30.0, 0.0]", known))
     with pytest.raises(MissionError, match="beyond the mount"):
-        upload_command.command(mission, "udpin://127.0.0.1:0", vehicle=str(mini))
+        upload(mission, "udpin://127.0.0.1:0", vehicle=str(mini))
     with pytest.raises(MissionError, match="does not fly waypoints files"):
-        upload_command.command(mission, "udpin://127.0.0.1:0", vehicle="dji-mini-4-pro")
+        upload(mission, "udpin://127.0.0.1:0", vehicle="dji-mini-4-pro")
 
 
 def test_force_sends_what_has_errors_and_says_so(mission, vehicle, capsys) -> None:
     site = mission.parent / "site.toml"
     with vehicle:
-        upload_command.command(swapped(mission), vehicle.url, site=site, force=True)
+        upload(swapped(mission), vehicle.url, site=site, force=True)
         assert "sent in spite of" in capsys.readouterr().err
         assert len(vehicle.autopilot.items) == 68
-        upload_command.command(swapped(mission), vehicle.url, site=site, force=True, as_json=True)
+        upload(swapped(mission), vehicle.url, site=site, force=True, as_json=True)
     printed = json.loads(capsys.readouterr().out)
     assert "other-home" in {finding["code"] for finding in printed["findings"]}
 
@@ -113,7 +115,7 @@ def test_a_fence_stays_behind_and_that_is_said(mission, vehicle, capsys) -> None
     corners = "[[50.864, 6.446], [50.864, 6.449], [50.867, 6.449], [50.867, 6.446]]"
     site.write_text(SITE.replace("[home]", f"fence = [{corners}]\n\n[home]"))
     with vehicle:
-        upload_command.command(mission, vehicle.url, site=site)
+        upload(mission, vehicle.url, site=site)
     assert "fence and rally points are not uploaded" in capsys.readouterr().err
 
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from fieldkit.cli.check_mission import command
+from fieldkit.cli.check_mission import command as check_mission_command
+from fieldkit.cli.main import grouped
 from fieldkit.errors import UsageError
 from fieldkit.missions.autopilots.writing import render
 from fieldkit.missions.check import check_mission, findings_by_dialect
@@ -31,6 +32,8 @@ from fieldkit.vehicles.vehicle import Battery, Mount
 from fieldkit.vehicles.vehicle_file import load_vehicle, missions_folder
 from fieldkit_sim.simulation import ring
 from tests.missions.vehicles import HOME, recorded_items, recorded_mission, small_mission, vehicle
+
+command = grouped(check_mission_command)
 
 
 def file_of(folder: Path, name: str, suffix: str) -> Path:

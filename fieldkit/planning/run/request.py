@@ -177,7 +177,7 @@ def _planned_camera(file: Path | None, vehicle: Vehicle | None, *, recorded: boo
     if file is None:
         return None if recorded or vehicle is None else vehicle.camera
     if recorded:
-        raise UsageError("recorded photographs have their camera", remedy="Leave --camera-file out.")
+        raise UsageError("recorded photographs have their camera", remedy="Leave camera out.")
     return _camera(file)
 
 
