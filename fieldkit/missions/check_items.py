@@ -9,7 +9,7 @@ from fieldkit.documents.mistaken import look_swapped
 from fieldkit.figures.style import format_length
 from fieldkit.geometry.geodesy import great_circle_m, on_earth
 from fieldkit.missions.autopilots.acceptance import dropped, refusal
-from fieldkit.missions.autopilots.effects import GOING, LANDINGS, TAKEOFFS
+from fieldkit.missions.autopilots.effects import GOING, INTERVALS, LANDINGS, TAKEOFFS
 from fieldkit.missions.autopilots.jumps import course
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.findings import error, warning
@@ -23,9 +23,6 @@ FAR_M = 5000.0
 """Farther from home than few-view missions go: a coordinate is wrong."""
 _AMSL_BELOW_HOME_M = 5.0
 _HIGH_M = 120.0
-_INTERVALS = frozenset({
-    Command.DO_SET_CAM_TRIGG_DIST, Command.DO_SET_CAM_TRIGG_INTERVAL, Command.DO_TRIGGER_CONTROL,
-})  # fmt: skip
 
 
 def item_findings(read: ReadMission, vehicle: Vehicle, dialect: str) -> Iterator[Finding]:
@@ -59,7 +56,7 @@ def _one(number: int, item: MissionItem, dialect: str, vehicle: Vehicle) -> Iter
     for what in dropped(item, dialect):
         yield warning("value-dropped", f"{item.name}: the autopilot drops the {what}", number)
     p1, p2, p3 = item.params[:3]
-    if item.command in _INTERVALS and p1 > 0.0:
+    if item.command in INTERVALS and p1 > 0.0:
         yield error("photo-interval", f"{item.name} photographs on the way, at intervals, wherever that is", number)
     elif item.command == Command.IMAGE_START_CAPTURE and p3 != 1.0:
         what = "photographs without end" if p3 == 0.0 else f"takes {count(p3, 'photograph')}"

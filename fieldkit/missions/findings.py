@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from fieldkit.missions.autopilots.execution import Photograph
 from fieldkit.results.finding import Finding, Severity, grouped
@@ -87,22 +88,15 @@ class Report:
         return tuple(photograph for photograph in self.photographs if not photograph.never)
 
 
-def error(
-    code: str, message: str, item: int | None = None, photograph: int | None = None, planned: Shot | None = None
-) -> Finding:
-    """A finding that speaks against flying."""
-    return _finding("error", code, message, item, photograph, planned)
-
-
-def warning(
-    code: str, message: str, item: int | None = None, photograph: int | None = None, planned: Shot | None = None
-) -> Finding:
-    """A finding that is worth knowing."""
-    return _finding("warning", code, message, item, photograph, planned)
-
-
 def _finding(
-    severity: Severity, code: str, message: str, item: int | None, photograph: int | None, planned: Shot | None
-) -> Finding:
+    severity: Severity, code: str, message: str, item: int | None = None, photograph: int | None = None,
+    planned: Shot | None = None,
+) -> Finding:  # fmt: skip
     plot, station = ("", None) if planned is None else (planned.plot, planned.station)
     return Finding(plot, code, message, severity=severity, item=item, photograph=photograph, station=station)
+
+
+error = partial(_finding, "error")
+"""A finding that speaks against flying."""
+warning = partial(_finding, "warning")
+"""A finding that is worth knowing."""

@@ -8,7 +8,7 @@ means "here", or a shutter command that does nothing is an error there.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 
 from fieldkit.errors import MissionError
 from fieldkit.missions.autopilots import accepting
@@ -34,7 +34,6 @@ _RELATIVE_M = (-100.0, 1000.0)
 _AMSL_M = (-500.0, 9000.0)
 _LONGEST_WAIT_S = 3600.0
 _FASTEST_MPS = 50.0
-_GIMBAL_DEG = {"pitch": (-90.0, 90.0), "roll": (-180.0, 180.0), "yaw": (-180.0, 360.0)}
 
 # A take-off or landing at 0/0 is one at the present place; so is item 0's where home is not known yet.
 _HERE = frozenset({Command.NAV_TAKEOFF, Command.NAV_LAND})
@@ -121,19 +120,11 @@ def item_problem(item: MissionItem, dialect: str, *, home: bool = False) -> str 
     refused = refusal(item, dialect)
     if refused is not None:
         return f"the autopilot refuses it ({refused})"
-    if item.positional:
-        problem = _place_problem(item, home=home)
-        if problem is not None:
-            return problem
     if dialect == "px4" and item.command == Command.DO_DIGICAM_CONTROL:
         return "PX4 takes it, but need not release the shutter"
-    check = _CHECKS.get(item.command)
-    if check is not None and not home:
-        problem = check(item)
-        if problem is not None:
-            return problem
+    problem = (_place_problem(item, home=home) if item.positional else None) or (None if home else _value_problem(item))
     lost = dropped(item, dialect)
-    return f"the autopilot drops the {lost[0]}" if lost else None
+    return problem or (f"the autopilot drops the {lost[0]}" if lost else None)
 
 
 def _place_problem(item: MissionItem, *, home: bool) -> str | None:
@@ -151,78 +142,38 @@ def _place_problem(item: MissionItem, *, home: bool) -> str | None:
     return None
 
 
-def _waypoint(item: MissionItem) -> str | None:
-    hold, radius, _, yaw = item.params[:4]
-    if not 0.0 <= hold <= _LONGEST_WAIT_S:
-        return f"a hold of {hold:g} s is not between 0 and {_LONGEST_WAIT_S:g} s"
-    if not (radius >= 0.0):
-        return "its radius is negative or not a number"
-    if not math.isnan(yaw) and not -180.0 <= yaw <= 360.0:
+_ABOVE_0 = math.ulp(0.0)
+_A_GIMBAL = "a gimbal cannot turn {:g}° about this axis"
+_ONE = "it must take one photograph"
+
+# By command: a parameter's index, its least and highest value, and what is wrong with another one. NaN is another one.
+_LIMITS: Mapping[int, tuple[tuple[int, float, float, str], ...]] = {
+    Command.NAV_WAYPOINT: (
+        (0, 0.0, _LONGEST_WAIT_S, f"a hold of {{:g}} s is not between 0 and {_LONGEST_WAIT_S:g} s"),
+        (1, 0.0, math.inf, "its radius is negative or not a number"),
+    ),
+    Command.NAV_TAKEOFF: ((6, 1.0, math.inf, "a take-off height of {:g} m is below 1 m"),),  # raised to 1 m (measured)
+    Command.NAV_DELAY: ((0, _ABOVE_0, _LONGEST_WAIT_S, "cannot wait {:g} s"),),
+    Command.CONDITION_YAW: ((0, 0.0, 360.0, "a heading of {:g}° is not between 0 and 360°"),),
+    Command.DO_MOUNT_CONTROL: (
+        (0, -90.0, 90.0, _A_GIMBAL), (1, -180.0, 180.0, _A_GIMBAL), (2, -180.0, 360.0, _A_GIMBAL),
+        (6, 2.0, 2.0, "the mount's mode must be 2 (targeting): another one turns it away"),
+    ),
+    Command.DO_GIMBAL_MANAGER_PITCHYAW: ((0, -90.0, 90.0, _A_GIMBAL), (1, -180.0, 360.0, _A_GIMBAL)),
+    Command.IMAGE_START_CAPTURE: (
+        (1, 0.0, math.inf, _ONE), (2, 1.0, 1.0, _ONE),
+        (3, -math.inf, math.inf, "its fourth parameter must be a number"),
+    ),
+    Command.DO_DIGICAM_CONTROL: ((4, 1.0, 1.0, "it shoots only with parameter 5 = 1"),),
+    Command.DO_CHANGE_SPEED: ((1, _ABOVE_0, _FASTEST_MPS, "a speed of {:g} m/s is none"),),
+}  # fmt: skip
+
+
+def _value_problem(item: MissionItem) -> str | None:
+    for index, low, high, words in _LIMITS.get(item.command, ()):
+        if not low <= item.params[index] <= high:
+            return words.format(item.params[index])
+    yaw = item.params[3]
+    if item.command == Command.NAV_WAYPOINT and not math.isnan(yaw) and not -180.0 <= yaw <= 360.0:
         return f"a yaw of {yaw:g}° is no heading"
     return None
-
-
-def _takeoff(item: MissionItem) -> str | None:
-    # ArduPilot raises lower ones to 1 m (measured).
-    return None if item.params[6] >= 1.0 else f"a take-off height of {item.params[6]:g} m is below 1 m"
-
-
-def _delay(item: MissionItem) -> str | None:
-    seconds = item.params[0]
-    return None if 0.0 < seconds <= _LONGEST_WAIT_S else f"cannot wait {seconds:g} s"
-
-
-def _yaw(item: MissionItem) -> str | None:
-    angle, _, _, relative = item.params[:4]
-    if relative == 0.0 and not 0.0 <= angle <= 360.0:
-        return f"a heading of {angle:g}° is not between 0 and 360°"
-    return None
-
-
-def _mount(item: MissionItem) -> str | None:
-    pitch, roll, yaw = item.params[:3]
-    problem = _gimbal(pitch=pitch, roll=roll, yaw=yaw)
-    if problem is not None:
-        return problem
-    return None if item.params[6] == 2.0 else "the mount's mode must be 2 (targeting): another one turns it away"
-
-
-def _pitchyaw(item: MissionItem) -> str | None:
-    pitch, yaw = item.params[:2]
-    return _gimbal(pitch=pitch, yaw=yaw)
-
-
-def _gimbal(**angles: float) -> str | None:
-    """Of any gimbal; the vehicle's own limits are its mount's (`fieldkit.vehicles.vehicle.Mount`)."""
-    if all(_GIMBAL_DEG[name][0] <= angle <= _GIMBAL_DEG[name][1] for name, angle in angles.items()):
-        return None
-    return f"a gimbal cannot turn to {', '.join(f'{name} {angle:g}°' for name, angle in angles.items())}"
-
-
-def _capture(item: MissionItem) -> str | None:
-    _, interval, count, sequence = item.params[:4]
-    if count != 1.0 or not interval >= 0.0:
-        return "it must take one photograph"
-    return "its fourth parameter must be a number" if math.isnan(sequence) else None
-
-
-def _digicam(item: MissionItem) -> str | None:
-    return None if item.params[4] == 1.0 else "it shoots only with parameter 5 = 1"
-
-
-def _speed(item: MissionItem) -> str | None:
-    speed = item.params[1]
-    return None if 0.0 < speed <= _FASTEST_MPS else f"a speed of {speed:g} m/s is none"
-
-
-_CHECKS: dict[int, Callable[[MissionItem], str | None]] = {
-    Command.NAV_WAYPOINT: _waypoint,
-    Command.NAV_TAKEOFF: _takeoff,
-    Command.NAV_DELAY: _delay,
-    Command.CONDITION_YAW: _yaw,
-    Command.DO_MOUNT_CONTROL: _mount,
-    Command.DO_GIMBAL_MANAGER_PITCHYAW: _pitchyaw,
-    Command.IMAGE_START_CAPTURE: _capture,
-    Command.DO_DIGICAM_CONTROL: _digicam,
-    Command.DO_CHANGE_SPEED: _speed,
-}

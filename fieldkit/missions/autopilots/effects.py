@@ -1,8 +1,8 @@
 """What every command of a mission does to place, heading, pitch, shutter and time: one table for all formats.
 
-`ARDUPILOT` and `PX4` have MAVLink's commands, `WPML` the actions of DJI's files, `LITCHI` those of Litchi's. A command
-that is not in its table, or whose row gives None, could change a photograph in a way that fieldkit does not know: the
-mission is refused by that command's name. Rows without effects move no camera and release no shutter.
+`AUTOPILOTS` have MAVLink's commands, `WPML` the actions of DJI's files, `LITCHI` those of Litchi's. A command that is
+not in its table, or whose row gives None, could change a photograph in a way that fieldkit does not know: the mission
+is refused by that command's name. Rows without effects move no camera and release no shutter.
 
 WPML as in DJI's Cloud API documentation ("DJI WPML", common elements). That a relative angle of the gimbal counts from
 where the gimbal is, is from DJI's Mobile SDK ("GimbalAngleRotationMode"): the Cloud API's words are about yaw alone.
@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, ParamSpec, TypeVar
 
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.autopilots.accepting import kept_params
@@ -22,16 +22,28 @@ from fieldkit.missions.items import Command, MissionItem, plain_frame
 from fieldkit.routing.mission import GeoPoint, Home
 from fieldkit.vehicles.vehicle import Vehicle
 
+INTERVALS = frozenset({
+    Command.DO_SET_CAM_TRIGG_DIST, Command.DO_SET_CAM_TRIGG_INTERVAL, Command.DO_TRIGGER_CONTROL,
+})  # fmt: skip
+LANDINGS = frozenset({Command.NAV_LAND, Command.NAV_VTOL_LAND, Command.NAV_PAYLOAD_PLACE})
+TAKEOFFS = frozenset({Command.NAV_TAKEOFF, Command.NAV_VTOL_TAKEOFF})
+GOING = frozenset({
+    Command.NAV_WAYPOINT, Command.NAV_SPLINE_WAYPOINT, Command.NAV_LOITER_TO_ALT, Command.NAV_LOITER_TIME,
+    Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TURNS, *LANDINGS, *TAKEOFFS,
+})  # fmt: skip
+"""Commands that lead to a place, also those of which the table cannot say how."""
+
+How = Literal["fly", "takeoff", "land", "return"]
 LONGEST_S = 1e6  # longest wait or turn that is believed: clocks stay finite
 
 
 @dataclass(frozen=True)
 class Go:
-    """Fly to the item's place and stay for ``dwell_s``; a PX4 turns to ``yaw_deg`` meanwhile, where it is a number."""
+    """Fly to the item's place and stay for ``dwell_s``; a PX4 turns to its parameter 4 meanwhile, if it is a number."""
 
-    how: Literal["fly", "takeoff", "land", "return"] = "fly"
+    item: MissionItem
+    how: How = "fly"
     dwell_s: float = 0.0
-    yaw_deg: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -100,17 +112,31 @@ class Speed:
 
 Effect = Go | Stay | Shoot | ShootOnTheWay | Face | Tilt | Pan | Aim | Speed
 Effects = tuple[Effect, ...]
+Key = TypeVar("Key")
+P = ParamSpec("P")
+Row = Effects | Callable[P, Effects | None]
+"""Of a table: what a command does, or a function of its parameters that says so."""
+
+
+def effects_of(table: Mapping[Key, Row[P]], key: Key, *given: P.args, **more: P.kwargs) -> Effects | None:
+    """What a table's row makes of a command; None where nobody can say."""
+    row = table.get(key)
+    return row(*given, **more) if callable(row) else row
+
+
+def cannot_say(what: str) -> str:
+    """Words that refuse something by its name."""
+    return f"{what}: fieldkit cannot say what photographs this gives"
 
 
 @dataclass(frozen=True)
 class Autopilot:
     """What tells autopilots apart."""
 
-    commands: Mapping[int, Row]
+    commands: Mapping[int, ItemRow]
     in_order: bool  # items run strictly one after the other; else those behind a NAV item run during the next one
     return_m: float  # least height of a return to home
     pause_s: float  # that it stands there before it lands
-    endless: bool  # a count of repeats below 0 never ends; else only −1
 
 
 @dataclass(frozen=True)
@@ -131,39 +157,30 @@ class Craft:
 
     def effects(self, item: MissionItem) -> Effects | None:
         """Of an item; None where nobody can say."""
-        row = self.autopilot.commands.get(item.command)
-        return None if row is None else row(item, self)
+        return effects_of(self.autopilot.commands, item.command, item, self)
 
 
-Row = Callable[[MissionItem, Craft], Effects | None]
-
-
-def cannot_say(what: str) -> str:
-    """Words that refuse something by its name."""
-    return f"{what}: fieldkit cannot say what photographs this gives"
-
-
-def _go(item: MissionItem, _craft: Craft) -> Effects:
-    dwells = item.command in (Command.NAV_WAYPOINT, Command.NAV_LOITER_TIME) and math.isfinite(item.params[0])
-    return (Go(dwell_s=_seconds(item.params[0]) if dwells else 0.0, yaw_deg=item.params[3]),)
-
-
-def _ends(how: Literal["takeoff", "land", "return"]) -> Row:
-    return lambda item, _craft: (Go(how, yaw_deg=item.params[3]),)
-
-
-def _stay(item: MissionItem, _craft: Craft) -> Effects:
-    return (Stay(_seconds(item.params[0])),)
+ItemRow = Effects | Callable[[MissionItem, Craft], Effects | None]
 
 
 def _seconds(value: float) -> float:
     return min(max(0.0, value), LONGEST_S)  # 0 where it is not a number
 
 
+def _go(how: How = "fly", *, dwells: bool = False) -> Callable[[MissionItem, Craft], Effects]:
+    def row(item: MissionItem, _craft: Craft) -> Effects:
+        dwell_s = item.params[0] if dwells and math.isfinite(item.params[0]) else 0.0
+        return (Go(item, how, _seconds(dwell_s)),)
+
+    return row
+
+
+_SPEEDS: Mapping[float, Literal["climb_mps", "descent_mps"]] = {2.0: "climb_mps", 3.0: "descent_mps"}
+
+
 def _speed(item: MissionItem, _craft: Craft) -> Effects:
     kind, mps = item.params[:2]
-    which: dict[float, Literal["climb_mps", "descent_mps"]] = {2.0: "climb_mps", 3.0: "descent_mps"}
-    return (Speed(which.get(kind, "cruise_mps"), mps),) if 0.01 < mps < 100.0 else ()
+    return (Speed(_SPEEDS.get(kind, "cruise_mps"), mps),) if 0.01 < mps < 100.0 else ()
 
 
 def _roi(item: MissionItem, craft: Craft) -> Effects | None:
@@ -173,10 +190,6 @@ def _roi(item: MissionItem, craft: Craft) -> Effects | None:
     if (latitude == 0.0 and longitude == 0.0) or not on_earth(latitude, longitude):
         return (Aim(None),)
     return (Aim(GeoPoint(latitude, longitude, craft.height_m(item.frame, altitude))),)
-
-
-def _digicam(item: MissionItem, _craft: Craft) -> Effects:
-    return (Shoot(never="" if item.params[4] == 1.0 else "DO_DIGICAM_CONTROL shoots only with parameter 5 = 1"),)
 
 
 def _intervals(item: MissionItem, _craft: Craft) -> Effects:
@@ -199,57 +212,39 @@ def _pitch_yaw(item: MissionItem, _craft: Craft) -> Effects:
     return (Tilt(pitch), *pan) if math.isfinite(pitch) else ()
 
 
-_BOTH: Mapping[int, Row] = {
-    Command.NAV_WAYPOINT: _go,
-    Command.NAV_LOITER_UNLIM: _go,
-    Command.NAV_LOITER_TIME: _go,
-    Command.NAV_RETURN_TO_LAUNCH: _ends("return"),
-    Command.NAV_LAND: _ends("land"),
-    Command.NAV_VTOL_LAND: _ends("land"),
-    Command.NAV_TAKEOFF: _ends("takeoff"),
-    Command.NAV_VTOL_TAKEOFF: _ends("takeoff"),
-    Command.NAV_DELAY: _stay,
-    Command.CONDITION_DELAY: _stay,
+_NEVER = Shoot(never="DO_DIGICAM_CONTROL shoots only with parameter 5 = 1")
+_BOTH: Mapping[int, ItemRow] = {
+    **dict.fromkeys((Command.NAV_WAYPOINT, Command.NAV_LOITER_TIME), _go(dwells=True)),
+    Command.NAV_LOITER_UNLIM: _go(),
+    Command.NAV_RETURN_TO_LAUNCH: _go("return"),
+    **dict.fromkeys((Command.NAV_LAND, Command.NAV_VTOL_LAND), _go("land")),
+    **dict.fromkeys((Command.NAV_TAKEOFF, Command.NAV_VTOL_TAKEOFF), _go("takeoff")),
+    **dict.fromkeys(
+        (Command.NAV_DELAY, Command.CONDITION_DELAY), lambda item, _craft: (Stay(_seconds(item.params[0])),)
+    ),
     Command.DO_CHANGE_SPEED: _speed,
-    Command.NAV_ROI: _roi,
-    Command.DO_SET_ROI: _roi,
-    Command.DO_SET_ROI_LOCATION: _roi,
-    Command.DO_SET_ROI_NONE: lambda _item, _craft: (Aim(None),),
+    **dict.fromkeys((Command.NAV_ROI, Command.DO_SET_ROI, Command.DO_SET_ROI_LOCATION), _roi),
+    Command.DO_SET_ROI_NONE: (Aim(None),),
     Command.DO_MOUNT_CONTROL: _mount,
     Command.DO_GIMBAL_MANAGER_PITCHYAW: _pitch_yaw,
-    Command.IMAGE_START_CAPTURE: lambda _item, _craft: (Shoot(),),
-    Command.DO_DIGICAM_CONTROL: _digicam,
-    Command.DO_SET_CAM_TRIGG_DIST: _intervals,
-    Command.DO_SET_CAM_TRIGG_INTERVAL: _intervals,
-    Command.DO_TRIGGER_CONTROL: _intervals,
+    Command.IMAGE_START_CAPTURE: (Shoot(),),
+    Command.DO_DIGICAM_CONTROL: lambda item, _craft: (Shoot() if item.params[4] == 1.0 else _NEVER,),
+    **dict.fromkeys(INTERVALS, _intervals),
     Command.DO_MOUNT_CONFIGURE: lambda item, _craft: () if item.params[0] == 2.0 else None,  # 2: by such commands
-    **dict.fromkeys(
-        (
-            Command.DO_LAND_START, Command.DO_FENCE_ENABLE, Command.DO_SET_RESUME_REPEAT_DIST,
-            Command.DO_DIGICAM_CONFIGURE, Command.SET_CAMERA_MODE, Command.SET_CAMERA_FOCUS, Command.IMAGE_STOP_CAPTURE,
-            Command.VIDEO_STOP_CAPTURE, Command.DO_GIMBAL_MANAGER_CONFIGURE, Command.JUMP_TAG, Command.DO_JUMP,
-            Command.DO_JUMP_TAG,
-        ),
-        lambda _item, _craft: (),
-    ),
+    **dict.fromkeys((
+        Command.DO_LAND_START, Command.DO_FENCE_ENABLE, Command.DO_SET_RESUME_REPEAT_DIST,
+        Command.DO_DIGICAM_CONFIGURE, Command.SET_CAMERA_MODE, Command.SET_CAMERA_FOCUS, Command.IMAGE_STOP_CAPTURE,
+        Command.VIDEO_STOP_CAPTURE, Command.DO_GIMBAL_MANAGER_CONFIGURE, Command.JUMP_TAG, Command.DO_JUMP,
+    ), ()),
 }  # fmt: skip
 
-LANDINGS = frozenset({Command.NAV_LAND, Command.NAV_VTOL_LAND, Command.NAV_PAYLOAD_PLACE})
-TAKEOFFS = frozenset({Command.NAV_TAKEOFF, Command.NAV_VTOL_TAKEOFF})
-GOING = frozenset({
-    Command.NAV_WAYPOINT, Command.NAV_SPLINE_WAYPOINT, Command.NAV_LOITER_TO_ALT, Command.NAV_LOITER_TIME,
-    Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TURNS, *LANDINGS, *TAKEOFFS,
-})  # fmt: skip
-"""Commands that lead to a place, also those of which the table cannot say how."""
 
-
-def _kept(row: Row) -> Row:
+def _kept(row: Callable[[MissionItem, Craft], Effects]) -> ItemRow:
     """The row of what ArduPilot keeps of an item's numbers."""
 
-    def of(item: MissionItem, craft: Craft) -> Effects | None:
-        p1, p2, p3, p4, *place = item.params
-        kept = kept_params(item.command, (p1, p2, p3, p4))
-        return row(replace(item, params=(*kept, place[0], place[1], place[2])), craft)
+    def of(item: MissionItem, craft: Craft) -> Effects:
+        p1, p2, p3, p4, p5, p6, p7 = item.params
+        return row(replace(item, params=(*kept_params(item.command, (p1, p2, p3, p4)), p5, p6, p7)), craft)
 
     return of
 
@@ -270,21 +265,19 @@ def _mount_or_nose(item: MissionItem, craft: Craft) -> Effects:
     return (Tilt(item.params[0]), Face(item.params[2], mount=True))
 
 
-ARDUPILOT: Mapping[int, Row] = {
+ARDUPILOT: Mapping[int, ItemRow] = {
     **_BOTH,
-    Command.NAV_WAYPOINT: _kept(_go),
-    Command.NAV_LOITER_TIME: _kept(_go),
+    **dict.fromkeys((Command.NAV_WAYPOINT, Command.NAV_LOITER_TIME), _kept(_go(dwells=True))),
     Command.CONDITION_YAW: _kept(_condition_yaw),
     Command.DO_MOUNT_CONTROL: _mount_or_nose,
     Command.DO_GIMBAL_MANAGER_PITCHYAW: _kept(_pitch_yaw),
 }
-PX4 = _BOTH
 
 # RTL_ALT and RTL_LOIT_TIME as they come (measured; read from mount_then_yaw.BIN), and RTL_RETURN_ALT as it comes: near
 # home a PX4 may stay lower.
 AUTOPILOTS: Mapping[str, Autopilot] = {
-    "ardupilot": Autopilot(ARDUPILOT, in_order=False, return_m=15.0, pause_s=5.0, endless=False),
-    "px4": Autopilot(PX4, in_order=True, return_m=30.0, pause_s=0.0, endless=True),
+    "ardupilot": Autopilot(ARDUPILOT, in_order=False, return_m=15.0, pause_s=5.0),
+    "px4": Autopilot(_BOTH, in_order=True, return_m=30.0, pause_s=0.0),
 }
 
 
@@ -295,33 +288,29 @@ def _on(values: Values, name: str) -> bool:
     return values.get(name) in ("1", "true")
 
 
-def _angle(values: Values, name: str) -> float | None:
+def _number(values: Values, name: str) -> float | None:
     return number(values.get(name, ""))
 
 
-def _hover(values: Values) -> Effects:
-    return (Stay(_seconds(_angle(values, "hoverTime") or 0.0)),)
-
-
 def _rotate_yaw(values: Values) -> Effects | None:
-    heading = _angle(values, "aircraftHeading")
+    heading = _number(values, "aircraftHeading")
     way = {"clockwise": 1, "counterClockwise": -1}.get(values.get("aircraftPathMode", ""), 0)
     return None if heading is None else (Face(heading, way, nearly_deg=1.0),)
 
 
 def _gimbal_rotate(values: Values) -> Effects | None:
-    if _on(values, "gimbalRollRotateEnable") and _angle(values, "gimbalRollRotateAngle"):
+    if _on(values, "gimbalRollRotateEnable") and _number(values, "gimbalRollRotateAngle"):
         return None
     relative = values.get("gimbalRotateMode") == "relativeAngle"
-    seconds = _angle(values, "gimbalRotateTime") if _on(values, "gimbalRotateTimeEnable") else None
+    seconds = _number(values, "gimbalRotateTime") if _on(values, "gimbalRotateTimeEnable") else None
     effects: list[Effect] = []
     if _on(values, "gimbalPitchRotateEnable"):
-        pitch = _angle(values, "gimbalPitchRotateAngle")
+        pitch = _number(values, "gimbalPitchRotateAngle")
         if pitch is None:
             return None
         effects.append(Tilt(pitch, relative, _seconds(seconds or 0.0)))
     if _on(values, "gimbalYawRotateEnable"):
-        yaw = _angle(values, "gimbalYawRotateAngle")
+        yaw = _number(values, "gimbalYawRotateAngle")
         if yaw is None:
             return None
         base: Literal["nose", "north"] = "nose" if values.get("gimbalHeadingYawBase") == "aircraft" else "north"
@@ -336,13 +325,13 @@ def _oriented_shoot(values: Values) -> Effects | None:
     turns: dict[str, Callable[[float], Effect]] = {
         "aircraftHeading": Face, "gimbalPitchRotateAngle": Tilt, "gimbalYawRotateAngle": lambda yaw: Pan(yaw, "north"),
     }  # fmt: skip
-    given = ((turn, _angle(values, name)) for name, turn in turns.items())
+    given = ((turn, _number(values, name)) for name, turn in turns.items())
     return (*(turn(angle) for turn, angle in given if angle is not None), Shoot(settles=True))
 
 
-WPML: Mapping[str, Callable[[Values], Effects | None]] = {
-    "takePhoto": lambda _values: (Shoot(),),
-    "hover": _hover,
+WPML: Mapping[str, Row[[Values]]] = {
+    "takePhoto": (Shoot(),),
+    "hover": lambda values: (Stay(_seconds(_number(values, "hoverTime") or 0.0)),),
     "rotateYaw": _rotate_yaw,
     "gimbalRotate": _gimbal_rotate,
     "orientedShoot": _oriented_shoot,
@@ -350,16 +339,16 @@ WPML: Mapping[str, Callable[[Values], Effects | None]] = {
     **dict.fromkeys(
         ("stopRecord", "stopTimeLapse", "stopContinuousShooting", "focus", "setFocusType", "customDirName", "megaphone",
          "searchlight"),
-        lambda _values: (),
+        (),
     ),
 }  # fmt: skip
 """By actionActuatorFunc. gimbalEvenlyRotate is done on the way, and read with its waypoints."""
 
-LITCHI: Mapping[float, Callable[[float], Effects]] = {
-    -1: lambda _none: (),
+LITCHI: Mapping[float, Row[[float]]] = {
+    -1: (),
     0: lambda milliseconds: (Stay(_seconds(milliseconds / 1000.0)),),
-    1: lambda _none: (Shoot(),),
-    3: lambda _none: (),  # a video ends
+    1: (Shoot(),),
+    3: (),  # a video ends
     4: lambda heading: (Face(heading),),
     5: lambda pitch: (Tilt(pitch),),
 }

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 from fieldkit.missions.autopilots.acceptance import refusal
 from fieldkit.missions.autopilots.effects import (
@@ -59,7 +60,7 @@ def interpret(read: ReadMission, vehicle: Vehicle, dialect: str) -> Execution:
     followed = course(read, dialect)
     state = (_fly_in_order if craft.autopilot.in_order else _fly_in_queues)(craft, log, followed.numbered)
     for number, item in followed.unreached:
-        log.lose(state, number, craft.effects(item), "the mission never comes to it")
+        state = _do(craft, log, state, number, *log.effects(craft, number, item, "the mission never comes to it"))
     return log.ended(state)
 
 
@@ -74,8 +75,19 @@ class _Log:
     uncounted: bool = False
     still: list[tuple[int, float]] = field(default_factory=list)
 
+    def effects(self, craft: Craft, number: int, item: MissionItem, lost: str = "") -> Effects:
+        """Of an item; where ``lost`` says why it is not carried out, photographs that are never taken."""
+        effects = craft.effects(item)
+        if lost:
+            self.skipped.append((number, lost))
+            return (Shoot(never=lost),) if any(isinstance(effect, Shoot) for effect in effects or ()) else ()
+        if effects is None:
+            self.refused.setdefault(number, cannot_say(f"item {number} is {item.name}"))
+            return (Go(item),) if item.command in GOING else ()
+        return effects
+
     def shoot(self, shot: Photograph, clock_s: float, *, stands: bool = True) -> None:
-        if stands:
+        if stands and not shot.never:
             self.still.append((len(self.photographs), clock_s))
         self.photographs.append(shot)
 
@@ -85,25 +97,11 @@ class _Log:
             self.photographs[k] = replace(self.photographs[k], after_s=max(clock_s - taken_s, 0.0))
         self.still = []
 
-    def fly(self, number: int, start: GeoPoint | None, path: tuple[GeoPoint, ...]) -> None:
-        """Legs from a place, where it is known, over others."""
-        for end in path:
-            if start is not None:
-                self.legs.append(FlownLeg(start, end, number))
-            start = end
-
-    def say_not(self, number: int, item: MissionItem) -> None:
-        self.refused.setdefault(number, cannot_say(f"item {number} is {item.name}"))
-
-    def lose(self, state: State, number: int, effects: Effects | None, why: str) -> None:
-        """An item that the autopilot does not carry out."""
-        self.skipped.append((number, why))
-        if any(isinstance(effect, Shoot) for effect in effects or ()):
-            self.never(state, number, why)
-
-    def never(self, state: State, number: int, why: str) -> None:
-        shot = Photograph(number, len(self.photographs), state.here, None, None, state.waypoint, never=why)
-        self.photographs.append(shot)
+    def fly(self, number: int, start: GeoPoint | None, path: tuple[GeoPoint, ...], clock_s: float) -> None:
+        """Leave for other places; legs begin at a place that is known."""
+        self.stand_no_more(clock_s)
+        places = path if start is None else (start, *path)
+        self.legs += [FlownLeg(a, b, number) for a, b in pairwise(places)]
 
     def ended(self, state: State) -> Execution:
         self.stand_no_more(state.clock_s)
@@ -113,19 +111,19 @@ class _Log:
         )  # fmt: skip
 
 
-def _do(craft: Craft, log: _Log, state: State, number: int, effect: Effect) -> State:
-    """An effect where the vehicle is; it goes nowhere."""
-    if isinstance(effect, Shoot):
-        if effect.never:
-            log.never(state, number, effect.never)
+def _do(craft: Craft, log: _Log, state: State, number: int, *effects: Effect) -> State:
+    """Effects one after the other."""
+    for effect in effects:
+        if isinstance(effect, Shoot):
+            log.shoot(photograph(state, number, len(log.photographs), effect), state.clock_s)
+        elif isinstance(effect, Go):
+            state = _go(craft, log, state, number, effect)
         else:
-            log.shoot(photograph(state, number, len(log.photographs), settles=effect.settles), state.clock_s)
-        return state
-    log.uncounted = log.uncounted or isinstance(effect, ShootOnTheWay)
-    after = carried_out(state, effect, craft.vehicle)
-    if camera_moves(state, after):
-        log.stand_no_more(state.clock_s)
-    return after
+            log.uncounted = log.uncounted or isinstance(effect, ShootOnTheWay)
+            before, state = state, carried_out(state, effect, craft.vehicle)
+            if camera_moves(before, state):
+                log.stand_no_more(before.clock_s)
+    return state
 
 
 @dataclass(frozen=True)
@@ -136,7 +134,6 @@ class _Nav:
     begun: State
     way: Leg | Way | None  # None where it stands still
     path: tuple[GeoPoint, ...]  # places that the way leads to
-    travel_s: float
     over_s: float  # when it completes
 
 
@@ -147,30 +144,27 @@ def _fly_in_queues(craft: Craft, log: _Log, numbered: Numbered) -> State:
     for at, after in zip(navs, (*navs[1:], None), strict=False):
         number, item = numbered[at]
         queue, queued = numbered[queued:at], at + 1
-        effects = craft.effects(item)
-        if effects is None:
-            log.say_not(number, item)
-        (effect,) = effects or (Go(),)
-        if isinstance(effect, Stay):
-            nav = _Nav(number, state, None, (), 0.0, state.clock_s + effect.seconds)
+        go = (*log.effects(craft, number, item), Go(item))[0]
+        if isinstance(go, Stay):
+            nav = _Nav(number, state, None, (), state.clock_s + go.seconds)
             state = replace(_run(craft, log, state, queue, nav), clock_s=nav.over_s, passing=False)
             continue
-        go = effect if isinstance(effect, Go) else Go()
+        go = go if isinstance(go, Go) else Go(item)
         following = None if after is None else numbered[after][1]
         stops = item.command != Command.NAV_WAYPOINT or go.dwell_s > 0.0
         if stops or following is None or following.command not in _PASSED_FOR:
             following = None
-        there, way, path = gone(craft, state, item, go.how, following)
-        nav = _Nav(number, state, way, path, way.seconds, state.clock_s + way.seconds + go.dwell_s)
-        log.fly(number, state.here, path)
-        log.stand_no_more(state.clock_s)
+        there, way, path = gone(craft, state, go, following)
+        nav = _Nav(number, state, way, path, state.clock_s + way.seconds + go.dwell_s)
+        log.fly(number, state.here, path, state.clock_s)
         state = replace(
             _run(craft, log, there, queue, nav), clock_s=nav.over_s, arrived_s=nav.over_s - go.dwell_s,
             waypoint=number, passing=go.dwell_s <= 0.0 and item.command not in TAKEOFFS,
         )  # fmt: skip
     for number, item in numbered[queued:]:
-        over = "the mission is over before it: no NAV item follows"
-        log.lose(state, number, craft.effects(item), over if refusal(item, "ardupilot") is None else _REFUSED)
+        taken = refusal(item, "ardupilot") is None
+        lost = "the mission is over before it: no NAV item follows" if taken else _REFUSED
+        state = _do(craft, log, state, number, *log.effects(craft, number, item, lost))
     return state
 
 
@@ -178,22 +172,16 @@ def _run(craft: Craft, log: _Log, state: State, queue: Numbered, nav: _Nav) -> S
     """Carry out a queue while a NAV item is; what comes too late is lost."""
     leaves = nav.way is not None
     for number, item in queue:
-        effects = craft.effects(item)
-        if refusal(item, "ardupilot") is not None:
-            log.lose(state, number, effects, _REFUSED)
-        elif nav.begun.clock_s < state.clock_s >= nav.over_s:
-            over = f"item {nav.number} is over before the items in front of it are done"
-            log.lose(state, number, effects, over)
-        elif effects is None:
-            log.say_not(number, item)
-        else:
-            for effect in effects:
-                if isinstance(effect, Shoot) and not effect.never:
-                    _shoot(log, state, number, nav)
-                    continue
-                if leaves:  # the heading is the autopilot's own again, until the next CONDITION_YAW (measured)
-                    state, leaves = replace(state, commanded=False), False
-                state = _do(craft, log, state, number, effect)
+        lost = "" if refusal(item, "ardupilot") is None else _REFUSED
+        if nav.begun.clock_s < state.clock_s >= nav.over_s:
+            lost = lost or f"item {nav.number} is over before the items in front of it are done"
+        for effect in log.effects(craft, number, item, lost):
+            if isinstance(effect, Shoot):
+                _shoot(log, state, number, nav, effect)
+                continue
+            if leaves:  # the heading is the autopilot's own again, until the next CONDITION_YAW (measured)
+                state, leaves = replace(state, commanded=False), False
+            state = _do(craft, log, state, number, effect)
     if leaves:
         state = replace(state, commanded=False)
     if nav.way is not None and not state.commanded:
@@ -201,46 +189,41 @@ def _run(craft: Craft, log: _Log, state: State, queue: Numbered, nav: _Nav) -> S
     return state
 
 
-def _shoot(log: _Log, state: State, number: int, nav: _Nav) -> None:
+def _shoot(log: _Log, state: State, number: int, nav: _Nav, effect: Shoot) -> None:
     """A photograph while a NAV item is carried out: it belongs to the place before."""
-    since, index, start = state.clock_s - nav.begun.clock_s, len(log.photographs), nav.begun.here
-    if nav.way is None or since <= 0.0:  # the vehicle stands where the waypoint before left it, or leaves
-        shot = photograph(replace(state, here=start), number, index)
-    elif since < nav.travel_s:
+    since, start = state.clock_s - nav.begun.clock_s, nav.begun.here
+    travel_s = 0.0 if nav.way is None else nav.way.seconds
+    shot = photograph(state, number, len(log.photographs), effect)
+    if effect.never:
+        pass
+    elif nav.way is None or since <= 0.0:  # the vehicle stands where the waypoint before left it, or leaves
+        shot = photograph(replace(state, here=start), number, len(log.photographs), effect)
+    elif since < travel_s:
         place = start and along((start, *nav.path), nav.way.fraction(since))
-        shot = replace(photograph(replace(state, here=place), number, index), moving=True, late_s=since, settled_s=0.0)
+        shot = photograph(replace(state, here=place), number, len(log.photographs), effect)
+        shot = replace(shot, moving=True, late_s=since, settled_s=0.0)
     else:  # so late that the next place is reached
-        shot = replace(photograph(state, number, index), moving=False, late_s=since, settled_s=since - nav.travel_s)
-    log.shoot(shot, state.clock_s, stands=nav.way is None or since >= nav.travel_s > 0.0)
+        shot = replace(shot, moving=False, late_s=since, settled_s=since - travel_s)
+    log.shoot(shot, state.clock_s, stands=nav.way is None or since >= travel_s > 0.0)
 
 
 def _fly_in_order(craft: Craft, log: _Log, numbered: Numbered) -> State:
     """A PX4: items strictly one after the other."""
     state = begun(craft)
     for number, item in numbered:
-        effects = craft.effects(item)
-        if refusal(item, "px4") is not None:
-            log.lose(state, number, effects, _REFUSED)
-            continue
-        if effects is None:
-            log.say_not(number, item)
-            effects = (Go(),) if item.command in GOING else ()
-        for effect in effects:
-            if isinstance(effect, Go):
-                state = _go_in_order(craft, log, state, number, item, effect)
-            else:
-                state = _do(craft, log, state, number, effect)
-                state = replace(state, passing=state.passing and not isinstance(effect, Stay))
+        lost = "" if refusal(item, "px4") is None else _REFUSED
+        state = _do(craft, log, state, number, *log.effects(craft, number, item, lost))
     return state
 
 
-def _go_in_order(craft: Craft, log: _Log, state: State, number: int, item: MissionItem, go: Go) -> State:
-    log.stand_no_more(state.clock_s)
-    there, way, path = gone(craft, state, item, go.how)
-    log.fly(number, state.here, path)
-    clock, turn, commanded = state.clock_s + way.seconds, state.turn, math.isfinite(go.yaw_deg)
+def _go(craft: Craft, log: _Log, state: State, number: int, go: Go) -> State:
+    """A PX4 on its way to an item's place."""
+    there, way, path = gone(craft, state, go)
+    log.fly(number, state.here, path, state.clock_s)
+    clock, turn, yaw_deg = state.clock_s + way.seconds, state.turn, go.item.params[3]
+    commanded = math.isfinite(yaw_deg)
     if commanded:  # the hold waits for the heading, too
-        turn = turn.turned(Face(go.yaw_deg), state.clock_s, craft.vehicle.speeds)
+        turn = turn.turned(Face(yaw_deg), state.clock_s, craft.vehicle.speeds)
         clock = max(clock, turn.over_s)
     return replace(
         there, clock_s=clock + go.dwell_s, arrived_s=clock, turn=turn, commanded=commanded, waypoint=number,
@@ -257,15 +240,12 @@ def _fly_stops(craft: Craft, log: _Log, stops: Sequence[ReadStop]) -> State:
     state = begun(craft, commanded=True)
     if state.here is not None and stops[0].height_from == "home":  # it climbs first
         above = replace(state.here, height_m=stops[0].place.height_m)
-        log.fly(stops[0].number, state.here, (above,))
+        log.fly(stops[0].number, state.here, (above,), 0.0)
         state = replace(state, here=above)
     for before, stop in zip((None, *stops[:-1]), stops, strict=True):
-        for effect in stop.before:
-            state = _do(craft, log, state, stop.number, effect)
-        log.stand_no_more(state.clock_s)
+        state = _do(craft, log, state, stop.number, *stop.before)
         state = _at_stop(craft, log, state, before, stop)
-        for effect in stop.actions:
-            state = _do(craft, log, state, stop.number, effect)
+        state = _do(craft, log, state, stop.number, *stop.actions)
         log.uncounted = log.uncounted or stop.uncounted
     return state
 
@@ -275,7 +255,7 @@ def _at_stop(craft: Craft, log: _Log, state: State, before: ReadStop | None, sto
     height = stop.place.height_m if stop.height_from == "home" else math.nan
     place, start, gimbal = replace(stop.place, height_m=height), state.here, state.gimbal
     horizontal, up = (0.0, 0.0) if start is None else distance(start, place)
-    log.fly(stop.number, start, (place,))
+    log.fly(stop.number, start, (place,), state.clock_s)
     speed = (before or stop).speed_mps
     speed = speed if speed is not None and speed > _SLOWEST_MPS else None
     clock = state.clock_s + leg(horizontal, up, craft.vehicle.speeds, speed).seconds

@@ -15,7 +15,9 @@ from fieldkit.missions.autopilots.effects import (
     Craft,
     Effect,
     Face,
+    Go,
     Pan,
+    Shoot,
     Speed,
     Stay,
     Tilt,
@@ -130,7 +132,7 @@ def carried_out(state: State, effect: Effect, vehicle: Vehicle) -> State:
     """After an effect, however long it takes; places and photographs are the caller's."""
     match effect:
         case Stay(seconds):
-            return replace(state, clock_s=state.clock_s + seconds)
+            return replace(state, clock_s=state.clock_s + seconds, passing=state.passing and seconds <= 0.0)
         case Speed(which, mps):
             return replace(state, speeds=state.speeds.model_copy(update={which: mps}))
         case Face():
@@ -185,8 +187,10 @@ def camera_moves(before: State, after: State) -> bool:
     return turns or after.gimbal != before.gimbal
 
 
-def photograph(state: State, number: int, index: int, *, settles: bool = False) -> Photograph:
-    """A photograph taken now and here, where the vehicle stands or passes; ``settles``: see `Shoot`."""
+def photograph(state: State, number: int, index: int, shoot: Shoot) -> Photograph:
+    """A photograph taken now and here, where the vehicle stands or passes, or never."""
+    if shoot.never:
+        return Photograph(number, index, state.here, None, None, state.waypoint, never=shoot.never)
     now, here, turn, gimbal = state.clock_s, state.here, state.turn, state.gimbal
     turns = state.commanded and not gimbal.locked
     turned = min(max(turn.over_s if turns else 0.0, gimbal.turned_s), now)
@@ -201,7 +205,7 @@ def photograph(state: State, number: int, index: int, *, settles: bool = False) 
     turns = turns and gimbal.at is None
     return Photograph(
         number, index, here, heading, pitch, state.waypoint, moving=state.passing,
-        settled_s=None if settles else settled, turning_s=max(turn.done_s - now, 0.0) if turns else 0.0,
+        settled_s=None if shoot.settles else settled, turning_s=max(turn.done_s - now, 0.0) if turns else 0.0,
         heading_why=(turn.why or gimbal.pan_why) if turns else "", pitch_why=gimbal.pitch_why,
     )  # fmt: skip
 
@@ -210,26 +214,26 @@ Flown = tuple[State, Leg | Way, tuple[GeoPoint, ...]]
 """The state at the end of a way, with the clock as it was; the way; and the places that it leads to."""
 
 
-def gone(craft: Craft, state: State, item: MissionItem, how: str, following: MissionItem | None = None) -> Flown:
-    """Fly to an item's place; ``how``: see `Go`. With the NAV item ``following`` it is passed, not stopped at."""
+def gone(craft: Craft, state: State, go: Go, following: MissionItem | None = None) -> Flown:
+    """Fly to an item's place; with the NAV item ``following`` it is passed, not stopped at."""
     ahead, here, vehicle = state.ahead_s, state.here, craft.vehicle
     state = replace(state, ahead_s=0.0)
-    if how == "return":
+    if go.how == "return":
         return _returned(craft, state)
-    place = _place(craft, item, here)
+    place = _place(craft, go.item, here)
     if place is None:
         return state, leg(0.0, 0.0, state.speeds), ()
     there = replace(state, here=place)
     if here is None:
         horizontal, up = 0.0, 0.0
-    elif how == "land":
+    elif go.how == "land":
         above = replace(place, height_m=here.height_m)
         over = leg(*distance(here, above), state.speeds)
         down = _down(above, place, vehicle)
         return there, Way((*((over,) if over.length_m > 0.0 else ()), down)), (above, place)
     else:
         horizontal, up = distance(here, place)
-    if how == "takeoff":
+    if go.how == "takeoff":
         climb = Even(max(up, 0.0), takeoff_s(max(up, 0.0), vehicle.speeds))
         level = (leg(horizontal, 0.0, state.speeds),) if horizontal > vehicle.acceptance_m else ()
         return there, Way((climb, *level)), (place,)

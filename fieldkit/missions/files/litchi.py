@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from fieldkit.errors import MetadataError, MissionError
-from fieldkit.missions.autopilots.effects import LITCHI, Effect, Shoot, Stay, cannot_say
+from fieldkit.missions.autopilots.effects import LITCHI, Effect, Shoot, Stay, cannot_say, effects_of
 from fieldkit.missions.autopilots.execution import aim
 from fieldkit.missions.autopilots.writing import LEAST_EXPOSURE_S
 from fieldkit.missions.files.limits import LONGEST_STAY_S, MAX_ITEMS, MOST_WAYPOINTS, number, read_text
@@ -136,11 +136,10 @@ def _stop(row: _Row, index: int, refused: list[tuple[int, str]]) -> ReadStop:
     actions: list[Effect] = []
     for k in range(1, _ACTIONS + 1):
         kind = row.value(f"actiontype{k}")
-        act = LITCHI.get(-1.0 if kind is None else kind)
-        if act is None:
+        found = effects_of(LITCHI, -1.0 if kind is None else kind, row.value(f"actionparam{k}") or 0.0)
+        if found is None:
             refused.append((index, cannot_say(f"waypoint {index} has an action {kind:g}")))
-        else:
-            actions += act(row.value(f"actionparam{k}") or 0.0)
+        actions += found or ()
     # A curve size above 0 rounds the corner, unless an action stops the aircraft.
     held = any(isinstance(action, Shoot) or (isinstance(action, Stay) and action.seconds > 0.0) for action in actions)
     return ReadStop(

@@ -16,7 +16,7 @@ from xml.etree.ElementTree import Element
 from fieldkit.documents.xml_tree import XmlError, parse_local
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import on_earth
-from fieldkit.missions.autopilots.effects import WPML, Effect, Effects, Shoot, cannot_say
+from fieldkit.missions.autopilots.effects import WPML, Effect, Effects, Shoot, cannot_say, effects_of
 from fieldkit.missions.files.archive import read_members
 from fieldkit.missions.files.limits import MAX_ITEMS, number, read_bytes
 from fieldkit.missions.files.read_mission import Facing, ReadMission, ReadStop, Remark, in_passing
@@ -250,8 +250,7 @@ class _Reader:
             function = element.findtext("actionActuatorFunc", "")
             parameters = element.find("actionActuatorFuncParam")
             values = {} if parameters is None else {each.tag: each.text or "" for each in parameters}
-            row = WPML.get(function)
-            found = None if row is None else row(values)
+            found = effects_of(WPML, function, values)
             if found is None:
                 self._refuse(here, f"the action {function[:40]!r}")
             effects += found or ()

@@ -67,14 +67,14 @@ def test_every_photograph_and_every_second_of_a_repeated_loop_counts() -> None:
 
 
 @pytest.mark.parametrize("dialect", ["ardupilot", "px4"])
-def test_an_endless_loop_is_an_error_and_its_way_back_is_flown_once(dialect: str) -> None:
+def test_an_endless_loop_is_an_error_and_flown_once(dialect: str) -> None:
     items = (TAKEOFF, waypoint(1), waypoint(9), jump(2.0, -1.0), waypoint(3), LAND)
     read = ReadMission("plan", items=items, home=HOME)
     followed = course(read, dialect)
-    assert [number for number, _ in followed.numbered] == [1, 2, 3, 2]
+    assert [number for number, _ in followed.numbered] == [1, 2, 3]
     assert [number for number, _ in followed.unreached] == [5, 6]
     assert followed.trouble[:2] == ("jump-endless", 4)
-    assert interpret(read, vehicle(dialect), dialect).legs[-1].item == 2
+    assert interpret(read, vehicle(dialect), dialect).legs[-1].item == 3
 
 
 def test_an_endless_loop_says_so_instead_of_never() -> None:
@@ -90,7 +90,7 @@ def test_an_endless_loop_says_so_instead_of_never() -> None:
 
 def test_loops_of_loops() -> None:
     items = (TAKEOFF, waypoint(1), jump(2.0, 2.0), waypoint(2), jump(2.0, -1.0), LAND)
-    assert numbers(*items) == [1, 2, 2, 2, 4, 2]
+    assert numbers(*items) == [1, 2, 2, 2, 4]
     # The one that counts lets the flight out of the one that does not.
     out = (TAKEOFF, waypoint(1), jump(5.0, -1.0), waypoint(2), waypoint(3), jump(2.0, 1.0), LAND)
     assert numbers(*out) == [1, 2, 5, 2, 5, 7]
@@ -119,19 +119,16 @@ def test_numbers_are_the_files() -> None:
     assert numbers(*rows, first=0, dialect="px4") == [0, 1, 2, 3, 2, 3, 5]
 
 
-def test_jumps_to_tags() -> None:
-    tag, to_tag = action(Command.JUMP_TAG, 300.0), action(Command.DO_JUMP_TAG, 300.0, 2.0)
-    items = (TAKEOFF, tag, waypoint(1), to_tag, LAND)
-    assert numbers(*items) == [1, 2, 3, 2, 3, 2, 3, 5]
-    assert numbers(TAKEOFF, waypoint(1), to_tag, LAND) == [1, 2]
-    assert numbers(*items, dialect="px4") == [1, 2, 3, 4, 5]  # which refuses them
+def test_jumps_to_tags_are_refused_by_name() -> None:
+    report = checked(TAKEOFF, action(Command.JUMP_TAG, 300.0), *SHOT, action(601, 300.0, 2.0), LAND)
+    errors = {finding.message for finding in report.findings if finding.severity == "error"}
+    assert errors == {"item 8 is DO_JUMP_TAG: fieldkit cannot say what photographs this gives"}
 
 
 def test_what_a_number_is_not() -> None:
     nan = (TAKEOFF, waypoint(1), jump(math.nan, math.nan), LAND)
     assert numbers(*nan) == [1, 2, 3, 4]  # refused at the upload
     assert numbers(*nan, dialect="px4") == [1, 2, 4]
-    assert numbers(TAKEOFF, waypoint(1), jump(1.0, -2.0), LAND) == [1, 2, 4]
 
 
 def test_many_repeats_are_not_followed_for_ever() -> None:
