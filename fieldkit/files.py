@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from fieldkit.errors import StorageError, UsageError
+from fieldkit.errors import InputError, MetadataError, StorageError, UsageError
 from fieldkit.regular_files import is_other_than_file
 
 try:
@@ -102,6 +102,30 @@ def file_beside(name: Path, owner: Path) -> Path | None:
     folder = owner.absolute().parent.resolve()
     found = (folder / name).resolve()
     return found if found.is_relative_to(folder) else None
+
+
+def named_file(
+    name: str | Path, owner: Path, key: str, *, what: str, error: type[InputError] = MetadataError
+) -> Path:  # fmt: skip
+    """As `file_beside`; an ``error`` where the path cannot be followed or leads out of the folder.
+
+    Args:
+        name: path as written there.
+        owner: the file that names it.
+        key: of that file, for the message.
+        what: the owner is, for the message: "site file", "scene".
+    """
+    text = str(name)
+    if not text or "\0" in text or len(text) > 1000:
+        raise error(f"{key}: is not a path", path=owner, remedy=f"Name a file beside the {what}.")
+    try:
+        found = file_beside(Path(name), owner)
+    except (OSError, RuntimeError, ValueError) as reason:  # links in a circle
+        raise error(f"{key}: {name} cannot be followed", path=owner, remedy="Check the links there.") from reason
+    if found is None:
+        remedy = f"Copy the file into the {what}'s folder, or give its absolute path."
+        raise error(f"{key}: {name} leads out of the {what}'s folder", path=owner, remedy=remedy)
+    return found
 
 
 def write_atomic(path: Path, data: bytes | str) -> None:

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.errors import StorageError, UsageError
-from fieldkit.files import atomic_folder, check_writable, file_beside, storage_errors, write_atomic
+from fieldkit.errors import MetadataError, SceneError, StorageError, UsageError
+from fieldkit.files import atomic_folder, check_writable, file_beside, named_file, storage_errors, write_atomic
 
 
 def names(folder: Path) -> list[str]:
@@ -250,3 +250,8 @@ def test_a_named_file_lies_in_its_owners_folder_or_is_named_absolutely(tmp_path:
     assert file_beside(tmp_path / "a.json", owner) == tmp_path / "a.json"
     for name in ("../a.json", "deep/../../a.json", "out/a.json"):
         assert file_beside(Path(name), owner) is None
+        with pytest.raises(SceneError, match=f"plan: {name} leads out of the scene's folder"):
+            named_file(name, owner, "plan", what="scene", error=SceneError)
+    for name in ("", "a\0", "a" * 1001):
+        with pytest.raises(MetadataError, match="plan: is not a path"):
+            named_file(name, owner, "plan", what="site file")

@@ -11,7 +11,7 @@ from fieldkit.campaign.visits import read_visits
 from fieldkit.documents.mistaken import refuse_other
 from fieldkit.documents.toml_file import read_versioned
 from fieldkit.errors import MetadataError, MissionError, UsageError
-from fieldkit.files import file_beside
+from fieldkit.files import file_beside, named_file
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.plan import Plan, plan_on
 from fieldkit.results.plan_file import load_plan
@@ -131,9 +131,9 @@ def read_campaign(folder: Path) -> Campaign:
         refuse_other(folder, "campaign", _REMEDY)
         raise MetadataError(f"is no campaign: there is no {CAMPAIGN_FILE} in it", path=folder, remedy=_REMEDY)
     table = read_campaign_file(file)
-    plan_file = _named(table.plan, file, "plan")
-    site_file = _named(table.site, file, "site")
-    plots_file = None if table.plots is None else _named(table.plots, file, "plots")
+    plan_file = named_file(table.plan, file, "plan", what="campaign")
+    site_file = named_file(table.site, file, "site", what="campaign")
+    plots_file = None if table.plots is None else named_file(table.plots, file, "plots", what="campaign")
     site = load_site(site_file, plots_file)
     plots = _plots(site, _shapes(site_file, plots_file), table, file)
     order = {plot.name: k for k, plot in enumerate(plots)}
@@ -147,8 +147,8 @@ def read_campaign(folder: Path) -> Campaign:
         visits=tuple(visits),
         evaluation=table.evaluation,
         plan_file=plan_file,
-        vehicle_file=None if table.vehicle is None else _named(table.vehicle, file, "vehicle"),
-        camera_file=None if table.camera is None else _named(table.camera, file, "camera"),
+        vehicle_file=None if table.vehicle is None else named_file(table.vehicle, file, "vehicle", what="campaign"),
+        camera_file=None if table.camera is None else named_file(table.camera, file, "camera", what="campaign"),
     )
 
 
@@ -178,18 +178,6 @@ def plots_file_of(site_file: Path) -> str | None:
     """The file that a site file names for its plots, as it names it; None where it lists them itself."""
     own = read_versioned(site_file, "site file", _REMEDY, _SITE_BYTES).get("plots")
     return own if isinstance(own, str) else None
-
-
-def _named(name: str, file: Path, key: str) -> Path:
-    """A file that campaign.toml names."""
-    try:
-        found = file_beside(Path(name), file)
-    except (OSError, RuntimeError, ValueError) as error:
-        raise MetadataError(f"{key}: is no path that can be followed", path=file, remedy=_REMEDY) from error
-    if found is None:
-        remedy = "Copy the file into the campaign's folder, or give its absolute path."
-        raise MetadataError(f"{key}: {name} leads out of the campaign's folder", path=file, remedy=remedy)
-    return found
 
 
 def _shapes(site_file: Path, plots_file: Path | None) -> dict[int, tuple[tuple[float, float], ...]]:

@@ -22,7 +22,7 @@ from fieldkit.documents.mistaken import refuse_other
 from fieldkit.documents.toml_file import read_toml, toml_text
 from fieldkit.documents.validation_sentence import validation_sentence
 from fieldkit.errors import SceneError
-from fieldkit.files import file_beside, write_atomic
+from fieldkit.files import named_file, write_atomic
 from fieldkit.runtime.shipped import shipped_page
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.plot_description import MeshPlantDescription, check_mesh_file
@@ -165,7 +165,7 @@ def _with_files(description: SceneDescription, path: Path) -> SceneDescription:
     for i, plant in enumerate(description.plot.plants, 1):
         kept: Any = plant
         if isinstance(plant, MeshPlantDescription):
-            file = _resolved(Path(plant.file), path, f"plot.plants {i}.file")
+            file = named_file(plant.file, path, f"plot.plants {i}.file", what="scene", error=SceneError)
             try:
                 check_mesh_file(file, plant.sha256)
             except SceneError as error:
@@ -185,24 +185,9 @@ def _with_files(description: SceneDescription, path: Path) -> SceneDescription:
 
 
 def _existing(file: Path, scene: Path, key: str) -> Path:
-    found = _resolved(file, scene, key)
+    found = named_file(file, scene, key, what="scene", error=SceneError)
     if not found.is_file():
         raise SceneError(f"{key}: there is no {found}", path=scene, remedy="Put the file there, or correct the path.")
-    return found
-
-
-def _resolved(file: Path, scene: Path, key: str) -> Path:
-    if "\0" in str(file):
-        raise SceneError(f"{key}: not a path", path=scene, remedy="Name a file beside the scene file.")
-    try:
-        found = file_beside(file, scene)
-    except (OSError, RuntimeError) as error:  # links in a circle
-        raise SceneError(f"{key}: {file} cannot be followed", path=scene, remedy="Check the links there.") from error
-    if found is None:
-        raise SceneError(
-            f"{key}: {file} leads out of the scene's folder", path=scene,
-            remedy="Copy the file beside the scene file, or give its absolute path.",
-        )  # fmt: skip
     return found
 
 

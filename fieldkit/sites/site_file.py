@@ -17,7 +17,7 @@ from pydantic import ValidationError
 from fieldkit.documents.mistaken import SWAPPED, look_swapped, refuse_other
 from fieldkit.documents.toml_file import read_versioned, sentence, validated_toml
 from fieldkit.errors import MetadataError
-from fieldkit.files import file_beside
+from fieldkit.files import named_file
 from fieldkit.geometry.geodesy import LocalFrame, great_circle_m
 from fieldkit.runtime.shipped import shipped_page
 from fieldkit.sites.plots_file import PLOTS_REMEDY, read_plots
@@ -55,14 +55,14 @@ def load_site(
     document.setdefault("name", path.stem)
     own = document.get("plots")
     if plots is None and isinstance(own, str):
-        plots, plot_id = _beside(own, path, "plots"), plot_id or document.get("plot_id")
+        plots, plot_id = named_file(own, path, "plots", what="site file"), plot_id or document.get("plot_id")
     if plots is None and not own:
         raise MetadataError("has no plots", path=path, remedy=_NO_PLOTS)
     if plots is not None:
         document["plots"] = [{"latitude_deg": 0.0, "longitude_deg": 0.0}]  # until with_plots takes its place
     for key in ("geofence", "no_fly"):
         if isinstance(document.get(key), str):
-            document[key] = list(_zones(_beside(document[key], path, key), named=key == "no_fly"))
+            document[key] = list(_zones(named_file(document[key], path, key, what="site file"), named=key == "no_fly"))
     site = validated_toml(Site, document, path, _REMEDY)
     _check_places(site.home, _surroundings(site), path)
     _check_polygons(site, path)
@@ -83,7 +83,7 @@ def load_site(
 def plots_file_beside(path: Path) -> Path | None:
     """The file that a site file names for its plots; None where it lists them itself, or has none."""
     own = read_versioned(path, "site file", _REMEDY, _MAX_BYTES).get("plots")
-    return _beside(own, path, "plots") if isinstance(own, str) else None
+    return named_file(own, path, "plots", what="site file") if isinstance(own, str) else None
 
 
 def with_plots(site: Site, plots: Sequence[SitePlot], *, path: Path | None = None) -> Site:
@@ -110,22 +110,6 @@ def _zones(path: Path, *, named: bool) -> Iterator[Any]:
                 continue
             name = feature.properties.get("name", f"zone {feature.number}")
             yield {"name": name.strip() if isinstance(name, str) else str(name)[:80], "corners": ring}
-
-
-def _beside(name: str, site: Path, key: str) -> Path:
-    """The file that a site file names."""
-    if not name or "\0" in name or len(name) > 1000:
-        raise MetadataError(f"{key}: is not a path", path=site, remedy="Name a file beside the site file.")
-    try:
-        found = file_beside(Path(name), site)
-    except (OSError, RuntimeError) as error:  # links in a circle
-        raise MetadataError(f"{key}: {name} cannot be followed", path=site, remedy="Check the links there.") from error
-    if found is None:
-        raise MetadataError(
-            f"{key}: {name} leads out of the site file's folder", path=site,
-            remedy="Copy the file beside the site file, or give its absolute path.",
-        )  # fmt: skip
-    return found
 
 
 def _origins(plots: Sequence[SitePlot]) -> list[tuple[str, float, float]]:
