@@ -1,16 +1,28 @@
-"""From what messages say to triggers: numbers checked, and what a message leaves out taken from the track."""
+"""From tables of a log's messages to its flight: one path for all formats, each of which says where it has what."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fieldkit.flightlogs.model import Attitude, Gimbal, Place, Series, Track, Trigger, YawFrame
+from fieldkit.flightlogs.model import (
+    Attitude,
+    Clock,
+    FlightLog,
+    Gimbal,
+    LogKind,
+    Place,
+    Series,
+    Track,
+    Trigger,
+    YawFrame,
+)
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.wording import count
@@ -20,44 +32,257 @@ _FASTEST_GIMBAL_DPS = 100.0
 """Camera gimbals on multicopters turn at 30 to 100 °/s when they are told to."""
 _ACCURACY_REACH_S = 10.0
 _MOST_LISTED = 8
-
-
-Commanded = Callable[[float], Gimbal | None]
-"""The gimbal's attitude that a mission had commanded at a time on the log's clock."""
 _YAW_LOCK, _YAW_VEHICLE, _YAW_NORTH = 16, 32, 64
-GPS_EPOCH_S = 315964800.0
-"""1980-01-06, the zero of GPS time, in seconds since 1970."""
-LEAP_SECONDS = 18.0
-"""GPS time less UTC since 2017-01-01 (IERS Bulletin C)."""
 _UTC_RANGE = (1.0e9, 4.2e9)
 _BOOT_LIMIT_S = 4.4e6
 
+Commanded = Callable[[float], Gimbal | None]
+"""The gimbal's attitude that a mission had commanded when a message was recorded."""
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """All messages of one name, in the log's order."""
+
+    rows: NDArray[np.void]
+    """(n,) structured, raw."""
+    scales: Mapping[str, float]
+    """Of columns, to seconds, degrees and metres; 1 where not given."""
+    times_s: NDArray[np.float64]
+    """(n,) on the log's clock."""
+    stamps_s: NDArray[np.float64]
+    """(n,) when they were recorded, on the recorder's clock."""
+
+    @classmethod
+    def of(cls, rows: NDArray[np.void], scales: Mapping[str, float], time: str) -> Table:
+        """Whose clock is a column's."""
+        own = cls(rows, scales, np.zeros(0), np.zeros(0))
+        return replace(own, times_s=own.column(time), stamps_s=own.column(time))
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def column(self, names: str, width: int = 1) -> NDArray[np.float64]:
+        """(n,) or (n, width) values in their unit of the first of some columns ("R|Roll") that the log has.
+
+        NaN where it has none, or that is no number.
+        """
+        shape = () if width == 1 else (width,)
+        name = next((name for name in names.split("|") if name in (self.rows.dtype.names or ())), None)
+        if name is None or self.rows.dtype[name].base.kind not in "iuf" or self.rows.dtype[name].shape != shape:
+            return np.full((len(self.rows), *shape), np.nan)
+        with np.errstate(invalid="ignore"):  # signalling NaNs, in damaged logs
+            return np.asarray(self.rows[name].astype(np.float64) * self.scales.get(name, 1.0))
+
+    def values(self, columns: Sequence[str]) -> NDArray[np.float64]:
+        """(n, k) of k columns; a quaternion ``q`` alone is roll, pitch and yaw."""
+        if tuple(columns) == ("q",):
+            return euler_deg(self.column("q", 4)).reshape(-1, 3)
+        return np.stack([self.column(name) for name in columns], axis=1)
+
+    def select(self, keep: NDArray[np.bool_]) -> Table:
+        """Those rows only."""
+        return Table(self.rows[keep], self.scales, self.times_s[keep], self.stamps_s[keep])
+
+
+Tables = Mapping[str, Table]
+"""By the messages' names; those that the log does not hold are not there."""
+Source = tuple[str, tuple[str, ...]]
+"""A message's name, and its columns."""
+
 
 @dataclass(frozen=True)
-class Event:
-    """A trigger message. Attributes are those of `Trigger`; place and attitude where the message holds them."""
+class TriggerSource:
+    """A trigger message's columns; empty where it has none."""
 
-    time_s: float
-    utc_s: float | None
-    image: int | None
-    place: Place | None
-    attitude: Attitude | None
-    source: str
+    message: str
+    image: str
+    place: tuple[str, ...] = ()
+    """Latitude, longitude, height above sea level, perhaps that above home."""
+    attitude: tuple[str, ...] = ()
+    camera: str = ""
+    """Which of several cameras."""
+    boot: str = ""
+    """Time since boot; else that of the table."""
+    utc: str = ""
 
 
-def complete(events: Sequence[Event], track: Track, commanded: Commanded | None = None) -> tuple[Trigger, ...]:
-    """The triggers in the order of time; a message that was recorded twice counts once."""
-    triggers: list[Trigger] = []
-    seen: set[tuple[float, int | None]] = set()
-    for event in sorted(events, key=lambda e: e.time_s):
-        if (event.time_s, event.image) in seen:
+@dataclass(frozen=True)
+class Layout:
+    """Where a format's logs say what. Of several sources the first that a log holds counts."""
+
+    triggers: tuple[TriggerSource, ...]
+    position: Source
+    """As `TriggerSource.place`."""
+    velocity: tuple[Source, ...]
+    """North, east, down."""
+    attitude: Source
+    gimbals: tuple[tuple[str, tuple[str, ...], str], ...]
+    """Message, columns of roll, pitch and yaw, and "vehicle", "north" or the column of flags that says from where the
+    yaw counts (`gimbal_yaw_frame`)."""
+    accuracy: tuple[Source, ...]
+    home: Source
+    """Latitude, longitude, height above sea level."""
+
+    @property
+    def messages(self) -> frozenset[str]:
+        """Names of all that it reads."""
+        sources = (self.position, *self.velocity, self.attitude, *self.accuracy, self.home)
+        names = [*(each.message for each in self.triggers), *(each[0] for each in self.gimbals)]
+        return frozenset([*names, *(name for name, _ in sources)])
+
+
+def flight_log(
+    path: Path, kind: LogKind, tables: Tables, layout: Layout, remarks: Sequence[str], *,
+    clock: Clock = "boot", utc_offset_s: float | None = None, commanded: Commanded | None = None,
+) -> FlightLog:  # fmt: skip
+    """The flight that a log's messages tell of.
+
+    Args:
+        path, kind: of the log.
+        tables: its messages.
+        layout: where they say what.
+        remarks: on the file.
+        clock: of the triggers.
+        utc_offset_s: UTC less time since boot, where it is known.
+        commanded: used where no gimbal reports.
+    """
+    told, home, found = list(remarks), _home(tables, layout.home, float("inf")), []
+    source = next((each for each in layout.triggers if each.message in tables), None)
+    if source is not None:
+        shots = _one_camera(tables[source.message], source.camera, told)
+        home = _home(tables, layout.home, float(np.min(shots.stamps_s, initial=np.inf)))
+        found = _triggers(shots, source, clock, utc_offset_s, home)
+        if len(found) < len(shots):
+            untimed = count(len(shots) - len(found), "trigger message has", "trigger messages have")
+            told.append(f"{untimed} no time that makes sense; not used")
+    track = _track(tables, layout, home)
+    once: dict[tuple[float, int | None], tuple[float, Trigger]] = {}  # a message that was recorded twice counts once
+    for stamp, trigger in sorted(found, key=lambda entry: entry[1].time_s):
+        once.setdefault((trigger.time_s, trigger.image), (stamp, trigger))
+    triggers = tuple(_completed(trigger, stamp, track, commanded) for stamp, trigger in once.values())
+    return FlightLog(path, kind, clock, home, triggers, track, (*told, *_missing_numbers(triggers)))
+
+
+def _one_camera(shots: Table, column: str, told: list[str]) -> Table:
+    cameras = shots.column(column)
+    known = np.unique(cameras[np.isfinite(cameras)])
+    if len(known) < 2:
+        return shots
+    told.append(f"the log has triggers of {len(known)} cameras; camera {known[0]:.0f} is used")
+    return shots.select(cameras == known[0])
+
+
+def _home(tables: Tables, source: Source, before_s: float) -> Place | None:
+    """The last home position that was told before a time, else the first."""
+    table = tables.get(source[0])
+    if table is None:
+        return None
+    rows = zip(table.stamps_s.tolist(), table.values(source[1]).tolist(), strict=True)
+    known = [(stamp, place) for stamp, row in rows if (place := as_place(row[0], row[1], row[2], 0.0)) is not None]
+    earlier = [place for stamp, place in known if stamp <= before_s]
+    return earlier[-1] if earlier else known[0][1] if known else None
+
+
+def _triggers(
+    shots: Table, source: TriggerSource, clock: Clock, utc_offset_s: float | None, home: Place | None
+) -> list[tuple[float, Trigger]]:
+    """When each trigger message was recorded, and what it says itself; those without a time are left out."""
+    boots = shots.column(source.boot) if source.boot else shots.times_s
+    utcs, images = shots.column(source.utc), shots.column(source.image)
+    places = _above_home(shots.values(source.place), home) if source.place else np.full((len(shots), 4), np.nan)
+    attitudes = shots.values(source.attitude) if source.attitude else np.full((len(shots), 3), np.nan)
+    found = []
+    for k, stamp in enumerate(shots.stamps_s.tolist()):
+        boot, utc = as_boot(boots[k]), as_utc(utcs[k])
+        if clock == "boot" and utc_offset_s is not None:
+            boot = as_boot(utc - utc_offset_s) if boot is None and utc is not None else boot
+            utc = as_utc(boot + utc_offset_s) if utc is None and boot is not None else utc
+        time = boot if clock == "boot" else utc
+        if time is not None:
+            image = int(images[k]) if math.isfinite(images[k]) else None
+            place, attitude = as_place(*places[k]), as_attitude(*attitudes[k])
+            found.append((stamp, Trigger(time, utc, image, place, attitude, None, None, None, source.message)))
+    return found
+
+
+def _above_home(places: NDArray[np.float64], home: Place | None) -> NDArray[np.float64]:
+    """Places (n, 3) or (n, 4) with the height above home: NaN where home has none."""
+    if places.shape[1] == 4:
+        return places
+    zero = np.nan if home is None or home.amsl_m is None else home.amsl_m
+    return np.column_stack([places, places[:, 2] - zero])
+
+
+def _track(tables: Tables, layout: Layout, home: Place | None) -> Track:
+    position = _series(tables, (layout.position,), angles=(1,))
+    vehicle, north = _gimbals(tables, layout)
+    return Track(
+        # An unknown height above home must not cost the others, so it is added to what `Series.of` kept.
+        position=Series(position.times_s, _above_home(position.values, home), (1,)),
+        velocity=_series(tables, layout.velocity),
+        attitude=_series(tables, (layout.attitude,), angles=(0, 1, 2)),
+        gimbal_vehicle=vehicle,
+        gimbal_north=north,
+        accuracy=_series(tables, layout.accuracy),
+    )
+
+
+def _series(tables: Tables, sources: Sequence[Source], angles: tuple[int, ...] = ()) -> Series:
+    """Of the first message that there is."""
+    for message, columns in sources:
+        if message in tables:
+            values = tables[message].values(columns)
+            return Series.of(tables[message].times_s, values, values.shape[1], angles)
+    return Series.empty(len(angles) if sources[0][1] == ("q",) else len(sources[0][1]))
+
+
+def _gimbals(tables: Tables, layout: Layout) -> tuple[Series, Series]:
+    """The camera's angles with yaws from the vehicle's heading and from north, of the first kind of report there is."""
+    for message, columns, frame in layout.gimbals:
+        table = tables.get(message)
+        angles = np.zeros((0, 3)) if table is None else table.values(columns)
+        if table is None or not np.isfinite(angles).all(axis=1).any():
             continue
-        seen.add((event.time_s, event.image))
-        triggers.append(_complete(event, track, commanded))
-    return tuple(triggers)
+        north = np.full(len(table), frame == "north")
+        if frame not in ("vehicle", "north"):
+            flags = np.nan_to_num(table.column(frame)).tolist()
+            north = np.array([gimbal_yaw_frame(int(each)) == "north" for each in flags])
+        times = table.times_s
+        return (
+            Series.of(times[~north], angles[~north], 3, (0, 1, 2)),
+            Series.of(times[north], angles[north], 3, (0, 1, 2)),
+        )
+    return Series.empty(3), Series.empty(3)
 
 
-def missing_numbers(triggers: Sequence[Trigger]) -> list[str]:
+def _completed(trigger: Trigger, stamp: float, track: Track, commanded: Commanded | None) -> Trigger:
+    """A trigger with what its message leaves out, of the track."""
+    time, place, attitude = trigger.time_s, trigger.place, trigger.attitude
+    if place is None:
+        row = track.position.at(time)
+        place = None if row is None else as_place(*row)
+    if attitude is None:
+        row = track.attitude.at(time)
+        attitude = None if row is None else as_attitude(*row)
+    velocity = track.velocity.at(time)
+    accuracy = track.accuracy.at(time, _ACCURACY_REACH_S)
+    gimbal = _gimbal(track, time)
+    if gimbal is None and commanded is not None:
+        gimbal = commanded(stamp)
+    return replace(
+        trigger,
+        place=place,
+        attitude=attitude,
+        gimbal=gimbal,
+        speed_mps=None if velocity is None else float((velocity @ velocity) ** 0.5),
+        accuracy_m=None if accuracy is None or accuracy[0] <= 0.0 else float(accuracy[0]),
+        turning_dps=_turning(track, time),
+        interpolated=trigger.place is None or trigger.attitude is None,
+    )
+
+
+def _missing_numbers(triggers: Sequence[Trigger]) -> list[str]:
     """A remark where the autopilot's numbers say that trigger messages are missing from the log."""
     numbers = [t.image for t in triggers if t.image is not None]
     if len(numbers) < 2 or numbers != sorted(set(numbers)):
@@ -71,35 +296,6 @@ def missing_numbers(triggers: Sequence[Trigger]) -> list[str]:
     names = ", ".join(map(str, listed))
     lost = count(absent, "trigger message is", "trigger messages are")
     return [f"{lost} missing from the log (lost on the link?): image {names}{more}"]
-
-
-def _complete(event: Event, track: Track, commanded: Commanded | None) -> Trigger:
-    time = event.time_s
-    place, attitude = event.place, event.attitude
-    if place is None:
-        row = track.position.at(time)
-        place = None if row is None else as_place(*(float(v) for v in row))
-    if attitude is None:
-        row = track.attitude.at(time)
-        attitude = None if row is None else as_attitude(*(float(v) for v in row))
-    velocity = track.velocity.at(time)
-    accuracy = track.accuracy.at(time, _ACCURACY_REACH_S)
-    gimbal = _gimbal(track, time)
-    if gimbal is None and commanded is not None:
-        gimbal = commanded(time)
-    return Trigger(
-        time_s=time,
-        utc_s=event.utc_s,
-        image=event.image,
-        place=place,
-        attitude=attitude,
-        gimbal=gimbal,
-        speed_mps=None if velocity is None else float((velocity @ velocity) ** 0.5),
-        accuracy_m=None if accuracy is None or accuracy[0] <= 0.0 else float(accuracy[0]),
-        source=event.source,
-        turning_dps=_turning(track, time),
-        interpolated=event.place is None or event.attitude is None,
-    )
 
 
 def _gimbal(track: Track, time_s: float) -> Gimbal | None:
@@ -173,10 +369,10 @@ def as_boot(seconds: float) -> float | None:
     return float(seconds) if math.isfinite(seconds) and 0.0 <= seconds < _BOOT_LIMIT_S else None
 
 
-def gps_to_utc(week: ArrayLike, milliseconds: ArrayLike) -> NDArray[np.float64]:
-    """GPS week and milliseconds of it to seconds since 1970 UTC."""
-    weeks = np.asarray(week, dtype=np.float64)
-    return np.asarray(GPS_EPOCH_S + weeks * 604800.0 + np.asarray(milliseconds, np.float64) * 1e-3 - LEAP_SECONDS)
+def median_offset(utc_s: NDArray[np.float64], boot_s: NDArray[np.float64]) -> float | None:
+    """UTC less time since boot, of messages that say both."""
+    known = (_UTC_RANGE[0] < utc_s) & (utc_s < _UTC_RANGE[1]) & np.isfinite(boot_s)
+    return float(np.median((utc_s - boot_s)[known])) if known.any() else None
 
 
 def gimbal_yaw_frame(flags: int) -> YawFrame:

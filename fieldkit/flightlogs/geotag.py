@@ -15,9 +15,9 @@ from fieldkit.captures.model import Photo
 from fieldkit.documents.csv_text import on_one_line
 from fieldkit.errors import MetadataError
 from fieldkit.files import check_writable, write_atomic
-from fieldkit.flightlogs.achieved import AchievedPose, FixedMount, achieved_pose
+from fieldkit.flightlogs.achieved import FixedMount, achieved_pose
 from fieldkit.flightlogs.matching import Matches, Stamp, match
-from fieldkit.flightlogs.model import FlightLog, Trigger
+from fieldkit.flightlogs.model import FlightLog
 from fieldkit.flightlogs.reading import read_flight_log
 from fieldkit.geometry.geodesy import EAST_DEG, LocalFrame, plot_from_enu
 from fieldkit.regular_files import check_replaceable
@@ -99,7 +99,13 @@ def geotag(
     capture = read_capture(images, sidecars=False)
     photos = capture.photos
     frame, source = frame_of(flight, origin)
-    matches = match([stamp(photo) for photo in photos], _triggers(flight), offset_s=offset_s)
+    if not flight.triggers:
+        raise MetadataError(
+            "holds no camera trigger",
+            path=flight.path,
+            remedy="Let the autopilot release the shutter (CAM1_TYPE, TRIG_INTERFACE), and log CAMERA_FEEDBACK or CAM.",
+        )
+    matches = match([stamp(photo) for photo in photos], flight.triggers, offset_s=offset_s)
     poses = local_poses(flight, matches, frame, [p.name for p in photos], mount=mount, accuracy_m=accuracy_m)
     if not poses:
         said = f": {matches.remarks[0]}" if matches.remarks else ""
@@ -155,10 +161,13 @@ def local_poses(
             continue
         trigger = flight.triggers[by_name[name]]
         pose = achieved_pose(trigger, mount)
-        position = _position(pose, frame)
-        if position is not None:
-            accuracy = _accuracy(trigger) if accuracy_m is None else accuracy_m
-            poses.append(PhotoPose(name, position, pose.yaw_deg, pose.pitch_deg, accuracy, by_name[name], pose.source))
+        place = pose.place
+        if place is None or place.amsl_m is None:
+            continue
+        x, y, z = frame.to_local(place.latitude_deg, place.longitude_deg, place.amsl_m)[0].tolist()
+        stated = GPS_ACCURACY_M if trigger.accuracy_m is None else max(trigger.accuracy_m, RTK_ACCURACY_M)
+        accuracy = stated if accuracy_m is None else accuracy_m
+        poses.append(PhotoPose(name, (x, y, z), pose.yaw_deg, pose.pitch_deg, accuracy, by_name[name], pose.source))
     return poses
 
 
@@ -181,27 +190,3 @@ def poses_table(poses: Sequence[PhotoPose]) -> str:
         lengths = [f"{v:.{_LENGTH_DECIMALS}f}" for v in pose.position]
         writer.writerow([on_one_line(pose.image), *lengths, *angles, f"{pose.accuracy_m:.3g}"])
     return text.getvalue()
-
-
-def _triggers(flight: FlightLog) -> tuple[Trigger, ...]:
-    if not flight.triggers:
-        raise MetadataError(
-            "holds no camera trigger",
-            path=flight.path,
-            remedy="Let the autopilot release the shutter (CAM1_TYPE, TRIG_INTERFACE), and log CAMERA_FEEDBACK or CAM.",
-        )
-    return flight.triggers
-
-
-def _position(pose: AchievedPose, frame: LocalFrame) -> tuple[float, float, float] | None:
-    place = pose.place
-    if place is None or place.amsl_m is None:
-        return None
-    x, y, z = frame.to_local(place.latitude_deg, place.longitude_deg, place.amsl_m)[0]
-    return float(x), float(y), float(z)
-
-
-def _accuracy(trigger: Trigger) -> float:
-    if trigger.accuracy_m is None:
-        return GPS_ACCURACY_M
-    return max(trigger.accuracy_m, RTK_ACCURACY_M)

@@ -15,47 +15,74 @@ import math
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fieldkit.errors import MetadataError
-from fieldkit.flightlogs.assembly import (
-    Event,
-    as_attitude,
-    as_boot,
-    as_gimbal,
-    as_place,
-    as_utc,
-    complete,
-    euler_deg,
-    gimbal_yaw_frame,
-    missing_numbers,
-)
+from fieldkit.flightlogs.assembly import Commanded, Layout, Table, TriggerSource, as_gimbal, flight_log, median_offset
 from fieldkit.flightlogs.mavlink import LogReader
-from fieldkit.flightlogs.model import Clock, FlightLog, Gimbal, Place, Series, Track
-from fieldkit.wording import count
+from fieldkit.flightlogs.model import Clock, FlightLog, Gimbal
 
-_TRIGGERS = {180: "CAMERA_FEEDBACK", 263: "CAMERA_IMAGE_CAPTURED", 112: "CAMERA_TRIGGER"}
-"""The first of these that a log holds is used: ArduPilot's, that of MAVLink cameras and PX4, the bare trigger."""
-_IDS = {
-    **_TRIGGERS, 2: "SYSTEM_TIME", 24: "GPS_RAW_INT", 30: "ATTITUDE", 33: "GLOBAL_POSITION_INT", 242: "HOME_POSITION",
-    285: "GIMBAL_DEVICE_ATTITUDE_STATUS", 158: "MOUNT_STATUS", 265: "MOUNT_ORIENTATION",
-    44: "MISSION_COUNT", 73: "MISSION_ITEM_INT", 47: "MISSION_ACK", 46: "MISSION_ITEM_REACHED",
+_DEG = 180.0 / math.pi
+_MESSAGES: dict[int, tuple[str, dict[str, float]]] = {
+    2: ("SYSTEM_TIME", {"time_unix_usec": 1e-6, "time_boot_ms": 1e-3}),
+    24: ("GPS_RAW_INT", {"time_usec": 1e-6, "h_acc": 1e-3}),
+    30: ("ATTITUDE", {"time_boot_ms": 1e-3, **dict.fromkeys(("roll", "pitch", "yaw"), _DEG)}),
+    33: ("GLOBAL_POSITION_INT", {
+        "time_boot_ms": 1e-3, "lat": 1e-7, "lon": 1e-7, "alt": 1e-3, "relative_alt": 1e-3, "vx": 0.01, "vy": 0.01,
+        "vz": 0.01,
+    }),
+    112: ("CAMERA_TRIGGER", {"time_usec": 1e-6, "seq": 1.0}),
+    158: ("MOUNT_STATUS", {"pointing_a": 0.01, "pointing_b": 0.01, "pointing_c": 0.01}),
+    180: ("CAMERA_FEEDBACK", {
+        "time_usec": 1e-6, "cam_idx": 1.0, "img_idx": 1.0, "lat": 1e-7, "lng": 1e-7, "alt_msl": 1.0, "alt_rel": 1.0,
+        "roll": 1.0, "pitch": 1.0, "yaw": 1.0,
+    }),
+    242: ("HOME_POSITION", {"latitude": 1e-7, "longitude": 1e-7, "altitude": 1e-3}),
+    263: ("CAMERA_IMAGE_CAPTURED", {
+        "time_boot_ms": 1e-3, "time_utc": 1e-6, "camera_id": 1.0, "lat": 1e-7, "lon": 1e-7, "alt": 1e-3,
+        "relative_alt": 1e-3, "image_index": 1.0,
+    }),
+    265: ("MOUNT_ORIENTATION", {"time_boot_ms": 1e-3, "roll": 1.0, "pitch": 1.0, "yaw": 1.0}),
+    285: ("GIMBAL_DEVICE_ATTITUDE_STATUS", {"time_boot_ms": 1e-3, "flags": 1.0, "q": 1.0}),
 }  # fmt: skip
+"""What is read, by its id: name, and fields with degrees, metres and seconds per unit."""
+_MISSION_MESSAGES = {44: "MISSION_COUNT", 73: "MISSION_ITEM_INT", 47: "MISSION_ACK", 46: "MISSION_ITEM_REACHED"}
+_IDS = {**{key: name for key, (name, _) in _MESSAGES.items()}, **_MISSION_MESSAGES}
+_TRIGGERS = ("CAMERA_FEEDBACK", "CAMERA_IMAGE_CAPTURED", "CAMERA_TRIGGER")
+"""ArduPilot's, that of MAVLink cameras and PX4, the bare trigger."""
+_LAYOUT = Layout(
+    triggers=(
+        TriggerSource("CAMERA_FEEDBACK", "img_idx", ("lat", "lng", "alt_msl", "alt_rel"), ("roll", "pitch", "yaw"),
+                      "cam_idx", "time_usec", "time_usec"),
+        TriggerSource("CAMERA_IMAGE_CAPTURED", "image_index", ("lat", "lon", "alt", "relative_alt"),
+                      camera="camera_id", boot="time_boot_ms", utc="time_utc"),
+        TriggerSource("CAMERA_TRIGGER", "seq", boot="time_usec", utc="time_usec"),
+    ),
+    position=("GLOBAL_POSITION_INT", ("lat", "lon", "alt", "relative_alt")),
+    velocity=(("GLOBAL_POSITION_INT", ("vx", "vy", "vz")),),
+    attitude=("ATTITUDE", ("roll", "pitch", "yaw")),
+    gimbals=(
+        ("GIMBAL_DEVICE_ATTITUDE_STATUS", ("q",), "flags"),
+        ("MOUNT_ORIENTATION", ("roll", "pitch", "yaw"), "vehicle"),
+        ("MOUNT_STATUS", ("pointing_b", "pointing_a", "pointing_c"), "vehicle"),
+    ),
+    accuracy=(("GPS_RAW_INT", ("h_acc",)),),
+    home=("HOME_POSITION", ("latitude", "longitude", "altitude")),
+)  # fmt: skip
 _STATION_SYSTEMS = (255,)
 _REMEDY = "Give the .tlog that the ground station wrote, or the autopilot's own log (.BIN, .ulg)."
-
-Stamped = tuple[float, Any]
-
 
 _MOUNT_CONTROL, _PITCHYAW = 205, 1000
 _ROI = (195, 197, 201)
 _DIGICAM, _CAPTURE, _DISTANCE = 203, 2000, 206
 _YAW_LOCK = 16
 _MISSION, _ACCEPTED = 0, 0
+
+Stamped = tuple[float, Any]
 
 
 def read_tlog(data: bytes, path: Path) -> FlightLog:
@@ -83,12 +110,17 @@ def read_tlog(data: bytes, path: Path) -> FlightLog:
         name: [(s, m) for s, m in found if m.get_srcSystem() == system or name.startswith("MISSION_")]
         for name, found in by_name.items()
     }
-    return _flight(own, path, system, remarks)
+    tables = _tables(own)
+    on_boot = ("GLOBAL_POSITION_INT", "ATTITUDE", "SYSTEM_TIME")
+    clock: Clock = "boot" if any(name in tables for name in on_boot) else "UTC"
+    offset = _utc_offset(tables, remarks) if clock == "boot" else None
+    mission = _mission(own, system)
+    return flight_log(path, "tlog", tables, _LAYOUT, remarks, clock=clock, utc_offset_s=offset, commanded=mission)
 
 
 def _vehicle(by_name: dict[str, list[Stamped]]) -> tuple[int, bool]:
     """The system that the log is of: the one that triggers, else the one that reports most."""
-    for names in (tuple(_TRIGGERS.values()), ("GLOBAL_POSITION_INT", "ATTITUDE"), tuple(by_name)):
+    for names in (_TRIGGERS, ("GLOBAL_POSITION_INT", "ATTITUDE"), tuple(by_name)):
         counts = Counter(m.get_srcSystem() for name in names for _, m in by_name[name])
         for station in _STATION_SYSTEMS:
             counts.pop(station, None)
@@ -97,224 +129,112 @@ def _vehicle(by_name: dict[str, list[Stamped]]) -> tuple[int, bool]:
     return 1, False
 
 
-def _flight(own: dict[str, list[Stamped]], path: Path, system: int, remarks: list[str]) -> FlightLog:
-    name = next((name for name in _TRIGGERS.values() if own[name]), None)
-    raw = own[name] if name is not None else []
-    track = _track(own)
-    boot = len(track.position) > 0 or len(track.attitude) > 0 or len(own["SYSTEM_TIME"]) > 0
-    clock: Clock = "boot" if boot else "UTC"
-    offset = _utc_offset(own, raw, remarks) if boot else 0.0
-    raw = _one_camera(raw, remarks)
-    told = [(stamp, event) for stamp, m in raw if (event := _event(m, boot, offset)) is not None]
-    if len(told) < len(raw):
-        untimed = count(len(raw) - len(told), "trigger message has", "trigger messages have")
-        remarks.append(f"{untimed} no time that makes sense; not used")
-    mission = MissionRecord.from_messages(own, system)
-    stamps = {event.time_s: stamp for stamp, event in told}
-    triggers = complete([event for _, event in told], track, lambda time: mission.gimbal_at(stamps.get(time)))
-    remarks += missing_numbers(triggers)
-    first = min(stamps.values(), default=float("inf"))
-    return FlightLog(path, "tlog", clock, _home(own, first), triggers, track, tuple(remarks))
+def _tables(own: Mapping[str, Sequence[Stamped]]) -> dict[str, Table]:
+    """The messages' fields; without positions of no fix, accuracies that say nothing and gimbals beside the first."""
+    tables = {}
+    for name, scales in _MESSAGES.values():
+        layout = np.dtype([(field, np.float64, (4,) if field == "q" else ()) for field in scales])
+        found = [(stamp, m) for stamp, m in own[name] if _counts(m)]
+        if name == "GIMBAL_DEVICE_ATTITUDE_STATUS" and found:
+            device = min(_device(m) for _, m in found)
+            found = [(stamp, m) for stamp, m in found if _device(m) == device]
+        if found:
+            rows = np.array([tuple(getattr(m, field) for field in scales) for _, m in found], layout)
+            stamps = np.array([stamp for stamp, _ in found])
+            tables[name] = replace(Table.of(rows, scales, "time_boot_ms|time_usec"), stamps_s=stamps)
+    if "MOUNT_STATUS" in tables:
+        tables["MOUNT_STATUS"] = _timed(tables["MOUNT_STATUS"], tables.get("ATTITUDE"))
+    return tables
 
 
-def _one_camera(raw: list[Stamped], remarks: list[str]) -> list[Stamped]:
-    cameras = Counter(int(getattr(m, "cam_idx", getattr(m, "camera_id", 0))) for _, m in raw)
-    if len(cameras) > 1:
-        remarks.append(f"the log has triggers of {len(cameras)} cameras; camera {min(cameras)} is used")
-        return [(s, m) for s, m in raw if getattr(m, "cam_idx", getattr(m, "camera_id", 0)) == min(cameras)]
-    return raw
-
-
-def _event(m: Any, boot: bool, offset: float | None) -> Event | None:
-    """What a trigger message says; None where its time makes no sense."""
+def _counts(m: Any) -> bool:
     kind = m.get_type()
-    utc = as_utc((m.time_utc if kind == "CAMERA_IMAGE_CAPTURED" else m.time_usec) * 1e-6)
-    since_boot = as_boot(m.time_boot_ms * 1e-3 if kind == "CAMERA_IMAGE_CAPTURED" else m.time_usec * 1e-6)
-    time = since_boot if boot else utc
-    if boot and time is None and utc is not None and offset is not None:
-        time = as_boot(utc - offset)
-    if time is None:
-        return None
-    if utc is None and offset is not None and boot:
-        utc = as_utc(time + offset)
-    place = attitude = image = None
-    if kind == "CAMERA_FEEDBACK":
-        image = int(m.img_idx)
-        place = as_place(m.lat * 1e-7, m.lng * 1e-7, m.alt_msl, m.alt_rel)
-        attitude = as_attitude(m.roll, m.pitch, m.yaw)
-    elif kind == "CAMERA_IMAGE_CAPTURED":
-        image = int(m.image_index)
-        place = as_place(m.lat * 1e-7, m.lon * 1e-7, m.alt * 1e-3, m.relative_alt * 1e-3)
-    else:
-        image = int(m.seq)
-    return Event(time, utc, image, place, attitude, kind)
+    if kind == "GLOBAL_POSITION_INT":
+        return bool(m.lat or m.lon)
+    return bool(kind != "GPS_RAW_INT" or 0 < m.h_acc < 1_000_000)
 
 
-def _utc_offset(own: dict[str, list[Stamped]], raw: list[Stamped], remarks: list[str]) -> float | None:
+def _timed(table: Table, attitude: Table | None) -> Table:
+    """MOUNT_STATUS has no time of its own: that of the ATTITUDE that came last before it, NaN without one."""
+    if attitude is None:
+        return table
+    order = np.argsort(attitude.stamps_s, kind="stable")
+    arrivals, times = attitude.stamps_s[order], attitude.times_s[order]
+    before = np.searchsorted(arrivals, table.stamps_s, side="right") - 1
+    since = table.stamps_s - arrivals[before]
+    return replace(table, times_s=np.where((before >= 0) & (since < 1.0), times[before] + since, np.nan))
+
+
+def _utc_offset(tables: Mapping[str, Table], remarks: list[str]) -> float | None:
     """UTC less seconds since boot."""
-    both = [
-        utc - m.time_boot_ms * 1e-3
-        for _, m in own["SYSTEM_TIME"]
-        if (utc := as_utc(m.time_unix_usec * 1e-6)) is not None
-    ]
-    if both:
-        return float(np.median(both))
-    stamps = [stamp - m.time_boot_ms * 1e-3 for stamp, m in own["GLOBAL_POSITION_INT"] + own["ATTITUDE"]]
-    delays = [
-        utc - stamp
-        for stamp, m in raw
-        if (utc := as_utc(getattr(m, "time_utc", getattr(m, "time_usec", 0)) * 1e-6)) is not None
-    ]
-    if not stamps or not delays:
+    both = tables.get("SYSTEM_TIME")
+    if both is not None:
+        offset = median_offset(both.column("time_unix_usec"), both.times_s)
+        if offset is not None:
+            return offset
+    tracks = [tables[name] for name in ("GLOBAL_POSITION_INT", "ATTITUDE") if name in tables]
+    source = next((each for each in _LAYOUT.triggers if each.message in tables), None)
+    delay = (
+        None
+        if source is None
+        else median_offset(tables[source.message].column(source.utc), tables[source.message].stamps_s)
+    )
+    if not tracks or delay is None:
         return None
     remarks.append("UTC and boot time are related by the ground station's clock only, to within the link's delay")
-    return float(np.median(stamps) + np.median(delays))
-
-
-def _track(own: dict[str, list[Stamped]]) -> Track:
-    position = [m for _, m in own["GLOBAL_POSITION_INT"] if m.lat or m.lon]
-    attitude = [m for _, m in own["ATTITUDE"]]
-    times = [m.time_boot_ms * 1e-3 for m in position]
-    gimbal_vehicle, gimbal_north = _gimbals(own)
-    gps = [m for _, m in own["GPS_RAW_INT"] if 0 < m.h_acc < 1_000_000]
-    return Track(
-        position=Series.of(
-            times, [(m.lat * 1e-7, m.lon * 1e-7, m.alt * 1e-3, m.relative_alt * 1e-3) for m in position], 4, (1,)
-        ),
-        velocity=Series.of(times, [(m.vx * 0.01, m.vy * 0.01, m.vz * 0.01) for m in position], 3),
-        attitude=Series.of(
-            [m.time_boot_ms * 1e-3 for m in attitude],
-            np.degrees([(m.roll, m.pitch, m.yaw) for m in attitude]), 3, (0, 1, 2),
-        ),
-        gimbal_vehicle=gimbal_vehicle,
-        gimbal_north=gimbal_north,
-        accuracy=Series.of([m.time_usec * 1e-6 for m in gps], [m.h_acc * 1e-3 for m in gps], 1),
-    )  # fmt: skip
-
-
-def _gimbals(own: dict[str, list[Stamped]]) -> tuple[Series, Series]:
-    """The camera's angles by the frame of their yaw, from the first kind of report that the log has."""
-    reports = [m for _, m in own["GIMBAL_DEVICE_ATTITUDE_STATUS"]]
-    if reports:
-        device = min(_device(m) for m in reports)
-        reports = [m for m in reports if _device(m) == device]
-        angles = euler_deg([m.q for m in reports])
-        in_vehicle = np.array([gimbal_yaw_frame(int(m.flags)) == "vehicle" for m in reports])
-        times = np.array([m.time_boot_ms * 1e-3 for m in reports])
-        return (
-            Series.of(times[in_vehicle], angles[in_vehicle], 3, (0, 1, 2)),
-            Series.of(times[~in_vehicle], angles[~in_vehicle], 3, (0, 1, 2)),
-        )
-    older = [m for _, m in own["MOUNT_ORIENTATION"]]
-    if older:
-        rows = [(m.roll, m.pitch, m.yaw) for m in older]
-        return Series.of([m.time_boot_ms * 1e-3 for m in older], rows, 3, (0, 1, 2)), Series.empty(3)
-    # MOUNT_STATUS has no time of its own: that of the ATTITUDE that came last before it.
-    rows, times_s = [], []
-    attitudes = sorted(own["ATTITUDE"], key=lambda pair: pair[0])
-    arrivals = np.array([stamp for stamp, _ in attitudes])
-    for stamp, m in own["MOUNT_STATUS"]:
-        before = int(np.searchsorted(arrivals, stamp, side="right")) - 1
-        if before >= 0 and stamp - arrivals[before] < 1.0:
-            times_s.append(attitudes[before][1].time_boot_ms * 1e-3 + stamp - arrivals[before])
-            rows.append((m.pointing_b * 0.01, m.pointing_a * 0.01, m.pointing_c * 0.01))
-    return Series.of(times_s, rows, 3, (0, 1, 2)), Series.empty(3)
+    return float(np.median(np.concatenate([t.stamps_s - t.times_s for t in tracks]))) + delay
 
 
 def _device(m: Any) -> tuple[int, int]:
     return int(m.get_srcComponent()), int(getattr(m, "gimbal_device_id", 0))
 
 
-def _home(own: dict[str, list[Stamped]], before: float) -> Place | None:
-    """The last home position that was told before a time, else the first."""
-    found = [
-        (stamp, place)
-        for stamp, m in own["HOME_POSITION"]
-        if (place := as_place(m.latitude * 1e-7, m.longitude * 1e-7, m.altitude * 1e-3, 0.0)) is not None
+def _mission(own: Mapping[str, Sequence[Stamped]], system: int) -> Commanded:
+    """The gimbal as the mission had commanded it: of the last transfer of a whole one before its first item is reached.
+
+    None where no item says it, or a region of interest (whose angles depend on the place) was the last to do so.
+    """
+    reached = [(s, int(m.seq)) for s, m in own["MISSION_ITEM_REACHED"] if m.get_srcSystem() == system]
+    start = reached[0][0] if reached else float("inf")
+    transfers = [
+        (stamp, m)
+        for name in ("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK")
+        for stamp, m in own[name]
+        if stamp <= start and getattr(m, "mission_type", _MISSION) == _MISSION
     ]
-    earlier = [place for stamp, place in found if stamp <= before]
-    return earlier[-1] if earlier else found[0][1] if found else None
+    items: dict[int, Any] = {}
+    pending: dict[int, Any] = {}
+    expected = 0
+    for _, m in sorted(transfers, key=lambda pair: pair[0]):
+        kind = m.get_type()
+        if kind == "MISSION_COUNT":
+            pending, expected = {}, int(m.count)
+        elif kind == "MISSION_ITEM_INT":
+            pending[int(m.seq)] = m
+        elif m.type == _ACCEPTED and 0 < expected <= len(pending):
+            items = dict(pending)
 
-
-@dataclass(frozen=True)
-class Step:
-    """A mission item's command and its first five parameters."""
-
-    command: int
-    params: tuple[float, float, float, float, float]
-
-
-@dataclass(frozen=True)
-class MissionRecord:
-    """The mission that was flown, as far as the log holds it."""
-
-    steps: Mapping[int, Step]
-    """Items by their number."""
-    reached: Sequence[tuple[float, int]]
-    """Times and numbers of the items that were reached, in order."""
-
-    @classmethod
-    def from_messages(cls, messages: Mapping[str, list[tuple[float, Any]]], system: int) -> MissionRecord:
-        """From a telemetry log: the last transfer of a whole mission before the first item is reached.
-
-        Args:
-            messages: stamped messages by name; MISSION_COUNT, MISSION_ITEM_INT, MISSION_ACK, MISSION_ITEM_REACHED.
-            system: of the vehicle.
-        """
-        reached = [(s, int(m.seq)) for s, m in messages["MISSION_ITEM_REACHED"] if m.get_srcSystem() == system]
-        start = reached[0][0] if reached else float("inf")
-        transfers = [
-            (stamp, m)
-            for name in ("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK")
-            for stamp, m in messages[name]
-            if stamp <= start and getattr(m, "mission_type", _MISSION) == _MISSION
-        ]
-        transfers.sort(key=lambda pair: pair[0])
-        steps: dict[int, Step] = {}
-        pending: dict[int, Step] = {}
-        count = 0
-        for _, m in transfers:
-            kind = m.get_type()
-            if kind == "MISSION_COUNT":
-                pending, count = {}, int(m.count)
-            elif kind == "MISSION_ITEM_INT":
-                params = (m.param1, m.param2, m.param3, m.param4, float(m.x))
-                pending[int(m.seq)] = Step(int(m.command), params)
-            elif m.type == _ACCEPTED and count > 0 and len(pending) >= count:
-                steps = dict(pending)
-        return cls(steps, reached)
-
-    def gimbal_at(self, stamp: float | None) -> Gimbal | None:
-        """The commanded attitude at a time on ``reached``'s clock; None where no item says it, or a region of interest
-        (whose angles depend on the place) was the last to do so.
-        """
-        if stamp is None or not self.steps:
-            return None
-        index = bisect_right(self.reached, (stamp, 1 << 30)) - 1
+    def gimbal_at(stamp: float) -> Gimbal | None:
+        index = bisect_right(reached, (stamp, 1 << 30)) - 1
         if index < 0:
             return None
-        last = self.reached[index][1]
-        shutter = next((n for n in sorted(self.steps) if n > last and _is_shutter(self.steps[n])), None)
-        if shutter is None:
-            return None
-        for number in sorted((n for n in self.steps if n < shutter), reverse=True):
-            step = self.steps[number]
-            if step.command in _ROI:
-                return None
-            if step.command in (_MOUNT_CONTROL, _PITCHYAW):
-                return _commanded(step)
+        shutters = [n for n, item in items.items() if n > reached[index][1] and _is_shutter(item)]
+        pointing = [n for n, item in items.items() if item.command in (*_ROI, _MOUNT_CONTROL, _PITCHYAW)]
+        last = max((n for n in pointing if n < min(shutters)), default=None) if shutters else None
+        return None if last is None else _commanded(items[last])
+
+    return gimbal_at
+
+
+def _is_shutter(item: Any) -> bool:
+    return bool(item.command == _CAPTURE or (item.command == _DIGICAM and item.x == 1))
+
+
+def _commanded(item: Any) -> Gimbal | None:
+    if item.command in _ROI:
         return None
-
-
-def _is_shutter(step: Step) -> bool:
-    return step.command == _CAPTURE or (step.command == _DIGICAM and step.params[4] == 1.0)
-
-
-def _commanded(step: Step) -> Gimbal | None:
-    pitch = step.params[0]
-    if step.command == _MOUNT_CONTROL:
+    if item.command == _MOUNT_CONTROL:
         # On a pitch mount param 3 turns the vehicle, on a pan mount the camera: either way it is not added here.
-        return as_gimbal(0.0, pitch, 0.0, "vehicle", "commanded")
-    yaw = step.params[1] if math.isfinite(step.params[1]) else 0.0
-    lock = int(step.params[4]) & _YAW_LOCK
-    return as_gimbal(0.0, pitch, yaw, "north" if lock else "vehicle", "commanded")
+        return as_gimbal(0.0, item.param1, 0.0, "vehicle", "commanded")
+    yaw = item.param2 if math.isfinite(item.param2) else 0.0
+    return as_gimbal(0.0, item.param1, yaw, "north" if int(item.x) & _YAW_LOCK else "vehicle", "commanded")

@@ -151,7 +151,7 @@ def test_bombs_and_other_files_are_refused(tmp_path: Path) -> None:
         read_flight_log(bomb)
     large = tmp_path / "large.tlog"
     large.write_bytes(bytes(5000))
-    with pytest.raises(MetadataError, match="larger than"):
+    with pytest.raises(MetadataError, match="far too large"):
         read_flight_log(large, max_bytes=4000)
     with pytest.raises(MetadataError, match="no MAVLink"):
         read_flight_log(large)
