@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import re
 import warnings
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from PIL import Image
 
@@ -15,7 +16,7 @@ from fieldkit.captures.camera_file import CameraEntry, read_camera_file
 from fieldkit.captures.cameras import group_cameras
 from fieldkit.captures.decode import PngMetadata, dark_refusal, jpeg_is_complete, read_png_metadata, tiff_refusal
 from fieldkit.captures.exif import with_exif
-from fieldkit.captures.folder import Candidate, FolderContents, folders_of_photographs, list_capture
+from fieldkit.captures.folder import Candidate, folders_of_photographs, list_capture
 from fieldkit.captures.geo_txt import read_geo_txt
 from fieldkit.captures.gps_tags import Problem, settle_hemispheres
 from fieldkit.captures.markers_file import read_markers_file
@@ -61,35 +62,45 @@ def read_capture(
     """
     folder = Path(folder)
     contents = list_capture(folder)
-    if not sidecars:
-        others = {name: path for name, path in contents.sidecars.items() if name not in ("poses.csv", "geo.txt")}
-        contents = replace(contents, sidecars=others)
-    photos: list[Photo] = []
-    findings = list(contents.findings)
-    for candidate in contents.candidates:
-        read = read_photo(candidate, max_pixels)
-        findings.extend(read.findings)
-        if read.photo is not None:
-            photos.append(read.photo)
+    beside = {name: path for name, path in contents.sidecars.items() if sidecars or name not in _POSITIONS}
+    read = [read_photo(candidate, max_pixels) for candidate in contents.candidates]
+    findings = [*contents.findings, *(finding for each in read for finding in each.findings)]
+    photos = [each.photo for each in read if each.photo is not None]
     if not photos:
         raise _no_photographs(folder, findings)
-    photos, duplicates = _distinct(photos, contents)
-    entries, _ = camera_entries(contents.sidecars)
-    names = [photo.name for photo in photos]
-    located = set(match_names(listed_names(contents.sidecars), names).values())
-    kept, other_cameras = one_camera(photos, located=located, calibrated=names_in(entries, names))
-    aside = set(names) - {photo.name for photo in kept}
-    photos, hemispheres = settle_hemispheres(kept)
-    findings = [*without_findings_of(aside, findings), *duplicates, *other_cameras, *hemispheres]
+    located = match_names(listed_names(beside), [photo.name for photo in photos]).values()
+    photos, duplicates = distinct(photos, set(located))
+    kept, other_cameras = of_one_camera(photos, [Part.of(photos, beside)])
+    aside = {photo.name for photo in photos} - {photo.name for photo in kept}
+    kept, hemispheres = settle_hemispheres(kept)
     folders = (folder.absolute(), contents.image_folder.absolute())
-    sizes = {photo.name: (photo.width, photo.height) for photo in photos}
+    sizes = {photo.name: (photo.width, photo.height) for photo in kept}
     program, odd = program_of(sizes, folders, poses) if sidecars or poses is not None else (None, ())
-    groups, camera_findings = _cameras(photos, contents, program)
-    priors = _priors(photos, contents, program)
-    findings += [*camera_findings, *without_findings_of(aside, [*odd, *priors.findings])]
-    markers = contents.sidecars.get("markers.toml")
-    capture = assembled(folders, photos, groups, findings, priors, markers)
-    return capture if program is None or priors.metric_source == program.program else replace(capture, program=program)
+    findings += [*duplicates, *other_cameras, *hemispheres]
+    capture = assembled(folders, kept, [Part.of(kept, beside, whole=True)], findings, program=program, odd=odd)
+    # What is odd about photographs set aside does not matter, under whatever names sidecars give them.
+    meant = match_names([f.subject for f in capture.findings if not f.left_out], aside)
+    return replace(capture, findings=tuple(f for f in capture.findings if f.left_out or f.subject not in meant))
+
+
+@dataclass(frozen=True)
+class Part:
+    """Photographs of a capture that share sidecars."""
+
+    names: Mapping[str, str]
+    """The capture's names, in order, by those that the sidecars know."""
+    sidecars: Mapping[str, Path]
+    whole: bool = False
+    """Whether it is a whole folder: what its sidecars say of other photographs is told."""
+
+    @classmethod
+    def of(cls, photos: Sequence[Photo], sidecars: Mapping[str, Path], *, whole: bool = False) -> Part:
+        """Of photographs that have one name."""
+        return cls({photo.name: photo.name for photo in photos}, sidecars, whole)
+
+    def renamed(self, listed: Iterable[str]) -> dict[str, str]:
+        """The capture's names by those that a sidecar lists, without those of other photographs."""
+        return {entry: self.names[name] for entry, name in match_names(listed, self.names).items()}
 
 
 def camera_entries(
@@ -105,31 +116,48 @@ def names_in(entries: Sequence[CameraEntry], names: Iterable[str]) -> set[str]:
     return {name for name in names if any(entry.images and entry.covers(name) for entry in entries)}
 
 
-def without_findings_of(aside: Collection[str], findings: Sequence[Finding]) -> list[Finding]:
-    """Findings but for those of photographs that are set aside, under whatever names sidecars give them."""
-    meant = match_names([f.subject for f in findings if not f.left_out], aside)
-    return [f for f in findings if f.left_out or f.subject not in meant]
+def of_one_camera(
+    photos: Sequence[Photo], parts: Sequence[Part], camera: Path | None = None
+) -> tuple[list[Photo], list[Finding]]:
+    """`one_camera`, with what the sidecars say; ``camera`` is the camera file of parts without one."""
+    located, calibrated = set[str](), set[str]()
+    for part in parts:
+        located |= set(part.renamed(listed_names(part.sidecars)).values())
+        entries, _ = camera_entries(part.sidecars, camera)
+        calibrated |= {part.names[name] for name in names_in(entries, part.names)}
+    return one_camera(photos, located=located, calibrated=calibrated)
 
 
 def assembled(
-    folders: tuple[Path, Path],
-    photos: Sequence[Photo],
-    groups: Sequence[CameraGroup],
-    findings: Sequence[Finding],
-    priors: PriorSet,
-    markers: Path | None,
-) -> Capture:
-    """A capture of its parts: folder and image folder, and perhaps a markers.toml, which is read here."""
+    folders: tuple[Path, Path], photos: Sequence[Photo], parts: Sequence[Part], findings: Sequence[Finding], *,
+    camera: Path | None = None, program: ProgramPoses | None = None, odd: Sequence[Finding] = (),
+) -> Capture:  # fmt: skip
+    """A capture of photographs, with what their sidecars or another program say of them.
+
+    Args:
+        folders: of the capture, and of its images.
+        photos: in order.
+        parts: of them.
+        findings: so far.
+        camera: camera file of parts that have none.
+        program: another program's poses of them.
+        odd: what is odd about these.
+    """
+    groups, of_cameras = _cameras(photos, parts, camera, program)
+    priors = _priors(photos, parts, program)
+    markers = {part.sidecars.get("markers.toml") for part in parts}
+    marker = markers.pop() if len(markers) == 1 else None
     return Capture(
         *folders,
         photos=tuple(photos),
         groups=tuple(groups),
-        findings=tuple(findings),
+        findings=(*findings, *of_cameras, *odd, *priors.findings),
         priors=priors.priors,
         metric_source=priors.metric_source,
         origin=priors.origin,
         height_source=priors.height_source,
-        markers=None if markers is None else read_markers_file(markers),
+        markers=None if marker is None else read_markers_file(marker),
+        program=None if program is None or priors.metric_source == program.program else program,
     )
 
 
@@ -220,29 +248,23 @@ def _opened(candidate: Candidate, max_pixels: int) -> tuple[Photo, list[Problem]
     return photo, problems
 
 
-def _distinct(photos: list[Photo], contents: FolderContents) -> tuple[list[Photo], list[Finding]]:
-    """One photograph of each content: the one that poses.csv or geo.txt names, else the first."""
-    groups: dict[str, list[Photo]] = {}
-    for photo in photos:
-        groups.setdefault(photo.sha256, []).append(photo)
-    if len(groups) == len(photos):
-        return photos, []
-    located = set(match_names(listed_names(contents.sidecars), [photo.name for photo in photos]).values())
-    kept = {key: next((p.name for p in group if p.name in located), group[0].name) for key, group in groups.items()}
+def distinct(photos: Sequence[Photo], located: Collection[str] = ()) -> tuple[list[Photo], list[Finding]]:
+    """One photograph of each content: the first that is ``located``, else the first."""
+    kept: dict[str, Photo] = {}
+    for photo in sorted(photos, key=lambda each: each.name not in located):
+        kept.setdefault(photo.sha256, photo)
     findings = [
-        Finding(photo.name, "duplicate", f"the same bytes as {kept[photo.sha256]}", True)
+        Finding(photo.name, "duplicate", f"the same bytes as {kept[photo.sha256].name}", True)
         for photo in photos
-        if photo.name != kept[photo.sha256]
+        if photo is not kept[photo.sha256]
     ]
-    return [photo for photo in photos if photo.name == kept[photo.sha256]], findings
+    return [photo for photo in photos if photo is kept[photo.sha256]], findings
 
 
 def listed_names(sidecars: Mapping[str, Path]) -> list[str]:
     """Names in the sidecar that the positions come from."""
-    poses, geo = sidecars.get("poses.csv"), sidecars.get("geo.txt")
-    if poses is not None:
-        return [row.image for row in read_poses_csv(poses)[0]]
-    return [] if geo is None else [row.image for row in read_geo_txt(geo)[0]]
+    kind = next((kind for kind in _POSITIONS if kind in sidecars), None)
+    return [] if kind is None else [row.image for row in _POSITIONS[kind][0](sidecars[kind])[0]]
 
 
 def _too_large(what: str, max_pixels: int) -> str:
@@ -250,16 +272,31 @@ def _too_large(what: str, max_pixels: int) -> str:
 
 
 def _cameras(
-    photos: list[Photo], contents: FolderContents, program: ProgramPoses | None
+    photos: Sequence[Photo], parts: Sequence[Part], camera: Path | None, program: ProgramPoses | None
 ) -> tuple[list[CameraGroup], list[Finding]]:
-    toml, json_file = contents.sidecars.get("camera.toml"), contents.sidecars.get("camera.json")
-    path = toml or json_file
-    if path is None:
-        return _program_cameras(photos, program)
-    groups, findings = group_cameras(photos, read_camera_file(path), path)
-    if toml is not None and json_file is not None:
-        findings.append(Finding("camera.json", "sidecar-unused", "camera.toml is used instead"))
-    return groups, findings
+    """Camera groups of all parts; those of one camera, calibrated alike, are one."""
+    by_name = {photo.name: photo for photo in photos}
+    merged: dict[tuple[object, ...], CameraGroup] = {}
+    findings: list[Finding] = []
+    for part in parts:
+        members = [replace(by_name[name], name=own) for own, name in part.names.items()]
+        entries, file = camera_entries(part.sidecars, camera)
+        groups, odd = _program_cameras(members, program) if file is None else group_cameras(members, entries, file)
+        if not part.whole:
+            odd = [finding for finding in odd if finding.code != "camera-unused"]
+        elif "camera.toml" in part.sidecars and "camera.json" in part.sidecars:
+            odd = [*odd, Finding("camera.json", "sidecar-unused", "camera.toml is used instead")]
+        findings += [replace(f, subject=part.names.get(f.subject, f.subject)) for f in odd]
+        for group in groups:
+            same = (group.key, group.intrinsics, group.source, group.fixed)
+            earlier = merged[same].photos if same in merged else ()
+            merged[same] = replace(group, photos=(*earlier, *(part.names[name] for name in group.photos)))
+    keys: dict[str, int] = {}
+    result = []
+    for group in merged.values():
+        number = keys[group.key] = keys.get(group.key, 0) + 1
+        result.append(group if number == 1 else replace(group, key=f"{group.key} ({number})"))
+    return result, findings
 
 
 def _program_cameras(photos: list[Photo], program: ProgramPoses | None) -> tuple[list[CameraGroup], list[Finding]]:
@@ -281,23 +318,38 @@ def _fits(entry: CameraEntry, photos: list[Photo]) -> bool:
     return all(entry.at_size(photo.width, photo.height) for photo in photos if entry.covers(photo.name))
 
 
-def _priors(photos: list[Photo], contents: FolderContents, program: ProgramPoses | None) -> PriorSet:
-    poses, geo = contents.sidecars.get("poses.csv"), contents.sidecars.get("geo.txt")
-    try:
-        if poses is not None:
-            pose_rows, odd = read_poses_csv(poses)
-            priors = priors_from_poses(photos, pose_rows)
-        elif geo is not None:
-            geo_rows, odd = read_geo_txt(geo)
-            priors = priors_from_geo(photos, geo_rows)
-        elif program is not None and program.metric:
-            return priors_from_program(photos, program)
-        else:
-            return priors_from_gps(photos)
-    except MetadataError as error:
-        if error.path is None:
-            raise MetadataError(error.message, path=poses or geo, remedy=error.remedy) from error
-        raise
-    if poses is not None and geo is not None:
-        odd = [*odd, Finding("geo.txt", "sidecar-unused", "poses.csv is used instead")]
-    return replace(priors, findings=(*odd, *priors.findings))
+def _priors(photos: Sequence[Photo], parts: Sequence[Part], program: ProgramPoses | None) -> PriorSet:
+    """poses.csv before geo.txt before another program before GPS: the first kind that names any of the photographs."""
+    for kind, (read, made) in _POSITIONS.items():
+        rows: list[Any] = []
+        findings: list[Finding] = []
+        for part in parts:
+            if kind not in part.sidecars:
+                continue
+            found, odd = read(part.sidecars[kind])
+            if not part.whole:
+                meant = part.renamed(row.image for row in found)
+                found = [replace(row, image=meant[row.image]) for row in found if row.image in meant]
+                odd = [replace(each, subject=meant[each.subject]) for each in odd if each.subject in meant]
+            rows += found
+            findings += odd
+        if not rows:
+            continue
+        try:
+            priors = made(photos, rows)
+        except MetadataError as error:
+            path = next(part.sidecars[kind] for part in parts if kind in part.sidecars)
+            raise MetadataError(error.message, path=error.path or path, remedy=error.remedy) from error
+        if kind == "poses.csv" and any(part.whole and "geo.txt" in part.sidecars for part in parts):
+            findings.append(Finding("geo.txt", "sidecar-unused", "poses.csv is used instead"))
+        return replace(priors, findings=(*findings, *priors.findings))
+    if program is not None and program.metric:
+        return priors_from_program(photos, program)
+    return priors_from_gps(photos)
+
+
+_POSITIONS: dict[str, tuple[Callable[[Path], Any], Callable[[Sequence[Photo], list[Any]], PriorSet]]] = {
+    "poses.csv": (read_poses_csv, priors_from_poses),
+    "geo.txt": (read_geo_txt, priors_from_geo),
+}
+"""Sidecars with positions: how they are read, and what priors they give."""

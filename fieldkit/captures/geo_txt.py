@@ -19,6 +19,7 @@ import numpy as np
 
 from fieldkit.captures.crs import height_unit_m, parse_crs, to_geodetic
 from fieldkit.captures.folder import PHOTO_SUFFIXES
+from fieldkit.captures.model import GeoTag
 from fieldkit.captures.tables import keep_row, parse_number, read_text
 from fieldkit.documents.mistaken import DEGREES, SWAPPED, look_like_degrees, look_swapped
 from fieldkit.errors import MetadataError
@@ -34,20 +35,13 @@ _CLEARLY = 0.3  # times the other reading's difference: what makes heights' unit
 _GEOGRAPHIC = re.compile(r"(WGS\s*84|\+proj=(longlat|latlong)\b.*)", re.IGNORECASE)
 
 
-@dataclass(frozen=True)
-class GeoRow:
-    """One line: degrees (WGS 84) and metres; None where the file gives nothing."""
+@dataclass(frozen=True, kw_only=True)
+class GeoRow(GeoTag):
+    """One line: a photograph's position."""
 
     image: str
-    latitude_deg: float
-    longitude_deg: float
-    altitude_m: float | None = None
-    horizontal_accuracy_m: float | None = None
-    vertical_accuracy_m: float | None = None
     has_angles: bool = False
     """Whether the line has angles that are not all zero (ODM's "not available")."""
-    datum: str = "unknown"
-    """Of the altitude, as of `fieldkit.captures.GeoTag`."""
     assumed_unit_m: float = 1.0
     """Metres per unit that altitude and accuracies are taken to be in, where x and y are in feet and the projection
     does not say what heights are in; else 1. See `settled_heights`."""
@@ -57,12 +51,6 @@ class GeoRow:
         lengths = (self.altitude_m, self.horizontal_accuracy_m, self.vertical_accuracy_m)
         altitude, horizontal, vertical = (None if value is None else value * factor for value in lengths)
         return replace(self, altitude_m=altitude, horizontal_accuracy_m=horizontal, vertical_accuracy_m=vertical)
-
-
-@dataclass(frozen=True)
-class _RawRow:
-    line: int
-    row: GeoRow
 
 
 def read_geo_txt(path: Path) -> tuple[list[GeoRow], list[Finding]]:
@@ -85,18 +73,24 @@ def parse_geo_txt(text: str, path: Path | None = None) -> tuple[list[GeoRow], li
         row = _read_row(line.split(), number, path)
         if odd := keep_row(kept, row.image, row, number, "position", path):
             findings.append(Finding(row.image, "pose-repeated", odd))
-    raw = [_RawRow(*entry) for entry in kept.values()]
-    if not raw:
+    if not kept:
         raise MetadataError("no photograph is listed", path=path, remedy=f"Expected lines of {_LAYOUT}.")
+    numbered = list(kept.values())
     if projection is not None:
-        raw = _to_geographic(raw, projection, header, path)
-    for entry in raw:
-        _check_degrees(entry, path)
-    if any(entry.row.has_angles for entry in raw):
-        findings.append(
-            Finding("geo.txt", "angles-not-used", "the angles are not used, since the format does not define them")
-        )
-    return [entry.row for entry in raw], findings
+        numbered = _to_geographic(numbered, projection, header, path)
+    for number, row in numbered:
+        if not on_earth(row.latitude_deg, row.longitude_deg):
+            swapped = look_swapped(row.latitude_deg, row.longitude_deg)
+            where = f"longitude {row.longitude_deg:.6g}, latitude {row.latitude_deg:.6g}"
+            raise MetadataError(
+                f"line {number}: {row.image} lies at {where}",
+                path=path,
+                remedy=SWAPPED.remedy if swapped else "Check that the projection fits the coordinates.",
+            )
+    if any(row.has_angles for _, row in numbered):
+        said = "the angles are not used, since the format does not define them"
+        findings.append(Finding("geo.txt", "angles-not-used", said))
+    return [row for _, row in numbered], findings
 
 
 def _projection(header: str, path: Path | None) -> str | None:
@@ -178,37 +172,25 @@ def settled_heights(rows: Sequence[GeoRow], altitudes_m: Mapping[str, float]) ->
     return list(rows), [Finding("geo.txt", "height-unit", said)]
 
 
-def _to_geographic(raw: list[_RawRow], projection: str, header: str, path: Path | None) -> list[_RawRow]:
+def _to_geographic(
+    numbered: list[tuple[int, GeoRow]], projection: str, header: str, path: Path | None
+) -> list[tuple[int, GeoRow]]:
     crs = parse_crs(projection, path, said=f"line 1: {header[:60]!r}")
-    low = next((entry for entry in raw if entry.row.altitude_m is None), None)
+    low = next((number for number, row in numbered if row.altitude_m is None), None)
     if crs.is_geocentric and low is not None:
-        message = f"line {low.line}: geocentric coordinates need z"
+        message = f"line {low}: geocentric coordinates need z"
         raise MetadataError(message, path=path, remedy=f"Expected {_LAYOUT}.")
-    points = np.array([(e.row.longitude_deg, e.row.latitude_deg, e.row.altitude_m or 0.0) for e in raw])
+    points = np.array([(row.longitude_deg, row.latitude_deg, row.altitude_m or 0.0) for _, row in numbered])
     if crs.is_projected and look_like_degrees(*points[:, :2].T):
         message = f"x and y are of {header[:60]}, in metres or feet, and {DEGREES.looks_like}"
         raise MetadataError(message, path=path, remedy=DEGREES.remedy)
     geodetic = to_geodetic(points, crs, path)
     unit, stated = height_unit_m(crs)
     found = []
-    for entry, (latitude, longitude, height) in zip(raw, geodetic.tolist(), strict=True):
-        row = entry.row.with_lengths(1.0 if crs.is_geocentric else unit)
+    for (number, row), (latitude, longitude, height) in zip(numbered, geodetic.tolist(), strict=True):
+        row = row.with_lengths(1.0 if crs.is_geocentric else unit)
         if crs.is_geocentric:
             row = replace(row, altitude_m=height, datum="ellipsoid")
-        row = replace(
-            row, latitude_deg=latitude, longitude_deg=longitude, assumed_unit_m=1.0 if stated else unit
-        )  # fmt: skip
-        found.append(replace(entry, row=row))
+        row = replace(row, latitude_deg=latitude, longitude_deg=longitude, assumed_unit_m=1.0 if stated else unit)
+        found.append((number, row))
     return found
-
-
-def _check_degrees(entry: _RawRow, path: Path | None) -> None:
-    latitude, longitude = entry.row.latitude_deg, entry.row.longitude_deg
-    if on_earth(latitude, longitude):
-        return
-    swapped = look_swapped(latitude, longitude)
-    raise MetadataError(
-        f"line {entry.line}: {entry.row.image} lies at longitude {longitude:.6g}, latitude {latitude:.6g}",
-        path=path,
-        remedy=SWAPPED.remedy if swapped else "Check that the projection fits the coordinates.",
-    )

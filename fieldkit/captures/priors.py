@@ -127,18 +127,7 @@ def priors_from_geo(photos: Sequence[Photo], rows: Sequence[GeoRow]) -> PriorSet
     own = {p.name: p.geotag.altitude_m for p in photos if p.geotag is not None and p.geotag.altitude_m is not None}
     rows, odd = settled_heights(rows, {row: own[name] for row, name in matched.items() if name in own})
     findings += odd
-    by_name = {matched[row.image]: row for row in rows if row.image in matched}
-    tags = {
-        name: GeoTag(
-            row.latitude_deg,
-            row.longitude_deg,
-            row.altitude_m,
-            datum=row.datum,
-            horizontal_accuracy_m=row.horizontal_accuracy_m,
-            vertical_accuracy_m=row.vertical_accuracy_m,
-        )
-        for name, row in by_name.items()
-    }
+    tags: dict[str, GeoTag] = {matched[row.image]: row for row in rows if row.image in matched}
     return _finish(_georeferenced(photos, tags, "geo.txt", findings), photos)
 
 

@@ -8,20 +8,14 @@ moved, copied or changed, and each photograph keeps the sidecars of its own fold
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fieldkit.captures.cameras import group_cameras
-from fieldkit.captures.capture import assembled, camera_entries, listed_names, names_in, read_photo
+from fieldkit.captures.capture import Part, assembled, distinct, of_one_camera, read_photo
 from fieldkit.captures.folder import FolderContents, list_folder, natural_key
-from fieldkit.captures.geo_txt import read_geo_txt
 from fieldkit.captures.gps_tags import settle_hemispheres
-from fieldkit.captures.model import CameraGroup, Capture, Photo
-from fieldkit.captures.one_camera import one_camera
-from fieldkit.captures.poses_csv import read_poses_csv
-from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps, priors_from_poses
-from fieldkit.captures.tables import match_names
+from fieldkit.captures.model import Capture, Photo
 from fieldkit.errors import CaptureError
 from fieldkit.results.finding import Finding
 from fieldkit.runtime.progress import Progress, Silent
@@ -101,8 +95,10 @@ def find_photographs(
                 odd = (*(f for f in contents.findings if f.subject == candidate.name), *read.findings)
                 found.append(FoundPhoto(read.photo, place, contents.sidecars, odd))
             advance(1)
-    distinct, duplicates = _distinct(sorted(found, key=lambda each: natural_key(each.place)))
-    settled, hemispheres = _with_hemispheres(distinct)
+    found.sort(key=lambda each: natural_key(each.place))
+    once, duplicates = distinct([replace(each.photo, name=each.place) for each in found])
+    left = {photo.name for photo in once}
+    settled, hemispheres = _with_hemispheres([each for each in found if each.place in left])
     return FoundPhotos(root, tuple(settled), (*findings, *duplicates, *hemispheres))
 
 
@@ -140,23 +136,25 @@ def capture_of(photos: Sequence[FoundPhoto], *, camera: Path | None = None, with
     """
     unwanted = frozenset(without)
     photos = sorted(photos, key=lambda each: natural_key(each.photo.path.as_posix()))  # in whatever order they come
-    photos, other_cameras = _of_one_camera(photos, camera, unwanted)
-    common = Path(os.path.commonpath([each.photo.path.parent for each in photos]))
-    named = {each.photo.path: each.photo.path.relative_to(common).as_posix() for each in photos}
-    by_folder: dict[Path, list[FoundPhoto]] = {}
-    for each in photos:
-        by_folder.setdefault(each.photo.path.parent, []).append(each)
-    ordered = sorted(
-        (replace(each.photo, name=named[each.photo.path]) for each in photos), key=lambda p: natural_key(p.name)
-    )
-    groups, findings = _cameras(by_folder, named, camera)
-    priors = _priors(ordered, by_folder, named, unwanted)
-    markers = {each.sidecars.get("markers.toml") for each in photos}
-    marker = markers.pop() if len(markers) == 1 else None
-    odd = [replace(f, subject=named[each.photo.path]) for each in photos for f in each.findings]
-    return assembled(
-        (common, common), ordered, groups, [*odd, *other_cameras, *findings, *priors.findings], priors, marker
-    )
+    _, named, parts = _parts(photos, unwanted)
+    kept, other_cameras = of_one_camera(named, parts, camera)
+    left = {photo.path for photo in kept}
+    photos = [each for each in photos if each.photo.path in left]
+    common, named, parts = _parts(photos, unwanted)
+    odd = [replace(f, subject=photo.name) for photo, each in zip(named, photos, strict=True) for f in each.findings]
+    ordered = sorted(named, key=lambda photo: natural_key(photo.name))
+    return assembled((common, common), ordered, parts, [*odd, *other_cameras], camera=camera)
+
+
+def _parts(found: Sequence[FoundPhoto], unwanted: Collection[str]) -> tuple[Path, list[Photo], list[Part]]:
+    """The folder that photographs have in common, they by their paths below it, and parts of a capture by folder."""
+    common = Path(os.path.commonpath([each.photo.path.parent for each in found]))
+    photos = [replace(each.photo, name=each.photo.path.relative_to(common).as_posix()) for each in found]
+    parts: dict[Path, tuple[dict[str, str], dict[str, Path]]] = {}
+    for photo, each in zip(photos, found, strict=True):
+        beside = {kind: path for kind, path in each.sidecars.items() if kind not in unwanted}
+        parts.setdefault(photo.path.parent, ({}, beside))[0][each.photo.name] = photo.name
+    return common, photos, [Part(*part) for part in parts.values()]
 
 
 def _folders(root: Path, skip: Callable[[Path], bool] | None) -> list[Path]:
@@ -189,16 +187,6 @@ def _place(path: Path, root: Path) -> str:
     return path.relative_to(root).as_posix().encode("utf-8", "backslashreplace").decode()
 
 
-def _distinct(found: Sequence[FoundPhoto]) -> tuple[list[FoundPhoto], list[Finding]]:
-    first: dict[str, FoundPhoto] = {}
-    findings = []
-    for each in found:
-        kept = first.setdefault(each.photo.sha256, each)
-        if kept is not each:
-            findings.append(Finding(each.place, "duplicate", f"the same bytes as {kept.place}", True))
-    return list(first.values()), findings
-
-
 def _with_hemispheres(found: Sequence[FoundPhoto]) -> tuple[list[FoundPhoto], list[Finding]]:
     """`settle_hemispheres`, its findings named by places."""
     settled, findings = settle_hemispheres([replace(each.photo, name=each.place) for each in found])
@@ -206,79 +194,3 @@ def _with_hemispheres(found: Sequence[FoundPhoto]) -> tuple[list[FoundPhoto], li
         replace(each, photo=replace(photo, name=each.photo.name)) for each, photo in zip(found, settled, strict=True)
     ]
     return kept, findings
-
-
-def _of_one_camera(
-    photos: Sequence[FoundPhoto], camera: Path | None, unwanted: frozenset[str]
-) -> tuple[list[FoundPhoto], list[Finding]]:
-    """`one_camera` of all folders' photographs."""
-    common = Path(os.path.commonpath([each.photo.path.parent for each in photos]))
-    named = {each.photo.path.relative_to(common).as_posix(): each for each in photos}
-    located: set[str] = set()
-    calibrated: set[str] = set()
-    for folder in dict.fromkeys(each.photo.path.parent for each in photos):
-        members = {name: each for name, each in named.items() if each.photo.path.parent == folder}
-        sidecars = next(iter(members.values())).sidecars
-        bare = {each.photo.name: name for name, each in members.items()}
-        listed = listed_names({name: path for name, path in sidecars.items() if name not in unwanted})
-        located |= {bare[name] for name in match_names(listed, bare).values()}
-        calibrated |= {bare[name] for name in names_in(camera_entries(sidecars, camera)[0], bare)}
-    kept, findings = one_camera(
-        [replace(each.photo, name=name) for name, each in named.items()], located=located, calibrated=calibrated
-    )
-    return [named[photo.name] for photo in kept], findings
-
-
-def _cameras(
-    by_folder: Mapping[Path, Sequence[FoundPhoto]], named: Mapping[Path, str], camera: Path | None
-) -> tuple[list[CameraGroup], list[Finding]]:
-    """Camera groups of all folders; those of one camera, calibrated alike, are one."""
-    merged: dict[tuple[object, ...], CameraGroup] = {}
-    findings: list[Finding] = []
-    for folder, members in by_folder.items():
-        entries, file = camera_entries(members[0].sidecars, camera)
-        groups, odd = group_cameras([each.photo for each in members], entries, file)
-        odd = [finding for finding in odd if finding.code != "camera-unused"]
-        findings += [replace(f, subject=named.get(folder / f.subject, f.subject)) for f in odd]
-        for group in groups:
-            names = tuple(named[folder / name] for name in group.photos)
-            same = (group.key, group.intrinsics, group.source, group.fixed)
-            earlier = merged.get(same)
-            merged[same] = replace(group, photos=names if earlier is None else (*earlier.photos, *names))
-    keys: dict[str, int] = {}
-    result = []
-    for group in merged.values():
-        keys[group.key] = keys.get(group.key, 0) + 1
-        number = keys[group.key]
-        result.append(group if number == 1 else replace(group, key=f"{group.key} ({number})"))
-    return result, findings
-
-
-def _priors(
-    photos: Sequence[Photo],
-    by_folder: Mapping[Path, Sequence[FoundPhoto]],
-    named: Mapping[Path, str],
-    unwanted: frozenset[str],
-) -> PriorSet:
-    """As `read_capture`: poses.csv before geo.txt before GPS; of all folders the first kind that names any of them."""
-    findings: list[Finding] = []
-    for kind in ("poses.csv", "geo.txt"):
-        pose_rows, geo_rows = [], []
-        for folder, members in by_folder.items():
-            file = members[0].sidecars.get(kind)
-            if file is None or kind in unwanted:
-                continue
-            bare = [each.photo.name for each in members]
-            if kind == "poses.csv":
-                poses, odd = read_poses_csv(file)
-                matched = match_names([row.image for row in poses], bare)
-                pose_rows += [replace(r, image=named[folder / matched[r.image]]) for r in poses if r.image in matched]
-            else:
-                geo, odd = read_geo_txt(file)
-                matched = match_names([row.image for row in geo], bare)
-                geo_rows += [replace(r, image=named[folder / matched[r.image]]) for r in geo if r.image in matched]
-            findings += [replace(f, subject=named[folder / matched[f.subject]]) for f in odd if f.subject in matched]
-        if pose_rows or geo_rows:
-            found = priors_from_poses(photos, pose_rows) if pose_rows else priors_from_geo(photos, geo_rows)
-            return replace(found, findings=(*findings, *found.findings))
-    return priors_from_gps(photos)

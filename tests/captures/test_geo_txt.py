@@ -17,8 +17,8 @@ def test_geographic_coordinates_are_longitude_and_latitude(header: str) -> None:
     rows, findings = parse_geo_txt(
         f"{header}\nDJI_0028.JPG -91.9942096 46.84252125 198.609\nDJI_0032.JPG -91.99 46.84\n"
     )
-    assert rows[0] == GeoRow("DJI_0028.JPG", 46.84252125, -91.9942096, 198.609)
-    assert rows[1] == GeoRow("DJI_0032.JPG", 46.84, -91.99, None)
+    assert rows[0] == GeoRow(46.84252125, -91.9942096, 198.609, image="DJI_0028.JPG")
+    assert rows[1] == GeoRow(46.84, -91.99, image="DJI_0032.JPG")
     assert findings == []
 
 
@@ -135,7 +135,7 @@ def test_heights_and_accuracies_have_the_projections_unit(header: str, unit: flo
     ],
 )
 def test_the_photographs_altitudes_settle_the_unit_of_heights(own: dict, expected: float, words: str) -> None:
-    rows = [GeoRow("a.jpg", 46.8, -92.0, 651.48 * SURVEY_FOOT, assumed_unit_m=SURVEY_FOOT)]
+    rows = [GeoRow(46.8, -92.0, 651.48 * SURVEY_FOOT, image="a.jpg", assumed_unit_m=SURVEY_FOOT)]
     settled, findings = settled_heights(rows, own)
     assert settled[0].altitude_m == pytest.approx(expected, abs=0.01)
     assert [finding.code for finding in findings] == ["height-unit"]
@@ -143,7 +143,7 @@ def test_the_photographs_altitudes_settle_the_unit_of_heights(own: dict, expecte
 
 
 def test_heights_in_metres_need_no_word() -> None:
-    rows = [GeoRow("a.jpg", 46.8, -92.0, 198.57)]
+    rows = [GeoRow(46.8, -92.0, 198.57, image="a.jpg")]
     assert settled_heights(rows, {"a.jpg": 651.0}) == (rows, [])
 
 
