@@ -7,7 +7,7 @@ import socket
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -56,8 +56,8 @@ def random_mission(rng: np.random.Generator, most: int = 13) -> Mission:
     stops: list[Shot | Via] = []
     for station in range(int(rng.integers(1, most + 1))):
         if rng.random() < 0.5:
-            stops.append(Via(place()))
-        stops.append(Shot(place(), float(rng.uniform(0, 360)) % 360.0, float(rng.uniform(-90, 30)), "plot", station))
+            stops.append(Via(*astuple(place())))
+        stops.append(Shot.at(place(), float(rng.uniform(0, 360)) % 360.0, float(rng.uniform(-90, 30)), "plot", station))
     return Mission(
         "random", Home(latitude, longitude, float(rng.uniform(1.0, 4000.0))), float(rng.uniform(1.0, 60.0)),
         tuple(stops), place(), speed_mps=float(rng.uniform(0.1, 15.0)), settle_s=float(rng.uniform(0.0, 10.0)),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,7 +142,7 @@ def _mission(
 ) -> Mission:
     stops: list[Shot | Via] = []
     for leg, index in zip(flight.legs, (*flight.stops, None), strict=True):
-        stops += [Via(point) for point in frame.places(np.array(leg.via).reshape(-1, 3))]
+        stops += [Via(*astuple(point)) for point in frame.places(np.array(leg.via).reshape(-1, 3))]
         if index is not None:
             stops.append(shots[index])
     limited = bool(site.fence or site.no_fly or site.ceiling_m is not None)

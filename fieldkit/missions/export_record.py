@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.export import Routed, RoutedFlight
@@ -13,15 +13,12 @@ from fieldkit.results.mission import (
     FlownPlan,
     MissionFlight,
     MissionHome,
-    MissionPlace,
     MissionPlants,
     MissionPlot,
     MissionRecord,
-    MissionStation,
     MissionVehicle,
-    MissionVia,
 )
-from fieldkit.routing.mission import Fence, GeoPoint, Shot, Via
+from fieldkit.routing.mission import Fence, GeoPoint
 from fieldkit.sites.placement import PlotFrame, SiteFrame
 from fieldkit.sites.site import NoFly, Site, SiteHome, SitePlot
 from fieldkit.vehicles.vehicle import Vehicle
@@ -58,7 +55,7 @@ def mission_record(
         inside=fence.inside,
         outside=fence.outside,
         ceiling_m=fence.ceiling_m,
-        rally=tuple(MissionPlace(**vars(place)) for place in mission.rally),
+        rally=mission.rally,
         files=tuple(
             FileEntry(name=name, bytes=len(data), sha256=hashlib.sha256(data).hexdigest())
             for name, data in contents.items()
@@ -76,11 +73,6 @@ def plot_frame(plot: MissionPlot) -> PlotFrame:
     return PlotFrame(plot.origin, plot.ground_m, plot.row_heading_deg, plot.gradient)
 
 
-def geo_points(places: Iterable[MissionPlace]) -> tuple[GeoPoint, ...]:
-    """Places as missions have them."""
-    return tuple(GeoPoint(place.latitude_deg, place.longitude_deg, place.height_m) for place in places)
-
-
 def way(record: MissionRecord, flight: MissionFlight) -> tuple[GeoPoint, ...]:
     """Corners of a flight's way: home, above it, the stops, above the landing place, and that place at home's height.
 
@@ -89,7 +81,7 @@ def way(record: MissionRecord, flight: MissionFlight) -> tuple[GeoPoint, ...]:
     home, landing = record.home, flight.landing
     begin = tuple(GeoPoint(home.latitude_deg, home.longitude_deg, height) for height in (0.0, flight.takeoff_m))
     end = GeoPoint(landing.latitude_deg, landing.longitude_deg, 0.0)
-    return (*begin, *geo_points((*flight.stops, landing)), end)
+    return (*begin, *flight.stops, landing, end)
 
 
 def site_of(record: MissionRecord) -> Site:
@@ -132,15 +124,7 @@ def _plot(site: Site, plot: SitePlot, clear_m: float | None, vehicle: Vehicle, p
 def _flight(each: RoutedFlight, file: str) -> MissionFlight:
     mission, flight = each.mission, each.flight
     return MissionFlight(
-        name=mission.name, file=file, takeoff_m=mission.takeoff_m, stops=tuple(_stop(stop) for stop in mission.stops),
-        landing=MissionPlace(**vars(mission.landing)), length_m=flight.length_m, time_s=flight.time.total_s,
+        name=mission.name, file=file, takeoff_m=mission.takeoff_m, stops=mission.stops, landing=mission.landing,
+         length_m=flight.length_m, time_s=flight.time.total_s,
         battery=flight.time.battery,
     )  # fmt: skip
-
-
-def _stop(stop: Shot | Via) -> MissionStation | MissionVia:
-    if isinstance(stop, Via):
-        return MissionVia(**vars(stop.place))
-    return MissionStation(
-        **vars(stop.place), plot=stop.plot, index=stop.station, yaw_deg=stop.yaw_deg, pitch_deg=stop.pitch_deg
-    )

@@ -6,6 +6,7 @@ plots say theirs above a datum.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -16,7 +17,8 @@ from fieldkit.documents.json_file import read_model
 from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.results.evaluation import FileEntry
-from fieldkit.results.fields import Heading, Latitude, Length, Longitude, Pitch, Sha256, Strict
+from fieldkit.results.fields import STRICT, Heading, Latitude, Length, Longitude, Pitch, Sha256, Strict
+from fieldkit.results.plan import station_number
 
 MISSION_FILE = "mission.json"
 _MAX_BYTES = 128 << 20
@@ -92,31 +94,50 @@ class MissionPlot(Strict):
     """Whose stations are flown here."""
 
 
-class MissionPlace(Strict):
+@dataclass(frozen=True)
+class GeoPoint:
     """A place, height above home."""
 
+    __pydantic_config__ = STRICT  # of files; made by the program it may have a height that nobody knows, NaN
     latitude_deg: Latitude
     longitude_deg: Longitude
     height_m: Height
 
+    @property
+    def place(self) -> GeoPoint:
+        """The place alone."""
+        return GeoPoint(self.latitude_deg, self.longitude_deg, self.height_m)
 
-class MissionStation(MissionPlace):
+
+@dataclass(frozen=True)
+class Shot(GeoPoint):
     """A stop for one photograph; the place is the camera's."""
 
-    kind: Literal["station"] = "station"
+    kind: Literal["station"] = field(default="station", kw_only=True)
     plot: str
-    index: Annotated[int, Field(ge=0)]
+    station: Annotated[int, Field(ge=0, alias="index")]
     """In the plot's plan, from 0; people's station number is one more."""
     yaw_deg: Heading
     """True heading of the optical axis, clockwise from north."""
     pitch_deg: Pitch
     """Of the gimbal: 0 at the horizon, −90 straight down."""
 
+    @classmethod
+    def at(cls, place: GeoPoint, yaw_deg: float, pitch_deg: float, plot: str, station: int) -> Shot:
+        """Of a camera at a place."""
+        return cls(place.latitude_deg, place.longitude_deg, place.height_m, plot, station, yaw_deg, pitch_deg)
 
-class MissionVia(MissionPlace):
+    @property
+    def name(self) -> str:
+        """For people: "station 4 of plot-7", of the index 3."""
+        return f"station {station_number(self.station)} of {self.plot}"
+
+
+@dataclass(frozen=True)
+class Via(GeoPoint):
     """A place that is flown through so that a leg stays clear."""
 
-    kind: Literal["via"] = "via"
+    kind: Literal["via"] = field(default="via", kw_only=True)
 
 
 class MissionFlight(Strict):
@@ -128,9 +149,9 @@ class MissionFlight(Strict):
     """Of ``files``: what the vehicle is given."""
     takeoff_m: Height
     """Height above home at which the first leg begins."""
-    stops: tuple[Annotated[MissionStation | MissionVia, Field(discriminator="kind")], ...]
+    stops: tuple[Annotated[Shot | Via, Field(discriminator="kind")], ...]
     """In the order they are flown."""
-    landing: MissionPlace
+    landing: GeoPoint
     """Where it lands, at the height from which it descends."""
     length_m: Length
     """From take-off to landing."""
@@ -140,9 +161,9 @@ class MissionFlight(Strict):
     """Share of a battery's usable time."""
 
     @property
-    def stations(self) -> tuple[MissionStation, ...]:
+    def stations(self) -> tuple[Shot, ...]:
         """The stops with a photograph."""
-        return tuple(stop for stop in self.stops if isinstance(stop, MissionStation))
+        return tuple(stop for stop in self.stops if isinstance(stop, Shot))
 
     @property
     def plots(self) -> tuple[str, ...]:
@@ -177,7 +198,7 @@ class MissionRecord(Strict):
     """It keeps out of these."""
     ceiling_m: Height | None = None
     """Nothing is flown higher."""
-    rally: tuple[MissionPlace, ...] = ()
+    rally: tuple[GeoPoint, ...] = ()
     """Places to return to in an emergency."""
     files: tuple[FileEntry, ...]
     """All that was written beside this one."""
@@ -216,7 +237,7 @@ def records_in(folder: Path) -> list[Path]:
 
 def record_bytes(record: MissionRecord) -> bytes:
     """A record as JSON, UTF-8, indented."""
-    return (record.model_dump_json(indent=1) + "\n").encode("utf-8")
+    return (record.model_dump_json(indent=1, by_alias=True) + "\n").encode("utf-8")
 
 
 def load_mission(file: Path) -> MissionRecord:

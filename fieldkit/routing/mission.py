@@ -4,18 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fieldkit.results.plan import station_number
+from fieldkit.results.mission import GeoPoint, Shot, Via
 
-
-@dataclass(frozen=True)
-class GeoPoint:
-    """A place."""
-
-    latitude_deg: float
-    longitude_deg: float
-    """WGS 84."""
-    height_m: float
-    """Above home."""
+__all__ = ["Circle", "Fence", "GeoPoint", "Home", "Mission", "Shot", "Via"]
 
 
 @dataclass(frozen=True)
@@ -27,34 +18,6 @@ class Home:
     """WGS 84."""
     amsl_m: float | None
     """Above mean sea level, as autopilots take it; None where nobody said."""
-
-
-@dataclass(frozen=True)
-class Shot:
-    """A stop for one photograph."""
-
-    place: GeoPoint
-    """Of the camera."""
-    yaw_deg: float
-    """True heading of the optical axis, clockwise from north, in [0, 360)."""
-    pitch_deg: float
-    """Of the gimbal: 0 at the horizon, −90 straight down."""
-    plot: str
-    """Name of the plot."""
-    station: int
-    """Index in that plot's plan, from 0."""
-
-    @property
-    def name(self) -> str:
-        """For people: "station 4 of plot-7", of the index 3."""
-        return f"station {station_number(self.station)} of {self.plot}"
-
-
-@dataclass(frozen=True)
-class Via:
-    """A place that is flown through so that a leg stays clear."""
-
-    place: GeoPoint
 
 
 @dataclass(frozen=True)

@@ -228,7 +228,7 @@ def _on_plot(plan: Plan, name: str, frame: PlotFrame) -> list[Shot]:
     headings = frame.headings(positions, yaws).tolist()
     pitches = frame.pitches(yaws, [station.pitch_deg for station in plan.stations]).tolist()
     return [
-        Shot(where, heading, pitch, name, index)
+        Shot.at(where, heading, pitch, name, index)
         for index, (where, heading, pitch) in enumerate(zip(places, headings, pitches, strict=True))
     ]
 

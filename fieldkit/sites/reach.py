@@ -154,6 +154,6 @@ def _problem(shot: Shot, ground_m: float, plants_m: float, vehicle: Vehicle) -> 
         height = max(height, math.ceil(plants_m * _CENTIMETRES + 0.01) / _CENTIMETRES)  # as files hold heights
     if not limits:
         return None
-    nearest = replace(shot, place=replace(shot.place, height_m=height), pitch_deg=pitch)
+    nearest = replace(shot, height_m=height, pitch_deg=pitch)
     pose = f"the nearest pose is {height - ground_m:.2f} m above the ground with pitch {pitch:.4g}°"
     return Unreachable(shot, tuple(limits), f"{'; '.join(sentences)}; {pose}", nearest)

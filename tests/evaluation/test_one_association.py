@@ -118,7 +118,7 @@ def by_mission_check(flight: Flight) -> Pairs:
         ]
 
     planned = [
-        Shot(place, float(flight.stations.yaws[k]), float(flight.stations.pitches[k]), "p", k)
+        Shot.at(place, float(flight.stations.yaws[k]), float(flight.stations.pitches[k]), "p", k)
         for k, place in enumerate(places(flight.stations))
     ]
     taken = [

@@ -1,5 +1,7 @@
 """Random missions that a vehicle can fly, for property tests."""
 
+from dataclasses import astuple
+
 from hypothesis import strategies as st
 
 from fieldkit.routing.mission import Fence, GeoPoint, Home, Mission, Shot, Via
@@ -22,8 +24,8 @@ def missions(draw: st.DrawFn, most: int = 12) -> Mission:
     stops: list[Shot | Via] = []
     for station in range(draw(st.integers(1, most))):
         if draw(st.booleans()):
-            stops.append(Via(place()))
-        stops.append(Shot(place(), draw(st.floats(0, 359.999)), draw(st.floats(-90, 30)), "plot", station))
+            stops.append(Via(*astuple(place())))
+        stops.append(Shot.at(place(), draw(st.floats(0, 359.999)), draw(st.floats(-90, 30)), "plot", station))
     ring = tuple((latitude + a, longitude + b) for a, b in ((-1e-3, -1e-3), (-1e-3, 1e-3), (1e-3, 1e-3), (1e-3, -1e-3)))
     return Mission(
         "random",

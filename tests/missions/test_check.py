@@ -325,10 +325,10 @@ def test_plants_obstacles_and_the_ceiling_of_a_site() -> None:
 
 def test_against_a_plan() -> None:
     mission = small_mission()
-    moved = replace(mission.shots[0], place=GeoPoint(50.8650261, 6.4473, 1.5))  # 0.4 m north
+    moved = replace(mission.shots[0], latitude_deg=50.8650261)  # 0.4 m north
     turned = replace(mission.shots[1], yaw_deg=mission.shots[1].yaw_deg + 2.0)
-    other = Shot(GeoPoint(50.8651, 6.4473, 2.0), 0.0, -30.0, "plot-1", 3)
-    elsewhere = Shot(GeoPoint(50.8660, 6.4473, 2.0), 0.0, -30.0, "plot-2", 0)
+    other = Shot.at(GeoPoint(50.8651, 6.4473, 2.0), 0.0, -30.0, "plot-1", 3)
+    elsewhere = Shot.at(GeoPoint(50.8660, 6.4473, 2.0), 0.0, -30.0, "plot-2", 0)
     report = check_mission(
         ReadMission("plan", ITEMS, home=HOME), vehicle(), planned=(moved, turned, other, elsewhere)
     )  # fmt: skip
@@ -340,7 +340,7 @@ def test_against_a_plan() -> None:
 
 def test_the_least_height_is_above_the_plots_own_ground() -> None:
     shots = small_mission().shots
-    low = tuple(replace(shot, place=replace(shot.place, height_m=0.5)) for shot in shots)
+    low = tuple(replace(shot, height_m=0.5) for shot in shots)
     read = with_items(changed(Command.NAV_WAYPOINT, p7=0.5))
     assert counted(check_mission(read, vehicle(), planned=low))["too-low"] == len(shots)
     below = check_mission(read, vehicle(), planned=low, grounds=[-2.0] * len(low))
@@ -353,7 +353,7 @@ def test_the_least_height_is_above_the_plots_own_ground() -> None:
 
 def test_two_stations_at_one_place_are_told_apart_by_where_they_look() -> None:
     here = GeoPoint(50.865, 6.4473, 2.0)
-    shots = tuple(Shot(here, yaw, -30.0, "p", k) for k, yaw in enumerate((0.0, 90.0, 180.0)))
+    shots = tuple(Shot.at(here, yaw, -30.0, "p", k) for k, yaw in enumerate((0.0, 90.0, 180.0)))
     mission = replace(small_mission(), stops=shots)
     report = check_mission(
         ReadMission("plan", render(mission, vehicle())[1:], home=HOME), vehicle(), planned=tuple(reversed(shots))
@@ -392,7 +392,7 @@ def test_findings_that_say_the_same_are_one_and_causes_come_first(tmp_path: Path
     home = error("other-home", "the file's home is 6403.5 km from the site's")
     cause, photographs = ranked([*same, home])
     assert (group_text(cause), group_text(photographs)) == (home.message, "35 photographs: taken in passing")
-    names = [Shot(GeoPoint(50.0, 6.0, 2.0), 0.0, -30.0, plot, k) for k, plot in enumerate(("A01", "north", "D 8"))]
+    names = [Shot.at(GeoPoint(50.0, 6.0, 2.0), 0.0, -30.0, plot, k) for k, plot in enumerate(("A01", "north", "D 8"))]
     (missing,) = ranked(error("missing-photo", f"{s.name} is not photographed", planned=s) for s in names)
     assert group_text(missing) == "3 times, the first: station 1 of A01 is not photographed"
     legs = ranked(error("leg-fence", f"the leg to item {k} leaves the fence", k) for k in (4, 9))[0]
@@ -467,7 +467,7 @@ def test_a_file_that_names_no_autopilot_is_checked_for_each() -> None:
 
 def test_what_only_a_profile_says_needs_one() -> None:
     low = replace(small_mission(), stops=tuple(
-        replace(stop, place=replace(stop.place, height_m=0.2)) for stop in small_mission(vias=False).stops
+        replace(stop, height_m=0.2) for stop in small_mission(vias=False).stops
     ), settle_s=0.0)  # fmt: skip
     read = ReadMission("plan", render(low, vehicle())[1:], home=HOME, firmware="ardupilot")
     assert errors(findings_by_dialect(read)["ardupilot"]) == set()

@@ -42,7 +42,7 @@ def test_ardupilots_holds_are_whole_seconds_rounded_up_and_never_below_one() -> 
 def test_a_hold_is_longer_where_the_leg_is_over_before_the_turn() -> None:
     slow = Speeds(cruise_mps=2.0, climb_mps=2.5, descent_mps=1.5, acceleration_mps2=1.0, yaw_dps=10.0)
     here = GeoPoint(50.865, 6.4473, 2.0)
-    stops = (Shot(here, 0.0, -30.0, "p", 0), Shot(here, 180.0, -30.0, "p", 1))
+    stops = (Shot.at(here, 0.0, -30.0, "p", 0), Shot.at(here, 180.0, -30.0, "p", 1))
     items = render(replace(small_mission(), stops=stops), vehicle(speeds=slow))
     holds = [i.params[0] for i in items if i.command == Command.NAV_WAYPOINT and i.station is not None]
     # 180° at 10°/s are 18 s, of which 0.8 pass before the waypoint counts as reached.
@@ -91,7 +91,7 @@ def test_px4_has_yaw_in_the_waypoint_and_a_delay_on_both_sides_of_the_shutter() 
 
 @pytest.mark.parametrize("dialect", ["ardupilot", "px4"])
 def test_a_pitch_beyond_the_mount_names_the_station_and_the_nearest(dialect: str) -> None:
-    shot = Shot(GeoPoint(50.865, 6.4473, 2.0), 90.0, -80.0, "plot-3", 5)
+    shot = Shot.at(GeoPoint(50.865, 6.4473, 2.0), 90.0, -80.0, "plot-3", 5)
     narrow = vehicle(dialect, mount=Mount(kind="pitch", pitch_deg=(-60.0, 0.0)))
     with pytest.raises(MissionError, match=r"station 6 of plot-3: pitch -80.0° .*nearest is -60°") as caught:
         render(replace(small_mission(), stops=(shot,)), narrow)
@@ -100,8 +100,12 @@ def test_a_pitch_beyond_the_mount_names_the_station_and_the_nearest(dialect: str
 
 def test_what_is_not_sane_is_refused() -> None:
     mission = small_mission()
-    far = Shot(GeoPoint(50.865, 6.4473, math.nan), 90.0, -40.0, "p", 0)
-    for stops in ((far,), (replace(far, place=GeoPoint(0.0, 0.0, 2.0)),), (replace(far, yaw_deg=math.nan),)):
+    far = Shot.at(GeoPoint(50.865, 6.4473, math.nan), 90.0, -40.0, "p", 0)
+    for stops in (
+        (far,),
+        (replace(far, latitude_deg=0.0, longitude_deg=0.0, height_m=2.0),),
+        (replace(far, yaw_deg=math.nan),),
+    ):
         with pytest.raises(MissionError):
             render(replace(mission, stops=stops), vehicle())
     with pytest.raises(MissionError, match="take-off height"):
@@ -113,7 +117,7 @@ def test_what_is_not_sane_is_refused() -> None:
 
 
 def test_650_items_are_taken_and_651_refused() -> None:
-    shot = Shot(GeoPoint(50.865, 6.4473, 2.0), 90.0, -40.0, "p", 0)
+    shot = Shot.at(GeoPoint(50.865, 6.4473, 2.0), 90.0, -40.0, "p", 0)
     mission = replace(small_mission(), stops=129 * (shot,))  # 3 + 129 × 5 + 2
     assert len(render(mission, vehicle())) == 650
     with pytest.raises(MissionError, match="has 655 items"):

@@ -238,4 +238,4 @@ def test_one_number_for_a_station_wherever_it_is_shown(tmp_path: Path, monkeypat
     features = json.loads((tmp_path / "m.geojson").read_text())["features"]
     assert [f["properties"]["station"] for f in features if f["properties"]["kind"] == "station"] == order
     flown = load_mission(done.files[1])
-    assert [station.index + 1 for station in flown.flights[0].stations] == order
+    assert [station.station + 1 for station in flown.flights[0].stations] == order

@@ -63,7 +63,7 @@ def recorded_mission(name: str = "mount_then_yaw", settle_s: float = 4.0) -> Mis
     """The neutral mission of a recording's stations."""
     document = recording(name)
     shots = tuple(
-        Shot(GeoPoint(s["lat"] * 1e-7, s["lon"] * 1e-7, s["h"]), s["yaw"], s["pitch"], "plot", s["i"])
+        Shot.at(GeoPoint(s["lat"] * 1e-7, s["lon"] * 1e-7, s["h"]), s["yaw"], s["pitch"], "plot", s["i"])
         for s in document["stations"]
     )
     latitude, longitude, amsl, _ = document["home"]
@@ -76,13 +76,13 @@ def recorded_mission(name: str = "mount_then_yaw", settle_s: float = 4.0) -> Mis
 def small_mission(vias: bool = True) -> Mission:
     """Three photographs about a plot, with a place on the way."""
     shots = [
-        Shot(GeoPoint(50.8650225, 6.4473, 1.5), 180.0, -21.801, "plot-1", 0),
-        Shot(GeoPoint(50.8650128, 6.4473293, 3.5), 235.385, -50.194, "plot-1", 1),
-        Shot(GeoPoint(50.8649832, 6.4472764, 3.5), 41.538, -50.194, "plot-1", 2),
+        Shot.at(GeoPoint(50.8650225, 6.4473, 1.5), 180.0, -21.801, "plot-1", 0),
+        Shot.at(GeoPoint(50.8650128, 6.4473293, 3.5), 235.385, -50.194, "plot-1", 1),
+        Shot.at(GeoPoint(50.8649832, 6.4472764, 3.5), 41.538, -50.194, "plot-1", 2),
     ]
     stops: list[Shot | Via] = [*shots]
     if vias:
-        stops.insert(2, Via(GeoPoint(50.8649982, 6.4473, 6.0)))
+        stops.insert(2, Via(50.8649982, 6.4473, 6.0))
     return Mission(
         "small", HOME, 5.0, tuple(stops), GeoPoint(50.8649, 6.44731, 5.0), speed_mps=2.0, settle_s=4.0, exposure_s=1.0
     )

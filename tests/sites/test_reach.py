@@ -115,5 +115,5 @@ def test_the_nearest_pose_is_reachable_and_the_nearest(name: str, poses: list[tu
         above = shot.place.height_m - SITE.ground_m(SITE.plot(shot.plot))
         assert rise == pytest.approx(max(vehicle.min_height_m - above, 0.0), abs=2e-4)
         assert near == replace(
-            shot, pitch_deg=near.pitch_deg, place=replace(shot.place, height_m=near.place.height_m)
+            shot, pitch_deg=near.pitch_deg, height_m=near.height_m
         )  # fmt: skip

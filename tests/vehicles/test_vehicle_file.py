@@ -167,7 +167,7 @@ def test_every_check_of_a_pitch_asks_the_mount() -> None:
         mount = copter().mount
         assert mount.reaches(pitch) == reached
         assert mount.reaches(mount.nearest_deg(pitch))
-        shot = Shot(GeoPoint(50.865, 6.4473, 2.0), 0.0, pitch, "p", 0)
+        shot = Shot.at(GeoPoint(50.865, 6.4473, 2.0), 0.0, pitch, "p", 0)
         taken = Photograph(0, 0, shot.place, 0.0, pitch, 0, settled_s=9.0, after_s=9.0)
         flown = Execution((taken,), (), 0.0, (), "land", True)
         codes = {finding.code for finding in photograph_findings(flown, copter(), {}, {})}

@@ -30,12 +30,12 @@ from fieldkit.figures.style import (
     millimetres,
     percent,
 )
-from fieldkit.missions.export_record import geo_points, site_frame
+from fieldkit.missions.export_record import site_frame
 from fieldkit.planning.run.outcome import Outcome, best_so_far, models_of, weights_of
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results
 from fieldkit.report.sections.shown import Shown
-from fieldkit.results.mission import MissionStation
+from fieldkit.results.mission import Shot
 from fieldkit.results.plan import Plan, Station, station_number
 from fieldkit.wording import count
 
@@ -77,12 +77,12 @@ def mission_section(result: Loaded[FlownMission], anchor: str, shown: Shown) -> 
     if stations:
         heights = [station.height_m for station in stations]
         figures.append(KeyFigure("heights of photographs", format_range(heights), "above home"))
-    positions = site_frame(mission.record).points(geo_points(stations)).tolist()
+    positions = site_frame(mission.record).points(stations).tolist()
     table = tabulated("Photographs in the order they are flown", [
         {
             "photograph": f"{number}",
             "plot": station.plot,
-            Column("station", True): f"{station_number(station.index)}",
+            Column("station", True): f"{station_number(station.station)}",
             Column("east of home, m", True): metres(east),
             Column("north of home, m", True): metres(north),
             Column("height above home, m", True): metres(up),
@@ -183,7 +183,7 @@ def _stations(plan: Plan) -> Table:
     ], "Plot frame: metres from the plot's centre on the ground; z is the height above it.")  # fmt: skip
 
 
-def _angles(station: Station | MissionStation) -> Row:
+def _angles(station: Station | Shot) -> Row:
     return {
         Column("yaw, °", True): decimal(station.yaw_deg % 360.0, 1),
         Column("pitch, °", True): decimal(station.pitch_deg, 1),

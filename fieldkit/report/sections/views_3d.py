@@ -15,7 +15,7 @@ from fieldkit.figures.drawings import FrustumLayer, LineLayer, PlaceName, PointL
 from fieldkit.figures.style import format_length
 from fieldkit.files import file_beside
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.missions.export_record import geo_points, plot_frame, site_frame, way
+from fieldkit.missions.export_record import plot_frame, site_frame, way
 from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results
 from fieldkit.results.evaluation import (
     EvaluationReport,
@@ -185,12 +185,12 @@ def mission_view(result: Loaded[FlownMission], results: Results) -> View:
     """A mission's way, photographs and limits over the plants it is planned for, in metres about home."""
     record, flight = result.report.record, result.report.flight
     frame = site_frame(record)
-    positions = frame.points(geo_points(flight.stations))
+    positions = frame.points(flight.stations)
     poses = [
         Pose.from_yaw_pitch(position, s.yaw_deg, s.pitch_deg)
         for position, s in zip(positions, flight.stations, strict=True)
     ]
-    numbers = [f"{station_number(s.index)}" for s in flight.stations]
+    numbers = [f"{station_number(s.station)}" for s in flight.stations]
     labels = [f"{s.plot}, station {number}" for s, number in zip(flight.stations, numbers, strict=True)]
     lines = [LineLayer("Way", (frame.points(way(record, flight)).astype(np.float32),), _WAY)]
     for name, rings, color in (("Fence", record.inside, _FENCE), ("No-fly zones", record.outside, _ZONE)):

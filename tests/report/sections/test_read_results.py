@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from fieldkit.campaign.reading import Campaign
 from fieldkit.errors import FieldkitError, MetadataError
 from fieldkit.missions.export_mission import export_mission
-from fieldkit.missions.export_record import geo_points, site_frame, way
+from fieldkit.missions.export_record import site_frame, way
 from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results, read_results
 from fieldkit.report.sections.photographs import find_photographs, thumbnails
 from fieldkit.report.sections.plan import mission_statements
@@ -118,10 +118,10 @@ class TestMissions:
         stations = part.report.flight.stations
         assert len(stations) == 5
         assert part.report.flight.plots == ("plot",)
-        assert sorted(station.index for station in stations) == [0, 1, 2, 3, 4]
+        assert sorted(station.station for station in stations) == [0, 1, 2, 3, 4]
         # The plot lies 0.0001° north of home: 11.1 m; stations stand 1.3 m about its middle, 1.2 m above its ground.
         frame = site_frame(part.report.record)
-        east, north, up = frame.points(geo_points(stations)).T
+        east, north, up = frame.points(stations).T
         assert np.hypot(east, north - 11.12) == pytest.approx(1.3, abs=0.02)
         assert up == pytest.approx(1.2, abs=0.01)
         assert 25 < part.report.flight.length_m < 60

@@ -20,7 +20,7 @@ from fieldkit.report.sections.views_3d import plan_view, plot_view, points_of, w
 from fieldkit.report.write_report import write_report
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, Prediction, ReferenceReport
 from fieldkit.results.finding import OTHER_PLANTS, Finding
-from fieldkit.results.mission import MissionHome, MissionPlace
+from fieldkit.results.mission import GeoPoint, MissionHome
 from fieldkit.results.traits import TraitsEntry
 from tests.report.page_checks import checked
 from tests.report.sections.examples import (
@@ -244,7 +244,7 @@ class TestViews:
         for home_amsl, distance, shown in ((70.0, 0.0, 1), (None, 0.0, 0), (70.0, 0.01, 0)):
             frame = LocalFrame(50.6 + distance, 6.98, 70.0)
             latitude, longitude, altitude = (float(value[0]) for value in frame.to_geodetic([10.0, -4.0, 5.0]))
-            end = MissionPlace(latitude_deg=latitude, longitude_deg=longitude, height_m=altitude - 70.0)
+            end = GeoPoint(latitude_deg=latitude, longitude_deg=longitude, height_m=altitude - 70.0)
             home = MissionHome(latitude_deg=50.6 + distance, longitude_deg=6.98, amsl_m=home_amsl)
             flown = mission.report
             moved = replace(mission, report=replace(
