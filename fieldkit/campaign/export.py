@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -21,11 +21,11 @@ from fieldkit.campaign.ranking import Ranked, ranking
 from fieldkit.campaign.reading import Campaign, CampaignPlot
 from fieldkit.documents.csv_text import csv_text
 from fieldkit.errors import StorageError, UsageError
+from fieldkit.figures.registry import F_SCORE, FIGURES
 from fieldkit.files import check_writable, write_atomic
 from fieldkit.regular_files import check_replaceable
 from fieldkit.results.evaluation import distance_key
-from fieldkit.results.traits import COLUMNS as TRAIT_COLUMNS
-from fieldkit.results.traits import TraitsEntry
+from fieldkit.results.traits import VALUES, TraitsEntry
 from fieldkit.results.visit import ROW, Visit
 
 Format = Literal["csv", "geojson", "gpkg"]
@@ -34,7 +34,9 @@ VISITS_LAYER, PLOTS_LAYER = "visits", "plots"
 _LATEST = ("chamfer_m", "predicted_chamfer_m", "predicted_low_m", "predicted_high_m")
 _TEXTS = ("captures", "folder", "error")
 _GEOPACKAGE = "1.2"  # GDAL 3.12 writes 1.4 by itself, of which that of QGIS 3.22 warns
-_COUNTS = ("images", "registered", "right", "rank", "predicted_rank", "visits")
+_COUNTS = {"images", "registered", "right", "rank", "predicted_rank", "visits"}
+_PLACE = ("latitude_deg", "longitude_deg", "row_heading_deg")
+_NUMBERS = {*_PLACE, *FIGURES, *VALUES, "predicted_low_m", "predicted_high_m", "cpu_s"}
 
 Values = dict[str, Any]
 
@@ -53,13 +55,10 @@ def export_campaign(campaign: Campaign, output: Path, *, overwrite: bool = False
         raise UsageError(f"which format is {output.name}?", remedy="End its name in .csv, .geojson or .gpkg.")
     check_replaceable(output, overwrite=overwrite)
     check_writable(output.parent)
-    match chosen:
-        case "csv":
-            write_atomic(output, campaign_csv(campaign))
-        case "geojson":
-            write_atomic(output, campaign_geojson(campaign))
-        case "gpkg":
-            write_atomic(output, campaign_geopackage(campaign))
+    writers: Mapping[Format, Callable[[Campaign], str | bytes]] = {
+        "csv": campaign_csv, "geojson": campaign_geojson, "gpkg": campaign_geopackage
+    }  # fmt: skip
+    write_atomic(output, writers[chosen](campaign))
     return chosen
 
 
@@ -81,13 +80,11 @@ def plot_rows(campaign: Campaign) -> list[Values]:
     for plot in campaign.plots:
         own = [visit for visit in campaign.visits if visit.plot == plot.name]
         last = max(own, key=lambda visit: visit.date, default=None)
-        figures = {name: None if last is None else getattr(last, name) for name in _LATEST}
-        traits = ((None if last is None else last.traits) or TraitsEntry()).row()
-        figures |= {name: traits[name] for name in TRAIT_COLUMNS}
         result.append(
             {
-                "plot": plot.name, **_place(plot), "visits": len(own), "date": None if last is None else last.date,
-                **figures, "error": "" if last is None else last.error,
+                "plot": plot.name, **_place(plot), "visits": len(own), "date": last and last.date,
+                **{name: last and getattr(last, name) for name in _LATEST},
+                **((last and last.traits) or TraitsEntry()).row(), "error": last.error if last else "",
             }
         )  # fmt: skip
     return result
@@ -101,17 +98,10 @@ def campaign_csv(campaign: Campaign) -> str:
 
 def campaign_geojson(campaign: Campaign) -> str:
     """The visits as a FeatureCollection (RFC 7946): polygons where plots are drawn so, else points."""
-    shapes = {plot.name: _geometry(plot) for plot in campaign.plots}
-    features = []
-    for row in visit_rows(campaign):
-        shape = shapes.get(row["plot"])
-        features.append(
-            {
-                "type": "Feature",
-                "geometry": None if shape is None else shapely.geometry.mapping(shape),
-                "properties": row,
-            }
-        )
+    shapes = {plot.name: shapely.geometry.mapping(_geometry(plot)) for plot in campaign.plots}
+    features = [
+        {"type": "Feature", "geometry": shapes.get(row["plot"]), "properties": row} for row in visit_rows(campaign)
+    ]
     document = {"type": "FeatureCollection", "name": campaign.name, "features": features}
     return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
@@ -176,7 +166,7 @@ def _column(name: str, values: Sequence[Any]) -> np.ndarray:
         return np.array([value or "NaT" for value in values], dtype="datetime64[D]")
     if name in _COUNTS:
         return np.array([0 if value is None else value for value in values], dtype=np.int32)
-    if name.endswith(("_m", "_deg", "_m2", "_m3", "_s", "_percent")) or name.startswith("f_score_"):
+    if name in _NUMBERS or name.startswith(F_SCORE):
         return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
     return np.array(["" if value is None else _text(value) for value in values], dtype=object)
 
@@ -192,7 +182,7 @@ def _row(visit: Visit, plot: CampaignPlot | None, ranked: Ranked | None, distanc
     texts = {name: _text(row[name]) for name in _TEXTS} | {
         name: _text("; ".join(said)) for name, said in (("notes", visit.notes), ("doubts", visit.doubts))
     }
-    scores = {f"f_score_{distance}": visit.f_score.get(distance) for distance in distances}
+    scores = {F_SCORE + distance: visit.f_score.get(distance) for distance in distances}
     result: Values = {"plot": visit.plot, "date": visit.date, **_place(plot)}
     for name, predicted in (("rank", False), ("predicted_rank", True)):
         result[name] = None if ranked is None or ranked.score.predicted is not predicted else ranked.rank
@@ -211,11 +201,7 @@ def _columns(campaign: Campaign) -> list[str]:
 
 
 def _place(plot: CampaignPlot | None) -> Values:
-    return {
-        "latitude_deg": None if plot is None else plot.latitude_deg,
-        "longitude_deg": None if plot is None else plot.longitude_deg,
-        "row_heading_deg": None if plot is None else plot.row_heading_deg,
-    }
+    return {name: None if plot is None else getattr(plot, name) for name in _PLACE}
 
 
 def _geometry(plot: CampaignPlot) -> shapely.Geometry:
