@@ -15,7 +15,7 @@ from fieldkit.campaign.visits import stage_versions, visit_place
 from fieldkit.captures import Capture
 from fieldkit.captures.selection import FoundPhoto, capture_of
 from fieldkit.errors import MetadataError
-from fieldkit.evaluation.adherence import FlownPlan
+from fieldkit.evaluation.adherence import ComparedPlan
 from fieldkit.evaluation.conversion import evaluation_report
 from fieldkit.evaluation.evaluate_plot import RESERVED, PlotCapture, Scoring, Spent, evaluate_plot, write_evaluation
 from fieldkit.evaluation.reference import Reference
@@ -130,7 +130,7 @@ def _evaluated(job: VisitJob, folder: Path) -> Visit:
             placed.plot,
             placed.outline,
             None if rasters is None else replace(rasters, at_origin=placed.at_origin),
-            None if placed.plot is None else FlownPlan.of(job.plan, placed.plot.source),
+            None if placed.plot is None else ComparedPlan.of(job.plan, placed.plot.source),
         )
 
     name = plot_file_name(job.plot.name, (*RESERVED, VISIT_FILE))

@@ -17,7 +17,7 @@ from filelock import FileLock, Timeout
 from fieldkit.cache import StageCache, digest
 from fieldkit.campaign.evaluate_visit import VisitJob, evaluate_visit, failed_visit
 from fieldkit.campaign.reading import Campaign, read_campaign
-from fieldkit.campaign.sorting import Shot, Sorting, sort_photographs
+from fieldkit.campaign.sorting import PhotoToSort, Sorting, sort_photographs
 from fieldkit.campaign.visits import Visits, keep_visit, stage_versions
 from fieldkit.captures import find_mask
 from fieldkit.captures.selection import FoundPhoto, FoundPhotos, capture_of, find_photographs, photographs_at
@@ -227,12 +227,12 @@ def _sorted(campaign: Campaign, captures: Path, visits: Visits, progress: Progre
             remedy="Give the folder that holds the photographs of one or more plots.",
         )  # fmt: skip
     outer = _outer(campaign.folder, captures)
-    shots = [Shot(each.place, each.photo, (*outer, *each.folders)) for each in found.photos]
+    shots = [PhotoToSort(each.place, each.photo, (*outer, *each.folders)) for each in found.photos]
     sorting = sort_photographs(shots, campaign.plots, campaign.plan)
     keys = [(visit.plot, visit.date) for visit in sorting.visits]
     earlier = earlier_photographs(campaign.folder, keys, visits, found.photos)
     if earlier:
-        shots += [Shot(each.place, each.photo, belongs=belongs) for each, belongs in earlier]
+        shots += [PhotoToSort(each.place, each.photo, belongs=belongs) for each, belongs in earlier]
         sorting = sort_photographs(shots, campaign.plots, campaign.plan)
         found = replace(found, photos=(*found.photos, *(each for each, _ in earlier)))
     if not sorting.visits:

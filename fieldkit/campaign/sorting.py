@@ -38,7 +38,7 @@ _AMBIGUOUS = 0.25  # of the distance between the two plots
 
 
 @dataclass(frozen=True)
-class Shot:
+class PhotoToSort:
     """What is to be known of a photograph to sort it."""
 
     place: str
@@ -81,7 +81,7 @@ class Sorting:
 class _Given:
     """What is found out about one photograph."""
 
-    shot: Shot
+    shot: PhotoToSort
     folder_plot: str | None = None
     folder_date: str | None = None
     tag_plot: str | None = None
@@ -91,7 +91,7 @@ class _Given:
     by_neighbours: bool = False
 
 
-def sort_photographs(shots: Sequence[Shot], plots: Sequence[CampaignPlot], plan: Plan) -> Sorting:
+def sort_photographs(shots: Sequence[PhotoToSort], plots: Sequence[CampaignPlot], plan: Plan) -> Sorting:
     """Sort photographs into plots and dates; none is dropped without a word."""
     by_name = {_folded(plot.name): plot.name for plot in plots}
     given = [_Given(shot, *(shot.belongs or _said(shot.folders, by_name))) for shot in shots]

@@ -47,7 +47,7 @@ _Result = TypeVar("_Result")
 _KEYWORD = inspect.Parameter.KEYWORD_ONLY
 
 
-class Command(TyperCommand):
+class ContainedCommand(TyperCommand):
     """A command that runs with its libraries' threads limited and a temporary folder of its own."""
 
     def invoke(self, ctx: Any) -> Any:
@@ -103,7 +103,9 @@ def command_of(name: str) -> TyperCommand:
 def parser_of(command: Callable[..., int | None], name: str | None = None, stage: str | None = None) -> TyperCommand:
     """The parser of a command's function, under a heading of the overview."""
     app = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
-    app.command(name, cls=Command, help=_page(command), rich_help_panel=stage, context_settings=_HELP)(grouped(command))
+    app.command(name, cls=ContainedCommand, help=_page(command), rich_help_panel=stage, context_settings=_HELP)(
+        grouped(command)
+    )
     parser = typer.main.get_command(app)
     assert isinstance(parser, TyperCommand)
     return parser
@@ -162,10 +164,10 @@ def module_name(command: str) -> str:
 
 
 def _group(name: str, says: str) -> Any:
-    class Group(Commands):
+    class Subcommands(Commands):
         words = f"{name} "
 
-    app = typer.Typer(cls=Group, add_completion=False, rich_markup_mode="rich", context_settings=_HELP)
+    app = typer.Typer(cls=Subcommands, add_completion=False, rich_markup_mode="rich", context_settings=_HELP)
     app.callback(help=says, no_args_is_help=True)(lambda: None)
     group = typer.main.get_command(app)
     group.name = name

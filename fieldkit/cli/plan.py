@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fieldkit.cli.common import JsonOption, OutputOption, emit_json, show
-from fieldkit.cli.plan_options import EnvelopeOptions, PlotOptions, RunOptions, SearchOptions, plan_request
+from fieldkit.cli.plan_options import EnvelopeOptions, PlanRunOptions, PlotOptions, SearchOptions, plan_request
 from fieldkit.cli.reconstruction_options import processes, run_context
 from fieldkit.errors import UsageError
 from fieldkit.wording import count
@@ -22,7 +22,7 @@ def command(
     plot: PlotOptions,
     search: SearchOptions,
     envelope: EnvelopeOptions,
-    run: RunOptions,
+    run: PlanRunOptions,
     as_json: JsonOption = False,
 ) -> None:
     """Find the camera poses that reconstruct a plot best.
@@ -51,7 +51,7 @@ def command(
 
 
 def _planned(
-    output: Path, request: PlanRequest, options: RunOptions, *, as_json: bool
+    output: Path, request: PlanRequest, options: PlanRunOptions, *, as_json: bool
 ) -> tuple[SearchSettings, Outcome]:
     """Plan, or go on with a plan, while telling of it."""
     from fieldkit.cache import StageCache, default_cache_root

@@ -135,7 +135,7 @@ class EnvelopeOptions:
 
 
 @dataclass(frozen=True)
-class RunOptions:
+class PlanRunOptions:
     """How the search is run."""
 
     panel: ClassVar[str] = RUN
@@ -147,7 +147,9 @@ class RunOptions:
     overwrite: OverwriteOption = False
 
 
-def plan_request(plot: PlotOptions, search: SearchOptions, envelope: EnvelopeOptions, run: RunOptions) -> PlanRequest:
+def plan_request(
+    plot: PlotOptions, search: SearchOptions, envelope: EnvelopeOptions, run: PlanRunOptions
+) -> PlanRequest:
     """What was given, for the settings of a run."""
     pose_m, pose_deg = _pose_noise(search.pose_noise) if search.pose_noise else (None, None)
     values = search.values() | {"plots": plot.plots, "seed": run.seed}

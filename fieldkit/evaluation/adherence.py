@@ -55,7 +55,7 @@ Poses = Mapping[str, PoseRow]
 
 
 @dataclass(frozen=True, eq=False)
-class Flight:
+class LoggedFlight:
     """A flight and the photographs that were taken on it."""
 
     log: FlightLog
@@ -66,7 +66,7 @@ class Flight:
     """By plot, as read without what lies beside the photographs."""
 
     @classmethod
-    def read(cls, log: Path, plots: Sequence[tuple[str, Path]]) -> Flight:
+    def read(cls, log: Path, plots: Sequence[tuple[str, Path]]) -> LoggedFlight:
         """Read a log and match all plots' photographs to it at once: one camera has one clock.
 
         Plots that cannot be read are left out here; reading them again says why.
@@ -131,14 +131,14 @@ class Flight:
 
 
 @dataclass(frozen=True, eq=False)
-class FlownPlan:
+class ComparedPlan:
     """A plan that was flown, and what is known of the flight besides the photographs."""
 
     plan: Plan
     """In the plot frame of the reference; without one, in the frame of poses.csv."""
     reference: SourceFrame | None
     """The frame of the reference; None without one."""
-    flight: Flight | None = None
+    flight: LoggedFlight | None = None
     """By its log; None without one."""
     planned: Sequence[PlannedPose] = ()
     """The stations on the Earth; empty without a log."""
@@ -146,7 +146,7 @@ class FlownPlan:
     """Of their heights."""
 
     @classmethod
-    def of(cls, plan: Plan, reference: SourceFrame | None, flight: Flight | None = None) -> FlownPlan:
+    def of(cls, plan: Plan, reference: SourceFrame | None, flight: LoggedFlight | None = None) -> ComparedPlan:
         """A plan with what it is compared with."""
         if flight is None:
             return cls(plan, reference)

@@ -11,7 +11,7 @@ from fieldkit.captures import read_capture
 from fieldkit.captures.folder import list_capture, natural_key
 from fieldkit.captures.programs import PosesFile
 from fieldkit.errors import CaptureError, FieldkitError, StorageError, UsageError
-from fieldkit.evaluation.adherence import Flight, FlownPlan
+from fieldkit.evaluation.adherence import ComparedPlan, LoggedFlight
 from fieldkit.evaluation.cloud_reference import (
     AnyReference,
     CloudReference,
@@ -94,8 +94,8 @@ def evaluate_captures(
         read = None if reference is None else open_reference(reference, reference_frame, settings.bounds)
         for finding in read.findings if isinstance(read, CloudReference) else ():
             progress.note(finding.message)
-        flight = None if log is None else Flight.read(log, plots)
-        flown = None if plan is None else FlownPlan.of(load_plan(plan), _place(read), flight)
+        flight = None if log is None else LoggedFlight.read(log, plots)
+        flown = None if plan is None else ComparedPlan.of(load_plan(plan), _place(read), flight)
         scoring = Scoring.against(read, refine=refine, distances_m=tuple(distances_m))
 
         def given(name: str, path: Path) -> PlotCapture:

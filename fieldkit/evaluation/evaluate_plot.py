@@ -14,7 +14,7 @@ from fieldkit.captures import Capture
 from fieldkit.clouds import Cloud, CloudScore, ReferenceIndex, score, write_cloud
 from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
 from fieldkit.errors import FieldkitError, InputError, StorageError, UsageError
-from fieldkit.evaluation.adherence import FlownPlan, write_adherence
+from fieldkit.evaluation.adherence import ComparedPlan, write_adherence
 from fieldkit.evaluation.cloud_reference import AnyReference, CloudReference
 from fieldkit.evaluation.conversion import failed_plot, plot_evaluation
 from fieldkit.evaluation.rasters import Rasters, coarse_place, write_rasters
@@ -97,7 +97,7 @@ class PlotCapture:
     """Of the plot; None takes the bounds of the settings, else those of the reference."""
     rasters: Rasters | None = None
     """To be written, of the clouds as reconstructed; a finding says where they cannot be."""
-    flown: FlownPlan | None = None
+    flown: ComparedPlan | None = None
     """The plan that the photographs are compared with."""
 
 

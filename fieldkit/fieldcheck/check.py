@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fieldkit.cache import StageCache
 from fieldkit.captures import Capture, read_capture
 from fieldkit.errors import CaptureError, UsageError
-from fieldkit.evaluation.adherence import Flight
+from fieldkit.evaluation.adherence import LoggedFlight
 from fieldkit.evaluation.evaluate import find_plots
 from fieldkit.fieldcheck.consistency import Consistency, check_tags
 from fieldkit.fieldcheck.model import CheckReport, CheckSettings, finding_of
@@ -84,7 +84,7 @@ def check_captures(
             remedy="A dense capture is checked by building its reference.",
         )
     place = load_site(site) if isinstance(site, Path) else site
-    flight = None if log is None else Flight.read(log, plots)
+    flight = None if log is None else LoggedFlight.read(log, plots)
     read = _reader(flight)
     settings = settings or CheckSettings()
     context = Context(
@@ -101,7 +101,7 @@ def check_captures(
     return tuple(reports)
 
 
-def _reader(flight: Flight | None) -> Callable[[str, Path], Capture]:
+def _reader(flight: LoggedFlight | None) -> Callable[[str, Path], Capture]:
     def read(name: str, folder: Path) -> Capture:
         flown = None if flight is None else flight.capture(name)
         return read_capture(folder) if flown is None else flown

@@ -162,7 +162,7 @@ class Charts:
 
 
 @dataclass(frozen=True)
-class View:
+class View3D:
     """A 3D view."""
 
     identifier: str
@@ -195,7 +195,7 @@ class Details:
     """For links, which unfold the blocks; unique on the page; empty for none."""
 
 
-Block: TypeAlias = Statements | Paragraph | KeyFigures | Terms | Table | Charts | PlotMap | View | Still | Details
+Block: TypeAlias = Statements | Paragraph | KeyFigures | Terms | Table | Charts | PlotMap | View3D | Still | Details
 
 
 @dataclass(frozen=True)

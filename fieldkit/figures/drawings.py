@@ -21,7 +21,7 @@ Ring = tuple[Corner, ...]
 
 
 @dataclass(frozen=True)
-class Series:
+class ChartSeries:
     """One series of a chart."""
 
     name: str
@@ -40,7 +40,7 @@ class LineChart:
     """For readers who cannot see the chart."""
     x_label: str
     y_label: str
-    series: tuple[Series, ...]
+    series: tuple[ChartSeries, ...]
     """Drawn in order; at most five lines have colours of their own."""
     level: tuple[float, str] | None = None
     """A dashed line across, with its label."""

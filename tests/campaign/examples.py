@@ -9,7 +9,7 @@ import numpy as np
 
 from fieldkit.campaign.create import CampaignSources, init_campaign
 from fieldkit.campaign.reading import CampaignPlot
-from fieldkit.campaign.sorting import Shot
+from fieldkit.campaign.sorting import PhotoToSort
 from fieldkit.captures.model import GeoTag, Photo
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import LocalFrame
@@ -63,7 +63,7 @@ def photo(name: str, **values: object) -> Photo:
 def flown(
     plot: CampaignPlot, *, start: datetime = MORNING, folder: str = "DCIM", noise_m: float = 0.0, angles: bool = True,
     accuracy_m: float = 0.015, plan: Plan = PLAN, seed: int = 0,
-) -> list[Shot]:  # fmt: skip
+) -> list[PhotoToSort]:  # fmt: skip
     """The plan's photographs of a plot as a vehicle tags them, four seconds apart."""
     rng = np.random.default_rng(seed)
     heading = np.radians(plot.row_heading_deg)
@@ -80,7 +80,7 @@ def flown(
         taken = start + timedelta(seconds=4 * k)
         name = f"{folder}/{plot.name}-{start:%m%d%H%M}-{k}.jpg"
         aim = {"yaw_deg": yaw, "pitch_deg": pitch} if angles else {}
-        shots.append(Shot(name, photo(name, geotag=tag, captured_at=taken, **aim), tuple(folder.split("/"))))
+        shots.append(PhotoToSort(name, photo(name, geotag=tag, captured_at=taken, **aim), tuple(folder.split("/"))))
     return shots
 
 

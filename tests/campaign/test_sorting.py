@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fieldkit.campaign.sorting import Shot, Sorting, folder_date, sort_photographs
+from fieldkit.campaign.sorting import PhotoToSort, Sorting, folder_date, sort_photographs
 from fieldkit.captures.model import GeoTag
 from tests.campaign.examples import MORNING, PLAN, field, flown, photo
 
@@ -180,7 +180,7 @@ def test_every_photograph_is_in_one_visit_or_left_out(rows: list[tuple]) -> None
         tag = None if place is None else GeoTag(*place)
         name = f"{folder}/{k}.jpg"
         shots.append(
-            Shot(name, photo(name, geotag=tag, captured_at=taken, yaw_deg=yaw, pitch_deg=pitch),
+            PhotoToSort(name, photo(name, geotag=tag, captured_at=taken, yaw_deg=yaw, pitch_deg=pitch),
                  tuple(folder.split("/")))
         )  # fmt: skip
     found = sort_photographs(shots, FIELD, PLAN)

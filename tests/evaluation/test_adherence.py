@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fieldkit.errors import MetadataError, UsageError
-from fieldkit.evaluation.adherence import Flight, FlownPlan, flown_noise, planned_poses
+from fieldkit.evaluation.adherence import ComparedPlan, LoggedFlight, flown_noise, planned_poses
 from fieldkit.evaluation.conversion import failed_plot
 from fieldkit.flightlogs import read_flight_log
 from fieldkit.geometry import Similarity
@@ -59,7 +59,7 @@ def plan_of_the_flight(frame: LocalFrame, motion: Similarity) -> Plan:
 
 
 def test_captures_get_the_poses_of_their_triggers(plots: list[tuple[str, Path]]) -> None:
-    flight = Flight.read(recording("mount_then_yaw.tlog"), plots)
+    flight = LoggedFlight.read(recording("mount_then_yaw.tlog"), plots)
     a, b = flight.capture("a"), flight.capture("b")
     assert (len(a.priors), len(b.priors)) == (7, 5)
     assert a.metric_source == b.metric_source == "flight log"
@@ -88,7 +88,7 @@ def test_adherence_to_the_plan(plots: list[tuple[str, Path]]) -> None:
         assert pose.latitude_deg == pytest.approx(s["lat"] * 1e-7, abs=1e-9)
         assert pose.yaw_deg == pytest.approx(s["yaw"], abs=1e-6)
         assert pose.pitch_deg == pytest.approx(s["pitch"], abs=1e-6)
-    flight = Flight.read(recording("mount_then_yaw.tlog"), plots)
+    flight = LoggedFlight.read(recording("mount_then_yaw.tlog"), plots)
     found = flight.adherence("a", planned, datum)
     assert isinstance(found, AdherenceEntry)
     assert [s.image for s in found.stations] == [f"{k}.jpg" for k in range(8) if k != 2]
@@ -104,9 +104,9 @@ def test_a_plan_with_a_log_needs_a_place() -> None:
     plan = Plan(fieldkit="0", stations=(Station(position_m=(0, 0, 1), yaw_deg=0, pitch_deg=0),))
     with pytest.raises(UsageError, match="no place on the Earth"):
         planned_poses(plan, SourceFrame("poses.csv", None, Similarity.identity()))
-    flight = Flight.read(recording("mount_then_yaw.tlog"), [])
+    flight = LoggedFlight.read(recording("mount_then_yaw.tlog"), [])
     with pytest.raises(UsageError, match="compared with a flight log on the reference's plot"):
-        FlownPlan.of(plan, None, flight)
+        ComparedPlan.of(plan, None, flight)
 
 
 def flown(*plots: Sequence[tuple[float | None, ...]] | None) -> EvaluationReport:

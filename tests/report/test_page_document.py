@@ -23,9 +23,10 @@ from fieldkit.figures.content import (
     Still,
     Table,
     Terms,
-    View,
+    View3D,
 )
 from fieldkit.figures.drawings import (
+    ChartSeries,
     FrustumLayer,
     LineChart,
     LineLayer,
@@ -33,7 +34,6 @@ from fieldkit.figures.drawings import (
     Measure,
     PlotMap,
     PointLayer,
-    Series,
     ViewerScene,
 )
 from fieldkit.figures.style import unbroken, visible
@@ -46,7 +46,7 @@ def every_block(text: str) -> tuple[Block, ...]:
     """A block of each kind, with the same text wherever text can be."""
     chart = LineChart(
         text, text, text, text,
-        (Series(text, ((0.0, 1.0), (1.0, None), (2.0, 3.0))), Series(text, ((0.0, 9.0),), "dots")),
+        (ChartSeries(text, ((0.0, 1.0), (1.0, None), (2.0, 3.0))), ChartSeries(text, ((0.0, 9.0),), "dots")),
         level=(2.0, text), x_ticks=((0.0, text), (2.0, text)), y_top=5.0,
     )  # fmt: skip
     plots = (MappedPlot(text, (((0.0, 0.0), (5.0, 0.0), (5.0, 3.0)),)), MappedPlot("b", (((9.0, 9.0),),)))
@@ -70,7 +70,7 @@ def every_block(text: str) -> tuple[Block, ...]:
         Charts((chart,)),
         plot_map,
         Still(picture, text),
-        Details(text, (Paragraph(text), View("view-1", scene, text, picture)), anchor="folded"),
+        Details(text, (Paragraph(text), View3D("view-1", scene, text, picture)), anchor="folded"),
     )  # fmt: skip
 
 
@@ -149,7 +149,7 @@ def test_invisible_characters() -> None:
 
 @pytest.mark.parametrize("anchors", [("a", "a"), ("A",), ("a b",), ("",), ('a"',), ("view-1",)])
 def test_anchors_are_unique_and_plain(anchors: tuple[str, ...]) -> None:
-    view = View("view-1", ViewerScene("t"))
+    view = View3D("view-1", ViewerScene("t"))
     sections = [Section(anchor, "h", (view,) if k == 0 else ()) for k, anchor in enumerate(anchors)]
     with pytest.raises(ValueError, match="anchors"):
         render(Page("t", "s", tuple(sections)))

@@ -30,7 +30,7 @@ class Drawn:
 
 
 @dataclass(frozen=True)
-class Drawing:
+class DrawnChart:
     """A chart laid out; numbers are strings in the drawing's units.
 
     An x tick is its position, its label, and the label's anchor.
@@ -50,7 +50,7 @@ class Drawing:
     above: int
 
 
-def draw(chart: LineChart) -> Drawing:
+def draw(chart: LineChart) -> DrawnChart:
     """Lay a chart out; ValueError for a coordinate that is not finite."""
     points = [(x, y) for series in chart.series for x, y in series.points if y is not None]
     if not all(math.isfinite(v) for point in points for v in point):
@@ -87,7 +87,7 @@ def draw(chart: LineChart) -> Drawing:
             "" if series.style == "dots" else _path([(x, y) for x, y, _ in spots], series.style == "step"),
             tuple((_text(x), _text(y), over) for x, y, over in spots if y is not None and series.style == "dots"),
         ))  # fmt: skip
-    return Drawing(
+    return DrawnChart(
         chart, _text(WIDTH), _text(HEIGHT), _text(_LEFT), _text(WIDTH - _RIGHT), _text(_TOP), _text(HEIGHT - _BOTTOM),
         tuple((_text(across(v)), label, _anchor(across(v), label)) for v, label in x_ticks if left <= v <= right),
         tuple((_text(up(v)), number_text(v)) for v in y_ticks if low <= v <= high),

@@ -17,7 +17,7 @@ from jinja2 import Environment
 from markupsafe import Markup
 
 from fieldkit.figures import content
-from fieldkit.figures.content import Block, Details, Page, View
+from fieldkit.figures.content import Block, Details, Page, View3D
 from fieldkit.figures.drawings import PlotMap
 from fieldkit.report.html.charts import draw
 from fieldkit.report.html.plot_map import draw_map
@@ -36,7 +36,7 @@ _KINDS = {
     content.Table: "table",
     content.Charts: "charts",
     PlotMap: "map",
-    content.View: "view",
+    content.View3D: "view",
     content.Still: "still",
     content.Details: "details",
 }
@@ -65,9 +65,9 @@ def policy(styles: Sequence[str], scripts: Sequence[str]) -> str:
     )
 
 
-def views_of(page: Page) -> Iterator[View]:
+def views_of(page: Page) -> Iterator[View3D]:
     """The page's 3D views, including folded ones."""
-    return (block for block in _blocks_of(page) if isinstance(block, View))
+    return (block for block in _blocks_of(page) if isinstance(block, View3D))
 
 
 def _blocks_of(page: Page) -> Iterator[Block]:
@@ -84,7 +84,7 @@ def _blocks_of(page: Page) -> Iterator[Block]:
 
 
 def _anchor(block: Block) -> str:
-    return block.identifier if isinstance(block, View) else block.anchor if isinstance(block, Details) else ""
+    return block.identifier if isinstance(block, View3D) else block.anchor if isinstance(block, Details) else ""
 
 
 def _source(text: str) -> str:
@@ -132,5 +132,5 @@ def _data_uri(picture: content.Picture) -> Markup:
     return Markup("data:image/jpeg;base64," + base64.b64encode(picture.jpeg).decode())
 
 
-def _view_html(view: View) -> Markup:
+def _view_html(view: View3D) -> Markup:
     return Markup(viewer_html(view.scene, identifier=view.identifier))

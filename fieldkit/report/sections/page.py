@@ -23,14 +23,14 @@ from fieldkit.report.sections.photographs import add_campaign_pictures, add_phot
 from fieldkit.report.sections.plan import mission_section, mission_statements, plan_section, plan_statements
 from fieldkit.report.sections.provenance import provenance_section
 from fieldkit.report.sections.shown import Seen, Shown
-from fieldkit.report.sections.views_3d import View, mission_view, plan_view, plot_views, reference_view
+from fieldkit.report.sections.views_3d import NotedView, mission_view, plan_view, plot_views, reference_view
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
 from fieldkit.runtime.progress import Progress
 
 
 @dataclass(frozen=True)
-class Kind(Generic[T]):
+class ResultKind(Generic[T]):
     """How a kind of result is told of."""
 
     noun: str
@@ -42,7 +42,7 @@ class Kind(Generic[T]):
     add_pictures: Callable[[Shown, str, Loaded[T], Results], None] = lambda *_: None
 
 
-def _one(view: Callable[[Loaded[T], Results], View]) -> Callable[[Loaded[T], Results], Seen]:
+def _one(view: Callable[[Loaded[T], Results], NotedView]) -> Callable[[Loaded[T], Results], Seen]:
     """The only view of a result."""
 
     def views(loaded: Loaded[T], results: Results) -> Seen:
@@ -51,13 +51,15 @@ def _one(view: Callable[[Loaded[T], Results], View]) -> Callable[[Loaded[T], Res
     return views
 
 
-KINDS: tuple[Kind[Any], ...] = (
-    Kind("reference", ReferenceReport, reference_section, reference_statements, _one(reference_view), add_photographs),
-    Kind("plan", PlanRun, plan_section, plan_statements, _one(plan_view)),
-    Kind("mission", FlownMission, mission_section, mission_statements, _one(mission_view)),
-    Kind("evaluation", EvaluationReport, evaluation_section, evaluation_statements, plot_views, add_photographs),
-    Kind("comparison", ComparisonReport, comparison_section, comparison_statements),
-    Kind("campaign", Campaign, campaign_section, campaign_statements, add_pictures=add_campaign_pictures),
+KINDS: tuple[ResultKind[Any], ...] = (
+    ResultKind(
+        "reference", ReferenceReport, reference_section, reference_statements, _one(reference_view), add_photographs
+    ),
+    ResultKind("plan", PlanRun, plan_section, plan_statements, _one(plan_view)),
+    ResultKind("mission", FlownMission, mission_section, mission_statements, _one(mission_view)),
+    ResultKind("evaluation", EvaluationReport, evaluation_section, evaluation_statements, plot_views, add_photographs),
+    ResultKind("comparison", ComparisonReport, comparison_section, comparison_statements),
+    ResultKind("campaign", Campaign, campaign_section, campaign_statements, add_pictures=add_campaign_pictures),
 )
 """In the order of the page."""
 
@@ -107,7 +109,7 @@ def counts(results: Results) -> dict[str, int]:
     return {kind.noun: len(results.of(kind.type)) for kind in KINDS}
 
 
-def _each(results: Results) -> Iterator[tuple[Kind[Any], Loaded[Any], str]]:
+def _each(results: Results) -> Iterator[tuple[ResultKind[Any], Loaded[Any], str]]:
     for kind in KINDS:
         for number, loaded in enumerate(results.of(kind.type), 1):
             yield kind, loaded, f"{kind.noun}-{number}"

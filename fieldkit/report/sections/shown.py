@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import islice
 
-from fieldkit.figures.content import Block, Paragraph, Picture, View
+from fieldkit.figures.content import Block, Paragraph, Picture, View3D
 from fieldkit.figures.drawings import ViewerScene
 from fieldkit.report.sections.stills import still
 from fieldkit.report.sections.views_3d import points_of, within_budget
@@ -72,7 +72,7 @@ class Shown:
         note = self._notes.get((anchor, plot), "")
         place = self._places.get((anchor, plot))
         if place is not None:
-            yield View(f"view-{place + 1}", self._scenes[place], note, self._still(place))
+            yield View3D(f"view-{place + 1}", self._scenes[place], note, self._still(place))
         elif note:
             yield Paragraph(note, faint=True)
 

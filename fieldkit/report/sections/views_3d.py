@@ -44,11 +44,11 @@ _MOST_PLANTS = 1_000_000  # points over all of a mission's plots; the first ones
 Points = NDArray[np.float64]
 
 
-View = tuple[ViewerScene | None, str]
+NotedView = tuple[ViewerScene | None, str]
 """A view, and a note on it; None where there is none, and why."""
 
 
-def reference_view(result: Loaded[ReferenceReport], _: Results) -> View:
+def reference_view(result: Loaded[ReferenceReport], _: Results) -> NotedView:
     """The reference's cloud, with the ground if it was kept, and its cameras."""
     report = result.report
     try:
@@ -71,7 +71,7 @@ def plot_views(result: Loaded[EvaluationReport], results: Results) -> Iterator[t
         yield plot.name, *plot_view(result, plot, results)
 
 
-def plot_view(result: Loaded[EvaluationReport], plot: PlotEvaluation, results: Results) -> View:
+def plot_view(result: Loaded[EvaluationReport], plot: PlotEvaluation, results: Results) -> NotedView:
     """A plot's cloud and the reference, each coloured by its distance to the other, with cameras planned and achieved.
 
     Distances are exact: from every point to the whole other cloud.
@@ -125,7 +125,7 @@ def plot_view(result: Loaded[EvaluationReport], plot: PlotEvaluation, results: R
     return ViewerScene(title, layers, frusta, lines, north=_north_of(plot), metric=plot.metric), note
 
 
-def plan_view(result: Loaded[PlanRun], results: Results) -> View:
+def plan_view(result: Loaded[PlanRun], results: Results) -> NotedView:
     """A plan's cameras about the plants, and the box that cameras may stand in."""
     plan = result.report.plan
     if plan is None:
@@ -181,7 +181,7 @@ def _mission_plants(result: FlownMission, results: Results) -> list[PointLayer]:
     return []
 
 
-def mission_view(result: Loaded[FlownMission], results: Results) -> View:
+def mission_view(result: Loaded[FlownMission], results: Results) -> NotedView:
     """A mission's way, photographs and limits over the plants it is planned for, in metres about home."""
     record, flight = result.report.record, result.report.flight
     frame = site_frame(record)
