@@ -23,9 +23,9 @@ from fieldkit.captures import find_mask
 from fieldkit.captures.selection import FoundPhoto, FoundPhotos, capture_of, find_photographs, photographs_at
 from fieldkit.errors import CaptureError, FieldkitError, MetadataError, StorageError
 from fieldkit.evaluation.rasters import require_rasters
-from fieldkit.figures.spreadsheets import TRAITS_FILE, trait_row, write_traits_csv
+from fieldkit.figures.spreadsheets import TRAITS_FILE, trait_row, traits_csv
 from fieldkit.figures.style import format_length
-from fieldkit.files import check_writable, remove_if_abandoned, storage_errors
+from fieldkit.files import check_writable, remove_if_abandoned, storage_errors, write_atomic
 from fieldkit.results.finding import Finding
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE, file_sha256
 from fieldkit.results.visit import VISITS_FOLDER, Visit
@@ -109,7 +109,8 @@ def evaluate_campaign(
         finally:
             sweep(folder)  # of workers that were stopped in the middle
         campaign = read_campaign(folder)
-        write_traits_csv(folder / TRAITS_FILE, [trait_row(v.plot, v.date, v.traits, v.error) for v in campaign.visits])
+        rows = (trait_row(v.plot, v.date, v.traits, v.error) for v in campaign.visits)
+        write_atomic(folder / TRAITS_FILE, traits_csv(rows))
     left_out = (*found.findings, *sorting.left_out)
     return CampaignRun(campaign, len(found.photos), evaluated, tuple(kept), left_out, sorting.findings)
 

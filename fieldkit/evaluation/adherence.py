@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from fieldkit.captures import Capture, read_capture
 from fieldkit.errors import FieldkitError, MetadataError, UsageError
 from fieldkit.evaluation.recorded_angles import read_angles
-from fieldkit.figures.spreadsheets import write_adherence_csv
+from fieldkit.figures.spreadsheets import adherence_csv
+from fieldkit.files import write_atomic
 from fieldkit.flightlogs import FlightLog, Matches, match, read_flight_log
 from fieldkit.flightlogs.adherence import PlannedPose, adherence
 from fieldkit.flightlogs.geotag import frame_of, local_poses, stamp
@@ -192,7 +193,7 @@ def write_adherence(folder: Path, place: str, plot: PlotEvaluation) -> PlotEvalu
     """Write adherence.csv of a plot with adherence into its folder ``place`` of an evaluation, and enter it there."""
     if plot.adherence is None:
         return plot
-    write_adherence_csv(folder / place / ADHERENCE_FILE, plot.adherence)
+    write_atomic(folder / place / ADHERENCE_FILE, adherence_csv(plot.adherence))
     files = describe_files(folder, [f"{place}/{ADHERENCE_FILE}"])
     return plot.model_copy(update={"files": (*plot.files, *files)})
 
@@ -323,20 +324,22 @@ def _assign(station_of: dict[str, str], stations: Poses, poses: Poses) -> None:
     """Give photographs that have no station yet those that are left, by the poses of one source."""
     free = [name for name in stations if name not in station_of.values()]
     left = [name for name in poses if name not in station_of]
-    both = [name for name in station_of if name in poses]
-    shift = None
-    if len(both) >= _LEAST_STATIONS:
-        # Those that an earlier source has assigned say how far this one lies beside the plan.
-        apart = [np.subtract(poses[n][0], stations[station_of[n]][0]) for n in both]
-        shift = np.median(np.array(apart, dtype=np.float64), axis=0)
+    # Those that an earlier source has assigned say how far this one lies beside the plan.
+    apart = _apart(station_of, stations, poses)
+    shift = np.median(apart, axis=0) if len(apart) >= _LEAST_STATIONS else None
     found = associate(PoseArray.of([poses[n] for n in left]), PoseArray.of([stations[n] for n in free]), offset_m=shift)
     station_of.update({left[a]: free[b] for a, b in found.station_of.items()})
 
 
 def _shift(station_of: Mapping[str, str], stations: Poses, poses: Poses, axes: Array) -> Vector | None:
     """What photographs' positions have in common against their stations': east, north, up."""
-    apart = [np.subtract(poses[n][0], stations[s][0]) for n, s in station_of.items() if n in poses]
-    return vector(np.median(np.array(apart, dtype=np.float64) @ axes.T, axis=0)) if apart else None
+    apart = _apart(station_of, stations, poses)
+    return vector(np.median(apart @ axes.T, axis=0)) if len(apart) else None
+
+
+def _apart(station_of: Mapping[str, str], stations: Poses, poses: Poses) -> Array:
+    """(n, 3) positions of photographs less those of their stations."""
+    return np.array([np.subtract(poses[n][0], stations[s][0]) for n, s in station_of.items() if n in poses], np.float64)
 
 
 def _errors(station_of: Mapping[str, str], stations: Poses, poses: Poses, axes: Array) -> tuple[StationErrorEntry, ...]:

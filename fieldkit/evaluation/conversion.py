@@ -27,7 +27,6 @@ from fieldkit.results.evaluation import (
     DenseEntry,
     ErrorEntry,
     EvaluationReport,
-    FileEntry,
     ImageReport,
     PlotEvaluation,
     ReconstructionEntry,
@@ -48,11 +47,10 @@ def reference_report(
     *,
     seconds: float,
     cpu_seconds: float,
-    files: Sequence[FileEntry] = (),
 ) -> ReferenceReport:
     """What reference.json says of a reconstruction."""
     scene = reconstruction.scene
-    found = _described(reconstruction, settings, seconds, cpu_seconds, files, outline_of(settings))
+    found = _described(reconstruction, settings, seconds, cpu_seconds, outline_of(settings))
     return ReferenceReport(
         fieldkit=__version__,
         source=reconstruction.sparse.capture.folder.name,
@@ -71,7 +69,6 @@ def plot_evaluation(
     correction: CorrectionEntry | None = None,
     seconds: float,
     cpu_seconds: float,
-    files: Sequence[FileEntry] = (),
     findings: Sequence[Finding] = (),
     plants: Cloud | None = None,
     outline: PlotOutline | None = None,
@@ -85,7 +82,7 @@ def plot_evaluation(
         outline: of the plot; None takes the settings' bounds.
     """
     found = _described(
-        reconstruction, settings, seconds, cpu_seconds, files, outline or outline_of(settings), plants, findings
+        reconstruction, settings, seconds, cpu_seconds, outline or outline_of(settings), plants, findings
     )
     return PlotEvaluation(
         name=name,
@@ -116,7 +113,6 @@ def evaluation_report(
     distances_m: Sequence[float],
     seconds: float,
     cpu_seconds: float,
-    files: Sequence[FileEntry] = (),
 ) -> EvaluationReport:
     """What evaluation.json says: the plots in order, and what they were scored with.
 
@@ -133,7 +129,7 @@ def evaluation_report(
         plots=tuple(plots),
         seconds=seconds,
         cpu_seconds=cpu_seconds,
-        files=tuple(files),
+        files=(),
     )
 
 
@@ -160,7 +156,6 @@ def _described(
     settings: ReconstructionSettings,
     seconds: float,
     cpu_seconds: float,
-    files: Sequence[FileEntry],
     outline: PlotOutline,
     plants: Cloud | None = None,
     findings: Sequence[Finding] = (),
@@ -205,7 +200,6 @@ def _described(
         times=reconstruction.times,
         seconds=seconds,
         cpu_seconds=cpu_seconds,
-        files=tuple(files),
         date=_date(sparse.capture),
         traits=plot_traits(reconstruction, reconstruction.plants if plants is None else plants, settings, outline),
         stray=float(reconstruction.stray),

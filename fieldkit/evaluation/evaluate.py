@@ -32,8 +32,7 @@ from fieldkit.results.report_files import EVALUATION_FILE, file_sha256
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.sites.plot_ids import plot_file_name
-
-DISTANCES_M = (0.002, 0.005, 0.010, 0.020)
+from fieldkit.vocabulary import DISTANCES_M
 
 
 def evaluate_captures(

@@ -20,9 +20,9 @@ from fieldkit.evaluation.conversion import failed_plot, plot_evaluation
 from fieldkit.evaluation.rasters import Rasters, coarse_place, write_rasters
 from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, Reference
 from fieldkit.evaluation.traits import PlotOutline, outline_of, scale_doubt
-from fieldkit.figures.spreadsheets import TRAITS_FILE, plot_rows, write_plots_csv, write_traits_csv
+from fieldkit.figures.spreadsheets import TRAITS_FILE, plot_rows, plots_csv, traits_csv
 from fieldkit.figures.style import format_length
-from fieldkit.files import storage_errors
+from fieldkit.files import storage_errors, write_atomic
 from fieldkit.pictures.overview import write_overview
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
 from fieldkit.reconstruction.result import Reconstruction
@@ -139,8 +139,8 @@ def evaluate_plot(
 
 def write_evaluation(folder: Path, report: EvaluationReport) -> EvaluationReport:
     """Write plots.csv, traits.csv and evaluation.json of evaluated plots."""
-    write_plots_csv(folder / PLOTS_FILE, report)
-    write_traits_csv(folder / TRAITS_FILE, plot_rows(report.plots))
+    write_atomic(folder / PLOTS_FILE, plots_csv(report))
+    write_atomic(folder / TRAITS_FILE, traits_csv(plot_rows(report.plots)))
     report = report.model_copy(update={"files": describe_files(folder, [PLOTS_FILE, TRAITS_FILE])})
     save_report(folder / EVALUATION_FILE, report)
     return report

@@ -13,8 +13,8 @@ from fieldkit.clouds import Cloud, Volume, read_cloud, write_cloud
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.conversion import reference_report, settings_entry
 from fieldkit.evaluation.rasters import Rasters, coarse_place, write_georeferenced, write_rasters
-from fieldkit.figures.spreadsheets import TRAITS_FILE, trait_row, write_traits_csv
-from fieldkit.files import atomic_folder
+from fieldkit.figures.spreadsheets import TRAITS_FILE, trait_row, traits_csv
+from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.geometry import Pose
 from fieldkit.pictures.overview import write_overview
 from fieldkit.reconstruction.colmap_model import color_points
@@ -145,7 +145,7 @@ def _write(
     wall, cpu = begun
     draft = reference_report(found, settings, seconds=time.perf_counter() - wall, cpu_seconds=processor_seconds() - cpu)
     write_overview(folder / OVERVIEW_FILE, draft, found.plants)
-    write_traits_csv(folder / TRAITS_FILE, [trait_row(draft.source, draft.date, draft.traits)])
+    write_atomic(folder / TRAITS_FILE, traits_csv([trait_row(draft.source, draft.date, draft.traits)]))
     report = draft.model_copy(update={"files": describe_files(folder, [*names, OVERVIEW_FILE, TRAITS_FILE])})
     save_report(folder / REFERENCE_FILE, report)
     return report

@@ -1,16 +1,13 @@
 """Results as CSV: UTF-8, commas, decimal points, empty cells for missing values.
 
-plots.csv, traits.csv (docs/traits.md), adherence.csv and compare.csv. Each writer raises StorageError where the place
-is full or not writable.
+plots.csv, traits.csv (docs/traits.md), adherence.csv and compare.csv.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 
 from fieldkit.documents.csv_text import csv_text
-from fieldkit.files import write_atomic
 from fieldkit.results.comparison import ComparisonReport, DifferenceEntry
 from fieldkit.results.evaluation import (
     AdherenceEntry,
@@ -27,11 +24,6 @@ TABLE_COLUMNS = ("plot", "date", *TRAIT_COLUMNS)
 _TRAIT_DECIMALS = 4
 
 Row = list[object]
-
-
-def write_plots_csv(path: Path, report: EvaluationReport) -> None:
-    """Write plots.csv."""
-    write_atomic(path, plots_csv(report))
 
 
 def plots_csv(report: EvaluationReport) -> str:
@@ -92,16 +84,6 @@ def plot_rows(plots: Iterable[PlotEvaluation]) -> Iterator[Row]:
 def traits_csv(rows: Iterable[Row]) -> str:
     """traits.csv as text."""
     return csv_text(TABLE_COLUMNS, rows)
-
-
-def write_traits_csv(path: Path, rows: Iterable[Row]) -> None:
-    """Write traits.csv."""
-    write_atomic(path, traits_csv(rows))
-
-
-def write_adherence_csv(path: Path, found: AdherenceEntry) -> None:
-    """Write adherence.csv."""
-    write_atomic(path, adherence_csv(found))
 
 
 def adherence_csv(found: AdherenceEntry) -> str:

@@ -19,6 +19,9 @@ CAMPAIGN_FILE = "campaign.toml"
 """What makes a folder a campaign's."""
 VISITS_FOLDER, VISIT_FILE = "visits", "visit.json"
 _MAX_BYTES = 8 << 20
+_SAME = ("images", "registered", "right", "chamfer_m", "accuracy_m", "completeness_m", "traits", "doubts")
+"""Fields of a visit that are those of its evaluation."""
+_PREDICTED = ("chamfer_m", "low_m", "high_m")
 
 
 def _is_a_date(text: str) -> str:
@@ -102,22 +105,14 @@ class Visit(Strict):
             evaluation: of the plot.
             own: the fields that no evaluation has.
         """
-        prediction = evaluation.prediction
+        same: dict[str, Any] = {name: getattr(evaluation, name) for name in _SAME}
+        if evaluation.prediction is not None:
+            same |= {f"predicted_{name}": getattr(evaluation.prediction, name) for name in _PREDICTED}
         return cls(
-            images=evaluation.images,
-            registered=evaluation.registered,
-            right=evaluation.right,
+            **same,
             pose_rms_m=evaluation.pose_rms_m if evaluation.metric else None,
-            chamfer_m=evaluation.chamfer_m,
-            accuracy_m=evaluation.accuracy_m,
-            completeness_m=evaluation.completeness_m,
             f_score=evaluation.f_score or {},
-            predicted_chamfer_m=None if prediction is None else prediction.chamfer_m,
-            predicted_low_m=None if prediction is None else prediction.low_m,
-            predicted_high_m=None if prediction is None else prediction.high_m,
-            traits=evaluation.traits,
             error="" if evaluation.error is None else evaluation.error.message,
-            doubts=evaluation.doubts,
             no_rasters="; ".join(f.message for f in evaluation.findings if f.code == NO_RASTERS),
             **own,
         )

@@ -38,7 +38,8 @@ def evaluated(folder: Path, plot: str, date: str, cloud: Cloud | None = None, *,
     write_cloud(place / own / CLOUD_FILE, found.plants)
     names = write_rasters(place / own, found, settings, Rasters(0.01)) if rasters else []
     files = describe_files(place, [f"{own}/{name}" for name in (CLOUD_FILE, *names)])
-    entry = plot_evaluation(plot, found, settings, score=None, seconds=1.0, cpu_seconds=1.0, files=files)
+    draft = plot_evaluation(plot, found, settings, score=None, seconds=1.0, cpu_seconds=1.0)
+    entry = draft.model_copy(update={"files": files})
     report = evaluation_report(
         "x", [entry], settings, reference_sha256=None, refine=False, distances_m=(0.01,), seconds=1.0, cpu_seconds=1.0
     )

@@ -38,16 +38,3 @@ def test_tables_say_what_cannot_be_told(two: list[str], capsys: pytest.CaptureFi
     assert said.out == ""
     assert "cannot be told" in said.err
     assert "have no reference" in said.err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "words"),
-    [(["compare", "nowhere", "neither"], 3, "no such file"), (["compare"], 2, "missing argument")],
-)
-def test_wrong_usage(
-    arguments: list[str], code: int, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    monkeypatch.chdir(tmp_path)
-    assert main(arguments) == code
-    assert words in capsys.readouterr().err.lower()

@@ -37,24 +37,3 @@ def test_people_are_told(results: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert main(["report", str(results)]) == 2
     assert "exists already" in capsys.readouterr().err
     assert main(["report", str(results), "--overwrite"]) == 0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "message"),
-    [
-        (["nowhere"], 3, "no such folder"),
-        (["."], 3, "holds no result"),
-        ([".", "--points", "7"], 2, "cannot show 7 points"),
-        ([], 2, "missing argument"),
-    ],
-)
-def test_errors_name_a_remedy(
-    arguments: list[str], code: int, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    monkeypatch.chdir(tmp_path)
-    assert main(["report", *arguments, "--json"]) == code
-    error = json.loads(capsys.readouterr().out)["error"]
-    assert message in error["message"]
-    assert error["remedy"]
-    assert list(tmp_path.iterdir()) == []

@@ -2,31 +2,20 @@
 
 import csv
 import io
-from pathlib import Path
 
 import pytest
 
 from fieldkit.documents.csv_text import on_one_line
-from fieldkit.figures.spreadsheets import (
-    TABLE_COLUMNS,
-    plot_row,
-    plot_rows,
-    plots_csv,
-    trait_row,
-    traits_csv,
-    write_plots_csv,
-    write_traits_csv,
-)
+from fieldkit.figures.spreadsheets import TABLE_COLUMNS, plot_row, plot_rows, plots_csv, trait_row, traits_csv
 from fieldkit.results.evaluation import Prediction
 from fieldkit.results.traits import TraitsEntry, error_column, reasons_in_words
 from tests.figures.terminal.test_results import FAILED, TRAITS, report, scored
 
 
 class TestCsv:
-    def test_rows(self, tmp_path: Path) -> None:
+    def test_rows(self) -> None:
         evaluation = report(scored("a"), FAILED)
-        write_plots_csv(tmp_path / "plots.csv", evaluation)
-        first, second = csv.DictReader((tmp_path / "plots.csv").read_text("utf-8").splitlines())
+        first, second = csv.DictReader(plots_csv(evaluation).splitlines())
         plot = evaluation.plots[0]
         assert list(first) == list(plot_row(plot, ["0.002", "0.005", "0.010", "0.020"]))
         assert float(first["chamfer_m"]) == plot.chamfer_m
@@ -57,10 +46,9 @@ class TestCsv:
         assert row["plot"] == on_one_line(name)
 
 
-def test_a_row_per_plot(tmp_path: Path) -> None:
+def test_a_row_per_plot() -> None:
     plots = [scored("a").model_copy(update={"traits": TRAITS, "date": "2026-06-18"}), FAILED]
-    write_traits_csv(tmp_path / "traits.csv", plot_rows(plots))
-    first, second = csv.DictReader((tmp_path / "traits.csv").read_text("utf-8").splitlines())
+    first, second = csv.DictReader(traits_csv(plot_rows(plots)).splitlines())
     assert tuple(first) == TABLE_COLUMNS
     assert (first["plot"], first["date"], first["no_trait"]) == ("a", "2026-06-18", "")
     assert (first["height_m"], first["height_error_m"], first["cover_percent"]) == ("0.81", "0.03", "16.0")
