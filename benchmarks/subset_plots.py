@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from benchmarks.curves import COLORS, dress
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
-from fieldkit.pictures.panels import FAINT, INK, PanelPlace, add_panel, draw_cloud, fitting_scale, new_figure
+from fieldkit.pictures.panels import FAINT, INK, Panel, add_panel, draw_cloud, fitting_scale, new_figure
 from fieldkit.pictures.projection import FRONT, TOP
 
 _WIDTH, _ROW, _MARGIN, _TITLE = 13.0, 3.6, 0.55, 0.6
@@ -58,7 +58,7 @@ def draw_subsets(
             *((direction, lower, upper, f"cloud {direction.name}") for direction in (TOP, FRONT)),
         )
         for k, (direction, low, high, name) in enumerate(views):
-            place = PanelPlace(0.5 + k * (side + 0.35), bottom, side, side)
+            place = Panel(0.5 + k * (side + 0.35), bottom, side, side)
             scale = fitting_scale(high - low, direction, place)
             axes, window = add_panel(figure, place, 0.5 * (low + high), direction, scale, name, unit="m")
             draw_cloud(axes, subset.cloud, direction, window)

@@ -47,7 +47,7 @@ _Result = TypeVar("_Result")
 _KEYWORD = inspect.Parameter.KEYWORD_ONLY
 
 
-class ContainedCommand(TyperCommand):
+class Parser(TyperCommand):
     """A command that runs with its libraries' threads limited and a temporary folder of its own."""
 
     def invoke(self, ctx: Any) -> Any:
@@ -103,9 +103,8 @@ def command_of(name: str) -> TyperCommand:
 def parser_of(command: Callable[..., int | None], name: str | None = None, stage: str | None = None) -> TyperCommand:
     """The parser of a command's function, under a heading of the overview."""
     app = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
-    app.command(name, cls=ContainedCommand, help=_page(command), rich_help_panel=stage, context_settings=_HELP)(
-        grouped(command)
-    )
+    made = app.command(name, cls=Parser, help=_page(command), rich_help_panel=stage, context_settings=_HELP)
+    made(grouped(command))
     parser = typer.main.get_command(app)
     assert isinstance(parser, TyperCommand)
     return parser

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -69,14 +70,10 @@ def _planned(
         settings = resumed_settings(read_settings(output), request) if resumed else new_settings(request, workers)
         before = read_log(output) if resumed else []
         with open_watch(settings, before, progress, as_json=as_json) as (watch, expect):
-            if resumed:
-                return settings, resume_plan(
-                    output, settings, cache=cache, workers=workers, scheduler=options.scheduler, progress=progress,
-                    watch=watch, expect=expect,
-                )  # fmt: skip
-            return settings, plan_views(
-                output, settings, cache=cache, workers=workers, scheduler=options.scheduler,
-                overwrite=options.overwrite, progress=progress, watch=watch, expect=expect,
+            verb = partial(resume_plan) if resumed else partial(plan_views, overwrite=options.overwrite)
+            return settings, verb(
+                output, settings, cache=cache, workers=workers, scheduler=options.scheduler, progress=progress,
+                watch=watch, expect=expect,
             )  # fmt: skip
 
 

@@ -44,7 +44,7 @@ _NAMED = 5
 
 
 @dataclass(frozen=True, eq=False)
-class LabelledEvaluation:
+class Labelled:
     """One evaluation as read."""
 
     label: str
@@ -97,7 +97,7 @@ def compare_evaluations(
     return Comparison(report, Path(output))
 
 
-def comparison_of(runs: Sequence[LabelledEvaluation]) -> ComparisonReport:
+def comparison_of(runs: Sequence[Labelled]) -> ComparisonReport:
     """All values and differences of evaluations, in order."""
     labels = list(dict.fromkeys(run.label for run in runs))
     by_label = {label: [run for run in runs if run.label == label] for label in labels}
@@ -136,10 +136,10 @@ def comparison_of(runs: Sequence[LabelledEvaluation]) -> ComparisonReport:
     )
 
 
-def _read(evaluations: Sequence[Path | str]) -> list[LabelledEvaluation]:
+def _read(evaluations: Sequence[Path | str]) -> list[Labelled]:
     if len(evaluations) > MOST_EVALUATIONS:
         raise UsageError(f"{len(evaluations)} evaluations are too many", remedy=f"Give up to {MOST_EVALUATIONS}.")
-    runs: list[LabelledEvaluation] = []
+    runs: list[Labelled] = []
     taken: set[str] = set()
     for each in evaluations:
         label, path = _labelled(each)
@@ -155,7 +155,7 @@ def _read(evaluations: Sequence[Path | str]) -> list[LabelledEvaluation]:
             numbered = (name, *(f"{name} {k}" for k in range(2, len(evaluations) + 2)))
             label = next(each for each in numbered if each not in taken)
         taken.add(label)
-        runs.append(LabelledEvaluation(label, report, {plot.name: plot for plot in report.plots}))
+        runs.append(Labelled(label, report, {plot.name: plot for plot in report.plots}))
     return runs
 
 
@@ -223,7 +223,7 @@ def pooled_spread(groups: Sequence[Sequence[float]]) -> tuple[float, int] | None
     return (float(np.sqrt(squares / freedom)), freedom) if freedom else None
 
 
-def _evaluation(label: str, runs: Sequence[LabelledEvaluation]) -> ComparedEvaluation:
+def _evaluation(label: str, runs: Sequence[Labelled]) -> ComparedEvaluation:
     references = {run.report.reference_sha256 for run in runs}
     return ComparedEvaluation(
         label=label,
@@ -234,10 +234,7 @@ def _evaluation(label: str, runs: Sequence[LabelledEvaluation]) -> ComparedEvalu
 
 
 def _what_differs(
-    runs: Sequence[LabelledEvaluation],
-    by_label: Mapping[str, Sequence[LabelledEvaluation]],
-    names: Sequence[str],
-    scored: bool,
+    runs: Sequence[Labelled], by_label: Mapping[str, Sequence[Labelled]], names: Sequence[str], scored: bool
 ) -> Iterator[str]:
     """What of the evaluations is not alike, or not to be compared."""
     if len({run.report.reference_sha256 for run in runs}) > 1:

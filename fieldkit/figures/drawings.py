@@ -21,7 +21,7 @@ Ring = tuple[Corner, ...]
 
 
 @dataclass(frozen=True)
-class ChartSeries:
+class Curve:
     """One series of a chart."""
 
     name: str
@@ -40,7 +40,7 @@ class LineChart:
     """For readers who cannot see the chart."""
     x_label: str
     y_label: str
-    series: tuple[ChartSeries, ...]
+    series: tuple[Curve, ...]
     """Drawn in order; at most five lines have colours of their own."""
     level: tuple[float, str] | None = None
     """A dashed line across, with its label."""

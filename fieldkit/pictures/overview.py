@@ -21,7 +21,7 @@ from fieldkit.pictures.panels import (
     FAINT,
     INK,
     Array,
-    PanelPlace,
+    Panel,
     add_panel,
     draw_cloud,
     drawable,
@@ -62,7 +62,7 @@ def draw_overview(report: ReferenceReport | PlotEvaluation, plants: Cloud) -> Fi
     )  # fmt: skip
     spots = [spot for image in report.image_reports if (spot := image.center_m or image.known_center_m) is not None]
     everything = np.array([report.volume.lower_m, report.volume.upper_m, *spots])
-    places = [PanelPlace(_MARGIN + i * (_CAMERAS_WIDTH + _GAP), _LOWER[0], _CAMERAS_WIDTH, _LOWER[1]) for i in range(2)]
+    places = [Panel(_MARGIN + i * (_CAMERAS_WIDTH + _GAP), _LOWER[0], _CAMERAS_WIDTH, _LOWER[1]) for i in range(2)]
     views = _draw_panels(
         figure, report, plants, everything.min(axis=0), everything.max(axis=0), places, (TOP, FRONT),
         ("Cameras from above", "Cameras from the front"),
@@ -82,7 +82,7 @@ def _draw_panels(
     plants: Cloud,
     lower: Array,
     upper: Array,
-    places: Sequence[PanelPlace],
+    places: Sequence[Panel],
     directions: Sequence[Direction],
     titles: Sequence[str],
 ) -> list[tuple[Axes, Direction]]:
@@ -124,13 +124,13 @@ def _limits(points: Array, report: ReconstructionEntry) -> tuple[Array, Array]:
     return lower, upper
 
 
-def _side_by_side(widths: Sequence[float]) -> list[PanelPlace]:
+def _side_by_side(widths: Sequence[float]) -> list[Panel]:
     """Panels in a row, about as wide as their content, each at least a fifth."""
     room = _WIDTH - 2 * _MARGIN - (len(widths) - 1) * _GAP
     shares = np.maximum(np.array(widths) / sum(widths), 0.2)
     lengths = room * shares / shares.sum()
     lefts = _MARGIN + np.concatenate([[0.0], np.cumsum(lengths + _GAP)[:-1]])
-    return [PanelPlace(float(left), _UPPER[0], float(n), _UPPER[1]) for left, n in zip(lefts, lengths, strict=True)]
+    return [Panel(float(left), _UPPER[0], float(n), _UPPER[1]) for left, n in zip(lefts, lengths, strict=True)]
 
 
 def _draw_camera(axes: Axes, image: ImageReport, direction: Direction, arrow: float) -> None:

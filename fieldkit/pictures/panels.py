@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class PanelPlace:
+class Panel:
     """The place of a panel in a figure, inches from the figure's lower left corner."""
 
     left: float
@@ -50,20 +50,13 @@ def png(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def fitting_scale(size: Array, direction: Direction, place: PanelPlace) -> float:
+def fitting_scale(size: Array, direction: Direction, place: Panel) -> float:
     """Metres per inch at which a box of ``size`` (3,) fits a panel with a margin on each side."""
     return max(float(size[direction.right]) / place.width, float(size[direction.up]) / place.height, 1e-9) / 0.84
 
 
 def add_panel(
-    figure: Figure,
-    place: PanelPlace,
-    middle: Array,
-    direction: Direction,
-    metres_per_inch: float,
-    title: str,
-    *,
-    unit: str,
+    figure: Figure, place: Panel, middle: Array, direction: Direction, metres_per_inch: float, title: str, *, unit: str
 ) -> tuple[Axes, Window]:
     """Axes in metres about ``middle`` (3,), equal in both directions, with a scale bar; and the window they show."""
     half_width, half_height = 0.5 * place.width * metres_per_inch, 0.5 * place.height * metres_per_inch
@@ -105,7 +98,7 @@ def view_row(
     figure = new_figure(_ROW_WIDTH, _ROW_HEIGHT, title)
     width = (_ROW_WIDTH - 2 * _ROW_MARGIN - (len(views) - 1) * _ROW_GAP) / len(views)
     height = _ROW_HEIGHT - _ROW_MARGIN - _ROW_TOP
-    places = [PanelPlace(_ROW_MARGIN + i * (width + _ROW_GAP), _ROW_MARGIN, width, height) for i in range(len(views))]
+    places = [Panel(_ROW_MARGIN + i * (width + _ROW_GAP), _ROW_MARGIN, width, height) for i in range(len(views))]
     scales: dict[int, float] = {}
     for (direction, shown), place in zip(views, places, strict=True):
         fitting = fitting_scale(np.ptp(shown, axis=0), direction, place)

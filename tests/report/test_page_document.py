@@ -26,7 +26,7 @@ from fieldkit.figures.content import (
     View3D,
 )
 from fieldkit.figures.drawings import (
-    ChartSeries,
+    Curve,
     FrustumLayer,
     LineChart,
     LineLayer,
@@ -46,7 +46,7 @@ def every_block(text: str) -> tuple[Block, ...]:
     """A block of each kind, with the same text wherever text can be."""
     chart = LineChart(
         text, text, text, text,
-        (ChartSeries(text, ((0.0, 1.0), (1.0, None), (2.0, 3.0))), ChartSeries(text, ((0.0, 9.0),), "dots")),
+        (Curve(text, ((0.0, 1.0), (1.0, None), (2.0, 3.0))), Curve(text, ((0.0, 9.0),), "dots")),
         level=(2.0, text), x_ticks=((0.0, text), (2.0, text)), y_top=5.0,
     )  # fmt: skip
     plots = (MappedPlot(text, (((0.0, 0.0), (5.0, 0.0), (5.0, 3.0)),)), MappedPlot("b", (((9.0, 9.0),),)))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from fieldkit.figures.drawings import ChartSeries, LineChart, MappedPlot, Measure, PlotMap
+from fieldkit.figures.drawings import Curve, LineChart, MappedPlot, Measure, PlotMap
 from fieldkit.figures.style import DISTANCE_RAMP
 from fieldkit.report.html.charts import HEIGHT, WIDTH, draw, round_ticks
 from fieldkit.report.html.plot_map import draw_map, ramp_color
@@ -15,7 +15,7 @@ from fieldkit.report.html.plot_map import draw_map, ramp_color
 FINITE = st.floats(-1e9, 1e9)
 
 
-def chart(*series: ChartSeries, **more: object) -> LineChart:
+def chart(*series: Curve, **more: object) -> LineChart:
     return LineChart("t", "d", "x", "y", series, **more)
 
 
@@ -24,7 +24,7 @@ def numbers(path: str) -> list[float]:
 
 
 def test_a_line_goes_through_its_points_and_breaks_at_gaps() -> None:
-    drawing = draw(chart(ChartSeries("a", ((0, 0.0), (5, 10.0), (6, None), (8, 5.0), (10, 0.0)))))
+    drawing = draw(chart(Curve("a", ((0, 0.0), (5, 10.0), (6, None), (8, 5.0), (10, 0.0)))))
     (line,) = drawing.series
     assert line.path.count("M") == 2
     left, right, top, bottom = (float(v) for v in (drawing.left, drawing.right, drawing.top, drawing.bottom))
@@ -34,7 +34,7 @@ def test_a_line_goes_through_its_points_and_breaks_at_gaps() -> None:
 
 
 def test_what_lies_above_the_axis_is_drawn_on_its_edge_and_counted() -> None:
-    drawing = draw(chart(ChartSeries("a", ((0, 1.0), (1, 99.0)), "dots"), y_top=2.0))
+    drawing = draw(chart(Curve("a", ((0, 1.0), (1, 99.0)), "dots"), y_top=2.0))
     assert drawing.above == 1
     assert [over for *_, over in drawing.series[0].dots] == [False, True]
     assert drawing.series[0].dots[1][1] == drawing.top
@@ -46,7 +46,7 @@ def test_what_lies_above_the_axis_is_drawn_on_its_edge_and_counted() -> None:
 @example([(0.0, 5e-324)], "line")
 @example([(0.0, 1.0), (5e-324, 2.0)], "line")
 def test_everything_lies_in_the_drawing(points: list[tuple[float, float | None]], style: str) -> None:
-    drawing = draw(chart(ChartSeries("a", tuple(points), style)))
+    drawing = draw(chart(Curve("a", tuple(points), style)))
     spots = [(float(x), float(y)) for line in drawing.series for x, y, _ in line.dots]
     path = drawing.series[0].path
     spots += [(float(a), float(b)) for a, b in re.findall(r"[ML](-?[\d.]+) (-?[\d.]+)", path)]
@@ -70,7 +70,7 @@ def test_ticks_are_round_few_and_inside(low: float, size: float, most: int) -> N
 
 def test_not_finite_is_an_error() -> None:
     with pytest.raises(ValueError, match="finite"):
-        draw(chart(ChartSeries("a", ((0.0, math.nan),))))
+        draw(chart(Curve("a", ((0.0, math.nan),))))
     with pytest.raises(ValueError, match="finite"):
         draw_map(PlotMap("t", (MappedPlot("a", (((math.inf, 0.0),),)),), ()))
     with pytest.raises(ValueError, match="plots"):

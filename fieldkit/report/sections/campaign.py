@@ -25,7 +25,7 @@ from fieldkit.figures.content import (
     Table,
     tabulated,
 )
-from fieldkit.figures.drawings import ChartSeries, LineChart, MappedPlot, Measure, PlotMap
+from fieldkit.figures.drawings import Curve, LineChart, MappedPlot, Measure, PlotMap
 from fieldkit.figures.registry import FIGURES, TRENDS, Figure, cells
 from fieldkit.figures.style import format_length
 from fieldkit.figures.tables.scores import TRAIT_FIGURES, interval, score_columns, trait_reasons
@@ -202,13 +202,11 @@ def _charts(campaign: Campaign, visits: Sequence[Visit], of: str) -> Iterator[Li
             continue
         drawn = [line for line in lines if len(line) > 1][:_MOST_LINES] if several else []
         series = [
-            ChartSeries(
-                "" if k else "a plot", tuple((float(n), line.get(date)) for n, date in enumerate(dates)), "band"
-            )
+            Curve("" if k else "a plot", tuple((float(n), line.get(date)) for n, date in enumerate(dates)), "band")
             for k, line in enumerate(drawn)
         ]
         name = "median of the plots" if several else ""
-        series.append(ChartSeries(name, tuple((float(n), middle.get(date)) for n, date in enumerate(dates))))
+        series.append(Curve(name, tuple((float(n), middle.get(date)) for n, date in enumerate(dates))))
         known = list(middle.values())
         yield LineChart(
             f"{figure.label.capitalize()} of {of} over the dates",

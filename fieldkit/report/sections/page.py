@@ -30,7 +30,7 @@ from fieldkit.runtime.progress import Progress
 
 
 @dataclass(frozen=True)
-class ResultKind(Generic[T]):
+class Part(Generic[T]):
     """How a kind of result is told of."""
 
     noun: str
@@ -51,15 +51,13 @@ def _one(view: Callable[[Loaded[T], Results], NotedView]) -> Callable[[Loaded[T]
     return views
 
 
-KINDS: tuple[ResultKind[Any], ...] = (
-    ResultKind(
-        "reference", ReferenceReport, reference_section, reference_statements, _one(reference_view), add_photographs
-    ),
-    ResultKind("plan", PlanRun, plan_section, plan_statements, _one(plan_view)),
-    ResultKind("mission", FlownMission, mission_section, mission_statements, _one(mission_view)),
-    ResultKind("evaluation", EvaluationReport, evaluation_section, evaluation_statements, plot_views, add_photographs),
-    ResultKind("comparison", ComparisonReport, comparison_section, comparison_statements),
-    ResultKind("campaign", Campaign, campaign_section, campaign_statements, add_pictures=add_campaign_pictures),
+KINDS: tuple[Part[Any], ...] = (
+    Part("reference", ReferenceReport, reference_section, reference_statements, _one(reference_view), add_photographs),
+    Part("plan", PlanRun, plan_section, plan_statements, _one(plan_view)),
+    Part("mission", FlownMission, mission_section, mission_statements, _one(mission_view)),
+    Part("evaluation", EvaluationReport, evaluation_section, evaluation_statements, plot_views, add_photographs),
+    Part("comparison", ComparisonReport, comparison_section, comparison_statements),
+    Part("campaign", Campaign, campaign_section, campaign_statements, add_pictures=add_campaign_pictures),
 )
 """In the order of the page."""
 
@@ -109,7 +107,7 @@ def counts(results: Results) -> dict[str, int]:
     return {kind.noun: len(results.of(kind.type)) for kind in KINDS}
 
 
-def _each(results: Results) -> Iterator[tuple[ResultKind[Any], Loaded[Any], str]]:
+def _each(results: Results) -> Iterator[tuple[Part[Any], Loaded[Any], str]]:
     for kind in KINDS:
         for number, loaded in enumerate(results.of(kind.type), 1):
             yield kind, loaded, f"{kind.noun}-{number}"

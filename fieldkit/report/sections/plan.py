@@ -18,7 +18,7 @@ from fieldkit.figures.content import (
     Terms,
     tabulated,
 )
-from fieldkit.figures.drawings import ChartSeries, LineChart
+from fieldkit.figures.drawings import Curve, LineChart
 from fieldkit.figures.style import (
     decimal,
     format_length,
@@ -153,14 +153,14 @@ def _charts(result: PlanRun) -> Iterator[LineChart]:
         described = f"The best value fell from {first} to {last} in {count(len(trials), 'trial')}."
         yield LineChart(
             "The search: every trial, and the best so far", described, "trial", "value, mm",
-            (ChartSeries("trial", tuple(values), "dots"), ChartSeries("best so far", tuple(best), "step")),
+            (Curve("trial", tuple(values), "dots"), Curve("best so far", tuple(best), "step")),
             level=confirmed,
             y_top=1.08 * measured[min(len(measured) - 1, int(_LATER * len(measured)))],
         )  # fmt: skip
     models = models_of(trials)
     if models:
         series = tuple(
-            ChartSeries(name, tuple((t.number + 1.0, weights_of(t).get(name)) for t in trials)) for name in models[:6]
+            Curve(name, tuple((t.number + 1.0, weights_of(t).get(name)) for t in trials)) for name in models[:6]
         )
         yield LineChart(
             "Weights of the models that proposed trials",
