@@ -67,8 +67,7 @@ def check_mission(
         read = replace(read, home=origin)
     elif read.home is not None and read.home.amsl_m is None and origin is not None:
         read = replace(read, home=replace(read.home, amsl_m=origin.amsl_m))
-    findings = [(error if r.error else warning)(r.code, r.message, r.item) for r in read.remarks]
-    findings += _fit(read, vehicle)
+    findings = [*read.remarks, *_fit(read, vehicle)]
     dialect = vehicle.dialect if vehicle.dialect != "dji" else read.firmware or "ardupilot"
     flown = interpret(read, vehicle, dialect)
     findings += [error("unknown-item", message, number) for number, message in flown.refused]

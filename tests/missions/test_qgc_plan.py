@@ -99,7 +99,7 @@ def test_another_programs_file_is_read(tmp_path: Path) -> None:
     read = read_plan(path)
     assert read.home.amsl_m is None
     assert {remark.code for remark in read.remarks} >= {"unknown-item", "fence-circles"}
-    assert read.remarks[0].error
+    assert read.remarks[0].severity == "error"
     assert len(read.fence.inside[0]) == 3
     assert read.fence.outside_circles == (Circle(50.865, 6.4473, 100.0),)
 
@@ -159,7 +159,7 @@ def test_a_complex_item_without_items_is_an_error_and_says_where(tmp_path: Path,
     for later in document["mission"]["items"][2:]:  # as QGroundControl counts on
         later["doJumpId"] += 7
     (remark,) = read_of(tmp_path, document).remarks
-    assert (remark.code, remark.error, remark.item) == ("unknown-item", True, 2)
+    assert (remark.code, remark.severity, remark.item) == ("unknown-item", "error", 2)
 
 
 @pytest.mark.parametrize("altitude", [[None], [], [0]])

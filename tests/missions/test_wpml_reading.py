@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.errors import MetadataError
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.files.archive import zip_bytes
 from fieldkit.missions.files.wpml import TEMPLATE, WAYLINES
@@ -292,15 +291,11 @@ def test_actions_before_the_wayline(tmp_path: Path) -> None:
     assert refused(shot) == ["waypoint 0 has a photograph before the way to its first waypoint"]
 
 
-def test_a_group_of_several_waypoints_is_carried_out_at_each(tmp_path: Path) -> None:
-    report = checked(tmp_path, EAST + group(0, 1, tilt(-40), HOVER, PHOTO), EAST, EAST)
-    assert (poses(report), codes(report)) == ([(90.0, -40.0), (90.0, -40.0)], {"not-modelled"})
-    assert [shot.item for shot in report.photographs] == [0, 1]
+def test_a_group_of_several_waypoints_or_of_one_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    report = checked(tmp_path, EAST + group(0, 1, action("takePhoto")), EAST, EAST)
+    assert refused(report) == ["waypoint 0 has takePhoto in an action group (reachPoint, sequence, waypoints 0 to 1)"]
     nowhere = checked(tmp_path, EAST + group(7, 7, tilt(-40), PHOTO), EAST + group(1, 1, HOVER, PHOTO))
     assert refused(nowhere) == ["waypoint 0 has an action group for waypoint 7, which the wayline has not"]
-    endless = "".join(group(0, 90, *(20 * [HOVER])) for _ in range(120))
-    with pytest.raises(MetadataError, match="more than 200000 actions"):
-        checked(tmp_path, EAST + endless, *(90 * [EAST]))
 
 
 POI = facing("towardPOI", 0, waypointPoiPoint="50.8650,6.4480,0")

@@ -246,7 +246,6 @@ def _fly_stops(craft: Craft, log: _Log, stops: Sequence[ReadStop]) -> State:
         state = _do(craft, log, state, stop.number, *stop.before)
         state = _at_stop(craft, log, state, before, stop)
         state = _do(craft, log, state, stop.number, *stop.actions)
-        log.uncounted = log.uncounted or stop.uncounted
     return state
 
 

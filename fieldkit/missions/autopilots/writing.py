@@ -42,79 +42,74 @@ _NAN = math.nan
 
 def render(mission: Mission, vehicle: Vehicle) -> tuple[MissionItem, ...]:
     """The mission's items in the vehicle's dialect, in the order they are uploaded, every one range-checked."""
-    write = {"ardupilot": _ardupilot_items, "px4": _px4_items}.get(vehicle.dialect)
-    if write is None:
+    if vehicle.dialect not in _DIALECTS:
         raise MissionError(
             f"{vehicle.title} takes no mission items", remedy="Export with --format wpml or --format litchi."
         )
-    items = write(mission, vehicle)
+    begin, waypoint, photograph, yaw = _DIALECTS[vehicle.dialect]
+    items, station = begin(mission, vehicle), 0
+    for stop, turning in zip(mission.stops, unfinished_turns(mission, vehicle), strict=True):
+        if isinstance(stop, Shot):
+            check_shot(stop, vehicle)
+            found = photograph(stop, mission, vehicle, turning)
+            items += [replace(item, station=station) for item in found]
+            station += 1
+        else:
+            items.append(waypoint(stop.place, vehicle))
+    items.append(waypoint(mission.landing, vehicle))
+    items.append(position(Command.NAV_LAND, replace(mission.landing, height_m=0.0), (0.0, 0.0, 0.0, yaw)))
     check_items(items, vehicle.dialect, [shot.name for shot in mission.shots])
     if vehicle.max_items is not None and len(items) > vehicle.max_items:
         raise MissionError(
             f"the mission has {len(items)} items; {vehicle.title} stores {vehicle.max_items}",
             remedy="Fly fewer plots at once.",
         )
-    return items
+    return tuple(items)
 
 
-def _ardupilot_items(mission: Mission, vehicle: Vehicle) -> tuple[MissionItem, ...]:
+def _ardupilot_begin(mission: Mission, _vehicle: Vehicle) -> list[MissionItem]:
     """Home first, which ArduPilot overwrites with its own; its altitude is 0 where the site gives none.
 
     The mission ends with a waypoint over the landing place and NAV_LAND: RTL would climb to 15 m first.
     """
     home, nothing = mission.home, (0.0, 0.0, 0.0, 0.0)
     place = (round(home.latitude_deg, 9), round(home.longitude_deg, 9), home.amsl_m or 0.0)
-    items = [
+    return [
         MissionItem(Command.NAV_WAYPOINT, Frame.GLOBAL, (*nothing, *place)),
         position(Command.NAV_TAKEOFF, GeoPoint(0.0, 0.0, mission.takeoff_m), nothing),
         speed(mission),
     ]
-    station = 0
-    for stop, turning in zip(mission.stops, unfinished_turns(mission, vehicle), strict=True):
-        if isinstance(stop, Shot):
-            items += _ardupilot_photograph(stop, station, mission, vehicle, turning)
-            station += 1
-        else:
-            items.append(_ardupilot_waypoint(stop.place, LEAST_HOLD_S))
-    items.append(_ardupilot_waypoint(mission.landing, LEAST_HOLD_S))
-    items.append(position(Command.NAV_LAND, replace(mission.landing, height_m=0.0), nothing))
-    return tuple(items)
 
 
-def _ardupilot_photograph(
-    shot: Shot, station: int, mission: Mission, vehicle: Vehicle, turning_s: float
-) -> list[MissionItem]:
-    check_shot(shot, vehicle)
-    hold = max(LEAST_HOLD_S, math.ceil(mission.settle_s + turning_s - 1e-9))
-    items = []
-    if vehicle.mount.kind != "fixed":
-        # On a pitch-only mount the yaw of 0 turns the copter north, until CONDITION_YAW behind it; on a pan mount it
-        # is relative to the nose.
-        pitch = round(shot.pitch_deg, 3)
-        items.append(action(Command.DO_MOUNT_CONTROL, pitch, p7=_TARGETING, station=station))
-    items.append(action(Command.CONDITION_YAW, heading(shot.yaw_deg), station=station))
-    items.append(_ardupilot_waypoint(shot.place, hold, station))
-    items.append(_shutter(vehicle, station))
-    items.append(delay(max(mission.exposure_s, LEAST_EXPOSURE_S), station))
-    return items
+def _ardupilot_photograph(shot: Shot, mission: Mission, vehicle: Vehicle, turning_s: float) -> list[MissionItem]:
+    # On a pitch-only mount the yaw of 0 turns the copter north, until CONDITION_YAW behind it; on a pan mount it is
+    # relative to the nose.
+    mount = action(Command.DO_MOUNT_CONTROL, round(shot.pitch_deg, 3), p7=_TARGETING)
+    return [
+        *([] if vehicle.mount.kind == "fixed" else [mount]),
+        action(Command.CONDITION_YAW, heading(shot.yaw_deg)),
+        _ardupilot_waypoint(shot.place, vehicle, max(LEAST_HOLD_S, math.ceil(mission.settle_s + turning_s - 1e-9))),
+        _shutter(vehicle),
+        delay(max(mission.exposure_s, LEAST_EXPOSURE_S)),
+    ]
 
 
-def _shutter(vehicle: Vehicle, station: int) -> MissionItem:
+def _shutter(vehicle: Vehicle) -> MissionItem:
     if vehicle.trigger.command == "image_start_capture":
-        return action(Command.IMAGE_START_CAPTURE, 0.0, 0.0, 1.0, station=station)
+        return action(Command.IMAGE_START_CAPTURE, 0.0, 0.0, 1.0)
     if vehicle.trigger.command == "digicam_control":
-        return action(Command.DO_DIGICAM_CONTROL, p5=1.0, station=station)  # shoots only so
+        return action(Command.DO_DIGICAM_CONTROL, p5=1.0)  # shoots only so
     raise MissionError(
         f"{vehicle.title}: ArduPilot has no trigger {vehicle.trigger.command!r}",
         remedy='Set the profile\'s trigger to "image_start_capture" or "digicam_control".',
     )
 
 
-def _ardupilot_waypoint(place: GeoPoint, hold_s: int, station: int | None = None) -> MissionItem:
-    return position(Command.NAV_WAYPOINT, place, (float(hold_s), 0.0, 0.0, 0.0), station)
+def _ardupilot_waypoint(place: GeoPoint, _vehicle: Vehicle, hold_s: int = LEAST_HOLD_S) -> MissionItem:
+    return position(Command.NAV_WAYPOINT, place, (float(hold_s), 0.0, 0.0, 0.0))
 
 
-def _px4_items(mission: Mission, vehicle: Vehicle) -> tuple[MissionItem, ...]:
+def _px4_begin(mission: Mission, vehicle: Vehicle) -> list[MissionItem]:
     """PX4 has no home item."""
     if vehicle.trigger.command != "image_start_capture":
         raise MissionError(
@@ -126,35 +121,30 @@ def _px4_items(mission: Mission, vehicle: Vehicle) -> tuple[MissionItem, ...]:
     if vehicle.mount.kind != "fixed":
         # −2: the one that carries out the mission takes control; −1: secondary control stays as it is.
         items.append(action(Command.DO_GIMBAL_MANAGER_CONFIGURE, -2.0, -2.0, -1.0, -1.0))
-    station = 0
-    for stop in mission.stops:
-        if isinstance(stop, Shot):
-            items += _px4_photograph(stop, station, mission, vehicle)
-            station += 1
-        else:
-            items.append(_px4_waypoint(stop.place, _NAN, vehicle))
-    items.append(_px4_waypoint(mission.landing, _NAN, vehicle))
-    items.append(position(Command.NAV_LAND, replace(mission.landing, height_m=0.0), (0.0, 0.0, 0.0, _NAN)))
-    return tuple(items)
-
-
-def _px4_photograph(shot: Shot, station: int, mission: Mission, vehicle: Vehicle) -> list[MissionItem]:
-    check_shot(shot, vehicle)
-    items = []
-    if vehicle.mount.kind != "fixed":
-        turn = (round(shot.pitch_deg, 3), 0.0, _NAN, _NAN)
-        items.append(action(Command.DO_GIMBAL_MANAGER_PITCHYAW, *turn, p5=_LEVEL, station=station))
-    items.append(_px4_waypoint(shot.place, heading(shot.yaw_deg), vehicle, station))
-    if mission.settle_s >= 0.001:  # files hold milliseconds, and a delay of 0 is none
-        items.append(delay(mission.settle_s, station))
-    items.append(action(Command.IMAGE_START_CAPTURE, 0.0, 0.0, 1.0, station=station))
-    items.append(delay(max(mission.exposure_s, LEAST_EXPOSURE_S), station))
     return items
 
 
-def _px4_waypoint(place: GeoPoint, yaw_deg: float, vehicle: Vehicle, station: int | None = None) -> MissionItem:
+def _px4_photograph(shot: Shot, mission: Mission, vehicle: Vehicle, _turning_s: float) -> list[MissionItem]:
+    turn = action(Command.DO_GIMBAL_MANAGER_PITCHYAW, round(shot.pitch_deg, 3), 0.0, _NAN, _NAN, p5=_LEVEL)
+    return [
+        *([] if vehicle.mount.kind == "fixed" else [turn]),
+        _px4_waypoint(shot.place, vehicle, heading(shot.yaw_deg)),
+        *([delay(mission.settle_s)] if mission.settle_s >= 0.001 else []),  # files hold milliseconds; of 0 it is none
+        action(Command.IMAGE_START_CAPTURE, 0.0, 0.0, 1.0),
+        delay(max(mission.exposure_s, LEAST_EXPOSURE_S)),
+    ]
+
+
+def _px4_waypoint(place: GeoPoint, vehicle: Vehicle, yaw_deg: float = _NAN) -> MissionItem:
     # A hold brings the vehicle to rest also at places on the way, so that legs stay straight.
-    return position(Command.NAV_WAYPOINT, place, (_HOLD_S, vehicle.acceptance_m, 0.0, yaw_deg), station)
+    return position(Command.NAV_WAYPOINT, place, (_HOLD_S, vehicle.acceptance_m, 0.0, yaw_deg))
+
+
+# How a mission begins, a place that is flown through, a photograph, and the heading of a landing.
+_DIALECTS = {
+    "ardupilot": (_ardupilot_begin, _ardupilot_waypoint, _ardupilot_photograph, 0.0),
+    "px4": (_px4_begin, _px4_waypoint, _px4_photograph, _NAN),
+}
 
 
 def check_shot(shot: Shot, vehicle: Vehicle) -> None:
@@ -174,25 +164,21 @@ def check_shot(shot: Shot, vehicle: Vehicle) -> None:
         )
 
 
-def position(
-    command: Command, place: GeoPoint, params: tuple[float, float, float, float], station: int | None = None
-) -> MissionItem:
+def position(command: Command, place: GeoPoint, params: tuple[float, float, float, float]) -> MissionItem:
     """An item at a place, its height above home, rounded to 0.1 mm so that files hold no digits without meaning."""
     there = (round(place.latitude_deg, 9), round(place.longitude_deg, 9), round(place.height_m, 4))
-    return MissionItem(command, Frame.GLOBAL_RELATIVE_ALT, (*params, *there), station=station)
+    return MissionItem(command, Frame.GLOBAL_RELATIVE_ALT, (*params, *there))
 
 
-def action(
-    command: Command, *first: float, p5: float = 0.0, p7: float = 0.0, station: int | None = None
-) -> MissionItem:  # fmt: skip
+def action(command: Command, *first: float, p5: float = 0.0, p7: float = 0.0) -> MissionItem:
     """An item without a place; parameters that are not given are 0."""
     p1, p2, p3, p4 = (*first, 0.0, 0.0, 0.0, 0.0)[:4]
-    return MissionItem(command, Frame.MISSION, (p1, p2, p3, p4, p5, 0.0, p7), station=station)
+    return MissionItem(command, Frame.MISSION, (p1, p2, p3, p4, p5, 0.0, p7))
 
 
-def delay(seconds: float, station: int | None = None) -> MissionItem:
+def delay(seconds: float) -> MissionItem:
     """Stand still; −1 where NAV_DELAY would take a time of day."""
-    return action(Command.NAV_DELAY, round(seconds, 3), -1.0, -1.0, -1.0, station=station)
+    return action(Command.NAV_DELAY, round(seconds, 3), -1.0, -1.0, -1.0)
 
 
 def speed(mission: Mission) -> MissionItem:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import replace
 from pathlib import Path
 
 from fieldkit.errors import MetadataError, MissionError
@@ -16,8 +15,9 @@ from fieldkit.missions.autopilots.effects import LITCHI, Effect, Shoot, Stay, ca
 from fieldkit.missions.autopilots.execution import aim
 from fieldkit.missions.autopilots.writing import LEAST_EXPOSURE_S
 from fieldkit.missions.files.limits import LONGEST_STAY_S, MAX_ITEMS, MOST_WAYPOINTS, number, read_text
-from fieldkit.missions.files.read_mission import Facing, ReadMission, ReadStop, Remark, in_passing
+from fieldkit.missions.files.read_mission import Facing, ReadMission, ReadStop, in_passing
 from fieldkit.missions.files.route import RoutePoint, route_points
+from fieldkit.missions.findings import warning
 from fieldkit.routing.mission import GeoPoint, Mission
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.wording import count
@@ -79,18 +79,16 @@ def read_litchi(path: Path) -> ReadMission:
     cells = [_Row(path, names, row, line) for line, row in filled]
     refused: list[tuple[int, str]] = []
     stops = [_stop(row, k, refused) for k, row in enumerate(cells)]
-    remarks = [
-        Remark("heading-mode", "headings count only with Litchi's Heading Mode set to Custom, which no file can hold")
-    ]
+    custom = "headings count only with Litchi's Heading Mode set to Custom, which no file can hold"
+    remarks = [warning("heading-mode", custom)]
     for k, row in enumerate(cells[:-1]):  # behind the last one there is no way
         for name, unit in (("photo_timeinterval", "s"), ("photo_distinterval", "m")):
             if (every := row.value(name) or 0.0) > 0.0:
-                remarks.append(in_passing(every, unit, k, k + 1))
-                stops[k] = replace(stops[k], uncounted=True)
+                remarks.append(in_passing(stops, every, unit, k, k + 1))
     for before, stop, after in zip((None, *stops), stops, (*stops[1:], None), strict=False):
         if stop.pitch_deg is not None and not any(e is not None and e.pitch_deg is not None for e in (before, after)):
             message = "Litchi sets the gimbal's pitch only between waypoints that both have one: is it meant so?"
-            remarks.append(Remark("not-modelled", message, item=stop.number))
+            remarks.append(warning("not-modelled", message, stop.number))
     return ReadMission(
         "litchi", stops=tuple(stops), firmware="dji", remarks=tuple(remarks), refused=tuple(refused), first_number=0
     )

@@ -18,8 +18,10 @@ from fieldkit.documents.json_file import json_number, read_json_object
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.files.limits import MAX_BYTES, MAX_ITEMS, MAX_POINTS
-from fieldkit.missions.files.read_mission import ReadMission, Remark
+from fieldkit.missions.files.read_mission import ReadMission
+from fieldkit.missions.findings import error, warning
 from fieldkit.missions.items import Command, MissionItem, plain_frame
+from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home
 
 _FIRMWARE = {"ardupilot": 3, "px4": 12}
@@ -132,7 +134,7 @@ def _read(document: dict[str, Any]) -> ReadMission:
     mission = document.get("mission")
     if not isinstance(mission, dict) or not isinstance(mission.get("items"), list):
         raise _Wrong('has no "mission" with "items"')
-    remarks: list[Remark] = []
+    remarks: list[Finding] = []
     _check_version(document, _PLAN_VERSION, "it", remarks)
     _check_version(mission, _MISSION_VERSION, 'its "mission"', remarks)
     entries, whole = _unfolded(mission["items"], remarks)
@@ -142,7 +144,7 @@ def _read(document: dict[str, Any]) -> ReadMission:
     ids = [entry.get("doJumpId", number) for number, entry in enumerate(entries, 1)]
     if whole:
         message = "its doJumpId is not its place in the file"
-        remarks += [Remark("numbering", message, item=k) for k, found in enumerate(ids, 1) if found != k]
+        remarks += [warning("numbering", message, k) for k, found in enumerate(ids, 1) if found != k]
     home = _read_home(mission.get("plannedHomePosition"), remarks)
     firmware = mission.get("firmwareType")
     dialect = _DIALECT.get(firmware) if isinstance(firmware, int) and not isinstance(firmware, bool) else None
@@ -151,16 +153,16 @@ def _read(document: dict[str, Any]) -> ReadMission:
     return ReadMission("plan", items=moved, home=home, firmware=dialect, fence=fence, remarks=tuple(remarks))
 
 
-def _check_version(entry: dict[str, Any], wanted: int, what: str, remarks: list[Remark]) -> None:
+def _check_version(entry: dict[str, Any], wanted: int, what: str, remarks: list[Finding]) -> None:
     found = entry.get("version")
     if found is None:
         message = f"{what} does not say its version, without which other programs refuse it"
-        remarks.append(Remark("plan-version", message))
+        remarks.append(warning("plan-version", message))
     elif isinstance(found, bool) or found != wanted:
         raise _Wrong(f"{what} is of version {str(found)[:20]}; version {wanted} is read")
 
 
-def _unfolded(listed: list[Any], remarks: list[Remark]) -> tuple[list[Any], bool]:
+def _unfolded(listed: list[Any], remarks: list[Finding]) -> tuple[list[Any], bool]:
     """All simple items, those of complex ones in their place; and whether every complex one carries its items."""
     entries: list[Any] = []
     whole = True
@@ -174,7 +176,7 @@ def _unfolded(listed: list[Any], remarks: list[Remark]) -> tuple[list[Any], bool
             whole, carried = False, []
             kind = str(entry.get("complexItemType", entry.get("type")))[:40]
             message = f"a complex item ({kind}) does not carry its items: what it flies and photographs is unknown"
-            remarks.append(Remark("unknown-item", message, item=len(entries) + 1, error=True))
+            remarks.append(error("unknown-item", message, len(entries) + 1))
         entries += carried
     return entries, whole
 
@@ -214,12 +216,12 @@ def _read_item(entry: object, number: int) -> MissionItem:
     return MissionItem(command, frame, (p1, p2, p3, p4, p5, p6, p7), autocontinue)
 
 
-def _read_home(value: object, remarks: list[Remark]) -> Home | None:
+def _read_home(value: object, remarks: list[Finding]) -> Home | None:
     if value is None:
-        remarks.append(Remark("no-home", "it has no plannedHomePosition", error=True))
+        remarks.append(error("no-home", "it has no plannedHomePosition"))
         return None
     if isinstance(value, list) and len(value) in (2, 3) and all(each in (None, 0) for each in value[:2]):
-        remarks.append(Remark("no-home", "its plannedHomePosition does not say where home is", error=True))
+        remarks.append(error("no-home", "its plannedHomePosition does not say where home is"))
         return None
     if isinstance(value, list) and len(value) == 3 and value[2] is None:
         value = value[:2]
@@ -230,7 +232,7 @@ def _read_home(value: object, remarks: list[Remark]) -> Home | None:
     return Home(numbers[0], numbers[1], (numbers[2] or None) if len(numbers) == 3 else None)
 
 
-def _read_fence(value: object, remarks: list[Remark]) -> Fence | None:
+def _read_fence(value: object, remarks: list[Finding]) -> Fence | None:
     if not isinstance(value, dict):
         return None
     polygons, circles = value.get("polygons", []), value.get("circles", [])
@@ -264,7 +266,7 @@ def _read_fence(value: object, remarks: list[Remark]) -> Fence | None:
             raise _Wrong("a fence circle has no radius between 0 and 100 km")
         rounds[entry.get("inclusion", True) is not False].append(Circle(*_place(circle.get("center")), radius))
     if circles:
-        remarks.append(Remark("fence-circles", "its fence circles are checked as polygons of 64 corners"))
+        remarks.append(warning("fence-circles", "its fence circles are checked as polygons of 64 corners"))
     inside, outside = tuple(rings[True]), tuple(rings[False])
     fence = Fence(inside, outside, inside_circles=tuple(rounds[True]), outside_circles=tuple(rounds[False]))
     return None if fence == Fence() else fence

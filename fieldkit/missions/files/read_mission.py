@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from fieldkit.missions.autopilots.effects import Effects
+from fieldkit.missions.autopilots.effects import Effects, ShootOnTheWay
+from fieldkit.missions.findings import error
 from fieldkit.missions.items import MissionItem, with_jump_moved
+from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import Fence, GeoPoint, Home
 
 
@@ -39,23 +41,13 @@ class ReadStop:
     actions: Effects = ()  # done there, one after the other
     stops: bool = True  # the vehicle stands still there
     speed_mps: float | None = None  # towards the next one
-    uncounted: bool = False  # photographs are taken from it on that are not in ``actions``
 
 
-@dataclass(frozen=True)
-class Remark:
-    """Something a reader noticed that is no reason to refuse the file."""
-
-    code: str  # of the finding that check-mission makes of it
-    message: str
-    item: int | None = None
-    error: bool = False  # the mission should not be flown so
-
-
-def in_passing(every: float, unit: str, start: int, end: int) -> Remark:
-    """Of photographs at intervals of so many seconds or metres from one waypoint to another."""
+def in_passing(stops: list[ReadStop], every: float, unit: str, start: int, end: int) -> Finding:
+    """Of photographs at intervals of so many seconds or metres from one of the stops to another."""
+    stops[start] = replace(stops[start], before=(*stops[start].before, ShootOnTheWay()))
     message = f"photographs are taken every {every:g} {unit} up to waypoint {end}, on the way: they are not counted"
-    return Remark("photo-interval", message, item=start, error=True)
+    return error("photo-interval", message, start)
 
 
 @dataclass(frozen=True)
@@ -68,7 +60,7 @@ class ReadMission:
     home: Home | None = None
     firmware: str | None = None  # dialect that the file names
     fence: Fence | None = None
-    remarks: tuple[Remark, ...] = ()
+    remarks: tuple[Finding, ...] = ()  # what its reader noticed that is no reason to refuse it
     refused: tuple[tuple[int, str], ...] = ()  # nobody can say the photographs of: number, and words that name it
     first_number: int = 1  # of ``items[0]``: 1 behind a home row and in .plan files, whose doJumpId counts from 1
     drone: tuple[int, int] | None = None  # DJI's numbers of the aircraft that a WPML file is for

@@ -14,8 +14,10 @@ from pathlib import Path
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.files.limits import MAX_ITEMS, number, read_text
-from fieldkit.missions.files.read_mission import ReadMission, Remark
+from fieldkit.missions.files.read_mission import ReadMission
+from fieldkit.missions.findings import warning
 from fieldkit.missions.items import Command, Frame, MissionItem
+from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import Home
 from fieldkit.wording import count
 
@@ -69,7 +71,7 @@ def read_waypoints(path: Path) -> ReadMission:
         found = lines[0][:40] if lines else ""
         raise _error(path, f"is no waypoints file: it begins with {found!r}, not {HEADER!r}")
     rows: list[MissionItem] = []
-    remarks: list[Remark] = []
+    remarks: list[Finding] = []
     for line_number, line in enumerate(lines[1:], 2):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
@@ -77,7 +79,7 @@ def read_waypoints(path: Path) -> ReadMission:
             raise _error(path, f"has more than {MAX_ITEMS} rows")
         seq, item = _read_row(path, line.split(), line_number)
         if seq != len(rows):
-            remarks.append(Remark("numbering", f"row {len(rows)} is numbered {seq}", item=len(rows)))
+            remarks.append(warning("numbering", f"row {len(rows)} is numbered {seq}", len(rows)))
         rows.append(item)
     if rows and _is_home(rows[0]):
         latitude, longitude, altitude = rows[0].params[4:]

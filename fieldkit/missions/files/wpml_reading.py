@@ -19,12 +19,13 @@ from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.autopilots.effects import WPML, Effect, Effects, Shoot, cannot_say, effects_of
 from fieldkit.missions.files.archive import read_members
 from fieldkit.missions.files.limits import MAX_ITEMS, number, read_bytes
-from fieldkit.missions.files.read_mission import Facing, ReadMission, ReadStop, Remark, in_passing
+from fieldkit.missions.files.read_mission import Facing, ReadMission, ReadStop, in_passing
 from fieldkit.missions.files.wpml import TEMPLATE, WAYLINES
+from fieldkit.missions.findings import warning
+from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import GeoPoint, Home
 
 _REMEDY = "Save it again with DJI Pilot 2, or export it with `fieldkit export-mission --format wpml`."
-_MOST_ACTIONS = 20 * MAX_ITEMS
 _SAME_DEG = 0.05
 _INTERVALS = {"multipleTiming": "s", "multipleDistance": "m"}
 
@@ -110,9 +111,8 @@ class _Reader:
     set_pitches: dict[tuple[str, str], float | None]
     stops: list[ReadStop] = field(default_factory=list)
     actions: dict[int, list[Effect]] = field(default_factory=lambda: defaultdict(list))
-    remarks: list[Remark] = field(default_factory=list)
+    remarks: list[Finding] = field(default_factory=list)
     refused: list[tuple[int, str]] = field(default_factory=list)
-    most: int = _MOST_ACTIONS
 
     def read(self) -> tuple[ReadStop, ...]:
         """As it is flown: actions on arrival make the aircraft stop whatever its turn mode."""
@@ -220,26 +220,18 @@ class _Reader:
         every = number(group.findtext("actionTrigger/actionTriggerParam", ""))
         if start is None:
             self._refuse(here, f"an action group for waypoint {first}, which the wayline has not")
-        elif trigger == "reachPoint" and group.findtext("actionGroupMode") in (None, "", "sequence"):
-            effects = self._effects(elements, here)
-            if end > start:
-                message = f"an action group of waypoints {start} to {end} is carried out at each of them"
-                self._remark(here, message)
-            for k in range(start, max(end, start) + 1):
-                self.most -= 1 + len(effects)
-                if self.most < 0:
-                    raise MetadataError(f"has more than {_MOST_ACTIONS} actions", path=self.path, remedy=_REMEDY)
-                self.actions[k] += effects
+        elif trigger == "reachPoint" and group.findtext("actionGroupMode") in (None, "", "sequence") and end <= start:
+            self.actions[start] += self._effects(elements, here)
         elif trigger == "betweenAdjacentPoints" and functions == ["gimbalEvenlyRotate"] and end == start + 1:
             pitch = number(elements[0].findtext("actionActuatorFuncParam/gimbalPitchRotateAngle", ""))
             if pitch is None:
                 self._refuse(here, "a gimbalEvenlyRotate without an angle")
             self.stops[end] = replace(self.stops[end], pitch_deg=pitch)
         elif trigger in _INTERVALS and functions == ["takePhoto"] and every and every > 0.0 and end > start:
-            self.stops[start] = replace(self.stops[start], uncounted=True)
-            self.remarks.append(in_passing(every, _INTERVALS[trigger], start, end))
+            self.remarks.append(in_passing(self.stops, every, _INTERVALS[trigger], start, end))
         elif functions:
-            how = ", ".join(text[:30] for text in (trigger, group.findtext("actionGroupMode", "")) if text)
+            several = f"waypoints {start} to {end}" if trigger == "reachPoint" and end > start else ""
+            how = ", ".join(text[:30] for text in (trigger, group.findtext("actionGroupMode", ""), several) if text)
             what = ", ".join(functions)[:60]
             self._refuse(here, f"{what} in an action group ({how or 'without a trigger'})")
 
@@ -260,4 +252,4 @@ class _Reader:
         self.refused.append((here, cannot_say(f"waypoint {here} has {what}")))
 
     def _remark(self, here: int, message: str) -> None:
-        self.remarks.append(Remark("not-modelled", message, item=here))
+        self.remarks.append(warning("not-modelled", message, here))
