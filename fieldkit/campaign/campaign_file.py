@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -111,10 +110,5 @@ def read_campaign_file(path: Path) -> CampaignTable:
 
 def campaign_text(table: CampaignTable) -> str:
     """The text of a campaign.toml, every setting written out, so that people see what they can change."""
-    head = {
-        "format": table.format, "name": table.name, "plan": table.plan, "site": table.site, "plots": table.plots,
-        "vehicle": table.vehicle, "camera": table.camera,
-    }  # fmt: skip
-    evaluation = table.evaluation.model_dump()
-    references: Sequence[dict[str, str]] = [r.model_dump() for r in table.references]
-    return toml_text({**head, "evaluation": evaluation, "references": references or None})
+    document = table.model_dump()
+    return toml_text({**document, "references": list(document["references"]) or None})

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from fieldkit.campaign.campaign_file import CampaignTable, EvaluationTable, read_campaign_file
 from fieldkit.campaign.visits import read_visits
@@ -28,21 +29,11 @@ _REMEDY = "Make a campaign with `fieldkit campaign init`."
 _SITE_BYTES = 256 << 10
 
 
-@dataclass(frozen=True)
-class CampaignPlot:
-    """A plot of a campaign."""
+class CampaignPlot(SitePlot):
+    """A plot of the site, with its outline and its reference."""
 
-    name: str
-    """In the plots file."""
-    latitude_deg: float
-    longitude_deg: float
-    """Of the plot frame's origin, WGS 84."""
-    row_heading_deg: float
-    """Compass heading of the plot frame's x axis."""
     shape: tuple[tuple[float, float], ...] | None = None
     """Corners (latitude, longitude) where it is drawn as a polygon, the last not the first again; else None."""
-    size_m: tuple[float, float] | None = None
-    """Length along the plot frame's x and width, about its origin; None where nobody said."""
     reference: Path | None = None
     """Folder of its dense reference, or None."""
     reference_sha256: str | None = None
@@ -193,19 +184,10 @@ def _shapes(site_file: Path, plots_file: Path | None) -> dict[int, tuple[tuple[f
 def _plots(
     site: Site, shapes: dict[int, tuple[tuple[float, float], ...]], table: CampaignTable, file: Path
 ) -> tuple[CampaignPlot, ...]:
-    references = {reference.plot: reference for reference in table.references}
-
-    def made(place: int, plot: SitePlot) -> CampaignPlot:
-        reference = references.get(plot.name)
-        return CampaignPlot(
-            name=plot.name,
-            latitude_deg=plot.latitude_deg,
-            longitude_deg=plot.longitude_deg,
-            row_heading_deg=plot.row_heading_deg,
-            shape=shapes.get(place),
-            size_m=plot.size_m,
-            reference=None if reference is None else file.parent / reference.path,
-            reference_sha256=None if reference is None else reference.sha256,
-        )
-
-    return tuple(made(place, plot) for place, plot in enumerate(site.plots))
+    named: dict[str, dict[str, Any]] = {
+        each.plot: {"reference": file.parent / each.path, "reference_sha256": each.sha256} for each in table.references
+    }
+    return tuple(
+        CampaignPlot.model_construct(**dict(plot), shape=shapes.get(place), **named.get(plot.name, {}))
+        for place, plot in enumerate(site.plots)
+    )

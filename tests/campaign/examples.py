@@ -39,7 +39,8 @@ def field(rows: int, columns: int, *, spacing_m: tuple[float, float] = (3.0, 1.5
             shape = tuple((float(a), float(b)) for a, b in zip(latitude[1:], longitude[1:], strict=True))
             heading = 80.0 if (row + column) % 2 else 100.0
             name = f"r{row + 1}c{column + 1}"
-            plots.append(CampaignPlot(name, float(latitude[0]), float(longitude[0]), heading, shape))
+            origin = {"latitude_deg": float(latitude[0]), "longitude_deg": float(longitude[0])}
+            plots.append(CampaignPlot(name=name, row_heading_deg=heading, shape=shape, **origin))
     return tuple(plots)
 
 

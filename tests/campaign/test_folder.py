@@ -325,7 +325,7 @@ class TestExport:
 
     @pytest.mark.parametrize("name", ["out.csv", "out.geojson", "out.gpkg"])
     def test_an_empty_campaign_and_points(self, name: str, tmp_path: Path) -> None:
-        points = tuple(replace(plot, shape=None) for plot in FIELD)
+        points = tuple(plot.model_copy(update={"shape": None}) for plot in FIELD)
         folder = campaign_folder(tmp_path, points)
         made = read_campaign(folder)
         export_campaign(made, tmp_path / name)

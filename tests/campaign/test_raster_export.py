@@ -25,7 +25,7 @@ from tests.evaluation.examples import plant_cloud, reconstruction
 rasterio = pytest.importorskip("rasterio")
 pytest.importorskip("pyogrio")
 SLASH = "a/1"
-FIELD = (replace(field(2, 2)[0], name=SLASH), *field(2, 2)[1:])
+FIELD = (field(2, 2)[0].model_copy(update={"name": SLASH}), *field(2, 2)[1:])
 DATE, LATER = "2026-06-18", "2026-06-25"
 HIGHER = Cloud(plant_cloud().points * (1.0, 1.0, 2.0))
 

@@ -68,7 +68,8 @@ def test_another_fit_of_the_prediction_is_another_visit(tmp_path: Path, monkeypa
         {"date": "2026-06-19"}, {"captures": "elsewhere"}, {"notes": ("x",)}, {"cache": Path("cache")},
         {"evaluation": EvaluationTable(seed=1)}, {"evaluation": EvaluationTable(rasters=True)},
         {"plan": PLAN.model_copy(update={"row_heading_deg": 3.0})},
-        {"plot": replace(FIELD[0], row_heading_deg=1.0)}, {"plot": replace(FIELD[0], reference_sha256="0" * 64)},
+        {"plot": FIELD[0].model_copy(update={"row_heading_deg": 1.0})},
+        {"plot": FIELD[0].model_copy(update={"reference_sha256": "0" * 64})},
     ],
 )  # fmt: skip
 def test_what_a_result_depends_on(change: dict[str, object], tmp_path: Path) -> None:

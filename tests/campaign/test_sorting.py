@@ -66,7 +66,7 @@ def test_without_angles_what_fits_two_plots_goes_with_its_neighbours_in_time() -
 
 
 def test_far_photographs_are_named_and_not_dropped() -> None:
-    far = replace(FIELD[0], name="elsewhere", latitude_deg=FIELD[0].latitude_deg + 0.01)
+    far = FIELD[0].model_copy(update={"name": "elsewhere", "latitude_deg": FIELD[0].latitude_deg + 0.01})
     found = sort_photographs([*flown(FIELD[0]), *flown(far)], FIELD, PLAN)
     assert counts(found) == {("r1c1", "2026-06-18"): 8}
     assert codes(found) == ["far-from-plots"] * 8
@@ -103,7 +103,7 @@ def test_contradictions_between_folders_and_tags_are_findings() -> None:
     assert counts(found) == {("r2c2", "2026-07-02"): 8}
     assert sorted(codes(found)) == ["date-contradicts-clock", "plot-contradicts-geotag"]
     assert all("8 photographs" in finding.message for finding in found.findings)
-    far = replace(FIELD[0], latitude_deg=FIELD[0].latitude_deg + 0.01)
+    far = FIELD[0].model_copy(update={"latitude_deg": FIELD[0].latitude_deg + 0.01})
     found = sort_photographs(flown(far, folder="r1c1"), FIELD, PLAN)
     assert counts(found) == {("r1c1", "2026-06-18"): 8}
     assert codes(found) == ["plot-contradicts-geotag"]

@@ -166,7 +166,7 @@ class TestOutline:
         own = LocalFrame(PLOT.latitude_deg, PLOT.longitude_deg)
         latitude, longitude, _ = own.to_geodetic(np.column_stack([east_north, np.zeros(4)]))
         shape = tuple(zip(latitude.tolist(), longitude.tolist(), strict=True))
-        return replace(PLOT, row_heading_deg=heading_deg, shape=shape)
+        return PLOT.model_copy(update={"row_heading_deg": heading_deg, "shape": shape})
 
     def test_of_a_polygon_with_positions_by_gps(self) -> None:
         placed = place_visit(tagged(), self.drawn(), PLAN, None)
@@ -177,7 +177,7 @@ class TestOutline:
         assert placed.plot.volume.upper[2] == plan_volume(PLAN).upper[2]
 
     def test_of_a_length_and_a_width(self) -> None:
-        plot = replace(PLOT, row_heading_deg=200.0, shape=None, size_m=(3.0, 1.5))
+        plot = PLOT.model_copy(update={"row_heading_deg": 200.0, "shape": None, "length_m": 3.0, "width_m": 1.5})
         placed = place_visit(listed(tags=False), plot, PLAN, None)
         np.testing.assert_allclose(placed.outline.corners, self.CORNERS, atol=1e-4)
 
@@ -189,7 +189,7 @@ class TestOutline:
         np.testing.assert_allclose(corners, np.array(self.CORNERS) - (0.0, 1.113), atol=2e-3)
 
     def test_is_not_known_of_a_point(self) -> None:
-        placed = place_visit(tagged(), replace(PLOT, shape=None), PLAN, None)
+        placed = place_visit(tagged(), PLOT.model_copy(update={"shape": None}), PLAN, None)
         assert placed.outline.corners is None
         assert placed.plot.volume == plan_volume(PLAN)
 
