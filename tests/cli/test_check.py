@@ -97,12 +97,6 @@ def test_plots_belong_to_a_site(option: str, capture: tuple[Path, Path], capsys:
     assert f"{option} goes with a site file" in capsys.readouterr().err
 
 
-def test_a_plan_that_is_none(capture: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    capture[1].write_text("[]")
-    assert main(["check", str(capture[0]), "--plan", str(capture[1]), "--json"]) == 3
-    assert "not a JSON object" in capsys.readouterr().out
-
-
 def test_no_mission_for_nothing_is_said(capture, capsys, tmp_path) -> None:
     (capture[0] / "poses.csv").unlink()  # which station is missing, nothing tells
     site = Path(__file__).parents[2] / "missions" / "sites" / "example.toml"
