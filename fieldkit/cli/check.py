@@ -177,7 +177,7 @@ def _numbers(stations: Iterable[int]) -> str:
 def check_blocks(report: CheckReport) -> list[Block]:
     """A plot's stations and what was found of them."""
     from fieldkit.figures.content import Column, Mark, Table
-    from fieldkit.figures.style import DASH, decimal, metres
+    from fieldkit.figures.style import DASH, decimal
     from fieldkit.results.plan import station_number
 
     blocks: list[Block] = []
@@ -190,7 +190,7 @@ def check_blocks(report: CheckReport) -> list[Block]:
             (
                 str(station_number(each.station)),
                 each.photograph or None, decimal(each.edge_px, 1), decimal(each.stops, 1),
-                metres(each.distance_m), decimal(each.turn_deg, 1),
+                decimal(each.distance_m), decimal(each.turn_deg, 1),
                 f"{each.matches}: {_numbers(each.neighbours)}" if each.neighbours else DASH,
                 Mark(_LEVELS[each.verdict], each.verdict),
             )

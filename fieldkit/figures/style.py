@@ -1,15 +1,10 @@
-"""How figures and foreign text are written for people, and the style of tables on a terminal."""
+"""How figures and foreign text are written for people."""
 
 from __future__ import annotations
 
 import re
 import unicodedata
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from rich.console import JustifyMethod
-    from rich.table import Table
 
 DASH = "–"
 """Stands for missing values."""
@@ -88,11 +83,6 @@ def three_digits(value: float) -> str:
     return _signed(f"{value:,.{2 if size < 9.995 else 1 if size < 99.95 else 0}f}")
 
 
-def metres(length_m: float | None, digits: int = 2) -> str | None:
-    """A length in metres without its unit; None stays None."""
-    return decimal(length_m, digits)
-
-
 def decimal(value: float | None, digits: int = 2) -> str | None:
     """A number with the given decimals; None stays None."""
     return None if value is None else _signed(f"{value:,.{digits}f}")
@@ -116,19 +106,6 @@ def percent(share: float | None, digits: int = 1) -> str | None:
 def with_unit(text: str | None, unit: str) -> str:
     """A number with its unit; a dash for None."""
     return DASH if text is None else f"{text} {unit}"
-
-
-def table(title: str, *columns: str) -> Table:
-    """An empty table for the terminal; columns whose name ends in ">" are set flush right."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    result = Table(title=title, box=SIMPLE_HEAD, title_justify="left", title_style="bold", padding=(0, 1, 0, 0))
-    for column in columns:
-        # Folded on a narrow terminal: a truncated figure could be misread.
-        justify: JustifyMethod = "right" if column.endswith(">") else "left"
-        result.add_column(column.rstrip(">"), justify=justify, overflow="fold")
-    return result
 
 
 def _signed(text: str) -> str:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fieldkit.figures.style import format_length, format_nominal, format_seconds, metres, millimetres, percent, signed
+from fieldkit.figures.style import decimal, format_length, format_nominal, format_seconds, millimetres, percent, signed
 
 
 @pytest.mark.parametrize(
@@ -38,5 +38,5 @@ def test_numbers_without_units() -> None:
     assert [millimetres(v) for v in (0.00039, 0.00393, 0.0393, 0.393, -0.0021, -0.0000001, None)] == [
         "0.39", "3.93", "39.3", "393", "−2.10", "0.00", None,
     ]  # fmt: skip
-    assert (metres(12.3456), percent(0.99999), percent(1.0), percent(0.5, 0)) == ("12.35", "99.9", "100.0", "50")
+    assert (decimal(12.3456), percent(0.99999), percent(1.0), percent(0.5, 0)) == ("12.35", "99.9", "100.0", "50")
     assert (signed(0.01239, 3), signed(-3.59, 3)) == ("+0.0124", "−3.59")

@@ -6,7 +6,7 @@ import statistics
 from collections.abc import Callable, Mapping, Sequence
 
 from fieldkit.figures.content import Column, Mark, Row, Table, Terms, tabulated
-from fieldkit.figures.style import decimal, metres
+from fieldkit.figures.style import decimal
 from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation
 from fieldkit.wording import listed
 
@@ -40,7 +40,7 @@ def adherence_by_plot(plots: Sequence[PlotEvaluation]) -> Table:
             "plot": plot.name,
             "by": found.achieved_by,
             Column("stations", True): f"{(n := len(found.stations))} of {n + len(found.missing)}",
-            Column("horizontal, m", True): metres(found.horizontal_rms_m),
+            Column("horizontal, m", True): decimal(found.horizontal_rms_m),
             Column("yaw, °", True): decimal(found.yaw_rms_deg),
             Column("pitch, °", True): decimal(found.pitch_rms_deg),
         }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from fieldkit.figures.content import Column, Mark, Picture, Table, tabulated
-from fieldkit.figures.style import DASH, decimal, format_length, format_seconds, metres, with_unit
+from fieldkit.figures.style import DASH, decimal, format_length, format_seconds, with_unit
 from fieldkit.results.evaluation import ImageReport, ReconstructionEntry, ReferenceReport
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import CameraReport
@@ -64,9 +64,9 @@ def photograph_table(
             Column("features", True): f"{i.features:,}",
             Column("points seen", True, detail=True): f"{i.observations:,}",
             Column("reprojection, px", True, detail=True): decimal(i.reprojection_px),
-            Column(f"position residual{', m' * metric}", True, detail=True): metres(i.position_residual_m, 3),
+            Column(f"position residual{', m' * metric}", True, detail=True): decimal(i.position_residual_m, 3),
             Column("direction residual, °", True, detail=True): decimal(i.angle_residual_deg),
-            Column(f"height{', m' * metric}", True, detail=True): i.center_m and metres(i.center_m[2]),
+            Column(f"height{', m' * metric}", True, detail=True): i.center_m and decimal(i.center_m[2]),
             Column("pitch, °", True, detail=True): decimal(i.pitch_deg, 1),
             "why": i.reason or None,
         }

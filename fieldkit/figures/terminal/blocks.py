@@ -9,12 +9,13 @@ import textwrap
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
+from rich.box import SIMPLE_HEAD
 from rich.table import Table as RichTable
 from rich.text import Text
 
 from fieldkit.figures import content
 from fieldkit.figures.content import Block, Cell, Column, Table
-from fieldkit.figures.style import DASH, table, visible
+from fieldkit.figures.style import DASH, visible
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -57,14 +58,15 @@ def _table(block: Table, most_rows: int | None) -> RichTable:
     places = [k for k, column in enumerate(block.columns) if not column.detail]
     columns = [block.columns[k] for k in places]
     rows = [[_cell(row[k]) for k in places] for row in block.rows]
-    result = table("")
-    result.title = _text(block.caption)
+    result = RichTable(title=_text(block.caption), box=SIMPLE_HEAD, title_justify="left", title_style="bold")
+    result.padding = (0, 1, 0, 0)
     if block.note:
         result.caption, result.caption_justify, result.caption_style = _text(block.note), "left", "dim"
     result.collapse_padding, result.pad_edge = True, False
     least = min(_LEAST_WIDTH, _WIDTH // max(1, len(columns)) - 2)
     for place, column in enumerate(columns):
         texts = [row[place].plain for row in rows]
+        # Folded on a narrow terminal: a truncated figure could be misread.
         result.add_column(
             _label(column, texts), justify="right" if column.numeric else "left", overflow="fold",
             no_wrap=column.numeric, min_width=max(1, min(least, max(map(len, texts), default=1))),

@@ -26,7 +26,6 @@ from fieldkit.figures.style import (
     format_range,
     format_seconds,
     format_with_error,
-    metres,
     millimetres,
     percent,
 )
@@ -83,9 +82,9 @@ def mission_section(result: Loaded[FlownMission], anchor: str, shown: Shown) -> 
             "photograph": f"{number}",
             "plot": station.plot,
             Column("station", True): f"{station_number(station.station)}",
-            Column("east of home, m", True): metres(east),
-            Column("north of home, m", True): metres(north),
-            Column("height above home, m", True): metres(up),
+            Column("east of home, m", True): decimal(east),
+            Column("north of home, m", True): decimal(north),
+            Column("height above home, m", True): decimal(up),
             **_angles(station),
         }
         for number, (station, (east, north, up)) in enumerate(zip(stations, positions, strict=True), 1)
@@ -176,7 +175,7 @@ def _stations(plan: Plan) -> Table:
     return tabulated("Stations", [
         {
             "station": f"{station_number(number)}",
-            **dict(zip(axes, map(metres, station.position_m), strict=True)),
+            **dict(zip(axes, map(decimal, station.position_m), strict=True)),
             **_angles(station),
         }
         for number, station in enumerate(plan.stations)

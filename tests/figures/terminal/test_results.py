@@ -8,7 +8,6 @@ from rich.console import Console
 from fieldkit.clouds import score
 from fieldkit.errors import CaptureError
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_evaluation, reference_report
-from fieldkit.figures.style import table
 from fieldkit.figures.terminal.results import evaluation_output, reference_output
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import CorrectionEntry, EvaluationReport, PlotEvaluation, Prediction
@@ -61,12 +60,6 @@ TRAITS = TraitsEntry(
 
 
 class TestTables:
-    def test_folds_words_where_the_terminal_is_narrow(self) -> None:
-        rows = table("Values", "mapping", "chamfer distance>")
-        rows.add_row("incremental", "1234.5 mm")
-        wide, narrow = (sorted(re.sub(r"[\s─]", "", shown([rows], width=width))) for width in (80, 16))
-        assert narrow == wide
-
     def test_reference(self) -> None:
         text = shown(reference_output(reference_report(reconstruction(), SETTINGS, seconds=12, cpu_seconds=14)))
         for part in (
