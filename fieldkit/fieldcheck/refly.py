@@ -10,9 +10,7 @@ from fieldkit.errors import UsageError
 from fieldkit.missions.export import Routed
 from fieldkit.missions.export_mission import (
     flown_plans,
-    mission_contents,
-    mission_format,
-    mission_path,
+    mission_file,
     route_for_files,
     write_mission,
 )
@@ -55,8 +53,7 @@ def write_refly(
         adjust: fly the nearest poses where the vehicle cannot take the plan's.
         overwrite: replace files that are there.
     """
-    format = mission_format(output, format)  # noqa: A001
-    output = mission_path(output, format)
+    output, format = mission_file(output, format)  # noqa: A001
     loaded = plan if isinstance(plan, Plan) else load_plan(plan)
     profile = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     place = _one_plot(site if isinstance(site, Site) else load_site(site), plot)
@@ -64,13 +61,11 @@ def write_refly(
     own = {} if flown is loaded else {place.plots[0].name: flown}
     place = place.model_copy(update={"name": f"{place.name}, again"})
     routed = route_for_files(part_of_plan(flown, stations), profile, place, format, fit=False, adjust=adjust, seed=seed)
-    contents = mission_contents(
+    return write_mission(
         _renumbered(routed, sorted(set(stations))), profile, place, output, format,
-        plans=flown_plans(plan, loaded, place, own),
+        plans=flown_plans(plan, loaded, place, own), overwrite=overwrite,
         profile=None if isinstance(vehicle, Vehicle) else Path(vehicle).name,
     )  # fmt: skip
-    write_mission(contents, overwrite=overwrite)
-    return tuple(contents)
 
 
 def part_of_plan(plan: Plan, stations: Sequence[int]) -> Plan:

@@ -62,7 +62,6 @@ def export_mission(
     plant_height: PlantHeight | None = None,
     fit: bool | None = None,
     adjust: bool = False,
-    route: bool = True,
     picture: bool = True,
     plans: bool = True,
     overwrite: bool = False,
@@ -87,7 +86,6 @@ def export_mission(
         fit: whether to fit the plan to each plot (`flown_plans`). Fitted plans are written as MISSION-PLOT.json:
             `evaluate --plan` and `check` have to be given these.
         adjust: fly the nearest poses where the vehicle cannot take the plan's.
-        route: write each flight's route as GeoJSON beside it.
         picture: draw all flights from above and from the side.
         plans: write the plans of plots that have their own.
         overwrite: replace files that are there.
@@ -100,8 +98,7 @@ def export_mission(
         MissionError: see `route_plan`; or the vehicle's dialect or the format does not take the mission.
         StorageError: the place is full or not writable.
     """
-    format = mission_format(output, format)  # noqa: A001
-    output = mission_path(output, format)
+    output, format = mission_file(output, format)  # noqa: A001
     if isinstance(plan, Path) and isinstance(site, Path):
         check_order(plan, site)
     loaded = load_plan(plan) if isinstance(plan, Path) else plan
@@ -116,12 +113,12 @@ def export_mission(
     more = {file: plan_bytes(routed.own[plot]) for plot, file in written.items()}
     if picture:
         more[output.with_suffix(".png")] = picture_bytes(routed, place, profile)
-    contents = mission_contents(
-        routed, profile, place, output, format, plans=flown_plans(plan, loaded, place, routed.own, written),
-        profile=None if isinstance(vehicle, Vehicle) else Path(vehicle).name, route=route, more=more,
+    flown = flown_plans(plan, loaded, place, routed.own, written)
+    files = write_mission(
+        routed, profile, place, output, format, plans=flown, more=more, overwrite=overwrite,
+        profile=None if isinstance(vehicle, Vehicle) else Path(vehicle).name,
     )  # fmt: skip
-    write_mission(contents, overwrite=overwrite)
-    return ExportedMission(routed, tuple(contents), written)
+    return ExportedMission(routed, files, written)
 
 
 def route_for_files(
@@ -162,47 +159,45 @@ def _timed(routed: Routed, vehicle: Vehicle, format: str) -> Routed:  # noqa: A0
     return replace(routed, flights=tuple(flights))
 
 
-def mission_format(output: Path, format: str | None) -> str:  # noqa: A002
-    """The format that is asked for, else the one of the file's suffix, else "plan"."""
+def mission_file(output: Path, format: str | None) -> tuple[Path, str]:  # noqa: A002
+    """The mission file, also given without its suffix, and its format: what is asked for, the suffix's, or "plan"."""
     suffixes = {suffix: name for name, (suffix, _) in FORMATS.items() if name != "geojson"}  # which no one asks for
-    return format or suffixes.get(output.suffix.lower(), "plan")
-
-
-def mission_path(output: Path, format: str) -> Path:  # noqa: A002
-    """The mission file of a format; its suffix may be left out."""
-    if format not in FORMATS:
-        raise UsageError(f"no such format: {format}", remedy=f"Choose one of {', '.join(FORMATS)}.")
-    suffix = FORMATS[format][0]
+    form = format or suffixes.get(output.suffix.lower(), "plan")
+    if form not in FORMATS:
+        raise UsageError(f"no such format: {form}", remedy=f"Choose one of {', '.join(FORMATS)}.")
+    suffix = FORMATS[form][0]
     if output.suffix and output.suffix != suffix:
         raise UsageError(
-            f"{format} missions are {suffix} files", path=output, remedy=f"Name it {output.with_suffix(suffix).name}."
+            f"{form} missions are {suffix} files", path=output, remedy=f"Name it {output.with_suffix(suffix).name}."
         )
-    return output.with_suffix(suffix)
+    return output.with_suffix(suffix), form
 
 
-def mission_contents(
+def write_mission(
     routed: Routed, vehicle: Vehicle, site: Site, output: Path, format: str, *, plans: Mapping[str, FlownPlan],  # noqa: A002
-    route: bool = True, profile: str | None = None, more: Mapping[Path, bytes] | None = None,
-) -> dict[Path, bytes]:  # fmt: skip
-    """What is written of flights: mission files, one per flight in order, mission.json, routes, and what is added.
+    profile: str | None = None, more: Mapping[Path, bytes] | None = None, overwrite: bool = False,
+) -> tuple[Path, ...]:  # fmt: skip
+    """Write mission files, one per flight in order, mission.json, routes, and what is added; none where one is there.
 
     Args:
-        output: see `mission_path`.
-        format: of the mission files.
+        output, format: see `mission_file`.
         plans: by plot, what is flown there.
-        route: with each flight's route as GeoJSON.
         profile: the vehicle profile's name, or that of its file.
         more: other files that are written beside them.
     """
     names = _names(output, len(routed.flights))
     flown = [(file, each.mission) for file, each in zip(names, routed.flights, strict=True)]
     missions = {file: mission_bytes(format, mission, vehicle) for file, mission in flown}
-    others = {
-        file.with_suffix(".geojson"): mission_bytes("geojson", mission, vehicle) for file, mission in flown if route
-    } | dict(more or {})
+    others = {file.with_suffix(".geojson"): mission_bytes("geojson", mission, vehicle) for file, mission in flown}
+    others |= more or {}
     described = {file.name: content for file, content in (missions | others).items()}
     record = mission_record(routed, site, vehicle, profile, [file.name for file in names], plans, described)
-    return {**missions, record_path(output): record_bytes(record), **others}
+    contents = {**missions, record_path(output): record_bytes(record), **others}
+    for file in contents:
+        check_replaceable(file, overwrite=overwrite)
+    for file, content in contents.items():
+        write_atomic(file, content)
+    return tuple(contents)
 
 
 def flown_plans(
@@ -234,14 +229,6 @@ def flown_plans(
 
 def _flown_plan(data: bytes, name: str | None) -> FlownPlan:
     return FlownPlan(name=name, sha256=hashlib.sha256(data).hexdigest())
-
-
-def write_mission(contents: Mapping[Path, bytes], *, overwrite: bool) -> None:
-    """Write files; none where one of them is there."""
-    for file in contents:
-        check_replaceable(file, overwrite=overwrite)
-    for file, content in contents.items():
-        write_atomic(file, content)
 
 
 def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:

@@ -12,7 +12,7 @@ import pytest
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.export import route_plan
-from fieldkit.missions.export_mission import export_mission, mission_format, route_for_files
+from fieldkit.missions.export_mission import export_mission, mission_file, route_for_files
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.pictures.mission import draw_mission
 from fieldkit.results.mission import load_mission
@@ -199,11 +199,13 @@ def test_files_are_kept_and_wrong_names_are_refused(tmp_path: Path) -> None:
     ("name", "asked", "form"),
     [
         ("m.kmz", None, "wpml"), ("m.csv", None, "litchi"), ("m.waypoints", None, "waypoints"), ("m.kml", None, "kml"),
-        ("m.plan", None, "plan"), ("m", None, "plan"), ("m.geojson", None, "plan"), ("m", "wpml", "wpml"),
+        ("m.plan", None, "plan"), ("m", None, "plan"), ("m", "wpml", "wpml"),
     ],
 )  # fmt: skip
 def test_a_files_suffix_says_its_format(name: str, asked: str | None, form: str) -> None:
-    assert mission_format(Path(name), asked) == form
+    assert mission_file(Path(name), asked)[1] == form
+    with pytest.raises(UsageError, match="plan missions are"):
+        mission_file(Path("m.geojson"), None)
 
 
 @pytest.mark.parametrize("fenced", [False, True])

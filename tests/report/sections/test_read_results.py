@@ -170,7 +170,7 @@ class TestMissions:
         save_plan(tmp_path / "plan" / "plan.json", planned(5, height_m=2.0))
         export_mission(
             tmp_path / "plan", "ardupilot-pitch", SITES / "example.toml", tmp_path / "mission", plots=HILLSIDE,
-            picture=False, route=False, plant_height=LOW_M,
+            picture=False, plant_height=LOW_M,
         )  # fmt: skip
         results = read_results(tmp_path)
         (part,), (plan,) = results.of(FlownMission), results.of(PlanRun)
