@@ -188,3 +188,10 @@ def write_metashape(
         f"{f'<reference>{reference}</reference>' if reference else ''}\n</chunk>\n</document>\n"
     )
     return path
+
+
+def assert_close(found: Mapping[str, Pose], expected: Mapping[str, Pose], metres: float, degrees: float) -> None:
+    """Fails where `apart` is more."""
+    distance, angle = apart(found, expected)
+    assert distance < metres
+    assert angle < degrees

@@ -19,6 +19,7 @@ from tests.captures.programs.known_set import (
     ORIGIN,
     about,
     apart,
+    assert_close,
     geocentric,
     moved,
     opensfm_camera,
@@ -80,9 +81,7 @@ def test_a_colmap_model_alone_gives_poses_and_a_camera_but_no_metres(photographs
     assert not known.frame.scaled
     assert not known.frame.georeferenced
     back = moved(working(known), known.frame.from_source.inverse())
-    distance, angle = apart(back, poses)
-    assert distance < 1e-9
-    assert angle < 1e-6
+    assert_close(back, poses, 1e-9, 1e-6)
 
 
 def test_poses_without_scale_are_not_placed_in_a_references_frame(photographs: Path) -> None:
@@ -101,9 +100,7 @@ def test_a_colmap_model_takes_scale_and_place_from_positions_beside_it(photograp
     known = known_poses(capture)
     assert known.frame.scaled
     assert not known.notes
-    distance, angle = apart(working(known), truth())
-    assert distance < 0.06
-    assert angle < 0.2
+    assert_close(working(known), truth(), 0.06, 0.2)
     assert {pose.position_sigma_m for pose in known.by_name.values()} == {0.05}
 
 
@@ -133,9 +130,7 @@ def test_stated_metres(photographs: Path, tmp_path: Path) -> None:
     assert capture.metric_source == "COLMAP"
     assert capture.origin is None
     assert capture.program is None
-    distance, angle = apart(prior_poses(capture), truth())
-    assert distance < 1e-9
-    assert angle < 1e-6
+    assert_close(prior_poses(capture), truth(), 1e-9, 1e-6)
     spread = np.std([pose.center for pose in truth().values()], axis=0)
     (accuracy,) = {prior.position_sigma_m for prior in capture.priors.values()}
     assert accuracy == pytest.approx(0.01 * np.linalg.norm(spread))
@@ -154,9 +149,7 @@ def test_georeferenced_programs_are_the_metric_source(photographs: Path, program
     assert capture.origin is not None
     assert utm_epsg_of(capture.origin) == 32632
     assert capture.groups[0].source == program
-    distance, angle = apart(about(capture.origin, prior_poses(capture), ORIGIN), truth())
-    assert distance < 1e-3
-    assert angle < 0.01
+    assert_close(about(capture.origin, prior_poses(capture), ORIGIN), truth(), 1e-3, 0.01)
 
 
 def test_positions_beside_the_photographs_come_before_a_programs_place(photographs: Path) -> None:

@@ -23,6 +23,7 @@ from tests.captures.programs.known_set import (
     ORIGIN,
     about,
     apart,
+    assert_close,
     geocentric,
     known_poses,
     moved,
@@ -56,9 +57,7 @@ def same_camera(found: Intrinsics) -> bool:
 def test_colmaps_poses_and_camera(tmp_path: Path, text: bool) -> None:
     poses = moved(known_poses(), some_motion())
     found = read_result(PosesFile(write_colmap(tmp_path / "model", poses, text=text)))
-    distance, angle = apart(found.poses, poses)
-    assert distance < 1e-9
-    assert angle < 1e-6
+    assert_close(found.poses, poses, 1e-9, 1e-6)
     (camera,) = found.cameras
     assert set(camera.images) == set(NAMES)
     assert same_camera(camera.intrinsics)
@@ -90,9 +89,7 @@ def test_fieldkits_own_model_reads_back_with_the_same_poses(tmp_path: Path) -> N
     transform_model(model, motion)  # into the plot frame, as a reference's is
     model.write_binary(tmp_path)
     found = read_result(PosesFile(tmp_path, METRES))
-    distance, angle = apart(found.poses, moved(poses, motion))
-    assert distance < 1e-9
-    assert angle < 1e-6
+    assert_close(found.poses, moved(poses, motion), 1e-9, 1e-6)
     assert same_camera(found.cameras[0].intrinsics)
 
 
@@ -102,9 +99,7 @@ def test_a_colmap_model_in_projected_and_in_geocentric_coordinates(tmp_path: Pat
         ("ecef", geocentric(known_poses()), "EPSG:4978"),
     ):
         found = read_result(PosesFile(write_colmap(tmp_path / name, poses), code))
-        distance, angle = apart(placed(found), known_poses())
-        assert distance < MM
-        assert angle < HUNDREDTH
+        assert_close(placed(found), known_poses(), MM, HUNDREDTH)
 
 
 @pytest.mark.parametrize("name", ["cameras.bin", "images.bin", "rigs.bin", "frames.bin"])
@@ -135,9 +130,7 @@ def test_a_colmap_camera_of_another_kind_is_named_and_its_poses_are_used(tmp_pat
 def test_shots_against_the_grid_of_utm(tmp_path: Path) -> None:
     path = write_shots(tmp_path / "odm_report" / "shots.geojson", known_poses())
     found = read_result(PosesFile(path))
-    distance, angle = apart(placed(found), known_poses())
-    assert distance < MM
-    assert angle < HUNDREDTH
+    assert_close(placed(found), known_poses(), MM, HUNDREDTH)
     assert same_camera(found.cameras[0].intrinsics)
 
 
@@ -196,10 +189,8 @@ def chunk_motion() -> Similarity:
 def test_metashapes_poses_place_and_camera(tmp_path: Path) -> None:
     path = write_metashape(tmp_path / "cameras.xml", geocentric(known_poses()), motion=chunk_motion())
     found = read_result(PosesFile(path))
-    distance, angle = apart(placed(found), known_poses())
     assert found.metric
-    assert distance < 1e-6
-    assert angle < 1e-6
+    assert_close(placed(found), known_poses(), 1e-6, 1e-6)
     assert same_camera(found.cameras[0].intrinsics)
     assert found.cameras[0].fixed
     assert [finding.message for finding in found.findings] == ["Metashape has not aligned 1 of its photographs"]
@@ -215,9 +206,7 @@ def test_metashapes_geocentric_coordinates_are_of_wgs84s_ellipsoid(tmp_path: Pat
         with pytest.raises(MetadataError, match="another ellipsoid"):
             read_result(given)
         return
-    distance, angle = apart(placed(read_result(given)), known_poses())
-    assert distance < 1e-3
-    assert angle < HUNDREDTH
+    assert_close(placed(read_result(given)), known_poses(), 1e-3, HUNDREDTH)
 
 
 def test_metashapes_local_coordinates(tmp_path: Path) -> None:
