@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -85,7 +85,6 @@ def check_captures(
         )
     place = load_site(site) if isinstance(site, Path) else site
     flight = None if log is None else LoggedFlight.read(log, plots)
-    read = _reader(flight)
     settings = settings or CheckSettings()
     context = Context(
         cache or StageCache(None), progress or Silent(), workers or this_machine().cores, settings.seed
@@ -95,25 +94,17 @@ def check_captures(
         wall, cpu = time.perf_counter(), processor_seconds()
         chosen = None if place is None else _plot_of(place, plot, name)
         flown = loaded if chosen is None else flown_plan(loaded, chosen, fit)
-        report = Run(flown, settings, context).check(name, folder, read(name, folder), place, chosen)
+        capture = (None if flight is None else flight.capture(name)) or read_capture(folder)
+        report = Run(flown, settings, context).check(name, folder, capture, place, chosen)
         spent = {"seconds": time.perf_counter() - wall, "cpu_seconds": processor_seconds() - cpu}
         reports.append(replace(report, **spent))  # type: ignore[arg-type]
     return tuple(reports)
 
 
-def _reader(flight: LoggedFlight | None) -> Callable[[str, Path], Capture]:
-    def read(name: str, folder: Path) -> Capture:
-        flown = None if flight is None else flight.capture(name)
-        return read_capture(folder) if flown is None else flown
-
-    return read
-
-
 def _plot_of(site: Site, name: str | None, folder: str) -> SitePlot:
-    for wanted in (name,) if name is not None else (folder,):
-        found = next((plot for plot in site.plots if plot.name == wanted), None)
-        if found is not None:
-            return found
+    found = next((plot for plot in site.plots if plot.name == (folder if name is None else name)), None)
+    if found is not None:
+        return found
     known = ", ".join(plot.name for plot in site.plots[:5]) + (" …" if len(site.plots) > 5 else "")
     if name is not None:
         raise UsageError(f"the site has no plot {name!r}", remedy=f"Its plots are {known}.")
@@ -157,23 +148,15 @@ class Run:
         with self.context.progress.stage("Guided matches"):
             poses = believed_poses(placed, self.plan, consistency, looks, capture.names)
             full = with_guided_ties(graph, poses, workers=self.context.workers, seed=self.settings.seed)
-        judged = judge(Evidence(capture.names, self.plan, placed, looks, full, consistency, self.settings))
         shift = None if not np.isfinite(placed.shift_m).all() else tuple(float(v) for v in placed.shift_m)
-        return replace(
+        report = replace(
             report,
-            stations=judged.stations,
-            findings=(
-                *_of_capture(capture),
-                *angles,
-                *common_findings(placed, self.settings, site, plot),
-                *judged.findings,
-            ),
-            extra=judged.extra,
+            findings=(*_of_capture(capture), *angles, *common_findings(placed, self.settings, site, plot)),
             shift_m=shift,  # type: ignore[arg-type]
             turn_deg=placed.turn_deg,
-            components=judged.components,
             unchecked=tuple(_unchecked(placed, graph, consistency)),
         )
+        return judge(report, Evidence(capture.names, self.plan, placed, looks, full, consistency, self.settings))
 
 
 def _consistency(placed: Placed, plan: Plan, graph: TieGraph, settings: CheckSettings) -> Consistency:

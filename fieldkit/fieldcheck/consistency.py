@@ -3,11 +3,16 @@
 Ties say how cameras stand to each other, tags where each stands. First the tags are laid aside, one by one, that
 contradict most of their ties; then every tag is compared with the pose that its photograph has by its ties and the
 others' tags, and laid aside or taken back, until nothing changes.
+
+That pose is of least squares on relative rotations, directions and lengths' ratios. Unknown are each photograph's
+rotation and centre. A tie gives the rotation and the direction between two cameras, two ties of a camera the ratio of
+their lengths, a tag a pose. Blocks that do not fit weigh less (Cauchy, by reweighting), so that a wrong tie does no
+harm.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +20,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fieldkit.fieldcheck.model import CheckSettings
-from fieldkit.fieldcheck.pose_graph import Solution, solve, spread_from
 from fieldkit.fieldcheck.ties import TieGraph, tie_errors_deg
 from fieldkit.geometry import Pose
 from fieldkit.geometry.priors import PosePrior
@@ -27,10 +31,19 @@ _CERTAIN_MATCHES, _GROSS = 25, 10.0
 """On simulated plots ties of fewer matches called sound photographs wrong, by up to 7 standard deviations; exchanged
 ones were 24 and more off by such ties."""
 _MOST_ROUNDS = 30
+_ROTATION_DEG, _ROTATION_PER_ROOT_DEG = 0.8, 8.0
+_DIRECTION_SIGMA_DEG, _DIRECTION_PER_ROOT_DEG = 2.0, 20.0
+_CAUCHY = 3.0
+_LOOSE_M, _LOOSE_DEG = 1.5, 60.0
+_STEP = 1e-6
+_SETTLED = 3e-4
 _AGAIN = 6
 """Iterations from all tags' solution to the one without a tag."""
 
 Array = NDArray[np.float64]
+Block = tuple[NDArray[np.int64], Callable[[list[Array]], Array], Array]
+"""(m, k) indices of m blocks' cameras; their residuals (m, r) from the k cameras' parameters (m, 6) each; the
+residuals' standard deviations (m, r)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,3 +202,163 @@ def _reached(k: int, others: set[int], graph: TieGraph) -> bool:
             return True
         reached |= new
     return False
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Adjusted poses."""
+
+    poses: Mapping[int, Pose]
+    index: Mapping[int, int]
+    """Of a photograph among the unknowns."""
+    information: Array
+    """(6n, 6n) inverse of the covariance; six unknowns each: a rotation vector in the camera's axes, radians, and the
+    centre, metres."""
+
+    def covariance(self, k: int) -> Array:
+        """(6, 6) of one photograph."""
+        at = 6 * self.index[k]
+        columns = np.zeros((len(self.information), 6))
+        columns[at : at + 6] = np.eye(6)
+        return np.asarray(np.linalg.solve(self.information, columns)[at : at + 6])
+
+
+def solve(
+    start: Mapping[int, Pose], graph: TieGraph, tags: Mapping[int, PosePrior], believed: Collection[int], *,
+    iterations: int = 12,
+) -> Solution:  # fmt: skip
+    """Adjust the poses of the photographs in ``start``.
+
+    Args:
+        start: poses to begin with.
+        graph: ties; those of photographs without a start are left out.
+        tags: priors by photograph.
+        believed: whose tags count. The others are held so loosely that nothing stays undetermined.
+        iterations: at most.
+    """
+    order = sorted(start)
+    index = {k: n for n, k in enumerate(order)}
+    rotations = np.array([start[k].rotation for k in order])
+    centers = np.array([start[k].center for k in order])
+    targets = [tags[k].pose if k in believed else start[k] for k in order]
+    sigmas = np.array(
+        [
+            [np.radians(tags[k].angle_sigma_deg)] * 3 + [tags[k].position_sigma_m] * 3
+            if k in believed
+            else [np.radians(_LOOSE_DEG)] * 3 + [_LOOSE_M] * 3
+            for k in order
+        ]
+    )
+    blocks = _blocks(graph, index, targets, sigmas)
+    information = np.eye(6 * len(order))
+    damping = 1e-4
+    for _ in range(iterations):
+        information, gradient = _normal(blocks(rotations), centers)
+        step = np.linalg.solve(information + damping * np.diag(np.diag(information)), -gradient).reshape(-1, 6)
+        rotations = Rotation.from_rotvec(np.clip(step[:, :3], -0.5, 0.5)).as_matrix() @ rotations
+        centers = np.asarray(centers + np.clip(step[:, 3:], -1.0, 1.0), np.float64)
+        if np.abs(step).max() < _SETTLED:
+            break
+    poses = {k: Pose(rotations[n], centers[n]) for k, n in index.items()}
+    return Solution(poses, index, information)
+
+
+def spread_from(
+    known: Mapping[int, Pose], graph: TieGraph, length_m: float
+) -> dict[int, Pose]:  # fmt: skip
+    """Poses of the photographs that ties reach from known ones, the strongest tie first; the known ones are in it."""
+    found = dict(known)
+    while True:
+        reach = [(tie.matches, pair) for pair, tie in graph.ties.items() if (pair[0] in found) != (pair[1] in found)]
+        if not reach:
+            return found
+        _, (i, j) = max(reach)
+        tie = graph.ties[i, j]
+        if i in found:
+            rotation = tie.rotation @ found[i].rotation
+            found[j] = Pose(rotation, found[i].center - length_m * rotation.T @ tie.translation)
+        else:
+            along = found[j].rotation.T @ tie.translation
+            found[i] = Pose(tie.rotation.T @ found[j].rotation, found[j].center + length_m * along)
+
+
+def _blocks(
+    graph: TieGraph, index: Mapping[int, int], targets: Sequence[Pose], sigmas: Array
+) -> Callable[[Array], list[Block]]:
+    """The blocks of ties, ratios and tags about rotations (n, 3, 3), which steps are counted from."""
+    pairs = [pair for pair in sorted(graph.ties) if pair[0] in index and pair[1] in index]
+    ties = [graph.ties[pair] for pair in pairs]
+    kept = [r for r in graph.ratios if r.middle in index and r.a in index and r.b in index]
+    ends = np.array([[index[i], index[j]] for i, j in pairs], dtype=np.int64).reshape(-1, 2)
+    tied = np.array([tie.rotation for tie in ties]).reshape(-1, 3, 3)
+    translations = np.array([tie.translation for tie in ties]).reshape(-1, 3)
+    root = np.maximum(np.sqrt(np.array([tie.matches for tie in ties], dtype=np.float64)), 1.0)
+    of_turn = np.radians(np.maximum(_ROTATION_DEG, _ROTATION_PER_ROOT_DEG / root))
+    of_direction = np.radians(np.maximum(_DIRECTION_SIGMA_DEG, _DIRECTION_PER_ROOT_DEG / root))
+    thirds = np.array([[index[r.middle], index[r.a], index[r.b]] for r in kept], dtype=np.int64).reshape(-1, 3)
+    logs, of_ratio = np.array([[r.log_ratio] for r in kept]).reshape(-1, 1), np.array([[r.sigma] for r in kept])
+    wanted = np.array([pose.rotation for pose in targets])
+    places = np.array([pose.center for pose in targets])
+
+    def about(rotations: Array) -> list[Block]:
+        of_i, of_j = (rotations[ends[:, n]] for n in (0, 1))
+
+        def turn(p: list[Array]) -> Array:
+            i, j = _turned(p[0], of_i), _turned(p[1], of_j)
+            return _log(np.swapaxes(tied, 1, 2) @ j @ np.swapaxes(i, 1, 2))
+
+        def direction(p: list[Array]) -> Array:
+            apart = np.einsum("nij,nj->ni", _turned(p[1], of_j), p[0][:, 3:] - p[1][:, 3:])
+            unit = apart / np.maximum(np.linalg.norm(apart, axis=1, keepdims=True), 1e-9)
+            return np.asarray(unit - translations)
+
+        def ratio(p: list[Array]) -> Array:
+            first, second = (
+                np.maximum(np.linalg.norm(p[0][:, 3:] - other[:, 3:], axis=1, keepdims=True), 1e-6) for other in p[1:]
+            )
+            return np.asarray(np.log(first) - np.log(second) - logs)
+
+        def prior(p: list[Array]) -> Array:
+            return np.concatenate(
+                [_log(_turned(p[0], rotations) @ np.swapaxes(wanted, 1, 2)), p[0][:, 3:] - places], axis=1
+            )
+
+        blocks: list[Block] = [
+            (ends, turn, np.repeat(of_turn[:, None], 3, axis=1)),
+            (ends, direction, np.repeat(of_direction[:, None], 3, axis=1)),
+            (thirds, ratio, of_ratio),
+            (np.arange(len(targets))[:, None], prior, sigmas),
+        ]
+        return [block for block in blocks if len(block[0])]
+
+    return about
+
+
+def _turned(parameters: Array, rotations: Array) -> Array:
+    return np.asarray(Rotation.from_rotvec(parameters[:, :3]).as_matrix() @ rotations)
+
+
+def _log(matrices: Array) -> Array:
+    return np.asarray(Rotation.from_matrix(matrices).as_rotvec())
+
+
+def _normal(blocks: Sequence[Block], centers: Array) -> tuple[Array, Array]:
+    """Information matrix and gradient of all blocks, reweighted; parameters are 0 for rotations."""
+    count = len(centers)
+    information, gradient = np.zeros((6 * count, 6 * count)), np.zeros(6 * count)
+    zero = np.concatenate([np.zeros((count, 3)), centers], axis=1)
+    for ends, function, sigmas in blocks:
+        parameters = [zero[ends[:, n]] for n in range(ends.shape[1])]
+        residual = function(parameters) / sigmas
+        jacobian = np.zeros((*residual.shape, 6 * ends.shape[1]))
+        for n in range(ends.shape[1]):
+            for q in range(6):
+                moved = [p.copy() for p in parameters]
+                moved[n][:, q] += _STEP
+                jacobian[:, :, 6 * n + q] = (function(moved) / sigmas - residual) / _STEP
+        weight = 1.0 / (1.0 + (residual**2).sum(axis=1) / (_CAUCHY**2 * residual.shape[1]))
+        columns = (6 * ends[:, :, None] + np.arange(6)).reshape(len(ends), -1)
+        weighted = weight[:, None, None] * np.swapaxes(jacobian, 1, 2)
+        np.add.at(information, (columns[:, :, None], columns[:, None, :]), weighted @ jacobian)
+        np.add.at(gradient, columns, (weighted @ residual[:, :, None])[:, :, 0])
+    return information, gradient

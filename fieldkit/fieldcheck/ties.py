@@ -164,8 +164,6 @@ def _cameras(capture: Capture, fallback: Intrinsics | None) -> CameraSet:
 def _scaled(wanted: Intrinsics, guessed: Intrinsics) -> Intrinsics:
     if wanted.width * guessed.height != wanted.height * guessed.width:
         return guessed
-    if (wanted.width, wanted.height) == (guessed.width, guessed.height):
-        return wanted
     return wanted.scaled(guessed.width, guessed.height)
 
 

@@ -16,14 +16,13 @@ from fieldkit.captures import CameraGroup, Capture, Photo
 from fieldkit.errors import UsageError
 from fieldkit.fieldcheck import CheckSettings, StationCheck, write_refly
 from fieldkit.fieldcheck.check import common_findings
-from fieldkit.fieldcheck.connection import connect
 from fieldkit.fieldcheck.consistency import Consistency, check_tags
 from fieldkit.fieldcheck.model import CheckReport
 from fieldkit.fieldcheck.pictures import DIRECTIONS, blur_ratios, edge_widths, judge_pictures, measure_picture
 from fieldkit.fieldcheck.placement import Placed, Tags, angles_as_meant, axis_turn_deg, place_tags
 from fieldkit.fieldcheck.refly import part_of_plan
 from fieldkit.fieldcheck.ties import LengthRatio, Tie, TieGraph
-from fieldkit.fieldcheck.verdicts import tag_pose
+from fieldkit.fieldcheck.verdicts import connect, tag_pose
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector
