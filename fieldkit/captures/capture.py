@@ -35,14 +35,6 @@ MAX_PIXELS = 150_000_000
 _MAX_FILE_BYTES = 2 << 30
 
 
-@dataclass(frozen=True)
-class ReadPhoto:
-    """A file that was read: the photograph, None where it cannot be used, and what is odd about it."""
-
-    photo: Photo | None
-    findings: tuple[Finding, ...]
-
-
 def read_capture(
     folder: Path, *, max_pixels: int = MAX_PIXELS, sidecars: bool = True, poses: PosesFile | None = None
 ) -> Capture:
@@ -64,8 +56,8 @@ def read_capture(
     contents = list_capture(folder)
     beside = {name: path for name, path in contents.sidecars.items() if sidecars or name not in _POSITIONS}
     read = [read_photo(candidate, max_pixels) for candidate in contents.candidates]
-    findings = [*contents.findings, *(finding for each in read for finding in each.findings)]
-    photos = [each.photo for each in read if each.photo is not None]
+    findings = [*contents.findings, *(finding for _, odd in read for finding in odd)]
+    photos = [photo for photo, _ in read if photo is not None]
     if not photos:
         raise _no_photographs(folder, findings)
     located = match_names(listed_names(beside), [photo.name for photo in photos]).values()
@@ -190,8 +182,11 @@ def _no_photographs(folder: Path, findings: list[Finding]) -> CaptureError:
     )
 
 
-def read_photo(candidate: Candidate, max_pixels: int = MAX_PIXELS) -> ReadPhoto:
-    """The photograph that a file is, or the finding that leaves it out. Only a TIFF is decoded."""
+def read_photo(candidate: Candidate, max_pixels: int = MAX_PIXELS) -> tuple[Photo | None, list[Finding]]:
+    """The photograph that a file is and what is odd about it, or the finding that leaves it out.
+
+    Only a TIFF is decoded.
+    """
     try:
         photo, problems = _opened(candidate, max_pixels)
     except _LeaveOut as why:
@@ -209,8 +204,8 @@ def read_photo(candidate: Candidate, max_pixels: int = MAX_PIXELS) -> ReadPhoto:
     except Exception as error:
         code, message = "truncated", f"the file is damaged ({type(error).__name__})"
     else:
-        return ReadPhoto(photo, tuple(Finding(candidate.name, *problem) for problem in problems))
-    return ReadPhoto(None, (Finding(candidate.name, code, message, True),))
+        return photo, [Finding(candidate.name, *problem) for problem in problems]
+    return None, [Finding(candidate.name, code, message, True)]
 
 
 class _LeaveOut(Exception):

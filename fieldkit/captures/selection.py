@@ -87,13 +87,13 @@ def find_photographs(
     found: list[FoundPhoto] = []
     with (progress or Silent()).stage("Reading photographs", len(candidates)) as advance:
         for contents, candidate in candidates:
-            read = read_photo(candidate)
+            photo, odd = read_photo(candidate)
             place = _place(candidate.path, root)
-            if read.photo is None:
-                findings += [replace(finding, subject=place) for finding in read.findings]
+            if photo is None:
+                findings += [replace(finding, subject=place) for finding in odd]
             else:
-                odd = (*(f for f in contents.findings if f.subject == candidate.name), *read.findings)
-                found.append(FoundPhoto(read.photo, place, contents.sidecars, odd))
+                own = (*(f for f in contents.findings if f.subject == candidate.name), *odd)
+                found.append(FoundPhoto(photo, place, contents.sidecars, own))
             advance(1)
     found.sort(key=lambda each: natural_key(each.place))
     once, duplicates = distinct([replace(each.photo, name=each.place) for each in found])
@@ -116,7 +116,7 @@ def photographs_at(paths: Sequence[Path]) -> list[FoundPhoto]:
         wanted = {path.name for path in paths if path.parent == folder}
         for candidate in contents.candidates:
             if candidate.name in wanted and candidate.path.parent == folder:
-                photo = read_photo(candidate).photo
+                photo, _ = read_photo(candidate)
                 if photo is not None:
                     found.append(FoundPhoto(photo, candidate.path.as_posix(), contents.sidecars))
     return _with_hemispheres(found)[0]

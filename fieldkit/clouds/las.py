@@ -282,20 +282,13 @@ def _unit_keys(header: Any) -> dict[int, float]:
 def _projected_crs(epsg: int, path: Path) -> Any:
     import pyproj
 
+    remedy = "Give the code of a projected system in metres, such as 32632 for UTM zone 32 north."
     try:
         crs = pyproj.CRS.from_epsg(epsg)
     except pyproj.exceptions.CRSError as error:
-        raise CloudError(
-            f"EPSG:{epsg} is not a known coordinate reference system",
-            path=path,
-            remedy="Give the code of a projected system in metres, such as 32632 for UTM zone 32 north.",
-        ) from error
+        raise CloudError(f"EPSG:{epsg} is not a known coordinate reference system", path=path, remedy=remedy) from error
     if not crs.is_projected or any(axis.unit_name != "metre" for axis in crs.axis_info):
-        raise CloudError(
-            f"EPSG:{epsg} ({crs.name}) is not a projected system in metres",
-            path=path,
-            remedy="Give the code of a projected system in metres, such as 32632 for UTM zone 32 north.",
-        )
+        raise CloudError(f"EPSG:{epsg} ({crs.name}) is not a projected system in metres", path=path, remedy=remedy)
     return crs
 
 

@@ -19,6 +19,7 @@ from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_angle_deg
 from tests.flightlogs.recordings import description, recording
+from tests.flightlogs.test_px4_logs import quaternion
 
 FLOWN = ["mount_then_yaw", "wind4turb_settled", "roi_settled", "naive", "hold0"]
 LOGS = [*(f"{name}.tlog" for name in FLOWN), "mount_then_yaw.BIN.gz"]
@@ -137,11 +138,7 @@ angles = st.tuples(st.floats(-180, 180), st.floats(-89, 89), st.floats(-180, 180
 
 @given(angles)
 def test_euler_angles_of_quaternions(rpy: tuple[float, float, float]) -> None:
-    half = np.radians(rpy) / 2.0
-    (cr, cp, cy), (sr, sp, sy) = np.cos(half), np.sin(half)
-    q = [cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy,
-         cr * cp * sy - sr * sp * cy]  # fmt: skip
-    for found, wanted in zip(euler_deg(q)[0], rpy, strict=True):
+    for found, wanted in zip(euler_deg(quaternion(*rpy))[0], rpy, strict=True):
         assert turn(float(found), wanted) < 1e-6
 
 

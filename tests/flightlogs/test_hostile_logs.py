@@ -73,36 +73,20 @@ cuts = st.one_of(st.just(0), st.integers(0, 1 << 20))
 
 
 @pytest.fixture(scope="module")
-def small_tlog() -> bytes:
-    """The last minute of a recording: triggers, home and mission."""
+def sound() -> dict[str, bytes]:
+    """A small log of each kind; of the telemetry log the last minute of a recording: triggers, home and mission."""
     data = recording("naive.tlog").read_bytes()
-    return data[:60_000] + data[800_000:860_000]
+    return {".tlog": data[:60_000] + data[800_000:860_000], ".BIN": dataflash(), ".ulg": write_ulog(flight())}
 
 
+@pytest.mark.parametrize("suffix", [".tlog", ".BIN", ".ulg"])
 @given(edits, cuts)
 @QUIET
-def test_mutated_tlogs(small_tlog: bytes, tmp_path: Path, edits: list[tuple[int, int]], cut: int) -> None:
-    path = tmp_path / "flight.tlog"
-    path.write_bytes(mutated(small_tlog, edits, cut))
-    tolerated(path)
-
-
-@given(edits, cuts)
-@QUIET
-def test_mutated_dataflash_logs(tmp_path: Path, edits: list[tuple[int, int]], cut: int) -> None:
-    path = tmp_path / "flight.BIN"
-    path.write_bytes(mutated(dataflash(), edits, cut))
-    tolerated(path)
-
-
-ULOG = write_ulog(flight())
-
-
-@given(edits, cuts)
-@QUIET
-def test_mutated_px4_logs(tmp_path: Path, edits: list[tuple[int, int]], cut: int) -> None:
-    path = tmp_path / "flight.ulg"
-    path.write_bytes(mutated(ULOG, edits, cut))
+def test_mutated_logs(
+    sound: dict[str, bytes], tmp_path: Path, suffix: str, edits: list[tuple[int, int]], cut: int
+) -> None:
+    path = tmp_path / f"flight{suffix}"
+    path.write_bytes(mutated(sound[suffix], edits, cut))
     tolerated(path)
 
 

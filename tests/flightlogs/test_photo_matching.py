@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fieldkit.flightlogs import Place, Stamp, Trigger, match, read_flight_log
+from fieldkit.flightlogs import Matches, Place, Stamp, Trigger, match, read_flight_log
 from tests.flightlogs.recordings import recording
 
 HOME = (50.865, 6.4473)
@@ -39,6 +39,23 @@ def photograph(trigger: Trigger, name: str, *, offset: float, noise: tuple[float
         latitude_deg=trigger.place.latitude_deg + noise[1] * M_NORTH,
         longitude_deg=trigger.place.longitude_deg + noise[2] * M_EAST,
     )
+
+
+def photographs(
+    triggers: list[Trigger], *without: int, offset: float = 0.0, noise: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    whole: bool = False, gps: bool = False,
+) -> list[Stamp]:  # fmt: skip
+    """A photograph of each trigger but some, named by it."""
+    return [
+        photograph(t, f"P{k}", offset=offset, noise=noise, whole=whole, gps=gps)
+        for k, t in enumerate(triggers)
+        if k not in without
+    ]
+
+
+def own(found: Matches) -> bool:
+    """Whether every photograph that is matched is matched with its own trigger."""
+    return all(pair.photograph == f"P{pair.trigger}" for pair in found.pairs)
 
 
 def series(count: int, seed: int, low: float = 4.0, high: float = 14.0) -> list[float]:
@@ -77,7 +94,7 @@ def test_one_missing_and_one_extra_anywhere(seed, plots, drop, extra, offset, dr
         stamps.append(lone)
     rng.shuffle(stamps)
     found = match(stamps, triggers)
-    assert all(pair.photograph == f"P{pair.trigger}" for pair in found.pairs)
+    assert own(found)
     assert not found.ambiguous
     assert len(found.pairs) == 13 * plots - 1
     assert found.triggers == (drop,)
@@ -98,21 +115,17 @@ def test_whole_seconds_without_gps_are_right_or_ambiguous(seed: int, drop: int, 
         if k != drop
     ]
     found = match(stamps, triggers)
-    assert all(pair.photograph == f"P{pair.trigger}" for pair in found.pairs)
+    assert own(found)
     assert len(found.pairs) == 12 or found.ambiguous
     assert found.remarks or not found.ambiguous
     known = match(stamps, triggers, offset_s=7200.0 + phase - 0.5)
-    assert all(pair.photograph == f"P{pair.trigger}" for pair in known.pairs)
+    assert own(known)
     assert len(known.pairs) == 12
 
 
 def test_an_even_rhythm_with_whole_seconds_needs_the_offset() -> None:
     triggers = flown([9.0] * 13)
-    stamps = [
-        photograph(t, f"P{k}", offset=30.3, noise=(0, 0, 0), whole=True, gps=False)
-        for k, t in enumerate(triggers)
-        if k not in (0, 12)
-    ]
+    stamps = photographs(triggers, 0, 12, offset=30.3, whole=True)
     found = match(stamps, triggers)
     assert not found.pairs
     assert len(found.ambiguous) == 11
@@ -122,11 +135,7 @@ def test_an_even_rhythm_with_whole_seconds_needs_the_offset() -> None:
 
 def test_places_decide_where_times_cannot() -> None:
     triggers = flown([9.0] * 13)
-    stamps = [
-        photograph(t, f"P{k}", offset=30.3, noise=(0, 0.02, -0.02), whole=True, gps=True)
-        for k, t in enumerate(triggers)
-        if k not in (0, 12)
-    ]
+    stamps = photographs(triggers, 0, 12, offset=30.3, noise=(0, 0.02, -0.02), whole=True, gps=True)
     found = match(stamps, triggers)
     assert [(p.photograph, p.trigger) for p in found.pairs] == [(f"P{k}", k) for k in range(1, 12)]
     assert found.triggers == (0, 12)
@@ -134,11 +143,7 @@ def test_places_decide_where_times_cannot() -> None:
 
 def test_by_place_alone() -> None:
     triggers = flown([9.0] * 13)
-    stamps = [
-        replace(photograph(t, f"P{k}", offset=0, noise=(0, 0.05, 0.02), whole=False, gps=True), time_s=None)
-        for k, t in enumerate(triggers)
-        if k != 4
-    ]
+    stamps = [replace(s, time_s=None) for s in photographs(triggers, 4, noise=(0, 0.05, 0.02), gps=True)]
     found = match(stamps[::-1], triggers)
     assert [(p.photograph, p.trigger) for p in found.pairs] == [(f"P{k}", k) for k in range(13) if k != 4]
     # Two photographs at one place, one trigger: which one it was cannot be told.
@@ -152,10 +157,7 @@ def test_two_plots_flown_alike_in_one_log() -> None:
     """The photographs of the second plot only; the first has the same rhythm, so only places tell."""
     rhythm = series(13, 3)
     triggers = flown([*rhythm, *rhythm])
-    with_gps = [
-        photograph(t, f"P{k}", offset=12.0, noise=(0.01, 0.5, -0.5), whole=True, gps=True)
-        for k, t in enumerate(triggers)
-    ][13:]
+    with_gps = photographs(triggers, *range(13), offset=12.0, noise=(0.01, 0.5, -0.5), whole=True, gps=True)
     found = match(with_gps, triggers)
     assert [(p.photograph, p.trigger) for p in found.pairs] == [(f"P{k}", k) for k in range(13, 26)]
     without = [replace(s, latitude_deg=None, longitude_deg=None) for s in with_gps]
@@ -175,8 +177,7 @@ def test_nothing_to_go_by() -> None:
 
 def test_photographs_of_another_flight() -> None:
     triggers = flown(series(13, 1))
-    others = [photograph(t, f"P{k}", offset=0, noise=(0, 0, 0), whole=False, gps=False)
-              for k, t in enumerate(flown(series(13, 2)))]  # fmt: skip
+    others = photographs(flown(series(13, 2)))
     found = match(others, triggers)
     assert not found.pairs
     assert found.remarks
