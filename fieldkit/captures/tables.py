@@ -12,8 +12,8 @@ from pathlib import Path, PurePosixPath
 from typing import TypeVar
 
 from fieldkit.captures.folder import PHOTO_SUFFIXES
+from fieldkit.documents.file_bytes import file_bytes
 from fieldkit.errors import MetadataError
-from fieldkit.regular_files import read_regular
 
 _MAX_BYTES = 64 << 20
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
@@ -26,13 +26,7 @@ Row = TypeVar("Row")
 
 def read_text(path: Path) -> str:
     """A sidecar's text: UTF-8 with or without a byte order mark, or UTF-16 with one; line ends become newlines."""
-    try:
-        data = read_regular(path, _MAX_BYTES)
-    except OSError as error:
-        reason = (error.strerror or str(error)).replace("No", "no")
-        remedy = "Check its permissions." if isinstance(error, PermissionError) else "Check that it is the right file."
-        raise MetadataError(f"cannot be read ({reason})", path=path, remedy=remedy) from error
-    return decode_text(data, path)
+    return decode_text(file_bytes(path, "Check that it is the right file.", _MAX_BYTES, noun="sidecar"), path)
 
 
 def decode_text(data: bytes, path: Path | None = None) -> str:

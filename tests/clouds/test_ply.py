@@ -221,11 +221,10 @@ def test_damaged_files_give_a_cloud_or_a_cloud_error(tmp_path: Path, content: by
     assert error is None or (error.path == path and error.remedy)
 
 
-def test_the_undamaged_examples_are_read(tmp_path: Path) -> None:
-    for content, count in [(ASCII_EXAMPLE, 3), (BINARY_EXAMPLE, 2)]:
-        path = tmp_path / "cloud.ply"
-        path.write_bytes(content)
-        assert len(read_ply(path)) == count
+@pytest.mark.parametrize(("content", "count"), [(ASCII_EXAMPLE, 3), (BINARY_EXAMPLE, 2)])
+def test_the_undamaged_examples_are_read(tmp_path: Path, content: bytes, count: int) -> None:
+    (tmp_path / "cloud.ply").write_bytes(content)
+    assert len(read_ply(tmp_path / "cloud.ply")) == count
 
 
 @pytest.mark.parametrize(
