@@ -112,5 +112,7 @@ class Vehicle(Strict):
     """Standard deviation of a position, horizontal."""
     clearance_m: NotNegative
     """Distance it keeps to plants and other obstacles: half its size and what wind adds."""
+    mass_kg: Positive = 1.0
+    """At take-off, with camera and battery; 1 kg where a profile does not say. Leaves move in its wash."""
     max_items: Annotated[int, Field(gt=0)] | None = None
     """Mission items that it stores."""

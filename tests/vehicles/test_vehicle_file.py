@@ -71,6 +71,7 @@ def test_what_is_shipped() -> None:
         assert abs(camera.cx - camera.width / 2) <= off >= abs(camera.cy - camera.height / 2), name
         assert f"| `{name}` |" in README, name
     assert vehicles["ardupilot-pitch"].battery.usable_s == pytest.approx(1080 * 0.75)
+    assert [vehicles[f"dji-{name}"].mass_kg for name in ("mavic-3-enterprise", "mini-4-pro")] == [0.915, 0.249]
 
 
 def test_the_profile_of_the_recordings() -> None:
@@ -141,6 +142,10 @@ def test_errors(tmp_path: Path, old: str, new: str, message: str) -> None:
         load_vehicle(path)
     assert caught.value.path == path
     assert caught.value.remedy
+
+
+def test_a_profile_without_mass_means_a_kilogram(tmp_path: Path) -> None:
+    assert load_vehicle(write(tmp_path, TEXT.replace("mass_kg = 1.5", ""))).mass_kg == 1.0
 
 
 def test_not_text(tmp_path: Path) -> None:
