@@ -29,8 +29,7 @@ from fieldkit.scenes.description import build
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene_file import read_scene
-from fieldkit.scenes.simulate import Sidecars, poses_table, simulate_capture
-from fieldkit.scenes.sway import wind_sway
+from fieldkit.scenes.simulate import Outdoors, Sidecars, poses_table, simulate_capture
 from fieldkit.sites.site import Site, SiteHome, SitePlot
 
 STATIONS = 13
@@ -98,7 +97,7 @@ def photograph_plot(scene: str, folder: Path, seed: int) -> PlotPhotographs:
             for name, poses, number in (("flown", stations, 1), ("strayed", strayed, 2)):
                 simulate_capture(
                     folder / name, renderer, poses, CAMERA, noise=noise, effects=description.camera_effects,
-                    sway=wind_sway(description.wind_m, seed + number), seed=seed + 100 * number, site=description.site,
+                    outdoors=Outdoors(description.wind_m), seed=seed + 100 * number, site=description.site,
                     row_heading_deg=description.row_heading_deg, sidecars=Sidecars(), economy=True, overwrite=True,
                 )  # fmt: skip
     names = [photo.name for photo in read_capture(folder / "flown").photos]

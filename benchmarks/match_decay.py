@@ -21,7 +21,8 @@ from fieldkit.reconstruction.features import Features, FeatureSettings, extract_
 from fieldkit.reconstruction.matching import match_features
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.sway import wind_sway
+from fieldkit.scenes.simulate import Outdoors
+from fieldkit.scenes.sway import Motion
 
 SETTINGS = FeatureSettings(working_side=1600, max_features=8192, contrast_threshold=0.04)
 """OpenCV's own contrast threshold, as in the recorded figures for field maize."""
@@ -173,10 +174,9 @@ def scene_pairs(study: SceneUnderStudy, bases: int, progress: Progress) -> list[
 
 def _take_the_moment(study: SceneUnderStudy, whole: Renderer, plants: Renderer, seed: int, photograph: int) -> None:
     """Move the leaves to their state in a photograph."""
-    sway = wind_sway(study.description.wind_m, seed)
-    if sway is not None:
-        whole.move(sway(study.scene, photograph))
-        plants.move(sway(plants.scene, photograph))
+    outdoors = Outdoors(study.description.wind_m)
+    for renderer in (whole, plants):
+        renderer.move(Motion(renderer.scene, seed).at(outdoors.time_s(photograph), outdoors.wind_m))
 
 
 def visible_plants(whole: Renderer, plants: Renderer, pose: Pose, camera: Intrinsics) -> NDArray[np.bool_]:

@@ -13,8 +13,7 @@ from fieldkit.scenes.library import find_scene, scene_names
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.scene_file import read_scene
-from fieldkit.scenes.simulate import simulate_capture
-from fieldkit.scenes.sway import wind_sway
+from fieldkit.scenes.simulate import Outdoors, simulate_capture
 from fieldkit_sim.simulation import ring
 
 CAMERA = Intrinsics.pinhole(2000, 1500, 1700.0)
@@ -64,5 +63,5 @@ def photograph(
     description = study.description
     return simulate_capture(
         folder, renderer, poses, CAMERA, noise=description.noise, effects=description.camera_effects,
-        sway=wind_sway(description.wind_m, seed), seed=seed, progress=progress,
+        outdoors=Outdoors(description.wind_m), seed=seed, progress=progress,
     )  # fmt: skip

@@ -41,8 +41,7 @@ from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene_file import read_scene
-from fieldkit.scenes.simulate import Sidecars, simulate_capture
-from fieldkit.scenes.sway import wind_sway
+from fieldkit.scenes.simulate import Outdoors, Sidecars, simulate_capture
 from fieldkit_sim.simulation import ring_about
 
 FITTED = tuple(f"tuning-{k}" for k in range(1, 7))
@@ -156,7 +155,7 @@ def _make(folder: Path, design: Design, description: SceneDescription, proxy: Pr
         simulate_capture(
             whole, renderer, cameras.poses(), proxy.camera, noise=noise, seed=design.number,
             effects=description.camera_effects, economy=True,
-            sway=wind_sway(design.wind_m, design.number) if design.wind_m else None,
+            outdoors=Outdoors(design.wind_m),
             sidecars=Sidecars(poses=True, accuracy_m=max(_CLAIMED_M, design.position_m), camera=True),
         )  # fmt: skip
         _leave_out(whole, part, design)

@@ -21,8 +21,7 @@ from fieldkit.results.plan import PlanPlants
 from fieldkit.results.plan_file import plan_from_poses, save_plan
 from fieldkit.scenes.description import SceneDescription, build, sample_reference
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Site, simulate_capture
-from fieldkit.scenes.sway import wind_sway
+from fieldkit.scenes.simulate import CaptureNoise, Outdoors, Sidecars, Site, simulate_capture
 from fieldkit_sim.generator import new_scene
 from fieldkit_sim.simulation import ring_about
 
@@ -98,7 +97,7 @@ def photograph(each: Flown) -> None:
     with Renderer(scene) as renderer:
         simulate_capture(
             each.photographs, renderer, plan, description.camera, noise=_NOISE, seed=each.plot * 10 + each.date,
-            effects=description.camera_effects, sway=wind_sway(_WIND_M, each.plot), site=Site(_origin(each.plot)),
+            effects=description.camera_effects, outdoors=Outdoors(_WIND_M), site=Site(_origin(each.plot)),
             row_heading_deg=description.row_heading_deg, sidecars=Sidecars(camera=True), economy=True, overwrite=True,
             started_at=DATES[each.date].replace(hour=9 + each.plot // 20, minute=each.plot % 20 * 3),
         )  # fmt: skip

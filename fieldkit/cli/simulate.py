@@ -13,6 +13,7 @@ from fieldkit.cli.common import (
     OutputOption,
     OverwriteOption,
     SeedOption,
+    VehicleOption,
     emit_json,
     read_numbers,
     read_pose_noise,
@@ -88,6 +89,11 @@ def command(
     output: OutputOption,
     stations: StationOptions,
     *,
+    burst: Annotated[int, Option("--burst", metavar="K", min=1, max=100, help="Photographs per station.")] = 1,
+    interval: Annotated[
+        float, Option("--interval", metavar="S", min=0.05, max=60.0, help="Time between the photographs of a burst.")
+    ] = 0.7,
+    vehicle: VehicleOption = None,
     size: Annotated[str, Option("--size", metavar="WxH", help="Of the photographs, pixels.")] = "",
     pose_noise: Annotated[
         str, Option("--pose-noise", metavar="M,DEG", help="True against commanded poses, standard deviations.")
@@ -108,11 +114,13 @@ def command(
 
     Writes JPEGs with EXIF, GPS and gimbal angles, poses.csv with the commanded poses and camera.toml: a folder that
     `fieldkit reference` and `fieldkit evaluate` take. The true poses go to CAPTURES.truth.csv beside the folder. Noise
-    and exposure that are not given, the camera's other effects and the wind are the scene file's.
+    and exposure that are not given, the camera's other effects and the wind are the scene file's. Leaves move from
+    photograph to photograph by the wind, and with --vehicle by its wash, which depends on its mass.
 
     Examples:
         fieldkit simulate case-1 --dense 45 -o case-1-dense
         fieldkit simulate case-1 --plan case-1-plan --pose-noise 0.05,2 -o flight_1
+        fieldkit simulate case-1 --plan case-1-plan --burst 5 --vehicle dji-mavic-3-enterprise -o flight_2
         fieldkit simulate plot.toml --ring 10,1.5,1.2 --size 1000x750 --blur 0.002 -o ring
     """
     stations.circle()
@@ -122,6 +130,8 @@ def command(
     from fieldkit.cli.progress import open_progress
     from fieldkit.scenes.library import find_scene
     from fieldkit.scenes.scene_file import read_scene
+    from fieldkit.scenes.simulate import Outdoors
+    from fieldkit.vehicles.vehicle_file import load_vehicle
     from fieldkit_sim.simulation import simulate
 
     description = read_scene(find_scene(scene))
@@ -130,10 +140,12 @@ def command(
     noise, effects = description.noise, description.camera_effects
     if off is not None:
         noise = replace(noise, position_m=off[0], angle_deg=off[1])
+    mass_kg = None if vehicle is None else load_vehicle(vehicle).mass_kg
+    outdoors = Outdoors(description.wind_m, mass_kg, burst, interval)
     with open_progress(as_json=as_json) as progress:
         done = simulate(
             description, commanded, output, intrinsics=camera if pixels is None else _at_size(camera, *pixels),
-            noise=noise,
+            noise=noise, outdoors=outdoors,
             effects=effects if blur is None else replace(effects, exposure_s=blur), seed=seed,
             poses_csv=not no_poses, gps=not no_gps, truth_cloud=truth_cloud, overwrite=overwrite,
             progress=progress,

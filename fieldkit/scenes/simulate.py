@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +21,17 @@ from fieldkit.scenes.camera_effects import CameraEffects, photographed
 from fieldkit.scenes.drawing import Draw, draw
 from fieldkit.scenes.metadata import Geotag, exif_block, xmp_packet
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.sensor_noise import with_noise, with_tabled_noise
+from fieldkit.scenes.sway import Motion
 
 _ANGLE_DECIMALS, _LENGTH_DECIMALS = 4, 5
+
+_FLIGHT_S, _SINGLE_S = 5.0, 4.0
+"""From a station's last photograph to the next one's first: after bursts (those of five begin 8 s apart), and after
+single photographs."""
+_HOVER_M, _HOVER_DEG = 0.01, 0.3
+"""Standard deviations within a burst, per axis: over seconds a hovering vehicle keeps its place far better than it
+finds it, and a gimbal its angles. Estimates."""
 
 
 @dataclass(frozen=True)
@@ -73,22 +79,52 @@ class Sidecars:
     """Camera.toml with the exact intrinsics."""
 
 
-class Sway(Protocol):
-    """Moves plants between photographs."""
+@dataclass(frozen=True)
+class Outdoors:
+    """What is outdoors besides noise: leaves move while photographs are taken, and stations take bursts of them."""
 
-    def __call__(self, scene: Scene, photograph: int) -> Mapping[str, NDArray[np.float32]]:
-        """Vertices (n, 3) by mesh name, for `Renderer.move`, while photograph ``photograph`` (from 0) is taken."""
+    wind_m: float = 0.0
+    """Sway of the leaves by wind, root mean square per axis, half a metre out (see `Motion`)."""
+    vehicle_kg: float | None = None
+    """Mass of the vehicle whose wash moves leaves, too; None has no wash."""
+    burst: int = 1
+    """Photographs per station."""
+    interval_s: float = 0.7
+    """Between the photographs of a burst; about the shortest that cameras such as the Mavic 3 Enterprise's keep up."""
+
+    def __post_init__(self) -> None:
+        if not (self.wind_m >= 0 and self.burst >= 1 and self.interval_s > 0):
+            raise ValueError("a wind of at least 0, bursts of at least one photograph and a time between them")
+
+    @property
+    def still(self) -> bool:
+        """Whether nothing moves."""
+        return self.wind_m == 0 and self.vehicle_kg is None
+
+    def time_s(self, photograph: int) -> float:
+        """When a photograph is taken, from 0, after the first one."""
+        station, of_burst = divmod(photograph, self.burst)
+        flight_s = _FLIGHT_S if self.burst > 1 else _SINGLE_S
+        return station * (flight_s + (self.burst - 1) * self.interval_s) + of_burst * self.interval_s
 
 
-def perturbed(poses: Sequence[Pose], noise: CaptureNoise, seed: int) -> list[Pose]:
-    """The poses at which photographs are really taken when these are commanded."""
-    rng = np.random.default_rng([seed, 1])
-    true = []
+def perturbed(poses: Sequence[Pose], noise: CaptureNoise, seed: int, burst: int = 1) -> list[Pose]:
+    """The poses at which photographs are really taken when these are commanded, so many at each.
+
+    The photographs of a burst share their station's error and hover about it.
+    """
+    rng, hovering = np.random.default_rng([seed, 1]), np.random.default_rng([seed, 5])
+    true: list[Pose] = []
     for pose in poses:
-        shift = rng.normal(size=3) * noise.position_m
-        turn = rng.normal(size=3) * np.radians(noise.angle_deg)
-        true.append(Pose(rotation_from_vector(turn) @ pose.rotation, pose.center + shift))
+        station = _disturbed(pose, noise.position_m, noise.angle_deg, rng)
+        burst_of = (_disturbed(station, _HOVER_M, _HOVER_DEG, hovering) for _ in range(burst))
+        true += [station] if burst == 1 else burst_of
     return true
+
+
+def _disturbed(pose: Pose, position_m: float, angle_deg: float, rng: np.random.Generator) -> Pose:
+    shift, turn = rng.normal(size=3) * position_m, rng.normal(size=3) * np.radians(angle_deg)
+    return Pose(rotation_from_vector(turn) @ pose.rotation, pose.center + shift)
 
 
 def simulate_capture(
@@ -100,7 +136,7 @@ def simulate_capture(
     noise: CaptureNoise | None = None,
     seed: int = 0,
     effects: CameraEffects | None = None,
-    sway: Sway | None = None,
+    outdoors: Outdoors | None = None,
     site: Site | None = None,
     row_heading_deg: float = 90.0,
     sidecars: Sidecars | None = None,
@@ -121,52 +157,59 @@ def simulate_capture(
         noise: exact poses and the default sensor, where not given.
         seed: of all noise; each photograph's depends on its number only.
         effects: what the camera does beside the noise, and how it compresses; nothing by default.
-        sway: moves the plants between photographs; the renderer has its scene back afterwards.
+        outdoors: still air and one photograph per pose, where not given; the renderer has its scene back afterwards.
         site: no GPS and no XMP is written without one.
         row_heading_deg: compass heading of the plot frame's x axis, for GPS positions and yaw angles.
         sidecars: none by default.
         truth: a CSV file for the true poses; it must lie outside ``folder``, where no reader finds it.
-        started_at: time of the first photograph, the next ones 4 s apart.
+        started_at: time of the first photograph; the others' by `Outdoors.time_s`.
         overwrite: replace an existing capture.
         economy: draw with one sample per pixel and smooth the edges afterwards, and take the sensor's noise from a
             table: the same look and other pixels at half the cost, for captures that are made by the hundred.
         drawing: draws the scene; one that keeps drawings (`KeptDrawings`) is for plants that stand still.
 
     Returns:
-        The true poses.
+        The true poses, one for each photograph.
     """
     noise, effects, sidecars = noise or CaptureNoise(), effects or CameraEffects(), sidecars or Sidecars()
     if not poses:
         raise UsageError("a capture needs at least one pose")
     if truth is not None and truth.absolute().is_relative_to(folder.absolute()):
         raise UsageError("the true poses must not lie in the capture's folder", path=truth)
-    true = perturbed(poses, noise, seed)
-    names = [f"IMG_{i + 1:04d}.jpg" for i in range(len(poses))]
+    outdoors = outdoors or Outdoors()
+    true = perturbed(poses, noise, seed, outdoors.burst)
+    names = [f"IMG_{i + 1:04d}.jpg" for i in range(len(true))]
+    reported = np.repeat([noise.gps_horizontal_m, noise.gps_vertical_m, noise.gimbal_deg], [2, 1, 3])
+    motion = None if outdoors.still else Motion(renderer.scene, seed)
     with (
         atomic_folder(folder, overwrite=overwrite, marker=names[0]) as partial,
         storage_errors(folder),
-        (progress or Silent()).stage("photographs", len(poses)) as advance,
+        (progress or Silent()).stage("photographs", len(true)) as advance,
     ):
         for i, (name, pose) in enumerate(zip(names, true, strict=True)):
-            if sway is not None:
-                renderer.move(sway(renderer.scene, i))
+            time_s = outdoors.time_s(i)
+            if motion is not None:
+                renderer.move(motion.at(time_s, outdoors.wind_m, outdoors.vehicle_kg, pose.center))
             image, depth = drawing(renderer, pose, intrinsics, depth=effects.moves, economy=economy)
             if effects.changes_pixels:
                 shaken = np.random.default_rng([seed, 3, i])
                 image = photographed(image, depth, intrinsics, effects, shaken, economy=economy)
             rng = np.random.default_rng([seed, 2, i])
             image = (with_tabled_noise if economy else with_noise)(image, noise.image_sigma, rng)
-            tag = None if site is None else _geotag(_compass(pose, row_heading_deg), site, noise, rng)
-            exif = exif_block(intrinsics, started_at + timedelta(seconds=4 * i), tag)
+            if i % outdoors.burst == 0:  # what is reported hardly errs otherwise within a burst
+                error = rng.normal(size=6) * reported
+            tag = None if site is None else _geotag(_compass(pose, row_heading_deg), site, error)
+            exif = exif_block(intrinsics, started_at + timedelta(seconds=time_s), tag)
             xmp = None if tag is None else xmp_packet(tag)
             Image.fromarray(image).save(partial / name, "JPEG", quality=effects.jpeg_quality, exif=exif, xmp=xmp)
             advance(1)
         if sidecars.poses:
             stated = max(noise.position_m, 0.001) if sidecars.accuracy_m is None else sidecars.accuracy_m
-            (partial / "poses.csv").write_text(poses_table(names, poses, accuracy_m=stated), encoding="utf-8")
+            commanded = [pose for pose in poses for _ in range(outdoors.burst)]
+            (partial / "poses.csv").write_text(poses_table(names, commanded, accuracy_m=stated), encoding="utf-8")
         if sidecars.camera:
             (partial / "camera.toml").write_text(camera_toml(intrinsics), encoding="utf-8")
-    if sway is not None:
+    if motion is not None:
         renderer.rest()
     if truth is not None:
         write_atomic(truth, poses_table(names, true, roll=True))
@@ -200,10 +243,9 @@ def _compass(pose: Pose, row_heading_deg: float) -> Pose:
     return Pose(pose.rotation @ east_north.T, east_north @ pose.center)
 
 
-def _geotag(pose: Pose, site: Site, noise: CaptureNoise, rng: np.random.Generator) -> Geotag:
-    error = rng.normal(size=3) * (noise.gps_horizontal_m, noise.gps_horizontal_m, noise.gps_vertical_m)
-    latitude, longitude, altitude = (float(v[0]) for v in site.origin.to_geodetic(pose.center + error))
-    yaw, pitch, roll = np.array(pose.yaw_pitch_roll_deg()) + rng.normal(size=3) * noise.gimbal_deg
+def _geotag(pose: Pose, site: Site, error: NDArray[np.float64]) -> Geotag:
+    latitude, longitude, altitude = (float(v[0]) for v in site.origin.to_geodetic(pose.center + error[:3]))
+    yaw, pitch, roll = np.array(pose.yaw_pitch_roll_deg()) + error[3:]
     return Geotag(
         latitude_deg=latitude,
         longitude_deg=longitude,

@@ -20,8 +20,7 @@ from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription, build, sample_reference
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
-from fieldkit.scenes.simulate import CaptureNoise, Sidecars, simulate_capture
-from fieldkit.scenes.sway import wind_sway
+from fieldkit.scenes.simulate import CaptureNoise, Outdoors, Sidecars, simulate_capture
 
 Stations = Callable[[Scene, Intrinsics], Sequence[Pose]]
 _RING_PITCH_DEG = 35.0
@@ -47,8 +46,9 @@ class Simulation:
 def simulate(
     description: SceneDescription, stations: Stations | Sequence[Pose], output: Path, *,
     intrinsics: Intrinsics | None = None, noise: CaptureNoise | None = None, effects: CameraEffects | None = None,
-    seed: int = 0, poses_csv: bool = True, gps: bool = True, truth: Path | None = None,
-    truth_cloud: Path | None = None, overwrite: bool = False, progress: Progress | None = None,
+    outdoors: Outdoors | None = None, seed: int = 0, poses_csv: bool = True, gps: bool = True,
+    truth: Path | None = None, truth_cloud: Path | None = None, overwrite: bool = False,
+    progress: Progress | None = None,
 ) -> Simulation:  # fmt: skip
     """Photograph a described scene as a drone would.
 
@@ -60,6 +60,7 @@ def simulate(
         intrinsics: without distortion.
         noise: of poses, GPS and pixels.
         effects: of the camera.
+        outdoors: wind, wash and bursts; instead of the description's wind.
         seed: of all noise.
         poses_csv: whether commanded poses and intrinsics are written beside the photographs.
         gps: whether EXIF and XMP have positions and angles.
@@ -70,6 +71,7 @@ def simulate(
     progress = progress or Silent()
     camera = (intrinsics or description.camera).without_distortion()
     noise, effects = noise or description.noise, effects or description.camera_effects
+    outdoors = outdoors or Outdoors(description.wind_m)
     truth = default_truth(output) if truth is None else truth
     for file in (truth, truth_cloud):
         if file is not None and file.absolute().is_relative_to(output.absolute()):
@@ -82,16 +84,17 @@ def simulate(
         advance(1)
     with Renderer(scene) as renderer:
         true = simulate_capture(
-            output, renderer, poses, camera, noise=noise, seed=seed, effects=effects,
-            sway=wind_sway(description.wind_m, seed), site=description.site if gps else None,
-            row_heading_deg=description.row_heading_deg, sidecars=Sidecars(poses=poses_csv, camera=poses_csv),
+            output, renderer, poses, camera, noise=noise, seed=seed, effects=effects, outdoors=outdoors,
+            site=description.site if gps else None, row_heading_deg=description.row_heading_deg,
+            sidecars=Sidecars(poses=poses_csv, camera=poses_csv),
             truth=truth, overwrite=overwrite, progress=progress,
         )  # fmt: skip
     if truth_cloud is not None:
         with progress.stage("truth") as advance:
             write_ply(truth_cloud, sample_reference(description, scene))
             advance(1)
-    errors = np.array([t.center - p.center for t, p in zip(true, poses, strict=True)])
+    commanded = np.repeat([pose.center for pose in poses], outdoors.burst, axis=0)
+    errors = np.array([pose.center for pose in true]) - commanded
     return Simulation(len(true), truth, float(np.sqrt((errors**2).sum(axis=1).mean())), scene.triangles)
 
 

@@ -118,8 +118,9 @@ class TestSimulate:
 
     def test_other_stations_and_sizes(self, tiny: Path, tmp_path: Path) -> None:
         (tmp_path / "poses.csv").write_text("image,x_m,y_m,z_m,yaw_deg,pitch_deg\na.jpg,0,-1.5,1,0,-30\n")
+        burst = ["--ring", "2,1.5,1.0", "--burst", "2", "--interval", "1.5", "--vehicle", "dji-mini-4-pro"]
         for i, (stations, count) in enumerate(
-            ((["--poses", str(tmp_path / "poses.csv")], 1), (["--ring", "2,1.5,1.0"], 2), (["--dense", "4"], 4))
+            ((["--poses", str(tmp_path / "poses.csv")], 1), (burst, 4), (["--dense", "4"], 4))
         ):
             folder = tmp_path / str(i)
             assert main(["simulate", str(tiny), *stations, "--size", "100x75", "-o", str(folder)]) == 0
@@ -138,6 +139,7 @@ class TestSimulate:
             (["--ring", "3", "--pose-noise", "1"], "--pose-noise: cannot be 1"),
             (["--ring", "3", "--size", "big"], "--size: not a size"),
             (["--ring", "3", "--size", "100x100"], "--size: 100×100 has another shape"),
+            (["--ring", "3", "--burst", "0"], "invalid value for '--burst'"),
             (["--ring", "3", "--blur", "2"], "invalid value for '--blur'"),
         ],
     )

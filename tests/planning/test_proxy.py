@@ -2,7 +2,6 @@
 
 import pickle
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -29,8 +28,7 @@ from fieldkit.scenes.plot_description import (
 )
 from fieldkit.scenes.recorded import RecordedSurface
 from fieldkit.scenes.sampling import neighbour_points, weed_meshes
-from fieldkit.scenes.simulate import CaptureNoise
-from fieldkit.scenes.sway import wind_sway
+from fieldkit.scenes.simulate import CaptureNoise, Outdoors
 from tests.planning.conftest import CAMERA
 from tests.scenes.conftest import SMALL_PLOT, SMALL_SOIL
 
@@ -124,7 +122,7 @@ def test_effects_and_wind_depend_on_seed_and_photograph_only(source: SimulatedSo
     noise = CaptureNoise(image_sigma=0.0)
     plain = SimulatedSource(source.proxy, noise)
     windy = SimulatedSource(
-        source.proxy, noise, effects=CameraEffects(exposure_ev=0.3, defocus_px=2.0), sway=partial(wind_sway, 0.02)
+        source.proxy, noise, effects=CameraEffects(exposure_ev=0.3, defocus_px=2.0), outdoors=Outdoors(0.02)
     )
     pickle.loads(pickle.dumps(windy))
     still = pixels(plain, arc.select([0, 1]), 3)
@@ -133,8 +131,10 @@ def test_effects_and_wind_depend_on_seed_and_photograph_only(source: SimulatedSo
     assert np.abs(first[0] - still[0]).mean() > 1.0
     other = pixels(windy, arc.select([0, 1]), 4)
     assert np.abs(first[0] - other[0]).mean() > 1.0
-    repeated = pixels(SimulatedSource(source.proxy, noise, sway=partial(wind_sway, 0.02)), arc.select([0, 0]), 3)
+    repeated = pixels(SimulatedSource(source.proxy, noise, outdoors=Outdoors(0.02)), arc.select([0, 0]), 3)
     assert np.abs(repeated[0] - repeated[1]).mean() > 0.2  # leaves move from photograph to photograph
+    bursts = SimulatedSource(source.proxy, noise, outdoors=Outdoors(0.02, 0.9, 2))
+    assert len(pixels(bursts, arc.select([0, 1]), 3)) == 4
     for each in (plain, windy):
         each.close()
 
@@ -160,7 +160,4 @@ def test_cameras_keep_clear_of_neighbour_rows() -> None:
 
 def test_the_air_is_still_unless_wind_is_asked_for() -> None:
     windy = replace(SCENE, wind_m=0.02)
-    assert SimulatedSource.from_description(windy).sway is None
-    sway = SimulatedSource.from_description(windy, wind_m=windy.wind_m).sway
-    assert sway is not None
-    assert sway(0) is not None
+    assert SimulatedSource.from_description(windy).outdoors.still

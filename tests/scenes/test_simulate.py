@@ -20,7 +20,7 @@ from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.metadata import Geotag, exif_block, xmp_packet
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Site, perturbed, simulate_capture
+from fieldkit.scenes.simulate import CaptureNoise, Outdoors, Sidecars, Site, perturbed, simulate_capture
 from fieldkit_sim.simulation import ring
 
 CAMERA = Intrinsics.pinhole(200, 150, 170.0)
@@ -177,3 +177,31 @@ def test_an_economical_capture_has_its_camera_effects(tmp_path: Path, renderer: 
         plain, cheap = (np.asarray(Image.open(tmp_path / n / file.name), np.float64) for n in ("plain", "cheap"))
         assert cheap.mean() == pytest.approx(plain.mean(), abs=0.3)  # the same exposure and fall-off
         assert cheap[:30].std() == pytest.approx(plain[:30].std(), rel=0.1)
+
+
+def test_photographs_of_a_burst_share_their_stations_errors(tmp_path: Path, renderer: Renderer) -> None:
+    noise = CaptureNoise(position_m=0.2, angle_deg=3.0, gps_horizontal_m=0.5, gps_vertical_m=0.5, gimbal_deg=2.0)
+    outdoors = Outdoors(wind_m=0.02, vehicle_kg=0.9, burst=4)
+    true = simulate_capture(
+        tmp_path / "a", renderer, POSES[:3], CAMERA, noise=noise, outdoors=outdoors, site=SITE, seed=2,
+        sidecars=Sidecars(poses=True), truth=tmp_path / "truth.csv",
+    )  # fmt: skip
+    photos = read_capture(tmp_path / "a").photos
+    assert [photo.name for photo in photos] == [f"IMG_{k:04d}.jpg" for k in range(1, 13)]
+    assert len(parse_poses_csv((tmp_path / "truth.csv").read_text())[0]) == len(true) == 12
+    started = photos[0].captured_at
+    taken = [(photo.captured_at - started).total_seconds() for photo in photos]
+    assert taken == pytest.approx([outdoors.time_s(k) for k in range(12)], abs=1e-3)
+    centers = np.array([pose.center for pose in true]).reshape(3, 4, 3)
+    hover = centers - centers.mean(axis=1, keepdims=True)
+    assert 0.003 < hover.std() < 0.02
+    assert (centers.mean(axis=1) - [p.center for p in POSES[:3]]).std() > 0.1
+    tags = [photo.geotag for photo in photos]
+    local = [SITE.origin.to_local(t.latitude_deg, t.longitude_deg, t.altitude_m or 0.0)[0] for t in tags]
+    errors = (np.array(local) - centers.reshape(-1, 3)).reshape(3, 4, 3)
+    assert np.ptp(errors, axis=1).max() < 0.002
+    assert errors.std() > 0.2
+    commanded = parse_poses_csv((tmp_path / "a" / "poses.csv").read_text())[0]
+    assert commanded[0].position == commanded[3].position != commanded[4].position
+    images = [np.asarray(Image.open(photo.path), float) for photo in photos[:2]]
+    assert np.abs(images[0] - images[1]).mean() > 1.0

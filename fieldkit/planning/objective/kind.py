@@ -29,7 +29,7 @@ from fieldkit.scenes.recorded_kind import Variation, bounds_around, draw_variati
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.scene_file import read_scene
-from fieldkit.scenes.simulate import CaptureNoise
+from fieldkit.scenes.simulate import CaptureNoise, Outdoors
 from fieldkit.scenes.simulated_field import simulated_field
 from fieldkit.sites.fitted import Stretch
 
@@ -81,9 +81,9 @@ class Kind:
             description = read_scene(made / SCENE_FILE)
         return Proxy.from_description(description, camera)
 
-    def source(self, proxy: Proxy, noise: CaptureNoise, wind_m: float) -> SimulatedSource:
+    def source(self, proxy: Proxy, noise: CaptureNoise, outdoors: Outdoors) -> SimulatedSource:
         """The source of a plot's photographs."""
-        return SimulatedSource.of_scene(self.descriptions[0], proxy, noise, wind_m)
+        return SimulatedSource.of_scene(self.descriptions[0], proxy, noise, outdoors)
 
     def _origin(self, number: int) -> tuple[int, int]:
         """The given plot that a plot is drawn of, and the number of the draw; draw 0 is the given plot itself."""

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,11 +29,7 @@ from fieldkit.scenes.drawing import Draw, KeptDrawings, draw
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.sampling import neighbour_points, plants_area_m2, sample_others, sample_plants
 from fieldkit.scenes.scene import Scene
-from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Sway, simulate_capture
-from fieldkit.scenes.sway import wind_sway
-
-SwayOf = Callable[[int], Sway | None]
-"""The plants' motion by the seed of an evaluation, for instance ``partial(wind_sway, 0.01)``; picklable."""
+from fieldkit.scenes.simulate import CaptureNoise, Outdoors, Sidecars, simulate_capture
 
 _CLAIMED_M = 0.010
 _REFERENCE_POINTS = 200_000
@@ -110,17 +105,17 @@ class SimulatedSource:
     Args:
         noise: of poses and images; by default only the sensor's, as in the paper.
         effects: camera effects, stated for the proxy's camera at full size; none by default.
-        sway: moves the plants between photographs, by the evaluation's seed and the photograph's number.
+        outdoors: moves the plants, by the evaluation's seed, and takes bursts; the air is still by default.
         claimed_m: least accuracy claimed for the commanded positions, even if they are exact: mapping must not know
             more than in the field.
     """
 
     def __init__(
         self, proxy: Proxy, noise: CaptureNoise | None = None, *, effects: CameraEffects | None = None,
-        sway: SwayOf | None = None, claimed_m: float = _CLAIMED_M,
+        outdoors: Outdoors | None = None, claimed_m: float = _CLAIMED_M,
     ) -> None:  # fmt: skip
         self.proxy, self.noise, self.claimed_m = proxy, noise or CaptureNoise(), claimed_m
-        self.effects, self.sway = effects, sway
+        self.effects, self.outdoors = effects, outdoors or Outdoors()
         self._renderer: Renderer | None = None
         self._reference: ReferenceIndex | None = None
         self._drawings: Draw | None = None
@@ -129,7 +124,7 @@ class SimulatedSource:
     @classmethod
     def from_description(
         cls, description: SceneDescription, noise: CaptureNoise | None = None, *, camera: Intrinsics | None = None,
-        wind_m: float = 0.0,
+        outdoors: Outdoors | None = None,
     ) -> SimulatedSource:  # fmt: skip
         """Photographs of a scene as its file describes them, but in still air by default.
 
@@ -138,21 +133,23 @@ class SimulatedSource:
         Args:
             noise: of poses and images, instead of the description's.
             camera: of the photographs, instead of the description's.
-            wind_m: sway of the leaves between photographs, as a scene file's ``wind_m``.
+            outdoors: instead of still air.
         """
-        return cls.of_scene(description, Proxy.from_description(description, camera), noise, wind_m)
+        return cls.of_scene(description, Proxy.from_description(description, camera), noise, outdoors)
 
     @classmethod
     def of_scene(
-        cls, description: SceneDescription, proxy: Proxy, noise: CaptureNoise | None = None, wind_m: float = 0.0
-    ) -> SimulatedSource:
+        cls, description: SceneDescription, proxy: Proxy, noise: CaptureNoise | None = None,
+        outdoors: Outdoors | None = None,
+    ) -> SimulatedSource:  # fmt: skip
         """As `from_description`, with the description's proxy given."""
-        sway = partial(wind_sway, wind_m) if wind_m else None
-        return cls(proxy, noise or description.noise, effects=description.camera_effects, sway=sway)
+        return cls(proxy, noise or description.noise, effects=description.camera_effects, outdoors=outdoors)
 
     def with_noise(self, noise: CaptureNoise) -> SimulatedSource:
         """The same plot and camera under another noise of poses and images; the renderer is not shared."""
-        return SimulatedSource(self.proxy, noise, effects=self.effects, sway=self.sway, claimed_m=self.claimed_m)
+        return SimulatedSource(
+            self.proxy, noise, effects=self.effects, outdoors=self.outdoors, claimed_m=self.claimed_m
+        )
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_renderer": None, "_reference": None, "_drawings": None}
@@ -176,7 +173,7 @@ class SimulatedSource:
         assert self.reference is not None
         if self._renderer is None:
             self._renderer = Renderer(self.proxy.scene)
-            self._drawings = KeptDrawings() if self.sway is None else draw
+            self._drawings = KeptDrawings() if self.outdoors.still else draw
 
     @contextmanager
     def photograph(self, cameras: Cameras, fidelity: Fidelity, seed: int, progress: Progress) -> Iterator[PhotoSet]:
@@ -193,7 +190,7 @@ class SimulatedSource:
             with progress.stage("Rendering"):
                 simulate_capture(
                     folder, self._renderer, cameras.poses(), camera, noise=self.noise, seed=seed,
-                    effects=_reduced(self.effects, scale), sway=None if self.sway is None else self.sway(seed),
+                    effects=_reduced(self.effects, scale), outdoors=self.outdoors,
                     sidecars=sidecars, economy=fidelity.economy, drawing=self._drawings,
                 )  # fmt: skip
             with progress.stage("Reading photographs"):
@@ -202,7 +199,7 @@ class SimulatedSource:
 
     def forget_drawings(self) -> None:
         """Draw everything anew."""
-        if self._drawings is not None and self.sway is None:
+        if self._drawings is not None and self.outdoors.still:
             self._drawings = KeptDrawings()
 
     def close(self) -> None:

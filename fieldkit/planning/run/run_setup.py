@@ -36,7 +36,7 @@ from fieldkit.scenes.plants_apart import PlantsApart
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.scene_file import read_scene
-from fieldkit.scenes.simulate import CaptureNoise
+from fieldkit.scenes.simulate import CaptureNoise, Outdoors
 from fieldkit.sites.fitted import Stretch
 from fieldkit.wording import count
 
@@ -113,7 +113,7 @@ def _on_scenes(settings: SearchSettings, folder: Path, progress: Progress) -> Ru
         pose_noise_m=_expected(settings.noise),
     )  # fmt: skip
     noise = _capture_noise(settings.noise, description.noise)
-    source = partial(kind.source, noise=noise, wind_m=settings.noise.wind_m)
+    source = partial(kind.source, noise=noise, outdoors=Outdoors(settings.noise.wind_m))
     wanted = ObjectiveSettings(settings.fidelity, settings.mapping, refine=settings.refine)
     return RunSetup(
         problem, plan_envelope(envelope),
