@@ -19,7 +19,7 @@ from fieldkit.clouds import Cloud
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.agreement import align_to_positions, judge
 from fieldkit.reconstruction.colmap_model import model_poses
-from fieldkit.reconstruction.dense import DenseSettings, fuse, prepare_view
+from fieldkit.reconstruction.dense import DenseSettings, fuse, prepare_view, resolution
 from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.stages import StageTimer
@@ -36,7 +36,7 @@ class Baseline:
         capture: with a calibrated camera and known positions.
         intrinsics: that camera.
         plot: frame, volume and ground.
-        settings: fidelity and fusion rule.
+        settings: fusion rule.
     """
 
     def __init__(
@@ -70,14 +70,18 @@ class Baseline:
         return right
 
     def cloud(self, poses: Mapping[str, Pose]) -> Cloud:
-        """The cloud of SGBM's depth maps at the fidelity's size, masked and fused like ours."""
+        """The cloud of SGBM's depth maps at the size of `standard`, masked and fused like ours."""
         volume, settings = self._plot.volume, self._settings
         with self._timer.stage("Undistortion"):
             views = [
-                prepare_view(photo.name, read_image(photo), self._intrinsics, poses[photo.name], settings.fidelity)
-                for photo in self._capture.photos
-                if photo.name in poses
-            ]
+                prepare_view(
+                    photo.name, read_image(photo), self._intrinsics, poses[photo.name],
+                    resolution(
+                        (photo.width, photo.height), self._intrinsics, poses[photo.name], volume, "standard"
+                    ).size,
+                )
+                for photo in self._capture.photos if photo.name in poses
+            ]  # fmt: skip
         with self._timer.stage("Dense stereo"):
             maps = sgbm_depth_maps(views, volume, settings)
         with self._timer.stage("Fusion"):

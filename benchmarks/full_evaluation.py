@@ -179,7 +179,7 @@ def theirs(case: Case, progress: Progress, lent: Mapping[str, Pose]) -> tuple[Si
     """
     start = time.process_time()
     capture = read_capture(case.folder)
-    run = Baseline(capture, _camera(case), case.plot, DenseSettings(fidelity="standard"), progress)
+    run = Baseline(capture, _camera(case), case.plot, DenseSettings(), progress)
     poses = run.poses()
     if len(poses) >= LEAST_POSES:
         return (_densified(case, THEIRS, run, poses, start),)

@@ -24,7 +24,7 @@ from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.recorded import RecordedSource
-from fieldkit.reconstruction.dense import DenseSettings, compute_depth_maps, fuse, prepare_view
+from fieldkit.reconstruction.dense import DenseSettings, compute_depth_maps, fuse, prepare_view, resolution
 from fieldkit.reconstruction.pipeline import KnownPlot, place
 from fieldkit.reconstruction.result import clearance
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -148,14 +148,18 @@ def witnessed_cloud(
     """
     settings = ReconstructionSettings()
     sparse, _ = place(capture, settings, [], Context(cache, StageTimer(progress)))
-    dense = DenseSettings(fidelity=settings.fidelity, min_agreeing=settings.min_agreeing_views)
+    dense = DenseSettings(min_agreeing=settings.min_agreeing_views)
     views = [
         prepare_view(
-            name, read_image(capture.photo(name)), sparse.intrinsics[name], sparse.poses[name], settings.fidelity,
+            photo.name, read_image(photo), sparse.intrinsics[photo.name], sparse.poses[photo.name],
+            resolution(
+                (photo.width, photo.height), sparse.intrinsics[photo.name], sparse.poses[photo.name], plot.volume,
+                settings.fidelity,
+            ).size,
             settings.mask,
         )
-        for name in names
-        if name in sparse.poses
+        for photo in map(capture.photo, names)
+        if photo.name in sparse.poses
     ]  # fmt: skip
     maps = compute_depth_maps(views, plot.volume, dense, seed=settings.seed, context=Context(cache, progress))
     cloud = fuse(views, maps, plot.volume, dense)

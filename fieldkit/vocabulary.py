@@ -1,7 +1,9 @@
-"""The words and numbers that settings, commands and result files share. Imports nothing but typing."""
+"""The words and numbers that settings, commands and result files share. Imports nothing but types."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Literal
 
 MappingName = Literal["incremental", "global", "prior"]
@@ -9,7 +11,9 @@ MappingName = Literal["incremental", "global", "prior"]
 MappingChoice = Literal["auto", "incremental", "global", "prior"]
 """The same as a person chooses it; auto takes prior where enough positions are known."""
 Fidelity = Literal["draft", "standard", "fine", "full"]
-"""Size of the depth maps."""
+"""Ground sampling distance of the depth maps."""
+GSD_M: Mapping[Fidelity, float] = MappingProxyType({"draft": 0.004, "standard": 0.002, "fine": 0.0012, "full": 0.0})
+"""At the plants, metres; never finer than the photographs' own, which `full` takes."""
 SearchFidelity = Literal["draft", "standard", "fine"]
 """The same in a search, where photographs are never taken at their full size."""
 PlanningMethod = Literal["score", "field", "bosfm", "circle", "uniform"]

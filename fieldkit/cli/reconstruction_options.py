@@ -56,7 +56,7 @@ class ReconstructionOptions:
     ] = "auto"
     fidelity: Annotated[
         Fidelity,
-        Option("--fidelity", help="Size of dense stereo: 500×375, 750×562, 1000×750 pixels, or the photographs'."),
+        Option("--fidelity", help="What a pixel covers at the plants: 4, 2 or 1.2 mm, or the photographs' own."),
     ] = "standard"
     mask: Annotated[
         Mask, Option("--mask", help="What is plant: exg what is green, none everything, file masks/NAME.png.")

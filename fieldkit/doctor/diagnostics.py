@@ -139,7 +139,7 @@ def check_memory() -> Check:
     values = {"total_bytes": machine.memory_bytes, "available_bytes": machine.available_bytes}
     detail = f"{machine.available_bytes / _GIB:.1f} GiB free of {machine.memory_bytes / _GIB:.1f} GiB"
     low = machine.available_bytes < _LOW_MEMORY_BYTES
-    remedy = "Close other programs; large captures need 4 GiB at --fidelity standard." if low else ""
+    remedy = "Close other programs; large captures need 4 GiB, as a note tells before dense stereo." if low else ""
     return Check("memory", "warn" if low else "ok", detail, remedy, values)
 
 

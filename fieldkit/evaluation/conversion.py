@@ -193,7 +193,11 @@ def _described(
         volume=VolumeEntry(lower_m=reconstruction.volume.lower, upper_m=reconstruction.volume.upper),
         cameras=_cameras(sparse),
         dense=DenseEntry(
-            fidelity=settings.fidelity, mask=settings.mask, fusion_rule=reconstruction.fusion_rule, seed=settings.seed
+            fidelity=settings.fidelity,
+            pixel_m=finite(reconstruction.pixel_m) if frame.metric else None,
+            mask=settings.mask,
+            fusion_rule=reconstruction.fusion_rule,
+            seed=settings.seed,
         ),
         image_reports=_placed_images(sparse),
         findings=(*sparse.findings, *findings),
@@ -201,7 +205,7 @@ def _described(
         seconds=seconds,
         cpu_seconds=cpu_seconds,
         date=_date(sparse.capture),
-        traits=plot_traits(reconstruction, reconstruction.plants if plants is None else plants, settings, outline),
+        traits=plot_traits(reconstruction, reconstruction.plants if plants is None else plants, outline),
         stray=float(reconstruction.stray),
     )
 

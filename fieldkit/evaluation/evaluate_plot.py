@@ -177,7 +177,7 @@ def _evaluated(
         names = [CLOUD_FILE, OVERVIEW_FILE]
         if rasters is not None:
             try:
-                names += write_rasters(folder / place, found, settings, rasters)
+                names += write_rasters(folder / place, found, rasters)
                 told = Finding(name, COARSE_RASTERS, coarse_place(found.sparse.frame))
             except UsageError as error:  # of this plot; the scores stay
                 told = Finding(name, NO_RASTERS, error.message)

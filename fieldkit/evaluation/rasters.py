@@ -14,12 +14,10 @@ from numpy.typing import NDArray
 
 from fieldkit.clouds import Cloud, write_cloud
 from fieldkit.errors import UsageError
-from fieldkit.evaluation.traits import depth_pixel_m
 from fieldkit.files import write_atomic
 from fieldkit.geometry import Similarity
 from fieldkit.reconstruction.agreement import POSITION_SIGMAS
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction
-from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.runtime.progress import Progress
 
 CANOPY_FILE, SURFACE_FILE = "canopy-height.tif", "surface.tif"
@@ -157,14 +155,14 @@ def _raster(
     return HeightRaster(float(low[0]) * cell_m, -float(low[1]) * cell_m, cell_m, grid, parts[0][1])
 
 
-def write_rasters(folder: Path, found: Reconstruction, settings: ReconstructionSettings, wanted: Rasters) -> list[str]:
+def write_rasters(folder: Path, found: Reconstruction, wanted: Rasters) -> list[str]:
     """Write both rasters of a reconstruction with a scene, and their styles; returns the files' names."""
     frame, scene = found.sparse.frame, found.scene
     require_rasters(frame)
     frame = _at_origin(frame) if wanted.at_origin else frame
     if scene is None:
         raise ValueError("rasters need the scene")
-    cell_m = sampling_m(depth_pixel_m(found, found.plants.points, settings), wanted.cell_m)
+    cell_m = sampling_m(found.pixel_m, wanted.cell_m)
     canopy = canopy_raster(found.plants, scene, frame, cell_m)
     surface = surface_raster(found.plants, scene, frame, cell_m)
     write_raster(folder / CANOPY_FILE, canopy, canopy=True)

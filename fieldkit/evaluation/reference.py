@@ -136,7 +136,7 @@ def _write(
             names.append(laz)
     if rasters is not None and found.scene is not None:
         try:
-            names += write_rasters(folder, found, settings, rasters)
+            names += write_rasters(folder, found, rasters)
             told = coarse_place(found.sparse.frame)
         except UsageError as error:
             told = error.message

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,6 @@ from fieldkit.clouds.canopy import (
     with_room_m,
 )
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.reconstruction.dense.views import view_camera
 from fieldkit.reconstruction.result import Reconstruction, SparseResult
 from fieldkit.reconstruction.scale import scale_error
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -34,9 +33,9 @@ AREA_ERROR, VOLUME_ERROR = 0.11, 0.14
 LEAST_PHOTOGRAPHS = 9
 """With fewer the errors above do not hold: of a plot of seven photographs the height was off by 0.33 m."""
 MOST_SCALE_DOUBT = 0.10
-NEAR_M, MOST_NEAR = 0.0035, 3.2
-"""What a pixel of `standard` depth maps covers from where leaves that sway by 1 cm stay within the errors above: from
-nearer the same sway is more pixels, and more of them are lost; and by how much the errors are larger at most."""
+NEAR_M, MOST_NEAR = 2.27, 3.2
+"""Side of the square that a photograph covers at the plants from where leaves that sway by 1 cm stay within the errors
+above: in a smaller one the same sway is more of the picture; and by how much the errors are larger at most."""
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
 _SEEN_BY, _SEEN_SHARE = 2, 0.95
 _STEP_M, _MOST_STEPS = 0.05, 40
@@ -84,15 +83,12 @@ def outline_of(settings: ReconstructionSettings, reference: Mapping[str, Any] | 
     return PlotOutline()
 
 
-def plot_traits(
-    found: Reconstruction, plants: Cloud, settings: ReconstructionSettings, outline: PlotOutline
-) -> TraitsEntry:
+def plot_traits(found: Reconstruction, plants: Cloud, outline: PlotOutline) -> TraitsEntry:
     """The traits of a plot.
 
     Args:
         found: the reconstruction.
         plants: its plants, moved onto a reference where that was asked for.
-        settings: it was made with.
         outline: of the plot; what lies beyond it is another plot's.
     """
     corners = outline.corners
@@ -102,14 +98,13 @@ def plot_traits(
     ground = found.sparse.frame.ground
     if ground is None or len(unknown) == len(TRAITS):
         return TraitsEntry(plot_area_m2=area, unknown=unknown)
-    pixel, doubt = depth_pixel_m(found, points, settings), scale_doubt(found.sparse)
+    pixel, doubt = found.pixel_m, scale_doubt(found.sparse)
     heights = ground.heights(points)
     seen = canopy(points, heights, pixel)
     seen = seen if corners is None else seen.within(corners)
     height, covered, volume = highest_leaf_m(points, heights, pixel), seen.covered_m2, seen.volume_m3
     cover = None if area is None else min(100.0, 100.0 * covered / area)
-    standard = replace(settings, fidelity="standard")
-    near = min(MOST_NEAR, max(1.0, (NEAR_M / depth_pixel_m(found, points, standard)) ** 2))
+    near = min(MOST_NEAR, max(1.0, (NEAR_M / covered_side_m(found.sparse, points)) ** 2))
     area_error = float(np.hypot(near * AREA_ERROR, 2.0 * NINE_IN_TEN * doubt))
     values: dict[Trait, tuple[float | None, float]] = {
         "height_m": (max(0.0, height), float(np.hypot(near * HEIGHT_ERROR_M, NINE_IN_TEN * doubt * height))),
@@ -125,18 +120,12 @@ def plot_traits(
     return TraitsEntry(**known, plot_area_m2=area, unknown=unknown)
 
 
-def depth_pixel_m(found: Reconstruction, points: Array, settings: ReconstructionSettings) -> float:
-    """What a pixel of the depth maps covers at the middle of points (n, 3), metres: median over the photographs."""
+def covered_side_m(sparse: SparseResult, points: Array) -> float:
+    """Side of the square as large as what a photograph covers at the middle of points (n, 3): median over them."""
     middle = np.median(points, axis=0)
-    photos = {photo.name: photo for photo in found.sparse.capture.photos}
-    each = []
-    for name, pose in found.sparse.poses.items():
-        camera = found.sparse.intrinsics[name]
-        photo = photos.get(name)
-        size = (camera.width, camera.height) if photo is None else (photo.width, photo.height)
-        view = view_camera(camera, *size, settings.fidelity)
-        each.append(float(np.linalg.norm(pose.center - middle)) / view.fx)
-    return float(np.median(each))
+    cameras = [(sparse.intrinsics[name], pose.center) for name, pose in sparse.poses.items()]
+    sides = [np.linalg.norm(at - middle) / c.fx * np.sqrt(c.width * c.height) for c, at in cameras]
+    return float(np.median(sides))
 
 
 def scale_doubt(sparse: SparseResult) -> float:

@@ -18,6 +18,7 @@ from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.runtime.colmap import pycolmap
+from fieldkit.vocabulary import GSD_M
 
 Array = NDArray[np.float64]
 
@@ -41,8 +42,9 @@ class StereoQuality:
     """|n·v| up to which a surface is too steep, and from which it is as good as seen squarely."""
     pixel_m: float = 0.008
     """Footprint of a pixel at which resolution has halved what a pair is worth."""
-    width: int = 750
-    """Of dense stereo's views in pixels, which footprints are counted in (`standard`)."""
+    gsd_m: float = GSD_M["standard"]
+    """Ground sampling distance of dense stereo: a pixel of a photograph that covers less is reduced to it, so nearness
+    is worth nothing by itself."""
     error_px: float = 0.5
     """Of a match, for the noise of depths."""
     cap_m: float = 0.10
@@ -225,7 +227,7 @@ def _supported(
         distance = np.linalg.norm(towards, axis=1)
         ray = towards / np.maximum(distance, 1e-9)[:, None]
         seen = camera.without_distortion().sees(pose.to_camera(points))
-        pixel = distance * camera.width / (camera.fx * _QUALITY.width)
+        pixel = np.maximum(distance / camera.fx, _QUALITY.gsd_m)
         rays.append(ray)
         footprint.append(pixel)
         quality.append(_QUALITY.of_views(seen, np.abs((normals * ray).sum(axis=1)), pixel))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,9 @@ from fieldkit.reconstruction.agreement import bound_m
 from fieldkit.reconstruction.cameras import ASSUMED_35MM, assumed_camera, cameras_of, spread_deg
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_points, model_poses, transform_model
 from fieldkit.reconstruction.dense import DenseSettings, View, compute_depth_maps, fuse, prepare_view
+from fieldkit.reconstruction.dense.depth_maps import expected_cost
 from fieldkit.reconstruction.dense.fusion import fusion_rule
+from fieldkit.reconstruction.dense.resolution import MOST_PIXELS, UNSCALED_M, Resolution, resolution
 from fieldkit.reconstruction.dense.views import view_camera
 from fieldkit.reconstruction.guided import Region
 from fieldkit.reconstruction.known_poses import known_poses
@@ -126,6 +129,7 @@ def reconstruct(
         stray=1.0 - len(nearby) / max(1, len(above)),
         scene=fused if settings.mask == "none" and not reach_m else None,
         gsd_m=gsd_m,
+        pixel_m=dense.pixel_m,
         fusion_rule=fusion_rule(settings.min_agreeing_views),
         times=timer.times(cached),
     )
@@ -242,6 +246,8 @@ def _frame(
 
 @dataclass(frozen=True, eq=False)
 class _Dense:
+    """Dense stereo of a capture."""
+
     sparse: SparseResult
     volume: Volume
     settings: ReconstructionSettings
@@ -249,41 +255,63 @@ class _Dense:
 
     @property
     def options(self) -> DenseSettings:
-        return DenseSettings(fidelity=self.settings.fidelity, min_agreeing=self.settings.min_agreeing_views)
+        return DenseSettings(min_agreeing=self.settings.min_agreeing_views)
 
     def cloud(self, mask: Mask) -> Cloud:
         """The fused cloud of all views that count."""
-        what = "plants" if mask != "none" else "scene"
-        with self.context.progress.stage(f"Undistortion ({what})", len(self.sparse.poses)) as advance:
-            views = self.views(mask, advance)
+        what, progress, views = "plants" if mask != "none" else "scene", self.context.progress, []
+        with progress.stage(f"Undistortion ({what})", len(self.sizes)) as advance:
+            for photo in self.sparse.capture.photos:
+                if photo.name in self.sizes:
+                    views.append(self._view(photo, mask))
+                    advance(1)
+        progress.note(f"{self._sizes()}; {expected_cost(views)}")
         maps = compute_depth_maps(views, self.volume, self.options, self.context, seed=self.settings.seed)
-        with self.context.progress.stage(f"Fusion ({what})"):
+        with progress.stage(f"Fusion ({what})"):
             return fuse(views, maps, self.volume, self.options)
 
-    def views(self, mask: Mask, advance: Callable[[int], None]) -> list[View]:
-        """The photographs that count, undistorted at working size."""
-        views = []
-        for photo in self.sparse.capture.photos:
-            pose = self.sparse.poses.get(photo.name)
-            if pose is None:
-                continue
-            views.append(self._view(photo, pose, mask))
-            advance(1)
-        return views
+    @cached_property
+    def sizes(self) -> Mapping[str, Resolution]:
+        """The working size of each photograph that counts."""
+        sparse, fidelity, metric = self.sparse, self.settings.fidelity, self.sparse.frame.metric
+        return {
+            photo.name: resolution(
+                (photo.width, photo.height), sparse.intrinsics[photo.name], sparse.poses[photo.name], self.volume,
+                fidelity, metric=metric,
+            )
+            for photo in sparse.capture.photos if photo.name in sparse.poses
+        }  # fmt: skip
 
-    def _view(self, photo: Photo, pose: Pose, mask: Mask) -> View:
-        intrinsics, fidelity = self.sparse.intrinsics[photo.name], self.settings.fidelity
+    @property
+    def pixel_m(self) -> float:
+        """Length that a pixel of the depth maps covers at the plants, median over the views."""
+        return float(np.median([size.gsd_m for size in self.sizes.values()]))
+
+    def _sizes(self) -> str:
+        """Why views have their sizes, in words."""
+        sizes = list(self.sizes.values())
+        why = f"{1000 * self.pixel_m:.2g} mm per pixel at the plants"
+        if not self.sparse.frame.metric:
+            (width, height), covered = sizes[0].size, " × ".join(f"{side:g} m" for side in UNSCALED_M)
+            why = f"{width} × {height} pixels: nothing gives the scale, so a photograph is taken to cover {covered}"
+        capped = sum(size.capped for size in sizes)
+        limit = f", {count(capped, 'view', of=len(sizes))} limited to {MOST_PIXELS / 1e6:.0f} megapixels"
+        return f"dense stereo at {why}{limit if capped else ''}"
+
+    def _view(self, photo: Photo, mask: Mask) -> View:
+        intrinsics, pose = self.sparse.intrinsics[photo.name], self.sparse.poses[photo.name]
+        size = self.sizes[photo.name].size
         # Where a calibration is held, the same photograph gives the same view in every capture it is part of.
         source = self.sparse.intrinsics_source[self.sparse.capture.group_of(photo.name).key]
         kept = mask != "file" and source in _CALIBRATIONS
-        key = digest("view", STAGES["views"], photo.sha256, intrinsics, fidelity, mask)
+        key = digest("view", STAGES["views"], photo.sha256, intrinsics, size, mask)
         arrays = self.context.cache.get("views", key) if kept else None
         if arrays is not None:
-            camera = view_camera(intrinsics, photo.width, photo.height, fidelity)
+            camera = view_camera(intrinsics, size)
             return View(photo.name, arrays["image"], camera, pose, arrays.get("mask"), arrays.get("inside"))
         mask_path = find_mask(photo.path) if mask == "file" else None
         mask_image = None if mask_path is None else read_image(mask_path, gray=True)
-        view = prepare_view(photo.name, read_image(photo), intrinsics, pose, fidelity, mask, mask_image)
+        view = prepare_view(photo.name, read_image(photo), intrinsics, pose, size, mask, mask_image)
         if kept:
             masks = {"mask": view.mask, "inside": view.inside}
             self.context.cache.put(

@@ -98,6 +98,8 @@ class Reconstruction:
     """Dense cloud of everything in the volume; None where it was not made."""
     gsd_m: float
     """Ground sampling distance at the volume's centre, median over images: metres per full-size pixel."""
+    pixel_m: float
+    """What a pixel of the depth maps covers at the plants, metres, median over images."""
     fusion_rule: str
     times: tuple[StageTime, ...]
 

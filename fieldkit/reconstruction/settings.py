@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import get_args
 
 from fieldkit.clouds.volume import Volume
+from fieldkit.errors import UsageError
 from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.mapping.prior import PriorMappingSettings
 from fieldkit.reconstruction.verification import VerificationSettings
@@ -27,7 +29,7 @@ class ReconstructionSettings:
     mapping: MappingChoice = "auto"
     """How poses are found; what ``auto`` stands for, `mapping_methods` says."""
     fidelity: Fidelity = "standard"
-    """Working size of dense stereo."""
+    """Ground sampling distance of dense stereo, see `dense.resolution.GSD_M`."""
     mask: Mask = "exg"
     """Which pixels are plant."""
     bounds: Volume | None = None
@@ -39,6 +41,11 @@ class ReconstructionSettings:
     register is left out. Else its orientation is first looked for in blind matches, which costs seconds, for
     cameras do record wrong ones."""
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.fidelity not in get_args(Fidelity):
+            remedy = f"Choose one of {', '.join(get_args(Fidelity))}."
+            raise UsageError(f"there is no fidelity {self.fidelity!r}", remedy=remedy)
 
 
 def mapping_methods(mapping: MappingChoice, positioned: int, photographs: int) -> tuple[str, ...]:

@@ -53,6 +53,8 @@ class DenseEntry(Strict):
     """How the dense cloud was made."""
 
     fidelity: Fidelity
+    pixel_m: Length | None = None
+    """What a pixel of the depth maps covers at the plants; null where nothing gives the scale."""
     mask: Mask
     fusion_rule: str
     seed: Count

@@ -36,7 +36,7 @@ def evaluated(folder: Path, plot: str, date: str, cloud: Cloud | None = None, *,
     place, own = folder / visit_place(plot, date), plot_file_name(plot)
     (place / own).mkdir(parents=True)
     write_cloud(place / own / CLOUD_FILE, found.plants)
-    names = write_rasters(place / own, found, settings, Rasters(0.01)) if rasters else []
+    names = write_rasters(place / own, found, Rasters(0.01)) if rasters else []
     files = describe_files(place, [f"{own}/{name}" for name in (CLOUD_FILE, *names)])
     draft = plot_evaluation(plot, found, settings, score=None, seconds=1.0, cpu_seconds=1.0)
     entry = draft.model_copy(update={"files": files})

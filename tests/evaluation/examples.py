@@ -135,6 +135,7 @@ def reconstruction(*, metric: bool = True, scene: bool = True, cloud: Cloud | No
         stray=0.002,
         scene=Cloud(np.concatenate([plants.points, model_points(model)])) if scene else None,
         gsd_m=0.0004,
+        pixel_m=0.001,
         fusion_rule="2 of 10 views agree",
         times=(
             StageTime(name="Features", wall_s=1.5, cpu_s=1.4, items=8, cached=2),

@@ -23,7 +23,6 @@ from fieldkit.evaluation.rasters import (
     write_rasters,
 )
 from fieldkit.geometry import Similarity
-from fieldkit.reconstruction.settings import ReconstructionSettings
 from tests.evaluation.examples import reconstruction
 
 pytest.importorskip("pyproj")
@@ -77,8 +76,8 @@ def test_positions_of_metres_leave_the_plot_where_its_site_has_it(tmp_path: Path
     moved = replace(FRAME, plot_from_source=Similarity(1.0, np.eye(3), np.array([7.0, -4.0, -1.2])))
     found = replace(FOUND, sparse=replace(FOUND.sparse, frame=moved))
     for name, at_origin in (("gps", False), ("site", True)):
-        write_rasters(tmp_path / name, found, ReconstructionSettings(), Rasters(CELL_M, at_origin))
-    write_rasters(tmp_path / "right", FOUND, ReconstructionSettings(), Rasters(CELL_M))
+        write_rasters(tmp_path / name, found, Rasters(CELL_M, at_origin))
+    write_rasters(tmp_path / "right", FOUND, Rasters(CELL_M))
     places = {}
     for name in ("gps", "site", "right"):
         with rasterio.open(tmp_path / name / "surface.tif") as file:
@@ -131,5 +130,5 @@ def test_files(tmp_path: Path) -> None:
         east, north, _ = to_utm(Cloud(np.array([[0.1, 0.05, 0.0]])), FRAME)[0].points[0]
         assert next(file.sample([(east, north)]))[0] == pytest.approx(0.3, abs=1e-6)
     assert (tmp_path / "canopy-height.qml").is_file()
-    names = write_rasters(tmp_path / "both", FOUND, ReconstructionSettings(), Rasters(CELL_M))
+    names = write_rasters(tmp_path / "both", FOUND, Rasters(CELL_M))
     assert sorted(path.name for path in (tmp_path / "both").iterdir()) == sorted(names)

@@ -13,7 +13,7 @@ from fieldkit.evaluation.traits import (
     HEIGHT_ERROR_M,
     MOST_NEAR,
     PlotOutline,
-    depth_pixel_m,
+    covered_side_m,
     outline_of,
     plot_traits,
     seen_share,
@@ -49,14 +49,14 @@ def found(cloud: Cloud | None = None, **frame: Any) -> Reconstruction:
 
 
 def traits(result: Reconstruction, outline: PlotOutline = PLOT) -> TraitsEntry:
-    return plot_traits(result, result.plants, SETTINGS, outline)
+    return plot_traits(result, result.plants, outline)
 
 
 class TestValues:
     def test_of_a_leaf(self) -> None:
         result = found()
         told = traits(result)
-        pixel = depth_pixel_m(result, result.plants.points, SETTINGS)
+        pixel = result.pixel_m
         assert told.unknown == {}
         assert told.plot_area_m2 == pytest.approx(0.16)
         assert told.height_m == pytest.approx(0.15, abs=1e-6)
@@ -77,14 +77,14 @@ class TestValues:
     def test_moved_plants_count(self) -> None:
         """A cloud that is moved onto a reference has its traits where it lies then."""
         result = found()
-        moved = plot_traits(result, Cloud(result.plants.points + np.array([0.0, 0.0, 0.02])), SETTINGS, PLOT)
+        moved = plot_traits(result, Cloud(result.plants.points + np.array([0.0, 0.0, 0.02])), PLOT)
         assert moved.height_m == pytest.approx(0.17, abs=1e-6)
 
     def test_from_near_more_of_what_sways_is_lost(self, monkeypatch: pytest.MonkeyPatch) -> None:
         result = found()
-        pixel = depth_pixel_m(result, result.plants.points, SETTINGS)
+        side = covered_side_m(result.sparse, result.plants.points)
         errors = []
-        for near_m in (0.9 * pixel, 1.2 * pixel, 9.0 * pixel):
+        for near_m in (0.9 * side, 1.2 * side, 9.0 * side):
             monkeypatch.setattr("fieldkit.evaluation.traits.NEAR_M", near_m)
             errors.append(traits(result).height_error_m)
         assert errors == pytest.approx([HEIGHT_ERROR_M, 1.44 * HEIGHT_ERROR_M, MOST_NEAR * HEIGHT_ERROR_M], rel=0.01)

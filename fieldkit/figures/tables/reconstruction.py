@@ -47,8 +47,9 @@ def quality_rows(report: ReconstructionEntry) -> tuple[tuple[str, str], ...]:
     if isinstance(report, ReferenceReport) and report.scene_points is not None:
         rows.append(("scene", f"{report.scene_points:,} points"))
     if report.dense is not None:
-        dense = f"{report.dense.fidelity}, plants by mask {report.dense.mask}"
-        rows.append(("dense stereo", dense))
+        pixel = report.dense.pixel_m
+        size = "" if pixel is None else f" ({format_length(pixel)} per pixel)"
+        rows.append(("dense stereo", f"{report.dense.fidelity}{size}, plants by mask {report.dense.mask}"))
     return tuple(rows)
 
 

@@ -181,7 +181,7 @@ class SimulatedSource:
         self.prepare()
         assert self._renderer is not None
         assert self._drawings is not None
-        camera = fidelity.camera(self.proxy.camera)
+        camera = fidelity.camera(self.proxy.camera, cameras, self.proxy.volume)
         scale = camera.width / self.proxy.camera.width
         claimed = max(self.noise.position_m, self.claimed_m)
         sidecars = Sidecars(poses=True, accuracy_m=claimed, camera=True)

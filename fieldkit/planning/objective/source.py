@@ -9,8 +9,10 @@ from typing import Protocol
 from fieldkit.cache import StageCache
 from fieldkit.captures.model import Capture
 from fieldkit.clouds.metrics import ReferenceIndex
+from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.space.cameras import Cameras
+from fieldkit.reconstruction.dense import resolution
 from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.runtime.progress import Progress
@@ -25,7 +27,7 @@ class Fidelity:
     name: SearchFidelity
     """``"draft"``, ``"standard"`` or ``"fine"``."""
     drawn_side: int = 2000
-    """Longer side of rendered photographs, pixels, at most the camera's; recorded ones keep their size."""
+    """Least longer side of rendered photographs, pixels, at most the camera's; recorded ones keep their size."""
     economy: bool = True
     """Passed to `simulate_capture`; halves the cost of rendering."""
     features: FeatureSettings = field(default_factory=FeatureSettings)
@@ -33,9 +35,11 @@ class Fidelity:
     dense: DenseFidelity = "standard"
     """Fidelity of dense stereo."""
 
-    def camera(self, camera: Intrinsics) -> Intrinsics:
-        """The camera that photographs are rendered with."""
-        scale = self.drawn_side / max(camera.width, camera.height)
+    def camera(self, camera: Intrinsics, cameras: Cameras, volume: Volume) -> Intrinsics:
+        """The camera that photographs are rendered with: large enough for dense stereo from the farthest one."""
+        size = (camera.width, camera.height)
+        sides = [max(resolution(size, camera, p, volume, self.dense).size) for p in cameras.poses()]
+        scale = max(self.drawn_side, *sides) / max(size)
         return camera if scale >= 1.0 else camera.scaled(round(camera.width * scale), round(camera.height * scale))
 
 
@@ -44,7 +48,7 @@ FIDELITIES: dict[SearchFidelity, Fidelity] = {
     "standard": Fidelity("standard", 1600, features=FeatureSettings(working_side=1400)),
     "fine": Fidelity("fine", dense="fine"),
 }
-"""Draft and standard render, match and densify fewer pixels than fine."""
+"""Draft and standard render and match fewer pixels than fine, and densify coarser ones."""
 
 
 @dataclass(frozen=True)

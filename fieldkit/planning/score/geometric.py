@@ -83,7 +83,8 @@ class GeometricScore:
     d_k) · Π (1 − p) over the neighbours sorted by distance, up to the cap. Another camera never raises it. The noise of
     reconstructed points is added, since accuracy is half of the objective: the root of the summed squares of
     triangulation's, (Σ s · sin²θ / (error · footprint)²)^−½ over a point's pairs, and of a pixel's footprint, root mean
-    square over the views that see it, since dense stereo resolves nothing finer.
+    square over the views that see it, since dense stereo resolves nothing finer. A footprint is at least dense stereo's
+    ground sampling distance.
 
     *Tie.* Matches of real plants fall with the angle between views, and the model of a set with weakly tied groups
     bends. A recorded set's counted matches, else `expected_matches`, make a graph of the views. `looseness_m` says how
@@ -149,14 +150,13 @@ class GeometricScore:
 
     def _look(self, cameras: Cameras) -> list[_View]:
         camera = self.problem.camera
-        focal = camera.fx * self.settings.width / camera.width
         rays = cameras.positions[:, None] - self._room
         away = np.linalg.norm(rays, axis=2)
         rays /= np.maximum(away, 1e-9)[:, :, None]
         squarely = np.ones(len(self._room))
 
         def sights(rays: Array, away_m: Array, seen: NDArray[np.bool_], facing: Array) -> NDArray[np.float32]:
-            footprint = away_m / focal
+            footprint = np.maximum(away_m / camera.fx, self.settings.gsd_m)
             quality = self.settings.of_views(seen, facing, footprint)
             return np.column_stack([rays, quality, footprint]).astype(np.float32)
 

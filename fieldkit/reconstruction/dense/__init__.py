@@ -7,7 +7,8 @@ cloud = fuse(views, maps, volume, DenseSettings())
 
 from fieldkit.reconstruction.dense.depth_maps import compute_depth_maps
 from fieldkit.reconstruction.dense.fusion import fuse
+from fieldkit.reconstruction.dense.resolution import resolution
 from fieldkit.reconstruction.dense.settings import DenseSettings
-from fieldkit.reconstruction.dense.views import DepthMap, View, prepare_view, working_size
+from fieldkit.reconstruction.dense.views import DepthMap, View, prepare_view
 
-__all__ = ["DenseSettings", "DepthMap", "View", "compute_depth_maps", "fuse", "prepare_view", "working_size"]
+__all__ = ["DenseSettings", "DepthMap", "View", "compute_depth_maps", "fuse", "prepare_view", "resolution"]

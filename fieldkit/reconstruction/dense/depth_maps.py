@@ -35,6 +35,8 @@ COARSEST = 300_000
 COARSE_PASSES, GEOMETRIC_PASSES = 2, 1
 """Geometric passes on levels of reduced views and on the last one. They take over planes of the source views and also
 ask for agreement with their depths."""
+_CPU_S_OF_MATCHED = 3e-6
+_BYTES_OF_PIXEL, _BYTES_OF_MATCHED = 60, 100
 _VERSION = STAGES["depth"]
 _KEPT = 32
 _GEOMETRIC_SWEEP = 1.5
@@ -61,8 +63,7 @@ def compute_depth_maps(
     """
     sources = choose_sources(views, volume, settings)
     contents = [view_digest(view) for view in views]
-    # The views have their fidelity; how depths are fused is no part of the key.
-    chosen = replace(settings, fidelity="standard", min_agreeing=2)
+    chosen = replace(settings, min_agreeing=2)  # how depths are fused is no part of the key
     count = range(len(views))
     shared = _Shared(volume, settings)
     levels = _levels(views)
@@ -96,6 +97,16 @@ def compute_depth_maps(
 
                 results = map_threads(_cached(cache, keys, later), count, workers=workers, advance=advance)
     return [to_depth_map(view, planes, volume, settings) for view, planes in zip(views, results, strict=True)]
+
+
+def expected_cost(views: Sequence[View]) -> str:
+    """What `compute_depth_maps` and `fuse` will take where nothing is cached, in words."""
+    pixels = sum(view.intrinsics.width * view.intrinsics.height for view in views)
+    matched = sum(view.intrinsics.width * view.intrinsics.height if view.mask is None else int(view.mask.sum())
+                  for view in views)  # fmt: skip
+    cpu_s = matched * _CPU_S_OF_MATCHED
+    gib = (pixels * _BYTES_OF_PIXEL + matched * _BYTES_OF_MATCHED) / 2**30
+    return f"{pixels / 1e6:.1f} megapixels, {matched / 1e6:.1f} to match: about {cpu_s:.0f} CPU s and {gib:.1f} GiB"
 
 
 def to_depth_map(view: View, planes: Planes, volume: Volume, settings: DenseSettings) -> DepthMap:

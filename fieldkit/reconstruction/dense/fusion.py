@@ -20,6 +20,7 @@ from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume, crop
 from fieldkit.reconstruction.dense.masks import inner_colors
 from fieldkit.reconstruction.dense.matching import MAX_COST
+from fieldkit.reconstruction.dense.resolution import plant_depth_m
 from fieldkit.reconstruction.dense.settings import DenseSettings
 from fieldkit.reconstruction.dense.source_views import choose_fusion_neighbors
 from fieldkit.reconstruction.dense.views import DepthMap, View
@@ -117,9 +118,8 @@ def fusion_rule(min_agreeing: int) -> str:
 
 
 def ground_sampling_distance(views: Sequence[View], volume: Volume) -> float:
-    """Length that a pixel covers at the volume's centre, metres: the median over the views."""
-    each = [float(np.linalg.norm(v.pose.center - volume.center)) / v.intrinsics.fx for v in views]
-    return float(np.median(each))
+    """Length that a pixel covers at the plants, metres: the median over the views."""
+    return float(np.median([plant_depth_m(v.intrinsics, v.pose, volume) / v.intrinsics.fx for v in views]))
 
 
 def _camera(view: View) -> NDArray[np.float64]:

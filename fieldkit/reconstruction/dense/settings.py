@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import get_args
 
 from fieldkit.errors import UsageError
-from fieldkit.vocabulary import Fidelity
-
-FIDELITY_SIZE: dict[str, tuple[int, int]] = {"draft": (500, 375), "standard": (750, 562), "fine": (1000, 750)}
-"""Width and height of a 4:3 view; `full` is native. Other shapes get the same number of pixels."""
 
 
 @dataclass(frozen=True)
 class DenseSettings:
     """What callers choose about dense stereo; its other constants stand beside the code that uses them."""
 
-    fidelity: Fidelity = "standard"
-    """Working size of the views."""
     sources: int = 4
     """Source views per reference view."""
     best_sources: int = 2
@@ -34,9 +27,5 @@ class DenseSettings:
     see through it."""
 
     def __post_init__(self) -> None:
-        if self.fidelity not in get_args(Fidelity):
-            raise UsageError(
-                f"there is no fidelity {self.fidelity!r}", remedy=f"Choose one of {', '.join(get_args(Fidelity))}."
-            )
         if not 1 <= self.best_sources <= 3 or not 1 <= self.sources <= 16:
             raise UsageError("dense stereo takes 1 to 16 source views and the mean of their best 1 to 3")

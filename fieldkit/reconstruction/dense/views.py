@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,8 +12,7 @@ from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.dense.masks import plant_mask
 from fieldkit.reconstruction.dense.patchmatch import Active
-from fieldkit.reconstruction.dense.settings import FIDELITY_SIZE
-from fieldkit.vocabulary import Fidelity, Mask
+from fieldkit.vocabulary import Mask
 
 _NEAREST_SHARE = 0.05
 
@@ -60,27 +58,12 @@ class DepthMap:
     """(H, W) float32, 1 − correlation (0 is best); infinite where there is no depth."""
 
 
-def working_size(width: int, height: int, fidelity: Fidelity) -> tuple[int, int]:
-    """Size of a photograph's working view.
-
-    It has as many pixels as the fidelity's 4:3 view (500×375, 750×562, 1000×750), with the photograph's aspect ratio:
-    16:9 at `standard` is 866×487. `full`, and a photograph that is smaller already, keep their size.
-    """
-    if fidelity == "full":
-        return width, height
-    wanted = FIDELITY_SIZE[fidelity]
-    scale = math.sqrt(wanted[0] * wanted[1] / (width * height))
-    if scale >= 1.0:
-        return width, height
-    return max(1, round(width * scale)), max(1, round(height * scale))
-
-
 def prepare_view(
     name: str,
     image_rgb: NDArray[np.uint8],
     intrinsics: Intrinsics,
     pose: Pose,
-    fidelity: Fidelity,
+    size: tuple[int, int] | None = None,
     mask_kind: Mask = "exg",
     mask_image: NDArray[Any] | None = None,
 ) -> View:
@@ -94,14 +77,14 @@ def prepare_view(
         image_rgb: (H, W, 3) uint8.
         intrinsics: of the photograph at any size of the same aspect ratio.
         pose: in the metric plot frame.
-        fidelity: sets the size, see `working_size`.
+        size: working size (width, height), see `resolution`; the photograph's own by default.
         mask_kind: `exg`, `none`, or `file` with ``mask_image``.
         mask_image: (h, w) or (h, w, 3), non-zero on the pixels to keep; any size of the photograph's aspect ratio.
     """
     import cv2
 
     height, width = image_rgb.shape[:2]
-    size = working_size(width, height, fidelity)
+    size = size or (width, height)
     camera = _resized(intrinsics, *size)
     pinhole = camera.without_distortion()
     image = image_rgb if size == (width, height) else cv2.resize(image_rgb, size, interpolation=cv2.INTER_AREA)
@@ -122,9 +105,9 @@ def prepare_view(
     return View(name, image, pinhole, pose, mask, inside)
 
 
-def view_camera(intrinsics: Intrinsics, width: int, height: int, fidelity: Fidelity) -> Intrinsics:
-    """The camera of the view that `prepare_view` makes of a photograph of this size."""
-    return _resized(intrinsics, *working_size(width, height, fidelity)).without_distortion()
+def view_camera(intrinsics: Intrinsics, size: tuple[int, int]) -> Intrinsics:
+    """The camera of the view of this size that `prepare_view` makes."""
+    return _resized(intrinsics, *size).without_distortion()
 
 
 def undistortion_grid(camera: Intrinsics) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

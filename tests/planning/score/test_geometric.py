@@ -22,11 +22,10 @@ SCORE = GeometricScore(PROBLEM, points=400)
 def slow_distance(score: GeometricScore, cameras: Cameras) -> tuple[float, float]:
     """`GeometricScore`'s first term as its docstring has it, gap and noise, by loops and enumeration."""
     settings, surface = score.settings, score.surface
-    focal = CAMERA.fx * settings.width / CAMERA.width
     sights = look(surface, cameras, CAMERA)
     p, noise = np.zeros(len(surface)), np.zeros(len(surface))
     for k in range(len(surface)):
-        foot = [s.distance_m[k] / focal for s in sights]
+        foot = [max(s.distance_m[k] / CAMERA.fx, settings.gsd_m) for s in sights]
         steep = [min(1.0, max(0.0, (s.facing[k] - 0.1) / 0.4)) for s in sights]
         u = [s.seen[k] * i / (1 + (f / 0.008) ** 2) for s, i, f in zip(sights, steep, foot, strict=True)]
         q, information = [], 1 / settings.cap_m**2

@@ -127,7 +127,7 @@ def test_whatever_matters_is_part_of_the_key(tmp_path, change):
 
 def test_the_fusion_rule_is_no_part_of_the_key(tmp_path):
     cache = StageCache(tmp_path)
-    for settings in (DenseSettings(), DenseSettings("full", min_agreeing=1)):
+    for settings in (DenseSettings(), DenseSettings(min_agreeing=1)):
         compute_depth_maps(views(3), VOLUME, settings, seed=0, context=Context(cache))
     assert cache.sizes()["depth"].entries == 3 * PASSES
 

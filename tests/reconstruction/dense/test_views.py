@@ -5,8 +5,9 @@ import pytest
 
 from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.dense import DenseSettings, View, prepare_view, working_size
+from fieldkit.reconstruction.dense import DenseSettings, View, prepare_view
 from fieldkit.reconstruction.dense.views import undistortion_grid
+from fieldkit.reconstruction.settings import ReconstructionSettings
 
 POSE = Pose(np.eye(3), np.zeros(3))
 CAMERAS = [
@@ -28,11 +29,11 @@ def blob_image(camera: Intrinsics, points: np.ndarray, sigma: float = 4.0) -> np
     return np.repeat(np.rint(np.clip(image, 0, 255)).astype(np.uint8)[..., None], 3, axis=2)
 
 
-@pytest.mark.parametrize("fidelity", ["draft", "standard", "full"])
+@pytest.mark.parametrize("size", [(500, 375), (750, 562), None])
 @pytest.mark.parametrize("camera", CAMERAS, ids=lambda c: c.model)
-def test_points_lie_where_the_views_camera_projects_them(camera, fidelity):
+def test_points_lie_where_the_views_camera_projects_them(camera, size):
     points = np.array([[-0.4, -0.3, 1.0], [0.45, 0.3, 1.0], [0.3, -0.25, 1.0], [0.0, 0.02, 1.0]])
-    view = prepare_view("a", blob_image(camera, points), camera, POSE, fidelity, "none")
+    view = prepare_view("a", blob_image(camera, points), camera, POSE, size, "none")
     assert not view.intrinsics.distorted
     gray = view.image[..., 0].astype(float)
     x, y = np.meshgrid(np.arange(gray.shape[1]) + 0.5, np.arange(gray.shape[0]) + 0.5)
@@ -54,7 +55,7 @@ def test_the_undistortion_grid_is_the_cameras_own_projection():
 def test_without_distortion_at_full_size_the_image_is_untouched():
     image = np.random.default_rng(0).integers(0, 256, (90, 121, 3), dtype=np.uint8)
     camera = Intrinsics.pinhole(121, 90, 100.0)
-    view = prepare_view("a", image, camera, POSE, "full", "none")
+    view = prepare_view("a", image, camera, POSE, None, "none")
     assert np.array_equal(view.image, image)
     assert view.intrinsics == camera
     assert view.mask is None
@@ -62,7 +63,7 @@ def test_without_distortion_at_full_size_the_image_is_untouched():
 
 def test_what_lies_outside_the_photograph_is_masked():
     camera = Intrinsics("SIMPLE_RADIAL", 400, 300, (300.0, 200.0, 150.0, 0.25))
-    view = prepare_view("a", np.full((300, 400, 3), 200, np.uint8), camera, POSE, "full", "none")
+    view = prepare_view("a", np.full((300, 400, 3), 200, np.uint8), camera, POSE, None, "none")
     assert not view.mask[0, 0]
     assert view.mask[150, 200]
     assert (view.image[view.mask] > 150).all()
@@ -72,7 +73,7 @@ def test_a_mask_file_is_scaled_and_undistorted_with_the_photograph():
     camera = CAMERAS[2]
     mask = np.zeros((450, 600), dtype=np.uint8)
     mask[:, :300] = 255
-    view = prepare_view("a", np.zeros((900, 1201, 3), np.uint8), camera, POSE, "standard", "file", mask)
+    view = prepare_view("a", np.zeros((900, 1201, 3), np.uint8), camera, POSE, (750, 562), "file", mask)
     assert view.mask.shape == view.image.shape[:2]
     assert view.mask[:, 10:360].mean() > 0.99
     assert not view.mask[:, 400:].any()
@@ -80,25 +81,8 @@ def test_a_mask_file_is_scaled_and_undistorted_with_the_photograph():
 
 def test_a_photograph_reduced_by_another_program_keeps_its_camera():
     camera = Intrinsics("SIMPLE_RADIAL", 4000, 3000, (3000.0, 2000.0, 1500.0, -0.1))
-    view = prepare_view("a", np.zeros((750, 1000, 3), np.uint8), camera, POSE, "full", "none")
+    view = prepare_view("a", np.zeros((750, 1000, 3), np.uint8), camera, POSE, None, "none")
     assert view.intrinsics.params == (750.0, 750.0, 500.0, 375.0)
-
-
-@pytest.mark.parametrize(
-    ("size", "fidelity", "expected"),
-    [
-        ((2000, 1500), "draft", (500, 375)),
-        ((2000, 1500), "standard", (750, 562)),
-        ((2000, 1500), "fine", (1000, 750)),
-        ((2000, 1500), "full", (2000, 1500)),
-        ((1500, 2000), "standard", (562, 750)),
-        ((2304, 1296), "standard", (866, 487)),
-        ((400, 300), "fine", (400, 300)),
-        ((30_000, 3), "draft", (30_000, 3)),
-    ],
-)
-def test_working_sizes(size, fidelity, expected):
-    assert working_size(*size, fidelity) == expected
 
 
 def test_a_view_checks_its_parts():
@@ -115,7 +99,7 @@ def test_a_view_checks_its_parts():
 
 def test_settings_name_what_is_wrong_with_them():
     with pytest.raises(UsageError, match="fidelity 'best'"):
-        DenseSettings(fidelity="best")
+        ReconstructionSettings(fidelity="best")
     with pytest.raises(UsageError, match="source views"):
         DenseSettings(best_sources=4)
 
@@ -123,9 +107,9 @@ def test_settings_name_what_is_wrong_with_them():
 def test_pixels_from_outside_the_photograph_are_told_from_background():
     camera = Intrinsics("SIMPLE_RADIAL", 400, 300, (300.0, 200.0, 150.0, 0.1))
     leaf = np.full((300, 400, 3), (90, 140, 60), dtype=np.uint8)
-    view = prepare_view("a", leaf, camera, POSE, "full")
+    view = prepare_view("a", leaf, camera, POSE)
     assert view.mask is not None
     assert np.array_equal(view.mask, view.inside)
     assert 0 < (~view.inside).sum() < 0.2 * view.inside.size
-    straight = prepare_view("a", leaf, Intrinsics.pinhole(400, 300, 300.0), POSE, "full")
+    straight = prepare_view("a", leaf, Intrinsics.pinhole(400, 300, 300.0), POSE)
     assert straight.inside is None

@@ -1,0 +1,73 @@
+"""How finely dense stereo works: sizes of views by the ground sampling distance (GSD) at the plants."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fieldkit.clouds.volume import Volume
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.reconstruction.dense.views import depth_range
+from fieldkit.vocabulary import GSD_M, Fidelity
+
+MOST_PIXELS = 6_000_000
+"""Of a view. A drone's wide-angle camera has a GSD of 1 mm with them from 2.5 m, finer than `fine`; a hundred bytes a
+pixel and three seconds a megapixel of plants bound memory and time."""
+SMALL_M = 1.0
+"""In a volume whose diagonal is shorter, of seedlings or a pot plant, the wanted GSD is shorter in proportion."""
+UNSCALED_M = 2.0, 1.5
+"""What a photograph is taken to cover at the plants where nothing gives the scale."""
+_STEPS = 8
+"""Views are reduced in steps of 2^(1/8), so that the last digits of a pose change neither a view nor its random
+numbers."""
+_RAYS = (24, 18)
+
+
+class Resolution(NamedTuple):
+    """A view's size."""
+
+    size: tuple[int, int]
+    """Width and height, pixels."""
+    gsd_m: float
+    """At the plants."""
+    capped: bool
+    """Whether `MOST_PIXELS` makes it coarser than wanted."""
+
+
+def resolution(
+    size: tuple[int, int], camera: Intrinsics, pose: Pose, volume: Volume, fidelity: Fidelity, *, metric: bool = True
+) -> Resolution:
+    """The size at which dense stereo takes a photograph; never finer than the photograph itself.
+
+    Args:
+        size: of the photograph, pixels.
+        camera: at any size of the same aspect ratio.
+        volume: of interest, as `plant_depth_m` takes it.
+        metric: whether lengths are metres; else every photograph is taken to cover `UNSCALED_M`.
+    """
+    width, height = size
+    if metric:
+        own_m = plant_depth_m(camera, pose, volume) / (camera.fx * width / camera.width)
+        wanted_m = GSD_M[fidelity] * min(1.0, volume.diagonal / SMALL_M)
+    else:
+        own_m, wanted_m = math.sqrt(math.prod(UNSCALED_M) / (width * height)), GSD_M[fidelity]
+    steps = max(0, round(_STEPS * math.log2(wanted_m / own_m))) if wanted_m else 0
+    least = max(0, math.ceil(0.5 * _STEPS * math.log2(width * height / MOST_PIXELS)))
+    scale = 2.0 ** (-max(steps, least) / _STEPS)
+    reduced = max(1, round(width * scale)), max(1, round(height * scale))
+    return Resolution(reduced, own_m / scale, least > steps)
+
+
+def plant_depth_m(camera: Intrinsics, pose: Pose, volume: Volume) -> float:
+    """Depth along the optical axis at which a view meets the plants.
+
+    The median over its rays of the middle of their way through the volume: of a long plot seen from one end what fills
+    the picture counts, not the plot's middle. The distance to the volume's centre where no ray meets it.
+    """
+    near, far = depth_range(camera.without_distortion().scaled(*_RAYS), pose, volume)
+    met = far > near
+    if not met.any():
+        return float(np.linalg.norm(volume.center - pose.center))
+    return float(np.median(0.5 * (near[met] + far[met])))
