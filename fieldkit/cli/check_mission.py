@@ -35,6 +35,9 @@ def command(
     *,
     place: SiteOptions,
     height: PlantHeightOption = None,
+    burst: Annotated[
+        int | None, Option("--burst", metavar="K", min=1, help="Photographs per station. Without: as most have.")
+    ] = None,
     fit: FitOption = None,
     as_json: JsonOption = False,
 ) -> int:
@@ -65,7 +68,7 @@ def command(
     )  # fmt: skip
     if plan is not None and ground is None:
         raise UsageError("--plan says nothing without --site", remedy="Give the site file that says where home is.")
-    report = check_on_ground(read, flown_by, ground, compare=plan is not None)
+    report = check_on_ground(read, flown_by, ground, compare=plan is not None, burst=burst)
     if as_json:
         emit_json({"file": file, "format": read.format, "vehicle": flown_by.title, **_facts(report, ground)})
     else:
@@ -117,7 +120,7 @@ def _show(report: Report, file: Path) -> None:
         farthest = max(report.deviations, key=lambda d: d.metres)
         those = count(len(report.deviations), "photograph matches", "photographs match")
         say(f"{those} the plan, at most {format_length(farthest.metres)} off")
-    taken = count(len(report.taken), "photograph")
+    taken = count(len(report.taken), "photograph") + (f", {report.burst} per station" if report.burst > 1 else "")
     way = f"{format_length(report.length_m)} and about {format_seconds(report.seconds)} from take-off to landing"
     say(f"{file.name}: {taken}, {way}; {_verdict(report)}")
 

@@ -54,6 +54,9 @@ def command(
         ),
     ] = None,
     adjust: AdjustOption = False,
+    burst: Annotated[
+        int, Option("--burst", metavar="K", min=1, max=30, help="Photographs per station: wind's swing averages out.")
+    ] = 1,
     no_picture: Annotated[bool, Option("--no-picture", help="Do not draw the flights.")] = False,
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
@@ -77,7 +80,8 @@ def command(
 
     done = export_mission(
         plan, vehicle, site, output, format=format, plots=plots, plot_id=plot_id, plant_height=plant_height(height),
-        fit=fit, adjust=adjust, picture=not no_picture, overwrite=overwrite, seed=seed, tell=None if as_json else say,
+        fit=fit, adjust=adjust, burst=burst, picture=not no_picture, overwrite=overwrite, seed=seed,
+        tell=None if as_json else say,
     )  # fmt: skip
     if as_json:
         emit_json(_facts(done))
@@ -90,14 +94,15 @@ def command(
 def _facts(done: ExportedMission) -> dict[str, object]:
     routed = done.routed
     return {
-        "stations": routed.photographs,
+        "stations": routed.stations,
         "photographs": routed.photographs,
         "length_m": routed.length_m,
         "time_s": routed.time_s,
+        **({"bursts_s": routed.bursts_s} if routed.photographs > routed.stations else {}),
         "files": list(done.files),
         "flights": [
             {
-                "file": file, "photographs": len(each.mission.shots), "plots": list(each.flight.plots),
+                "file": file, "photographs": each.photographs, "plots": list(each.flight.plots),
                 "length_m": each.flight.length_m, "time_s": each.flight.time.total_s,
                 "battery": each.flight.time.battery,
             }
@@ -134,7 +139,7 @@ def _show_flights(done: ExportedMission) -> None:
     routed = done.routed
     rows = [
         (
-            file.name, str(len(each.flight.plots)), str(len(each.mission.shots)), format_length(each.flight.length_m),
+            file.name, str(len(each.flight.plots)), str(each.photographs), format_length(each.flight.length_m),
             format_seconds(each.flight.time.total_s), f"{each.flight.time.battery:.0%}",
         )
         for file, each in zip(done.files, routed.flights, strict=False)
@@ -142,12 +147,16 @@ def _show_flights(done: ExportedMission) -> None:
     plants = _plants(routed.least_clear_m, routed.plants_m)
     plots = len({shot.plot for each in routed.flights for shot in each.mission.shots})
     summary = (
-        f"{count(routed.photographs // plots, 'station')} on {count(plots, 'plot')}: "
+        f"{count(routed.stations // plots, 'station')} on {count(plots, 'plot')}: "
         f"{count(routed.photographs, 'photograph')}, {format_length(routed.length_m)} and "
         f"{format_seconds(routed.time_s)} from take-off to landing, "
         f"{count(len(routed.flights), 'battery', 'batteries')}; lowest camera {format_length(routed.lowest_m)} above "
         f"the ground; {plants}."
     )
+    mission = routed.flights[0].mission
+    if mission.burst > 1:
+        more = format_seconds(routed.bursts_s)
+        say(f"{mission.burst} photographs per station, {mission.interval_s:g} s apart: {more} more in the air.")
     flights = table("Flights", ["flight", "plots>", "photographs>", "length>", "time>", "battery>"], rows)
     show([*flights, summary, "Battery: share of its usable time, reserve left out."], *done.files)
 

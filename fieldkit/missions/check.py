@@ -15,7 +15,14 @@ from fieldkit.missions.autopilots.effects import Stay
 from fieldkit.missions.autopilots.execution import Execution, distance
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.check_items import FAR_M, item_findings, place_findings
-from fieldkit.missions.check_photographs import adjusted_findings, deviations, photograph_findings, plan_findings
+from fieldkit.missions.check_photographs import (
+    adjusted_findings,
+    burst_findings,
+    deviations,
+    photograph_findings,
+    plan_findings,
+    usual_burst,
+)
 from fieldkit.missions.files.limits import LEAST_WAYPOINTS, LONGEST_STAY_S, MOST_WAYPOINTS
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.wpml import dji_model
@@ -49,6 +56,7 @@ def check_mission(
     origin: Home | None = None,
     moved: Sequence[Unreachable] = (),
     unchecked: Mapping[str, str] | None = None,
+    burst: int | None = None,
 ) -> Report:
     """Everything that can be said of a mission without flying it.
 
@@ -62,6 +70,7 @@ def check_mission(
         origin: home as the site has it; stands in for a home that the file lacks.
         moved: of ``planned``, those that the vehicle cannot take and are the nearest poses that it can (`nearest`).
         unchecked: plots whose plants are not among ``obstacles``, and why; None where no plots are known.
+        burst: photographs that each station should have; None: as many as most have.
     """
     if read.home is None and origin is not None:
         read = replace(read, home=origin)
@@ -76,9 +85,11 @@ def check_mission(
     findings += place_findings(read, origin)
     places = {leg.item: leg.end for leg in flown.legs}
     home = origin or read.home
-    matched = deviations(flown.photographs, planned, home) if planned and home is not None else ()
+    burst = burst or usual_burst(flown.photographs)
+    matched = deviations(flown.photographs, planned, home, burst) if planned and home is not None else ()
     above = {shot.name: ground for shot, ground in zip(planned, grounds, strict=True)} if grounds else {}
     findings += photograph_findings(flown, vehicle, places, {d.item: above.get(d.planned.name, 0.0) for d in matched})
+    findings += burst_findings(flown.photographs, matched, burst, vehicle)
     findings += _stop_findings(read)
     findings += _leg_findings(read, flown, obstacles, home)
     usable = vehicle.battery.usable_s
@@ -92,23 +103,26 @@ def check_mission(
         findings += adjusted_findings(matched, moved)
     findings += _unchecked_findings(unchecked or {})
     findings.sort(key=lambda f: (f.severity != "error", -1 if f.item is None else f.item, f.code))
-    return Report(flown.photographs, tuple(findings), matched, flown.seconds, flown.length_m, unchecked)
+    return Report(flown.photographs, tuple(findings), matched, flown.seconds, flown.length_m, unchecked, burst)
 
 
-def check_on_ground(read: ReadMission, vehicle: Vehicle, ground: Ground | None, *, compare: bool = False) -> Report:
+def check_on_ground(
+    read: ReadMission, vehicle: Vehicle, ground: Ground | None, *, compare: bool = False, burst: int | None = None
+) -> Report:
     """`check_mission` on plots, as far as they are known.
 
     Args:
         ground: its plots, their plans and plants.
         compare: with the plans' photographs, as near as the vehicle comes to them; of every plot there has to be one.
+        burst: see `check_mission`.
     """
     if ground is None:
-        return check_mission(read, vehicle)
+        return check_mission(read, vehicle, burst=burst)
     site, obstacles = ground.site, ground.obstacles(vehicle.clearance_m)
     shots, moved = nearest(place(ground.plans, site) if compare else (), site, vehicle, obstacles)
     return check_mission(
         read, vehicle, planned=shots, grounds=grounds_m(site, shots).tolist(), obstacles=obstacles,
-        origin=home_of(site), moved=moved, unchecked=ground.unchecked,
+        origin=home_of(site), moved=moved, unchecked=ground.unchecked, burst=burst,
     )  # fmt: skip
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import groupby, pairwise
 
 import numpy as np
 
@@ -120,15 +122,47 @@ def _pose(shot: Photograph, vehicle: Vehicle, ground_m: float | None) -> Iterato
         yield error("too-low", message, *where)
 
 
-def deviations(photographs: Sequence[Photograph], planned: Sequence[Shot], home: Home) -> tuple[Deviation, ...]:
-    """Photographs matched to the plan's stations, each at most once and within 3 m, whatever way they look.
+def bursts(photographs: Sequence[Photograph]) -> list[list[Photograph]]:
+    """Photographs that are taken, by station: those that follow each other with one pose, without a leg between."""
+    taken = (shot for shot in photographs if not shot.never)
+    return [list(of_one) for _, of_one in groupby(taken, lambda p: (p.legs, p.place, p.heading_deg, p.pitch_deg))]
+
+
+def usual_burst(photographs: Sequence[Photograph]) -> int:
+    """How many photographs most stations have; 1 without any."""
+    return max(Counter(map(len, bursts(photographs))).items(), key=lambda each: (each[1], each[0]), default=(1, 0))[0]
+
+
+def burst_findings(
+    photographs: Sequence[Photograph], matched: Sequence[Deviation], burst: int, vehicle: Vehicle
+) -> Iterator[Finding]:
+    """Stations with fewer photographs than ``burst``, and photographs that follow sooner than the camera takes."""
+    if burst == 1:
+        return
+    stations = {found.photograph: found.planned for found in matched}
+    for of_one in bursts(photographs):
+        first, planned = of_one[0], stations.get(of_one[0].station)
+        if len(of_one) < burst:
+            what = f"the station of item {first.item}" if planned is None else planned.name
+            message = f"{what} has {len(of_one)} of {burst} photographs"
+            yield warning("short-burst", message, first.item, first.station, planned)
+        least_s = vehicle.trigger.exposure_s
+        for before, shot in pairwise(of_one):
+            if (apart_s := before.after_s - shot.after_s) < least_s - _SLACK_S:
+                message = f"taken {apart_s:.1f} s after the one before; the vehicle's profile asks for {least_s:g} s"
+                yield warning("short-interval", message, shot.item, shot.station, planned)
+
+
+def deviations(
+    photographs: Sequence[Photograph], planned: Sequence[Shot], home: Home, burst: int = 1
+) -> tuple[Deviation, ...]:
+    """Photographs matched to the plan's stations, each at most one or a burst, within 3 m, whatever way they look.
 
     A mission's poses are commanded, so nothing that they have in common is taken out.
     """
-    usable = [
-        shot for shot in photographs
-        if not shot.never and shot.place is not None and math.isfinite(shot.place.height_m)
-    ]  # fmt: skip
+    found = bursts(photographs) if burst > 1 else [[shot] for shot in photographs if not shot.never]
+    found = [of_one for of_one in found if (at := of_one[0].place) is not None and math.isfinite(at.height_m)]
+    usable = [of_one[0] for of_one in found]
     if not usable or not planned:
         return ()
     frame = LocalFrame(home.latitude_deg, home.longitude_deg)
@@ -150,7 +184,7 @@ def deviations(photographs: Sequence[Photograph], planned: Sequence[Shot], home:
     turned_away = associate(blind, wanted[left_b], offset_m=np.zeros(3)).station_of
     pairs |= {left_a[a]: left_b[b] for a, b in turned_away.items()}
     apart = {a: float(np.linalg.norm(taken.positions[a] - wanted.positions[b])) for a, b in pairs.items()}
-    matched = [_deviation(usable[a], planned[b], apart[a]) for a, b in pairs.items()]
+    matched = [_deviation(shot, planned[b], apart[a]) for a, b in pairs.items() for shot in found[a]]
     return tuple(sorted(matched, key=lambda found: found.photograph))
 
 

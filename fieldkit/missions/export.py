@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from fieldkit.geometry import Pose
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan, Plans
-from fieldkit.routing.flights import Flight, plan_flights
-from fieldkit.routing.mission import Fence, GeoPoint, Mission, Shot, Via
+from fieldkit.routing.flights import ITEMS_A_FLIGHT, ITEMS_A_STOP, Flight, Stop, plan_flights
+from fieldkit.routing.mission import Fence, GeoPoint, Mission, Shot, Via, burst_s
 from fieldkit.sites.fit import fit_report
 from fieldkit.sites.placement import PlotFrame, SiteFrame, grounds_m, home_of, landing_of
 from fieldkit.sites.plot_plants import PlotPlants, facts_of, plants_on
@@ -31,6 +31,11 @@ class RoutedFlight:
     """What autopilots get."""
     flight: Flight
     """Its route in the site frame, times and battery."""
+
+    @property
+    def photographs(self) -> int:
+        """How many are taken."""
+        return len(self.mission.shots) * self.mission.burst
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +72,19 @@ class Routed:
         return min(known) if len(known) == len(self.clear_m) else None
 
     @property
-    def photographs(self) -> int:
+    def stations(self) -> int:
         """Of all flights."""
         return sum(len(each.mission.shots) for each in self.flights)
+
+    @property
+    def photographs(self) -> int:
+        """Of all flights."""
+        return sum(each.photographs for each in self.flights)
+
+    @property
+    def bursts_s(self) -> float:
+        """In the air for more than one photograph at each station."""
+        return sum(len(m.shots) * burst_s(m.burst, m.exposure_s) for m in (each.mission for each in self.flights))
 
     @property
     def length_m(self) -> float:
@@ -94,8 +109,9 @@ class Routed:
 
 
 def route_plan(
-    plan: Plans, vehicle: Vehicle, site: Site, *, fit: bool | None = None, adjust: bool = False, seed: int = 0
-) -> Routed:
+    plan: Plans, vehicle: Vehicle, site: Site, *, fit: bool | None = None, adjust: bool = False, seed: int = 0,
+    burst: int = 1,
+) -> Routed:  # fmt: skip
     """Put a plan on every plot of a site and find the flights over it.
 
     The photographs' poses are those of `flown_plans`, exactly; only with ``adjust`` are those
@@ -109,12 +125,14 @@ def route_plan(
         fit: see `flown_plans`.
         adjust: fly the nearest poses where the plan's cannot be taken.
         seed: of the search for the order of many plots.
+        burst: photographs at each station, one after the other (`Mission.interval_s`).
     """
     report = fit_report(plan, site, vehicle, fit=fit, adjust=adjust)
     report.require()
     plans, shots, frame = report.plans, report.shots, SiteFrame(site.home)
+    stops, flown_by = _with_bursts(report.stops, vehicle, burst)
     flights = plan_flights(
-        report.stops, (0.0, 0.0, 0.0), landing_of(site), report.obstacles, vehicle,
+        stops, (0.0, 0.0, 0.0), landing_of(site), report.obstacles, flown_by,
         takeoff_m=site.takeoff_m, transit_m=site.transit_m, seed=seed,
     )  # fmt: skip
     facts = facts_of(plans, site.plots)
@@ -122,7 +140,7 @@ def route_plan(
     plants = _placed(on_plots, site)
     heights = [shot.place.height_m for shot in shots] - grounds_m(site, shots)
     routed = tuple(
-        RoutedFlight(_mission(flight, number, len(flights), shots, frame, site, vehicle), flight)
+        RoutedFlight(replace(_mission(flight, number, len(flights), shots, frame, site, vehicle), burst=burst), flight)
         for number, flight in enumerate(flights, 1)
     )
     return Routed(
@@ -135,6 +153,15 @@ def route_plan(
         fit=report.findings,
         own={} if isinstance(plans, Plan) else {name: each for name, each in plans.items() if each is not plan},
     )
+
+
+def _with_bursts(stops: Sequence[Stop], vehicle: Vehicle, burst: int) -> tuple[tuple[Stop, ...], Vehicle]:
+    """Stops that take as long as a burst, and the vehicle with room for so many stops as bursts leave items for."""
+    more_s, most = burst_s(burst, vehicle.trigger.exposure_s), vehicle.max_items
+    if burst > 1 and most is not None:
+        room = (most - ITEMS_A_FLIGHT) * ITEMS_A_STOP // (ITEMS_A_STOP + 2 * (burst - 1))
+        vehicle = vehicle.model_copy(update={"max_items": ITEMS_A_FLIGHT + room})
+    return tuple(replace(stop, pause_s=stop.pause_s + more_s) for stop in stops), vehicle
 
 
 def _mission(

@@ -62,6 +62,7 @@ def export_mission(
     plant_height: PlantHeight | None = None,
     fit: bool | None = None,
     adjust: bool = False,
+    burst: int = 1,
     picture: bool = True,
     plans: bool = True,
     overwrite: bool = False,
@@ -86,6 +87,7 @@ def export_mission(
         fit: whether to fit the plan to each plot (`flown_plans`). Fitted plans are written as MISSION-PLOT.json:
             `evaluate --plan` and `check` have to be given these.
         adjust: fly the nearest poses where the vehicle cannot take the plan's.
+        burst: photographs at each station, one after the other.
         picture: draw all flights from above and from the side.
         plans: write the plans of plots that have their own.
         overwrite: replace files that are there.
@@ -107,7 +109,7 @@ def export_mission(
     if isinstance(site, Site) and plots is not None:
         place = with_plots(site, load_plots(plots, plot_id))
     place = with_plant_height(place, loaded, plant_height)
-    routed = route_for_files(loaded, profile, place, format, fit=fit, adjust=adjust, seed=seed)
+    routed = route_for_files(loaded, profile, place, format, fit=fit, adjust=adjust, seed=seed, burst=burst)
     stem = output.stem
     written = {p: output.with_name(f"{stem}-{plot_file_name(p)}.json") for p in (routed.own if plans else ())}
     more = {file: plan_bytes(routed.own[plot]) for plot, file in written.items()}
@@ -123,7 +125,7 @@ def export_mission(
 
 def route_for_files(
     plan: Plans, vehicle: Vehicle, site: Site, format: str, *, fit: bool | None = None, adjust: bool = False,  # noqa: A002
-    seed: int = 0,
+    seed: int = 0, burst: int = 1,
 ) -> Routed:  # fmt: skip
     """As `route_plan`, with the time that the files take and the length of their way, as check-mission tells them.
 
@@ -131,12 +133,13 @@ def route_for_files(
     more than a battery, the flights are planned for so much less of one.
 
     Args:
-        plan, vehicle, site, fit, adjust, seed: see `route_plan`.
+        plan, vehicle, site, fit, adjust, seed, burst: see `route_plan`.
         format: of the files; nothing flies some, and their flights stay as they are.
     """
     planned_for = vehicle
     while True:
-        routed = _timed(route_plan(plan, planned_for, site, fit=fit, adjust=adjust, seed=seed), vehicle, format)
+        routed = route_plan(plan, planned_for, site, fit=fit, adjust=adjust, seed=seed, burst=burst)
+        routed = _timed(routed, vehicle, format)
         most = max(each.flight.time.battery for each in routed.flights)
         if most <= 1.0:
             return routed

@@ -11,6 +11,7 @@ from fieldkit.missions.export import Routed, RoutedFlight
 from fieldkit.results.evaluation import FileEntry
 from fieldkit.results.mission import (
     FlownPlan,
+    MissionBurst,
     MissionFlight,
     MissionHome,
     MissionPlants,
@@ -127,4 +128,5 @@ def _flight(each: RoutedFlight, file: str) -> MissionFlight:
         name=mission.name, file=file, takeoff_m=mission.takeoff_m, stops=mission.stops, landing=mission.landing,
          length_m=flight.length_m, time_s=flight.time.total_s,
         battery=flight.time.battery,
+        burst=MissionBurst(photographs=mission.burst, interval_s=mission.interval_s) if mission.burst > 1 else None,
     )  # fmt: skip

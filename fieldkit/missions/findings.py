@@ -71,6 +71,8 @@ class Report:
     """From take-off to landing."""
     unchecked: Mapping[str, str] | None = None
     """Plots that are not checked against plants, and why; None where no plots are known."""
+    burst: int = 1
+    """Photographs that each station should have."""
 
     @property
     def ok(self) -> bool:

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from fieldkit.documents.json_file import read_model
 from fieldkit.geometry import Intrinsics
@@ -111,7 +111,7 @@ class GeoPoint:
 
 @dataclass(frozen=True)
 class Shot(GeoPoint):
-    """A stop for one photograph; the place is the camera's."""
+    """A stop for one photograph or a burst; the place is the camera's."""
 
     kind: Literal["station"] = field(default="station", kw_only=True)
     plot: str
@@ -140,6 +140,15 @@ class Via(GeoPoint):
     kind: Literal["via"] = field(default="via", kw_only=True)
 
 
+class MissionBurst(Strict):
+    """Several photographs at each station, so that what wind moves can be averaged."""
+
+    photographs: Annotated[int, Field(ge=2)]
+    """At each station, one after the other: the second station's follow the first one's."""
+    interval_s: Length
+    """From one to the next."""
+
+
 class MissionFlight(Strict):
     """From take-off to landing. Legs lead from above home to every stop in turn and to the landing place."""
 
@@ -159,11 +168,23 @@ class MissionFlight(Strict):
     """In the air, from take-off to landing, as estimated."""
     battery: Length
     """Share of a battery's usable time."""
+    burst: MissionBurst | None = None
+    """Left out where each station has one photograph."""
+
+    @model_serializer(mode="wrap")
+    def _as_json(self, default: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        found: dict[str, Any] = default(self)
+        return found if self.burst else {key: value for key, value in found.items() if key != "burst"}
 
     @property
     def stations(self) -> tuple[Shot, ...]:
-        """The stops with a photograph."""
+        """The stops with photographs."""
         return tuple(stop for stop in self.stops if isinstance(stop, Shot))
+
+    @property
+    def photographs(self) -> int:
+        """How many are taken."""
+        return len(self.stations) * (self.burst.photographs if self.burst else 1)
 
     @property
     def plots(self) -> tuple[str, ...]:

@@ -8,6 +8,15 @@ from fieldkit.results.mission import GeoPoint, Shot, Via
 
 __all__ = ["Circle", "Fence", "GeoPoint", "Home", "Mission", "Shot", "Via"]
 
+BURST_INTERVAL_S = 0.7
+"""Between the photographs of a burst at least: about what cameras such as the Mavic 3 Enterprise's keep up. Leaves
+swing at 1 to 3 Hz about where gusts of seconds hold them: five photographs, 3 to 4 s, average most of the swing out."""
+
+
+def burst_s(photographs: int, exposure_s: float) -> float:
+    """From the first to the last photograph of a burst: the next one follows once one is taken, at the earliest."""
+    return (photographs - 1) * max(BURST_INTERVAL_S, exposure_s)
+
 
 @dataclass(frozen=True)
 class Home:
@@ -71,8 +80,15 @@ class Mission:
     """Places to return to in an emergency."""
     fence: Fence | None = None
     """None where there is none."""
+    burst: int = 1
+    """Photographs at each station."""
+
+    @property
+    def interval_s(self) -> float:
+        """From one photograph of a burst to the next."""
+        return burst_s(2, self.exposure_s)
 
     @property
     def shots(self) -> tuple[Shot, ...]:
-        """The stops with a photograph."""
+        """The stops with photographs."""
         return tuple(stop for stop in self.stops if isinstance(stop, Shot))

@@ -8,6 +8,7 @@ import textwrap
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,13 @@ from fieldkit.errors import LinkError, MissionError
 from fieldkit.link.items import stored, to_wire
 from fieldkit.link.upload import Held, ItemRefused, UploadError, UploadInterrupted, UploadReport, upload_mission
 from fieldkit.link.vehicle import Vehicle
+from fieldkit.missions.autopilots.writing import render
 from fieldkit.missions.items import MissionItem
 from fieldkit.routing.mission import Home
 from fieldkit_sim.standin.faults import Faults
 from fieldkit_sim.standin.recording import Recording, read_recording
 from fieldkit_sim.standin.replay import Replay
+from tests.missions.vehicles import HOME, small_mission, vehicle
 
 SPEED = 16.0
 SLOW = pytest.mark.slow
@@ -58,6 +61,15 @@ def test_a_flown_mission(recording: Recording, flown: tuple[MissionItem, ...]) -
         assert report.read_back[1:] == vehicle.autopilot.items[1:]
     assert (report.autopilot, report.items, report.attempts) == ("ArduPilot", 67, 1)
     assert shown == 67
+
+
+def test_bursts_arrive_whole(recording: Recording) -> None:
+    items = render(replace(small_mission(), burst=5), vehicle())
+    assert [item.command for item in items[3:17]] == [205, 115, 16, *[2000, 93] * 5, 205]
+    with standing(recording) as there:
+        report = upload(there, items[1:], home=HOME, dialect="ardupilot")
+        assert holds(there, items[1:])
+    assert report.items == len(items) - 1
 
 
 def test_the_largest_mission(recording: Recording, delays: Missions) -> None:

@@ -103,6 +103,84 @@ def test_what_is_written_passes_its_check_against_the_plan(tmp_path, vehicle, fo
     assert done.routed.flights[0].flight.time.battery == pytest.approx(report.seconds / profile.battery.usable_s)
 
 
+@pytest.mark.parametrize(
+    ("vehicle", "form", "interval_s"),
+    [
+        ("ardupilot-pitch", "plan", 1.0), ("fixed-gimbal", "waypoints", 1.0), ("px4-gimbal", "plan", 1.5),
+        ("dji-mavic-3-enterprise", "wpml", 1.0), ("dji-mini-4-pro", "litchi", 1.0),
+    ],
+)  # fmt: skip
+def test_bursts_stand_still_where_the_plan_says(tmp_path: Path, vehicle: str, form: str, interval_s: float) -> None:
+    plan, field, profile = planned(height_m=2.0, plants=False), site(), load_vehicle(vehicle)
+    exported = {
+        burst: export_mission(
+            plan, vehicle, field, tmp_path / f"m{burst}", format=form, picture=False, adjust=True, burst=burst
+        )
+        for burst in (1, 3)
+    }
+    done = exported[3]
+    (each,) = done.routed.flights
+    report = check_mission(read_mission(done.files[0]), profile, planned=each.mission.shots, origin=home_of(field))
+    assert report.ok, report.findings
+    assert not {f.code for f in report.findings} - {"heading-mode"}
+    assert (len(report.taken), report.burst, done.routed.stations, done.routed.photographs) == (21, 3, 7, 21)
+    # Three at each station in turn, with its pose, one interval apart.
+    assert [found.planned for found in report.deviations] == [shot for shot in each.mission.shots for _ in range(3)]
+    assert max(found.metres for found in report.deviations) < 0.01
+    for first in range(0, 21, 3):
+        stands = [shot.after_s for shot in report.taken[first : first + 3]]
+        assert np.diff(stands) == pytest.approx([-interval_s] * 2)
+        assert stands[-1] == pytest.approx(profile.trigger.exposure_s)
+    assert done.routed.bursts_s == pytest.approx(7 * 2 * interval_s)
+    assert done.routed.time_s == pytest.approx(exported[1].routed.time_s + done.routed.bursts_s)
+    (flight,) = load_mission(done.files[1]).flights
+    assert flight.burst is not None
+    assert (flight.burst.photographs, flight.burst.interval_s, flight.photographs) == (3, interval_s, 21)
+    assert "burst" not in exported[1].files[1].read_text()
+    features = json.loads(done.files[2].read_text())["features"]
+    numbers = [f["properties"]["photographs"] for f in features if f["properties"]["kind"] == "station"]
+    assert numbers == [[first + 1, first + 3] for first in range(0, 21, 3)]
+
+
+def test_a_station_that_lost_photographs_is_named_and_so_are_hasty_ones(tmp_path: Path) -> None:
+    field, file = site(), tmp_path / "m.plan"
+    done = export_mission(planned(), VEHICLE, field, file, picture=False, burst=4)
+    document = json.loads(file.read_text())
+    items = document["mission"]["items"]
+    shutters = [k for k, item in enumerate(items) if item["command"] == 2000]
+    items[shutters[5] + 1]["params"][0] = 0.3
+    del items[shutters[13] : shutters[13] + 2]
+    file.write_text(json.dumps(document))
+    shots = done.routed.flights[0].mission.shots
+    report = check_mission(read_mission(file), VEHICLE, planned=shots, origin=home_of(field))
+    assert report.ok
+    short, hasty = (next(f for f in report.findings if f.code == f"short-{what}") for what in ("burst", "interval"))
+    assert short.message == f"{shots[3].name} has 3 of 4 photographs"
+    assert (short.station, short.photograph) == (shots[3].station, 12)
+    assert hasty.message == "taken 0.3 s after the one before; the vehicle's profile asks for 1 s"
+    assert (hasty.station, hasty.photograph) == (shots[1].station, 6)
+    unplanned = check_mission(read_mission(file), VEHICLE, burst=5)
+    assert sum("of 5 photographs" in f.message for f in unplanned.findings) == 7
+    # One photograph more somewhere is no burst.
+    single = check_mission(read_mission(export_mission(planned(), VEHICLE, field, tmp_path / "n").files[0]), VEHICLE)
+    assert single.burst == 1
+    assert not single.findings
+
+
+def test_flights_of_bursts_fit_what_the_vehicle_stores(tmp_path: Path) -> None:
+    field = site(SITES / "plots.geojson", LOW_M)
+    flown_by = VEHICLE.model_copy(update={"max_items": 300})
+    single, several = (
+        export_mission(planned(5), flown_by, field, tmp_path / f"m{burst}", picture=False, burst=burst)
+        for burst in (1, 5)
+    )
+    assert len(single.routed.flights) == 1
+    assert len(several.routed.flights) == 2
+    for file, each in zip(several.files, several.routed.flights, strict=False):
+        assert len(read_mission(file).items) < 300
+        assert each.flight.time.battery < 1.0
+
+
 def test_no_file_takes_more_than_a_battery(tmp_path: Path) -> None:
     """Also where a flight as planned would just do, and holds in whole seconds are too much."""
     flown_by = VEHICLE.model_copy(update={"trigger": VEHICLE.trigger.model_copy(update={"settle_s": 3.05})})

@@ -56,6 +56,10 @@ def test_what_litchi_cannot_hold_is_not_written() -> None:
         mission_bytes("litchi", replace(mission, stops=100 * mission.stops[:1]), DJI)
     with pytest.raises(MissionError, match="40 s; Litchi pauses for at most 32 s"):
         mission_bytes("litchi", replace(mission, settle_s=40.0), DJI)
+    assert mission_bytes("litchi", replace(mission, burst=7), DJI)
+    with pytest.raises(MissionError, match=r"8 photographs at each station; .* 15 actions, enough for 7") as caught:
+        mission_bytes("litchi", replace(mission, burst=8), DJI)
+    assert "--burst 7" in caught.value.remedy
 
 
 @pytest.mark.parametrize(

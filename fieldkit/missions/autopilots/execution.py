@@ -31,6 +31,7 @@ class Photograph:
     heading_why: str = ""  # nobody can say for sure what is commanded
     pitch_why: str = ""
     never: str = ""  # why it is not taken at all
+    legs: int = 0  # flown before it: those taken standing in one place have as many
 
 
 @dataclass(frozen=True)

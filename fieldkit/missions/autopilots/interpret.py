@@ -89,7 +89,7 @@ class _Log:
     def shoot(self, shot: Photograph, clock_s: float, *, stands: bool = True) -> None:
         if stands and not shot.never:
             self.still.append((len(self.photographs), clock_s))
-        self.photographs.append(shot)
+        self.photographs.append(replace(shot, legs=len(self.legs)))
 
     def stand_no_more(self, clock_s: float) -> None:
         """The photographs taken standing here are over: something turns or leaves."""

@@ -62,7 +62,7 @@ def render(mission: Mission, vehicle: Vehicle) -> tuple[MissionItem, ...]:
     if vehicle.max_items is not None and len(items) > vehicle.max_items:
         raise MissionError(
             f"the mission has {len(items)} items; {vehicle.title} stores {vehicle.max_items}",
-            remedy="Fly fewer plots at once.",
+            remedy="Fly fewer plots at once" + (", or fewer photographs." if mission.burst > 1 else "."),
         )
     return tuple(items)
 
@@ -89,9 +89,18 @@ def _ardupilot_photograph(shot: Shot, mission: Mission, vehicle: Vehicle, turnin
         *([] if vehicle.mount.kind == "fixed" else [mount]),
         action(Command.CONDITION_YAW, heading(shot.yaw_deg)),
         _ardupilot_waypoint(shot.place, vehicle, max(LEAST_HOLD_S, math.ceil(mission.settle_s + turning_s - 1e-9))),
-        _shutter(vehicle),
-        delay(max(mission.exposure_s, LEAST_EXPOSURE_S)),
+        *_photographs(_shutter(vehicle), mission),
     ]
+
+
+def _photographs(shutter: MissionItem, mission: Mission) -> list[MissionItem]:
+    """The shutter's item with a delay behind it, once for each photograph of a burst.
+
+    Never one item with a count: that one photograph comes of one item was flown, and for several a PX4 asks a MAVLink
+    camera, without a trigger in its log.
+    """
+    between = [shutter, delay(mission.interval_s)]
+    return [*between * (mission.burst - 1), shutter, delay(max(mission.exposure_s, LEAST_EXPOSURE_S))]
 
 
 def _shutter(vehicle: Vehicle) -> MissionItem:
@@ -130,8 +139,7 @@ def _px4_photograph(shot: Shot, mission: Mission, vehicle: Vehicle, _turning_s: 
         *([] if vehicle.mount.kind == "fixed" else [turn]),
         _px4_waypoint(shot.place, vehicle, heading(shot.yaw_deg)),
         *([delay(mission.settle_s)] if mission.settle_s >= 0.001 else []),  # files hold milliseconds; of 0 it is none
-        action(Command.IMAGE_START_CAPTURE, 0.0, 0.0, 1.0),
-        delay(max(mission.exposure_s, LEAST_EXPOSURE_S)),
+        *_photographs(action(Command.IMAGE_START_CAPTURE, 0.0, 0.0, 1.0), mission),
     ]
 
 

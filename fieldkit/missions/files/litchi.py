@@ -44,6 +44,12 @@ def litchi_bytes(mission: Mission, vehicle: Vehicle) -> bytes:
             f"settling or exposing takes {longest:g} s; Litchi pauses for at most {LONGEST_STAY_S['litchi']:g} s",
             remedy="Set settle_s and exposure_s in the vehicle's profile.",
         )
+    if mission.burst > (most := (_ACTIONS - 1) // 2):
+        raise MissionError(
+            f"{mission.burst} photographs at each station; Litchi's waypoints have {_ACTIONS} actions, enough for "
+            f"{most} with their pauses",
+            remedy=f"Give --burst {most} or less, or --format wpml.",
+        )
     lines = [",".join(COLUMNS)]
     lines += [_row(mission, point) for point in route_points(mission, vehicle, MOST_WAYPOINTS["litchi"], "Litchi")]
     return ("\n".join(lines) + "\n").encode("ascii")
@@ -52,8 +58,10 @@ def litchi_bytes(mission: Mission, vehicle: Vehicle) -> bytes:
 def _row(mission: Mission, point: RoutePoint) -> str:
     actions: list[tuple[int, int]] = []
     if point.shot is not None:
-        settle, exposure = (round(1000 * max(s, LEAST_EXPOSURE_S)) for s in (mission.settle_s, mission.exposure_s))
-        actions = [(_STAY, settle), (_PHOTO, 0), (_STAY, exposure)]
+        times = (mission.settle_s, mission.interval_s, mission.exposure_s)
+        settle, interval, exposure = (round(1000 * max(s, LEAST_EXPOSURE_S)) for s in times)
+        between = [(_PHOTO, 0), (_STAY, interval)] * (mission.burst - 1)
+        actions = [(_STAY, settle), *between, (_PHOTO, 0), (_STAY, exposure)]
     actions += [(_NONE, 0)] * (_ACTIONS - len(actions))
     place = point.place
     return ",".join([

@@ -94,13 +94,16 @@ def geojson_bytes(mission: Mission) -> bytes:
     """A FeatureCollection: home, stations with their poses, legs in the order they are flown, the fence."""
     above = GeoPoint(mission.home.latitude_deg, mission.home.longitude_deg, mission.takeoff_m)
     features = [_feature("Point", _lonlat(above), kind="home", height_above_home_m=0.0, amsl_m=mission.home.amsl_m)]
+    taken = 0
     for order, stop in enumerate(mission.stops):
         height = stop.place.height_m
         if isinstance(stop, Shot):
+            burst = {"photographs": [taken + 1, taken + mission.burst]} if mission.burst > 1 else {}
+            taken += mission.burst
             features.append(_feature(
                 "Point", _lonlat(stop.place), kind="station", order=order, plot=stop.plot,
                 station=station_number(stop.station),
-                height_above_home_m=height, yaw_deg=stop.yaw_deg, pitch_deg=stop.pitch_deg,
+                height_above_home_m=height, yaw_deg=stop.yaw_deg, pitch_deg=stop.pitch_deg, **burst,
             ))  # fmt: skip
         else:
             features.append(_feature("Point", _lonlat(stop.place), kind="via", order=order, height_above_home_m=height))

@@ -208,11 +208,12 @@ def _actions(mission: Mission, index: int, group: int, point: RoutePoint, turn_d
             gimbalRotateTimeEnable=0, gimbalRotateTime=0, payloadPositionIndex=0,
         )),
         ("hover", _tags(hoverTime=f"{max(mission.settle_s, LEAST_EXPOSURE_S):.1f}")),
-        ("takePhoto", _tags(
-            payloadPositionIndex=0, fileSuffix=suffix, payloadLensIndex=lens, useGlobalPayloadLensIndex=0
-        )),
-        ("hover", _tags(hoverTime=f"{max(mission.exposure_s, LEAST_EXPOSURE_S):.1f}")),
     ]  # fmt: skip
+    for left in reversed(range(mission.burst)):
+        name = suffix if mission.burst == 1 else f"{suffix}_{mission.burst - left}"
+        photo = _tags(payloadPositionIndex=0, fileSuffix=name, payloadLensIndex=lens, useGlobalPayloadLensIndex=0)
+        after_s = mission.interval_s if left else max(mission.exposure_s, LEAST_EXPOSURE_S)
+        steps += [("takePhoto", photo), ("hover", _tags(hoverTime=f"{after_s:.1f}"))]
     body = _tags(
         actionGroupId=group, actionGroupStartIndex=index, actionGroupEndIndex=index, actionGroupMode="sequence"
     )

@@ -111,7 +111,7 @@ def _made(results: Results) -> Iterator[str]:
     for plan in plans[:1]:
         yield _plan(plan.report) + (f" and {count(len(plans) - 1, 'more plan')}" if len(plans) > 1 else "")
     if missions:
-        photographs = sum(len(mission.report.flight.stations) for mission in missions)
+        photographs = sum(mission.report.flight.photographs for mission in missions)
         flown = f"{count(len(missions), 'mission')} of {count(photographs, 'photograph')}"
         if len(missions) == 1:
             flight = missions[0].report.flight

@@ -66,9 +66,9 @@ def plan_section(result: Loaded[PlanRun], anchor: str, shown: Shown) -> Section:
 def mission_section(result: Loaded[FlownMission], anchor: str, shown: Shown) -> Section:
     """A mission's way over the plots."""
     mission, flight = result.report, result.report.flight
-    stations = flight.stations
+    stations, burst = flight.stations, 1 if flight.burst is None else flight.burst.photographs
     figures = [
-        KeyFigure("photographs", f"{len(stations)}"),
+        KeyFigure("photographs", f"{flight.photographs}"),
         KeyFigure("plots", f"{len(flight.plots)}"),
         KeyFigure("length of the way", format_length(flight.length_m), "from take-off to landing"),
         KeyFigure("time in the air", format_seconds(flight.time_s), "from take-off to landing, estimated"),
@@ -79,7 +79,7 @@ def mission_section(result: Loaded[FlownMission], anchor: str, shown: Shown) -> 
     positions = site_frame(mission.record).points(stations).tolist()
     table = tabulated("Photographs in the order they are flown", [
         {
-            "photograph": f"{number}",
+            "photograph": f"{number}" if burst == 1 else f"{(number - 1) * burst + 1} to {number * burst}",
             "plot": station.plot,
             Column("station", True): f"{station_number(station.station)}",
             Column("east of home, m", True): decimal(east),
@@ -295,7 +295,7 @@ def mission_statements(loaded: Loaded[FlownMission], _: Results) -> Iterator[Sta
         advice = f"{result.mission_file} was changed since it was exported; this is of the file as it was."
     yield Statement(
         "note" if result.changed else "fact",
-        f"The mission “{flight.name}” takes {count(len(flight.stations), 'photograph')} over {over} on a way of "
+        f"The mission “{flight.name}” takes {count(flight.photographs, 'photograph')} over {over} on a way of "
         f"{format_length(flight.length_m)} in {format_seconds(flight.time_s)}, from take-off to landing.",
         advice,
     )
