@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.planning.objective.objective import FIDELITIES
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
-from fieldkit.planning.objective.source import FIDELITIES
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.reconstruction.pipeline import reconstruct
 from fieldkit.reconstruction.settings import ReconstructionSettings

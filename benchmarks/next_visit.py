@@ -20,7 +20,7 @@ from fieldkit.planning.objective.simulated import SimulatedSource
 from fieldkit.planning.run.flyable import flight_noise
 from fieldkit.planning.run.outcome import plants_of
 from fieldkit.planning.run.request import search_settings
-from fieldkit.planning.run.run_setup import plan_envelope, set_up_run
+from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import plan_from_poses
@@ -129,7 +129,7 @@ def _campaign_plan(scene: str, progress: Progress) -> Plan:
         problem = set_up_run(settings, Path(folder), Context(progress=progress)).problem
     cameras = ScoreOptimum(problem, settings.weights).choose(2)[0].cameras
     return plan_from_poses(
-        cameras.poses(), problem.camera, envelope=plan_envelope(problem.envelope), plants=plants_of(problem)
+        cameras.poses(), problem.camera, envelope=problem.envelope.in_plan(), plants=plants_of(problem)
     )
 
 

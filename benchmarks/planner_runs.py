@@ -46,8 +46,8 @@ class Place:
     @classmethod
     def scene(cls, name: str) -> Place:
         """One of fieldkit's scenes, or a file's. Raises SceneError."""
-        ((source, path),) = describe_sources([Path(name)], (), None)
-        return cls(path.stem, source, path)
+        (plot,) = describe_sources([Path(name)], (), None)
+        return cls(Path(plot.path).stem, plot.source, Path(plot.path))
 
     def settings(self, **more: Any) -> SearchSettings:
         """Settings of a run at this place; ``more`` are fields of `SearchSettings`."""

@@ -23,10 +23,9 @@ from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.geometry import Pose
 from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation
-from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
+from fieldkit.planning.objective.objective import Objective, ObjectiveSettings, PhotoSource
 from fieldkit.planning.objective.recorded import RecordedSource
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
-from fieldkit.planning.objective.source import PhotoSource
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.camera_effects import CameraEffects

@@ -7,11 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from fieldkit.clouds.volume import Volume
-from fieldkit.geometry import Pose, Similarity
-from fieldkit.geometry.priors import SourceFrame
+from fieldkit.geometry import Pose
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.results.fields import vector
 from fieldkit.results.frame import Plane
 from fieldkit.scenes.description import SceneDescription, build, sample_reference
@@ -36,11 +34,8 @@ class SlopedSource(SimulatedSource):
     def __init__(self, proxy: Proxy, description: SceneDescription, slope: Gradient) -> None:
         super().__init__(proxy, description.noise, effects=description.camera_effects)
         normal = np.array([-slope[0], -slope[1], 1.0])
-        self._ground = Plane(vector(normal / np.linalg.norm(normal)), 0.0, _ROUGHNESS_M, 1.0, _LOWEST_M)
-
-    @property
-    def plot(self) -> KnownPlot:
-        return KnownPlot(SourceFrame("poses.csv", None, Similarity.identity()), self.proxy.volume, self._ground)
+        ground = Plane(vector(normal / np.linalg.norm(normal)), 0.0, _ROUGHNESS_M, 1.0, _LOWEST_M)
+        self.plot = replace(self.plot, ground=ground)
 
 
 def sloped_proxy(description: SceneDescription, slope: Gradient, level: Scene | None = None) -> Proxy:

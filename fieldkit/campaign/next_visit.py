@@ -21,7 +21,6 @@ from fieldkit.planning.methods.optimise import Effort, optimise
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.run.flyable import vehicle_envelope
 from fieldkit.planning.run.outcome import plants_of
-from fieldkit.planning.run.run_setup import plan_envelope
 from fieldkit.planning.score.cost_model import WEIGHTS, CostModel
 from fieldkit.planning.settings import EnvelopeSettings
 from fieldkit.planning.space.cameras import Array, Cameras
@@ -167,7 +166,7 @@ def plan_for_plants(
     made = plan.model_copy(
         update={
             "stations": plan_from_poses(best.poses()).stations,
-            "envelope": plan_envelope(problem.envelope),
+            "envelope": problem.envelope.in_plan(),
             "plants": plants_of(problem),
             "plant_height_m": None,
             "fit": None,

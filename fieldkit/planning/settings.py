@@ -176,6 +176,11 @@ class SearchSettings(Strict):
         return (GivenPlot(source=self.source, path=self.path, images_path=self.images_path), *self.others)
 
     @property
+    def all_plots(self) -> int:
+        """Number of plots: those that the plan is for, and with several one for each repeat that no trial has met."""
+        return self.plots + (self.repeats if self.plots > 1 else 0)
+
+    @property
     def blind(self) -> bool:
         """Whether mapping works without the commanded poses."""
         return self.mapping != "prior"

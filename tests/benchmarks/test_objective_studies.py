@@ -10,17 +10,15 @@ from benchmarks.objective_ranks import Ranks, rank_table, run_ranks
 from benchmarks.objective_scenes import TuningPlot, tuning_plot
 from fieldkit.cache import StageCache
 from fieldkit.planning.objective.evaluation import Evaluation, StageCost
-from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
+from fieldkit.planning.objective.simulated import SimulatedSource
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.renderer import Renderer, RenderingError
 from fieldkit.scenes.scene_file import read_scene
-from fieldkit_sim.plot import build_scene
 from fieldkit_sim.simulation import ring
-from tests.planning.conftest import CAMERA
-from tests.scenes.conftest import SMALL_PLOT
+from tests.planning.conftest import small_proxy
 
 NOTHING = ObjectiveOptions(None, StageCache(None))
 
@@ -32,7 +30,7 @@ def evaluation(value: float, cpu_s: float) -> Evaluation:
 
 @pytest.fixture(scope="module")
 def plot() -> TuningPlot:
-    proxy = Proxy.of(build_scene(SMALL_PLOT), CAMERA, points=20_000)
+    proxy = small_proxy()
     try:
         Renderer(proxy.scene).close()
     except RenderingError as error:

@@ -7,7 +7,9 @@ import pytest
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.plots import above_soil
 from fieldkit.scenes.renderer import RenderingError
+from fieldkit.scenes.sampling import sample_plants
 from fieldkit_sim.plot import build_scene
 from fieldkit_sim.simulation import ring
 from tests.scenes.conftest import SMALL_PLOT
@@ -15,10 +17,16 @@ from tests.scenes.conftest import SMALL_PLOT
 CAMERA = Intrinsics.pinhole(640, 480, 560.0)
 
 
+def small_proxy() -> Proxy:
+    """Two plants on coarse soil, 640 × 480 pixels, with the plants' own surface as the truth."""
+    scene = build_scene(SMALL_PLOT)
+    return Proxy(scene, *above_soil(sample_plants(scene, 20_000, 0)), CAMERA)
+
+
 @pytest.fixture(scope="session")
 def proxy() -> Proxy:
-    """Two plants on coarse soil, 640 × 480 pixels."""
-    return Proxy.of(build_scene(SMALL_PLOT), CAMERA, points=20_000)
+    """`small_proxy`, made once."""
+    return small_proxy()
 
 
 @pytest.fixture(scope="session")

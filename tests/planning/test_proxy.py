@@ -12,8 +12,8 @@ from fieldkit.captures import read_image
 from fieldkit.clouds import Cloud, write_ply
 from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.errors import SceneError
+from fieldkit.planning.objective.objective import FIDELITIES
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
-from fieldkit.planning.objective.source import FIDELITIES
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot

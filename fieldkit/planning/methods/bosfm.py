@@ -14,7 +14,7 @@ import numpy as np
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.planning.space.coding import Coding
-from fieldkit.planning.surrogate.acquisition import suggest
+from fieldkit.planning.surrogate.ensemble import suggest
 
 _FEW = 1000
 _SPREADS = (0.02, 0.1, 0.3)

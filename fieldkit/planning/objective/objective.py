@@ -1,29 +1,131 @@
-"""The objective r(z), BOSfM's eq. `r_func`: the result of real structure from motion with a set of cameras."""
+"""The objective r(z), BOSfM's eq. `r_func`: the result of real structure from motion with a set of cameras.
+
+Photographs come from a source, simulated or recorded, at one of three levels of detail.
+"""
 
 from __future__ import annotations
 
+from collections import OrderedDict
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
-from fieldkit.cache import digest
+from fieldkit.cache import StageCache, digest
+from fieldkit.captures.model import Capture
 from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.metrics import nearest_distances, score_distances
+from fieldkit.clouds.metrics import ReferenceIndex, nearest_distances, score_distances
+from fieldkit.clouds.volume import Volume
 from fieldkit.errors import ReconstructionError, UsageError
+from fieldkit.geometry import Intrinsics
 from fieldkit.planning.objective.evaluation import Evaluation, Rule, StageCost, value_m
-from fieldkit.planning.objective.source import FIDELITIES, PhotoSet, PhotoSource
 from fieldkit.planning.space.cameras import Cameras
+from fieldkit.reconstruction.dense import resolution
+from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.mapping.prior import PriorMappingSettings
-from fieldkit.reconstruction.pipeline import reconstruct
+from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import StageTimer
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.progress import Silent
+from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.sites.fitted import Stretch
 from fieldkit.vocabulary import DISTANCES_M, MappingName, SearchFidelity
+from fieldkit.vocabulary import Fidelity as DenseFidelity
 
 _LEAST_CAMERAS = 2
+
+
+@dataclass(frozen=True)
+class Fidelity:
+    """A level of detail of evaluations."""
+
+    name: SearchFidelity
+    """``"draft"``, ``"standard"`` or ``"fine"``."""
+    drawn_side: int = 2000
+    """Least longer side of rendered photographs, pixels, at most the camera's; recorded ones keep their size."""
+    economy: bool = True
+    """Passed to `simulate_capture`; halves the cost of rendering."""
+    features: FeatureSettings = field(default_factory=FeatureSettings)
+    """Detection in rendered photographs; recorded ones always use the defaults of `FeatureSettings`."""
+    dense: DenseFidelity = "standard"
+    """Fidelity of dense stereo."""
+
+    def camera(self, camera: Intrinsics, cameras: Cameras, volume: Volume) -> Intrinsics:
+        """The camera that photographs are rendered with: large enough for dense stereo from the farthest one."""
+        size = (camera.width, camera.height)
+        sides = [max(resolution(size, camera, p, volume, self.dense).size) for p in cameras.poses()]
+        scale = max(self.drawn_side, *sides) / max(size)
+        return camera if scale >= 1.0 else camera.scaled(round(camera.width * scale), round(camera.height * scale))
+
+
+FIDELITIES: dict[SearchFidelity, Fidelity] = {
+    "draft": Fidelity("draft", 1200, features=FeatureSettings(working_side=900, max_features=3000), dense="draft"),
+    "standard": Fidelity("standard", 1600, features=FeatureSettings(working_side=1400)),
+    "fine": Fidelity("fine", dense="fine"),
+}
+"""Draft and standard render and match fewer pixels than fine, and densify coarser ones."""
+
+
+@dataclass(frozen=True)
+class PhotoSet:
+    """The photographs of a set of cameras."""
+
+    capture: Capture
+    """With the commanded poses as its priors, in the plot frame."""
+    views: tuple[str, ...]
+    """The photographs' names in the cameras' order."""
+    features: FeatureSettings = field(default_factory=FeatureSettings)
+    """Settings of their detection."""
+
+
+class PhotoSource(Protocol):
+    """Takes the commanded photographs, and knows the truth they are scored against.
+
+    A source can be pickled: worker processes get a copy and prepare it once.
+    """
+
+    @property
+    def plot(self) -> KnownPlot:
+        """Frame, volume of interest and ground. The metric source's frame is the plot frame."""
+        ...
+
+    @property
+    def cache(self) -> StageCache:
+        """The cache that evaluations share."""
+        ...
+
+    @property
+    def reference(self) -> ReferenceIndex:
+        """PC_env, indexed."""
+        ...
+
+    def prepare(self) -> None:
+        """Make what every evaluation needs (a renderer, an index). Further calls do nothing."""
+        ...
+
+    def photograph(
+        self, cameras: Cameras, fidelity: Fidelity, seed: int, progress: Progress
+    ) -> AbstractContextManager[PhotoSet]:
+        """The photographs, which exist while the context is open."""
+        ...
+
+    def close(self) -> None:
+        """Free what `prepare` made."""
+        ...
+
+
+class PlotKind(Protocol):
+    """Plots by number, to take photographs of. Picklable."""
+
+    def prepare(self) -> None:
+        """Do the one-off work of the first evaluation now. Raises errors that prevent any evaluation here."""
+        ...
+
+    def source(self, number: int) -> PhotoSource:
+        """The source of a plot's photographs."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -191,3 +293,45 @@ class Objective:
             failure=failure,
             times=tuple(StageCost(t.name, t.cpu_s, t.wall_s) for t in timer.times({})),
         )
+
+
+_OPEN = 2
+"""Number of plots that a process keeps ready to render; another renderer takes a second to start."""
+
+
+class PlotsObjective:
+    """The objectives of a kind's plots by their numbers; see `evaluations.Evaluator`.
+
+    Args:
+        stretches: by number, for those that cameras are fitted to.
+    """
+
+    def __init__(
+        self, kind: PlotKind, settings: ObjectiveSettings, *, seed: int = 0,
+        stretches: Mapping[int, Stretch] | None = None,
+    ) -> None:  # fmt: skip
+        self.kind, self.settings, self.seed, self.stretches = kind, settings, seed, stretches or {}
+        self._open: OrderedDict[int, Objective] = OrderedDict()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_open": OrderedDict()}
+
+    def prepare(self) -> None:
+        """See `PlotKind.prepare`."""
+        self.kind.prepare()
+
+    def on(self, plot: int) -> Objective:
+        """The plot's objective. Raises SceneError."""
+        if plot not in self._open:
+            stretch = self.stretches.get(plot)
+            self._open[plot] = Objective(self.kind.source(plot), self.settings, seed=self.seed, stretch=stretch)
+            if len(self._open) > _OPEN:
+                self._open.popitem(last=False)[1].close()
+        self._open.move_to_end(plot)
+        return self._open[plot]
+
+    def close(self) -> None:
+        """Free the renderers."""
+        for objective in self._open.values():
+            objective.close()
+        self._open.clear()

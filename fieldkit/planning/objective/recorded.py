@@ -1,4 +1,7 @@
-"""The recorded back end: cameras are matched to recorded photographs."""
+"""The recorded back end: cameras are matched to recorded photographs, of the plot or of others like it.
+
+Other plots are its plants turned in front of the recorded cameras, with only a share of their matches.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +20,11 @@ from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.metrics import ReferenceIndex
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.geometry import Pose, Similarity
+from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.geometry.priors import PosePrior, SourceFrame
-from fieldkit.planning.objective.source import Fidelity, PhotoSet
+from fieldkit.planning.objective.objective import Fidelity, PhotoSet
 from fieldkit.planning.space.cameras import Array, Cameras, assign
+from fieldkit.planning.space.plots import Plot
 from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.guided import region_of_interest
 from fieldkit.reconstruction.known_poses import known_poses
@@ -127,8 +132,8 @@ class RecordedSource:
         # Positions in any frame of the capture are transformed to the plot frame here.
         region = region_of_interest([view.pose for view in self.views])
         self._rehearsal = Rehearsal()
-        self._plot = replace(plot, source=SourceFrame("poses.csv", None, Similarity.identity()), region=region)
-        self._cache = InputsCache(cache.root)
+        self.plot = replace(plot, source=SourceFrame("poses.csv", None, Similarity.identity()), region=region)
+        self.cache = InputsCache(cache.root)
         self._reference: ReferenceIndex | None = None
         centers = np.array([view.pose.center for view in self.views])
         self.distance_m = float(np.median(np.linalg.norm(centers - plot.volume.center, axis=1)))
@@ -145,22 +150,14 @@ class RecordedSource:
     @property
     def middle(self) -> Array:
         """(3,) centre about which cameras are turned: what they look at, else the middle of the plot."""
-        region = self._plot.region
-        return np.array(self._plot.volume.center if region is None else region.center)
-
-    @property
-    def plot(self) -> KnownPlot:
-        return self._plot
+        region = self.plot.region
+        return np.array(self.plot.volume.center if region is None else region.center)
 
     @property
     def reference(self) -> ReferenceIndex:
         if self._reference is None:
             self._reference = ReferenceIndex(self.cloud)
         return self._reference
-
-    @property
-    def cache(self) -> StageCache:
-        return self._cache
 
     def prepare(self) -> None:
         assert self.reference is not None
@@ -210,3 +207,65 @@ def _prior(view: RecordedView, pose: Pose, noise: CaptureNoise) -> PosePrior:
     sigma_deg = float(np.hypot(view.angle_sigma_deg, noise.angle_deg))
     prior = PosePrior(pose.center, sigma_m, angle_sigma_deg=sigma_deg, source="poses.csv")
     return prior.with_angles(pose.yaw_pitch_roll_deg())
+
+
+LEAST_KEPT = 0.3
+"""Least share of matches kept: the recorded rigs' matches differ by up to three times."""
+_STREAM, _GOLDEN = 53, (5**0.5 - 1) / 2
+_ALL_ROUND = 1.5
+"""Largest mean distance of turned views from their recorded ones, in spacings of the recorded views."""
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedKind:
+    """Plots of a recorded plot's kind, by number; 0 is the plot as it was recorded.
+
+    Turning the plants is the same as turning the cameras, which have photographs if the views go all round. Else plots
+    differ only in the share of matches.
+    """
+
+    recorded: RecordedSource
+    """The recorded photographs."""
+    seed: int
+
+    def prepare(self) -> None:
+        """See `PlotKind.prepare`."""
+        self.recorded.prepare()
+
+    def source(self, number: int) -> RecordedSource:
+        """The source of a plot's photographs."""
+        return self.recorded.rehearsing(self.rehearsal(number))
+
+    def rehearsal(self, number: int) -> Rehearsal:
+        """The changes of a plot."""
+        if not number:
+            return Rehearsal()
+        turn_deg = float(np.random.default_rng([self.seed, _STREAM, number]).uniform(0.0, 360.0))
+        # Spread evenly over the range, so that any few plots in a row have high shares and low ones.
+        start = float(np.random.default_rng([self.seed, _STREAM]).random())
+        kept = LEAST_KEPT + (1.0 - LEAST_KEPT) * ((start + number * _GOLDEN) % 1.0)
+        return Rehearsal(turn_deg if self._all_round(turn_deg) else 0.0, kept, number)
+
+    def plot(self, number: int, matches: NDArray[np.float64] | None) -> Plot:
+        """The plot as planning knows it.
+
+        Args:
+            matches: (m, m) between the recorded views on the plot as recorded.
+        """
+        rehearsal, cloud = self.rehearsal(number), self.recorded.cloud
+        middle = self.recorded.middle
+        turn = rotation_from_vector(np.array([0.0, 0.0, np.radians(rehearsal.turn_deg)]))
+        turned = cloud.transformed(Similarity(1.0, turn, middle - turn @ middle))
+        if matches is not None:
+            index = self.recorded.project(self.recorded.cameras().turned(middle, -rehearsal.turn_deg))
+            matches = rehearsal.kept * matches[np.ix_(index, index)]
+        return Plot(turned, np.zeros((0, 3)), matches)
+
+    def _all_round(self, turn_deg: float) -> bool:
+        cameras = self.recorded.cameras()
+        turned = cameras.turned(self.recorded.middle, -turn_deg)
+        nearest = cameras.select(self.recorded.project(turned))
+        apart = np.linalg.norm(cameras.positions[:, None] - cameras.positions[None], axis=2)
+        np.fill_diagonal(apart, np.inf)
+        away = np.linalg.norm(nearest.positions - turned.positions, axis=1)
+        return bool(away.mean() <= _ALL_ROUND * np.median(apart.min(axis=1)))

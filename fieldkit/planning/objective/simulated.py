@@ -1,11 +1,15 @@
-"""The simulated back end: rendered photographs of a scene."""
+"""The simulated back end: rendered photographs of a scene, or of plots of its kind."""
 
 from __future__ import annotations
 
+import pickle
+import shutil
 import tempfile
+import weakref
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,23 +20,29 @@ from fieldkit.captures import read_capture
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.metrics import ReferenceIndex
 from fieldkit.clouds.volume import Volume
+from fieldkit.files import lock, write_atomic
 from fieldkit.geometry import Intrinsics, Similarity
 from fieldkit.geometry.priors import SourceFrame
-from fieldkit.planning.objective.source import Fidelity, PhotoSet
+from fieldkit.planning.objective.objective import Fidelity, PhotoSet
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.planning.space.plots import LOWEST_M, Plot, above_soil, check_plants, of_interest
+from fieldkit.planning.space.plots import Plot, check_plants, of_interest
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription, build, sample_truth
 from fieldkit.scenes.drawing import Draw, KeptDrawings, draw
+from fieldkit.scenes.from_reference import SCENE_FILE
+from fieldkit.scenes.plants_apart import PlantsApart, tell_apart
+from fieldkit.scenes.recorded import recorded_plants
+from fieldkit.scenes.recorded_kind import Variation, bounds_around, draw_variation, varied_cloud, write_varied_scene
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.sampling import neighbour_points, plants_area_m2, sample_others, sample_plants
+from fieldkit.scenes.sampling import neighbour_points, plants_area_m2, sample_others
 from fieldkit.scenes.scene import Scene
+from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise, Outdoors, Sidecars, simulate_capture
+from fieldkit.scenes.simulated_field import simulated_field
 
 _CLAIMED_M = 0.010
-_REFERENCE_POINTS = 200_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,24 +61,6 @@ class Proxy:
     """The surfaces of PC_env, sampled more densely, and those of weeds and neighbours; None if unknown. Accuracy is
     measured to it: reconstructed weeds and neighbours are no error, and missing ones cost nothing.
     """
-
-    @classmethod
-    def of(
-        cls,
-        scene: Scene,
-        camera: Intrinsics,
-        *,
-        points: int = _REFERENCE_POINTS,
-        lowest_m: float = LOWEST_M,
-        seed: int = 0,
-    ) -> Proxy:
-        """A proxy of a scene: its plants' visible surfaces, sampled uniformly by area.
-
-        Args:
-            points: sampled, before hidden and low ones are left out.
-            lowest_m: lower points are left out of reference and cloud, since the soil is bumpy.
-        """
-        return cls(scene, *above_soil(sample_plants(scene, points, seed), lowest_m), camera)
 
     @classmethod
     def from_description(cls, description: SceneDescription, camera: Intrinsics | None = None) -> Proxy:
@@ -119,12 +111,13 @@ class SimulatedSource:
         self._renderer: Renderer | None = None
         self._reference: ReferenceIndex | None = None
         self._drawings: Draw | None = None
-        self._cache = StageCache(None)  # no two photographs are the same
+        self.plot = KnownPlot(SourceFrame("poses.csv", None, Similarity.identity()), proxy.volume, None)
+        self.cache = StageCache(None)  # no two photographs are the same
 
     @classmethod
     def from_description(
-        cls, description: SceneDescription, noise: CaptureNoise | None = None, *, camera: Intrinsics | None = None,
-        outdoors: Outdoors | None = None,
+        cls, description: SceneDescription, noise: CaptureNoise | None = None, *, outdoors: Outdoors | None = None,
+        proxy: Proxy | None = None,
     ) -> SimulatedSource:  # fmt: skip
         """Photographs of a scene as its file describes them, but in still air by default.
 
@@ -132,17 +125,10 @@ class SimulatedSource:
 
         Args:
             noise: of poses and images, instead of the description's.
-            camera: of the photographs, instead of the description's.
             outdoors: instead of still air.
+            proxy: of the description, or of a plot that is photographed as it.
         """
-        return cls.of_scene(description, Proxy.from_description(description, camera), noise, outdoors)
-
-    @classmethod
-    def of_scene(
-        cls, description: SceneDescription, proxy: Proxy, noise: CaptureNoise | None = None,
-        outdoors: Outdoors | None = None,
-    ) -> SimulatedSource:  # fmt: skip
-        """As `from_description`, with the description's proxy given."""
+        proxy = proxy or Proxy.from_description(description)
         return cls(proxy, noise or description.noise, effects=description.camera_effects, outdoors=outdoors)
 
     def with_noise(self, noise: CaptureNoise) -> SimulatedSource:
@@ -155,18 +141,10 @@ class SimulatedSource:
         return self.__dict__ | {"_renderer": None, "_reference": None, "_drawings": None}
 
     @property
-    def plot(self) -> KnownPlot:
-        return KnownPlot(SourceFrame("poses.csv", None, Similarity.identity()), self.proxy.volume, None)
-
-    @property
     def reference(self) -> ReferenceIndex:
         if self._reference is None:
             self._reference = ReferenceIndex(self.proxy.reference, self.proxy.surface)
         return self._reference
-
-    @property
-    def cache(self) -> StageCache:
-        return self._cache
 
     def prepare(self) -> None:
         """Upload the scene and index the reference."""
@@ -213,3 +191,113 @@ def _reduced(effects: CameraEffects | None, scale: float) -> CameraEffects | Non
     if effects is None:
         return None
     return replace(effects, defocus_px=effects.defocus_px * scale, grain_px=max(1.0, effects.grain_px * scale))
+
+
+_SEEDS_APART = 1_000_003
+"""Distance between the seeds of two given plots, so that their draws differ."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Plots by number: first the given ones, then others drawn of each of them in turn.
+
+    For a simulated plot they come from `plots_of_kind`. For one made from a reference, plants that can be told apart
+    are turned, scaled and left out; else the whole plot is turned and mirrored (`draw_variation`). Plot k does not
+    depend on the number of plots.
+
+    A plot's scene takes 17 CPU s to build. The first process that needs it shares it with the machine's other processes
+    in a temporary folder, which is removed with this object.
+    """
+
+    descriptions: tuple[SceneDescription, ...]
+    """Of the given plots, all simulated or all recorded. The first one's camera effects apply to all."""
+    seed: int
+    folder: Path
+    """Where scenes of recorded plots are written."""
+    noise: CaptureNoise | None = None
+    """Of photographs; None takes the first plot's."""
+    outdoors: Outdoors | None = None
+    """While they are taken; None is still air."""
+    camera: Intrinsics | None = None
+    """Of them; None takes the first plot's."""
+
+    @cached_property
+    def recorded(self) -> tuple[tuple[Cloud, PlantsApart], ...]:
+        """Each recorded plot's plants, and how they are told apart; empty for simulated plots."""
+        clouds = [recorded_plants(each.recorded) for each in self.descriptions if each.recorded is not None]
+        return tuple((cloud, tell_apart(cloud)) for cloud in clouds)
+
+    def plot(self, number: int) -> tuple[Plot, Volume]:
+        """The plot as known without a photograph. Raises SceneError."""
+        given, drawn = self._origin(number)
+        if not drawn or not self.recorded:
+            return Plot.of(self._simulated(number))
+        cloud, apart = self.recorded[given]
+        varied = varied_cloud(cloud, apart, self._variation(number))
+        bounds = self.descriptions[given].bounds
+        description = replace(self.descriptions[given], bounds=bounds_around(bounds, varied))
+        reference, volume = of_interest(description, varied)
+        return Plot.without_others(reference), volume
+
+    def prepare(self) -> None:
+        """Raises RenderingError: this machine cannot render."""
+        Renderer(Scene(())).close()
+
+    def source(self, number: int) -> SimulatedSource:
+        """The source of a plot's photographs. Raises SceneError, StorageError."""
+        proxy = self._shared_proxy(number)
+        return SimulatedSource.from_description(self.descriptions[0], self.noise, outdoors=self.outdoors, proxy=proxy)
+
+    def proxy(self, number: int) -> Proxy:
+        """The proxy to photograph, built anew. Raises SceneError, StorageError."""
+        given, drawn = self._origin(number)
+        description = self._simulated(number)
+        if drawn and self.recorded:
+            made = self.folder / f"{number}"
+            if not made.is_dir():
+                write_varied_scene(description, self.recorded[given][1], self._variation(number), made)
+            description = read_scene(made / SCENE_FILE)
+        return Proxy.from_description(description, self.camera or self.descriptions[0].camera)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_shared": self._shared}  # there before workers need it
+
+    @cached_property
+    def _shared(self) -> Path:
+        folder = Path(tempfile.mkdtemp(prefix="fieldkit-plots-"))
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        return folder
+
+    def _shared_proxy(self, number: int) -> Proxy:
+        if not self._shared.is_dir():  # on another machine
+            return self.proxy(number)
+        file = self._shared / f"{number}.pickle"
+        with (self._shared / f"{number}.lock").open("wb") as held:
+            with suppress(OSError):  # without locks it is built twice
+                lock(held.fileno(), wait=True)  # the second process waits for the first one's scene
+            if not file.is_file():
+                write_atomic(file, pickle.dumps(self.proxy(number), pickle.HIGHEST_PROTOCOL))
+            proxy: Proxy = pickle.loads(file.read_bytes())
+        return proxy
+
+    def _origin(self, number: int) -> tuple[int, int]:
+        """The given plot that a plot is drawn of, and the number of the draw; draw 0 is the given plot itself."""
+        return number % len(self.descriptions), number // len(self.descriptions)
+
+    def _seed(self, given: int) -> int:
+        return self.seed + _SEEDS_APART * given
+
+    def _variation(self, number: int) -> Variation:
+        given, drawn = self._origin(number)
+        cloud, apart = self.recorded[given]
+        return draw_variation(cloud, apart, self._seed(given), drawn - 1)
+
+    def _simulated(self, number: int) -> SceneDescription:
+        """A simulated plot; for a recorded one the given plot itself."""
+        given, drawn = self._origin(number)
+        description = self.descriptions[given]
+        if not drawn or description.recorded is not None:
+            return description
+        generator = simulated_field("generator")
+        plots: tuple[SceneDescription, ...] = generator.plots_of_kind(description, drawn, self._seed(given))
+        return plots[-1]

@@ -14,7 +14,7 @@ from pydantic import Field, JsonValue, ValidationError
 from fieldkit.documents.json_file import first_problem, read_json_object, validated
 from fieldkit.errors import MetadataError, StorageError, UsageError
 from fieldkit.files import atomic_folder, lock, storage_errors, write_atomic
-from fieldkit.planning.objective.evaluation import Evaluation, StageCost
+from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.problem import Result, Trial
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.planning.space.cameras import Cameras
@@ -88,17 +88,6 @@ class LogEntry(Strict):
     def trial(self) -> Trial:
         """The trial, bit for bit as it was proposed."""
         return Trial(self.number, Cameras.from_vector(np.array(self.cameras)), self.origin, self.notes, plot=self.plot)
-
-    @property
-    def evaluation(self) -> Evaluation:
-        """The evaluation; its seconds are all in one stage."""
-        return Evaluation(
-            value_m=self.value_m, chamfer_m=self.chamfer_m, accuracy_m=self.accuracy_m,
-            completeness_m=self.completeness_m, f_scores={d: self.f_score[f"{d:.3f}"] for d in DISTANCES_M},
-            images=len(self.cameras), registered=self.registered, right=self.right, models=self.models,
-            points=self.points, cloud_digest=self.cloud_digest, views=self.views, failure=self.failure,
-            measured=self.measured, times=(StageCost("Evaluating", self.cpu_s, self.wall_s),),
-        )  # fmt: skip
 
     @property
     def result(self) -> Result:

@@ -208,7 +208,7 @@ def _plan(run: RunFolder, setup: RunSetup, chosen: Finalist, outcome: Outcome) -
     return plan_from_poses(
         chosen.trial.cameras.poses(),
         setup.problem.camera,
-        envelope=setup.envelope,
+        envelope=setup.problem.envelope.in_plan(),
         plants=plants_of(setup.problem),
         plant_height_m=setup.plant_height_m,
         source=settings.source,

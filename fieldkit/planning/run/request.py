@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from fieldkit import wording
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.documents.json_file import first_problem
 from fieldkit.errors import MetadataError, UsageError
@@ -26,7 +25,6 @@ from fieldkit.planning.settings import (
     lag_for,
     unchanging,
 )
-from fieldkit.results.plan import PlanSource
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.version import __version__
 
@@ -107,10 +105,11 @@ def search_settings(
 
 def new_settings(request: PlanRequest, workers: int) -> SearchSettings:
     """The settings of a new run."""
-    (source, path), *others = describe_sources(request.scenes, request.references, request.captures)
-    recorded, given = source.kind == "captures", _given(request.settings)
-    method = KIND_METHOD if _chooses(request, given, source.kind) else given.get("method", _METHOD)
-    plots = _plots(request.purpose, given.get("plots"), method, 1 + len(others))
+    plots_given = _sources(request)
+    first, *others = plots_given
+    recorded, given = first.source.kind == "captures", _given(request.settings)
+    method = KIND_METHOD if _chooses(request, given, first.source.kind) else given.get("method", _METHOD)
+    plots = _plots(request.purpose, given.get("plots"), method, len(plots_given))
     for key in ("weights", "heights"):
         if key in given and not METHODS[method].weights:
             raise UsageError(
@@ -118,42 +117,40 @@ def new_settings(request: PlanRequest, workers: int) -> SearchSettings:
                 remedy=f"Leave it out, or choose one of {', '.join(n for n in METHODS if METHODS[n].weights)}.",
             )
     vehicle, record = (None, None) if request.vehicle is None else read_vehicle(request.vehicle)
+    envelope = _given(request.envelope)
     if recorded and vehicle is None:  # with one they limit the views
-        _refuse_limits(_given(request.envelope))
-    images = _images(request, source)
+        _refuse_limits(envelope)
     try:
         # Recorded photographs have fixed places.
         expected = NoiseSettings() if plots == 1 or recorded else flight_noise(vehicle)
         asked = _given(request.noise)
         noise = _changed(expected, asked | ({"expected_m": asked["pose_m"]} if asked.get("pose_m") else {}))
-        envelope = _given(request.envelope)
-        confirmed = _confirmations(plots, method, recorded=recorded, exact=unchanging(source, noise))
         usual = SearchSettings(
             fieldkit=__version__,
-            source=source,
-            path=str(path),
+            source=first.source,
+            path=first.path,
             reference_path=str(request.references[0].resolve()) if recorded and request.references else None,
-            images_path=images[0],
-            others=tuple(
-                GivenPlot(source=each, path=str(place), images_path=its)
-                for (each, place), its in zip(others, images[1:], strict=True)
-            ),
+            images_path=first.images_path,
+            others=tuple(others),
             cameras=_DEFAULT_CAMERAS,
             camera=_planned_camera(request.camera, vehicle, recorded=recorded),
             vehicle=record,
             method=method,
             plots=plots,
-            finalists=confirmed[0],
-            repeats=confirmed[1],
             # Else the cloud's random shift would outweigh the cameras' places.
             refine=plots > 1 and noise.pose_m > 0,
             lag=lag_for(workers),
             noise=noise,
             envelope=EnvelopeSettings(**(envelope if vehicle is None else vehicle_envelope(vehicle, envelope))),
         )
-        return _changed(usual, given | {"method": method, "plots": plots})
+        confirmed = _confirmations(plots, method, recorded=recorded, exact=unchanging(first.source, noise))
+        return _changed(usual, confirmed | given | {"method": method, "plots": plots})
     except ValidationError as error:
         raise UsageError(first_problem(error), remedy="`fieldkit plan --help` explains the options.") from error
+
+
+def _sources(request: PlanRequest) -> tuple[GivenPlot, ...]:
+    return describe_sources(request.scenes, request.references, request.captures, request.images)
 
 
 def _changed(settings: Settings, given: Mapping[str, Any]) -> Settings:
@@ -161,15 +158,11 @@ def _changed(settings: Settings, given: Mapping[str, Any]) -> Settings:
     return type(settings).model_validate(dict(settings) | dict(given))
 
 
-def _confirmations(plots: int, method: str, *, recorded: bool, exact: bool) -> tuple[int, int]:
-    """Numbers of finalists and of repeats, where nobody gives them."""
-    usual = SearchSettings.model_fields
+def _confirmations(plots: int, method: str, *, recorded: bool, exact: bool) -> dict[str, int]:
+    """Numbers of finalists and of repeats, where nobody gives them and they are not the usual ones."""
     if plots == 1:
-        return usual["finalists"].default, 1 if exact else usual["repeats"].default
-    if recorded or method == KIND_METHOD:
-        chosen = RECORDED_CONFIRMED if recorded else KIND_CONFIRMED
-        return chosen["finalists"], chosen["repeats"]
-    return usual["finalists"].default, usual["repeats"].default
+        return {"repeats": 1} if exact else {}
+    return RECORDED_CONFIRMED if recorded else KIND_CONFIRMED if method == KIND_METHOD else {}
 
 
 def _planned_camera(file: Path | None, vehicle: Vehicle | None, *, recorded: bool) -> Intrinsics | None:
@@ -185,21 +178,6 @@ def _chooses(request: PlanRequest, given: Mapping[str, Any], source: str) -> boo
     """Whether a plan for a kind is made without a search: neither a method nor settings of a search are given."""
     searched = {"method", *_OF_SEARCHES} & given.keys()
     return source != "captures" and request.purpose != "this-plot" and given.get("plots", 2) > 1 and not searched
-
-
-def _images(request: PlanRequest, source: PlanSource) -> tuple[str | None, ...]:
-    """Folder of the photographs of each given plot; None if its proxy is made without photographs."""
-    count = max(1, len(request.scenes), len(request.references) if source.kind == "reference" else 1)
-    if not request.images:
-        return (None,) * count
-    if source.kind != "reference":
-        raise UsageError("--images are a reference's photographs", remedy="Give --reference, too, or leave it out.")
-    if len(request.images) != count:
-        raise UsageError(
-            f"--images is given {wording.count(len(request.images), 'time')} for {wording.count(count, 'reference')}",
-            remedy="Give it once for each --reference, in the same order.",
-        )
-    return tuple(str(images.resolve()) for images in request.images)
 
 
 def _plots(purpose: str | None, plots: int | None, method: str, given: int) -> int:
@@ -241,28 +219,27 @@ def resumed_settings(settings: SearchSettings, request: PlanRequest) -> SearchSe
             remedy="Leave it out to go on with this run, or start another one in another folder.",
         )
     if any((request.scenes, request.references, request.captures, request.images)):
-        settings = _moved(settings, describe_sources(request.scenes, request.references, request.captures))
+        settings = _moved(settings, _sources(request))
     changed = {key: value for key, value in given.items() if key in CHANGEABLE}
     if "evaluations" in changed:  # a converged run goes on
         changed.setdefault("at_least", changed["evaluations"])
     return settings.model_copy(update=changed)
 
 
-def _moved(settings: SearchSettings, found: Sequence[tuple[PlanSource, Path]]) -> SearchSettings:
+def _moved(settings: SearchSettings, found: Sequence[GivenPlot]) -> SearchSettings:
     """The settings with the present paths of the run's source."""
     given = settings.given
-    for k, (source, path) in enumerate(found):
-        if k >= len(given) or (source.kind, source.sha256) != (given[k].source.kind, given[k].source.sha256):
-            raise UsageError(f"this run was not planned on {path.name}", remedy="Leave it out to go on with this run.")
+    for k, plot in enumerate(found):
+        if k >= len(given) or (plot.source.kind, plot.source.sha256) != (given[k].source.kind, given[k].source.sha256):
+            name = Path(plot.path).name
+            raise UsageError(f"this run was not planned on {name}", remedy="Leave it out to go on with this run.")
     if len(found) < len(given):
         raise UsageError(
             f"this run was planned on {len(given)} plots, not {len(found)}",
             remedy="Give all of them in their order, or none, to go on with this run.",
         )
-    others = tuple(
-        each.model_copy(update={"path": str(path)}) for each, (_, path) in zip(given[1:], found[1:], strict=True)
-    )
-    return settings.model_copy(update={"path": str(found[0][1]), "others": others})
+    others = tuple(own.model_copy(update={"path": plot.path}) for own, plot in zip(given[1:], found[1:], strict=True))
+    return settings.model_copy(update={"path": found[0].path, "others": others})
 
 
 def _paths(given: Paths) -> tuple[Path, ...]:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -15,26 +14,22 @@ from fieldkit.clouds.volume import Volume
 from fieldkit.evaluation.proxy import make_proxy
 from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.geometry import Intrinsics
-from fieldkit.planning.objective.kind import Kind, PlotsObjective
-from fieldkit.planning.objective.objective import ObjectiveSettings
-from fieldkit.planning.objective.recorded import EXACT, RecordedSource
-from fieldkit.planning.objective.recorded_kind import RecordedKind, RecordedPlots
+from fieldkit.planning.objective.objective import ObjectiveSettings, PlotsObjective
+from fieldkit.planning.objective.recorded import RecordedKind, RecordedSource
+from fieldkit.planning.objective.simulated import Kind
 from fieldkit.planning.problem import POSE_NOISE_M, PlanningProblem
-from fieldkit.planning.run.evaluations import Evaluator
 from fieldkit.planning.run.flyable import check_views
 from fieldkit.planning.run.sources import check_unchanged, source_doubts
 from fieldkit.planning.score.match_graph import match_graph
-from fieldkit.planning.settings import EnvelopeSettings, GivenPlot, NoiseSettings, SearchSettings, unchanging
+from fieldkit.planning.settings import EnvelopeSettings, GivenPlot, SearchSettings, unchanging
+from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
 from fieldkit.reconstruction.features import FeatureSettings
-from fieldkit.results.plan import PlanEnvelope
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.plants_apart import PlantsApart
-from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise, Outdoors
 from fieldkit.sites.fitted import Stretch
@@ -51,24 +46,17 @@ class RunSetup:
 
     problem: PlanningProblem
     """For the methods."""
-    envelope: PlanEnvelope
-    """As in plan.json."""
-    make_objective: Callable[[], Evaluator]
-    """Makes the objective of all plots, for the executor."""
+    objective: PlotsObjective
+    """Of all plots, for the executor."""
     photographs: tuple[str, ...] = ()
     """Names of recorded photographs, in the order of the problem's views; empty if they are rendered."""
     plant_height_m: float | None = None
     """Of the first given plot, for which cameras are stated if they are fitted to each plot; else None."""
 
-    @cached_property
-    def objective(self) -> Evaluator:
-        """The objective, made on first use. Raises the errors of `set_up_run`."""
-        return self.make_objective()
-
     def check_renderer(self) -> None:
         """Check without a scene whether photographs can be rendered here."""
         if not self.photographs:
-            Renderer(Scene(())).close()
+            self.objective.prepare()
 
 
 def set_up_run(settings: SearchSettings, folder: Path, context: Context, *, count_matches: bool = False) -> RunSetup:
@@ -87,42 +75,47 @@ def set_up_run(settings: SearchSettings, folder: Path, context: Context, *, coun
     return _on_scenes(settings, folder, context.progress)
 
 
+def _problem(
+    settings: SearchSettings, envelope: Envelope, camera: Intrinsics, plots: Sequence[Plot],
+    views: Cameras | None = None,
+) -> PlanningProblem:  # fmt: skip
+    """The problem on the first plots; the others are unmet."""
+    met = settings.plots
+    return PlanningProblem(
+        settings.cameras, envelope, camera, tuple(plots[:met]), views, blind=settings.blind,
+        exact=met == 1 and unchanging(settings.source, settings.noise), unmet=tuple(plots[met:]),
+        heights=settings.heights,
+        # At least what evaluations claim of exact positions.
+        pose_noise_m=max(settings.noise.expected_m or 0.0, POSE_NOISE_M),
+    )  # fmt: skip
+
+
 def _on_scenes(settings: SearchSettings, folder: Path, progress: Progress) -> RunSetup:
     """Any cameras of the envelope about simulated plots, or about proxies of references; photographs are rendered."""
     files = [_scene_of(plot, folder, number, progress) for number, plot in enumerate(settings.given)]
     with progress.stage("Reading the scene"):
         descriptions = tuple(read_scene(file) for file in files)
-        description = descriptions[0]
-        kind = Kind(descriptions, settings.seed, folder / KIND_FOLDER)
-        camera = description.camera
-        if settings.camera is not None:
-            camera = _rendered(settings.camera, camera)
-        unmet = settings.repeats if settings.plots > 1 else 0
-        found = [kind.plot(number) for number in range(settings.plots + unmet)]
+        first, asked = descriptions[0], settings.noise
+        camera = first.camera if settings.camera is None else _rendered(settings.camera, first.camera)
+        noise = CaptureNoise(
+            asked.pose_m, asked.pose_deg, image_sigma=asked.image_grey or first.noise.image_sigma
+        )  # fmt: skip
+        kind = Kind(descriptions, settings.seed, folder / KIND_FOLDER, noise, Outdoors(asked.wind_m), camera)
+        found = [kind.plot(number) for number in range(settings.all_plots)]
     drawn = kind.recorded if settings.plots > len(descriptions) else ()
     for given, (_, apart) in zip(settings.given, drawn, strict=False):
         progress.note(f"{given.source.name}: {_told_apart(apart)}")
-    height_m = found[0][0].height_m
-    envelope = _envelope(found[: settings.plots], height_m, settings.envelope)
     plots = [plot for plot, _ in found]
+    height_m = plots[0].height_m
+    envelope = _envelope(found[: settings.plots], height_m, settings.envelope)
     if settings.plots > 1:
         plots = [replace(plot, stretch=_stretch(plot, height_m, envelope)) for plot in plots]
-    problem = PlanningProblem(
-        settings.cameras, envelope, camera, tuple(plots[: settings.plots]), blind=settings.blind,
-        unmet=tuple(plots[settings.plots :]), heights=settings.heights,
-        pose_noise_m=_expected(settings.noise),
+    objective = PlotsObjective(
+        kind, ObjectiveSettings(settings.fidelity, settings.mapping, refine=settings.refine), seed=settings.seed,
+        stretches={number: plot.stretch for number, plot in enumerate(plots) if plot.stretch is not None},
     )  # fmt: skip
-    noise = _capture_noise(settings.noise, description.noise)
-    source = partial(kind.source, noise=noise, outdoors=Outdoors(settings.noise.wind_m))
-    wanted = ObjectiveSettings(settings.fidelity, settings.mapping, refine=settings.refine)
-    return RunSetup(
-        problem, plan_envelope(envelope),
-        lambda: PlotsObjective(
-            partial(kind.proxy, camera=camera), source, wanted, seed=settings.seed,
-            stretches={number: plot.stretch for number, plot in enumerate(plots) if plot.stretch is not None},
-        ),
-        plant_height_m=height_m if settings.plots > 1 else None,
-    )  # fmt: skip
+    problem = _problem(settings, envelope, camera, plots)
+    return RunSetup(problem, objective, plant_height_m=height_m if settings.plots > 1 else None)
 
 
 def _envelope(found: Sequence[tuple[Plot, Volume]], height_m: float, limits: EnvelopeSettings) -> Envelope:
@@ -181,43 +174,31 @@ def _on_captures(settings: SearchSettings, folder: Path, context: Context, count
             images, place, cache=context.cache, progress=progress, workers=context.workers, scene=False
         )  # fmt: skip
     reference = Reference(place)
-    plot = reference.known_plot()
-    capture = read_capture(images)
-    noise = CaptureNoise(position_m=settings.noise.pose_m, angle_deg=settings.noise.pose_deg, image_sigma=0.0)
+    plot, asked = reference.known_plot(), settings.noise
     source = RecordedSource(
-        capture, plot, reference.cloud, cache=context.cache, noise=noise if settings.noise.any else EXACT,
-        reconstructed=reference.poses(),
+        read_capture(images), plot, reference.cloud, cache=context.cache,
+        noise=CaptureNoise(asked.pose_m, asked.pose_deg, image_sigma=0.0), reconstructed=reference.poses(),
     )  # fmt: skip
     views = source.cameras()
     check_views(views, settings, progress)
     # If positions are good to millimetres, two rounds of matching do as well as three, at half the cost.
     good = float(np.median([view.position_sigma_m for view in source.views])) <= _GOOD_POSES_M
     wanted = ObjectiveSettings(
-        settings.fidelity, settings.mapping, bands_px=_TWO_ROUNDS_PX if good and not settings.noise.any else None,
+        settings.fidelity, settings.mapping, bands_px=_TWO_ROUNDS_PX if good and not asked.any else None,
         refine=settings.refine,
     )  # fmt: skip
-    low, high = views.positions.min(axis=0), views.positions.max(axis=0)
+    ends = [(float(axis.min()), float(axis.max())) for axis in (*views.positions.T, views.pitch_deg)]
     envelope = Envelope(
-        (float(low[0]), float(high[0])), (float(low[1]), float(high[1])), (float(low[2]), float(high[2])), plot.volume,
-        clearance_m=0.0, pitch_deg=(float(views.pitch_deg.min()), float(views.pitch_deg.max())), separation_m=0.0,
+        ends[0], ends[1], ends[2], plot.volume, clearance_m=0.0, pitch_deg=ends[3], separation_m=0.0,
     )  # fmt: skip
     matches = match_graph(source, FeatureSettings(), context) if count_matches else None
     kind = RecordedKind(source, settings.seed)
-    met, unmet = settings.plots, settings.repeats if settings.plots > 1 else 0
-    plots = [kind.plot(number, matches) for number in range(met + unmet)]
-    problem = PlanningProblem(
-        settings.cameras, envelope, _without_distortion(reference), tuple(plots[:met]), views=views,
-        blind=settings.blind, exact=met == 1 and unchanging(settings.source, settings.noise), unmet=tuple(plots[met:]),
-        heights=settings.heights,
-        pose_noise_m=_expected(settings.noise),
-    )  # fmt: skip
-    objective = partial(RecordedPlots, kind, wanted, seed=settings.seed)
-    return RunSetup(problem, plan_envelope(envelope), objective, tuple(view.name for view in source.views))
-
-
-def _expected(noise: NoiseSettings) -> float:
-    """The noise of positions that the geometric score expects: at least what evaluations claim of exact ones."""
-    return max(noise.expected_m or 0.0, POSE_NOISE_M)
+    plots = [kind.plot(number, matches) for number in range(settings.all_plots)]
+    camera = max(reference.report.cameras, key=lambda c: c.photos)
+    full = Intrinsics(camera.model, camera.width, camera.height, camera.params)
+    problem = _problem(settings, envelope, full.without_distortion(), plots, views)
+    objective = PlotsObjective(kind, wanted, seed=settings.seed)
+    return RunSetup(problem, objective, tuple(view.name for view in source.views))
 
 
 def _rendered(camera: Intrinsics, scene: Intrinsics) -> Intrinsics:
@@ -228,23 +209,3 @@ def _rendered(camera: Intrinsics, scene: Intrinsics) -> Intrinsics:
     ideal = camera.without_distortion()
     scale = max(scene.width, scene.height) / max(ideal.width, ideal.height)
     return ideal if scale >= 1.0 else ideal.scaled(round(ideal.width * scale), round(ideal.height * scale))
-
-
-def _capture_noise(noise: NoiseSettings, scene: CaptureNoise) -> CaptureNoise:
-    image = noise.image_grey or scene.image_sigma
-    return CaptureNoise(position_m=noise.pose_m, angle_deg=noise.pose_deg, image_sigma=image)
-
-
-def _without_distortion(reference: Reference) -> Intrinsics:
-    camera = max(reference.report.cameras, key=lambda c: c.photos)
-    full = Intrinsics(camera.model, camera.width, camera.height, camera.params)
-    return full.without_distortion()
-
-
-def plan_envelope(envelope: Envelope) -> PlanEnvelope:
-    """An envelope in the form of plan.json."""
-    (x, y, z) = (envelope.x_m, envelope.y_m, envelope.height_m)
-    return PlanEnvelope(
-        lower_m=(x[0], y[0], z[0]), upper_m=(x[1], y[1], z[1]), plant_distance_m=envelope.clearance_m,
-        station_distance_m=envelope.separation_m, pitch_deg=envelope.pitch_deg,
-    )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import zip_longest
 from pathlib import Path
 
 from fieldkit.captures import read_capture
@@ -14,44 +15,62 @@ from fieldkit.results.finding import DOUBTFUL, PLANTS_APART
 from fieldkit.results.plan import PlanSource
 from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_reference_report
 from fieldkit.scenes.library import find_scene, scene_reference
+from fieldkit.wording import count
 
 
 def describe_sources(
-    scenes: Sequence[Path], references: Sequence[Path], captures: Path | None
-) -> list[tuple[PlanSource, Path]]:
-    """The sources of a run: paths, or names of scenes that come with fieldkit."""
+    scenes: Sequence[Path], references: Sequence[Path], captures: Path | None, images: Sequence[Path] = ()
+) -> tuple[GivenPlot, ...]:
+    """The plots of a run: paths, or names of scenes that come with fieldkit.
+
+    Args:
+        images: folders of the references' photographs, in the same order; none, or one for each.
+    """
     for reference in references:
         if is_cloud(reference) and reference_file(reference) == reference:
             raise UsageError(
                 "a plan needs a reference's cameras and ground, which a bare cloud does not have", path=reference,
                 remedy="Build one of photographs: `fieldkit reference IMAGES -o REF`.",
             )  # fmt: skip
-    if captures is not None and not scenes:
+    recorded = captures is not None and not scenes
+    if images and (recorded or not references):
+        raise UsageError("--images are a reference's photographs", remedy="Give --reference, too, or leave it out.")
+    if captures is not None and recorded:
         captures = captures.resolve()
         read_capture(captures)
         if len(references) > 1:
             raise UsageError("recorded photographs have one reference", remedy="Give --reference once.")
-        return [(PlanSource(kind="captures", name=captures.name), captures)]
+        return (GivenPlot(source=PlanSource(kind="captures", name=captures.name), path=str(captures)),)
     if bool(scenes) == bool(references):
         raise UsageError(
             "plan on what?", remedy="Give --scene SCENE, --reference REF or --captures IMAGES [--reference REF]."
         )
-    found = [_described_scene(scene) for scene in scenes] + [_described_reference(each) for each in references]
-    for number, (source, path) in enumerate(found):
-        if any(path == other or source.sha256 == same.sha256 for same, other in found[:number]):
-            raise UsageError("is given twice", path=path, remedy="Give every plot once; --vary K draws others of them.")
-    return found
+    if images and len(images) != len(references):
+        raise UsageError(
+            f"--images is given {count(len(images), 'time')} for {count(len(references), 'reference')}",
+            remedy="Give it once for each --reference, in the same order.",
+        )
+    found = [_described_scene(scene) for scene in scenes]
+    found += [_described_reference(*each) for each in zip_longest(references, images)]
+    for number, plot in enumerate(found):
+        if any(plot.path == same.path or plot.source.sha256 == same.source.sha256 for same in found[:number]):
+            raise UsageError(
+                "is given twice", path=Path(plot.path), remedy="Give every plot once; --vary K draws others of them."
+            )
+    return tuple(found)
 
 
-def _described_scene(scene: Path) -> tuple[PlanSource, Path]:
+def _described_scene(scene: Path) -> GivenPlot:
     file = find_scene(scene)
-    return PlanSource(kind="scene", name=file.name, sha256=file_sha256(file)), scene_reference(file)
+    source = PlanSource(kind="scene", name=file.name, sha256=file_sha256(file))
+    return GivenPlot(source=source, path=str(scene_reference(file)))
 
 
-def _described_reference(reference: Path) -> tuple[PlanSource, Path]:
+def _described_reference(reference: Path, images: Path | None) -> GivenPlot:
     folder = (reference.parent if reference.is_file() else reference).resolve()
     Reference(folder)
-    return PlanSource(kind="reference", name=folder.name, sha256=file_sha256(folder / REFERENCE_FILE)), folder
+    source = PlanSource(kind="reference", name=folder.name, sha256=file_sha256(folder / REFERENCE_FILE))
+    return GivenPlot(source=source, path=str(folder), images_path=None if images is None else str(images.resolve()))
 
 
 def check_unchanged(plot: GivenPlot) -> None:

@@ -17,7 +17,7 @@ from fieldkit.clouds.volume import Volume
 from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.space.cameras import Array, Cameras
-from fieldkit.results.plan import PlanPlants
+from fieldkit.results.plan import PlanEnvelope, PlanPlants
 from fieldkit.routing.prisms import Prisms
 from fieldkit.sites.plot_plants import no_fly_bands
 
@@ -148,6 +148,14 @@ class Envelope:
         near = ((points[:, :2] >= low) & (points[:, :2] <= high)).all(axis=1)
         thinned = voxel_thin(Cloud(points[near]), _PLAN_CELL_M).points.round(3)
         return PlanPlants(points_m=tuple((x, y, z) for x, y, z in thinned.tolist()), cell_m=_PLAN_CELL_M)
+
+    def in_plan(self) -> PlanEnvelope:
+        """The same in the form of plan.json."""
+        (x, y, z) = (self.x_m, self.y_m, self.height_m)
+        return PlanEnvelope(
+            lower_m=(x[0], y[0], z[0]), upper_m=(x[1], y[1], z[1]), plant_distance_m=self.clearance_m,
+            station_distance_m=self.separation_m, pitch_deg=self.pitch_deg,
+        )  # fmt: skip
 
     def ground_m(self, positions: Array) -> Array:
         """(n,) z of the ground below positions (n, 3)."""

@@ -1,24 +1,40 @@
-"""The paper's ensemble of Gaussian processes: its kernels, its weights by Bayes' rule, the draw of one model."""
+"""The paper's ensemble of Gaussian processes, and one iteration of its Algorithm 1 with it.
+
+The kernels, repeatable fits by BoTorch, weights by Bayes' rule, the draw of one model, and the feasible set of its
+largest expected improvement (eq. `EGP_EI`).
+"""
 
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import gpytorch  # type: ignore[import-untyped]
 import numpy as np
 import torch
+from botorch.acquisition.analytic import LogExpectedImprovement
+from botorch.exceptions.errors import ModelFittingError
+from botorch.exceptions.warnings import OptimizationWarning
+from botorch.fit import fit_gpytorch_mll
 from botorch.models import SingleTaskGP
+from botorch.models.model import Model
 from botorch.models.utils.gpytorch_modules import get_covar_module_with_dim_scaled_prior
+from botorch.optim.optimize import optimize_acqf
+from botorch.utils.sampling import manual_seed
+from gpytorch.constraints import GreaterThan  # type: ignore[import-untyped]
+from gpytorch.likelihoods import GaussianLikelihood  # type: ignore[import-untyped]
+from gpytorch.mlls import ExactMarginalLogLikelihood  # type: ignore[import-untyped]
 from gpytorch.priors import LogNormalPrior  # type: ignore[import-untyped]
+from linear_operator.utils.warnings import NumericalWarning  # type: ignore[import-untyped]
 from numpy.typing import ArrayLike
 from scipy.special import softmax
 from torch import Tensor
 
 from fieldkit.planning.space.cameras import Array
-from fieldkit.planning.surrogate.fit import above, fit, log_likelihood, noise_model
+from fieldkit.runtime.threads import one_torch_thread
 
 _LEAST_NOISE, _USUAL_NOISE, _LEAST_LENGTHSCALE = 1e-4, math.exp(-4.0), 2.5e-2
 """BoTorch's own, of y standardised and inputs in the unit cube."""
@@ -26,7 +42,80 @@ _LEAST_PERIODIC = 0.1
 """Least ℓ of the periodic kernel. Data without a pattern drive it to 0, where the kernel matrix underflows. At 0.1,
 points a tenth of a period apart are already uncorrelated (exp(−19)).
 """
-_STARTS = 2
+_FITS, _FIT_ITERATIONS = 2, 50
+_SAME = 1e-9
+_SAMPLES = 48
+_NEAR, _BEST = 16, 4
+_KEPT = 6
+_CLIMBS, _CLIMB_ITERATIONS = 2, 30
+
+
+def above(least: float) -> Any:
+    """A constraint of hyperparameters above ``least``, fitted on the logarithmic scale.
+
+    GPyTorch's softplus and BoTorch's linear scale need several times the iterations of L-BFGS in 50 dimensions.
+    """
+    return GreaterThan(least, transform=torch.exp, inv_transform=torch.log)
+
+
+def noise_model(least: float, usual: float = 0.0) -> Any:
+    """The likelihood y = r + n with Gaussian n of at least the variance ``least``.
+
+    Its prior is LogNormal(ln m, 1) with m = max(``usual``, e · ``least``).
+    """
+    prior = LogNormalPrior(math.log(max(usual, math.e * least)), 1.0)
+    likelihood = GaussianLikelihood(noise_prior=prior, noise_constraint=above(least))
+    likelihood.noise = max(float(prior.mode), 1.5 * least)
+    return likelihood
+
+
+@one_torch_thread()
+def fit(model: SingleTaskGP, seed: int, *, starts: int = 1) -> tuple[str, ...]:
+    """Fit a process's hyperparameters by L-BFGS: maximum of the marginal likelihood times their priors.
+
+    Args:
+        model: at its first start; fitted in place and left in evaluation mode.
+        seed: of the other starts, which are drawn from the priors.
+        starts: number of starts; the best one counts.
+
+    Returns:
+        Problems, in words. If every start fails, the first start's hyperparameters are used.
+    """
+    mll = ExactMarginalLogLikelihood(model.likelihood, model)
+    with manual_seed(seed), warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            fit_gpytorch_mll(
+                mll, max_attempts=starts, pick_best_of_all_attempts=True,
+                optimizer_kwargs={"options": {"maxiter": _FIT_ITERATIONS}},
+            )  # fmt: skip
+        except ModelFittingError as error:
+            warnings.warn(f"{error} The start's hyperparameters are used.", OptimizationWarning, stacklevel=1)
+            mll.eval()
+    return words(caught)
+
+
+@one_torch_thread()
+def log_likelihood(model: SingleTaskGP) -> float:
+    """The exact ln p(D | m) at the fitted hyperparameters, without their priors, of y as given."""
+    model.train()
+    with torch.no_grad():
+        found = float(model.likelihood(model(*model.train_inputs)).log_prob(model.train_targets))
+    model.eval()
+    transform = getattr(model, "outcome_transform", None)
+    scale = 1.0 if transform is None else float(transform.stdvs)
+    return found - len(model.train_targets) * math.log(scale)
+
+
+def words(caught: list[warnings.WarningMessage]) -> tuple[str, ...]:
+    """Numerical warnings as sentences, each once; other warnings are issued again."""
+    found: dict[str, None] = {}
+    for warning in caught:
+        if issubclass(warning.category, NumericalWarning | OptimizationWarning):
+            found[" ".join(str(warning.message).split())] = None
+        else:
+            warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
+    return tuple(found)
 
 
 class Periodic(gpytorch.kernels.Kernel):  # type: ignore[misc]
@@ -140,6 +229,132 @@ def fit_ensemble(x: Array, y: Array, seed: int, *, least_noise: float = 0.0) -> 
             inputs, outputs, likelihood=noise_model(least, _USUAL_NOISE), covar_module=kernel(x.shape[1]),
             mean_module=gpytorch.means.ZeroMean(),
         )  # fmt: skip
-        remarks += [f"{name}: {text}" for text in fit(models[name], seed, starts=_STARTS)]
+        remarks += [f"{name}: {text}" for text in fit(models[name], seed, starts=_FITS)]
     weights = posterior_weights([log_likelihood(model) for model in models.values()])
     return Ensemble(models, weights, tuple(remarks))
+
+
+class SearchSpace(Protocol):
+    """A feasible set within the unit cube."""
+
+    def sample(self, count: int, rng: np.random.Generator) -> Array:
+        """``count`` random feasible points (n, d); all of them if there are not many more."""
+        ...
+
+    def around(self, x: Array, count: int, rng: np.random.Generator) -> Array:
+        """``count`` random points (n, d) of the unit cube near the point x (d,); they need not be feasible."""
+        ...
+
+    def repair(self, x: Array) -> Array:
+        """The feasible point (d,) near a point (d,) of the unit cube; a feasible point is returned unchanged."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Suggestion:
+    """The point to evaluate next, and its origin."""
+
+    x: Array | None
+    """(d,) feasible; None if every feasible point found is known already."""
+    model: str
+    """Name of m_t."""
+    weights: Mapping[str, float]
+    """W_t by name."""
+    remarks: tuple[str, ...]
+    """Numerical problems on the way."""
+
+
+@one_torch_thread()
+def suggest(
+    x: Array,
+    y: Array,
+    space: SearchSpace,
+    rng: np.random.Generator,
+    *,
+    pending: Array | None = None,
+    avoid: Array | None = None,
+    least_noise: float = 0.0,
+) -> Suggestion:
+    """Fit, weigh, draw a model, maximise its expected improvement over max(y).
+
+    Pending points count as observed at the drawn model's posterior mean (the "kriging believer" of Ginsbourger et al.
+    2010), so that trials evaluated at the same time differ; they change neither hyperparameters nor weights.
+
+    Args:
+        x: (t, d) evaluated, t ≥ 1.
+        y: (t,) their values, to be maximised.
+        rng: of the fits' second starts, then of m_t, then of candidates.
+        pending: (p, d) being evaluated.
+        avoid: (a, d) further points not to suggest, without known values.
+        least_noise: see `fit_ensemble`.
+    """
+    ensemble = fit_ensemble(x, y, int(rng.integers(2**31)), least_noise=least_noise)
+    name = ensemble.draw(rng)
+    fitted = ensemble.models[name]
+    model: Model = fitted
+    best = float(y.max())
+    if pending is not None:
+        waiting = torch.from_numpy(pending)
+        with torch.no_grad():
+            believed = fitted.posterior(waiting).mean
+            model = fitted.condition_on_observations(waiting, believed)
+        best = max(best, float(believed.max()))
+    known = np.vstack([x, *(points for points in (pending, avoid) if points is not None)])
+    found, remarks = _maximise(LogExpectedImprovement(model, best_f=best), x, y, space, rng, known)
+    remarks = tuple(f"expected improvement of {name}: {text}" for text in remarks)
+    return Suggestion(found, name, ensemble.named_weights(), ensemble.remarks + remarks)
+
+
+def _maximise(
+    acquisition: LogExpectedImprovement, x: Array, y: Array, space: SearchSpace, rng: np.random.Generator, known: Array
+) -> tuple[Array | None, tuple[str, ...]]:
+    """The unknown feasible point (d,) of the largest expected improvement found, and remarks.
+
+    Random feasible points and points near the best data are compared. L-BFGS climbs from the best of both kinds within
+    the unit cube. The points reached and the best starts are made feasible, and the best one is taken.
+    """
+    sampled = space.sample(_SAMPLES, rng)
+    near = np.vstack([space.around(x[i], _NEAR, rng) for i in np.argsort(-y, kind="stable")[:_BEST]])
+    raw = np.vstack([sampled, near])
+    order = np.argsort(-_values(acquisition, raw), kind="stable")
+    first = [i for i in order if i < len(sampled)][:_CLIMBS]
+    second = [i for i in order if i >= len(sampled)][:_CLIMBS]
+    climbed, remarks = _climb(acquisition, raw[[*first, *second]])
+    candidates: list[Array] = []
+    for i in order:
+        if len(candidates) < _KEPT and not _known(repaired := space.repair(raw[i]), known):
+            candidates.append(repaired)
+    candidates += [row for row in map(space.repair, climbed) if not _known(row, known)]
+    if not candidates:
+        return None, remarks
+    return candidates[int(np.argmax(_values(acquisition, np.array(candidates))))], remarks
+
+
+def _known(x: Array, data: Array) -> bool:
+    return bool((np.abs(data - x).max(axis=1) <= _SAME).any())
+
+
+def _values(acquisition: LogExpectedImprovement, x: Array) -> Array:
+    with torch.no_grad(), warnings.catch_warnings():
+        # At a known point the variance is 0 up to rounding; GPyTorch raises it to 1e-10 where the sum is negative.
+        warnings.filterwarnings("ignore", "Negative variance values", NumericalWarning)
+        values: Array = acquisition(torch.from_numpy(x)[:, None]).numpy()
+    return values
+
+
+def _climb(acquisition: LogExpectedImprovement, starts: Array) -> tuple[Array, tuple[str, ...]]:
+    """The points that L-BFGS reaches from each start (n, d) within the unit cube, and remarks."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        reached, _ = optimize_acqf(
+            acquisition,
+            bounds=torch.tensor([[0.0], [1.0]], dtype=torch.float64).expand(2, starts.shape[1]),
+            q=1,
+            num_restarts=len(starts),
+            batch_initial_conditions=torch.from_numpy(starts)[:, None],
+            options={"maxiter": _CLIMB_ITERATIONS},
+            return_best_only=False,
+            retry_on_optimization_warning=False,
+        )
+    points: Array = reached.detach().reshape(len(starts), -1).numpy()
+    return np.clip(points[np.isfinite(points).all(axis=1)], 0.0, 1.0), words(caught)

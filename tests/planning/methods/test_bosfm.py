@@ -24,14 +24,14 @@ from tests.planning.space.test_envelope import FLAT, SLOPED
 QUICK = 4
 """Initial trials."""
 
-EFFORT = {"ensemble._STARTS": 1, "fit._ITERATIONS": 8, "acquisition._ITERATIONS": 5}
+EFFORT = {"_FITS": 1, "_FIT_ITERATIONS": 8, "_CLIMB_ITERATIONS": 5}
 """Less of it than in a run."""
 
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, value in EFFORT.items():
-        monkeypatch.setattr(f"fieldkit.planning.surrogate.{name}", value)
+        monkeypatch.setattr(f"fieldkit.planning.surrogate.ensemble.{name}", value)
 
 
 def problem(count: int, envelope: Envelope = FLAT, views: int = 0) -> PlanningProblem:
@@ -119,7 +119,7 @@ OTHER = """
 import pytest
 from tests.planning.methods.test_bosfm import EFFORT, Bosfm, QUICK, problem, run
 for name, value in EFFORT.items():
-    pytest.MonkeyPatch().setattr(f"fieldkit.planning.surrogate.{name}", value)
+    pytest.MonkeyPatch().setattr(f"fieldkit.planning.surrogate.ensemble.{name}", value)
 print(run(Bosfm(problem(4), QUICK, 3), 6)[-1].trial.cameras.vector().tobytes().hex())
 """
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from fieldkit.clouds import Cloud, write_ply
-from fieldkit.planning.objective.kind import Kind
+from fieldkit.planning.objective.simulated import Kind
 from fieldkit.planning.space.plots import Plot
 from fieldkit.scenes.description import Bounds, SceneDescription
 from fieldkit.scenes.recorded import RecordedSurface
@@ -28,7 +28,7 @@ def test_a_recorded_plots_kind_is_photographed_as_it_is_known(tmp_path: Path) ->
     plots = [kind.plot(number) for number in range(3)]
     np.testing.assert_array_equal(plots[0][0].reference.points, kind.plot(0)[0].reference.points)
     for number, (plot, volume) in enumerate(plots):
-        proxy = pickle.loads(pickle.dumps(kind)).proxy(number, CAMERA)  # as a worker has it
+        proxy = pickle.loads(pickle.dumps(kind)).proxy(number)  # as a worker has it
         for ours, theirs in ((volume.lower, proxy.volume.lower), (volume.upper, proxy.volume.upper)):
             np.testing.assert_allclose(ours, theirs, atol=1e-5)
         known, photographed = (np.sort(c.points, axis=0) for c in (plot.reference, proxy.reference))

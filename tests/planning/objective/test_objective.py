@@ -14,9 +14,8 @@ import pytest
 from benchmarks.objective_scenes import tuning_plot
 from fieldkit.captures import read_image
 from fieldkit.errors import UsageError
-from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
+from fieldkit.planning.objective.objective import FIDELITIES, Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
-from fieldkit.planning.objective.source import FIDELITIES
 from fieldkit.planning.run.evaluations import Job, evaluating
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.context import Context

@@ -8,10 +8,8 @@ import pytest
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
-from fieldkit.planning.objective.objective import ObjectiveSettings
-from fieldkit.planning.objective.recorded import RecordedSource, Rehearsal
-from fieldkit.planning.objective.recorded_kind import LEAST_KEPT, RecordedKind, RecordedPlots
-from fieldkit.planning.objective.source import FIDELITIES
+from fieldkit.planning.objective.objective import FIDELITIES, ObjectiveSettings, PlotsObjective
+from fieldkit.planning.objective.recorded import LEAST_KEPT, RecordedKind, RecordedSource, Rehearsal
 from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.stages import load_features
 from fieldkit.runtime.context import Context
@@ -92,7 +90,7 @@ def test_a_share_of_the_features_is_withheld(tmp_path: Path) -> None:
 
 
 def test_an_objective_rehearses_its_plot(source: RecordedSource) -> None:
-    plots = RecordedPlots(RecordedKind(source, seed=1), ObjectiveSettings("draft"))
+    plots = PlotsObjective(RecordedKind(source, seed=1), ObjectiveSettings("draft"))
     plots.prepare()
     cameras = source.cameras()
     found = {plot: plots.on(plot).evaluate(cameras) for plot in (0, 1)}

@@ -6,8 +6,8 @@ import numpy as np
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
+from fieldkit.planning.objective.objective import FIDELITIES
 from fieldkit.planning.objective.recorded import RecordedSource
-from fieldkit.planning.objective.source import FIDELITIES
 from fieldkit.planning.score.match_graph import match_graph
 from fieldkit.planning.score.matchability import view_angles_deg
 from fieldkit.runtime.context import Context

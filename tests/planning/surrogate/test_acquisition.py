@@ -9,8 +9,7 @@ import torch
 from botorch.acquisition.analytic import LogExpectedImprovement
 
 from fieldkit.planning.methods.bosfm import moved
-from fieldkit.planning.surrogate.acquisition import suggest
-from fieldkit.planning.surrogate.ensemble import fit_ensemble
+from fieldkit.planning.surrogate.ensemble import fit_ensemble, suggest
 
 Function = Callable[[np.ndarray], float]
 

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
-from fieldkit.planning.surrogate.ensemble import KERNELS, Ensemble, fit_ensemble, posterior_weights
-from fieldkit.planning.surrogate.fit import fit, log_likelihood
+from fieldkit.planning.surrogate.ensemble import KERNELS, Ensemble, fit, fit_ensemble, log_likelihood, posterior_weights
 
 
 def data(count: int, dimension: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ import torch
 from botorch.models import SingleTaskGP
 from gpytorch.priors import LogNormalPrior
 
-from fieldkit.planning.surrogate.fit import above, fit, moments, noise_model
+from fieldkit.planning.surrogate.ensemble import above, fit, noise_model
 from fieldkit.planning.surrogate.improvement import log_improvements
 from fieldkit.planning.surrogate.set_process import FEATURES, NO_PLOT, TERMS, fit_sets
 
@@ -35,6 +35,13 @@ def data(count: int, plots: int) -> tuple[np.ndarray, np.ndarray]:
     values = np.exp(-terms) @ SLOPES + REST_M
     y = -np.log(values) + 1.5 * embedded[:, 0] + 0.2 * number + 0.06 * rng.standard_normal(count)
     return np.hstack([embedded, terms, number[:, None].astype(float)]), y
+
+
+def moments(model: SingleTaskGP, x: np.ndarray, *, noise: bool) -> tuple[np.ndarray, np.ndarray]:
+    """GPyTorch's posterior mean and standard deviation of r, or with ``noise`` of y."""
+    with torch.no_grad():
+        found = model.posterior(torch.from_numpy(x), observation_noise=noise)
+    return found.mean[:, 0].numpy(), found.variance[:, 0].sqrt().numpy()
 
 
 def gpytorchs(x: np.ndarray, y: np.ndarray) -> SingleTaskGP:
