@@ -9,11 +9,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from fieldkit.planning.methods.bosfm import Bosfm, EncodedSpace, sample_seed
+from fieldkit.planning.methods.bosfm import Bosfm, Coding, EncodedSpace, sample_seed
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.score.cost_model import LEAST_M, NOISE
 from fieldkit.planning.space.cameras import PER_CAMERA, Array, Cameras
-from fieldkit.planning.space.coding import Coding
 
 
 @dataclass(frozen=True, eq=False)

@@ -84,7 +84,7 @@ def test_a_choice_for_a_recorded_kind_is_made_with_exact_poses_as_plan_makes_it(
 
 
 def test_a_search_on_the_stand_in_ends_at_what_the_method_would_choose(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fieldkit.planning.methods.field_candidates._EVERYWHERE", Effort(4, 1, 20))
+    monkeypatch.setattr("fieldkit.planning.methods.field._EVERYWHERE", Effort(4, 1, 20))
     problem = bowl_problem(3)
     makers = variants_of_search()
     ended, again = (search(problem, makers["field"](problem, 0), 8, seed=1) for _ in range(2))

@@ -30,9 +30,9 @@ QUICK = FieldSettings(initial=4)
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Optima of the score are looked for with less effort."""
-    monkeypatch.setattr("fieldkit.planning.methods.field_candidates._EVERYWHERE", Effort(8, 1, 150))
-    monkeypatch.setattr("fieldkit.planning.methods.field_candidates._NEARBY", Effort(moves=40))
-    monkeypatch.setattr("fieldkit.planning.methods.field_candidates._MOVES", 16)
+    monkeypatch.setattr("fieldkit.planning.methods.field._EVERYWHERE", Effort(8, 1, 150))
+    monkeypatch.setattr("fieldkit.planning.methods.field._NEARBY", Effort(moves=40))
+    monkeypatch.setattr("fieldkit.planning.methods.field._MOVES", 16)
 
 
 def bowl_m(cameras: Cameras) -> float:

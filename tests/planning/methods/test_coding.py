@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.planners.random_sets import CylindricalCoding
+from fieldkit.planning.methods.bosfm import Coding
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.planning.space.coding import Coding
 from tests.planning.space.test_envelope import BARE, FLAT, SLOPED
 
 envelopes = st.sampled_from([FLAT, SLOPED, BARE])
