@@ -1,10 +1,10 @@
-"""The circle baselines: a grid, a finer one about the best, and the end."""
+"""Staged searches: a grid, a finer one about the best, and the end; circles, two rings and hemispheres."""
 
 import numpy as np
 import pytest
 
-from benchmarks.planners.rings import CircleAim
-from fieldkit.planning.methods.circle import CircleSearch, expected_circle
+from benchmarks.planners.rings import Cap, CircleAim, Hemisphere, TwoRings
+from fieldkit.planning.methods.circle import CircleSearch, StagedSearch, expected_circle
 from fieldkit.planning.problem import Result, Trial
 from fieldkit.planning.score.cost_model import WEIGHTS, CostModel
 from tests.planning.leafy import problem, recorded
@@ -71,3 +71,44 @@ def test_the_expected_circle_is_the_grids_best_by_the_score() -> None:
     values = [cost_model.expected_m(cameras, WEIGHTS, None) for cameras in grid]
     assert min(values) < 0.9 * max(values)
     assert expected_circle(PROBLEM) == grid[int(np.argmin(values))]
+
+
+SEVEN = problem(7)
+
+
+def ranked(method: StagedSearch) -> list[Result]:
+    """Best at the largest sum of all numbers but the aim."""
+    results: list[Result] = []
+    while (trial := method.propose(len(results), results, ())) is not None:
+        value = -sum(value for name, value in trial.notes.items() if name != "aim_m")
+        results.append(Result(trial, value))
+        assert len(results) < 100
+    return results
+
+
+@pytest.mark.parametrize("make", [TwoRings, Hemisphere])
+def test_a_grid_is_refined_about_its_best_and_ends(make: type[TwoRings | Hemisphere]) -> None:
+    found = ranked(make(SEVEN))
+    assert len(found) == make(SEVEN).trials == 33
+    assert all(SEVEN.contains(r.trial.cameras) for r in found)
+    grid = min(found[:25], key=lambda r: r.value_m).trial.notes
+    for later in found[25:]:
+        assert later.trial.notes != grid
+        assert all(abs(later.trial.notes[key] - grid[key]) < 0.5 for key in grid)
+    assert [r.trial.cameras for r in found] == [r.trial.cameras for r in ranked(make(SEVEN, 5))]
+    plot = recorded(6)
+    few = ranked(make(plot))
+    assert all(plot.contains(r.trial.cameras) for r in few)
+    assert len(few) == make(plot).trials
+
+
+def test_a_cap_is_evenly_covered_within_the_height_band() -> None:
+    low, high = SEVEN.envelope.height_m
+    for cap in (Cap(1.5, 0.2), Cap(2.6, 0.0)):
+        positions = cap.cameras(SEVEN).positions
+        np.testing.assert_allclose(np.linalg.norm(positions - SEVEN.center, axis=1), cap.distance_m)
+        assert low <= positions[:, 2].min()
+        assert positions[:, 2].max() <= high
+        assert np.ptp(np.diff(positions[:, 2])) < 1e-9  # zones of equal height have equal areas
+    half = Cap(2.6, 0.5).cameras(SEVEN).positions[:, 2]
+    assert half.min() > low + 0.5 * (high - low)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -61,6 +62,13 @@ def vectors(results: Sequence[Result]) -> list[bytes]:
     return [result.trial.cameras.vector().tobytes() for result in results]
 
 
+@cache
+def searched() -> tuple[PlanningProblem, list[Result]]:
+    """Eight trials with four cameras about a bowl; whoever goes on from fewer takes the first of them."""
+    problem = bowl_problem(4)
+    return problem, run(Field(problem, QUICK), 8, problem)
+
+
 def test_every_trial_is_feasible_and_new_and_the_best_beats_chance() -> None:
     problem = bowl_problem(5)
     found = run(Field(problem, QUICK), 16, problem)
@@ -70,8 +78,7 @@ def test_every_trial_is_feasible_and_new_and_the_best_beats_chance() -> None:
 
 
 def test_a_proposal_depends_on_its_arguments_only() -> None:
-    problem = bowl_problem(4)
-    found = run(Field(problem, QUICK), 7, problem)
+    problem, found = searched()
     for number in (0, 3, 6):
         again = Field(problem, QUICK).propose(number, found[:number], [])
         assert again.cameras == found[number].trial.cameras
@@ -186,19 +193,17 @@ def test_of_a_recorded_set_the_first_are_what_a_person_would_take() -> None:
 
 
 def test_pending_trials_are_not_proposed_again() -> None:
-    problem = bowl_problem(4)
-    found = run(Field(problem, QUICK), 6, problem)
+    problem, found = searched()
     pending: list[Trial] = []
     for number in range(6, 9):
-        trial = Field(problem, QUICK).propose(number, found, pending)
+        trial = Field(problem, QUICK).propose(number, found[:6], pending)
         assert all(trial.cameras != other.cameras for other in pending)
         pending.append(trial)
 
 
 def test_what_broke_teaches_nothing() -> None:
-    problem = bowl_problem(4)
-    found = run(Field(problem, QUICK), 6, problem)
-    broken = [Result(r.trial, 0.0 if k == 4 else r.value_m, measured=k != 4) for k, r in enumerate(found)]
+    problem, found = searched()
+    broken = [Result(r.trial, 0.0 if k == 4 else r.value_m, measured=k != 4) for k, r in enumerate(found[:6])]
     with_it = Field(problem, QUICK).propose(6, broken, [])
     assert with_it.cameras != found[4].trial.cameras
     assert problem.contains(with_it.cameras)
@@ -211,20 +216,23 @@ def test_a_small_recorded_set_is_tried_out_and_then_left() -> None:
     assert Field(problem, QUICK).propose(10, found, []) is None
 
 
-def lucky_place(problem: PlanningProblem) -> tuple[list[Result], list[Result]]:
+def lucky_place() -> tuple[PlanningProblem, list[Result], list[Result]]:
     """A search, and one of its places tried again and again, with one lucky value."""
-    found = run(Field(problem, QUICK), 8, problem)
+    problem, found = searched()
     center = found[6].trial.cameras
     rng = np.random.default_rng(1)
-    return found, [
-        Result(Trial(8 + k, near(center, problem, 0.01, rng), ""), 0.05 if k == 3 else found[6].value_m)
-        for k in range(8)
-    ]
+    return (
+        problem,
+        found,
+        [
+            Result(Trial(8 + k, near(center, problem, 0.01, rng), ""), 0.05 if k == 3 else found[6].value_m)
+            for k in range(8)
+        ],
+    )
 
 
 def test_finalists_are_good_by_the_model_and_apart() -> None:
-    problem = bowl_problem(4)
-    found, around = lucky_place(problem)
+    problem, found, around = lucky_place()
     chosen = Field(problem, QUICK).favourites([*found, *around], 4)
     assert isinstance(Field(problem), Judge)
     assert len({trial.cameras.vector().tobytes() for trial in chosen}) == 4
@@ -238,9 +246,8 @@ def test_finalists_are_good_by_the_model_and_apart() -> None:
 
 
 def test_where_a_set_has_one_value_at_every_seed_finalists_are_the_lowest() -> None:
-    noisy = bowl_problem(4)
+    noisy, found, around = lucky_place()
     exact = replace(noisy, exact=True)
-    found, around = lucky_place(exact)
     results = [*found, *around]
     lowest = sorted(results, key=lambda result: (result.value_m, result.trial.number))[:4]
     assert [t.number for t in Field(exact, QUICK).favourites(results, 4)] == [r.trial.number for r in lowest]
