@@ -158,6 +158,5 @@ def test_cameras_keep_clear_of_neighbour_rows() -> None:
     assert len(alone.plot.obstacles) == 0
 
 
-def test_the_air_is_still_unless_wind_is_asked_for() -> None:
-    windy = replace(SCENE, wind_m=0.02)
-    assert SimulatedSource.from_description(windy).outdoors.still
+def test_the_air_is_still_unless_wind_is_asked_for(proxy: Proxy) -> None:
+    assert SimulatedSource.from_description(replace(SCENE, wind_m=0.02), proxy=proxy).outdoors.still
