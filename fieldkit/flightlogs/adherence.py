@@ -6,8 +6,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from fieldkit.flightlogs.achieved import AchievedPose, achieved_pose
-from fieldkit.flightlogs.model import Trigger
+from fieldkit.flightlogs.model import Trigger, bursts_of
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.geometry.stations import PoseArray, associate
@@ -38,6 +40,7 @@ def adherence(
     """Assign triggers to planned poses (`fieldkit.geometry.stations.associate`) and compare them.
 
     An error that all photographs have in common does not change which belongs to which; it is part of each one's error.
+    A burst counts by its first photograph.
 
     Args:
         planned: poses, with distinct names.
@@ -48,6 +51,8 @@ def adherence(
     if not planned or not triggers:
         return AdherenceEntry.of((), [p.name for p in planned], images)
     frame = LocalFrame(planned[0].latitude_deg, planned[0].longitude_deg)
+    firsts = np.unique(bursts_of(triggers), return_index=True)[1]
+    triggers, images = [triggers[k] for k in firsts], [images[k] for k in firsts]
     poses = [achieved_pose(trigger) for trigger in triggers]
     stations = PoseArray.of(
         [(_local(frame, p.latitude_deg, p.longitude_deg, p.height_m), p.yaw_deg, p.pitch_deg) for p in planned]

@@ -37,6 +37,8 @@ class Observed:
     """(n, 2) metres, NaN where unknown."""
     trigger_place: Array
     """(m, 2)."""
+    burst: NDArray[np.int_]
+    """(m,) which burst a trigger is of: a photograph's own is the one by the order within it."""
     whole_seconds: bool = field(init=False)
     """Whether the camera counts whole seconds only."""
     located: NDArray[np.bool_] = field(init=False)
@@ -77,7 +79,7 @@ class Observed:
         if not len(i) or not len(j) or not self.located[i].any():
             return None
         times = np.full(len(i), np.nan)
-        return Observed(times, self.trigger_time[j], self.photo_place[i], self.trigger_place[j])
+        return Observed(times, self.trigger_time[j], self.photo_place[i], self.trigger_place[j], self.burst[j])
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,15 +222,23 @@ def assign(observed: Observed, fit: Fit, doubt: float) -> tuple[dict[int, int], 
         rows, columns, total = _solve(cost)
         for a, b in zip(rows, columns, strict=True):
             rivals = [int(photos[k]) for k in np.flatnonzero(cost[:, b] < 0.0) if k != a]
-            if (rivals or (np.delete(cost[a], b) < 0.0).any()) and _without(cost, a, b) - total < doubt:
+            alike = observed.burst[triggers] == observed.burst[triggers[b]]
+            if (rivals or (cost[a, ~alike] < 0.0).any()) and _without(cost, a, alike) - total < doubt:
                 doubtful |= {int(photos[a]), *rivals}
             else:
                 pairs[int(photos[a])] = int(triggers[b])
-    return pairs, doubtful - pairs.keys()
+    return _in_order(observed, pairs), doubtful - pairs.keys()
 
 
-def _without(cost: Array, a: int, b: int) -> float:
-    """Cost of the best assignment without the pair (a, b)."""
+def _in_order(observed: Observed, pairs: dict[int, int]) -> dict[int, int]:
+    """Pairs whose photographs follow each other within a burst as its triggers do; of one time as they are numbered."""
+    photos = sorted(pairs, key=lambda i: (observed.burst[pairs[i]], np.nan_to_num(observed.photo_time[i]), i))
+    of = dict(zip(photos, sorted(pairs.values()), strict=True))
+    return {i: of[i] for i in pairs}
+
+
+def _without(cost: Array, a: int, b: NDArray[np.bool_]) -> float:
+    """Cost of the best assignment without pairs of a and b."""
     other = cost.copy()
     other[a, b] = _WORST
     return _solve(other)[2]

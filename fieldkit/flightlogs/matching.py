@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.flightlogs.likelihood import Fit, Observed, assign, fit_to
-from fieldkit.flightlogs.model import Trigger
+from fieldkit.flightlogs.model import Trigger, bursts_of
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.wording import count
 
@@ -135,7 +135,8 @@ def _observed(photographs: Sequence[Stamp], triggers: Sequence[Trigger]) -> Obse
     else:
         photo_place = np.full_like(photo_place, np.nan)
     times = np.array([np.nan if p.time_s is None else p.time_s for p in photographs], dtype=np.float64)
-    return Observed(times, np.array(zero_free, dtype=np.float64).reshape(-1), photo_place, trigger_place)
+    trigger_time = np.array(zero_free, dtype=np.float64).reshape(-1)
+    return Observed(times, trigger_time, photo_place, trigger_place, bursts_of(triggers))
 
 
 def _metres(frame: LocalFrame, degrees: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -173,7 +174,7 @@ def _by_time(
         return None, {}, doubtful
     complete, warned = len(pairs) == counted == len(observed.trigger_time), False
     for other, other_pairs, _ in best[1:]:
-        shared = len(pairs.items() & other_pairs.items())
+        shared = sum(observed.burst[j] == observed.burst[other_pairs[i]] for i, j in pairs.items() if i in other_pairs)
         if 2 * shared >= len(pairs):
             continue
         worse = other.cost(observed, other_pairs) - fit.cost(observed, pairs)

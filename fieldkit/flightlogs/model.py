@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -9,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fieldkit.geometry.geodesy import geodetic_to_ecef
 from fieldkit.geometry.pose import wrapped_deg
 
 Clock = Literal["boot", "UTC"]
@@ -17,6 +19,8 @@ LogKind = Literal["tlog", "dataflash", "ulog"]
 YawFrame = Literal["vehicle", "north"]
 
 _REACH_S = 1.0
+_BURST_S, _HOVER_M = 3.0, 0.3
+"""Between two triggers of a burst at most."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +91,17 @@ class Trigger:
     targets seems to jump. None where the log does not say."""
     interpolated: bool = False
     """Whether place and attitude are the track's at that time and not the trigger message's own."""
+
+
+def bursts_of(triggers: Sequence[Trigger]) -> NDArray[np.int_]:
+    """(m,) which burst each trigger of a flight is of, from 0; all are alone where most would be: odd ones are none."""
+    places = [(t.place.latitude_deg, t.place.longitude_deg) if t.place else (np.nan, np.nan) for t in triggers]
+    latitudes, longitudes = np.reshape(places, (-1, 2)).T
+    apart_m = np.linalg.norm(np.diff(geodetic_to_ecef(latitudes, longitudes, 0.0), axis=0), axis=1)
+    stays = (np.diff([t.time_s for t in triggers]) <= _BURST_S) & (apart_m <= _HOVER_M)
+    bursts = np.cumsum(np.concatenate([[0], ~stays]))[: len(triggers)]
+    sizes = np.unique(bursts, return_counts=True)[1]
+    return bursts if len(triggers) and np.bincount(sizes).argmax() > 1 else np.arange(len(triggers))
 
 
 @dataclass(frozen=True, eq=False)

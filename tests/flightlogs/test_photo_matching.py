@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldkit.flightlogs import Matches, Place, Stamp, Trigger, match, read_flight_log
+from fieldkit.flightlogs.model import bursts_of
 from tests.flightlogs.recordings import recording
 
 HOME = (50.865, 6.4473)
@@ -163,6 +164,21 @@ def test_two_plots_flown_alike_in_one_log() -> None:
     without = [replace(s, latitude_deg=None, longitude_deg=None) for s in with_gps]
     assert not match(without, triggers).pairs
     assert match(without, triggers).ambiguous
+
+
+def test_bursts_in_whole_seconds_are_matched_in_their_order() -> None:
+    stations = flown(series(9, 4))
+    triggers = [
+        replace(t, time_s=t.time_s + 0.7 * k, utc_s=(t.utc_s or 0.0) + 0.7 * k) for t in stations for k in range(5)
+    ]  # fmt: skip
+    found = match(photographs(triggers, offset=7200.2, whole=True), triggers)
+    assert len(found.pairs) == 45
+    assert own(found)
+    # A flight of single photographs with an odd second trigger has no bursts: which one it was is not guessed.
+    odd = [stations[0], *triggers[1:2], *stations[1:]]
+    assert bursts_of(odd).tolist() == list(range(10))
+    assert bursts_of(triggers).tolist() == [s for s in range(9) for _ in range(5)]
+    assert bursts_of([]).tolist() == []
 
 
 def test_nothing_to_go_by() -> None:
