@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.result import Cell, ResultTable, StudyResult
 from benchmarks.scored_captures import FITTED, designs, make_captures, read_captures
 from benchmarks.true_plants import kept_truth
-from fieldkit.results.traits import TRAITS, Trait, TraitsEntry, error_column
+from fieldkit.results.traits import Trait, TraitsEntry, error_column
 from fieldkit.runtime.progress import Progress
 
 _NAMES: dict[Trait, str] = {
@@ -68,7 +68,7 @@ def error_table(rows: Sequence[dict[str, Any]]) -> ResultTable:
     cells: list[tuple[Cell, ...]] = []
     for label, tuning in (("tuning", True), ("others", False)):
         chosen = [row for row in rows if (row["scene"] in FITTED) == tuning]
-        for trait in TRAITS:
+        for trait in _NAMES:
             known = [row for row in chosen if row["found"][trait] is not None]
             if not known:
                 continue

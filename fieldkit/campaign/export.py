@@ -25,18 +25,22 @@ from fieldkit.figures.registry import F_SCORE, FIGURES
 from fieldkit.files import check_writable, write_atomic
 from fieldkit.regular_files import check_replaceable
 from fieldkit.results.evaluation import distance_key
-from fieldkit.results.traits import VALUES, TraitsEntry
+from fieldkit.results.report_files import EVALUATION_FILE, load_evaluation_report
+from fieldkit.results.traits import VALUES, PlantEntry, TraitsEntry
 from fieldkit.results.visit import ROW, Visit
 
 Format = Literal["csv", "geojson", "gpkg"]
 SUFFIXES: Mapping[str, Format] = {".csv": "csv", ".geojson": "geojson", ".json": "geojson", ".gpkg": "gpkg"}
-VISITS_LAYER, PLOTS_LAYER = "visits", "plots"
+VISITS_LAYER, PLOTS_LAYER, PLANTS_LAYER = "visits", "plots", "plants"
 _LATEST = ("chamfer_m", "predicted_chamfer_m", "predicted_low_m", "predicted_high_m")
 _TEXTS = ("captures", "folder", "error")
 _GEOPACKAGE = "1.2"  # GDAL 3.12 writes 1.4 by itself, of which that of QGIS 3.22 warns
-_COUNTS = {"images", "registered", "right", "rank", "predicted_rank", "visits"}
+_COUNTS = {
+    "images", "registered", "right", "rank", "predicted_rank", "visits", "plants", "row_gaps", "plant", "row", "in_row",
+    "height_certain",
+}  # fmt: skip
 _PLACE = ("latitude_deg", "longitude_deg", "row_heading_deg")
-_NUMBERS = {*_PLACE, *FIGURES, *VALUES, "predicted_low_m", "predicted_high_m", "cpu_s"}
+_NUMBERS = {*_PLACE, *FIGURES, *VALUES, *PlantEntry.model_fields, "predicted_low_m", "predicted_high_m", "cpu_s"}
 
 Values = dict[str, Any]
 
@@ -90,6 +94,19 @@ def plot_rows(campaign: Campaign) -> list[Values]:
     return result
 
 
+def plant_rows(campaign: Campaign) -> list[Values]:
+    """A row of plain values per plant of each visit whose evaluation is there and knows where it stands on Earth."""
+    folders = [(visit, campaign.folder / visit.folder) for visit in campaign.visits if visit.folder]
+    return [
+        {"plot": visit.plot, "date": visit.date, **plant.model_dump()}
+        for visit, folder in folders
+        if (folder / EVALUATION_FILE).is_file()
+        for plot in load_evaluation_report(folder).plots
+        for plant in plot.plants
+        if plant.latitude_deg is not None
+    ]
+
+
 def campaign_csv(campaign: Campaign) -> str:
     """The visits as CSV: UTF-8, commas, decimal points, empty where there is no value."""
     # The columns are the same without a row.
@@ -107,7 +124,7 @@ def campaign_geojson(campaign: Campaign) -> str:
 
 
 def campaign_geopackage(campaign: Campaign) -> bytes:
-    """A GeoPackage with the layers ``visits`` and ``plots`` in EPSG:4326."""
+    """A GeoPackage in EPSG:4326: the layers ``visits`` and ``plots``, and ``plants`` where their places are known."""
     if importlib.util.find_spec("pyogrio") is None:
         raise UsageError(
             "GeoPackages need the extra 'geo'", remedy="pip install 'fieldkit[geo]', or export CSV or GeoJSON."
@@ -116,19 +133,17 @@ def campaign_geopackage(campaign: Campaign) -> bytes:
     plot_columns = list(plot_rows(replace(campaign, visits=()))[0])
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
         file = Path(folder) / "campaign.gpkg"
-        _write_layer(file, VISITS_LAYER, visit_rows(campaign), _columns(campaign), shapes, append=False)
-        _write_layer(file, PLOTS_LAYER, plot_rows(campaign), plot_columns, shapes, append=True)
+        visits, plots, plants = visit_rows(campaign), plot_rows(campaign), plant_rows(campaign)
+        _write_layer(file, VISITS_LAYER, visits, _columns(campaign), [shapes.get(row["plot"]) for row in visits])
+        _write_layer(file, PLOTS_LAYER, plots, plot_columns, [shapes.get(row["plot"]) for row in plots])
+        if plants:
+            feet = [shapely.Point(row["longitude_deg"], row["latitude_deg"]) for row in plants]
+            _write_layer(file, PLANTS_LAYER, plants, list(plants[0]), feet)
         return file.read_bytes()
 
 
 def _write_layer(
-    file: Path,
-    layer: str,
-    rows: Sequence[Values],
-    columns: Sequence[str],
-    shapes: Mapping[str, shapely.Geometry],
-    *,
-    append: bool,
+    file: Path, layer: str, rows: Sequence[Values], columns: Sequence[str], geometry: Sequence[shapely.Geometry | None]
 ) -> None:
     from pyogrio.errors import DataSourceError, FieldError
     from pyogrio.raw import write
@@ -139,7 +154,6 @@ def _write_layer(
         missing = np.array([value is None for value in values], dtype=bool)
         data.append(_column(name, values))
         masks.append(missing if missing.any() else None)
-    geometry = [shapes.get(row["plot"]) for row in rows]
     kinds = {shape.geom_type for shape in geometry if shape is not None}
     try:
         write(
@@ -152,7 +166,7 @@ def _write_layer(
             driver="GPKG",
             geometry_type=kinds.pop() if len(kinds) == 1 else "Unknown",
             crs="EPSG:4326",
-            append=append,
+            append=file.exists(),
             dataset_options={"VERSION": _GEOPACKAGE},
         )
     except (DataSourceError, FieldError, OSError) as error:

@@ -13,6 +13,7 @@ import numpy as np
 from fieldkit.campaign.reading import PLANS_FOLDER, Campaign
 from fieldkit.campaign.visits import visit_cloud
 from fieldkit.clouds import Cloud, read_cloud
+from fieldkit.clouds.plants_apart import tell_apart
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.files import atomic_folder
@@ -30,7 +31,6 @@ from fieldkit.results.plan import Plan, PlanMethod, PlanPlants, PlanSource
 from fieldkit.results.plan_file import plan_from_poses, save_plan
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
-from fieldkit.scenes.plants_apart import tell_apart
 from fieldkit.sites.fitted import fitted_to_height
 from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.sites.plot_plants import PlanFacts, PlantHeight, plants_on, with_plant_height

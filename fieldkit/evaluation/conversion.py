@@ -168,6 +168,9 @@ def _described(
     sparse_points = int(sparse.model.num_points3D())
     errors = [(i.observations, i.reprojection_px) for i in sparse.images if i.reprojection_px is not None]
     seen = sum(count for count, _ in errors)
+    traits, each = plot_traits(
+        reconstruction, reconstruction.plants if plants is None else plants, outline
+    )  # fmt: skip
     return ReconstructionEntry(
         images=len(sparse.images),
         registered=sparse.registered,
@@ -205,7 +208,8 @@ def _described(
         seconds=seconds,
         cpu_seconds=cpu_seconds,
         date=_date(sparse.capture),
-        traits=plot_traits(reconstruction, reconstruction.plants if plants is None else plants, outline),
+        traits=traits,
+        plants=each,
         stray=float(reconstruction.stray),
     )
 

@@ -20,7 +20,7 @@ from fieldkit.evaluation.conversion import failed_plot, plot_evaluation
 from fieldkit.evaluation.rasters import Rasters, coarse_place, write_rasters
 from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, Reference
 from fieldkit.evaluation.traits import PlotOutline, outline_of, scale_doubt
-from fieldkit.figures.spreadsheets import TRAITS_FILE, plot_rows, plots_csv, traits_csv
+from fieldkit.figures.spreadsheets import PLANTS_FILE, TRAITS_FILE, plants_csv, plot_rows, plots_csv, traits_csv
 from fieldkit.figures.style import format_length
 from fieldkit.files import storage_errors, write_atomic
 from fieldkit.pictures.overview import write_overview
@@ -192,6 +192,9 @@ def _evaluated(
             seconds=spent.seconds, cpu_seconds=spent.cpu_seconds,
         )  # fmt: skip
         write_overview(folder / place / OVERVIEW_FILE, plot, plants)
+        if plot.plants:
+            write_atomic(folder / place / PLANTS_FILE, plants_csv(plot.plants))
+            names.append(PLANTS_FILE)
     plot = plot.model_copy(update={"files": describe_files(folder, [f"{place}/{n}" for n in names])})
     if given.flown is None:
         return plot

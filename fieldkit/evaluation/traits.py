@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,11 +19,12 @@ from fieldkit.clouds.canopy import (
     with_room_m,
 )
 from fieldkit.clouds.cloud import Cloud
+from fieldkit.evaluation.plants import plants_one_by_one
 from fieldkit.reconstruction.result import Reconstruction, SparseResult
 from fieldkit.reconstruction.scale import scale_error
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.frame import Plane
-from fieldkit.results.traits import TRAITS, Trait, TraitsEntry, error_column
+from fieldkit.results.traits import TRAITS, PlantEntry, Trait, TraitsEntry, error_column
 from fieldkit.vocabulary import LEAST_POSITIONS, NINE_IN_TEN
 from fieldkit.wording import count
 
@@ -42,7 +43,7 @@ _STEP_M, _MOST_STEPS = 0.05, 40
 _MATCH_DEG, _MATCH_FARTHER, _PARTNERS = (3.0, 36.0), 1.6, 2
 _MATCH_AT, _MATCH_SHARE = (0.3, 0.8), 0.9
 _OF_HEIGHT: tuple[Trait, ...] = ("height_m", "canopy_volume_m3")
-_OF_AREA: tuple[Trait, ...] = ("cover_percent", "covered_area_m2", "canopy_volume_m3")
+_OF_AREA: tuple[Trait, ...] = ("cover_percent", "covered_area_m2", "canopy_volume_m3", "plants", "row_gaps")
 _CODES: Mapping[str, tuple[Trait, ...]] = {
     "few-plant-points": TRAITS,
     "height-undetermined": _OF_HEIGHT,
@@ -83,8 +84,10 @@ def outline_of(settings: ReconstructionSettings, reference: Mapping[str, Any] | 
     return PlotOutline()
 
 
-def plot_traits(found: Reconstruction, plants: Cloud, outline: PlotOutline) -> TraitsEntry:
-    """The traits of a plot.
+def plot_traits(
+    found: Reconstruction, plants: Cloud, outline: PlotOutline
+) -> tuple[TraitsEntry, tuple[PlantEntry, ...]]:
+    """The traits of a plot, and its plants one by one.
 
     Args:
         found: the reconstruction.
@@ -97,7 +100,7 @@ def plot_traits(found: Reconstruction, plants: Cloud, outline: PlotOutline) -> T
     unknown = _unknown(found, points, outline)
     ground = found.sparse.frame.ground
     if ground is None or len(unknown) == len(TRAITS):
-        return TraitsEntry(plot_area_m2=area, unknown=unknown)
+        return TraitsEntry(plot_area_m2=area, unknown=unknown), ()
     pixel, doubt = found.pixel_m, scale_doubt(found.sparse)
     heights = ground.heights(points)
     seen = canopy(points, heights, pixel)
@@ -113,11 +116,20 @@ def plot_traits(found: Reconstruction, plants: Cloud, outline: PlotOutline) -> T
         "covered_area_m2": (covered, area_error * covered),
         "canopy_volume_m3": (volume, float(np.hypot(near * VOLUME_ERROR, 3.0 * NINE_IN_TEN * doubt)) * volume),
     }
-    known: dict[str, float | None] = {}
+    known: dict[str, Any] = {}
+    each: tuple[PlantEntry, ...] = ()
+    if "plants" not in unknown:
+        sure = not any("height_m" in _CODES.get(finding.code, ()) for finding in found.sparse.findings)
+
+        def top_seen(points: Array, top: float) -> bool:
+            return sure and not any(_tops_missed(found.sparse, ground, _columns(points), top))
+
+        each, counts, why = plants_one_by_one(plants, ground, found.sparse.frame, corners, pixel, top_seen)
+        known, unknown = {**counts}, unknown | why
     for trait, (value, error) in values.items():
         if trait not in unknown:
             known |= {trait: value, error_column(trait): error}
-    return TraitsEntry(**known, plot_area_m2=area, unknown=unknown)
+    return TraitsEntry(**known, plot_area_m2=area, unknown=unknown), each
 
 
 def covered_side_m(sparse: SparseResult, points: Array) -> float:
@@ -172,21 +184,9 @@ def _unknown(found: Reconstruction, points: Array, outline: PlotOutline) -> dict
         reason = f"only {100 * seen:.0f} % of the plot is in the picture of {_SEEN_BY} photographs or more"
         without(_OF_AREA, reason)
     columns, top = _columns(points), float(ground.heights(points).max())
-    above = seen_share(sparse, _at_height(columns, ground, with_room_m(top)))
-    if above < _SEEN_SHARE:
-        reason = (
-            f"above {100 * (1 - above):.0f} % of the plants the pictures end: higher leaves would not be seen "
-            "(`fieldkit plan --heights` leaves room)"
-        )
+    for reason in _tops_missed(sparse, ground, columns, top):
         without(_OF_HEIGHT, reason)
-    matched_top = matched_share(sparse, _at_height(columns, ground, top))
-    if matched_top < _MATCH_SHARE:
-        reason = (
-            f"at the height of the highest leaf, over {100 * (1 - matched_top):.0f} % of the plants, no photograph has "
-            f"two others near enough beside it (within {_MATCH_DEG[1]:.0f}°), so tips are missed"
-        )
-        without(_OF_HEIGHT, reason)
-    matched = matched_share(sparse, np.concatenate([_at_height(columns, ground, z * top) for z in _MATCH_AT]))
+    matched = matched_share(sparse, np.concatenate([ground.above(columns, z * top) for z in _MATCH_AT]))
     if matched < _MATCH_SHARE:
         reason = (
             f"over {100 * (1 - matched):.0f} % of the plants no photograph has two others near enough beside it "
@@ -196,6 +196,22 @@ def _unknown(found: Reconstruction, points: Array, outline: PlotOutline) -> dict
     if outline.corners is None:
         without(("cover_percent",), outline.reason)
     return unknown
+
+
+def _tops_missed(sparse: SparseResult, ground: Plane, columns: Array, top: float) -> Iterator[str]:
+    """Why leaves over ``columns`` (n, 2) may be higher than ``top``, the highest one that was found."""
+    above = seen_share(sparse, ground.above(columns, with_room_m(top)))
+    if above < _SEEN_SHARE:
+        yield (
+            f"above {100 * (1 - above):.0f} % of the plants the pictures end: higher leaves would not be seen "
+            "(`fieldkit plan --heights` leaves room)"
+        )
+    matched = matched_share(sparse, ground.above(columns, top))
+    if matched < _MATCH_SHARE:
+        yield (
+            f"at the height of the highest leaf, over {100 * (1 - matched):.0f} % of the plants, no photograph has "
+            f"two others near enough beside it (within {_MATCH_DEG[1]:.0f}°), so tips are missed"
+        )
 
 
 def seen_share(sparse: SparseResult, points: Array) -> float:
@@ -234,15 +250,10 @@ def _grid(outline: Outline, ground: Plane) -> Array:
     places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     inside = places[inside_outline(places, outline)]
     places = inside if len(inside) else ring.mean(axis=0, keepdims=True)
-    return _at_height(places, ground, 0.0)
+    return ground.above(places)
 
 
 def _columns(points: Array) -> Array:
     """Places (m, 2) of the columns that plants stand in."""
     columns: Array = (np.unique(np.floor(points[:, :2] / _STEP_M), axis=0) + 0.5) * _STEP_M
     return columns
-
-
-def _at_height(places: Array, ground: Plane, height: float) -> Array:
-    z = (ground.offset_m + height - places @ ground.normal[:2]) / ground.normal[2]
-    return np.column_stack([places, z])

@@ -129,7 +129,7 @@ class FrustumLayer:
 
 @dataclass(frozen=True)
 class PlaceName:
-    """A name shown at its place: of a plot, of home."""
+    """A name shown at its place: of a plot, of home, a plant's number."""
 
     text: str
     at: tuple[float, float, float]

@@ -147,7 +147,7 @@ def _half_interval(plot: Scored) -> float | None:
 
 def _trait(trait: Trait) -> Figure:
     def of(column: str) -> Value:
-        return lambda plot: None if plot.traits is None else getattr(plot.traits, column)
+        return lambda plot: None if plot.traits is None else getattr(plot.traits, column, None)
 
     told = DESCRIBED[trait]
     return Figure(

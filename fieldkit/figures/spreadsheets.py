@@ -1,6 +1,6 @@
 """Results as CSV: UTF-8, commas, decimal points, empty cells for missing values.
 
-plots.csv, traits.csv (docs/traits.md), adherence.csv and compare.csv.
+plots.csv, traits.csv, plants.csv (docs/traits.md), adherence.csv and compare.csv.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from fieldkit.results.evaluation import (
     distance_key,
 )
 from fieldkit.results.traits import COLUMNS as TRAIT_COLUMNS
-from fieldkit.results.traits import REASONS, VALUES, TraitsEntry
+from fieldkit.results.traits import REASONS, VALUES, PlantEntry, TraitsEntry
 
-TRAITS_FILE = "traits.csv"
+TRAITS_FILE, PLANTS_FILE = "traits.csv", "plants.csv"
 TABLE_COLUMNS = ("plot", "date", *TRAIT_COLUMNS)
-_TRAIT_DECIMALS = 4
+_TRAIT_DECIMALS, _PLANT_DECIMALS = 4, {"latitude_deg": 8, "longitude_deg": 8}
 
 Row = list[object]
 
@@ -58,6 +58,15 @@ def plot_row(plot: PlotEvaluation, distances: Sequence[str]) -> Mapping[str, obj
         "predicted_high_m": told and told.high_m,
         "no_prediction": told and told.reason,
     }
+
+
+def plants_csv(plants: Sequence[PlantEntry]) -> str:
+    """A plot's plants, one per row."""
+    rows = (
+        (round(v, _PLANT_DECIMALS.get(name, 4)) if isinstance(v, float) else v for name, v in each)
+        for each in plants
+    )  # fmt: skip
+    return csv_text(list(PlantEntry.model_fields), rows)
 
 
 def trait_row(plot: str, date: str | None, traits: TraitsEntry | None, error: str = "") -> Row:

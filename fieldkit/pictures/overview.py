@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
+from matplotlib.patheffects import withStroke
 
 from fieldkit.clouds import Cloud
 from fieldkit.figures.tables.reconstruction import quality_rows
@@ -106,6 +107,11 @@ def _draw_panels(
             ends = np.array([window.left, window.right])
             known = ground.normal[direction.right] * ends + ground.normal[direction.toward] * middle[direction.toward]
             axes.plot(ends, (ground.offset_m - known) / ground.normal[2], color=_GROUND, linewidth=1.1, zorder=2)
+        for plant in report.plants if direction is TOP else ():
+            axes.text(
+                plant.x_m, plant.y_m, str(plant.plant), size=8, weight="bold", color=INK, ha="center", va="center",
+                clip_on=True, zorder=7, path_effects=[withStroke(linewidth=2.0, foreground="white")],
+            )  # fmt: skip
         panels.append((axes, direction))
     return panels
 

@@ -15,7 +15,7 @@ from fieldkit.geometry import Pose
 from fieldkit.results.fields import Count, Length, Sha256, Share, Strict, Text, Vector
 from fieldkit.results.finding import DOUBTFUL, Finding
 from fieldkit.results.frame import CameraReport, FrameEntry, VolumeEntry
-from fieldkit.results.traits import TraitsEntry
+from fieldkit.results.traits import PlantEntry, TraitsEntry
 from fieldkit.vocabulary import Fidelity, MappingName, Mask
 
 Seconds = Annotated[float, Field(ge=0)]
@@ -156,6 +156,8 @@ class ReconstructionEntry(Strict):
     """Local date of the earliest photograph, ISO 8601; null where none says it."""
     traits: TraitsEntry | None = None
     """Of the plants (docs/traits.md); null where the plot failed."""
+    plants: tuple[PlantEntry, ...] = ()
+    """One by one; empty where they cannot be told apart, for the reason in ``traits.unknown``."""
     stray: Share | None = None
     """Share of the points that were left out of the cloud: clumps smaller than leaves that touch nothing."""
 

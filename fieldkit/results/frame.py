@@ -36,6 +36,11 @@ class Plane:
         heights: NDArray[np.float64] = np.asarray(points, dtype=np.float64) @ self.normal - self.offset_m
         return heights
 
+    def above(self, places: NDArray[np.float64], height: float = 0.0) -> NDArray[np.float64]:
+        """Points (n, 3) that high above the plane at places (n, 2)."""
+        z = (self.offset_m + height - places @ self.normal[:2]) / self.normal[2]
+        return np.column_stack([places, z])
+
     def tilt_deg(self) -> float:
         """Angle between the normal and the z axis, degrees."""
         return float(np.degrees(np.arctan2(np.hypot(self.normal[0], self.normal[1]), self.normal[2])))

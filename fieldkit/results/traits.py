@@ -12,9 +12,9 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field
 
-from fieldkit.results.fields import Length, Strict
+from fieldkit.results.fields import Count, Latitude, Length, Longitude, Share, Strict
 
-Trait = Literal["height_m", "cover_percent", "covered_area_m2", "canopy_volume_m3"]
+Trait = Literal["height_m", "cover_percent", "covered_area_m2", "canopy_volume_m3", "plants", "row_gaps"]
 TRAITS: tuple[Trait, ...] = get_args(Trait)
 Percent = Annotated[float, Field(ge=0, le=100)]
 
@@ -75,6 +75,21 @@ class TraitsEntry(Strict):
     ] = None  # fmt: skip
     """Between the ground and the canopy's upper surface, over the covered area."""
     canopy_volume_error_m3: Length | None = None
+    plants: Annotated[
+        Count | None,
+        Described(
+            "plants", "plants", "", 0, "counted by their stems", "Plants that stand on the plot, by their stems."
+        ),
+    ] = None
+    """That stand on the plot; the ``plants`` of the same file say where."""
+    row_gaps: Annotated[
+        Count | None,
+        Described(
+            "gaps in rows", "gaps", "", 0, "places without a plant between others of a row",
+            "Places in rows without a plant: two neighbours stand 1.5 times their usual distance apart, or more.",
+            trend=False,
+        ),
+    ] = None  # fmt: skip
     plot_area_m2: Annotated[float, Field(gt=0)] | None = None
     """Of the plot's outline; null where it is not known."""
     unknown: dict[Trait, str] = {}  # noqa: RUF012 - pydantic copies it
@@ -83,6 +98,31 @@ class TraitsEntry(Strict):
     def row(self) -> dict[str, Any]:
         """Values by column, and the reasons in words as ``no_trait``."""
         return {**{name: getattr(self, name) for name in VALUES}, REASONS: reasons_in_words(self.unknown)}
+
+
+class PlantEntry(Strict):
+    """One plant of a plot (docs/traits.md)."""
+
+    plant: Annotated[int, Field(ge=1)]
+    """Its number on the plot: row by row, in each along the row."""
+    row: Annotated[int, Field(ge=1)] | None = None
+    """Null where plants stand in no rows."""
+    in_row: Annotated[int, Field(ge=1)] | None = None
+    """Its number along the row."""
+    x_m: float
+    """Of its foot, plot frame."""
+    y_m: float
+    latitude_deg: Latitude | None = None
+    """Of its foot, WGS 84; null where the plot has no geographic place."""
+    longitude_deg: Longitude | None = None
+    height_m: Length
+    """Of its highest leaf above the ground."""
+    height_certain: bool
+    """Whether the photographs show the plant's top with room above it, and that it is this plant's."""
+    area_m2: Length
+    """Of the ground below it, seen from above, whether or not others stand over it."""
+    touching: Share
+    """Share of that area where a neighbour is above, below or beside it."""
 
 
 DESCRIBED: Mapping[Trait, Described] = {

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from fieldkit.clouds import Cloud, write_ply
+from fieldkit.clouds.plants_apart import PlantsApart
 from fieldkit.errors import SceneError
 from fieldkit.files import atomic_folder, storage_errors
 from fieldkit.scenes.description import Bounds, SceneDescription
 from fieldkit.scenes.from_reference import ATLAS_FILES, GROUND_FILE, PLANTS_FILE, SCENE_FILE
-from fieldkit.scenes.plants_apart import PlantsApart
 from fieldkit.scenes.plot_description import SCALE_RANGE
 from fieldkit.scenes.recorded import pack_atlas, read_atlas, recorded_plants, surfel_axes, surfel_turns, unpack_atlas
 from fieldkit.scenes.scene_file import write_scene

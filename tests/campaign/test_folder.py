@@ -23,11 +23,15 @@ from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks
 from fieldkit.campaign.ranking import drift, ranking
 from fieldkit.campaign.visits import keep_visit
 from fieldkit.errors import FieldkitError, MetadataError, UsageError
+from fieldkit.evaluation.conversion import evaluation_report
+from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.finding import OTHER_PLANTS
 from fieldkit.results.plan import PlanMethod
 from fieldkit.results.plan_file import plan_from_poses
-from fieldkit.results.traits import TraitsEntry
+from fieldkit.results.report_files import EVALUATION_FILE, save_report
+from fieldkit.results.traits import PlantEntry, TraitsEntry
 from tests.campaign.examples import PLAN, STATIONS, campaign_folder, field, plots_geojson
+from tests.figures.terminal.test_results import scored
 
 FIELD = field(2, 2)
 EVIL = "=HYPERLINK(0)</script><b>"
@@ -322,6 +326,25 @@ class TestExport:
             ]  # fmt: skip
         finally:
             database.close()
+
+    def test_plants_are_points_of_a_geopackage(self, tmp_path: Path) -> None:
+        made = campaign(tmp_path, (visit("r1c1", "2026-06-18", 0.01, folder="visits/r1c1/2026-06-18"),))
+        plant = PlantEntry(
+            plant=1, x_m=0.1, y_m=0.2, latitude_deg=50.6, longitude_deg=6.98, height_m=0.8, height_certain=True,
+            area_m2=0.05, touching=0.1,
+        )  # fmt: skip
+        nowhere = plant.model_copy(update={"plant": 2, "latitude_deg": None, "longitude_deg": None})
+        plot = scored("r1c1").model_copy(update={"plants": (plant, nowhere)})
+        report = evaluation_report(
+            "c", [plot], ReconstructionSettings(), reference_sha256=None, refine=False, distances_m=(0.01,), seconds=1,
+            cpu_seconds=1,
+        )  # fmt: skip
+        save_report(made.folder / made.visits[0].folder / EVALUATION_FILE, report)
+        export_campaign(made, tmp_path / "out.gpkg")
+        meta, _, geometry, data = read(tmp_path / "out.gpkg", layer="plants")
+        columns = {name: values.tolist() for name, values in zip(meta["fields"], data, strict=True)}
+        assert shapely.from_wkb(geometry).tolist() == [shapely.Point(6.98, 50.6)]
+        assert (columns["plot"], columns["plant"], columns["height_m"]) == (["r1c1"], [1], [0.8])
 
     @pytest.mark.parametrize("name", ["out.csv", "out.geojson", "out.gpkg"])
     def test_an_empty_campaign_and_points(self, name: str, tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ from fieldkit.results.traits import TRAITS, TraitsEntry
 from tests.evaluation.examples import reconstruction
 
 SETTINGS = ReconstructionSettings()
+COUNTS = {"plants", "row_gaps"}
 PLOT = PlotOutline(rectangle((-0.2, -0.2), (0.2, 0.2)))
 
 
@@ -49,7 +50,7 @@ def found(cloud: Cloud | None = None, **frame: Any) -> Reconstruction:
 
 
 def traits(result: Reconstruction, outline: PlotOutline = PLOT) -> TraitsEntry:
-    return plot_traits(result, result.plants, outline)
+    return plot_traits(result, result.plants, outline)[0]
 
 
 class TestValues:
@@ -57,7 +58,7 @@ class TestValues:
         result = found()
         told = traits(result)
         pixel = result.pixel_m
-        assert told.unknown == {}
+        assert set(told.unknown) == COUNTS  # one leaf is no plant
         assert told.plot_area_m2 == pytest.approx(0.16)
         assert told.height_m == pytest.approx(0.15, abs=1e-6)
         inner = 0.1 - (2.0 * SEAM_PIXELS - 1.0) * pixel  # less the seam, but for the half cell that the grid adds
@@ -77,7 +78,7 @@ class TestValues:
     def test_moved_plants_count(self) -> None:
         """A cloud that is moved onto a reference has its traits where it lies then."""
         result = found()
-        moved = plot_traits(result, Cloud(result.plants.points + np.array([0.0, 0.0, 0.02])), PLOT)
+        moved = plot_traits(result, Cloud(result.plants.points + np.array([0.0, 0.0, 0.02])), PLOT)[0]
         assert moved.height_m == pytest.approx(0.17, abs=1e-6)
 
     def test_from_near_more_of_what_sways_is_lost(self, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -98,7 +99,7 @@ class TestValues:
 class TestRefusals:
     def test_without_an_outline_there_is_no_cover_but_an_area(self) -> None:
         told = traits(found(), PlotOutline())
-        assert set(told.unknown) == {"cover_percent"}
+        assert set(told.unknown) == {"cover_percent", *COUNTS}
         assert "--bounds" in told.unknown["cover_percent"]
         assert told.cover_percent is None
         assert told.covered_area_m2 is not None
@@ -134,7 +135,8 @@ class TestRefusals:
         result = found()
         result = replace(result, sparse=replace(result.sparse, findings=(Finding("p", code, "what is wrong"),)))
         told = traits(result)
-        assert told.unknown == {"height_m": "what is wrong", "canopy_volume_m3": "what is wrong"}
+        wrong = {trait for trait, why in told.unknown.items() if why == "what is wrong"}
+        assert wrong == {"height_m", "canopy_volume_m3"}
         assert told.covered_area_m2 is not None
 
     def test_no_plant_within_the_outline(self) -> None:
@@ -143,7 +145,7 @@ class TestRefusals:
 
     def test_a_plot_that_is_not_wholly_in_the_pictures(self) -> None:
         told = traits(found(), PlotOutline(rectangle((-4.0, -4.0), (4.0, 4.0))))
-        assert set(told.unknown) == {"cover_percent", "covered_area_m2", "canopy_volume_m3"}
+        assert set(told.unknown) == {"cover_percent", "covered_area_m2", "canopy_volume_m3", *COUNTS}
         assert "% of the plot is in the picture" in told.unknown["cover_percent"]
         assert told.height_m is not None
 

@@ -9,9 +9,9 @@ from PIL import Image
 from scipy.spatial.distance import pdist
 
 from fieldkit.clouds import Cloud, read_cloud, write_ply
+from fieldkit.clouds.plants_apart import PlantsApart, tell_apart
 from fieldkit.errors import UsageError
 from fieldkit.scenes.description import Bounds, SceneDescription, build, sample_reference
-from fieldkit.scenes.plants_apart import PlantsApart, tell_apart
 from fieldkit.scenes.plot_description import SCALE_RANGE
 from fieldkit.scenes.recorded import RecordedSurface, pack_atlas, recorded_plants, surfel_axes, unpack_atlas
 from fieldkit.scenes.recorded_kind import Change, Variation, draw_variation, varied_cloud, write_varied_scene

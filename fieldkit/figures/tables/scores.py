@@ -34,7 +34,7 @@ def score_figures(plot: PlotEvaluation) -> Iterator[KeyFigure]:
         return
     for trait in TRAIT_FIGURES:
         if (text := trait.with_error(plot)) is not None:
-            yield KeyFigure(trait.label, f"{text} {trait.unit}", trait.of)
+            yield KeyFigure(trait.label, f"{text} {trait.unit}".rstrip(), trait.of)
     for name, why in plot.traits.unknown.items():
         yield KeyFigure(DESCRIBED[name].label, "not measured", why)
 

@@ -19,6 +19,7 @@ from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.metrics import ReferenceIndex
+from fieldkit.clouds.plants_apart import PlantsApart, tell_apart
 from fieldkit.clouds.volume import Volume
 from fieldkit.files import lock, write_atomic
 from fieldkit.geometry import Intrinsics, Similarity
@@ -32,7 +33,6 @@ from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription, build, sample_truth
 from fieldkit.scenes.drawing import Draw, KeptDrawings, draw
 from fieldkit.scenes.from_reference import SCENE_FILE
-from fieldkit.scenes.plants_apart import PlantsApart, tell_apart
 from fieldkit.scenes.recorded import recorded_plants
 from fieldkit.scenes.recorded_kind import Variation, bounds_around, draw_variation, varied_cloud, write_varied_scene
 from fieldkit.scenes.renderer import Renderer

@@ -10,6 +10,7 @@ import numpy as np
 
 from fieldkit.captures import read_capture
 from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.plants_apart import PlantsApart
 from fieldkit.clouds.volume import Volume
 from fieldkit.evaluation.proxy import make_proxy
 from fieldkit.evaluation.reference import Reference, build_reference
@@ -29,7 +30,6 @@ from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.library import find_scene
-from fieldkit.scenes.plants_apart import PlantsApart
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise, Outdoors
 from fieldkit.sites.fitted import Stretch

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 
 import cv2
@@ -55,8 +56,9 @@ def still(scene: ViewerScene, *, height: int = _HEIGHT, marked: bool = True) -> 
         lower, upper = np.maximum(lower, inner[0] - room), np.minimum(upper, inner[1] + room)
     margin = _MARGIN * float(max((upper - lower).max(), 1e-3))
     lower, upper = lower - margin, upper + margin
-    directions = (TOP,) if scene.places else (FRONT, TOP)
-    most = round(_ALONE * height) if scene.places else height
+    alone = about_cameras and bool(scene.places)
+    directions = (TOP,) if alone else (FRONT, TOP)
+    most = round(_ALONE * height) if alone else height
     scale = min(_scale(direction, upper - lower, most) for direction in directions)
     panels = []
     for direction in directions:
@@ -65,6 +67,8 @@ def still(scene: ViewerScene, *, height: int = _HEIGHT, marked: bool = True) -> 
         panel = np.where(panel[:, :, 3:] > 0, panel[:, :, :3], np.uint8(_PAPER)).astype(np.uint8)
         if about_cameras:
             _draw_marks(panel, scene, frusta, direction, window)
+        elif direction is TOP:
+            _draw_marks(panel, replace(scene, lines=()), (), direction, window)
         if marked:
             panel = _with_scale(panel, scene, direction, window)
         panels.append(panel)
@@ -72,7 +76,7 @@ def still(scene: ViewerScene, *, height: int = _HEIGHT, marked: bool = True) -> 
     jpeg = as_jpeg(picture, _QUALITY)
     if jpeg is None:
         return None
-    seen = "from above" if scene.places else "from the front and from above"
+    seen = "from above" if alone else "from the front and from above"
     return Picture(jpeg, picture.shape[1], picture.shape[0], f"{scene.title}: {seen}")
 
 

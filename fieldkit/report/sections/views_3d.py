@@ -122,7 +122,8 @@ def plot_view(result: Loaded[EvaluationReport], plot: PlotEvaluation, results: R
     if shifts:
         lines.append(LineLayer("From known to achieved position", shifts, _FENCE, shown=False))
     title = f"{plot.name}: the capture{' against its reference' * (distances is not None)}"
-    return ViewerScene(title, layers, frusta, lines, north=_north_of(plot), metric=plot.metric), note
+    numbers = [PlaceName(str(each.plant), (each.x_m, each.y_m, 0.0)) for each in plot.plants]
+    return ViewerScene(title, layers, frusta, lines, numbers, north=_north_of(plot), metric=plot.metric), note
 
 
 def plan_view(result: Loaded[PlanRun], results: Results) -> NotedView:

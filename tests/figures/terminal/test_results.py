@@ -55,6 +55,8 @@ TRAITS = TraitsEntry(
     covered_area_error_m2=0.0155,
     canopy_volume_m3=0.31,
     canopy_volume_error_m3=0.031,
+    plants=7,
+    row_gaps=1,
     plot_area_m2=1.21,
 )
 

@@ -60,6 +60,14 @@ def test_a_weed_far_out_does_not_make_the_plants_small() -> None:
     assert beside.width < 1.5 * alone.width
 
 
+def test_names_stand_on_a_cloud_only_from_above() -> None:
+    bare, named = (pixels(ViewerScene("p", [plants()], places=places)) for places in ((), (PlaceName("1", (0, 0, 0)),)))
+    assert bare.shape == named.shape
+    changed = np.abs(bare - named).max(axis=2) > 120
+    assert changed.any()
+    assert box_of(changed)[0] > bare.shape[1] / 2
+
+
 def test_cameras_stand_at_their_places_and_bear_names() -> None:
     bare, named = pixels(flight()), pixels(flight("Südfeld 1", "home"))
     assert bare.shape[1] > named.shape[1]  # without places from the front, too

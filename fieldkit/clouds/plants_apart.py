@@ -7,43 +7,50 @@ cannot be told apart: plants with leaves of others make plots that cannot be, an
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
-from fieldkit.clouds import Cloud, voxel_thin
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.thinning import voxel_thin
 
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+OnPlot = Callable[[Array], NDArray[np.bool_]]
 LEAST_CLEAR = 0.8
 """Plants are told apart where at least this share of points is clearly nearer to its own foot than to any other."""
 
 _CELL_M, _CELLS_HIGH = 0.005, 100
 """Work is done on a cloud thinned to this, or to this share of the plants' height where they are small."""
-_LOW, _BAND, _HIGH = 0.06, 0.12, 0.15
-"""Feet are looked for below the second of these shares of the height, and checked against the others."""
-_RISE = 0.7
-"""A foot reaches through this share of its band. Weeds and leaf tips that hang low do not."""
-_LINK, _SQUASH = 3.0, 2.0
-"""Points of a foot are linked over so many cells sideways, and over ``_SQUASH`` times as many upwards."""
+_BAND, _WINDOW, _FILLED = 0.3, 0.12, 0.7
+"""Stems are looked for below the first of these shares of the height: columns of which over the second the third is
+filled."""
+_SHORT, _TALL, _FOOT = 0.1, 0.15, 0.12
+"""Columns count from the first of these shares of the height. A stem has the second, and begins below the third."""
+_LITTER = 0.12
+"""What is connected to nothing and lies wholly below this share of the height belongs to no plant."""
+_MOST_VOXELS = 50_000_000
 _LEAST_POINTS = 10
 _WIDE = 0.25
 """Nine in ten points of a foot lie within this share of the height about its middle; else it is a canopy's skirt."""
-_SAME_FOOT = 6.0
-"""Feet of the two bands are the same within so many cells."""
 _STEM_RADIUS, _STEM_TOP, _STEM_LEAN = 5.0, 0.6, 0.3
 """A stem is followed within so many cells of its axis up to this share of the height. The axis moves by this share of
 the way to the middle of each slice of two cells."""
 _STEM_COST = 2.0
-_UPRIGHT_BANDS, _UPRIGHT, _AWAY = ((0.25, 0.5), (0.4, 0.6)), 0.7, 16.0
-"""What fills this share of one of these bands of the plants' height, more than so many cells from any stem that was
-followed, is a stem whose foot was not found."""
+_UPRIGHT_BANDS, _AWAY = ((0.25, 0.5), (0.4, 0.6)), 16.0
+"""A column through one of these bands of the plants' height, more than so many cells from any stem that was followed,
+is a stem whose foot was not found."""
 _REACH, _BEND = 2.4, 30.0
 """Neighbours on a surface are so many cells apart. Steps out of a surface, or to one that faces elsewhere, count up to
 ``1 + 2 · _BEND`` times: that is what keeps paths from changing leaves where two cross."""
-_JUMP, _JUMP_COST = 8.0, 20.0
+_JUMP, _JUMP_COST = 8.0, 6.0
 """Gaps of up to so many cells are crossed at this cost per metre."""
 _CLEARLY = 1.1
 """A point is clearly nearer to one foot when the next is this much further."""
@@ -56,13 +63,15 @@ class PlantsApart:
     numbers: NDArray[np.int32]
     """(n,) int32: the point's plant, from 1; 0 for what belongs to none, such as weeds, and for every point where
     plants cannot be told apart."""
-    feet_m: NDArray[np.float64]
+    feet_m: Array
     """(k, 3) metres: where each plant stands, on the level of the lowest points, by x; k is 0 where plants cannot be
     told apart."""
     clear: float
     """Share of the points that are clearly nearer to their own foot than to any other, 0 to 1."""
     refused: str = ""
     """Why the plants cannot be told apart; empty where they can."""
+    sure: NDArray[np.bool_] | None = None
+    """(n,) whether the point is clearly nearer to its own foot than to any other; None where they cannot be."""
 
     def __post_init__(self) -> None:
         for name, dtype in (("numbers", np.int32), ("feet_m", np.float64)):
@@ -76,29 +85,34 @@ class PlantsApart:
         return len(self.feet_m)
 
 
-def tell_apart(cloud: Cloud) -> PlantsApart:
+def everywhere(places: Array) -> NDArray[np.bool_]:
+    """All places belong to the plot."""
+    return np.ones(len(places), np.bool_)
+
+
+def tell_apart(cloud: Cloud, on_plot: OnPlot = everywhere) -> PlantsApart:
     """Which plant each point of ``cloud`` belongs to.
 
     1. The cloud is thinned to cells of 5 mm, or a hundredth of the plants' height where that is less.
-    2. Feet are the connected parts of the points below 0.12 of the height that reach up through that band.
-    3. Each stem is followed upwards from its foot, across what is missing of it.
+    2. Stems are the upright columns of the lowest 0.3 of the height: seen from above they stay within 3 cm, and points
+       fill most of their length. Leaves are not so upright, and weeds not so high.
+    3. Each stem is followed further upwards, across what is missing of it.
     4. Every point goes to the foot nearest to it along the surfaces (Dijkstra 1959, on a graph of neighbours). Steps
        out of a surface count more, so that paths stay on their leaf where two leaves touch.
     5. What is connected to nothing goes with the nearest point. If it lies low, it belongs to no plant.
 
     Plants cannot be told apart when one of these holds:
 
-    - no foot is found, or one is wider than a quarter of the height on each side;
-    - a foot is two below 0.06 of the height: feet touch;
-    - there are other feet below 0.15 of the height than below 0.12: feet touch, or have holes;
+    - no stem is found, or one is wider than a quarter of the height on each side;
     - something as upright as a stem stands where no foot is: a foot was not reconstructed;
     - fewer than `LEAST_CLEAR` of the points are clearly nearer to their foot than to the next: leaves mix.
 
     Args:
         cloud: plants in the plot frame, z up, metres. Normals are used where there are any.
+        on_plot: which places (n, 2) belong to the plot. Plants elsewhere need not be told apart.
     """
     try:
-        return _told_apart(cloud)
+        return _told_apart(cloud, on_plot)
     except _Mixed as why:
         return PlantsApart(np.zeros(len(cloud), np.int32), np.zeros((0, 3)), why.clear, str(why))
 
@@ -111,7 +125,7 @@ class _Mixed(Exception):
         self.clear = clear
 
 
-def _told_apart(cloud: Cloud) -> PlantsApart:
+def _told_apart(cloud: Cloud, on_plot: OnPlot) -> PlantsApart:
     if len(cloud) < _LEAST_POINTS:
         raise _Mixed("there are hardly any points")
     low, high = np.quantile(cloud.points[:, 2], (0.001, 0.995))
@@ -121,58 +135,92 @@ def _told_apart(cloud: Cloud) -> PlantsApart:
     cell = max(min(_CELL_M, height / _CELLS_HIGH), _spacing(cloud.points))
     thin = _thinned(cloud, cell)
     points = thin.points
-    feet, places = _standing_feet(points, base, height, cell)
-    stems = _stems(points, feet, places, base, height, cell)
+    feet, places = _standing_feet(points, on_plot, base, height, cell)
+    stems = _stems(points, on_plot, feet, places, base, height, cell)
     surface = _surface(thin, cell)
     graph = _with_shortcuts(points, surface, feet, stems, cell)
-    distance = np.array([dijkstra(graph, directed=False, indices=foot, min_only=True) for foot in feet])
-    numbers = _nearest_reached(points, distance) + 1
-    numbers[_litter(points, surface, feet, base + _BAND * height)] = 0
-    clear = _clear_share(distance, numbers > 0)
+    nearest, sure = _nearest_feet(points, graph, feet)
+    numbers = np.where(_litter(points, surface, feet, base + _LITTER * height), 0, nearest + 1)
+    own = np.append(False, on_plot(places[:, :2]))[numbers]
+    clear = float(np.mean(sure[own])) if own.any() else 1.0
     if clear < LEAST_CLEAR:
         why = f"leaves of different plants mix: {1.0 - clear:.0%} of the points are about as near to two feet"
         raise _Mixed(why, clear)
-    return PlantsApart(numbers[cKDTree(points).query(cloud.points)[1]], places, clear)
+    of = cKDTree(points).query(cloud.points)[1]
+    return PlantsApart(numbers[of], places, clear, sure=sure[of])
 
 
 def _standing_feet(
-    points: NDArray[np.float64], base: float, height: float, cell: float
-) -> tuple[list[NDArray[np.int64]], NDArray[np.float64]]:
-    """Each plant's foot and its place (k, 3), by x; `_Mixed` where feet cannot be told apart."""
-    feet = _feet(points, base, _BAND * height, cell)
+    points: Array, on_plot: OnPlot, base: float, height: float, cell: float
+) -> tuple[list[Index], Array]:
+    """The low part of each plant's stem and its place (k, 3), by x; `_Mixed` where that is not clear."""
+    lowest = float(points[:, 2].min())
+    columns = _columns(points, lowest, base + _BAND * height, _WINDOW * height, cell)
+    columns = [column for column in columns if len(column) and np.ptp(points[column, 2]) >= _SHORT * height]
+    middles = np.array([np.median(points[column, :2], axis=0) for column in columns]).reshape(-1, 2)
+    tall = [points[column, 2] - base for column in columns]
+    sure = [np.ptp(z) >= _TALL * height and z.min() <= _FOOT * height for z in tall]
+    feet = [column for column, stands in zip(columns, sure, strict=True) if stands]
     if not feet:
         raise _Mixed("no foot of a plant is found near the ground")
-    places = _places(points, feet, base)
+    places = np.array([_place(points, foot, base, cell) for foot in feet])
     if any(_spread(points, foot) > _WIDE * height for foot in feet):
         raise _Mixed("what stands on the ground is too wide for a stem")
-    lower = _feet(points, base, _LOW * height, cell)
-    if any(_parts_of(foot, lower) > 1 for foot in feet):
-        raise _Mixed("their feet touch")
-    higher = _places(points, _feet(points, base, _HIGH * height, cell), base)
-    if not _same(places, higher, _SAME_FOOT * cell):
-        raise _Mixed("their feet are others a little higher up: they touch, or have holes")
+    elsewhere = (cKDTree(places[:, :2]).query(middles)[0] > _AWAY * cell) & on_plot(middles)
+    if (elsewhere & ~np.array(sure)).any():
+        raise _Mixed("something stands upright of which no foot is found")
     order = np.lexsort((places[:, 1], places[:, 0]))
     return [feet[i] for i in order], places[order]
 
 
+def _columns(points: Array, bottom: float, top: float, stretch: float, cell: float) -> list[Index]:
+    """The points of each upright column between two heights.
+
+    Space is cut into voxels of two cells. One with its eight neighbours in the plan is part of a column where most of
+    those above and below it, over ``stretch`` metres, hold points, too.
+    """
+    side = 2.0 * cell
+    band = np.flatnonzero((points[:, 2] >= bottom) & (points[:, 2] < top))
+    if not len(band):
+        return []
+    corner = np.array([*points[band, :2].min(axis=0) - side, bottom])  # with a row of empty voxels all around
+    at = np.floor((points[band] - corner) / side).astype(np.int64)
+    shape = [int(n) + room for n, room in zip(at.max(axis=0), (2, 2, 1), strict=True)]
+    if math.prod(shape) > _MOST_VOXELS:
+        raise _Mixed("the plot is too large to look for stems in")
+    filled = np.zeros(shape, np.float32)
+    filled[tuple(at.T)] = 1.0
+    wide = ndimage.maximum_filter(filled, size=(3, 3, 1))
+    slices = 2 * round(0.5 * stretch / side - 0.5) + 1
+    share = ndimage.uniform_filter1d(wide, slices, axis=2, mode="constant")
+    upright = (ndimage.maximum_filter1d(share, slices, axis=2, mode="constant") > _FILLED - 1e-4) & (wide > 0)
+    of = ndimage.label(upright, np.ones((3, 3, 3)))[0][tuple(at.T)]
+    return [band[of == number] for number in range(1, int(of.max(initial=0)) + 1)]
+
+
+def _place(points: Array, foot: Index, base: float, cell: float) -> tuple[float, ...]:
+    """Where a stem stands: the middle of its lowest points, at height ``base``."""
+    z = points[foot, 2]
+    x, y = np.median(points[foot[z < z.min() + 6.0 * cell], :2], axis=0)
+    return float(x), float(y), base
+
+
 def _stems(
-    points: NDArray[np.float64],
-    feet: list[NDArray[np.int64]],
-    places: NDArray[np.float64],
-    base: float,
-    height: float,
-    cell: float,
-) -> list[NDArray[np.int64]]:
+    points: Array, on_plot: OnPlot, feet: list[Index], places: Array, base: float, height: float, cell: float
+) -> list[Index]:
     """Each foot's stem; `_Mixed` where there is one more."""
     top = base + _STEM_TOP * height
     stems = [_stem(points, foot, place, top, cell) for foot, place in zip(feet, places, strict=True)]
-    bands = [(base + a * height, base + b * height) for a, b in _UPRIGHT_BANDS]
-    if any(_stands_elsewhere(points, stems, bottom, top, cell) for bottom, top in bands):
-        raise _Mixed("a stem stands where no foot is found")
+    known = cKDTree(points[np.concatenate(stems), :2])
+    for low, high in _UPRIGHT_BANDS:
+        columns = _columns(points, base + low * height, base + high * height, (high - low) * height, cell)
+        plan = points[np.concatenate([np.zeros(0, np.int64), *columns]), :2]
+        if (known.query(plan[on_plot(plan)])[0] > _AWAY * cell).any():
+            raise _Mixed("a stem stands where no foot is found")
     return stems
 
 
-def _spacing(points: NDArray[np.float64]) -> float:
+def _spacing(points: Array) -> float:
     """Median distance to the nearest other point, from every so manieth."""
     some = points[:: max(1, len(points) // 5_000)]
     return float(np.median(cKDTree(points).query(some, k=2)[0][:, 1]))
@@ -184,42 +232,10 @@ def _thinned(cloud: Cloud, cell_m: float) -> Cloud:
     return cloud.select(np.unique(cKDTree(cloud.points).query(middle)[1]))
 
 
-def _feet(points: NDArray[np.float64], low: float, band: float, cell: float) -> list[NDArray[np.int64]]:
-    """The points of each foot: connected parts of the lowest ``band`` metres that reach up through it."""
-    chosen = np.flatnonzero(points[:, 2] < low + band)
-    pairs = cKDTree(points[chosen] * (1.0, 1.0, 1.0 / _SQUASH)).query_pairs(_LINK * cell, output_type="ndarray")
-    parts, part = _components(pairs, len(chosen))
-    feet = []
-    for number in range(parts):
-        foot = chosen[part == number]
-        if len(foot) >= _LEAST_POINTS and np.ptp(points[foot, 2]) >= _RISE * band:
-            feet.append(np.asarray(foot, np.int64))
-    return feet
-
-
-def _places(points: NDArray[np.float64], feet: list[NDArray[np.int64]], low: float) -> NDArray[np.float64]:
-    """(k, 3): the middle of each foot's points, at height ``low``."""
-    middles = [(*np.median(points[foot, :2], axis=0), low) for foot in feet]
-    return np.array(middles, dtype=np.float64).reshape(-1, 3)
-
-
-def _spread(points: NDArray[np.float64], foot: NDArray[np.int64]) -> float:
+def _spread(points: Array, foot: Index) -> float:
     """How far nine in ten points of a foot are from its middle, in the ground plan."""
     plan = points[foot, :2]
     return float(np.quantile(np.linalg.norm(plan - np.median(plan, axis=0), axis=1), 0.9))
-
-
-def _same(a: NDArray[np.float64], b: NDArray[np.float64], within: float) -> bool:
-    """Whether each place of one list has one of its own in the other."""
-    if len(a) != len(b):
-        return False
-    distance, nearest = cKDTree(b).query(a)
-    return bool((distance <= within).all()) and len(np.unique(nearest)) == len(a)
-
-
-def _parts_of(foot: NDArray[np.int64], feet: list[NDArray[np.int64]]) -> int:
-    """How many of ``feet`` share points with ``foot``."""
-    return sum(bool(np.isin(other, foot).any()) for other in feet)
 
 
 def _surface(cloud: Cloud, cell: float) -> coo_array:
@@ -239,9 +255,7 @@ def _surface(cloud: Cloud, cell: float) -> coo_array:
     return coo_array((weight, (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
 
 
-def _stem(
-    points: NDArray[np.float64], foot: NDArray[np.int64], place: NDArray[np.float64], top: float, cell: float
-) -> NDArray[np.int64]:
+def _stem(points: Array, foot: Index, place: Array, top: float, cell: float) -> Index:
     """The points about a stem's axis, which starts at its foot and may lean; over gaps it goes on as it was."""
     tree = cKDTree(points[:, :2])
     middle, slices = place[:2].copy(), []
@@ -254,36 +268,7 @@ def _stem(
     return np.unique(np.concatenate(slices)) if slices else np.zeros(0, np.int64)
 
 
-def _stands_elsewhere(
-    points: NDArray[np.float64], stems: list[NDArray[np.int64]], bottom: float, top: float, cell: float
-) -> bool:
-    """Whether something upright stands away from all ``stems`` between two heights.
-
-    The heights are cut into slices of two cells, the ground plan into squares of two cells. A square and its eight
-    neighbours hold something upright when most of the slices have points there.
-    """
-    side = 2.0 * cell
-    inside = points[(points[:, 2] >= bottom) & (points[:, 2] < top)]
-    if not len(inside):
-        return False
-    at = np.floor((inside - (*inside[:, :2].min(axis=0), bottom)) / side).astype(np.int64)
-    slices, width = int(np.ceil((top - bottom) / side)), int(at[:, 1].max()) + 3
-    around = np.stack(np.meshgrid((0, 1, 2), (0, 1, 2), indexing="ij"), axis=-1).reshape(-1, 1, 2)
-    square = (at[None, :, 0] + around[..., 0]) * width + at[None, :, 1] + around[..., 1]
-    filled = np.unique(square * slices + at[None, :, 2])
-    square, count = np.unique(filled // slices, return_counts=True)
-    upright = square[count >= _UPRIGHT * slices]
-    plan = (np.column_stack([upright // width, upright % width]) - 0.5) * side + inside[:, :2].min(axis=0)
-    known = np.concatenate(stems)
-    if not len(upright):
-        return False
-    return not len(known) or bool((cKDTree(points[known, :2]).query(plan)[0] > _AWAY * cell).any())
-
-
-def _with_shortcuts(
-    points: NDArray[np.float64], surface: coo_array, feet: list[NDArray[np.int64]], stems: list[NDArray[np.int64]],
-    cell: float,
-) -> csr_array:  # fmt: skip
+def _with_shortcuts(points: Array, surface: coo_array, feet: list[Index], stems: list[Index], cell: float) -> csr_array:
     """The graph of the surface with the ways up the stems, and jumps over gaps between every other point."""
     starts, ends, weights = [surface.row], [surface.col], [surface.data]
     for foot, stem in zip(feet, stems, strict=True):
@@ -306,18 +291,24 @@ def _with_shortcuts(
     return coo_array((np.maximum(weight[first], 1e-9), (a[first], b[first])), shape=(n, n)).tocsr()
 
 
-def _nearest_reached(points: NDArray[np.float64], distance: NDArray[np.float64]) -> NDArray[np.int32]:
-    """(n,) the nearest foot by ``distance`` (k, n); that of the nearest point that any foot reaches where none does."""
-    nearest: NDArray[np.int32] = np.argmin(distance, axis=0).astype(np.int32)
-    reached = np.isfinite(distance.min(axis=0))
+def _nearest_feet(points: Array, graph: csr_array, feet: list[Index]) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+    """(n,) the nearest foot, that of the nearest point that any foot reaches where none does; and (n,) whether it is
+    clearly nearer than the next.
+    """
+    nearest = np.zeros(len(points), np.int32)
+    first, second = np.full((2, len(points)), np.inf)
+    for number, foot in enumerate(feet):
+        away = dijkstra(graph, directed=False, indices=foot, min_only=True)
+        nearer = away < first
+        second = np.where(nearer, first, np.minimum(second, away))
+        first[nearer], nearest[nearer] = away[nearer], number
+    reached = np.isfinite(first)
     if not reached.all():
         nearest[~reached] = nearest[reached][cKDTree(points[reached]).query(points[~reached])[1]]
-    return nearest
+    return nearest, (reached & (second > _CLEARLY * first)) | (len(feet) == 1)
 
 
-def _litter(
-    points: NDArray[np.float64], surface: coo_array, feet: list[NDArray[np.int64]], top: float
-) -> NDArray[np.bool_]:
+def _litter(points: Array, surface: coo_array, feet: list[Index], top: float) -> NDArray[np.bool_]:
     """Points of connected surfaces that lie wholly below ``top`` and are no part of a foot."""
     parts, part = connected_components(surface, directed=False)
     highest = np.full(parts, -np.inf)
@@ -325,19 +316,3 @@ def _litter(
     low = highest < top
     low[np.unique(part[np.concatenate(feet)])] = False
     return np.asarray(low[part], bool)
-
-
-def _clear_share(distance: NDArray[np.float64], counted: NDArray[np.bool_]) -> float:
-    """Share of the points that are reached by one foot clearly sooner than by any other."""
-    if not counted.any():
-        return 0.0
-    if len(distance) == 1:
-        return 1.0
-    first, second = np.sort(distance[:, counted], axis=0)[:2]
-    return float(np.mean(np.isfinite(first) & (second > _CLEARLY * first)))
-
-
-def _components(pairs: NDArray[np.int64], count: int) -> tuple[int, NDArray[np.int32]]:
-    graph = coo_array((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    parts, part = connected_components(graph, directed=False)
-    return int(parts), np.asarray(part, np.int32)

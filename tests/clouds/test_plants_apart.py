@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from fieldkit.clouds import Cloud, concatenate
-from fieldkit.scenes.plants_apart import PlantsApart, tell_apart
-from tests.scenes.conftest import Row
+from fieldkit.clouds.plants_apart import PlantsApart, tell_apart
+from tests.scenes.conftest import Row, make_row
 
 
 def with_holes(row: Row, share: float, radius_m: float = 0.012) -> Row:
@@ -26,6 +26,12 @@ def moved(row: Row, number: int, x: float, y: float) -> Cloud:
     """One plant of the row with its foot there."""
     plant = row.cloud.select(row.plants == number)
     return replace(plant, points=plant.points - (0.25 * (number - 2) - x, -y, 0.0))
+
+
+@pytest.fixture(scope="module")
+def row() -> Row:
+    """Three plants 25 cm apart along x, whose leaves cross."""
+    return make_row()
 
 
 @pytest.fixture(scope="module")
