@@ -68,6 +68,7 @@ class Study(StrEnum):
     SEASON = "season"
     FIELD_CHECK = "field-check"
     PLANT_FIGURES = "plant-figures"
+    PLANT_COUNTS = "plant-counts"
     SCORE_PREDICTION = "score-prediction"
     PLAN_REUSE = "plan-reuse"
     NEXT_VISIT = "next-visit"
@@ -160,9 +161,9 @@ def command(
     subset-scores, match-decay and blind-rings (quality); the objective's are cost (speed), throughput, ranks, noise,
     recorded and proxy; the planner's are simulated, transfer, ablation and chosen (of recorded
     sets); those of missions are trips, poses, uploads, routes and fuzz; campaign's are season, field-check,
-    plant-figures, score-prediction, plan-reuse, next-visit and report-size; paper's are tables, pose-noise,
-    image-noise, new-plots and flights, all by default. FIELDKIT_DATA names the recorded image sets; studies that need
-    them are skipped without it. The result holds results.json, results.md and pictures.
+    plant-figures, plant-counts, score-prediction, plan-reuse, next-visit and report-size; paper's are tables,
+    pose-noise, image-noise, new-plots and flights, all by default. FIELDKIT_DATA names the recorded image sets; studies
+    that need them are skipped without it. The result holds results.json, results.md and pictures.
 
     Examples:
         python -m benchmarks engine --only dense -o benchmark-results

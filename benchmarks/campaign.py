@@ -11,6 +11,7 @@ from pathlib import Path
 from benchmarks.field_check import run_field_check
 from benchmarks.next_visit import run_next_visit
 from benchmarks.plan_reuse import run_plan_reuse
+from benchmarks.plant_counts import run_plant_counts
 from benchmarks.plant_figures import run_plant_figures
 from benchmarks.report_size import study as run_report_size
 from benchmarks.result import StudyResult
@@ -77,6 +78,10 @@ def _plant_figures(options: CampaignOptions, progress: Progress) -> StudyResult:
         return run_plant_figures(folder, progress=progress)
 
 
+def _plant_counts(options: CampaignOptions, progress: Progress) -> StudyResult:
+    return run_plant_counts(options.scenes, progress=progress)
+
+
 def _score_prediction(options: CampaignOptions, progress: Progress) -> StudyResult:
     with _folder(options, CAPTURES_FOLDER) as folder:
         return run_score_prediction(folder, data=options.data, cache=options.cache, progress=progress)
@@ -98,6 +103,7 @@ STUDIES: dict[str, Callable[[CampaignOptions, Progress], StudyResult]] = {
     "season": _season,
     "field-check": _field_check,
     "plant-figures": _plant_figures,
+    "plant-counts": _plant_counts,
     "score-prediction": _score_prediction,
     "plan-reuse": _plan_reuse,
     "next-visit": _next_visit,

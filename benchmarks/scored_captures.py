@@ -196,7 +196,7 @@ def _evaluate(folder: Path, name: str, design: Design, capture: Path, proxy: Pro
     else:
         plot = plot_evaluation(
             name, found, settings, score=None, seconds=time.perf_counter() - wall,
-            cpu_seconds=processor_seconds() - cpu, outline=_outline(found, proxy),
+            cpu_seconds=processor_seconds() - cpu, outline=scene_outline(found, proxy),
         )  # fmt: skip
         record["truth"] = truth_scores(found, proxy)
         arrays = _arrays(found)
@@ -206,7 +206,7 @@ def _evaluate(folder: Path, name: str, design: Design, capture: Path, proxy: Pro
     write_atomic(folder / f"{name}.json", json.dumps(record, ensure_ascii=False) + "\n")
 
 
-def _outline(found: Reconstruction, proxy: Proxy) -> PlotOutline:
+def scene_outline(found: Reconstruction, proxy: Proxy) -> PlotOutline:
     """The footprint of the scene's volume, in the capture's plot frame."""
     corners = np.array([(x, y, 0.0) for x, y in rectangle(proxy.volume.lower, proxy.volume.upper)])
     moved = found.sparse.frame.plot_from_source.apply(corners)
