@@ -13,6 +13,7 @@ from fieldkit.campaign.reading import CampaignPlot
 from fieldkit.campaign.visit_frame import place_visit, wanted_sidecars
 from fieldkit.campaign.visits import stage_versions, visit_place
 from fieldkit.captures import Capture
+from fieldkit.captures.bursts import by_station
 from fieldkit.captures.selection import FoundPhoto, capture_of
 from fieldkit.errors import MetadataError
 from fieldkit.evaluation.adherence import ComparedPlan
@@ -116,11 +117,11 @@ def _evaluated(job: VisitJob, folder: Path) -> Visit:
     def given() -> PlotCapture:
         reference = _reference(job.plot)
         known = None if reference is None else reference.known_plot()
-        capture = capture_of(job.photos, camera=job.camera)
+        capture = by_station(capture_of(job.photos, camera=job.camera), settings.mask)
         without = wanted_sidecars(capture, job.plan, known)
         if without:
             notes.append(f"{' and '.join(sorted(without))} passed over: the positions are taken from GPS")
-            capture = capture_of(job.photos, camera=job.camera, without=without)
+            capture = by_station(capture_of(job.photos, camera=job.camera, without=without), settings.mask)
         placed = place_visit(capture, job.plot, job.plan, known, seed=settings.seed)
         notes.extend((*placed.notes, *_against_plan(capture, job.plan)))
         rasters = job.evaluation.wanted_rasters

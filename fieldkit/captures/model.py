@@ -77,6 +77,10 @@ class Photo:
     """Of the camera (XMP, in DJI's convention): yaw clockwise from north, pitch −90 straight down."""
     flight_yaw_deg: float | None = None
     """Heading of the aircraft."""
+    burst: tuple[Photo, ...] = ()
+    """Photographs of a burst that this one stands for, the first as well (`fieldkit.captures.bursts`)."""
+    sway_px: float | None = None
+    """How far leaves moved within the burst, pixels (`fieldkit.reconstruction.steady`); None where it is not known."""
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
+from fieldkit.captures.bursts import by_station
 from fieldkit.captures.folder import list_capture, natural_key
 from fieldkit.captures.programs import PosesFile
 from fieldkit.errors import CaptureError, FieldkitError, StorageError, UsageError
@@ -99,7 +100,8 @@ def evaluate_captures(
 
         def given(name: str, path: Path) -> PlotCapture:
             by_log = None if flight is None else flight.capture(name)
-            capture = read_capture(path, poses=poses) if by_log is None else by_log
+            read_alone = read_capture(path, poses=poses) if by_log is None else by_log
+            capture = by_station(read_alone, settings.mask)
             return PlotCapture(capture, scoring, known_plot_of(read, capture), rasters=rasters, flown=flown)
 
         def evaluated(name: str, path: Path) -> PlotEvaluation:

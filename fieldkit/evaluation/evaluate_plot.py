@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,7 @@ from fieldkit.pictures.overview import write_overview
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.steady import steady_capture
 from fieldkit.results.evaluation import CorrectionEntry, EvaluationReport, PlotEvaluation
 from fieldkit.results.fields import vector
 from fieldkit.results.finding import COARSE_RASTERS, NO_RASTERS, OTHER_PLANTS, Finding
@@ -123,7 +124,9 @@ def evaluate_plot(
     spent = Spent.now()
     try:
         with storage_errors(folder):
-            return _evaluated(plot, read(), folder, place, settings, spent, context)
+            given = read()
+            with steady_capture(given.capture, context) as capture:
+                return _evaluated(plot, replace(given, capture=capture), folder, place, settings, spent, context)
     except Exception as error:
         shutil.rmtree(folder / place, ignore_errors=True)
         if not isinstance(error, FieldkitError) or isinstance(error, StorageError):

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
+from fieldkit.captures.bursts import by_station
 from fieldkit.captures.programs import PosesFile
 from fieldkit.clouds import Cloud, Volume, read_cloud, write_cloud
 from fieldkit.errors import MetadataError, UsageError
@@ -21,6 +23,7 @@ from fieldkit.reconstruction.colmap_model import color_points
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.steady import steady_capture
 from fieldkit.results.evaluation import ReferenceReport
 from fieldkit.results.fields import clean_text
 from fieldkit.results.report_files import REFERENCE_FILE, check_file, describe_files, load_reference_report, save_report
@@ -75,24 +78,26 @@ def build_reference(
     context = Context(cache, progress, workers, settings.seed, scheduler)
     begun = time.perf_counter(), processor_seconds()
     goes_on = resume and scene and _lacks_scene(output, images, settings)
-    with atomic_folder(output, overwrite=overwrite or goes_on, marker=REFERENCE_FILE) as folder:
-        capture = read_capture(images, poses=poses)
-        found = reconstruct(capture, settings, context)
-        color_points(found.sparse.model, found.sparse.capture.photos)
-        if not scene:
-            found = replace(found, scene=None)
-        elif goes_on or _is_here(output):
+    with ExitStack() as pictures:
+        with atomic_folder(output, overwrite=overwrite or goes_on, marker=REFERENCE_FILE) as folder:
+            capture = by_station(read_capture(images, poses=poses), settings.mask)
+            capture = pictures.enter_context(steady_capture(capture, context))
+            found = reconstruct(capture, settings, context)
+            color_points(found.sparse.model, found.sparse.capture.photos)
+            if not scene:
+                found = replace(found, scene=None)
+            elif goes_on or _is_here(output):
+                found = with_scene(found, settings, context)
+            report = _write(folder, found, settings, progress, begun, rasters)
+        if not scene or found.scene is not None:
+            return report
+        progress.note(
+            f"the plants' reference is whole in {output}; the scene about them follows, which plans of new poses need "
+            "(--no-scene leaves it out, and --resume adds it later)"
+        )
+        with atomic_folder(output, overwrite=True, marker=REFERENCE_FILE) as folder:
             found = with_scene(found, settings, context)
-        report = _write(folder, found, settings, progress, begun, rasters)
-    if not scene or found.scene is not None:
-        return report
-    progress.note(
-        f"the plants' reference is whole in {output}; the scene about them follows, which plans of new poses need "
-        "(--no-scene leaves it out, and --resume adds it later)"
-    )
-    with atomic_folder(output, overwrite=True, marker=REFERENCE_FILE) as folder:
-        found = with_scene(found, settings, context)
-        return _write(folder, found, settings, progress, begun, rasters)
+            return _write(folder, found, settings, progress, begun, rasters)
 
 
 def _lacks_scene(output: Path, images: Path, settings: ReconstructionSettings) -> bool:
@@ -102,7 +107,7 @@ def _lacks_scene(output: Path, images: Path, settings: ReconstructionSettings) -
     report = load_reference_report(output)
     if report.scene_points is not None or report.settings != settings_entry(settings):
         return False
-    capture = read_capture(images)
+    capture = by_station(read_capture(images), settings.mask)
     same = report.source == clean_text(capture.folder.name)
     return same and tuple(image.name for image in report.image_reports) == capture.names
 

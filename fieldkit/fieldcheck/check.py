@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import Capture, read_capture
+from fieldkit.captures.bursts import by_station
 from fieldkit.errors import CaptureError, UsageError
 from fieldkit.evaluation.adherence import LoggedFlight
 from fieldkit.evaluation.evaluate import find_plots
@@ -94,7 +95,7 @@ def check_captures(
         wall, cpu = time.perf_counter(), processor_seconds()
         chosen = None if place is None else _plot_of(place, plot, name)
         flown = loaded if chosen is None else flown_plan(loaded, chosen, fit)
-        capture = (None if flight is None else flight.capture(name)) or read_capture(folder)
+        capture = by_station((None if flight is None else flight.capture(name)) or read_capture(folder))
         report = Run(flown, settings, context).check(name, folder, capture, place, chosen)
         spent = {"seconds": time.perf_counter() - wall, "cpu_seconds": processor_seconds() - cpu}
         reports.append(replace(report, **spent))  # type: ignore[arg-type]

@@ -14,6 +14,7 @@ from types import MappingProxyType
 
 STAGES: Mapping[str, int] = MappingProxyType(
     {
+        "bursts": 1,  # their steady photographs and their sway
         "quality": 1,  # sharpness and exposure of a photograph
         "features": 1,
         "pairs": 1,  # blind matches and their verification

@@ -17,6 +17,7 @@ import numpy as np
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
+from fieldkit.captures.bursts import by_station
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.metrics import ReferenceIndex
 from fieldkit.clouds.plants_apart import PlantsApart, tell_apart
@@ -28,6 +29,8 @@ from fieldkit.planning.objective.objective import Fidelity, PhotoSet
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot, check_plants, of_interest
 from fieldkit.reconstruction.pipeline import KnownPlot
+from fieldkit.reconstruction.steady import steady_capture
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription, build, sample_truth
@@ -172,8 +175,9 @@ class SimulatedSource:
                     sidecars=sidecars, economy=fidelity.economy, drawing=self._drawings,
                 )  # fmt: skip
             with progress.stage("Reading photographs"):
-                capture = read_capture(folder)
-            yield PhotoSet(capture, capture.names, fidelity.features)
+                capture = by_station(read_capture(folder))
+            with steady_capture(capture, Context(self.cache, progress)) as steady:
+                yield PhotoSet(steady, steady.names, fidelity.features)
 
     def forget_drawings(self) -> None:
         """Draw everything anew."""

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fieldkit.captures import read_capture
+from fieldkit.captures.bursts import by_station
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.plants_apart import PlantsApart
 from fieldkit.clouds.volume import Volume
@@ -176,7 +177,7 @@ def _on_captures(settings: SearchSettings, folder: Path, context: Context, count
     reference = Reference(place)
     plot, asked = reference.known_plot(), settings.noise
     source = RecordedSource(
-        read_capture(images), plot, reference.cloud, cache=context.cache,
+        by_station(read_capture(images)), plot, reference.cloud, cache=context.cache,
         noise=CaptureNoise(asked.pose_m, asked.pose_deg, image_sigma=0.0), reconstructed=reference.poses(),
     )  # fmt: skip
     views = source.cameras()
