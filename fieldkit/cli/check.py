@@ -133,7 +133,7 @@ def _missions(
         target = output if len(reports) == 1 else output.with_name(f"{output.stem}-{report.name}{output.suffix}")
         yield from write_refly(
             report.fly_again, plan, vehicle, site, target, plot=report.plot, format=again.format, fit=fit,
-            adjust=again.adjust, overwrite=overwrite, seed=seed,
+            adjust=again.adjust, burst=report.burst, overwrite=overwrite, seed=seed,
         )  # fmt: skip
 
 
@@ -155,7 +155,8 @@ def _tell(reports: Sequence[CheckReport]) -> None:
 def _plain(report: CheckReport) -> dict[str, Any]:
     from fieldkit.results.plan import station_number
 
-    facts = {name: value for name, value in asdict(report).items() if name != "folder"}
+    left_out = {"folder"} if report.burst > 1 else {"folder", "burst", "sway_m"}
+    facts = {name: value for name, value in asdict(report).items() if name not in left_out}
     facts["findings"] = [
         {"code": f.code, "station": f.station, "photograph": f.subject, "message": f.message, "remedy": f.remedy}
         for f in report.findings

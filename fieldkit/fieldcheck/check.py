@@ -20,6 +20,7 @@ from fieldkit.fieldcheck.consistency import Consistency, check_tags
 from fieldkit.fieldcheck.model import CheckReport, CheckSettings, finding_of
 from fieldkit.fieldcheck.pictures import PictureVerdict, judge_pictures, load_pictures
 from fieldkit.fieldcheck.placement import Placed, angles_as_meant, place_tags
+from fieldkit.fieldcheck.sway import burst_findings, leaves_move_m
 from fieldkit.fieldcheck.ties import TieGraph, find_ties, with_guided_ties
 from fieldkit.fieldcheck.verdicts import Evidence, believed_poses, judge, tag_pose
 from fieldkit.geometry.priors import PosePrior
@@ -141,18 +142,23 @@ class Run:
         placed = place_tags(capture, self.plan, site, plot)
         consistency = _consistency(placed, self.plan, graph, self.settings)
         looks = judge_pictures(capture, pictures, self.settings)
+        sizes = [max(1, len(photo.burst)) for photo in capture.photos]
         report = CheckReport(
-            name, folder, len(capture.photos), (), (), None if plot is None else plot.name, placement=placed.placement
-        )
+            name, folder, sum(sizes), (), (), None if plot is None else plot.name, placement=placed.placement,
+            burst=int(np.bincount(sizes).argmax()),
+        )  # fmt: skip
         if not placed.station_of or placed.ambiguous:
             return _without_stations(report, capture, self.plan, looks, graph, placed)
         with self.context.progress.stage("Guided matches"):
             poses = believed_poses(placed, self.plan, consistency, looks, capture.names)
             full = with_guided_ties(graph, poses, workers=self.context.workers, seed=self.settings.seed)
+        moved_m = leaves_move_m(capture.photos, graph, self.plan, placed.station_of, self.context.workers)
+        report = replace(report, sway_m=moved_m)
+        bursts = burst_findings(report, capture.photos, placed.station_of)
         shift = None if not np.isfinite(placed.shift_m).all() else tuple(float(v) for v in placed.shift_m)
         report = replace(
             report,
-            findings=(*_of_capture(capture), *angles, *common_findings(placed, self.settings, site, plot)),
+            findings=(*_of_capture(capture), *angles, *common_findings(placed, self.settings, site, plot), *bursts),
             shift_m=shift,  # type: ignore[arg-type]
             turn_deg=placed.turn_deg,
             unchecked=tuple(_unchecked(placed, graph, consistency)),

@@ -12,6 +12,10 @@ from fieldkit.results.plan import station_number
 Verdict = Literal["fine", "fix tags", "fly again"]
 """Of a station: nothing to do, its photograph will do once its tags are right, or it must be photographed anew."""
 
+WINDY_M = 0.010
+"""Leaves that move so far half a metre out: planned views miss 9 to 13 cm of height, more than traits claim
+(docs/traits.md)."""
+
 Placement = Literal["site", "poses.csv", "row heading", "shape", "none"]
 """How photographs were put into the plan's frame: by the site's plot; as poses.csv has them; by the plan's own row
 heading; turned and shifted until they fit the stations; not at all, for nothing says where they were taken."""
@@ -103,6 +107,10 @@ class CheckReport:
     """Sizes of the groups that hang together by matches, largest first."""
     unchecked: tuple[str, ...] = ()
     """Sentences: what could not be looked at, and why."""
+    burst: int = 1
+    """Photographs that most stations have."""
+    sway_m: float | None = None
+    """How far leaves move between these, half a metre out; None without bursts."""
     seconds: float = 0.0
     cpu_seconds: float = 0.0
     """What the check took."""
@@ -118,9 +126,19 @@ class CheckReport:
         return tuple(each.station for each in self.stations if each.verdict == "fix tags")
 
     @property
+    def too_windy(self) -> bool:
+        """Whether leaves move too far."""
+        return self.sway_m is not None and self.sway_m > WINDY_M
+
+    @property
+    def leaves_move(self) -> str:
+        """How far, in words."""
+        return f"leaves move by about {1000.0 * (self.sway_m or 0.0):.0f} mm"
+
+    @property
     def ok(self) -> bool:
         """Whether nothing is left to do; never where photographs could not be told from each other."""
-        return bool(self.stations) and all(each.verdict == "fine" for each in self.stations)
+        return bool(self.stations) and all(each.verdict == "fine" for each in self.stations) and not self.too_windy
 
     def summary(self) -> str:
         """What to do, in words."""
@@ -135,6 +153,8 @@ class CheckReport:
         if not said:
             count = len(self.stations)
             said.append(f"All {count} will do." if count > 1 else "It will do.")
+        if self.sway_m is not None:
+            said.append(f"{self.leaves_move.capitalize()}{': too windy' * self.too_windy}.")
         return " ".join(said)
 
 

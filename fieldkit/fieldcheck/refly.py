@@ -36,6 +36,7 @@ def write_refly(
     format: str | None = None,  # noqa: A002
     fit: bool | None = None,
     adjust: bool = False,
+    burst: int = 1,
     overwrite: bool = False,
     seed: int = 0,
 ) -> tuple[Path, ...]:
@@ -51,6 +52,7 @@ def write_refly(
         format: as `fieldkit.missions.export_mission.export_mission`.
         fit: whether the plan was fitted to the plot, as of `fieldkit.missions.export_mission.export_mission`.
         adjust: fly the nearest poses where the vehicle cannot take the plan's.
+        burst: photographs at each station.
         overwrite: replace files that are there.
     """
     output, format = mission_file(output, format)  # noqa: A001
@@ -60,7 +62,9 @@ def write_refly(
     flown = flown_plan(loaded, place.plots[0], fit)
     own = {} if flown is loaded else {place.plots[0].name: flown}
     place = place.model_copy(update={"name": f"{place.name}, again"})
-    routed = route_for_files(part_of_plan(flown, stations), profile, place, format, fit=False, adjust=adjust, seed=seed)
+    routed = route_for_files(
+        part_of_plan(flown, stations), profile, place, format, fit=False, adjust=adjust, seed=seed, burst=burst
+    )
     return write_mission(
         _renumbered(routed, sorted(set(stations))), profile, place, output, format,
         plans=flown_plans(plan, loaded, place, own), overwrite=overwrite,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -101,17 +101,42 @@ def steady_photograph(photos: tuple[Photo, ...]) -> Steady:
     """
     first = read_image(photos[0])
     height, width = first.shape[:2]
-    half = _bytes(cv2.resize(first, (width // 2, height // 2), interpolation=cv2.INTER_AREA))
-    gray = _bytes(cv2.cvtColor(half, cv2.COLOR_RGB2GRAY))
-    plants = plant_mask(half)
+    size = (width // 2, height // 2)
+    half = _bytes(cv2.resize(first, size, interpolation=cv2.INTER_AREA))
+    grays = (read_image(photo, gray=True) for photo in photos[1:])
+    mean, motion, sway, agrees = _followed(
+        half, (_bytes(cv2.resize(gray, size, interpolation=cv2.INTER_AREA)) for gray in grays)
+    )
+    shift = np.zeros_like(mean)
+    for axis in range(2):
+        shift[..., axis] = cv2.medianBlur(np.ascontiguousarray(mean[..., axis]), _MEDIAN_PX)
+    scale = 0.5 * (width / size[0] + height / size[1])
+    return Steady(_moved(first, shift), (scale * motion).astype(np.float32), scale * sway, np.array(agrees))
+
+
+def quick_sway_px(photos: Sequence[Photo], side: int) -> float:
+    """The sway of a burst alone (`Steady.sway_px`), in pictures whose longer side has so many pixels."""
+    first = read_image(photos[0], max_side=side)
+    _, _, sway, _ = _followed(first, (read_image(photo, max_side=side, gray=True) for photo in photos[1:]))
+    return float(sway * max(photos[0].width, photos[0].height) / max(first.shape[:2]))
+
+
+def _followed(first: NDArray[np.uint8], others: Iterable[NDArray[np.uint8]]) -> tuple[Array, Array, float, list[bool]]:
+    """Mean flow (h, w, 2) from a photograph to itself and others, motion and sway in its pixels, and who agrees.
+
+    Args:
+        first: (h, w, 3) RGB.
+        others: (h, w) grey.
+    """
+    gray = _bytes(cv2.cvtColor(first, cv2.COLOR_RGB2GRAY))
+    plants = plant_mask(first)
     assert plants is not None
     h, w = gray.shape
     y, x = np.mgrid[:h, :w].astype(np.float32)
     planes = _Planes(x / w - 0.5, y / w - 0.5 * h / w)
     camera, moved, seen = np.zeros((h, w, 2), np.float32), np.zeros((h, w, 2), np.float32), np.ones((h, w), np.float32)
     cells, known, agrees = [np.zeros((*x[_cells].shape, 2), np.float32)], [seen[_cells] > 0], [True]
-    for photo in photos[1:]:
-        other = _bytes(cv2.resize(read_image(photo, gray=True), (w, h), interpolation=cv2.INTER_AREA))
+    for other in others:
         flow, agree = _flow(gray, other, x, y)
         agrees.append(bool(agree.mean() >= _LEAST_AGREEING))
         if not agrees[-1]:
@@ -121,13 +146,8 @@ def steady_photograph(photos: tuple[Photo, ...]) -> Steady:
         camera, moved, seen = camera + plane, moved + rest, seen + agree
         cells.append(rest[_cells])
         known.append(agree[_cells])
-    mean = camera / len(cells) + moved / seen[..., None]
-    shift = np.zeros_like(camera)
-    for axis in range(2):
-        shift[..., axis] = cv2.medianBlur(np.ascontiguousarray(mean[..., axis]), _MEDIAN_PX)
     motion, sway = _motion(np.array(cells), np.logical_and.reduce(known), plants[_cells])
-    scale = 0.5 * (width / w + height / h)
-    return Steady(_moved(first, shift), (scale * motion).astype(np.float32), scale * sway, np.array(agrees))
+    return camera / len(cells) + moved / seen[..., None], motion, sway, agrees
 
 
 _cells = (slice(_STEP_PX // 2, None, _STEP_PX), slice(_STEP_PX // 2, None, _STEP_PX))

@@ -444,8 +444,10 @@ def test_a_plan_is_checked_and_flown_again_as_it_was_fitted_to_the_plot(tmp_path
     fitted = flown_plan(plan, plot)
     assert fitted.stations[3].position_m[2] > plan.stations[3].position_m[2] + 0.1
     assert flown_plan(plan, plot, fit=False) is plan
-    files = write_refly([3], plan, "px4-gimbal", site, tmp_path / "again.plan")
-    (station,) = (s for flight in load_mission(files[1]).flights for s in flight.stations)
+    files = write_refly([3], plan, "px4-gimbal", site, tmp_path / "again.plan", burst=5)
+    (flight,) = load_mission(files[1]).flights
+    (station,) = flight.stations
+    assert flight.photographs == 5
     assert station.station == 3
     assert station.height_m == pytest.approx(fitted.stations[3].position_m[2], abs=0.01)
 

@@ -2,6 +2,8 @@
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import cv2
@@ -13,15 +15,20 @@ from benchmarks.rigs import RIG_FILE, read_rig
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.errors import CaptureError, MetadataError, UsageError
-from fieldkit.fieldcheck import CheckReport, CheckSettings, check_captures
-from fieldkit.fieldcheck.ties import find_ties
-from fieldkit.geometry import Pose
+from fieldkit.fieldcheck import CheckReport, CheckSettings, StationCheck, check_captures
+from fieldkit.fieldcheck.sway import burst_findings, leaves_move_m
+from fieldkit.fieldcheck.ties import TieGraph, find_ties
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.reconstruction.cameras import CameraSet
+from fieldkit.reconstruction.guided import region_of_interest
 from fieldkit.reconstruction.mapping.orientation import orient_cameras
 from fieldkit.reconstruction.verification import TwoView
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.runtime.context import Context
 from fieldkit.scenes.simulate import poses_table
+from tests.captures.photographs import exif_block
+from tests.reconstruction.test_steady import SWAYS, burst, pictures
 
 COUNT, STEP = 8, 2
 
@@ -89,6 +96,54 @@ def test_missing_and_blurred(rig: tuple[Path, Plan, StageCache], copy: Path) -> 
     assert report.fly_again == (2, 5)
     assert codes(report) == {2: "missing", 5: "blurred"}
     assert report.components == (6,)
+
+
+def test_bursts_count_as_their_stations_photographs(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
+    """Three of each station, a second apart and a pixel beside each other, but one of the fourth."""
+    order = [row.photograph for row in check(rig[0], rig).stations]
+    header, *rows = (copy / "poses.csv").read_text("utf-8").splitlines()
+    lines, sole = [header], order[3]
+    for row in rows:
+        name, pose = row.split(",", 1)
+        with Image.open(copy / name) as opened:
+            picture = np.asarray(opened.convert("RGB"))
+        (copy / name).unlink()
+        for k in range(1 if name == sole else 3):
+            taken = datetime(2026, 6, 18, 10, order.index(name), k, tzinfo=UTC)
+            exif = exif_block(detail={36867: taken.strftime("%Y:%m:%d %H:%M:%S"), 37521: "250"})
+            member = f"{Path(name).stem}_{k}.jpg"
+            Image.fromarray(np.roll(picture, k, axis=1)).save(copy / member, exif=exif, quality=95)
+            lines.append(f"{member},{pose}")
+    (copy / "poses.csv").write_text("\n".join(lines) + "\n", "utf-8")
+    report = check(copy, rig)
+    assert (report.photographs, report.burst, report.extra) == (3 * COUNT - 2, 3, ())
+    assert [row.photograph for row in report.stations] == [f"{Path(name).stem}_0.jpg" for name in order]
+    (short,) = (finding for finding in report.findings if finding.code == "short-burst")
+    assert (short.station, str(short.message)) == (3, "it has 1 of 3 photographs")
+    assert report.ok, report.findings
+    assert report.sway_m is not None
+    assert report.sway_m < 0.003
+    assert report.summary() == f"All {COUNT} will do. Leaves move by about {1000 * report.sway_m:.0f} mm."
+
+
+def test_leaves_that_move_far_are_too_windy(tmp_path: Path, rig: tuple[Path, Plan, StageCache]) -> None:
+    """Drawn leaves that move by 4.4 pixels, seen from 2 m."""
+    photo = replace(burst(tmp_path, pictures(sways=1.0))[0], burst=burst(tmp_path, pictures(sways=1.0)))
+    down = [Pose.from_yaw_pitch((x, -1.2, 1.6), yaw, -53.13) for x, yaw in ((0.0, 0.0), (1.2, -45.0), (-1.2, 45.0))]
+    camera = Intrinsics.pinhole(640, 480, 800.0)
+    cameras = CameraSet(("a",), (camera,), ("EXIF",), (False,), (0,))
+    graph = TieGraph({}, (), (), cameras)
+    moved_m = leaves_move_m([photo], graph, plan_from_poses(down), {0: 0}, 1)
+    away = float(np.linalg.norm(down[0].center - region_of_interest(down).center))
+    true_px = float(np.sqrt(np.var(SWAYS[::2], axis=0, ddof=1).mean()))
+    assert moved_m == pytest.approx(4.0 * true_px * away / 800.0, rel=0.3)
+    report = CheckReport("p", tmp_path, 5, (StationCheck(0, "a"),), (), burst=5, sway_m=moved_m)
+    assert not report.ok
+    assert report.summary().endswith(f"Leaves move by about {1000 * moved_m:.0f} mm: too windy.")
+    (finding,) = burst_findings(report, [photo], {0: 0})
+    assert finding.code == "too-windy"
+    assert str(finding.message).startswith(report.leaves_move)
+    assert leaves_move_m([replace(photo, burst=())], graph, plan_from_poses(down), {0: 0}, 1) is None
 
 
 def test_exchanged_rows(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
