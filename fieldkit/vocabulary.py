@@ -16,6 +16,8 @@ GSD_M: Mapping[Fidelity, float] = MappingProxyType({"draft": 0.004, "standard": 
 """At the plants, metres; never finer than the photographs' own, which `full` takes."""
 SearchFidelity = Literal["draft", "standard", "fine"]
 """The same in a search, where photographs are never taken at their full size."""
+Preset = Literal["outdoors", "paper"]
+"""Conditions that a plan expects: a flight in a breeze, or the paper's exact poses in still air."""
 PlanningMethod = Literal["score", "field", "bosfm", "circle", "uniform"]
 """What looks for cameras: planning/methods/registry.py has what each needs."""
 Mask = Literal["exg", "none", "file"]

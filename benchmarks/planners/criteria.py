@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from fieldkit.planning.methods.optimise import Cost, Effort, optimise
+from fieldkit.planning.methods.optimise import Effort, optimise
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.score.visibility import PerCamera, Surface, look
 from fieldkit.planning.space.cameras import Array, Cameras
@@ -64,7 +64,13 @@ class GeometricOptimum:
     """
 
     def __init__(
-        self, name: str, problem: PlanningProblem, cost: Cost, seed: int = 0, *, effort: Effort | None = None
+        self,
+        name: str,
+        problem: PlanningProblem,
+        cost: Callable[[Cameras], float],
+        seed: int = 0,
+        *,
+        effort: Effort | None = None,
     ) -> None:
         self._name, self._problem, self._cost, self._seed, self._effort = name, problem, cost, seed, effort
 
@@ -78,7 +84,11 @@ class GeometricOptimum:
         """See `Method.propose`."""
         if number > 0:
             return None
-        cameras = optimise(self._problem, self._cost, self._seed, self._effort)
+
+        def cost(cameras: Cameras, plots: Sequence[int]) -> Array:
+            return np.full(len(plots), self._cost(cameras))
+
+        cameras = optimise(self._problem, cost, self._seed, self._effort)
         return Trial(number, cameras, f"optimum of {self._name}", {"criterion": self._cost(cameras)})
 
 

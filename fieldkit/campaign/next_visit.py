@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -153,16 +154,19 @@ def plan_for_plants(
     weights = WEIGHTS if plan.method is None or plan.method.weights is None else plan.method.weights
     cost_model = CostModel(problem)
 
-    def cost(cameras: Cameras) -> float:
+    def expected_m(cameras: Cameras) -> float:
         return cost_model.expected_m(cameras, weights, None)
+
+    def cost(cameras: Cameras, plots: Sequence[int]) -> Array:
+        return cost_model.costs_m(cameras, weights, None, plots)
 
     carried = problem.nearest(Cameras.from_poses(station.pose for station in plan.stations))
     found = [
         problem.nearest(optimise(problem, cost, seed, _AROUND, [carried])),
         problem.nearest(optimise(problem, cost, seed, _ANYWHERE)),
     ]
-    best = min(found, key=cost)
-    method = PlanMethod(name="score", seed=seed, evaluations=0, repeats=0, expected_m=cost(best), weights=weights)
+    best = min(found, key=expected_m)
+    method = PlanMethod(name="score", seed=seed, evaluations=0, repeats=0, expected_m=expected_m(best), weights=weights)
     made = plan.model_copy(
         update={
             "stations": plan_from_poses(best.poses()).stations,
@@ -174,7 +178,7 @@ def plan_for_plants(
             "method": method,
         }
     )
-    return made, cost(carried)
+    return made, expected_m(carried)
 
 
 def _problem(plan: Plan, vehicle: Vehicle | None, plants: Cloud, plot: SitePlot | None) -> PlanningProblem:

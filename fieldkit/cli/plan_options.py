@@ -20,7 +20,7 @@ from fieldkit.cli.common import (
 )
 from fieldkit.cli.reconstruction_options import SchedulerOption, WorkersOption
 from fieldkit.errors import UsageError
-from fieldkit.vocabulary import PlanningMethod, SearchFidelity
+from fieldkit.vocabulary import PlanningMethod, Preset, SearchFidelity
 
 if TYPE_CHECKING:
     from fieldkit.planning.run.request import PlanRequest
@@ -89,12 +89,13 @@ class SearchOptions:
     repeats: Annotated[
         int | None, Option("--repeats", min=0, help="Fresh seeds that finalists are confirmed at; 0: none.")
     ] = None
-    heights: Annotated[
-        bool | None,
+    preset: Annotated[
+        Preset,
         Option(
-            "--heights/--no-heights", help="Leave room above the plants in the pictures, as plants' heights need it."
+            "--preset",
+            help="What plans for a kind expect: a flight outdoors, or the paper's still air and exact poses.",
         ),
-    ] = None
+    ] = "outdoors"
     pose_noise: Annotated[
         str,
         Option(
@@ -105,7 +106,7 @@ class SearchOptions:
 
     def values(self) -> dict[str, Any]:
         """By the keys of `SearchSettings`; None where nothing is given."""
-        return {name: value for name, value in asdict(self).items() if name != "pose_noise"}
+        return {name: value for name, value in asdict(self).items() if name not in ("pose_noise", "preset")}
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,7 @@ def plan_request(
     return PlanRequest(
         values, {"pose_m": pose_m, "pose_deg": pose_deg}, limits, scenes=tuple(plot.scenes or ()),
         references=tuple(plot.references or ()), captures=plot.captures, images=tuple(plot.images or ()),
-        vehicle=envelope.vehicle, purpose=plot.purpose,
+        vehicle=envelope.vehicle, purpose=plot.purpose, preset=search.preset,
     )  # fmt: skip
 
 

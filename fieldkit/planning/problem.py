@@ -16,6 +16,7 @@ from fieldkit.planning.space.cameras import Array, Cameras, assign
 from fieldkit.planning.space.envelope import Envelope, Ranges
 from fieldkit.planning.space.plots import Plot
 from fieldkit.planning.space.projection import project
+from fieldkit.scenes.simulate import Outdoors
 
 POSE_NOISE_M = 0.010
 """Usual standard deviation of a commanded position: the simulated source's claim, and RTK's error (docs/objective.md).
@@ -44,10 +45,10 @@ class PlanningProblem:
     """Whether a set has the same value at every seed."""
     unmet: tuple[Plot, ...] = ()
     """Further plots of the kind, numbered after ``plots``, on which finalists are only confirmed."""
-    heights: bool = False
-    """Whether room above the plants shall be in the pictures (`CostModel.cost_m`)."""
     pose_noise_m: float = POSE_NOISE_M
     """Standard deviation of a commanded position."""
+    outdoors: Outdoors = field(default_factory=Outdoors)
+    """Wind and the vehicle's wash, which move leaves between photographs; still air by default."""
 
     def __post_init__(self) -> None:
         views = 0 if self.views is None else len(self.views)

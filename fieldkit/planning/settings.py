@@ -70,20 +70,20 @@ class NoiseSettings(Strict):
     """The noise that a plan must survive; none by default."""
 
     pose_m: Length = 0.0
-    """Standard deviation of each coordinate of a position, in evaluations."""
-    expected_m: Length | None = None
-    """The same, as the geometric score expects it: what was asked for; null takes the score's own 1 cm."""
+    """Standard deviation of each coordinate of a position; the geometric score expects 1 cm at least."""
     pose_deg: Length = 0.0
     """Of yaw and pitch."""
     image_grey: Length = 0.0
     """Of each channel of each pixel; 0 leaves only the scene's own sensor noise."""
     wind_m: Length = 0.0
-    """Sway of the leaves between photographs, half a metre out."""
+    """Sway of the leaves between photographs by wind, root mean square half a metre out."""
+    vehicle_kg: Length = 0.0
+    """Mass of the vehicle whose wash moves leaves, too; 0: none does."""
 
     @property
     def any(self) -> bool:
         """Whether evaluations at different seeds differ by more than the sensor's noise."""
-        return max(self.pose_m, self.pose_deg, self.image_grey, self.wind_m) > 0
+        return max(self.pose_m, self.pose_deg, self.image_grey, self.wind_m, self.vehicle_kg) > 0
 
 
 def unchanging(source: PlanSource, noise: NoiseSettings) -> bool:
@@ -138,21 +138,19 @@ class SearchSettings(Strict):
     """No trial starts later; finalists are still confirmed."""
     fidelity: SearchFidelity = "standard"
     """Of the search. Draft costs two fifths less, but its best of good sets is not the best."""
-    confirm_fidelity: SearchFidelity = "fine"
+    confirm_fidelity: SearchFidelity = "standard"
     """Of the confirmations."""
     mapping: MappingName = "prior"
     refine: bool = False
     """Align and scale each cloud to the reference by ICP before it is scored."""
     finalists: Annotated[int, Field(ge=1)] = 3
-    """Best sets that are evaluated again before one is chosen."""
+    """Best sets that are evaluated again before one is chosen; of plots of a kind those that are not clearly behind."""
     plots: Annotated[int, Field(ge=1)] = 1
     """Number of plots that the plan is for: the given ones, and others drawn of their kind."""
     repeats: Count = 2
     """Fresh seeds for each of them; 0 leaves the confirmation out."""
     weights: tuple[Length, Length, Length] = WEIGHTS
     """Of the geometric score's gap, noise and tie, for methods that use it."""
-    heights: bool = False
-    """Whether these methods leave room above the plants in the pictures, as plants' heights need it."""
     lag: Count = 0
     """A proposal for trial k knows the results up to k − lag − 1."""
     envelope: EnvelopeSettings = EnvelopeSettings()

@@ -47,6 +47,9 @@ class StereoQuality:
     is worth nothing by itself."""
     error_px: float = 0.5
     """Of a match, for the noise of depths."""
+    tolerance_px: float = 6.0
+    """Motion of a leaf between two views at which half of their matches fail: 2 ranks sets in wind worse, 4 to 20
+    about as well (docs/experiments/score-and-planner.md)."""
     cap_m: float = 0.10
     """Of every distance, as in the objective's rule (`Rule`)."""
 

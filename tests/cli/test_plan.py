@@ -49,7 +49,7 @@ SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
         (["--captures", str(SMALL_PLOT), "--clearance", "0.5"], 2, "--clearance would not change the choice"),
         (["--scene", "case-1", "--for", "this-plot", "--vary", "4"], 2, "--vary 4 plans for more than this plot"),
         (["--scene", "case-1", "--method", "matchable"], 2, "matchable"),
-        (["--scene", "case-1", "--method", "circle", "--heights"], 2, "--heights would change nothing"),
+        (["--scene", "case-1", "--preset", "indoors"], 2, "indoors"),
         (["--scene", "case-1", "--pose-noise", "from:"], 2, "from what?"),
         (["--scene", "case-1", "--pose-noise", "from:nowhere"], 3, "nowhere"),
         (["--scene", "case-1", "--vehicle", "ardupilot-pich"], 3, "Did you mean ardupilot-pitch"),

@@ -143,8 +143,8 @@ class Candidates:
     def _optimum(self, slopes: ArrayLike, origin: str, turn: Turn, about: Trial | None = None) -> Candidate:
         """The set of the largest prior mean, searched about a given set, else anywhere."""
 
-        def cost(cameras: Cameras) -> float:
-            return self.cost_model.cost_m(cameras, slopes, turn.registration)
+        def cost(cameras: Cameras, plots: Sequence[int]) -> Array:
+            return self.cost_model.costs_m(cameras, slopes, turn.registration, plots)
 
         effort, known = (_EVERYWHERE, []) if about is None else (_NEARBY, [about.cameras])
         cameras = optimise(self.problem, cost, int(turn.rng.integers(2**31)), effort, known)

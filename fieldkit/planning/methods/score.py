@@ -12,7 +12,7 @@ from fieldkit.planning.methods.optimise import Effort, optimise
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.score.cost_model import WEIGHTS, CostModel, Weights
 from fieldkit.planning.score.registration import Registration
-from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.runtime.executor import map_parallel
 
 _STREAM = 46
@@ -53,8 +53,8 @@ def _optimum(
     cost_model = CostModel(problem)
     registration = Registration.learn([], []) if problem.blind else None
 
-    def cost(cameras: Cameras) -> float:
-        return cost_model.cost_m(cameras, weights, registration)
+    def cost(cameras: Cameras, plots: Sequence[int]) -> Array:
+        return cost_model.costs_m(cameras, weights, registration, plots)
 
     start = int(np.random.SeedSequence([seed, _STREAM, number]).generate_state(1, np.uint64)[0])
     cameras = problem.nearest(optimise(problem, cost, start, effort))

@@ -43,6 +43,12 @@ class Uniform:
         return Trial(number, cameras, f"every {step:.1f}th view, phase {number}", {"views": _listed(chosen)})
 
 
+def even_subsets(problem: PlanningProblem) -> tuple[Trial, ...]:
+    """All trials of `Uniform`."""
+    method = Uniform(problem)
+    return tuple(trial for k in range(method.trials) if (trial := method.propose(k, (), ())) is not None)
+
+
 class MatchGraph:
     """A greedy choice of recorded views that represents all of them in matches and is connected.
 

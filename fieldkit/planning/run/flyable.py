@@ -19,6 +19,12 @@ from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import find_vehicle, load_vehicle, vehicles_folder
 
 _LEAST_BAND_M = 1.0
+_WIND_M, _MASS_KG = 0.010, 1.0
+"""Leaves sway by a centimetre in air of 3 m/s; vehicles without a known mass."""
+_APART, _APART_M = 3.0, 0.3
+"""Least distance between stations: so many times how well they are held, and at least a step that pilots see."""
+OUTDOORS_ENVELOPE: dict[str, Any] = {"height_m": (0.8, 3.0), "clearance_m": 0.8, "separation_m": _APART_M}
+"""Of a vehicle that is not known, by the keys of `EnvelopeSettings`."""
 _RTK_M, _ONE_FLIGHT_M, _TURNED_DEG = 0.02, 0.1, 1.0
 """Without RTK the positions of a flight share an offset; between stations a decimetre is assumed."""
 
@@ -32,16 +38,22 @@ def read_vehicle(name: str | Path) -> tuple[Vehicle, SearchVehicle]:
 
 
 def flight_noise(vehicle: Vehicle | None) -> NoiseSettings:
-    """How far a vehicle misses its stations; without a vehicle, one with RTK."""
-    pose_m = _RTK_M if vehicle is None else min(vehicle.gps_accuracy_m, _ONE_FLIGHT_M)
-    return NoiseSettings(pose_m=pose_m, pose_deg=_TURNED_DEG)
+    """How far a vehicle misses its stations, a breeze and the vehicle's wash; without a vehicle, one with RTK."""
+    mass_kg = _MASS_KG if vehicle is None or vehicle.mass_kg is None else vehicle.mass_kg
+    return NoiseSettings(pose_m=_held_m(vehicle), pose_deg=_TURNED_DEG, wind_m=_WIND_M, vehicle_kg=mass_kg)
+
+
+def _held_m(vehicle: Vehicle | None) -> float:
+    """How well a vehicle holds its stations against each other."""
+    return _RTK_M if vehicle is None else min(vehicle.gps_accuracy_m, _ONE_FLIGHT_M)
 
 
 def vehicle_envelope(vehicle: Vehicle, given: Mapping[str, Any]) -> dict[str, Any]:
     """Fields of `EnvelopeSettings`: the given ones, and the vehicle's limits for the rest.
 
     Cameras are at least at the vehicle's least height, at most at the usual 2.5 m or a metre above the least, and keep
-    the vehicle's clearance to plants; the gimbal's range is the mount's.
+    the vehicle's clearance to plants beyond the error of a station; stations are apart by three such errors. The
+    gimbal's range is the mount's.
 
     Args:
         given: settings by the keys of `EnvelopeSettings`.
@@ -51,7 +63,8 @@ def vehicle_envelope(vehicle: Vehicle, given: Mapping[str, Any]) -> dict[str, An
     usual = EnvelopeSettings()
     limits: dict[str, Any] = {
         "height_m": (least, max(usual.height_m[1], least + _LEAST_BAND_M)), "pitch_deg": (low, high),
-        "clearance_m": vehicle.clearance_m, "vehicle_clearance_m": vehicle.clearance_m,
+        "clearance_m": vehicle.clearance_m + _held_m(vehicle), "vehicle_clearance_m": vehicle.clearance_m,
+        "separation_m": max(_APART_M, _APART * _held_m(vehicle)),
     }  # fmt: skip
     wanted = limits | dict(given)
     what = ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -20,6 +20,9 @@ Stopped = Literal["converged", "evaluations", "time", "exhausted"]
 Watch = Callable[[LogEntry], None]
 _FRESH_SEEDS = 1_000_000
 """First seed of confirmations; searches use smaller ones."""
+_PAIRED, _CLEARLY = 0.07, 2.0
+"""Standard deviation by which two good sets' values on the same plot differ, as a share of a value, and how many times
+the standard error is clearly more."""
 
 
 @dataclass(frozen=True)
@@ -146,11 +149,17 @@ class _Search:
         self._watch(entry)
 
 
-def confirm(method: Method, evaluations: Evaluations, run: RunFolder, *, watch: Watch) -> list[Finalist]:
+def confirm(
+    method: Method, evaluations: Evaluations, run: RunFolder, *, watch: Watch, even: Sequence[Trial] = ()
+) -> list[Finalist]:
     """Evaluate the search's best sets again at fresh seeds.
 
     A `Judge` chooses the sets; else they are those of the lowest values. The lowest of many noisy values is partly
     luck, so the winner is chosen by values that had no part in finding it.
+
+    Args:
+        even: the even subsets of a recorded set. The best of them is always a finalist, and the plan unless another one
+            is ahead of it beyond noise.
 
     Returns:
         The finalists in the order of `ranked`; empty if no trial was measured.
@@ -158,7 +167,32 @@ def confirm(method: Method, evaluations: Evaluations, run: RunFolder, *, watch: 
     results = [entry.result for entry in searched(run.entries)]
     judge = method.favourites if isinstance(method, Judge) else lowest
     chosen = judge(results, run.settings.finalists)
-    return ranked(method, run, evaluate_again(evaluations, run, chosen, watch=watch))
+    if not chosen or not even:
+        return ranked(method, run, evaluate_again(evaluations, run, chosen, watch=watch))
+    evens = {trial.cameras for trial in even}
+    standard = lowest([result for result in results if result.trial.cameras in evens], 1) or list(even[:1])
+    cameras = standard[0].cameras
+    chosen += [trial for trial in standard if cameras not in [each.cameras for each in chosen]]
+    confirmed = ranked(method, run, evaluate_again(evaluations, run, chosen, watch=watch))
+    known = next(finalist for finalist in confirmed if finalist.trial.cameras == cameras)
+    exact = run.settings.plots == 1 and unchanging(run.settings.source, run.settings.noise)
+    if confirmed[0] is known or _ahead(confirmed[0], known, 0.0 if exact else _PAIRED):
+        return confirmed
+    return [known, *(finalist for finalist in confirmed if finalist is not known)]
+
+
+def _ahead(finalist: Finalist, other: Finalist, noise: float) -> bool:
+    """Whether a finalist is better than another one by more than the noise of their values at the same seeds.
+
+    Args:
+        noise: of a difference, as a share of a value, where there are too few to tell.
+    """
+    pairs = list(zip(finalist.entries, other.entries, strict=False))
+    if not pairs:
+        return True
+    gains = [b.value_m - a.value_m for a, b in pairs]
+    noise_m = float(np.std(gains, ddof=1)) if len(gains) > 2 else noise * pairs[0][1].value_m
+    return bool(np.mean(gains) > _CLEARLY * noise_m / np.sqrt(len(gains)))
 
 
 def ranked(method: object, run: RunFolder, confirmed: Sequence[Finalist]) -> list[Finalist]:
@@ -171,7 +205,7 @@ def ranked(method: object, run: RunFolder, confirmed: Sequence[Finalist]) -> lis
         return list(confirmed)
     costs = method.expect_m([f.trial.cameras for f in confirmed], [entry.result for entry in run.entries])
     known = [replace(finalist, kind_m=cost) for finalist, cost in zip(confirmed, costs, strict=True)]
-    return sorted(known, key=lambda finalist: (finalist.kind_m, finalist.trial.number))
+    return sorted(known, key=lambda finalist: (-len(finalist.entries), finalist.kind_m, finalist.trial.number))
 
 
 def evaluate_again(
@@ -180,10 +214,11 @@ def evaluate_again(
     """Evaluate trials at the fresh seeds of a run's settings, and log them as confirmations.
 
     If the plan is for plots of a kind, each repeat is on its own plot, one that no trial has met. The first is the
-    given plot if the search took no photographs.
+    given plot if the search took no photographs. It is a race: a trial that is clearly behind after a repeat takes part
+    in no more, and where one is left the race is over.
 
     Returns:
-        The trials by value, the best first; in the given order if the settings ask for no repeats.
+        The trials by repeats, then value, the best first; in the given order if the settings ask for no repeats.
     """
     settings = run.settings
     if not settings.repeats:
@@ -196,26 +231,43 @@ def evaluate_again(
         (e.trial.cameras, e.seed, e.plot): e for e in run.entries
         if e.stage == "confirmation" and e.fidelity == fidelity
     }  # fmt: skip
-    wanted = [(trial, seed, plot) for seed, plot in fresh for trial in chosen]
-    wanted = [each for each in wanted if (each[0].cameras, *each[1:]) not in there]
-    jobs = [Job(trial.cameras, seed, fidelity, plot) for trial, seed, plot in wanted]
     clock = _Clock(run)
-    for (trial, seed, plot), found in zip(wanted, evaluations.each(jobs), strict=True):
-        entry = LogEntry.of(
-            trial, found, stage="confirmation", seed=seed, fidelity=fidelity, proposal_cpu_s=0.0,
-            finished_s=clock.seconds, plot=plot,
-        )  # fmt: skip
-        run.append(entry)
-        there[trial.cameras, seed, plot] = entry
-        watch(entry)
-    confirmed = []
-    for trial in chosen:
-        entries = tuple(there[trial.cameras, seed, plot] for seed, plot in fresh)
-        values = [entry.value_m for entry in entries]
-        spread = float(np.std(values, ddof=1)) if len(values) > 1 else None
-        value = float(np.mean(sorted(values, reverse=True)))
-        confirmed.append((value, trial.number, Finalist(trial, entries, value, spread)))
-    return [finalist for _, _, finalist in sorted(confirmed, key=lambda found: found[:2])]
+    racing, finalists = list(chosen), {}
+    for done, (seed, plot) in enumerate(fresh, start=1):
+        wanted = [trial for trial in racing if (trial.cameras, seed, plot) not in there]
+        jobs = [Job(trial.cameras, seed, fidelity, plot) for trial in wanted]
+        for trial, found in zip(wanted, evaluations.each(jobs), strict=True):
+            entry = LogEntry.of(
+                trial, found, stage="confirmation", seed=seed, fidelity=fidelity, proposal_cpu_s=0.0,
+                finished_s=clock.seconds, plot=plot,
+            )  # fmt: skip
+            run.append(entry)
+            there[trial.cameras, seed, plot] = entry
+            watch(entry)
+        for trial in racing:
+            entries = tuple(there[trial.cameras, s, p] for s, p in fresh[:done])
+            finalists[trial.number] = _finalist(trial, entries)
+        if settings.plots > 1:
+            racing = _not_behind(racing, finalists)
+            if len(racing) == 1:
+                break
+    # Those that raced on are ahead of those that were given up.
+    return sorted(finalists.values(), key=lambda f: (-len(f.entries), f.value_m, f.trial.number))
+
+
+def _finalist(trial: Trial, entries: tuple[LogEntry, ...]) -> Finalist:
+    values = [entry.value_m for entry in entries]
+    spread = float(np.std(values, ddof=1)) if len(values) > 1 else None
+    return Finalist(trial, entries, float(np.mean(sorted(values, reverse=True))), spread)
+
+
+def _not_behind(racing: Sequence[Trial], finalists: Mapping[int, Finalist]) -> list[Trial]:
+    """The trials that noise could still put before the leader; all were evaluated on the same plots."""
+    values = {trial.number: finalists[trial.number].value_m or 0.0 for trial in racing}
+    lead = min(values.values())
+    rounds = len(finalists[racing[0].number].entries)
+    behind_m = _CLEARLY * _PAIRED * lead / np.sqrt(rounds)
+    return [trial for trial in racing if values[trial.number] <= lead + behind_m]
 
 
 def _plots_of_repeats(settings: SearchSettings, evaluated: bool) -> list[int]:

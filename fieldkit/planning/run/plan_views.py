@@ -10,6 +10,7 @@ from pathlib import Path
 from fieldkit.cache import StageCache
 from fieldkit.errors import FieldkitError, ReconstructionError
 from fieldkit.planning.methods.registry import METHODS, MethodEntry, method_entry
+from fieldkit.planning.methods.subsets import even_subsets
 from fieldkit.planning.problem import Chooser, Limited, Trial
 from fieldkit.planning.run.evaluations import Evaluations, evaluating
 from fieldkit.planning.run.folder import RunFolder, create_run, open_run
@@ -119,7 +120,8 @@ def _planned(
         ending = search(
             method, evaluations, run, out_of_time=lambda s: budget is not None and s >= budget, watch=watch
         )  # fmt: skip
-        confirmed = confirm(method, evaluations, run, watch=watch)
+        even = even_subsets(setup.problem) if setup.photographs else ()
+        confirmed = confirm(method, evaluations, run, watch=watch, even=even)
     if not confirmed:
         raise ReconstructionError(
             "no evaluation succeeded", path=run.path,

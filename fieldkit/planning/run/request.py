@@ -14,7 +14,7 @@ from fieldkit.documents.json_file import first_problem
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.methods.registry import METHODS
-from fieldkit.planning.run.flyable import flight_noise, read_vehicle, vehicle_envelope
+from fieldkit.planning.run.flyable import OUTDOORS_ENVELOPE, flight_noise, read_vehicle, vehicle_envelope
 from fieldkit.planning.run.sources import describe_sources
 from fieldkit.planning.settings import (
     CHANGEABLE,
@@ -27,10 +27,11 @@ from fieldkit.planning.settings import (
 )
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.version import __version__
+from fieldkit.vocabulary import Preset
 
 _METHOD = "field"
 KIND_METHOD = "score"
-KIND_CONFIRMED: dict[str, int] = {"finalists": 6, "repeats": 3}
+KIND_CONFIRMED: dict[str, int] = {"finalists": 4, "repeats": 3}
 """Plots differ by more than good sets do, so several optima are confirmed on several plots."""
 RECORDED_CONFIRMED: dict[str, int] = {"finalists": 6, "repeats": 6}
 """The withheld matches change a value by more than sets differ; evaluations are cheap."""
@@ -51,7 +52,7 @@ class PlanRequest:
     settings: Mapping[str, Any]
     """By the keys of `SearchSettings`."""
     noise: Mapping[str, Any]
-    """By the keys of `NoiseSettings`. If nothing is given, plans for a kind take the flight's noise of poses."""
+    """By the keys of `NoiseSettings`."""
     envelope: Mapping[str, Any]
     """By the keys of `EnvelopeSettings`."""
     scenes: tuple[Path, ...] = ()
@@ -66,13 +67,15 @@ class PlanRequest:
     """A camera.toml or camera.json."""
     purpose: str | None = None
     """The plots that the plan is for: "kind" or "this-plot"."""
+    preset: Preset = "outdoors"
+    """Conditions that a plan for a kind expects where ``noise`` and ``envelope`` say nothing."""
 
 
 def search_settings(
     *, scene: Paths = (), reference: Paths = (), captures: Path | None = None, images: Paths = (),
     vehicle: str | Path | None = None, camera: Path | None = None, purpose: str | None = None,
     noise: Mapping[str, Any] | None = None, envelope: Mapping[str, Any] | None = None,
-    workers: int = 1, **more: Any,
+    preset: Preset = "outdoors", workers: int = 1, **more: Any,
 ) -> SearchSettings:  # fmt: skip
     """The settings of a new run, for `plan_views`.
 
@@ -85,8 +88,10 @@ def search_settings(
         purpose: "kind" (plots like this one) or "this-plot"; None takes the method's: `field` and `score` plan for the
             kind. Without a method and without settings of a search, the method is `score`, except for recorded
             photographs.
-        noise: fields of `NoiseSettings`; without them plans for the kind take the flight's noise of poses.
+        noise: fields of `NoiseSettings`.
         envelope: fields of `EnvelopeSettings`.
+        preset: what plans for a kind take where these say nothing: "outdoors" (a flight's noise of poses, wind and the
+            vehicle's wash; stations as a vehicle can keep them) or "paper" (exact poses, still air, nearer stations).
         more: fields of `SearchSettings`: cameras, evaluations, method, seed and others.
 
     Raises:
@@ -98,7 +103,7 @@ def search_settings(
     """
     request = PlanRequest(
         more, noise or {}, envelope or {}, _paths(scene), _paths(reference), captures, _paths(images), vehicle, camera,
-        purpose,
+        purpose, preset,
     )  # fmt: skip
     return new_settings(request, workers)
 
@@ -110,21 +115,20 @@ def new_settings(request: PlanRequest, workers: int) -> SearchSettings:
     recorded, given = first.source.kind == "captures", _given(request.settings)
     method = KIND_METHOD if _chooses(request, given, first.source.kind) else given.get("method", _METHOD)
     plots = _plots(request.purpose, given.get("plots"), method, len(plots_given))
-    for key in ("weights", "heights"):
-        if key in given and not METHODS[method].weights:
-            raise UsageError(
-                f"--{key} would change nothing: {method} does not go by the geometric score",
-                remedy=f"Leave it out, or choose one of {', '.join(n for n in METHODS if METHODS[n].weights)}.",
-            )
+    if "weights" in given and not METHODS[method].weights:
+        raise UsageError(
+            f"weights would change nothing: {method} does not go by the geometric score",
+            remedy=f"Leave them out, or choose one of {', '.join(n for n in METHODS if METHODS[n].weights)}.",
+        )
     vehicle, record = (None, None) if request.vehicle is None else read_vehicle(request.vehicle)
     envelope = _given(request.envelope)
     if recorded and vehicle is None:  # with one they limit the views
         _refuse_limits(envelope)
     try:
         # Recorded photographs have fixed places.
-        expected = NoiseSettings() if plots == 1 or recorded else flight_noise(vehicle)
-        asked = _given(request.noise)
-        noise = _changed(expected, asked | ({"expected_m": asked["pose_m"]} if asked.get("pose_m") else {}))
+        flown = plots > 1 and not recorded and request.preset == "outdoors"
+        noise = _changed(flight_noise(vehicle) if flown else NoiseSettings(), _given(request.noise))
+        envelope = envelope if vehicle is None else vehicle_envelope(vehicle, envelope)
         usual = SearchSettings(
             fieldkit=__version__,
             source=first.source,
@@ -141,7 +145,7 @@ def new_settings(request: PlanRequest, workers: int) -> SearchSettings:
             refine=plots > 1 and noise.pose_m > 0,
             lag=lag_for(workers),
             noise=noise,
-            envelope=EnvelopeSettings(**(envelope if vehicle is None else vehicle_envelope(vehicle, envelope))),
+            envelope=EnvelopeSettings(**(OUTDOORS_ENVELOPE | envelope if flown else envelope)),
         )
         confirmed = _confirmations(plots, method, recorded=recorded, exact=unchanging(first.source, noise))
         return _changed(usual, confirmed | given | {"method": method, "plots": plots})

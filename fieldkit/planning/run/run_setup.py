@@ -23,7 +23,7 @@ from fieldkit.planning.problem import POSE_NOISE_M, PlanningProblem
 from fieldkit.planning.run.flyable import check_views
 from fieldkit.planning.run.sources import check_unchanged, source_doubts
 from fieldkit.planning.score.match_graph import match_graph
-from fieldkit.planning.settings import EnvelopeSettings, GivenPlot, SearchSettings, unchanging
+from fieldkit.planning.settings import EnvelopeSettings, GivenPlot, NoiseSettings, SearchSettings, unchanging
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
@@ -37,6 +37,8 @@ from fieldkit.sites.fitted import Stretch
 from fieldkit.wording import count
 
 PROXY_FOLDER, BUILT_REFERENCE, KIND_FOLDER = "proxy", "reference", "plots"
+_HEIGHT_ERROR = 0.25
+"""Largest error of a plot's height as people state it: plants grow, and nobody measures each plot before a flight."""
 _GOOD_POSES_M = 0.010
 _TWO_ROUNDS_PX = (10.0, 3.0)
 
@@ -85,9 +87,8 @@ def _problem(
     return PlanningProblem(
         settings.cameras, envelope, camera, tuple(plots[:met]), views, blind=settings.blind,
         exact=met == 1 and unchanging(settings.source, settings.noise), unmet=tuple(plots[met:]),
-        heights=settings.heights,
         # At least what evaluations claim of exact positions.
-        pose_noise_m=max(settings.noise.expected_m or 0.0, POSE_NOISE_M),
+        pose_noise_m=max(settings.noise.pose_m, POSE_NOISE_M), outdoors=_outdoors(settings.noise),
     )  # fmt: skip
 
 
@@ -101,7 +102,7 @@ def _on_scenes(settings: SearchSettings, folder: Path, progress: Progress) -> Ru
         noise = CaptureNoise(
             asked.pose_m, asked.pose_deg, image_sigma=asked.image_grey or first.noise.image_sigma
         )  # fmt: skip
-        kind = Kind(descriptions, settings.seed, folder / KIND_FOLDER, noise, Outdoors(asked.wind_m), camera)
+        kind = Kind(descriptions, settings.seed, folder / KIND_FOLDER, noise, _outdoors(asked), camera)
         found = [kind.plot(number) for number in range(settings.all_plots)]
     drawn = kind.recorded if settings.plots > len(descriptions) else ()
     for given, (_, apart) in zip(settings.given, drawn, strict=False):
@@ -110,7 +111,7 @@ def _on_scenes(settings: SearchSettings, folder: Path, progress: Progress) -> Ru
     height_m = plots[0].height_m
     envelope = _envelope(found[: settings.plots], height_m, settings.envelope)
     if settings.plots > 1:
-        plots = [replace(plot, stretch=_stretch(plot, height_m, envelope)) for plot in plots]
+        plots = [replace(plot, stretch=_stretch(plot, height_m, envelope, number)) for number, plot in enumerate(plots)]
     objective = PlotsObjective(
         kind, ObjectiveSettings(settings.fidelity, settings.mapping, refine=settings.refine), seed=settings.seed,
         stretches={number: plot.stretch for number, plot in enumerate(plots) if plot.stretch is not None},
@@ -132,13 +133,30 @@ def _envelope(found: Sequence[tuple[Plot, Volume]], height_m: float, limits: Env
     )  # fmt: skip
 
 
-def _stretch(plot: Plot, height_m: float, envelope: Envelope) -> Stretch:
-    """How cameras stated for plants of a height are flown over a plot; as `fitted` does with the plan."""
+def _stretch(plot: Plot, height_m: float, envelope: Envelope, number: int) -> Stretch:
+    """How cameras stated for plants of a height are flown over a plot; as `fitted` does with the plan.
+
+    The plot's height is known no better than `_HEIGHT_ERROR`, so that a plan shows the tips of higher plants, too.
+    """
+    stated_m = plot.height_m * (1.0 + _HEIGHT_ERROR * _spread(number))
     points = np.array(envelope.plan_plants(envelope.plants).points_m)
     return Stretch(
         np.append(points[:, :2].min(axis=0), 0.0), np.append(points[:, :2].max(axis=0), height_m),
-        np.array([1.0, 1.0, plot.height_m / height_m]), envelope.clearance_m, envelope.height_m[0], envelope.pitch_deg,
+        np.array([1.0, 1.0, stated_m / height_m]), envelope.clearance_m, envelope.height_m[0], envelope.pitch_deg,
     )  # fmt: skip
+
+
+def _spread(number: int) -> float:
+    """A number in (−1, 1) for each plot, evenly spread however many there are (van der Corput's); 0 for the first."""
+    place, share = 0.0, 0.5
+    rest = number
+    while rest:
+        place, share, rest = place + share * (rest & 1), 0.5 * share, rest >> 1
+    return 2.0 * place - 1.0 if number else 0.0
+
+
+def _outdoors(noise: NoiseSettings) -> Outdoors:
+    return Outdoors(noise.wind_m, noise.vehicle_kg or None)
 
 
 def _scene_of(plot: GivenPlot, folder: Path, number: int, progress: Progress) -> Path:

@@ -18,8 +18,9 @@ from fieldkit.planning.space.cameras import Array, Cameras
 Weights = tuple[float, float, float]
 TERMS = 3
 """Gap, noise and tie."""
-WEIGHTS: Weights = (1.0, 1.1, 0.3)
-"""Metres of value per metre of each term, fitted on tuning scenes: used until a plot has its own results."""
+WEIGHTS: Weights = (0.55, 1.1, 0.15)
+"""Metres of value per metre of each term, fitted on 24 sets outdoors and 12 in still air about tuning-1 and tuning-2:
+used until a plot has its own results."""
 DOUBT = 0.1
 """Standard deviation of each weight, over plots whose values are as large as the score expects."""
 CERTAINTY = 0.15
@@ -35,13 +36,10 @@ _REST_DOUBT = 1.0
 
 
 class _Scored(NamedTuple):
-    """A set's terms (plots, 3) in metres, for blind mapping its views' least connectivity over the plots, and the mean
-    share of the room above the plants that is lost.
-    """
+    """A set's terms (plots, 3) in metres, and for blind mapping its views' least connectivity over the plots."""
 
     terms_m: Array
     connectivity: float
-    lost_room: float
 
 
 class CostModel:
@@ -83,22 +81,32 @@ class CostModel:
         """The terms times ``slopes`` (3,), raised by the set's risk of not registering; not kept."""
         return self._expected_m(self._scored(cameras), slopes, registration)
 
-    def cost_m(self, cameras: Cameras, slopes: ArrayLike, registration: Registration | None) -> float:
-        """What searches minimise: the expected value and, for heights, `ROOM_M` for the room above the plants that is
-        lost.
+    def costs_m(
+        self, cameras: Cameras, slopes: ArrayLike, registration: Registration | None, plots: Sequence[int]
+    ) -> Array:
+        """(plots,) what searches minimise, on some of the plots: the expected value, and `ROOM_M` for the room above
+        the plants that is lost; raised by the set's risk of not registering there. Not kept.
 
         The objective is a mean over the plants' surface, of which a leaf's tip is little; but plants' heights hang on
         it, and on pictures that would show a higher one.
         """
-        found = self._scored(cameras)
-        room_m = ROOM_M * found.lost_room if self._problem.heights else 0.0
-        return self._expected_m(found, slopes, registration) + room_m
+        costs = []
+        for plot in plots:
+            found = self._scores[plot].score(cameras)
+            risk = 1.0 if registration is None else self._risk(connectivity(found.matches), registration)
+            costs.append(risk * (float(np.dot(_terms_m(found), slopes)) + ROOM_M * found.lost_room))
+        return np.array(costs)
+
+    def cost_m(self, cameras: Cameras, slopes: ArrayLike, registration: Registration | None) -> float:
+        """The mean of `costs_m` over all plots."""
+        return float(self.costs_m(cameras, slopes, registration, range(len(self._scores))).mean())
 
     def _expected_m(self, found: _Scored, slopes: ArrayLike, registration: Registration | None) -> float:
-        expected = float(np.dot(found.terms_m.mean(axis=0), slopes))
-        if registration is None:
-            return expected
-        return float(expected * float(registration.probability(found.connectivity)) ** -self._certainty)
+        return self._risk(found.connectivity, registration) * float(np.dot(found.terms_m.mean(axis=0), slopes))
+
+    def _risk(self, connected: float, registration: Registration | None) -> float:
+        """By how much a set's cost is raised by its risk of not registering."""
+        return 1.0 if registration is None else float(registration.probability(connected)) ** -self._certainty
 
     def registration(self, results: Sequence[Result]) -> Registration:
         """The probability of registering whole, learnt from results."""
@@ -118,8 +126,7 @@ class CostModel:
     def _scored(self, cameras: Cameras) -> _Scored:
         found = [score.score(cameras) for score in self._scores]
         connected = min(connectivity(each.matches) for each in found) if self._problem.blind else np.inf
-        lost_room = float(np.mean([each.lost_room for each in found]))
-        return _Scored(np.array([_terms_m(each) for each in found]), connected, lost_room)
+        return _Scored(np.array([_terms_m(each) for each in found]), connected)
 
 
 def _terms_m(found: Geometry) -> Array:

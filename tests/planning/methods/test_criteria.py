@@ -1,6 +1,7 @@
 """Methods that optimise a geometric criterion, without evaluations."""
 
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from benchmarks.planners.criteria import GeometricOptimum, Reconstructability, T
 from fieldkit.planning.methods.optimise import Cost, Effort, optimise
 from fieldkit.planning.score.geometric import GeometricScore
 from fieldkit.planning.score.visibility import Surface, look
+from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import fill_distance_m
 from tests.planning.leafy import CAMERA, around, problem, recorded
 
@@ -70,21 +72,26 @@ def test_reconstructability_is_the_sum_over_pairs() -> None:
     assert Reconstructability(PROBLEM)(cameras) == pytest.approx(np.mean(np.minimum(found - 3, 0) ** 2))
 
 
+def on_each(cost: Callable[[Cameras], float]) -> Cost:
+    return lambda cameras, plots: np.full(len(plots), cost(cameras))
+
+
 def test_a_recorded_set_is_searched_by_its_views() -> None:
     plot = recorded(5, 24)
     cost = Triangulation(plot)
-    found = optimise(plot, cost, 0, SMALL)
+    found = optimise(plot, on_each(cost), 0, SMALL)
     assert plot.contains(found)
     assert cost(found) <= min(cost(plot.sample(seed)) for seed in range(10))
     everything = recorded(5, 5)
-    assert plot.contains(optimise(plot, cost, 1, Effort(2, 1, 5)))
-    assert everything.contains(optimise(everything, Triangulation(everything), 0, Effort(2, 1, 5)))
+    assert plot.contains(optimise(plot, on_each(cost), 1, Effort(2, 1, 5)))
+    assert everything.contains(optimise(everything, on_each(Triangulation(everything)), 0, Effort(2, 1, 5)))
 
 
 def test_known_sets_are_climbed_from_instead_of_designs() -> None:
     cost = Triangulation(PROBLEM)
     known = [PROBLEM.sample(seed) for seed in (1, 2)]
-    found = optimise(PROBLEM, cost, 0, Effort(moves=60), known)
+    found = optimise(PROBLEM, on_each(cost), 0, Effort(moves=60), known)
     assert PROBLEM.contains(found)
     assert cost(found) < min(map(cost, known))
-    assert optimise(PROBLEM, lambda cameras: float(cameras != known[0]), 0, Effort(moves=5), known) == known[0]
+    first = on_each(lambda cameras: float(cameras != known[0]))
+    assert optimise(PROBLEM, first, 0, Effort(moves=5), known) == known[0]

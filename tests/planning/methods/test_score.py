@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from fieldkit.geometry import Intrinsics
@@ -9,6 +10,7 @@ from fieldkit.planning.methods.optimise import Effort
 from fieldkit.planning.methods.score import ScoreOptimum
 from fieldkit.planning.score.cost_model import CERTAINTY, WEIGHTS, CostModel
 from fieldkit.planning.score.geometric import GeometricScore
+from fieldkit.scenes.simulate import Outdoors
 from tests.planning.leafy import problem, recorded
 
 PROBLEM = problem(5)
@@ -50,11 +52,28 @@ def test_where_mapping_is_blind_what_may_not_register_is_expected_to_cost_more()
 
 def test_room_above_the_plants_is_left_for_heights() -> None:
     narrow = replace(PROBLEM, camera=Intrinsics.pinhole(640, 480, 1100.0))
-    (plain,) = ScoreOptimum(narrow, effort=SMALL).choose(1)
-    (roomy,) = ScoreOptimum(replace(narrow, heights=True), effort=SMALL).choose(1)
-    lost = [GeometricScore(narrow).score(trial.cameras).lost_room for trial in (plain, roomy)]
-    assert lost[1] < 0.5 * lost[0]
-    assert roomy.notes["expected_m"] == CostModel(narrow).expected_m(roomy.cameras, WEIGHTS, None)
+    (roomy,) = ScoreOptimum(narrow, effort=SMALL).choose(1)
+    assert GeometricScore(narrow).score(roomy.cameras).lost_room < 0.5
+    cost_model = CostModel(narrow)
+    assert roomy.notes["expected_m"] == cost_model.expected_m(roomy.cameras, WEIGHTS, None)
+    assert cost_model.cost_m(roomy.cameras, WEIGHTS, None) >= roomy.notes["expected_m"]
+
+
+def test_plans_stand_farther_away_where_their_wash_moves_leaves() -> None:
+    away = []
+    for outdoors in (Outdoors(), Outdoors(0.0, 2.0)):
+        (found,) = ScoreOptimum(replace(PROBLEM, outdoors=outdoors), effort=SMALL).choose(1)
+        away.append(np.linalg.norm(found.cameras.positions - PROBLEM.center, axis=1).mean())
+    assert away[1] > away[0]
+
+
+def test_leaves_that_sway_are_reconstructed_less_and_noisier() -> None:
+    cameras = PROBLEM.sample(0)
+    still, windy = (
+        GeometricScore(replace(PROBLEM, outdoors=Outdoors(wind_m))).score(cameras) for wind_m in (0.0, 0.01)
+    )
+    assert windy.covered < still.covered
+    assert windy.noise_m > still.noise_m
 
 
 @pytest.mark.parametrize("views", [5, 24])

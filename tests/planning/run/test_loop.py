@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.planners.random_sets import Random
+from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.objective import Objective
 from fieldkit.planning.problem import Gain, PlanningProblem, Result, Trial, lowest
 from fieldkit.planning.run.evaluations import Evaluations, evaluating
@@ -196,22 +197,58 @@ class Bowls(Bowl):
         return Bowl(self.folder, noise_m=0.1 * plot)
 
 
+class Dull(Bowl):
+    """Its values are 3 m and little of the bowl's."""
+
+    def evaluate(self, cameras: Cameras, *, seed: int | None = None, fidelity: Any = None) -> Evaluation:
+        found = super().evaluate(cameras, seed=seed, fidelity=fidelity)
+        return replace(found, value_m=3.0 + 0.001 * found.value_m)
+
+    def on(self, plot: int) -> Objective:
+        return self
+
+
 def test_plans_for_a_kind_are_confirmed_on_plots_that_no_trial_has_met(tmp_path: Path) -> None:
     settings = bowl_settings(plots=4, repeats=3)
     with create_run(tmp_path / "run", settings) as run:
-        evaluations = here(Bowls())
+        evaluations = here(Dull(noise_m=0.1))
         search(Random(bowl_problem()), evaluations, run, out_of_time=never, watch=ignore)
         chosen = [entry.trial for entry in run.entries[:2]]
         first = evaluate_again(evaluations, run, chosen, watch=ignore)
         count = len(run.entries)
     with open_run(tmp_path / "run") as run:
-        evaluations = here(Bowls())
+        evaluations = here(Dull(noise_m=0.1))
         again = evaluate_again(evaluations, run, chosen, watch=ignore)
         assert len(run.entries) == count  # nothing is done twice
     assert {entry.plot for entry in run.entries if entry.stage == "search"} == {0}
     for found in (*first, *again):
         assert [entry.plot for entry in found.entries] == [4, 5, 6]
         assert len({entry.value_m for entry in found.entries}) == 3
+
+
+@pytest.mark.parametrize(("evaluator", "rounds"), [(Dull, [3, 3, 3]), (Bowls, [1, 1, 1])])
+def test_finalists_of_a_kind_race_as_long_as_noise_could_change_who_leads(
+    tmp_path: Path, evaluator: type[Bowl], rounds: list[int]
+) -> None:
+    with create_run(tmp_path / "run", bowl_settings(plots=4, repeats=3, finalists=3)) as run:
+        evaluations = here(evaluator())
+        search(Random(bowl_problem()), evaluations, run, out_of_time=never, watch=ignore)
+        ordered = lowest([entry.result for entry in run.entries], 100)
+        chosen = ordered[:3] if evaluator is Dull else [ordered[0], *ordered[-2:]]
+        found = evaluate_again(evaluations, run, chosen, watch=ignore)
+    assert [len(finalist.entries) for finalist in found] == rounds
+    assert found[0].trial.cameras == ordered[0].cameras or evaluator is Dull
+
+
+def test_an_even_subset_is_the_plan_unless_another_is_ahead_of_it(tmp_path: Path) -> None:
+    for evaluator, even_wins in ((Dull, True), (Bowl, False)):
+        with create_run(tmp_path / evaluator.__name__, bowl_settings(repeats=2, finalists=2)) as run:
+            evaluations = here(evaluator())
+            search(Random(bowl_problem()), evaluations, run, out_of_time=never, watch=ignore)
+            worst = lowest([entry.result for entry in run.entries], 100)[-1]
+            found = confirm(Greedy(bowl_problem()), evaluations, run, watch=ignore, even=[worst])
+        assert worst.cameras in [finalist.trial.cameras for finalist in found]
+        assert (found[0].trial.cameras == worst.cameras) == even_wins
 
 
 class Opinionated(Random):
@@ -225,7 +262,7 @@ def test_finalists_of_a_kind_are_ranked_by_what_the_method_expects(tmp_path: Pat
     for plots, ascending in ((1, True), (4, False)):
         settings = bowl_settings(plots=plots, repeats=2, finalists=3)
         with create_run(tmp_path / f"{plots}", settings) as run:
-            evaluations = here(Bowls())
+            evaluations = here(Dull())
             method = Opinionated(bowl_problem())
             search(method, evaluations, run, out_of_time=never, watch=ignore)
             found = [finalist.value_m for finalist in confirm(method, evaluations, run, watch=ignore)]
@@ -261,7 +298,7 @@ def test_finalists_are_chosen_anew_at_fresh_seeds(tmp_path: Path) -> None:
     for found in confirmed:
         assert len({e.seed for e in found.entries}) == 3
         assert not {e.seed for e in found.entries} & {e.seed for e in by_search}
-        assert all(e.fidelity == "fine" for e in found.entries)
+        assert all(e.fidelity == settings.confirm_fidelity for e in found.entries)
         assert found.value_m == pytest.approx(np.mean([e.value_m for e in found.entries]))
     assert [f.value_m for f in again] == [f.value_m for f in confirmed]
 

@@ -50,7 +50,7 @@ def test_plans_are_for_plots_of_the_kind_where_the_method_knows_how(asked: dict[
 @pytest.mark.parametrize(
     ("asked", "method", "confirmed"),
     [
-        ({}, "score", (6, 3)), ({"finalists": 4}, "score", (4, 3)), ({"method": "field"}, "field", (3, 2)),
+        ({}, "score", (4, 3)), ({"finalists": 6}, "score", (6, 3)), ({"method": "field"}, "field", (3, 2)),
         ({"evaluations": 30}, "field", (3, 2)),
         ({"purpose": "this-plot"}, "field", (3, 2)), ({"plots": 1}, "field", (3, 2)),
     ],
@@ -70,13 +70,13 @@ def test_plans_for_a_kind_are_chosen_and_confirmed_where_no_search_is_asked_for(
         ({"noise": {"pose_m": 0.05, "pose_deg": 2.0}}, (0.05, 2.0), True),
         ({"refine": False}, (0.02, 1.0), False),
         ({"purpose": "this-plot"}, (0.0, 0.0), False),
+        ({"preset": "paper"}, (0.0, 0.0), False),
     ],
 )
 def test_plans_for_a_kind_expect_the_flights_noise(asked, noise, refined) -> None:
     settings = search_settings(scene=Path("case-1"), **asked)
     assert (settings.noise.pose_m, settings.noise.pose_deg) == noise
-    # The score expects what was asked for.
-    assert settings.noise.expected_m == (asked.get("noise", {}).get("pose_m") or None)
+    assert (settings.noise.wind_m > 0) == (asked.get("purpose") != "this-plot" and asked.get("preset") != "paper")
     assert settings.refine == refined
 
 
