@@ -131,10 +131,10 @@ def test_effects_and_wind_depend_on_seed_and_photograph_only(source: SimulatedSo
     assert np.abs(first[0] - still[0]).mean() > 1.0
     other = pixels(windy, arc.select([0, 1]), 4)
     assert np.abs(first[0] - other[0]).mean() > 1.0
-    repeated = pixels(SimulatedSource(source.proxy, noise, outdoors=Outdoors(0.02)), arc.select([0, 0]), 3)
-    assert np.abs(repeated[0] - repeated[1]).mean() > 0.2  # leaves move from photograph to photograph
+    moved = pixels(SimulatedSource(source.proxy, noise, outdoors=Outdoors(0.02)), arc.select([0, 1]), 3)
+    assert np.abs(moved[0] - still[0]).mean() > 0.2
     bursts = SimulatedSource(source.proxy, noise, outdoors=Outdoors(0.02, 0.9, 2))
-    assert len(pixels(bursts, arc.select([0, 1]), 3)) == 4
+    assert len(pixels(bursts, arc.select([0, 1]), 3)) == 2  # one steady photograph of each
     for each in (plain, windy):
         each.close()
 
