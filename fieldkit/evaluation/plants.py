@@ -18,8 +18,8 @@ from fieldkit.reconstruction.result import MetricFrame
 from fieldkit.results.frame import Plane
 from fieldkit.results.traits import PlantEntry, Trait
 
-_BEYOND_M = 0.3
-"""Leaves of plants that stand no farther outside the outline are told from the plot's own."""
+_BEYOND_M = 0.75
+"""Leaves of plants that stand no farther outside the outline are told from the plot's own: leaves reach as far."""
 _TOP_M, _OWN = 0.05, 0.8
 """A plant's top is its own where this share of its points within so much of its height is clearly nearest to it."""
 _NO_ROWS = (
