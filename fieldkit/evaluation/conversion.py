@@ -15,7 +15,8 @@ from fieldkit.clouds import Cloud, CloudScore
 from fieldkit.clouds.cells import voxel_edge_m
 from fieldkit.errors import FieldkitError
 from fieldkit.evaluation.prediction import plot_features, predict
-from fieldkit.evaluation.traits import PlotOutline, outline_of, plot_traits
+from fieldkit.evaluation.traits import PlotOutline, outline_of, plot_traits, sways_m
+from fieldkit.figures.style import format_length
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import utm_epsg_of
 from fieldkit.reconstruction.colmap_model import model_points, model_poses
@@ -171,6 +172,11 @@ def _described(
     traits, each = plot_traits(
         reconstruction, reconstruction.plants if plants is None else plants, outline
     )  # fmt: skip
+    sways = sways_m(reconstruction)
+    sway = float(np.median(list(sways.values()))) if sways else None
+    if sway is not None:
+        message = f"leaves swayed by {format_length(sway)} between the photographs of a station (RMS over the plants)"
+        findings = [*findings, Finding(sparse.capture.folder.name, "leaves-swayed", message)]
     return ReconstructionEntry(
         images=len(sparse.images),
         registered=sparse.registered,
@@ -202,7 +208,7 @@ def _described(
             fusion_rule=reconstruction.fusion_rule,
             seed=settings.seed,
         ),
-        image_reports=_placed_images(sparse),
+        image_reports=_placed_images(sparse, sways),
         findings=(*sparse.findings, *findings),
         times=reconstruction.times,
         seconds=seconds,
@@ -210,6 +216,7 @@ def _described(
         date=_date(sparse.capture),
         traits=traits,
         plants=each,
+        sway_m=sway,
         stray=float(reconstruction.stray),
     )
 
@@ -238,13 +245,19 @@ def _cameras(sparse: SparseResult) -> tuple[CameraReport, ...]:
     return tuple(found)
 
 
-def _placed_images(sparse: SparseResult) -> tuple[ImageReport, ...]:
-    """The photographs' reports with their poses and known positions, in order."""
+def _placed_images(sparse: SparseResult, sways: Mapping[str, float]) -> tuple[ImageReport, ...]:
+    """The photographs' reports with their poses, known positions and bursts, in order."""
     poses, known = model_poses(sparse.model), known_centers(sparse)
+    bursts = {photo.name: tuple(each.name for each in photo.burst) for photo in sparse.capture.photos}
     return tuple(
-        image.model_copy(update={"known_center_m": known.get(image.name), **_pose_fields(poses.get(image.name))})
+        image.model_copy(
+            update={
+                "known_center_m": known.get(image.name), "burst": bursts.get(image.name, ()),
+                "sway_m": sways.get(image.name), **_pose_fields(poses.get(image.name)),
+            }
+        )
         for image in sparse.images
-    )
+    )  # fmt: skip
 
 
 def _pose_fields(pose: Pose | None) -> dict[str, Any]:

@@ -37,6 +37,9 @@ MOST_SCALE_DOUBT = 0.10
 NEAR_M, MOST_NEAR = 2.27, 3.2
 """Side of the square that a photograph covers at the plants from where leaves that sway by 1 cm stay within the errors
 above: in a smaller one the same sway is more of the picture; and by how much the errors are larger at most."""
+SWAY_OF_HEIGHT, SWAY_OF_AREA = 5.5e-4, 8.0e-4
+"""Sway as bursts measure it, as a share of that side, from where the errors of heights and of areas and volumes grow by
+its square; docs/traits.md says on what they were fitted."""
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
 _SEEN_BY, _SEEN_SHARE = 2, 0.95
 _STEP_M, _MOST_STEPS = 0.05, 40
@@ -107,14 +110,14 @@ def plot_traits(
     seen = seen if corners is None else seen.within(corners)
     height, covered, volume = highest_leaf_m(points, heights, pixel), seen.covered_m2, seen.volume_m3
     cover = None if area is None else min(100.0, 100.0 * covered / area)
-    near = min(MOST_NEAR, max(1.0, (NEAR_M / covered_side_m(found.sparse, points)) ** 2))
-    area_error = float(np.hypot(near * AREA_ERROR, 2.0 * NINE_IN_TEN * doubt))
+    of_height, of_area = _grown(found, points)
+    area_error = float(np.hypot(of_area * AREA_ERROR, 2.0 * NINE_IN_TEN * doubt))
     values: dict[Trait, tuple[float | None, float]] = {
-        "height_m": (max(0.0, height), float(np.hypot(near * HEIGHT_ERROR_M, NINE_IN_TEN * doubt * height))),
+        "height_m": (max(0.0, height), float(np.hypot(of_height * HEIGHT_ERROR_M, NINE_IN_TEN * doubt * height))),
         # The plot's area has the scale's error only where its outline is measured in the photographs, too.
         "cover_percent": (cover, area_error * (cover or 0.0)),
         "covered_area_m2": (covered, area_error * covered),
-        "canopy_volume_m3": (volume, float(np.hypot(near * VOLUME_ERROR, 3.0 * NINE_IN_TEN * doubt)) * volume),
+        "canopy_volume_m3": (volume, float(np.hypot(of_area * VOLUME_ERROR, 3.0 * NINE_IN_TEN * doubt)) * volume),
     }
     known: dict[str, Any] = {}
     each: tuple[PlantEntry, ...] = ()
@@ -132,12 +135,36 @@ def plot_traits(
     return TraitsEntry(**known, plot_area_m2=area, unknown=unknown), each
 
 
+def _grown(found: Reconstruction, points: Array) -> tuple[float, float]:
+    """How many times as large the errors of heights, and of areas and volumes, are since leaves swayed.
+
+    By the sway that bursts measured; without bursts nobody knows it, and it may be a centimetre.
+    """
+    side, sways = covered_side_m(found.sparse, points), sways_m(found)
+    if not sways:
+        near = min(MOST_NEAR, max(1.0, (NEAR_M / side) ** 2))
+        return near, near
+    share = float(np.median(list(sways.values()))) / side
+    return max(1.0, (share / SWAY_OF_HEIGHT) ** 2), max(1.0, (share / SWAY_OF_AREA) ** 2)
+
+
 def covered_side_m(sparse: SparseResult, points: Array) -> float:
     """Side of the square as large as what a photograph covers at the middle of points (n, 3): median over them."""
     middle = np.median(points, axis=0)
     cameras = [(sparse.intrinsics[name], pose.center) for name, pose in sparse.poses.items()]
     sides = [np.linalg.norm(at - middle) / c.fx * np.sqrt(c.width * c.height) for c, at in cameras]
     return float(np.median(sides))
+
+
+def sways_m(found: Reconstruction) -> dict[str, float]:
+    """How far leaves moved within each burst (`fieldkit.reconstruction.steady`), metres at the volume's centre."""
+    sparse, sways = found.sparse, {}
+    for photo in sparse.capture.photos:
+        pose = sparse.poses.get(photo.name)
+        if photo.sway_px is not None and pose is not None and sparse.frame.metric:
+            away = float(np.linalg.norm(pose.center - found.volume.center))
+            sways[photo.name] = photo.sway_px * away / sparse.intrinsics[photo.name].fx
+    return sways
 
 
 def scale_doubt(sparse: SparseResult) -> float:

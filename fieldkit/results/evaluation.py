@@ -71,6 +71,10 @@ class ImageReport(Strict):
     """Whether its pose agrees with what is known of it; null where nothing is known."""
     reason: Text = ""
     """Why it is not registered, or not right; empty otherwise."""
+    burst: tuple[Text, ...] = ()
+    """The photographs of a burst whose steady picture it is, the first gives its name; empty for a single one."""
+    sway_m: Length | None = None
+    """How far leaves moved within the burst: as of the plot."""
     observations: Count = 0
     """Sparse points seen in it."""
     reprojection_px: Length | None = None
@@ -158,6 +162,9 @@ class ReconstructionEntry(Strict):
     """Of the plants (docs/traits.md); null where the plot failed."""
     plants: tuple[PlantEntry, ...] = ()
     """One by one; empty where they cannot be told apart, for the reason in ``traits.unknown``."""
+    sway_m: Length | None = None
+    """How far leaves moved between the photographs of a burst: standard deviation per axis over what pictures show of
+    the plants, root mean square; median of the stations. Null without bursts."""
     stray: Share | None = None
     """Share of the points that were left out of the cloud: clumps smaller than leaves that touch nothing."""
 

@@ -40,6 +40,7 @@ TOLD = DOUBTFUL | {
     "heights-joined",
     "other-camera",
     "scale-uncertain",
+    "leaves-swayed",
 }
 """Codes that are told beside a result's figures."""
 

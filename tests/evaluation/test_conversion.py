@@ -61,6 +61,20 @@ class TestReference:
         (camera,) = report.cameras
         assert (camera.params, camera.source, camera.photos) == (INTRINSICS.params, "camera.toml", 6)
 
+    def test_bursts_say_how_far_leaves_swayed(self) -> None:
+        example = reconstruction()
+        capture = example.sparse.capture
+        first = capture.photos[0]
+        photos = (dataclasses.replace(first, burst=(first, capture.photos[7]), sway_px=2.0), *capture.photos[1:])
+        sparse = dataclasses.replace(example.sparse, capture=dataclasses.replace(capture, photos=photos))
+        moved = dataclasses.replace(example, sparse=sparse)
+        report = reference_report(moved, SETTINGS, seconds=0, cpu_seconds=0)
+        away = np.linalg.norm(np.array(report.image_reports[0].center_m) - example.volume.center)
+        assert report.image_reports[0].burst == ("IMG_0001.jpg", "IMG_0008.jpg")
+        assert report.sway_m == report.image_reports[0].sway_m == pytest.approx(2.0 * away / INTRINSICS.fx)
+        assert "leaves swayed by 0.9" in next(f.message for f in report.findings if f.code == "leaves-swayed")
+        assert reference_report(example, SETTINGS, seconds=0, cpu_seconds=0).sway_m is None
+
     def test_without_metric_source(self) -> None:
         report = reference_report(reconstruction(metric=False, scene=False), SETTINGS, seconds=0, cpu_seconds=0)
         assert not report.metric

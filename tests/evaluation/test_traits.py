@@ -12,6 +12,8 @@ from fieldkit.evaluation.traits import (
     AREA_ERROR,
     HEIGHT_ERROR_M,
     MOST_NEAR,
+    SWAY_OF_AREA,
+    SWAY_OF_HEIGHT,
     PlotOutline,
     covered_side_m,
     outline_of,
@@ -47,6 +49,17 @@ def leaf(z: float = 0.15, side: float = 0.1, count: int = 20_000) -> Cloud:
 def found(cloud: Cloud | None = None, **frame: Any) -> Reconstruction:
     example = reconstruction(cloud=leaf() if cloud is None else cloud)
     return replace(example, sparse=replace(example.sparse, frame=replace(example.sparse.frame, **frame)))
+
+
+def swayed(result: Reconstruction, sway_m: float) -> Reconstruction:
+    """The same of bursts whose leaves moved by so much at the volume's centre."""
+    sparse = result.sparse
+    sways = {
+        name: sway_m * sparse.intrinsics[name].fx / float(np.linalg.norm(pose.center - result.volume.center))
+        for name, pose in sparse.poses.items()
+    }
+    photos = tuple(replace(photo, sway_px=sways.get(photo.name)) for photo in sparse.capture.photos)
+    return replace(result, sparse=replace(sparse, capture=replace(sparse.capture, photos=photos)))
 
 
 def traits(result: Reconstruction, outline: PlotOutline = PLOT) -> TraitsEntry:
@@ -89,6 +102,18 @@ class TestValues:
             monkeypatch.setattr("fieldkit.evaluation.traits.NEAR_M", near_m)
             errors.append(traits(result).height_error_m)
         assert errors == pytest.approx([HEIGHT_ERROR_M, 1.44 * HEIGHT_ERROR_M, MOST_NEAR * HEIGHT_ERROR_M], rel=0.01)
+
+    def test_sway_that_bursts_measured_takes_the_place_of_the_guess(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("fieldkit.evaluation.traits.NEAR_M", 99.0)
+        result = found()
+        side = covered_side_m(result.sparse, result.plants.points)
+        errors = []
+        for share in (0.5 * SWAY_OF_HEIGHT, 2.0 * SWAY_OF_HEIGHT, 2.0 * SWAY_OF_AREA):
+            told = traits(swayed(result, share * side))
+            errors.append((told.height_error_m / HEIGHT_ERROR_M, told.covered_area_error_m2 / told.covered_area_m2))
+        growth = (2.0 * SWAY_OF_HEIGHT / SWAY_OF_AREA) ** 2, (2.0 * SWAY_OF_AREA / SWAY_OF_HEIGHT) ** 2
+        expected = [(1.0, AREA_ERROR), (4.0, growth[0] * AREA_ERROR), (growth[1], 4.0 * AREA_ERROR)]
+        np.testing.assert_allclose(errors, expected, rtol=0.02)
 
     def test_a_doubtful_scale_is_in_the_errors(self) -> None:
         sure, doubtful = traits(found()), traits(found(rms_m=0.08))
