@@ -37,7 +37,7 @@ MOST_SCALE_DOUBT = 0.10
 NEAR_M, MOST_NEAR = 2.27, 3.2
 """Side of the square that a photograph covers at the plants from where leaves that sway by 1 cm stay within the errors
 above: in a smaller one the same sway is more of the picture; and by how much the errors are larger at most."""
-SWAY_OF_HEIGHT, SWAY_OF_AREA = 5.5e-4, 8.0e-4
+SWAY_OF_HEIGHT, SWAY_OF_AREA = 3.7e-4, 6.0e-4
 """Sway as bursts measure it, as a share of that side, from where the errors of heights and of areas and volumes grow by
 its square; docs/traits.md says on what they were fitted."""
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
