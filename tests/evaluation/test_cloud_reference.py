@@ -245,5 +245,5 @@ def test_an_evaluation_against_a_bare_cloud_is_that_against_its_reference(tmp_pa
     assert "reference_frame" not in whole.settings
     assert "reference-from-cloud" in [finding.code for finding in bare.plots[0].findings]
     shutil.copytree(tmp_path / "bare", tmp_path / "again")
-    compared = compare_evaluations([tmp_path / "bare", tmp_path / "again"], reference=tmp_path / "scan.ply")
+    compared = compare_evaluations([tmp_path / "bare", tmp_path / "again"])
     assert compared.report.evaluations[0].reference_sha256 == bare.reference_sha256
