@@ -16,6 +16,9 @@ GSD_M: Mapping[Fidelity, float] = MappingProxyType({"draft": 0.004, "standard": 
 """At the plants, metres; never finer than the photographs' own, which `full` takes."""
 SearchFidelity = Literal["draft", "standard", "fine"]
 """The same in a search, where photographs are never taken at their full size."""
+BURST_INTERVAL_S = 0.7
+"""Between the photographs of a burst at least: about what cameras such as the Mavic 3 Enterprise's keep up. Leaves
+swing at 1 to 3 Hz about where gusts of seconds hold them: five photographs, 3 to 4 s, average most of the swing out."""
 Preset = Literal["outdoors", "paper"]
 """Conditions that a plan expects: a flight in a breeze, or the paper's exact poses in still air."""
 PlanningMethod = Literal["score", "field", "bosfm", "circle", "uniform"]

@@ -119,7 +119,7 @@ def test_no_module_opens_a_foreign_file_by_itself() -> None:
         "captures/capture.py",  # candidates, which list_folder looked at
         "evaluation/prediction.py", "report/html/document.py", "report/html/viewer.py",
         "demo/flight.py",  # the package's own
-        "planning/objective/kind.py", "reconstruction/colmap_model.py",
+        "planning/objective/simulated.py", "reconstruction/colmap_model.py",
         "regular_files.py",
         "runtime/machine.py",  # of /proc and /sys
     }  # fmt: skip

@@ -21,6 +21,7 @@ from fieldkit.cli.common import (
     scenes_like,
 )
 from fieldkit.errors import UsageError
+from fieldkit.vocabulary import BURST_INTERVAL_S
 from fieldkit.wording import count
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ def command(
     burst: Annotated[int, Option("--burst", metavar="K", min=1, max=100, help="Photographs per station.")] = 1,
     interval: Annotated[
         float, Option("--interval", metavar="S", min=0.05, max=60.0, help="Time between the photographs of a burst.")
-    ] = 0.7,
+    ] = BURST_INTERVAL_S,
     vehicle: VehicleOption = None,
     size: Annotated[str, Option("--size", metavar="WxH", help="Of the photographs, pixels.")] = "",
     pose_noise: Annotated[
@@ -140,7 +141,7 @@ def command(
     noise, effects = description.noise, description.camera_effects
     if off is not None:
         noise = replace(noise, position_m=off[0], angle_deg=off[1])
-    mass_kg = None if vehicle is None else load_vehicle(vehicle).mass_kg
+    mass_kg = 0.0 if vehicle is None else load_vehicle(vehicle).mass_kg
     outdoors = Outdoors(description.wind_m, mass_kg, burst, interval)
     with open_progress(as_json=as_json) as progress:
         done = simulate(

@@ -231,7 +231,7 @@ def _tops_missed(sparse: SparseResult, ground: Plane, columns: Array, top: float
     if above < _SEEN_SHARE:
         yield (
             f"above {100 * (1 - above):.0f} % of the plants the pictures end: higher leaves would not be seen "
-            "(`fieldkit plan --heights` leaves room)"
+            "(`fieldkit plan` leaves room)"
         )
     matched = matched_share(sparse, ground.above(columns, top))
     if matched < _MATCH_SHARE:

@@ -14,6 +14,7 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.planning.score.cost_model import WEIGHTS
 from fieldkit.results.fields import Count, Length, Strict
 from fieldkit.results.plan import PlanSource
+from fieldkit.scenes.simulate import Outdoors
 from fieldkit.vocabulary import MappingName, SearchFidelity
 
 Range = tuple[float, float]
@@ -81,9 +82,14 @@ class NoiseSettings(Strict):
     """Mass of the vehicle whose wash moves leaves, too; 0: none does."""
 
     @property
+    def outdoors(self) -> Outdoors:
+        """What moves leaves."""
+        return Outdoors(self.wind_m, self.vehicle_kg)
+
+    @property
     def any(self) -> bool:
         """Whether evaluations at different seeds differ by more than the sensor's noise."""
-        return max(self.pose_m, self.pose_deg, self.image_grey, self.wind_m, self.vehicle_kg) > 0
+        return max(self.pose_m, self.pose_deg, self.image_grey) > 0 or not self.outdoors.still
 
 
 def unchanging(source: PlanSource, noise: NoiseSettings) -> bool:

@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fieldkit.results.mission import GeoPoint, Shot, Via
+from fieldkit.vocabulary import BURST_INTERVAL_S
 
 __all__ = ["Circle", "Fence", "GeoPoint", "Home", "Mission", "Shot", "Via"]
-
-BURST_INTERVAL_S = 0.7
-"""Between the photographs of a burst at least: about what cameras such as the Mavic 3 Enterprise's keep up. Leaves
-swing at 1 to 3 Hz about where gusts of seconds hold them: five photographs, 3 to 4 s, average most of the swing out."""
 
 
 def burst_s(photographs: int, exposure_s: float) -> float:

@@ -23,6 +23,7 @@ from fieldkit.scenes.metadata import Geotag, exif_block, xmp_packet
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.sensor_noise import with_noise, with_tabled_noise
 from fieldkit.scenes.sway import Motion
+from fieldkit.vocabulary import BURST_INTERVAL_S
 
 _ANGLE_DECIMALS, _LENGTH_DECIMALS = 4, 5
 
@@ -85,12 +86,12 @@ class Outdoors:
 
     wind_m: float = 0.0
     """Sway of the leaves by wind, root mean square per axis, half a metre out (see `Motion`)."""
-    vehicle_kg: float | None = None
-    """Mass of the vehicle whose wash moves leaves, too; None has no wash."""
+    vehicle_kg: float = 0.0
+    """Mass of the vehicle whose wash moves leaves, too; 0 has no wash."""
     burst: int = 1
     """Photographs per station."""
-    interval_s: float = 0.7
-    """Between the photographs of a burst; about the shortest that cameras such as the Mavic 3 Enterprise's keep up."""
+    interval_s: float = BURST_INTERVAL_S
+    """Between the photographs of a burst."""
 
     def __post_init__(self) -> None:
         if not (self.wind_m >= 0 and self.burst >= 1 and self.interval_s > 0):
@@ -99,7 +100,7 @@ class Outdoors:
     @property
     def still(self) -> bool:
         """Whether nothing moves."""
-        return self.wind_m == 0 and self.vehicle_kg is None
+        return self.wind_m == 0 and self.vehicle_kg == 0
 
     def time_s(self, photograph: int) -> float:
         """When a photograph is taken, from 0, after the first one."""

@@ -55,7 +55,7 @@ class Motion:
         self._wind = _WIND_MPS * np.array([np.cos(heading), np.sin(heading)])
 
     def at(
-        self, time_s: float, wind_m: float, vehicle_kg: float | None = None, camera: ArrayLike = (0.0, 0.0, 0.0)
+        self, time_s: float, wind_m: float, vehicle_kg: float = 0.0, camera: ArrayLike = (0.0, 0.0, 0.0)
     ) -> dict[str, NDArray[np.float32]]:
         """Vertices (n, 3) of every mesh that moves, by name, for `Renderer.move`.
 
@@ -67,9 +67,9 @@ class Motion:
         """
         if not wind_m >= 0:
             raise ValueError(f"the wind's strength is at least 0, not {wind_m}")
-        if wind_m == 0 and vehicle_kg is None:
+        if wind_m == 0 and not vehicle_kg:
             return {}
-        vehicle = None if vehicle_kg is None else (vehicle_kg, np.asarray(camera, np.float64))
+        vehicle = (vehicle_kg, np.asarray(camera, np.float64)) if vehicle_kg else None
         return {m.mesh.name: m.at(time_s, self._gust(m.feet, time_s), wind_m, vehicle) for m in self._meshes}
 
     def _gust(self, places: Array, time_s: float) -> Array:

@@ -104,16 +104,13 @@ def optimise(
     """
     effort = effort or Effort()
     rng = np.random.default_rng([seed, _STREAM])
-    starts = [(0.0, number, cameras) for number, cameras in enumerate(known)]
-    starts = starts or _designs(problem, cost, effort, rng)
-    refined = [(*_refined(problem, cost, cameras, rng, effort.moves), number) for _, number, cameras in starts]
-    return min(refined, key=lambda found: (found[0], found[2]))[1]
+    starts = known or _designs(problem, cost, effort, rng)
+    refined = [_refined(problem, cost, cameras, rng, effort.moves) for cameras in starts]
+    return min(refined, key=lambda found: found[0])[1]  # the first of equal ones
 
 
-def _designs(
-    problem: PlanningProblem, cost: Cost, effort: Effort, rng: np.random.Generator
-) -> list[tuple[float, int, Cameras]]:
-    """Cost, number and cameras of the best ``effort.starts`` designs, at most one of each kind."""
+def _designs(problem: PlanningProblem, cost: Cost, effort: Effort, rng: np.random.Generator) -> list[Cameras]:
+    """The best ``effort.starts`` designs, at most one of each kind."""
     starts: list[tuple[float, int, Cameras]] = []
     pools = [
         [family.decode(unit) for unit in qmc.Sobol(len(family), rng=rng).random(_power(effort.designs))]
@@ -126,7 +123,7 @@ def _designs(
         # One of each pool: starts of one kind would end at the same place.
         value, number = min((float(cost(cameras, few).mean()), number) for number, cameras in enumerate(feasible))
         starts.append((value, len(starts), feasible[number]))
-    return sorted(starts, key=lambda start: start[:2])[: effort.starts]
+    return [cameras for _, _, cameras in sorted(starts, key=lambda start: start[:2])[: effort.starts]]
 
 
 def _refined(

@@ -20,7 +20,7 @@ from fieldkit.vehicles.vehicle_file import find_vehicle, load_vehicle, vehicles_
 
 _LEAST_BAND_M = 1.0
 _WIND_M, _MASS_KG = 0.010, 1.0
-"""Leaves sway by a centimetre in air of 3 m/s; vehicles without a known mass."""
+"""Leaves sway by a centimetre in air of 3 m/s; mass of a vehicle that is not known."""
 _APART, _APART_M = 3.0, 0.3
 """Least distance between stations: so many times how well they are held, and at least a step that pilots see."""
 OUTDOORS_ENVELOPE: dict[str, Any] = {"height_m": (0.8, 3.0), "clearance_m": 0.8, "separation_m": _APART_M}
@@ -39,7 +39,7 @@ def read_vehicle(name: str | Path) -> tuple[Vehicle, SearchVehicle]:
 
 def flight_noise(vehicle: Vehicle | None) -> NoiseSettings:
     """How far a vehicle misses its stations, a breeze and the vehicle's wash; without a vehicle, one with RTK."""
-    mass_kg = _MASS_KG if vehicle is None or vehicle.mass_kg is None else vehicle.mass_kg
+    mass_kg = _MASS_KG if vehicle is None else vehicle.mass_kg
     return NoiseSettings(pose_m=_held_m(vehicle), pose_deg=_TURNED_DEG, wind_m=_WIND_M, vehicle_kg=mass_kg)
 
 

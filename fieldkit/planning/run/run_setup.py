@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import qmc
 
 from fieldkit.captures import read_capture
 from fieldkit.captures.bursts import by_station
@@ -23,7 +24,7 @@ from fieldkit.planning.problem import POSE_NOISE_M, PlanningProblem
 from fieldkit.planning.run.flyable import check_views
 from fieldkit.planning.run.sources import check_unchanged, source_doubts
 from fieldkit.planning.score.match_graph import match_graph
-from fieldkit.planning.settings import EnvelopeSettings, GivenPlot, NoiseSettings, SearchSettings, unchanging
+from fieldkit.planning.settings import EnvelopeSettings, GivenPlot, SearchSettings, unchanging
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
@@ -32,7 +33,7 @@ from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.scene_file import read_scene
-from fieldkit.scenes.simulate import CaptureNoise, Outdoors
+from fieldkit.scenes.simulate import CaptureNoise
 from fieldkit.sites.fitted import Stretch
 from fieldkit.wording import count
 
@@ -88,7 +89,7 @@ def _problem(
         settings.cameras, envelope, camera, tuple(plots[:met]), views, blind=settings.blind,
         exact=met == 1 and unchanging(settings.source, settings.noise), unmet=tuple(plots[met:]),
         # At least what evaluations claim of exact positions.
-        pose_noise_m=max(settings.noise.pose_m, POSE_NOISE_M), outdoors=_outdoors(settings.noise),
+        pose_noise_m=max(settings.noise.pose_m, POSE_NOISE_M), outdoors=settings.noise.outdoors,
     )  # fmt: skip
 
 
@@ -102,7 +103,7 @@ def _on_scenes(settings: SearchSettings, folder: Path, progress: Progress) -> Ru
         noise = CaptureNoise(
             asked.pose_m, asked.pose_deg, image_sigma=asked.image_grey or first.noise.image_sigma
         )  # fmt: skip
-        kind = Kind(descriptions, settings.seed, folder / KIND_FOLDER, noise, _outdoors(asked), camera)
+        kind = Kind(descriptions, settings.seed, folder / KIND_FOLDER, noise, asked.outdoors, camera)
         found = [kind.plot(number) for number in range(settings.all_plots)]
     drawn = kind.recorded if settings.plots > len(descriptions) else ()
     for given, (_, apart) in zip(settings.given, drawn, strict=False):
@@ -111,7 +112,8 @@ def _on_scenes(settings: SearchSettings, folder: Path, progress: Progress) -> Ru
     height_m = plots[0].height_m
     envelope = _envelope(found[: settings.plots], height_m, settings.envelope)
     if settings.plots > 1:
-        plots = [replace(plot, stretch=_stretch(plot, height_m, envelope, number)) for number, plot in enumerate(plots)]
+        stated = zip(plots, _height_errors(len(plots)), strict=True)
+        plots = [replace(plot, stretch=_stretch(plot, height_m, envelope, error)) for plot, error in stated]
     objective = PlotsObjective(
         kind, ObjectiveSettings(settings.fidelity, settings.mapping, refine=settings.refine), seed=settings.seed,
         stretches={number: plot.stretch for number, plot in enumerate(plots) if plot.stretch is not None},
@@ -133,30 +135,25 @@ def _envelope(found: Sequence[tuple[Plot, Volume]], height_m: float, limits: Env
     )  # fmt: skip
 
 
-def _stretch(plot: Plot, height_m: float, envelope: Envelope, number: int) -> Stretch:
-    """How cameras stated for plants of a height are flown over a plot; as `fitted` does with the plan.
+def _height_errors(count: int) -> list[float]:
+    """By which share each plot's height is stated wrong: evenly spread however many they are, 0 for the given one.
 
-    The plot's height is known no better than `_HEIGHT_ERROR`, so that a plan shows the tips of higher plants, too.
+    So a plan shows the tips of higher plants, too.
     """
-    stated_m = plot.height_m * (1.0 + _HEIGHT_ERROR * _spread(number))
+    spread = 2.0 * qmc.Halton(1, scramble=False).random(count)[:, 0] - 1.0  # −1, 0, −½, ½, …
+    return [0.0, *(_HEIGHT_ERROR * spread[1:]).tolist()]
+
+
+def _stretch(plot: Plot, height_m: float, envelope: Envelope, error: float) -> Stretch:
+    """How cameras stated for plants of a height are flown over a plot, whose own height is stated with an error (a
+    share); as `fitted` does with the plan.
+    """
+    stated_m = plot.height_m * (1.0 + error)
     points = np.array(envelope.plan_plants(envelope.plants).points_m)
     return Stretch(
         np.append(points[:, :2].min(axis=0), 0.0), np.append(points[:, :2].max(axis=0), height_m),
         np.array([1.0, 1.0, stated_m / height_m]), envelope.clearance_m, envelope.height_m[0], envelope.pitch_deg,
     )  # fmt: skip
-
-
-def _spread(number: int) -> float:
-    """A number in (−1, 1) for each plot, evenly spread however many there are (van der Corput's); 0 for the first."""
-    place, share = 0.0, 0.5
-    rest = number
-    while rest:
-        place, share, rest = place + share * (rest & 1), 0.5 * share, rest >> 1
-    return 2.0 * place - 1.0 if number else 0.0
-
-
-def _outdoors(noise: NoiseSettings) -> Outdoors:
-    return Outdoors(noise.wind_m, noise.vehicle_kg or None)
 
 
 def _scene_of(plot: GivenPlot, folder: Path, number: int, progress: Progress) -> Path:

@@ -79,7 +79,8 @@ class CostModel:
 
     def expected_m(self, cameras: Cameras, slopes: ArrayLike, registration: Registration | None) -> float:
         """The terms times ``slopes`` (3,), raised by the set's risk of not registering; not kept."""
-        return self._expected_m(self._scored(cameras), slopes, registration)
+        found = self._scored(cameras)
+        return self._risk(found.connectivity, registration) * float(np.dot(found.terms_m.mean(axis=0), slopes))
 
     def costs_m(
         self, cameras: Cameras, slopes: ArrayLike, registration: Registration | None, plots: Sequence[int]
@@ -100,9 +101,6 @@ class CostModel:
     def cost_m(self, cameras: Cameras, slopes: ArrayLike, registration: Registration | None) -> float:
         """The mean of `costs_m` over all plots."""
         return float(self.costs_m(cameras, slopes, registration, range(len(self._scores))).mean())
-
-    def _expected_m(self, found: _Scored, slopes: ArrayLike, registration: Registration | None) -> float:
-        return self._risk(found.connectivity, registration) * float(np.dot(found.terms_m.mean(axis=0), slopes))
 
     def _risk(self, connected: float, registration: Registration | None) -> float:
         """By how much a set's cost is raised by its risk of not registering."""

@@ -172,7 +172,7 @@ class GeometricScore:
             below_m = away_m * np.maximum(rays[:, 2], 0.0)
             footprint = np.maximum(away_m / camera.fx, self.settings.gsd_m)
             quality = self.settings.of_views(seen, facing, footprint)
-            sway = (high * swayed_m(air.wind_m, away_m, air.vehicle_kg or 0.0, below_m)) ** 2
+            sway = (high * swayed_m(air.wind_m, away_m, air.vehicle_kg, below_m)) ** 2
             return np.column_stack([rays, quality, footprint, sway]).astype(np.float32)
 
         return [
