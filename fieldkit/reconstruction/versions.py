@@ -22,7 +22,7 @@ STAGES: Mapping[str, int] = MappingProxyType(
         "mapping": 13,  # poses, intrinsics, sparse points
         "frame": 1,  # plot frame, ground, volume of interest
         "views": 3,  # undistorted photographs and masks
-        "depth": 5,  # dense stereo
+        "depth": 6,  # dense stereo
         "fusion": 3,  # depth maps into one cloud
         "plants": 1,  # what of the cloud is plant: above the ground, without strays, in the volume
         "scores": 1,  # refinement onto the reference, distances to it

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache, digest
 from fieldkit.clouds.volume import Volume
-from fieldkit.reconstruction.dense.matching import GEOMETRIC_SWEEPS, UNMATCHED, Problem, pack_view
+from fieldkit.reconstruction.dense.matching import UNMATCHED, Problem, Sweep, pack_view
 from fieldkit.reconstruction.dense.patchmatch import Active, Planes
 from fieldkit.reconstruction.dense.settings import DenseSettings
 from fieldkit.reconstruction.dense.source_views import choose_sources
@@ -21,22 +21,20 @@ from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import map_threads
 
 STAGE = "depth"
-SWEEPS, FIRST_RANGE_PX = 3, 4.0
-"""Rounds of propagation and perturbation (each a red and a black half) on the coarsest level, and the size of the first
-change there, as the shift of a typical source pixel."""
-PYRAMID_SWEEPS, PYRAMID_RANGE_PX = 2, 1.5
-"""The same on the finer levels."""
-PYRAMID_STARTS = 1
-"""Random planes per pixel there, beside the coarser level's."""
-BEYOND_UNMASKED = 4.0
-"""`DenseSettings.beyond` of views without a mask."""
 COARSEST = 300_000
 """Views are halved as long as the largest has more pixels than this."""
+LARGE = 1_000_000
+"""Where a level's view has more pixels, the coarser one's planes are refined with fewer tries: black pixels take over
+what their red neighbours found."""
+COARSEST_SWEEPS, SWEEPS, GEOMETRIC = (Sweep(4.0), Sweep(2.0), Sweep(1.0)), (Sweep(1.5), Sweep(0.75)), Sweep(1.0)
+LARGE_SWEEPS, LARGE_GEOMETRIC = (Sweep(1.5, (3, 1)),), Sweep(1.0, (4, 2))
+"""By the photographs alone, on the coarsest and the finer levels; in geometric passes; the same on large levels."""
 COARSE_PASSES, GEOMETRIC_PASSES = 2, 1
-"""Geometric passes on levels of reduced views and on the last one. They take over planes of the source views and also
+"""Geometric passes, on levels of reduced views and on the last one. They take over planes of the source views and also
 ask for agreement with their depths."""
-_CPU_S_OF_MATCHED = 3e-6
-_BYTES_OF_PIXEL, _BYTES_OF_MATCHED = 60, 100
+BEYOND_UNMASKED = 4.0
+"""`DenseSettings.beyond` of views without a mask."""
+_CPU_S_OF_MATCHED, _BYTES_OF_PIXEL, _BYTES_OF_MATCHED = 9e-6, 40, 50  # measured (docs/experiments/dense-stereo.md)
 _VERSION = STAGES["depth"]
 _KEPT = 32
 _GEOMETRIC_SWEEP = 1.5
@@ -74,6 +72,7 @@ def compute_depth_maps(
         )
         for i in count
     ]
+    pixels = [digest(seed, view.image) for view in views]
     results: list[Planes] = []
     cache, workers = context.cache, context.workers
     with context.progress.stage("depth maps", len(weights), weights=weights) as advance:
@@ -83,7 +82,7 @@ def compute_depth_maps(
 
             def first(i: int, level: int = level, coarser: list[Planes] = results) -> Planes:
                 near = [views[j] for j in sources[i]]
-                random = _random_key(seed, views[i], level)
+                random = _random_key(pixels[i], level)
                 return _match(views[i], near, level, coarser[i] if coarser else None, shared, random)
 
             results = map_threads(_cached(cache, keys, first), count, workers=workers, advance=advance)
@@ -92,41 +91,38 @@ def compute_depth_maps(
 
                 def later(i: int, level: int = level, number: int = number, before: list[Planes] = results) -> Planes:
                     near = [(views[j], before[j]) for j in sources[i]]
-                    random = _random_key(seed, views[i], level, number)
+                    random = _random_key(pixels[i], level, number)
                     return _match_geometry(views[i], before[i], near, level, shared, random)
 
                 results = map_threads(_cached(cache, keys, later), count, workers=workers, advance=advance)
-    return [to_depth_map(view, planes, volume, settings) for view, planes in zip(views, results, strict=True)]
+    return [to_depth_map(view, shared.active(view), planes) for view, planes in zip(views, results, strict=True)]
 
 
 def expected_cost(views: Sequence[View]) -> str:
     """What `compute_depth_maps` and `fuse` will take where nothing is cached, in words."""
-    pixels = sum(view.intrinsics.width * view.intrinsics.height for view in views)
-    matched = sum(view.intrinsics.width * view.intrinsics.height if view.mask is None else int(view.mask.sum())
-                  for view in views)  # fmt: skip
-    cpu_s = matched * _CPU_S_OF_MATCHED
-    gib = (pixels * _BYTES_OF_PIXEL + matched * _BYTES_OF_MATCHED) / 2**30
-    return f"{pixels / 1e6:.1f} megapixels, {matched / 1e6:.1f} to match: about {cpu_s:.0f} CPU s and {gib:.1f} GiB"
+    sizes = [view.intrinsics.width * view.intrinsics.height for view in views]
+    matched = sum(size if view.mask is None else int(view.mask.sum()) for size, view in zip(sizes, views, strict=True))
+    cpu_s, gib = matched * _CPU_S_OF_MATCHED, (sum(sizes) * _BYTES_OF_PIXEL + matched * _BYTES_OF_MATCHED) / 2**30
+    return f"{sum(sizes) / 1e6:.1f} megapixels, {matched / 1e6:.1f} to match: about {cpu_s:.0f} CPU s and {gib:.1f} GiB"
 
 
-def to_depth_map(view: View, planes: Planes, volume: Volume, settings: DenseSettings) -> DepthMap:
+def to_depth_map(view: View, active: Active, planes: Planes) -> DepthMap:
     """Depths, normals and costs as images; depths behind the volume are left out."""
-    active = active_pixels(view, volume, _beyond(view, settings))
     shape = active.place.shape
     inside = active.inside(planes.planes[:, 0]) & (planes.costs < UNMATCHED)
     rows, columns = active.pixels[inside, 0], active.pixels[inside, 1]
     depth = np.zeros(shape, dtype=np.float32)
     normal = np.zeros((*shape, 3), dtype=np.float32)
     cost = np.full(shape, np.inf, dtype=np.float32)
-    w, g_u, g_v = planes.planes[inside].T.astype(np.float64)
+    w, g_u, g_v = np.ascontiguousarray(planes.planes[inside].T)
     depth[rows, columns] = 1.0 / w
     cost[rows, columns] = planes.costs[inside]
     camera = view.intrinsics
     # 1/z = a x + b y + c over the image plane is the plane (a, b, c) · X = 1, whose far side is away from the camera.
-    x, y = columns + 0.5 - camera.cx, rows + 0.5 - camera.cy
-    outward = np.stack([g_u * camera.fx, g_v * camera.fy, w - g_u * x - g_v * y], axis=1)
+    x, y = (columns + 0.5 - camera.cx).astype(np.float32), (rows + 0.5 - camera.cy).astype(np.float32)
+    outward = np.stack([g_u * np.float32(camera.fx), g_v * np.float32(camera.fy), w - g_u * x - g_v * y], axis=1)
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    normal[rows, columns] = -outward @ view.pose.rotation
+    normal[rows, columns] = -outward @ view.pose.rotation.astype(np.float32)
     return DepthMap(view.name, depth, normal, cost)
 
 
@@ -135,10 +131,10 @@ def view_digest(view: View) -> str:
     return digest(view.image, view.intrinsics, view.pose.rotation, view.pose.center, view.mask)
 
 
-def _random_key(seed: int, view: View, level: int, number: int = 0) -> np.uint64:
+def _random_key(pixels: str, level: int, number: int = 0) -> np.uint64:
     # Of the pixels alone: a pose that differs by a rounding error must not bring other random planes, or a capture
     # would not even match itself (chamfer distance above one ground sampling distance).
-    return np.uint64(int(digest(seed, view.image, level, number)[:16], 16))
+    return np.uint64(int(digest(pixels, level, number)[:16], 16))
 
 
 def _levels(views: Sequence[View]) -> int:
@@ -158,8 +154,7 @@ def _work_of_passes(levels: int) -> list[float]:
     """What every pass costs, in sweeps over all pixels by the photographs alone."""
     work = []
     for level in range(levels, -1, -1):
-        first = PYRAMID_SWEEPS if level < levels else SWEEPS
-        passes = [first, *[_GEOMETRIC_SWEEP * GEOMETRIC_SWEEPS] * _passes(level)]
+        passes = [len(SWEEPS if level < levels else COARSEST_SWEEPS), *[_GEOMETRIC_SWEEP] * _passes(level)]
         work += [sweeps / 4.0**level for sweeps in passes]
     return work
 
@@ -184,7 +179,9 @@ class _Shared:
     def __init__(self, volume: Volume, settings: DenseSettings) -> None:
         self.settings = settings
         self.reduced = lru_cache(_KEPT)(reduced)
-        self.active = lru_cache(_KEPT)(lambda view: active_pixels(view, volume, _beyond(view, settings)))
+        self.active = lru_cache(_KEPT)(
+            lambda view: active_pixels(view, volume, BEYOND_UNMASKED if view.mask is None else settings.beyond)
+        )
         self.packed = lru_cache(_KEPT)(pack_view)
 
 
@@ -199,11 +196,13 @@ def _match(
     problem = Problem.build(reference, active, near, settings.best_sources, shared.packed)
     planes, fresh = problem.empty()
     if coarser is None:
-        return problem.solve(planes, fresh, random, settings.starts, SWEEPS, FIRST_RANGE_PX)
+        return problem.solve(planes, fresh, random, settings.starts, COARSEST_SWEEPS)
     coarse = shared.reduced(view, level + 1)
     factor = reference.intrinsics.width / coarse.intrinsics.width
     _carry_over(planes, fresh, active, shared.active(coarse), coarser, factor)
-    return problem.solve(planes, fresh, random, PYRAMID_STARTS, PYRAMID_SWEEPS, PYRAMID_RANGE_PX)
+    # A random plane per pixel finds nothing on a large level.
+    starts, sweeps = (0, LARGE_SWEEPS) if _large(reference) else (1, SWEEPS)
+    return problem.solve(planes, fresh, random, starts, sweeps)
 
 
 def _match_geometry(
@@ -214,11 +213,12 @@ def _match_geometry(
     near = [(shared.reduced(source, level), planes) for source, planes in sources]
     best = shared.settings.best_sources
     problem = Problem.build(reference, shared.active(reference), [source for source, _ in near], best, shared.packed)
-    return problem.refine(first, [(source, shared.active(source), planes) for source, planes in near], random)
+    wanted = LARGE_GEOMETRIC if _large(reference) else GEOMETRIC
+    return problem.refine(first, [(source, shared.active(source), planes) for source, planes in near], random, wanted)
 
 
-def _beyond(view: View, settings: DenseSettings) -> float:
-    return BEYOND_UNMASKED if view.mask is None else settings.beyond
+def _large(view: View) -> bool:
+    return view.intrinsics.width * view.intrinsics.height > LARGE
 
 
 def reduced(view: View, level: int) -> View:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,12 +35,6 @@ NOISE = 1.0
 SLACK = 0.4
 """None of a hypothesis' best source views counts more than this above the lowest: the surface may be hidden in all but
 one."""
-PERTURBATIONS = 3
-"""Random changes tried per pixel and round, each half as large as the one before."""
-SECOND_RANGE_PX = 1.0
-"""Size of the first change in geometric passes, as the shift of a typical source pixel."""
-GEOMETRIC_SWEEPS = 1
-"""Rounds in each geometric pass."""
 GEOMETRIC_WEIGHT, GEOMETRIC_CAP_PX = 0.2, 3.0
 """Geometric passes add weight · min(round-trip error in pixels, cap) to the cost."""
 MAX_COST = 0.6
@@ -50,6 +45,15 @@ _SAME_PX = 0.05
 """Planes that shift the patch by less are not tried again."""
 UNMATCHED = 9.0
 """Cost of a pixel that was never matched; no matched one costs as much."""
+
+
+class Sweep(NamedTuple):
+    """A round of propagation and perturbation, first of the red and then of the black pixels of a chequerboard."""
+
+    range_px: float
+    """Size of the first random change, as the shift of a typical source pixel; each next one is half as large."""
+    tries: tuple[int, int] = (3, 3)
+    """Changes per red and per black pixel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,23 +115,23 @@ class Problem:
         fresh: NDArray[np.bool_],
         key: np.uint64,
         starts: int,
-        sweeps: int,
-        range_px: float,
+        sweeps: Sequence[Sweep],
     ) -> Planes:
         """Random starts and sweeps by the photographs alone; ``planes`` is written to."""
         found = Planes(planes, np.full(len(planes), UNMATCHED, dtype=np.float32))
         if len(planes) and self.stereo.best:
             start(found, fresh, self.active, self.stereo, _ALONE, key, starts)
-            self._sweep(found, _ALONE, key, sweeps, range_px)
+            self._sweep(found, _ALONE, key, sweeps)
         return found
 
-    def refine(self, first: Planes, sources: list[tuple[View, Active, Planes]], key: np.uint64) -> Planes:
+    def refine(self, first: Planes, sources: list[tuple[View, Active, Planes]], key: np.uint64, last: Sweep) -> Planes:
         """The second pass: take over the source views' planes, and ask for agreement with their depths.
 
         Args:
             first: the first pass's planes of this view.
             sources: the source views with theirs.
             key: everything random starts from it.
+            last: the round after that.
 
         Returns:
             The planes; their costs are those of the photographs alone.
@@ -145,17 +149,16 @@ class Problem:
             limit = np.float32(MAX_COST)
             carry(carried, active, pixels, planes, _lens(view), stereo.lens, rotation, offset, limit)
             adopt(found, carried, active, stereo, agreement)
-        self._sweep(found, agreement, key, GEOMETRIC_SWEEPS, SECOND_RANGE_PX)
+        self._sweep(found, agreement, key, [last])
         score(found, active, stereo, _ALONE)
         return found
 
-    def _sweep(self, found: Planes, agreement: Agreement, key: np.uint64, sweeps: int, range_px: float) -> None:
-        reach, same = range_px * self.pixel_w, np.float32(_SAME_PX * self.pixel_w)
-        for step in range(sweeps):
-            steps = Steps(PERTURBATIONS, np.float32(reach), same)
+    def _sweep(self, found: Planes, agreement: Agreement, key: np.uint64, sweeps: Sequence[Sweep]) -> None:
+        same = np.float32(_SAME_PX * self.pixel_w)
+        for number, (range_px, tries) in enumerate(sweeps):
             for color in (0, 1):
-                sweep(found, self.active, self.stereo, agreement, steps, key, color, step)
-            reach *= 0.5
+                steps = Steps(tries[color], np.float32(range_px * self.pixel_w), same)
+                sweep(found, self.active, self.stereo, agreement, steps, key, color, number)
 
 
 def pack_view(view: View) -> NDArray[np.uint32]:

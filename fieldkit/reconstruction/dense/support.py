@@ -68,22 +68,23 @@ def support_weights(image, luma, mask, pixels, offset_u, offset_v, sigma, off_ma
     rows, columns = luma.shape
     samples = offset_u.shape[0]
     out = np.empty((pixels.shape[0], 2 * samples), dtype=np.float32)
-    fall = float32(-1.0) / (float32(6.0) * sigma * sigma)
+    # Of every squared difference that there can be: exponentials took half of the time.
+    falling = np.exp(float32(-1.0) / (float32(6.0) * sigma * sigma) * np.arange(3 * 255**2 + 1).astype(np.float32))
     for p in range(pixels.shape[0]):
         row = pixels[p, 0]
         column = pixels[p, 1]
-        red = float32(image[row, column, 0])
-        green = float32(image[row, column, 1])
-        blue = float32(image[row, column, 2])
+        red = int(image[row, column, 0])
+        green = int(image[row, column, 1])
+        blue = int(image[row, column, 2])
         total = float32(0.0)
         mean = float32(0.0)
         for i in range(samples):
             r = min(max(row + int(offset_v[i]), 0), rows - 1)
             c = min(max(column + int(offset_u[i]), 0), columns - 1)
-            d_r = float32(image[r, c, 0]) - red
-            d_g = float32(image[r, c, 1]) - green
-            d_b = float32(image[r, c, 2]) - blue
-            weight = np.exp(fall * (d_r * d_r + d_g * d_g + d_b * d_b))
+            d_r = int(image[r, c, 0]) - red
+            d_g = int(image[r, c, 1]) - green
+            d_b = int(image[r, c, 2]) - blue
+            weight = falling[d_r * d_r + d_g * d_g + d_b * d_b]
             if not mask[r, c]:
                 weight *= off_mask
             value = float32(luma[r, c])
