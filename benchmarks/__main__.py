@@ -53,13 +53,12 @@ class Study(StrEnum):
     PROXY = "proxy"
     SIMULATED = "simulated"
     TRANSFER = "transfer"
-    ABLATION = "ablation"
     CHOSEN = "chosen"
     TABLES = "tables"
     POSE_NOISE = "pose-noise"
     IMAGE_NOISE = "image-noise"
     NEW_PLOTS = "new-plots"
-    FLIGHTS = "flights"
+    NEW_TRAITS = "new-traits"
     TRIPS = "trips"
     POSES = "poses"
     UPLOADS = "uploads"
@@ -159,11 +158,11 @@ def command(
 
     The engine's studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
     subset-scores, match-decay and blind-rings (quality); the objective's are cost (speed), throughput, ranks, noise,
-    recorded and proxy; the planner's are simulated, transfer, ablation and chosen (of recorded
-    sets); those of missions are trips, poses, uploads, routes and fuzz; campaign's are season, field-check,
-    plant-figures, plant-counts, score-prediction, plan-reuse, next-visit and report-size; paper's are tables,
-    pose-noise, image-noise, new-plots and flights, all by default. FIELDKIT_DATA names the recorded image sets; studies
-    that need them are skipped without it. The result holds results.json, results.md and pictures.
+    recorded and proxy; the planner's are simulated, transfer and chosen (of recorded sets); those of missions are
+    trips, poses, uploads, routes and fuzz; campaign's are season, field-check, plant-figures, plant-counts,
+    score-prediction, plan-reuse, next-visit and report-size; paper's are tables, pose-noise, image-noise, new-plots
+    and new-traits, all by default. FIELDKIT_DATA names the recorded image sets; studies that need them are skipped
+    without it. The result holds results.json, results.md and pictures.
 
     Examples:
         python -m benchmarks engine --only dense -o benchmark-results

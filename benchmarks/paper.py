@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +13,10 @@ import numpy as np
 from benchmarks.curves import draw_bands
 from benchmarks.depth_images import DepthError, depth_error
 from benchmarks.planner_runs import OF_A_KIND, Confirmed, Contender, Place, Ran, run_all
-from benchmarks.planner_transfer import Carried, carry, flown_over
+from benchmarks.planner_transfer import Carried, carry
 from benchmarks.result import Cell, ResultTable, StudyResult, spread
 from benchmarks.suite import run_studies
+from benchmarks.unseen_plots import UnseenOptions, run_new_plots, run_new_traits
 from fieldkit.cache import StageCache, digest
 from fieldkit.files import write_atomic
 from fieldkit.pictures.panels import png
@@ -24,15 +25,12 @@ from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import SimulatedSource
 from fieldkit.planning.run.evaluations import Job, evaluating
 from fieldkit.planning.run.request import KIND_PLOTS
-from fieldkit.planning.settings import GivenPlot
-from fieldkit.planning.space.plots import Plot
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.library import find_scene
-from fieldkit.scenes.scene_file import read_scene, write_scene
+from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise
 from fieldkit.vocabulary import MappingName, SearchFidelity
-from fieldkit_sim.generator import new_scene
 
 CASES = ("case-1", "case-2", "case-3")
 TESTS: Mapping[str, str] = {
@@ -320,115 +318,16 @@ def _noise(
     )
 
 
-def _new_plots(options: PaperOptions, progress: Progress) -> StudyResult:
-    """One plan for the kind, made on ten plots and flown over ten others, against circles optimised there."""
-    wall, cpu = time.perf_counter(), time.process_time()
-    origin, plans = _made_elsewhere(options, progress)
-    rows: list[tuple[Cell, ...]] = []
-    ratios: list[float] = []
-    for seed in options.flown:
-        place = _new_plot(seed, options.runs)
-        carried = _carry(plans, origin, place, options, progress)
-        circles = _run(place, ("circle",), replace(options, seeds=1), progress)
-        value, circle = (float(np.mean([plan.value_m for plan in own])) for own in (carried, circles))
-        ratios.append(value / circle)
-        rows.append(
-            (place.name, spread([1000 * plan.value_m for plan in carried], 2), f"{1000 * circle:.2f}",
-             f"{value / circle:.2f}", f"{np.mean([plan.right for plan in carried]):.1f}")
-        )  # fmt: skip
-    rows.append(("mean", None, None, f"{np.mean(ratios):.2f}", None))
-    columns = ("plot", "carried for the kind, mm>", "circle optimised there, mm>", "÷>", "right>")
-    return StudyResult(
-        name="new-plots",
-        title="New plots of other plants",
-        tables=(ResultTable("A plan made on ten plots, on others", columns, tuple(rows)),),
-        notes=(f"{NEW_PLANTS} plants each; commanded poses, confirmed at fine with {_REPEATS} fresh seeds.",),
-        figures={"ratios": ratios},
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
-    )
-
-
-def _flights(options: PaperOptions, progress: Progress) -> StudyResult:
-    """Flights over the new plots with a vehicle's noise of poses: the plan made elsewhere, and the circle made there.
-
-    A photograph is right or wrong before dense stereo, and values of two sets on one plot are compared, so draft does.
-    """
-    wall, cpu = time.perf_counter(), time.process_time()
-    single = replace(options, seeds=1)
-    _, (plan,) = _made_elsewhere(single, progress)
-    noise = CaptureNoise(position_m=FLIGHT_M, angle_deg=_DEG_PER_M * FLIGHT_M)
-    flights = 2 if options.quick else _FLIGHTS
-    rows: list[tuple[Cell, ...]] = []
-    whole, ratios = [0, 0], []
-    for seed in options.flown:
-        place = _new_plot(seed, options.runs)
-        (circle,) = _run(place, ("circle",), single, progress)
-        description = read_scene(place.path)
-        source = SimulatedSource.from_description(description).with_noise(noise)
-        sets = (flown_over(plan, Plot.of(description)[0]), circle.cameras)
-        objective = Objective(source, ObjectiveSettings("draft", _MAPPING, refine=True))
-        with (
-            progress.stage(f"{place.name}: flights", 2 * flights) as advance,
-            evaluating(objective, Context(workers=options.workers)) as evaluations,
-        ):
-            found = []
-            for evaluation in evaluations.each(Job(cameras, draw) for cameras in sets for draw in range(flights)):
-                found.append(evaluation)
-                advance(1)
-        source.close()
-        own = (found[:flights], found[flights:])
-        right = [sum(each.right == _CAMERAS for each in evaluations) for evaluations in own]
-        values = [float(np.mean([each.value_m for each in evaluations])) for evaluations in own]
-        whole = [a + b for a, b in zip(whole, right, strict=True)]
-        ratios.append(values[0] / values[1])
-        rows.append((place.name, *(cell for value, count in zip(values, right, strict=True)
-                                   for cell in (f"{1000 * value:.2f}", f"{count} of {flights}")),
-                     f"{ratios[-1]:.2f}"))  # fmt: skip
-    every = flights * len(options.flown)
-    rows.append(("all", None, f"{whole[0]} of {every}", None, f"{whole[1]} of {every}", f"{np.mean(ratios):.2f}"))
-    columns = (
-        "plot", "carried for the kind, mm>", "all ten right>", "circle optimised there, mm>", "its ten right>", "÷>",
-    )  # fmt: skip
-    return StudyResult(
-        name="flights",
-        title="Flights with noise of poses",
-        tables=(ResultTable("A plan made on ten plots, flown over others", columns, tuple(rows)),),
-        notes=(
-            f"Noise of poses {1000 * FLIGHT_M:g} mm and {_DEG_PER_M * FLIGHT_M:g}°, draft; {flights} flights each.",
-        ),
-        figures={"whole": whole, "ratios": ratios},
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
-    )
-
-
-def _made_elsewhere(options: PaperOptions, progress: Progress) -> tuple[str, list[Ran]]:
-    """The plan for the kind that is made on ten plots, and their name."""
-    origin = _several([_new_plot(seed, options.runs) for seed in _PLANNED])
-    contender = replace(options.contenders([_KIND])[0], plots=len(_PLANNED))
-    return origin.name, _run_contenders(origin, [contender], options, progress)
-
-
-def _new_plot(seed: int, runs: Path) -> Place:
-    runs.mkdir(parents=True, exist_ok=True)
-    file = runs / f"new-{seed}.toml"
-    if not file.is_file():
-        write_scene(file, new_scene(NEW_PLANTS, seed))
-    return Place.scene(str(file))
-
-
-def _several(places: Sequence[Place]) -> Place:
-    others = tuple(GivenPlot(source=each.source, path=str(each.path)) for each in places[1:])
-    return replace(places[0], name=f"{places[0].name}-and-{len(others)}", others=others)
+def _unseen(options: PaperOptions) -> UnseenOptions:
+    return UnseenOptions(options.cache, options.runs, options.workers, min(options.count, 1 if options.quick else 10))
 
 
 STUDIES: dict[str, Callable[[PaperOptions, Progress], StudyResult]] = {
     "tables": _tables,
     "pose-noise": _pose_noise,
     "image-noise": _image_noise,
-    "new-plots": _new_plots,
-    "flights": _flights,
+    "new-plots": lambda options, progress: run_new_plots(_unseen(options), progress),
+    "new-traits": lambda options, progress: run_new_traits(_unseen(options), progress),
 }
 
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import shutil
-import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,9 +25,7 @@ from fieldkit.evaluation.reference import build_reference
 from fieldkit.pictures.panels import png
 from fieldkit.planning.run.outcome import PLAN_PICTURE
 from fieldkit.planning.run.request import KIND_PLOTS
-from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.results.plan import PlanSource
-from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.scene_file import read_scene, write_scene
@@ -165,42 +162,6 @@ def _transfer(options: PlannerOptions, progress: Progress) -> StudyResult:
         tables=tuple(tables),
         notes=(*_scene_notes(options), "Carried plans are evaluated at fine and fresh seeds, too."),
         figures=figures,
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
-    )
-
-
-def _ablation(options: PlannerOptions, progress: Progress) -> StudyResult:
-    from benchmarks.planner_ablation import NOISE, Ended, ablation_table, search, variants  # brings PyTorch along
-
-    wall, cpu = time.perf_counter(), time.process_time()
-    found: dict[str, dict[str, tuple[Ended, ...]]] = {}
-    for scene in options.scenes:
-        place = Place.scene(scene)
-        settings = place.settings(cameras=options.cameras, method="field")
-        with tempfile.TemporaryDirectory() as folder:
-            problem = set_up_run(settings, Path(folder), Context(options.cache, progress)).problem
-        makers = {name: make for name, make in variants().items() if not options.methods or name in options.methods}
-        found[place.name] = {}
-        for name, make in makers.items():
-            with progress.stage(f"{place.name}: {name}"):
-                found[place.name][name] = tuple(
-                    search(problem, make(problem, seed), options.evaluations, seed) for seed in range(options.seeds)
-                )
-    return StudyResult(
-        name="ablation",
-        title="The field method's settings on a stand-in",
-        tables=(ablation_table(found),),
-        notes=(
-            (
-                f"{options.evaluations} evaluations, {options.seeds} seeds, {options.cameras} cameras; the stand-in is "
-                "a geometric score with other constants and weights, times e^(± 8 %) that no score knows, with noise "
-                f"of {NOISE:.0%}. Methods that stop by themselves are run on; what they would have chosen is told."
-            ),
-        ),
-        figures={
-            scene: {name: [asdict(e) for e in ended] for name, ended in by.items()} for scene, by in found.items()
-        },
         wall_s=time.perf_counter() - wall,
         cpu_s=time.process_time() - cpu,
     )
@@ -357,7 +318,6 @@ def _curves(runs: Sequence[Ran]) -> dict[str, list[tuple[float | None, ...]]]:
 STUDIES: dict[str, Callable[[PlannerOptions, Progress], StudyResult]] = {
     "simulated": _simulated,
     "transfer": _transfer,
-    "ablation": _ablation,
     "chosen": _recorded,
 }
 

@@ -14,7 +14,6 @@ from benchmarks.result import Cell, spread
 from fieldkit import __version__
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
-from fieldkit.planning.run.flyable import flight_noise
 from fieldkit.planning.run.folder import SETTINGS_FILE, LogEntry, read_log, read_settings, searched
 from fieldkit.planning.run.outcome import Outcome, best_so_far, read_outcome
 from fieldkit.planning.run.plan_views import plan_views, resume_plan
@@ -187,13 +186,12 @@ def run_all(
 
 
 def _purpose(contender: Contender, place: Place) -> dict[str, Any]:
-    """Settings of a plan for one plot with exact poses, or for a kind as by `fieldkit plan`."""
+    """Settings of a plan for one plot, or for a kind as by `fieldkit plan --preset paper`."""
     if contender.plots == 1:
         return {"plots": 1}
     if place.source.kind == "captures":
         return {"plots": contender.plots, **RECORDED_CONFIRMED}
-    confirmed = KIND_CONFIRMED if contender.method == KIND_METHOD else {}
-    return {"plots": contender.plots, "noise": flight_noise(None), "refine": True, **confirmed}
+    return {"plots": contender.plots, **(KIND_CONFIRMED if contender.method == KIND_METHOD else {})}
 
 
 def _refuse_another(output: Path, settings: SearchSettings) -> None:
