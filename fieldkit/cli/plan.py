@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fieldkit.cli.boundary import finding_entry
 from fieldkit.cli.common import JsonOption, OutputOption, emit_json, show
 from fieldkit.cli.plan_options import EnvelopeOptions, PlanRunOptions, PlotOptions, SearchOptions, plan_request
 from fieldkit.cli.reconstruction_options import processes, run_context
-from fieldkit.errors import UsageError
+from fieldkit.errors import FieldkitError, UsageError
 from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from fieldkit.planning.run.outcome import Outcome
     from fieldkit.planning.run.request import PlanRequest
     from fieldkit.planning.settings import SearchSettings
+    from fieldkit.results.finding import Finding
 
 
 def command(
@@ -45,10 +48,12 @@ def command(
     if run.resume and run.overwrite:
         raise UsageError("--resume goes on with what --overwrite would replace", remedy="Give one of them.")
     settings, outcome = _planned(output, request, run, as_json=as_json)
+    found = _needs_rtk(output, settings, envelope.vehicle)
     if as_json:
-        emit_json({"output": output, **outcome.model_dump()})
+        fit = {"fit": [finding_entry(each) for each in found]} if found else {}
+        emit_json({"output": output, **outcome.model_dump(), **fit})
     else:
-        _show(output, settings, outcome)
+        _show(output, settings, outcome, found)
 
 
 def _planned(
@@ -77,7 +82,21 @@ def _planned(
             )  # fmt: skip
 
 
-def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
+def _needs_rtk(output: Path, settings: SearchSettings, given: str | None) -> list[Finding]:
+    """Where the plan's stations stand nearer than its vehicle's GNSS can hold them, if its profile is still there."""
+    from fieldkit.planning.run.flyable import plan_needs_rtk, read_vehicle
+    from fieldkit.results.plan_file import load_plan
+
+    if settings.vehicle is None:
+        return []
+    try:
+        vehicle, record = read_vehicle(given or settings.vehicle.name)
+    except FieldkitError:
+        return []
+    return plan_needs_rtk(load_plan(output), vehicle) if record.sha256 == settings.vehicle.sha256 else []
+
+
+def _show(output: Path, settings: SearchSettings, outcome: Outcome, found: Sequence[Finding]) -> None:
     from fieldkit.figures.style import format_length, format_seconds
     from fieldkit.figures.terminal.blocks import rendered
     from fieldkit.report.sections.plan import finalist_table
@@ -107,6 +126,7 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
             f"Stations are stated for plants {format_length(height_m)} high; export-mission fits them to each plot's "
             "plant_height_m."
         )
+    lines += [f"Warning: {each.message}. {each.remedy}" for each in found]
     if outcome.photographs:
         lines.append(f"photographs: {', '.join(outcome.photographs)}")
     show(rendered([finalist_table(outcome)]), *lines, output / "plan.json", output / "plan.png")

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldkit.errors import MissionError
 from fieldkit.figures.style import format_seconds
@@ -32,7 +33,7 @@ from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Shot
 from fieldkit.routing.obstacles import Corners, Obstacles, Volume
 from fieldkit.sites.placement import SiteFrame, grounds_m, home_of, place
-from fieldkit.sites.reach import Unreachable, nearest
+from fieldkit.sites.reach import NO_PLANTS, Unreachable, nearest, needs_rtk
 from fieldkit.sites.site import Site, SiteHome
 from fieldkit.vehicles.vehicle import Mount, Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
@@ -57,6 +58,7 @@ def check_mission(
     moved: Sequence[Unreachable] = (),
     unchecked: Mapping[str, str] | None = None,
     burst: int | None = None,
+    plants: NDArray[np.float64] = NO_PLANTS,
 ) -> Report:
     """Everything that can be said of a mission without flying it.
 
@@ -71,6 +73,7 @@ def check_mission(
         moved: of ``planned``, those that the vehicle cannot take and are the nearest poses that it can (`nearest`).
         unchecked: plots whose plants are not among ``obstacles``, and why; None where no plots are known.
         burst: photographs that each station should have; None: as many as most have.
+        plants: (m, 3) where they are known to stand, in the obstacles' frame.
     """
     if read.home is None and origin is not None:
         read = replace(read, home=origin)
@@ -92,6 +95,7 @@ def check_mission(
     findings += burst_findings(flown.photographs, matched, burst, vehicle)
     findings += _stop_findings(read)
     findings += _leg_findings(read, flown, obstacles, home)
+    findings += _rtk_findings(flown, home, plants, vehicle)
     usable = vehicle.battery.usable_s
     if flown.seconds > usable:
         message = (
@@ -123,7 +127,18 @@ def check_on_ground(
     return check_mission(
         read, vehicle, planned=shots, grounds=grounds_m(site, shots).tolist(), obstacles=obstacles,
         origin=home_of(site), moved=moved, unchecked=ground.unchecked, burst=burst,
+        plants=NO_PLANTS if vehicle.rtk else ground.plants,
     )  # fmt: skip
+
+
+def _rtk_findings(
+    flown: Execution, home: Home | None, plants: NDArray[np.float64], vehicle: Vehicle
+) -> Iterator[Finding]:
+    """What takes RTK: stations nearer to each other or to plants than the vehicle's GNSS holds."""
+    if home is not None:
+        places = _frame(home).points(p.place for p in flown.photographs if p.place and not p.never and not p.moving)
+        stations = places[np.isfinite(places).all(axis=1)]
+        yield from (warning("needs-rtk", why) for why in needs_rtk(stations, plants, vehicle))
 
 
 def _unchecked_findings(unchecked: Mapping[str, str]) -> Iterator[Finding]:

@@ -137,7 +137,7 @@ def route_plan(
     )  # fmt: skip
     facts = facts_of(plans, site.plots)
     on_plots = {plot.name: plants_on(each, plot) for plot, each in zip(site.plots, facts, strict=True)}
-    plants = _placed(on_plots, site)
+    plants = placed(on_plots, site)
     heights = [shot.place.height_m for shot in shots] - grounds_m(site, shots)
     routed = tuple(
         RoutedFlight(replace(_mission(flight, number, len(flights), shots, frame, site, vehicle), burst=burst), flight)
@@ -188,7 +188,7 @@ def _mission(
     )
 
 
-def _placed(plants: Mapping[str, PlotPlants | None], site: Site) -> dict[str, Array]:
+def placed(plants: Mapping[str, PlotPlants | None], site: Site) -> dict[str, Array]:
     """(m, 3) points of the plants in the site frame, by plot; none where the plan does not say where they are."""
     frame = SiteFrame(site.home)
     return {

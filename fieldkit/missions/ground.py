@@ -9,7 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from fieldkit.missions.export import placed
 from fieldkit.missions.export_record import plot_frame, site_of
 from fieldkit.regular_files import read_regular
 from fieldkit.results.mission import MissionPlot, MissionRecord, load_mission, record_path
@@ -41,6 +43,13 @@ class Ground:
     """Plots whose plants the export has kept clear of, as mission.json says of this very file."""
     unchecked: Mapping[str, str] = field(default_factory=dict)
     """Plots that are not checked against plants, and why."""
+
+    @property
+    def plants(self) -> NDArray[np.float64]:
+        """(m, 3) of the plots whose plans are known, site frame."""
+        plans = {name: PlanFacts(plan) for name, plan in self.plans.items()}
+        found = {plot.name: plants_on(plans.get(plot.name), plot) for plot in self.site.plots}
+        return np.concatenate([np.zeros((0, 3)), *placed(found, self.site).values()])
 
     def obstacles(self, clearance_m: float) -> Obstacles:
         """All that legs keep clear of."""

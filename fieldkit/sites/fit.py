@@ -24,7 +24,7 @@ from fieldkit.routing.obstacles import Obstacles
 from fieldkit.sites.fitted import flown_plans
 from fieldkit.sites.placement import landing_of, place, stops_of
 from fieldkit.sites.plot_plants import BESIDE_M, PlanFacts, PlotPlants, facts_of, other_spacing, plants_on
-from fieldkit.sites.reach import Unreachable, nearest, one_photograph
+from fieldkit.sites.reach import NO_PLANTS, RTK_REMEDY, Unreachable, nearest, needs_rtk, one_photograph
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.site_obstacles import site_obstacles
 from fieldkit.vehicles.vehicle import Vehicle
@@ -54,6 +54,7 @@ CODES: dict[str, Severity] = {
     "in-obstacle": "error",  # or in a no-fly zone, outside the fence, above the ceiling
     "height": "error",  # of take-off or transit, above the ceiling
     "home": "error",  # the way straight up at home or down at the landing is not clear
+    "needs-rtk": "warning",  # stations nearer to each other or to plants than the vehicle's GNSS can hold
     # Found while routing (fieldkit.routing.flights).
     "no-way": "error",  # no leg between two stations is clear
     "battery": "error",  # one plot takes more than a battery
@@ -115,6 +116,10 @@ def fit_report(
     for plot, facts in zip(site.plots, facts_of(plans, site.plots), strict=True):
         if plot.name not in unfitted:
             findings += fit_plot(facts, plot, vehicle.clearance_m)
+            plants = plants_on(facts, plot)
+            stations = np.array([station.position_m for station in facts.plan.stations])
+            why = needs_rtk(stations, NO_PLANTS if plants is None else plants.points, vehicle)
+            findings += [_finding(plot, "needs-rtk", each, RTK_REMEDY) for each in why]
     among = {finding.subject for finding in findings if finding.severity == "error"}
     shots, obstacles = place(plans, site), site_obstacles(site, vehicle.clearance_m, plans)
     changed, problems = nearest(shots, site, vehicle, obstacles if adjust else None)

@@ -36,6 +36,13 @@ SAME_M, SAME_DEG = 0.1, 2.0
 Limit = Literal["pitch", "height", "plants"]
 
 _CENTIMETRES = 100.0
+_WRITTEN_M = 0.02
+"""By which places of one plan may differ, as files of missions hold them."""
+NO_PLANTS = np.zeros((0, 3))
+RTK_REMEDY = (
+    "Fly with RTK and give its gps_accuracy_m in the vehicle's profile, or keep farther away: `fieldkit plan --vehicle "
+    "NAME --clearance M`."
+)
 
 
 @dataclass(frozen=True)
@@ -121,6 +128,29 @@ def one_photograph(before: Sequence[Shot], after: Sequence[Shot], site: Site) ->
                     severity="error", station=after[first].station,
                     remedy="Plan for this vehicle (fieldkit plan --vehicle), or leave one of the two out of the plan.",
                 )  # fmt: skip
+
+
+def needs_rtk(stations: NDArray[np.float64], plants: NDArray[np.float64], vehicle: Vehicle) -> list[str]:
+    """Why a vehicle's GNSS does not hold stations (n, 3) against each other, or off plants (m, 3); nothing with RTK.
+
+    Plants stand where a map has them, so a flight's common offset counts there. Stations at one place are one.
+    """
+    if vehicle.rtk:
+        return []
+    found, places = list[str](), np.unique(stations.round(3), axis=0)
+    apart_m = KDTree(places).query(places, k=2)[0][:, 1].min() if len(places) > 1 else math.inf
+    if apart_m < vehicle.apart_m - _WRITTEN_M:
+        found.append(
+            f"two stations are {apart_m:.2f} m apart, and without it {vehicle.title} holds them to {vehicle.held_m:g} "
+            f"m, which is enough for {vehicle.apart_m:.2f} m"
+        )
+    near_m = KDTree(plants).query(stations)[0].min() if len(plants) and len(stations) else math.inf
+    if near_m < vehicle.clearance_m + vehicle.gps_accuracy_m - _WRITTEN_M:
+        found.append(
+            f"a station is {near_m:.2f} m from plants, and without it {vehicle.title} may be "
+            f"{vehicle.gps_accuracy_m:g} m off and keeps {vehicle.clearance_m:g} m clear"
+        )
+    return [f"needs RTK: {why}" for why in found]
 
 
 def _apart(a: NDArray[np.float64], b: NDArray[np.float64], one: Shot, other: Shot) -> tuple[float, float]:

@@ -14,6 +14,9 @@ Positive = Annotated[float, Field(ge=1e-3, le=1e6)]
 NotNegative = Annotated[float, Field(ge=0, le=1e6)]
 
 
+_ONE_FLIGHT_M = 0.1
+"""Positions of a flight without RTK share an offset: that well stations are held against each other."""
+_APART = 3.0
 _ROUNDING_DEG = 1e-3
 """Of angles in files, no leeway."""
 
@@ -116,3 +119,18 @@ class Vehicle(Strict):
     """At take-off, with camera and battery; 1 kg where a profile does not say. Leaves move in its wash."""
     max_items: Annotated[int, Field(gt=0)] | None = None
     """Mission items that it stores."""
+
+    @property
+    def held_m(self) -> float:
+        """How well it holds stations of one flight against each other, standard deviation."""
+        return min(self.gps_accuracy_m, _ONE_FLIGHT_M)
+
+    @property
+    def apart_m(self) -> float:
+        """Least distance between stations: three such errors."""
+        return _APART * self.held_m
+
+    @property
+    def rtk(self) -> bool:
+        """Whether its positions are good to a decimetre from flight to flight, too."""
+        return self.gps_accuracy_m <= _ONE_FLIGHT_M

@@ -129,6 +129,20 @@ def test_a_mission_into_the_plants_is_found_with_and_without_its_record_and_plan
     assert suffix != ".plan" or ": no plots are given" in told
 
 
+def test_a_mission_that_needs_rtk_is_told_at_its_export_and_at_its_check(field: Field) -> None:
+    save_plan(field.folder / "plan" / "plan.json", planned(36, height_m=2.0))
+    plots = plots_file(field.folder, "p.geojson", [0.9])
+    for vehicle, form, suffix, needed in (
+        ("dji-mavic-3-enterprise", "wpml", ".kmz", True), ("ardupilot-pitch", "plan", ".plan", False),
+    ):  # fmt: skip
+        done, told = field.export(vehicle, form, plots)
+        assert done == 0, told
+        code, answer, _ = field.check(suffix, vehicle, plots)
+        assert (code, answer["ok"]) == (0, True)
+        found = [each["message"] for each in answer["findings"] if each["code"] == "needs-rtk"]
+        assert ("needs RTK: two stations are 0.23 m apart" in told, bool(found)) == (needed, needed)
+
+
 @pytest.mark.parametrize(("vehicle", "form"), [("ardupilot-pitch", "plan"), ("dji-mini-4-pro", "litchi")])
 def test_an_export_needs_the_height_of_the_plants(field: Field, vehicle: str, form: str) -> None:
     unknown = plots_file(field.folder, "unknown.geojson", [0.9, None, None])

@@ -135,6 +135,21 @@ def test_what_fitting_takes_for_the_plans_plants_is_kept_clear_of_as_such(height
     assert (flown == plan) == (abs(height - 0.9) < 0.045)
 
 
+def test_stations_nearer_than_a_receiver_holds_them_need_rtk() -> None:
+    without, field = load_vehicle("dji-mavic-3-enterprise"), site_with({"plant_height_m": 0.9})
+    plan = planned(40, height_m=1.5)  # 0.2 m from each other, and 1.1 m from the nearest plants
+
+    def needed(plan: Plan, **changes: Any) -> list[str]:
+        found = fit_report(plan, field, without.model_copy(update=changes)).findings
+        return [f"{each.severity} {each.message}" for each in found if each.code == "needs-rtk"]
+
+    apart, near = needed(plan, clearance_m=0.7)
+    assert apart.startswith("warning needs RTK: two stations are 0.20 m apart")
+    assert near.startswith("warning needs RTK: a station is 1.1")
+    assert near.endswith("may be 0.5 m off and keeps 0.7 m clear")
+    assert needed(plan, clearance_m=0.7, gps_accuracy_m=0.1) == needed(planned(height_m=2.0)) == []
+
+
 def test_lower_plants_are_noted_and_change_nothing() -> None:
     plan = planned()
     found = findings(plan, plant_height_m=0.5)

@@ -10,23 +10,28 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fieldkit.errors import UsageError
 from fieldkit.planning.settings import EnvelopeSettings, NoiseSettings, SearchSettings, SearchVehicle
 from fieldkit.planning.space.cameras import Cameras
+from fieldkit.results.finding import Finding
+from fieldkit.results.plan import Plan
 from fieldkit.results.report_files import file_sha256
 from fieldkit.runtime.progress import Progress
+from fieldkit.sites.plot_plants import PlanFacts
+from fieldkit.sites.reach import RTK_REMEDY, needs_rtk
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import find_vehicle, load_vehicle, vehicles_folder
 
 _LEAST_BAND_M = 1.0
 _WIND_M, _MASS_KG = 0.010, 1.0
 """Leaves sway by a centimetre in air of 3 m/s; mass of a vehicle that is not known."""
-_APART, _APART_M = 3.0, 0.3
-"""Least distance between stations: so many times how well they are held, and at least a step that pilots see."""
+_APART_M = 0.3
+"""Least distance between stations: a step that pilots see."""
 OUTDOORS_ENVELOPE: dict[str, Any] = {"height_m": (0.8, 3.0), "clearance_m": 0.8, "separation_m": _APART_M}
 """Of a vehicle that is not known, by the keys of `EnvelopeSettings`."""
-_RTK_M, _ONE_FLIGHT_M, _TURNED_DEG = 0.02, 0.1, 1.0
-"""Without RTK the positions of a flight share an offset; between stations a decimetre is assumed."""
+_RTK_M, _TURNED_DEG = 0.02, 1.0
 
 
 def read_vehicle(name: str | Path) -> tuple[Vehicle, SearchVehicle]:
@@ -39,13 +44,8 @@ def read_vehicle(name: str | Path) -> tuple[Vehicle, SearchVehicle]:
 
 def flight_noise(vehicle: Vehicle | None) -> NoiseSettings:
     """How far a vehicle misses its stations, a breeze and the vehicle's wash; without a vehicle, one with RTK."""
-    mass_kg = _MASS_KG if vehicle is None else vehicle.mass_kg
-    return NoiseSettings(pose_m=_held_m(vehicle), pose_deg=_TURNED_DEG, wind_m=_WIND_M, vehicle_kg=mass_kg)
-
-
-def _held_m(vehicle: Vehicle | None) -> float:
-    """How well a vehicle holds its stations against each other."""
-    return _RTK_M if vehicle is None else min(vehicle.gps_accuracy_m, _ONE_FLIGHT_M)
+    held_m, mass_kg = (_RTK_M, _MASS_KG) if vehicle is None else (vehicle.held_m, vehicle.mass_kg)
+    return NoiseSettings(pose_m=held_m, pose_deg=_TURNED_DEG, wind_m=_WIND_M, vehicle_kg=mass_kg)
 
 
 def vehicle_envelope(vehicle: Vehicle, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -63,8 +63,8 @@ def vehicle_envelope(vehicle: Vehicle, given: Mapping[str, Any]) -> dict[str, An
     usual = EnvelopeSettings()
     limits: dict[str, Any] = {
         "height_m": (least, max(usual.height_m[1], least + _LEAST_BAND_M)), "pitch_deg": (low, high),
-        "clearance_m": vehicle.clearance_m + _held_m(vehicle), "vehicle_clearance_m": vehicle.clearance_m,
-        "separation_m": max(_APART_M, _APART * _held_m(vehicle)),
+        "clearance_m": vehicle.clearance_m + vehicle.held_m, "vehicle_clearance_m": vehicle.clearance_m,
+        "separation_m": max(_APART_M, vehicle.apart_m),
     }  # fmt: skip
     wanted = limits | dict(given)
     what = ""
@@ -106,3 +106,10 @@ def check_views(views: Cameras, settings: SearchSettings, progress: Progress) ->
         )
     if taken < len(views):
         progress.note(f"{limits}: it cannot take {len(views) - taken} of the {len(views)} poses to choose from")
+
+
+def plan_needs_rtk(plan: Plan, vehicle: Vehicle) -> list[Finding]:
+    """Where a plan's stations stand nearer to each other or to its plants than its vehicle's GNSS can hold them."""
+    stations = np.array([station.position_m for station in plan.stations])
+    why = needs_rtk(stations, PlanFacts(plan).points, vehicle)
+    return [Finding("", "needs-rtk", each, remedy=RTK_REMEDY) for each in why]

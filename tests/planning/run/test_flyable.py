@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from fieldkit.clouds import Cloud, Volume
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.missions.export import route_plan
-from fieldkit.planning.run.flyable import check_views, read_vehicle, vehicle_envelope
+from fieldkit.planning.run.flyable import check_views, plan_needs_rtk, read_vehicle, vehicle_envelope
 from fieldkit.planning.run.request import PlanRequest, resumed_settings, search_settings
 from fieldkit.planning.settings import EnvelopeSettings
 from fieldkit.planning.space.cameras import Cameras
@@ -183,3 +183,14 @@ def test_recorded_views_are_compared_with_the_vehicle() -> None:
     assert len(notes.told) == 1
     with pytest.raises(UsageError, match="can take 4 of the 6 photographs' poses, 5 are asked for"):
         check_views(views, run.model_copy(update={"cameras": 5}), notes)
+
+
+def test_a_plan_says_where_it_takes_rtk() -> None:
+    envelope = envelope_of("ardupilot-pitch")
+    away = Cameras.aimed([(-3.0, 0.0, 2.3), (-3.2, 0.0, 2.3), (-1.4, 1.6, 2.9)], [(0.0, 0.0, 0.5)] * 3)
+    plan, without = plan_of(away, envelope), load_vehicle("dji-mini-4-pro")
+    apart, near = plan_needs_rtk(plan, without)
+    assert (apart.code, apart.severity) == (near.code, near.severity) == ("needs-rtk", "warning")
+    assert apart.message.startswith("needs RTK: two stations are 0.20 m apart")
+    assert near.message.startswith("needs RTK: a station is 0.")
+    assert plan_needs_rtk(plan, load_vehicle("ardupilot-pitch")) == []
