@@ -28,6 +28,8 @@ WORKING_SIDE = 1600
 _DARK, _BRIGHT = 3, 252
 _GAMMA = 2.2
 _EMPTY_CONTRAST = 3.0
+_SKY, _HORIZON = 1.9, 0.04
+"""How much lighter sky is than the ground: grey values, 2 stops; the share of rows that the horizon may be askew."""
 
 
 DIRECTIONS = 6
@@ -72,11 +74,12 @@ class PictureVerdict:
 
 
 def measure_picture(gray: NDArray[np.uint8]) -> Picture:
-    """Figures of a grey image (h, w), which is shrunk to `WORKING_SIDE` where it is larger."""
+    """Figures of a grey image (h, w) below the sky, which is shrunk to `WORKING_SIDE` where it is larger."""
     scale = WORKING_SIDE / max(gray.shape)
     if scale < 1.0:
         size = (max(1, round(gray.shape[1] * scale)), max(1, round(gray.shape[0] * scale)))
         gray = np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    gray = gray[_sky_rows(gray) :]
     count = np.bincount(gray.ravel(), minlength=256) / gray.size
     levels = np.arange(256) / 255.0
     return Picture(
@@ -86,6 +89,18 @@ def measure_picture(gray: NDArray[np.uint8]) -> Picture:
         bright=float(count[_BRIGHT:].sum()),
         contrast=float(gray.std()),
     )
+
+
+def _sky_rows(gray: NDArray[np.uint8]) -> int:
+    """Number of rows at the top that hold sky and the horizon: 0 to half of them.
+
+    Sky makes a picture lighter, and its edge is wider than those of leaves. Where photographs are level, its rows are
+    much lighter than the lower half.
+    """
+    half = len(gray) // 2
+    light = np.median(gray[:half], axis=1) > _SKY * max(float(np.median(gray[half:])), 1.0)
+    rows = half if light.all() else int(np.argmin(light))
+    return min(half, rows + round(_HORIZON * len(gray))) if rows else 0
 
 
 def load_pictures(photos: Sequence[Photo], context: Context, advance: Advance) -> dict[str, Picture]:
