@@ -213,10 +213,10 @@ def _refined(
     """The cloud moved onto the reference by ICP, and by how much; as it is where ICP does not converge.
 
     It is scaled, too, as far as the photographs' positions leave their scale in doubt; beyond that it is the plants
-    that have another size.
+    that have another size. Where leaves swayed a scale may not settle: then it is moved only.
     """
     motion, stats = icp_onto_reference(found.plants, reference, with_scale=True)
-    if not abs(stats.scale - 1.0) <= _DOUBTS * scale_doubt(found.sparse):
+    if not (stats.converged and abs(stats.scale - 1.0) <= _DOUBTS * scale_doubt(found.sparse)):
         motion, stats = icp_onto_reference(found.plants, reference)
     if not stats.converged:
         message = "ICP did not converge: too little of the cloud is near the reference; it is scored where it lies"

@@ -40,6 +40,15 @@ def test_plants_of_another_size_are_not_scaled_away(scale: float, rms_m: float |
     assert (error < 0.001) == scaled
 
 
+def test_a_cloud_whose_scale_does_not_settle_is_moved_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fieldkit.clouds.alignment._SCALE_ROUNDS", 0)
+    reference = leaves(0, noise_m=0.0)
+    cloud = Cloud(reference.points + np.array([0.004, -0.003, 0.002]), reference.colors)
+    moved, correction, findings = _refined(found_with(cloud, 0.03), reference, "plot")
+    assert (correction.scale, findings) == (1.0, [])
+    assert np.linalg.norm(moved.points - reference.points, axis=1).mean() < 0.001
+
+
 def test_other_plants_are_not_scored_without_a_word() -> None:
     reference = leaves(0, noise_m=0.0)
     sparse, moved = leaves(0, noise_m=0.01, points=300), Cloud(reference.points[:, [1, 0, 2]] + [0.2, 0.0, 0.1])
