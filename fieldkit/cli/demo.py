@@ -19,8 +19,8 @@ def command(output: OutputOption, run: RunOptions, as_json: JsonOption = False) 
 
     Photographs two plots densely and builds their references; plans ten views for plots like the first; writes the
     mission and uploads it to a stand-in for a recorded ArduPilot; photographs both plots, the second of which the plan
-    has not seen, with the pose noise of the recorded flight, from the planned views and from the best circle; scores
-    all without optimising again; and writes a report. Takes three to five minutes on two cores.
+    has not seen, in wind and with the noise of a flight, from the planned views and from the best circle; scores all
+    without optimising again; and writes a report. Takes three to four minutes on two cores.
 
     Examples:
         fieldkit demo -o demo-output --workers 2
@@ -35,12 +35,16 @@ def command(output: OutputOption, run: RunOptions, as_json: JsonOption = False) 
     if as_json:
         emit_json({"output": output, **figures(demo)})
         return
+    from fieldkit.figures.content import Statements
     from fieldkit.figures.style import format_seconds
+    from fieldkit.figures.tables.scores import plant_tables
     from fieldkit.figures.terminal.blocks import rendered
-    from fieldkit.report.sections.demo import demo_blocks
+    from fieldkit.report.sections.demo import demo_blocks, demo_statements
 
+    grown = (table for plot, plots in demo.evaluations.items() for table in plant_tables(plots, f"the {plot} plot"))
     end = f"In {format_seconds(demo.seconds)}. Open the report in a browser:"
-    show(rendered([*_story(demo), *demo_blocks(demo.compared)]), end, demo.report)
+    first = Statements(demo_statements(demo.compared))
+    show(rendered([first, *_story(demo), *demo_blocks(demo.compared), *grown]), end, demo.report)
 
 
 def _story(demo: Demo) -> Iterator[Paragraph]:
@@ -60,6 +64,6 @@ def _story(demo: Demo) -> Iterator[Paragraph]:
     )
     yield Paragraph(
         f"Flight: the recorded vehicle kept to its plan within {format_length(demo.flight.position_m)} and "
-        f"{demo.flight.angle_deg:.1f}° (standard deviations, {demo.flight.photographs} photographs). "
-        "The captures below have this noise."
+        f"{demo.flight.angle_deg:.1f}° (standard deviations, {demo.flight.photographs} photographs, in its simulator "
+        "without wind)."
     )

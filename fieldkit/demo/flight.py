@@ -32,11 +32,6 @@ class RecordedFlight:
     angle_deg: float
     """Root mean square of yaw and pitch errors."""
 
-    @property
-    def pose_noise(self) -> tuple[float, float]:
-        """For `fieldkit plan --pose-noise` and `fieldkit simulate --pose-noise`."""
-        return self.position_m, self.angle_deg
-
 
 def upload_to_stand_in(mission: Path) -> UploadReport:
     """Upload a mission file, through MAVSDK over UDP on this machine, to the recorded vehicle's stand-in."""

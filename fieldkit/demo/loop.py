@@ -28,25 +28,28 @@ from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.geometry import Pose
 from fieldkit.missions.export_mission import ExportedMission, export_mission
 from fieldkit.planning.methods.circle import expected_circle
+from fieldkit.planning.run.flyable import flight_noise
 from fieldkit.planning.run.outcome import Outcome
 from fieldkit.planning.run.plan_views import plan_views
 from fieldkit.planning.run.request import search_settings
 from fieldkit.planning.run.run_setup import set_up_run
+from fieldkit.planning.settings import NoiseSettings
 from fieldkit.report.write_report import REPORT_FILE, write_report
 from fieldkit.results.demo import DEMO_FILE, DemoEntry, DemoReport
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, ReferenceReport
 from fieldkit.results.plan import Plan
-from fieldkit.results.plan_file import load_plan, plan_from_poses
+from fieldkit.results.plan_file import load_plan
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.sites.fitted import fitted_to_height
-from fieldkit.vehicles.vehicle_file import missions_folder
+from fieldkit.vehicles.vehicle_file import load_vehicle, missions_folder
 
 VEHICLE = "ardupilot-pitch"
 CAMERAS = 10
 PLANNED, CIRCLE = "planned", "circle"
 PLOTS = (SEEN, UNSEEN)
 _FINALISTS, _REPEATS = 3, 2
+_AIMS = 3
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ class Demo:
     items: int
     """That the stand-in vehicle took."""
     flight: RecordedFlight
-    """How exactly the recorded vehicle flew; the captures have its pose noise."""
+    """How exactly the recorded vehicle flew."""
     evaluations: Mapping[str, Sequence[PlotEvaluation]]
     """Of planned views and of a circle, by plot."""
     compared: DemoReport
@@ -85,15 +88,18 @@ def run_demo(
     """
     begun = time.perf_counter()
     context = Context(cache, progress, workers, seed)
+    noise = flight_noise(load_vehicle(VEHICLE))
     with atomic_folder(output, overwrite=overwrite, marker=DEMO_FILE) as folder:
-        references = _references(folder, context)
+        references = _references(folder, noise, context)
         flight = recorded_flight()
-        plan, outcome, circle = _plan(folder / "plan", flight, context)
+        plan, outcome = _plan(folder / "plan", context)
+        with progress.stage("The best circles"):
+            circles = {plot: _best_circle(plot, noise, folder) for plot in PLOTS}
         mission = _mission(folder, context)
         with progress.stage("Upload to the stand-in vehicle"):
             items = upload_to_stand_in(mission.files[0]).items
-        evaluations = _captures_and_scores(folder, plan, circle, flight, context)
-        compared = _compared(folder, evaluations, flight, seed)
+        evaluations = _captures_and_scores(folder, plan, circles, noise, context)
+        compared = _compared(folder, evaluations, noise, seed)
         write_atomic(folder / DEMO_FILE, compared.model_dump_json(indent=2) + "\n")
     write_report(output, title="fieldkit demo", overwrite=True, progress=progress)
     seconds = time.perf_counter() - begun
@@ -112,13 +118,13 @@ def _truth_file(folder: Path, plot: str) -> Path:
     return folder / "truth" / f"{plot}.ply"
 
 
-def _references(folder: Path, context: Context) -> dict[str, ReferenceReport]:
+def _references(folder: Path, noise: NoiseSettings, context: Context) -> dict[str, ReferenceReport]:
     dense = {plot: folder / "captures" / "dense" / plot for plot in PLOTS}
     shootings = [
-        dense_shooting(plot, dense[plot], context.seed * 1000 + k, _truth_file(folder, plot))
+        dense_shooting(plot, dense[plot], noise.outdoors, context.seed * 1000 + k, _truth_file(folder, plot))
         for k, plot in enumerate(PLOTS)
     ]
-    places = [(dense[plot], reference_folder(folder, plot)) for plot in PLOTS]
+    places = [(plot, dense[plot], reference_folder(folder, plot)) for plot in PLOTS]
     (folder / "truth").mkdir()
     with context.progress.stage("Dense captures of two plots", len(PLOTS)) as advance:
         context.map(photograph, shootings, advance)
@@ -126,20 +132,24 @@ def _references(folder: Path, context: Context) -> dict[str, ReferenceReport]:
         return dict(zip(PLOTS, context.map(partial(build, context.seed, context.cache), places, advance), strict=True))
 
 
-def _plan(output: Path, flight: RecordedFlight, context: Context) -> tuple[Plan, Outcome, list[Pose]]:
-    """The plan, what came of its finalists, and what it is compared with: of 25 circles about plots of the kind the one
-    that the geometric score likes best.
-    """
+def _plan(output: Path, context: Context) -> tuple[Plan, Outcome]:
+    """The plan for plots like the seen one, and what came of its finalists."""
     settings = search_settings(
         scene=scene_path(SEEN), vehicle=VEHICLE, cameras=CAMERAS, method="score", finalists=_FINALISTS,
         repeats=_REPEATS, confirm_fidelity="draft", seed=context.seed, workers=context.workers,
-        noise={"pose_m": flight.position_m, "pose_deg": flight.angle_deg},
     )  # fmt: skip
     outcome = plan_views(output, settings, cache=context.cache, workers=context.workers, progress=context.progress)
-    with context.progress.stage("The best circle"):
-        problem = set_up_run(settings, output, Context(context.cache)).problem
-        circle = expected_circle(problem).poses()
-    return load_plan(output), outcome, circle
+    return load_plan(output), outcome
+
+
+def _best_circle(plot: str, noise: NoiseSettings, folder: Path) -> list[Pose]:
+    """What the plan is compared with on a plot: of 75 circles about its own plants the one that the geometric score
+    likes best, for the same vehicle, noise and wind.
+    """
+    settings = search_settings(
+        scene=scene_path(plot), vehicle=VEHICLE, cameras=CAMERAS, purpose="this-plot", noise=noise.model_dump()
+    )
+    return expected_circle(set_up_run(settings, folder, Context(StageCache(None))).problem, _AIMS).poses()
 
 
 def _mission(folder: Path, context: Context) -> ExportedMission:
@@ -151,24 +161,27 @@ def _mission(folder: Path, context: Context) -> ExportedMission:
 
 
 def _captures_and_scores(
-    folder: Path, plan: Plan, circle: Sequence[Pose], flight: RecordedFlight, context: Context
+    folder: Path, plan: Plan, circles: Mapping[str, Sequence[Pose]], noise: NoiseSettings, context: Context
 ) -> dict[str, EvaluationReport]:
-    carried = {PLANNED: plan, CIRCLE: plan.model_copy(update={"stations": plan_from_poses(circle).stations})}
-    heights = {plot: measured_height_m(plot) for plot in PLOTS}
     shootings = [
         Shooting(
             plot,
             folder / "captures" / plot / name,
-            [station.pose for station in fitted_to_height(stated, heights[plot]).stations],
+            poses,
             plan.camera,
-            flight.pose_noise,
+            (noise.pose_m, noise.pose_deg),
+            noise.outdoors,
             context.seed * 1000 + 10 + k,
         )
         for k, plot in enumerate(PLOTS)
-        for name, stated in carried.items()
+        for name, poses in (
+            (PLANNED, [station.pose for station in fitted_to_height(plan, measured_height_m(plot)).stations]),
+            (CIRCLE, circles[plot]),
+        )
     ]
     places = [
-        (folder / "captures" / plot, reference_folder(folder, plot), folder / f"evaluation-{plot}") for plot in PLOTS
+        (plot, folder / "captures" / plot, reference_folder(folder, plot), folder / f"evaluation-{plot}")
+        for plot in PLOTS
     ]
     with context.progress.stage("Captures of both plots", len(shootings)) as advance:
         context.map(photograph, shootings, advance)
@@ -177,9 +190,7 @@ def _captures_and_scores(
     return dict(zip(PLOTS, scored, strict=True))
 
 
-def _compared(
-    folder: Path, evaluations: Mapping[str, EvaluationReport], flight: RecordedFlight, seed: int
-) -> DemoReport:
+def _compared(folder: Path, evaluations: Mapping[str, EvaluationReport], noise: NoiseSettings, seed: int) -> DemoReport:
     plants = {plot: _true_plants(folder, plot) for plot in evaluations}
     scores = [
         {
@@ -195,7 +206,9 @@ def _compared(
     ]
     return DemoReport(
         seed=seed,
-        pose_noise=flight.pose_noise,
+        pose_noise=(noise.pose_m, noise.pose_deg),
+        wind_m=noise.wind_m,
+        vehicle_kg=noise.vehicle_kg,
         reference_to_true_plants_m=_against(plants[SEEN], reference_folder(folder, SEEN)).chamfer.chamfer_m,
         scores=tuple(DemoEntry.model_validate(score) for score in scores),
     )

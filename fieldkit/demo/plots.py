@@ -18,15 +18,13 @@ from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.library import scenes_folder
 from fieldkit.scenes.scene_file import read_scene
+from fieldkit.scenes.simulate import Outdoors
 from fieldkit_sim.simulation import Stations, dense_about, simulate
 
 SEEN, UNSEEN = "seen", "unseen"
 SCENES = {SEEN: "demo", UNSEEN: "demo-unseen"}
 """The plot that is planned on, and one of the same crop with other plants."""
-DENSE_VIEWS, _NEARER = 24, 0.7
-"""From farther away, where the plants fill the picture, references are off by half as much again: more than what they
-judge.
-"""
+DENSE_VIEWS = 24
 DENSE_NOISE = (0.005, 0.5)
 """Of poses, metres and degrees: a dense capture is flown slowly."""
 # The photographs are small and their poses well known: half the features and neighbours are enough.
@@ -60,15 +58,17 @@ class Shooting:
     """None takes the scene's."""
     noise: tuple[float, float]
     """Of poses, metres and degrees."""
+    outdoors: Outdoors
+    """What moves leaves."""
     seed: int
     """Of all noise."""
     truth_cloud: Path | None = None
     """PLY for the plants' true surfaces, or None."""
 
 
-def dense_shooting(plot: str, output: Path, seed: int, truth_cloud: Path | None = None) -> Shooting:
+def dense_shooting(plot: str, output: Path, outdoors: Outdoors, seed: int, truth_cloud: Path | None = None) -> Shooting:
     """A dense capture, for a reference."""
-    return Shooting(plot, output, dense_about(DENSE_VIEWS, _NEARER), None, DENSE_NOISE, seed, truth_cloud)
+    return Shooting(plot, output, dense_about(DENSE_VIEWS), None, DENSE_NOISE, outdoors, seed, truth_cloud)
 
 
 def photograph(job: Shooting) -> int:
@@ -76,27 +76,29 @@ def photograph(job: Shooting) -> int:
     scene = read_scene(scene_path(job.plot))
     noise = replace(scene.noise, position_m=job.noise[0], angle_deg=job.noise[1])
     done = simulate(
-        scene, job.stations, job.output, intrinsics=job.camera, noise=noise, seed=job.seed, truth_cloud=job.truth_cloud,
+        scene, job.stations, job.output, intrinsics=job.camera, noise=noise, outdoors=job.outdoors, seed=job.seed,
+        truth_cloud=job.truth_cloud,
     )  # fmt: skip
     return done.photographs
 
 
-def build(seed: int, cache: StageCache, place: tuple[Path, Path]) -> ReferenceReport:
-    """Build a reference from a dense capture; ``place`` are the folders of both."""
-    captures, output = place
-    return build_reference(captures, output, _settings(seed), cache=cache, progress=Silent(), scene=False)
+def build(seed: int, cache: StageCache, place: tuple[str, Path, Path]) -> ReferenceReport:
+    """Build a reference from a dense capture; ``place`` are the plot and the folders of both."""
+    plot, captures, output = place
+    return build_reference(captures, output, _settings(plot, seed), cache=cache, progress=Silent(), scene=False)
 
 
-def evaluate(seed: int, cache: StageCache, place: tuple[Path, Path, Path]) -> EvaluationReport:
+def evaluate(seed: int, cache: StageCache, place: tuple[str, Path, Path, Path]) -> EvaluationReport:
     """Reconstruct and score a plot's captures; ICP takes out how far their own positions are off.
 
-    ``place`` are the folders of captures, reference and result.
+    ``place`` are the plot, and the folders of captures, reference and result.
     """
-    captures, reference, output = place
+    plot, captures, reference, output = place
     return evaluate_captures(
-        captures, output, _settings(seed), reference=reference, refine=True, cache=cache, progress=Silent()
+        captures, output, _settings(plot, seed), reference=reference, refine=True, cache=cache, progress=Silent()
     )
 
 
-def _settings(seed: int) -> ReconstructionSettings:
-    return replace(_SETTINGS, seed=seed)
+def _settings(plot: str, seed: int) -> ReconstructionSettings:
+    """With the plot's box as bounds, whose footprint is the outline that cover is a share of."""
+    return replace(_SETTINGS, bounds=read_scene(scene_path(plot)).bounds.volume, seed=seed)

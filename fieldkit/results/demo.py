@@ -36,10 +36,14 @@ class DemoReport(Strict):
     """demo.json: what planned views are worth beside the best circle."""
 
     kind: Literal["demo"] = "demo"
-    version: Literal[3] = 3
+    version: Literal[4] = 4
     seed: int
     pose_noise: tuple[float, float]
-    """Standard deviations of the recorded flight: metres and degrees."""
+    """Standard deviations of the flights over both plots: metres and degrees."""
+    wind_m: Length
+    """Sway of the leaves by wind, root mean square half a metre out."""
+    vehicle_kg: Length
+    """Mass of the vehicle whose wash moves leaves, too."""
     reference_to_true_plants_m: Length
     """Chamfer distance of the seen plot's reference to the rendered plants, after ICP."""
     scores: tuple[DemoEntry, ...]

@@ -148,8 +148,10 @@ def circle_stages(problem: PlanningProblem) -> tuple[Sequence[Circle], Stage[Cir
     return circles(problem, _GRID, _GRID), finer_grid({"radius_m": radii, "altitude_m": altitudes}, _GRID)
 
 
-def expected_circle(problem: PlanningProblem) -> Cameras:
-    """The circle of the same grid that the geometric score ranks first; takes no photograph."""
+def expected_circle(problem: PlanningProblem, aims: int = 1) -> Cameras:
+    """The circle of the same grid, at so many heights of the aim, that the geometric score ranks first; takes no
+    photograph.
+    """
     cost_model = CostModel(problem)
-    sets = [problem.nearest(circle.cameras(problem)) for circle in circles(problem, _GRID, _GRID)]
+    sets = [problem.nearest(circle.cameras(problem)) for circle in circles(problem, _GRID, _GRID, aims)]
     return min(sets, key=lambda cameras: cost_model.cost_m(cameras, WEIGHTS, None))

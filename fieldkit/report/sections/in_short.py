@@ -12,7 +12,7 @@ from fieldkit.figures.tables.comparison import difference_table, leading_figures
 from fieldkit.figures.tables.scores import plant_tables
 from fieldkit.report.sections.campaign import campaign_anchor, plot_map, traits_table
 from fieldkit.report.sections.comparison import noise_counts
-from fieldkit.report.sections.demo import demo_blocks
+from fieldkit.report.sections.demo import demo_blocks, demo_statements
 from fieldkit.report.sections.loaded import FlownMission, PlanRun, Results
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.demo import DemoReport
@@ -39,9 +39,10 @@ def in_short(results: Results, statements: Sequence[Statement], pictures: Sequen
     to_do = tuple(each for each in statements if each.level in ("problem", "note") and each.advice)
     grouped = tuple(_grouped(to_do))
     rest = tuple(each for each in statements if each not in grouped)
-    blocks: list[Block] = [Statements((verdict(results, statements),))]
-    for demo in results.of(DemoReport):
-        blocks += demo_blocks(demo.report)
+    demos = [each.report for each in results.of(DemoReport)]
+    compared = [each for demo in demos for each in demo_statements(demo)]
+    blocks: list[Block] = [Statements((*compared, verdict(results, statements)))]
+    blocks += [block for demo in demos for block in demo_blocks(demo)]
     maps = [
         shown for k, result in enumerate(results.of(Campaign))
         if (shown := plot_map(result.report, campaign_anchor(k))) is not None

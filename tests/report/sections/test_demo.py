@@ -2,7 +2,7 @@
 
 import pytest
 
-from fieldkit.report.sections.demo import demo_verdict
+from fieldkit.report.sections.demo import MEASURED, demo_statements
 from fieldkit.results.demo import DemoEntry, DemoReport
 
 
@@ -13,7 +13,10 @@ def report(**planned_mm: float) -> DemoReport:
         for plot, value_mm in planned_mm.items()
         for views, value in (("circle", 4.0), ("planned", value_mm))
     ]  # fmt: skip
-    return DemoReport(seed=0, pose_noise=(0.02, 1.0), reference_to_true_plants_m=0.004, scores=tuple(entries))
+    return DemoReport(
+        seed=0, pose_noise=(0.02, 1.0), wind_m=0.01, vehicle_kg=1.5, reference_to_true_plants_m=0.004,
+        scores=tuple(entries),
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -26,6 +29,7 @@ def report(**planned_mm: float) -> DemoReport:
     ],
 )
 def test_the_verdict_claims_no_more_than_a_flight_can_tell(seen: float, unseen: float, level: str, said: str) -> None:
-    verdict = demo_verdict(report(seen=seen, unseen=unseen))
-    assert verdict.level == level
-    assert said in verdict.text
+    many, drawn = demo_statements(report(seen=seen, unseen=unseen))
+    assert f"{MEASURED.mean:.2f} of the best circle's distance" in many.text
+    assert drawn.level == level
+    assert said in drawn.text
