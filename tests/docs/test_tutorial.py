@@ -68,4 +68,4 @@ def test_every_command_runs_and_says_what_the_page_shows(trial: Path) -> None:
     with (trial / "season" / "traits.csv").open(encoding="utf-8", newline="") as table:
         rows = {row["plot"]: row for row in csv.DictReader(table)}
     assert sorted(rows) == ["A1", "A2", "B1", "B2"]
-    assert all(row["covered_area_m2"] or row["no_trait"] for row in rows.values())
+    assert all(row[trait] for row in rows.values() for trait in ("height_m", "cover_percent", "canopy_volume_m3"))
