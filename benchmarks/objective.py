@@ -29,7 +29,7 @@ class ObjectiveOptions:
     scenes: int = 3
     """Of `ranks`."""
     seeds: int = 5
-    """Of `ranks` and `noise`."""
+    """Of `ranks`, `noise` and `numbers`."""
     workers: int = 1
     """Number of processes of `ranks` and `noise`."""
 
@@ -77,6 +77,12 @@ def _proxy(options: ObjectiveOptions, progress: Progress) -> StudyResult:
     return run_proxy(options.data, cache=options.cache, progress=progress)
 
 
+def _numbers(options: ObjectiveOptions, progress: Progress) -> StudyResult:
+    from benchmarks.photograph_numbers import run_numbers
+
+    return run_numbers(seeds=options.seeds, workers=options.workers, progress=progress)
+
+
 STUDIES: dict[str, Callable[[ObjectiveOptions, Progress], StudyResult]] = {
     "cost": _cost,
     "throughput": _throughput,
@@ -84,6 +90,7 @@ STUDIES: dict[str, Callable[[ObjectiveOptions, Progress], StudyResult]] = {
     "noise": _noise,
     "recorded": _recorded,
     "proxy": _proxy,
+    "numbers": _numbers,
 }
 
 

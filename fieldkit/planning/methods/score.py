@@ -34,7 +34,7 @@ class ScoreOptimum:
 
     def choose(self, count: int, workers: int = 1) -> list[Trial]:
         """See `Chooser.choose`; trial k is the set of the k-th start, its notes hold the expected value in metres."""
-        find = partial(_optimum, self._problem, self._weights, self._seed, self._effort)
+        find = partial(optimum, self._problem, self._weights, self._seed, self._effort)
         found: dict[Cameras, Trial] = {}
         for k, (cameras, expected_m) in enumerate(map_parallel(find, range(count), workers=workers)):
             trial = Trial(k, cameras, "optimum of the geometric score", {"expected_m": expected_m})
@@ -46,7 +46,7 @@ class ScoreOptimum:
         return Field(self._problem, seed=self._seed, weights=self._weights).expect_m(sets, results)
 
 
-def _optimum(
+def optimum(
     problem: PlanningProblem, weights: Weights, seed: int, effort: Effort | None, number: int
 ) -> tuple[Cameras, float]:
     """The set found from the start of a number, and its expected value."""

@@ -1,0 +1,128 @@
+"""`numbers`: what `fieldkit plan -n 6,8,10` expects of distances and traits, beside evaluations outdoors."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.result import Cell, ResultTable, StudyResult
+from benchmarks.true_plants import true_traits
+from fieldkit.cache import StageCache
+from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
+from fieldkit.clouds.canopy import canopy, highest_leaf_m
+from fieldkit.clouds.metrics import nearest_distances
+from fieldkit.geometry import Pose, Similarity
+from fieldkit.planning.objective.evaluation import Rule, value_m
+from fieldkit.planning.objective.objective import FIDELITIES, Objective
+from fieldkit.planning.objective.simulated import SimulatedSource
+from fieldkit.planning.run.numbers import expected_errors, optima
+from fieldkit.planning.run.request import search_settings
+from fieldkit.planning.run.run_setup import set_up_run
+from fieldkit.planning.score.geometric import GeometricScore
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.reconstruction.pipeline import reconstruct
+from fieldkit.reconstruction.plot_frame import find_ground
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.frame import Plane
+from fieldkit.runtime.context import Context
+from fieldkit.runtime.progress import Progress
+
+SCENES, NUMBERS = ("tuning-1", "tuning-2"), (6, 8, 10, 13, 16, 20)
+_VEHICLE, _NOISE = "dji-mavic-3-enterprise", {"pose_m": 0.02, "pose_deg": 1.0}
+
+
+def run_numbers(
+    scenes: Sequence[str] = SCENES, numbers: Sequence[int] = NUMBERS, *, seeds: int = 1, workers: int = 1,
+    progress: Progress,
+) -> StudyResult:  # fmt: skip
+    """Expected and evaluated distance and errors of traits for each number of photographs.
+
+    Args:
+        seeds: draws of the photographs' noise.
+    """
+    wall, cpu = time.perf_counter(), time.process_time()
+    rows = [row for scene in scenes for row in _compared(scene, numbers, seeds, workers, progress)]
+    return StudyResult(
+        name="numbers", title="How many photographs", tables=(_table(rows),),
+        notes=(
+            f"{_NOISE['pose_m']} m and {_NOISE['pose_deg']}°, 10 mm of wind, the wash of {_VEHICLE}; standard.",
+            "Errors as nine in ten are expected within, and as evaluated on the given plot, draw by draw.",
+        ),
+        figures={"numbers": rows}, wall_s=time.perf_counter() - wall, cpu_s=time.process_time() - cpu,
+    )  # fmt: skip
+
+
+def _compared(scene: str, numbers: Sequence[int], seeds: int, workers: int, progress: Progress) -> list[dict[str, Any]]:
+    settings = search_settings(scene=Path(scene), vehicle=_VEHICLE, noise=_NOISE, method="score")
+    context = Context(StageCache(None), progress, workers)
+    with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
+        setup = set_up_run(settings, Path(folder), context)
+    scores = [GeometricScore(setup.problem, plot=plot) for plot in setup.problem.plots]
+    objective, rows = setup.objective.on(0), []
+    found = optima(setup.problem, numbers, settings, context)
+    with progress.stage(scene, seeds * len(numbers)) as advance:
+        for cameras, expected_m in found:
+            missing = 1.0 - float(np.mean([score.score(cameras).covered for score in scores]))
+            errors = expected_errors(missing, setup.problem).model_dump()
+            for seed in range(1, 1 + seeds):
+                measured = _measured(objective, cameras, seed, progress)
+                rows.append({"scene": scene, "cameras": len(cameras), "seed": seed, "expected_m": expected_m,
+                             "missing": missing, "expected": errors, **measured})  # fmt: skip
+                advance(1)
+    setup.objective.close()
+    return rows
+
+
+def _measured(objective: Objective, cameras: Cameras, seed: int, progress: Progress) -> dict[str, float]:
+    """Distance (m) and errors of height (m), area and volume (shares), with however few photographs."""
+    source = objective.source
+    assert isinstance(source, SimulatedSource)
+    flown = cameras if objective.stretch is None else cameras.stretched(objective.stretch)
+
+    def settle(points: NDArray[np.float64], poses: Mapping[str, Pose]) -> tuple[Similarity, Plane | None]:
+        return Similarity.identity(), find_ground(points, poses, seed=0, keep_upright=True)
+
+    with source.photograph(flown, FIDELITIES["standard"], seed, progress) as photos:
+        wanted = ReconstructionSettings(features=photos.features, fidelity="standard", trust_orientations=True)
+        found = reconstruct(
+            photos.capture, wanted, Context(source.cache, progress), known_plot=replace(source.plot, settle=settle),
+            reach_m=REFERENCE_REACH_M,
+        )  # fmt: skip
+    plants = found.moved_plants(icp_onto_reference(found.plants, source.reference, with_scale=True)[0])
+    to_reference, to_cloud = nearest_distances(source.reference, plants)
+    ground, true = found.sparse.frame.ground, true_traits(source.proxy)
+    assert ground is not None
+    heights, points = ground.heights(plants.points), plants.points
+    seen = canopy(points, heights, found.pixel_m)
+    return {
+        "value_m": value_m(to_cloud, to_reference, Rule()), "right": found.sparse.right,
+        "height_m": highest_leaf_m(points, heights, found.pixel_m) - true.height_m,
+        "area": seen.covered_m2 / true.covered_area_m2 - 1.0, "volume": seen.volume_m3 / true.canopy_volume_m3 - 1.0,
+    }  # fmt: skip
+
+
+def _table(rows: Sequence[dict[str, Any]]) -> ResultTable:
+    cells: list[tuple[Cell, ...]] = []
+    for key in dict.fromkeys((row["scene"], row["cameras"]) for row in rows):
+        own = [row for row in rows if (row["scene"], row["cameras"]) == key]
+        first, expected = own[0], own[0]["expected"]
+
+        def drawn(name: str, scale: float, digits: int, own: list[dict[str, Any]] = own) -> str:
+            return ", ".join(f"{scale * row[name]:+.{digits}f}" for row in own)
+
+        cells.append((
+            key[0], str(key[1]), f"{1000 * first['expected_m']:.1f}", drawn("value_m", 1000, 1).replace("+", ""),
+            f"± {1000 * expected['height_m']:.0f}", drawn("height_m", 1000, 0),
+            f"± {100 * expected['area']:.0f}", drawn("area", 100, 0),
+            f"± {100 * expected['volume']:.0f}", drawn("volume", 100, 0),
+        ))  # fmt: skip
+    columns = ("scene", "photographs>", "expected, mm>", "evaluated>", "height, mm>", "evaluated>", "area, %>",
+               "evaluated>", "volume, %>", "evaluated>")  # fmt: skip
+    return ResultTable("Expected and evaluated", columns, tuple(cells))
