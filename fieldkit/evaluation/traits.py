@@ -34,12 +34,11 @@ AREA_ERROR, VOLUME_ERROR = 0.11, 0.14
 LEAST_PHOTOGRAPHS = 9
 """With fewer the errors above do not hold: of a plot of seven photographs the height was off by 0.33 m."""
 MOST_SCALE_DOUBT = 0.10
-NEAR_M, MOST_NEAR = 2.27, 3.2
-"""Side of the square that a photograph covers at the plants from where leaves that sway by 1 cm stay within the errors
-above: in a smaller one the same sway is more of the picture; and by how much the errors are larger at most."""
-SWAY_OF_HEIGHT, SWAY_OF_AREA = 3.7e-4, 6.0e-4
-"""Sway as bursts measure it, as a share of that side, from where the errors of heights and of areas and volumes grow by
-its square; docs/traits.md says on what they were fitted."""
+STILL_SCATTER_PX = 1.05
+"""How far depths of still leaves scatter between views (`Reconstruction.scatter_px`). More is sway."""
+SCATTER_OF_HEIGHT_M, SCATTER_OF_AREA_M = 0.002, 0.0055
+"""What scatters beyond that, from where the errors of heights grow with it, and those of areas and volumes by its
+square; docs/traits.md says on what they were fitted."""
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
 _SEEN_BY, _SEEN_SHARE = 2, 0.95
 _STEP_M, _MOST_STEPS = 0.05, 40
@@ -110,7 +109,7 @@ def plot_traits(
     seen = seen if corners is None else seen.within(corners)
     height, covered, volume = highest_leaf_m(points, heights, pixel), seen.covered_m2, seen.volume_m3
     cover = None if area is None else min(100.0, 100.0 * covered / area)
-    of_height, of_area = _grown(found, points)
+    of_height, of_area = _grown(found)
     area_error = float(np.hypot(of_area * AREA_ERROR, 2.0 * NINE_IN_TEN * doubt))
     values: dict[Trait, tuple[float | None, float]] = {
         "height_m": (max(0.0, height), float(np.hypot(of_height * HEIGHT_ERROR_M, NINE_IN_TEN * doubt * height))),
@@ -135,25 +134,10 @@ def plot_traits(
     return TraitsEntry(**known, plot_area_m2=area, unknown=unknown), each
 
 
-def _grown(found: Reconstruction, points: Array) -> tuple[float, float]:
-    """How many times as large the errors of heights, and of areas and volumes, are since leaves swayed.
-
-    By the sway that bursts measured; without bursts nobody knows it, and it may be a centimetre.
-    """
-    side, sways = covered_side_m(found.sparse, points), sways_m(found)
-    if not sways:
-        near = min(MOST_NEAR, max(1.0, (NEAR_M / side) ** 2))
-        return near, near
-    share = float(np.median(list(sways.values()))) / side
-    return max(1.0, (share / SWAY_OF_HEIGHT) ** 2), max(1.0, (share / SWAY_OF_AREA) ** 2)
-
-
-def covered_side_m(sparse: SparseResult, points: Array) -> float:
-    """Side of the square as large as what a photograph covers at the middle of points (n, 3): median over them."""
-    middle = np.median(points, axis=0)
-    cameras = [(sparse.intrinsics[name], pose.center) for name, pose in sparse.poses.items()]
-    sides = [np.linalg.norm(at - middle) / c.fx * np.sqrt(c.width * c.height) for c, at in cameras]
-    return float(np.median(sides))
+def _grown(found: Reconstruction) -> tuple[float, float]:
+    """How many times as large the errors of heights, and of areas and volumes, are since leaves swayed."""
+    swayed_m = found.pixel_m * float(np.sqrt(max(0.0, found.scatter_px**2 - STILL_SCATTER_PX**2)))
+    return max(1.0, swayed_m / SCATTER_OF_HEIGHT_M), max(1.0, (swayed_m / SCATTER_OF_AREA_M) ** 2)
 
 
 def sways_m(found: Reconstruction) -> dict[str, float]:

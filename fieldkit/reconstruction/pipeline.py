@@ -23,7 +23,7 @@ from fieldkit.reconstruction.cameras import ASSUMED_35MM, assumed_camera, camera
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_points, model_poses, transform_model
 from fieldkit.reconstruction.dense import DenseSettings, View, compute_depth_maps, fuse, prepare_view
 from fieldkit.reconstruction.dense.depth_maps import expected_cost
-from fieldkit.reconstruction.dense.fusion import fusion_rule
+from fieldkit.reconstruction.dense.fusion import depth_scatter_px, fusion_rule
 from fieldkit.reconstruction.dense.resolution import MOST_PIXELS, UNSCALED_M, Resolution, resolution
 from fieldkit.reconstruction.dense.views import view_camera
 from fieldkit.reconstruction.guided import Region
@@ -103,7 +103,7 @@ def reconstruct(
     volume = settings.bounds or (known_plot.volume if known_plot is not None else None)
     volume = volume or volume_of_interest(model_points(sparse.model), sparse.poses, sparse.intrinsics)
     dense = _Dense(sparse, volume.grown(reach_m), settings, timed)
-    fused = dense.cloud(settings.mask)
+    fused, scatter_px = dense.cloud(settings.mask)
     gsd_m, ground = _ground_sampling_distance(sparse, volume), sparse.frame.ground
     above = fused
     if ground is not None:
@@ -130,7 +130,8 @@ def reconstruct(
         scene=fused if settings.mask == "none" and not reach_m else None,
         gsd_m=gsd_m,
         pixel_m=dense.pixel_m,
-        fusion_rule=fusion_rule(settings.min_agreeing_views),
+        scatter_px=scatter_px,
+        fusion_rule=fusion_rule(settings.min_agreeing_views, scatter_px),
         times=timer.times(cached),
     )
 
@@ -141,7 +142,7 @@ def with_scene(found: Reconstruction, settings: ReconstructionSettings, context:
         return found
     timer = StageTimer(context.progress, found.times)
     dense = _Dense(found.sparse, found.volume, settings, replace(context, progress=timer))
-    scene = dense.cloud("none")
+    scene, _ = dense.cloud("none")
     return replace(found, scene=scene, times=timer.times({}))
 
 
@@ -257,8 +258,8 @@ class _Dense:
     def options(self) -> DenseSettings:
         return DenseSettings(min_agreeing=self.settings.min_agreeing_views)
 
-    def cloud(self, mask: Mask) -> Cloud:
-        """The fused cloud of all views that count."""
+    def cloud(self, mask: Mask) -> tuple[Cloud, float]:
+        """The fused cloud of all views that count, and how far their depths scatter (`depth_scatter_px`)."""
         what, progress, views = "plants" if mask != "none" else "scene", self.context.progress, []
         with progress.stage(f"Undistortion ({what})", len(self.sizes)) as advance:
             for photo in self.sparse.capture.photos:
@@ -268,7 +269,8 @@ class _Dense:
         progress.note(f"{self._sizes()}; {expected_cost(views)}")
         maps = compute_depth_maps(views, self.volume, self.options, self.context, seed=self.settings.seed)
         with progress.stage(f"Fusion ({what})"):
-            return fuse(views, maps, self.volume, self.options)
+            scatter_px = depth_scatter_px(views, maps, self.volume, self.options)
+            return fuse(views, maps, self.volume, self.options, scatter_px), scatter_px
 
     @cached_property
     def sizes(self) -> Mapping[str, Resolution]:

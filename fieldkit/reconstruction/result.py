@@ -100,6 +100,8 @@ class Reconstruction:
     """Ground sampling distance at the volume's centre, median over images: metres per full-size pixel."""
     pixel_m: float
     """What a pixel of the depth maps covers at the plants, metres, median over images."""
+    scatter_px: float
+    """How far the depth maps' depths of one surface lie apart (`dense.fusion.depth_scatter_px`), their pixels."""
     fusion_rule: str
     times: tuple[StageTime, ...]
 

@@ -23,10 +23,10 @@ STAGES: Mapping[str, int] = MappingProxyType(
         "frame": 1,  # plot frame, ground, volume of interest
         "views": 3,  # undistorted photographs and masks
         "depth": 6,  # dense stereo
-        "fusion": 3,  # depth maps into one cloud
+        "fusion": 4,  # depth maps into one cloud
         "plants": 1,  # what of the cloud is plant: above the ground, without strays, in the volume
         "scores": 1,  # refinement onto the reference, distances to it
-        "figures": 4,  # traits of plants, and what predictions are made from
+        "figures": 5,  # traits of plants, and what predictions are made from
         "adherence": 1,  # of a flight to its plan
         "visit": 1,  # where a campaign's visit is placed, and what is noted of it
     }

@@ -136,6 +136,7 @@ def reconstruction(*, metric: bool = True, scene: bool = True, cloud: Cloud | No
         scene=Cloud(np.concatenate([plants.points, model_points(model)])) if scene else None,
         gsd_m=0.0004,
         pixel_m=0.001,
+        scatter_px=0.9,
         fusion_rule="2 of 10 views agree",
         times=(
             StageTime(name="Features", wall_s=1.5, cpu_s=1.4, items=8, cached=2),

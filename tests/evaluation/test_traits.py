@@ -11,11 +11,8 @@ from fieldkit.clouds.canopy import SEAM_PIXELS, rectangle
 from fieldkit.evaluation.traits import (
     AREA_ERROR,
     HEIGHT_ERROR_M,
-    MOST_NEAR,
-    SWAY_OF_AREA,
-    SWAY_OF_HEIGHT,
+    STILL_SCATTER_PX,
     PlotOutline,
-    covered_side_m,
     outline_of,
     plot_traits,
     seen_share,
@@ -34,7 +31,6 @@ PLOT = PlotOutline(rectangle((-0.2, -0.2), (0.2, 0.2)))
 @pytest.fixture(autouse=True)
 def six_suffice(monkeypatch: pytest.MonkeyPatch) -> None:
     """As many as count in the example, at its 45° and less than a metre about the plot."""
-    monkeypatch.setattr("fieldkit.evaluation.traits.NEAR_M", 0.0)
     monkeypatch.setattr("fieldkit.evaluation.traits.LEAST_PHOTOGRAPHS", 6)
     monkeypatch.setattr("fieldkit.evaluation.traits._MATCH_DEG", (3.0, 100.0))
 
@@ -49,17 +45,6 @@ def leaf(z: float = 0.15, side: float = 0.1, count: int = 20_000) -> Cloud:
 def found(cloud: Cloud | None = None, **frame: Any) -> Reconstruction:
     example = reconstruction(cloud=leaf() if cloud is None else cloud)
     return replace(example, sparse=replace(example.sparse, frame=replace(example.sparse.frame, **frame)))
-
-
-def swayed(result: Reconstruction, sway_m: float) -> Reconstruction:
-    """The same of bursts whose leaves moved by so much at the volume's centre."""
-    sparse = result.sparse
-    sways = {
-        name: sway_m * sparse.intrinsics[name].fx / float(np.linalg.norm(pose.center - result.volume.center))
-        for name, pose in sparse.poses.items()
-    }
-    photos = tuple(replace(photo, sway_px=sways.get(photo.name)) for photo in sparse.capture.photos)
-    return replace(result, sparse=replace(sparse, capture=replace(sparse.capture, photos=photos)))
 
 
 def traits(result: Reconstruction, outline: PlotOutline = PLOT) -> TraitsEntry:
@@ -94,26 +79,18 @@ class TestValues:
         moved = plot_traits(result, Cloud(result.plants.points + np.array([0.0, 0.0, 0.02])), PLOT)[0]
         assert moved.height_m == pytest.approx(0.17, abs=1e-6)
 
-    def test_from_near_more_of_what_sways_is_lost(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    @pytest.mark.parametrize(("metres", "height", "area"), [(0.0, 1.0, 1.0), (0.004, 2.0, 1.0), (0.011, 5.5, 4.0)])
+    def test_errors_grow_with_what_depths_scatter_beyond_still_leaves(
+        self, metres: float, height: float, area: float
+    ) -> None:
         result = found()
-        side = covered_side_m(result.sparse, result.plants.points)
-        errors = []
-        for near_m in (0.9 * side, 1.2 * side, 9.0 * side):
-            monkeypatch.setattr("fieldkit.evaluation.traits.NEAR_M", near_m)
-            errors.append(traits(result).height_error_m)
-        assert errors == pytest.approx([HEIGHT_ERROR_M, 1.44 * HEIGHT_ERROR_M, MOST_NEAR * HEIGHT_ERROR_M], rel=0.01)
+        scatter_px = float(np.hypot(STILL_SCATTER_PX, metres / result.pixel_m))
+        told = traits(replace(result, scatter_px=scatter_px))
+        assert told.height_error_m == pytest.approx(height * HEIGHT_ERROR_M, rel=0.02)
+        assert told.covered_area_error_m2 == pytest.approx(area * AREA_ERROR * told.covered_area_m2, rel=0.02)
 
-    def test_sway_that_bursts_measured_takes_the_place_of_the_guess(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("fieldkit.evaluation.traits.NEAR_M", 99.0)
-        result = found()
-        side = covered_side_m(result.sparse, result.plants.points)
-        errors = []
-        for share in (0.5 * SWAY_OF_HEIGHT, 2.0 * SWAY_OF_HEIGHT, 2.0 * SWAY_OF_AREA):
-            told = traits(swayed(result, share * side))
-            errors.append((told.height_error_m / HEIGHT_ERROR_M, told.covered_area_error_m2 / told.covered_area_m2))
-        growth = (2.0 * SWAY_OF_HEIGHT / SWAY_OF_AREA) ** 2, (2.0 * SWAY_OF_AREA / SWAY_OF_HEIGHT) ** 2
-        expected = [(1.0, AREA_ERROR), (4.0, growth[0] * AREA_ERROR), (growth[1], 4.0 * AREA_ERROR)]
-        np.testing.assert_allclose(errors, expected, rtol=0.02)
+    def test_depths_that_scatter_less_than_those_of_still_leaves_leave_the_errors(self) -> None:
+        assert traits(replace(found(), scatter_px=0.3)).height_error_m == pytest.approx(HEIGHT_ERROR_M, rel=0.02)
 
     def test_a_doubtful_scale_is_in_the_errors(self) -> None:
         sure, doubtful = traits(found()), traits(found(rms_m=0.08))

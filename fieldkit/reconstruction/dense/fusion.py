@@ -27,39 +27,88 @@ from fieldkit.reconstruction.dense.views import DepthMap, View
 from fieldkit.runtime.kernels import fast_kernel
 
 MAX_RELATIVE_DEPTH, MAX_REPROJECTION_PX = 0.012, 1.5
-"""Largest relative difference of two depths that agree, and largest round-trip distance of their pixels."""
+"""Largest relative difference of two depths that agree, and largest round-trip distance of their pixels, where nothing
+moves."""
+STILL_PX, WIDER, WIDEST_PX = 0.6, 3.0, 12.0
+"""Where leaves sway, the round-trip distance may be so many times what `depth_scatter_px` has above the first, at most
+the last; the relative difference is larger by the same factor. Fitted on tuning-1 and -2 (docs/experiments)."""
+_SCATTER_GATE_PX, _SCATTER_GATE_DEPTH, _SCATTER_STEP = 20.0, 0.15, 4
+"""Depths farther apart are of two surfaces; and which pixels are looked at, by row and column."""
+_SCATTER_QUANTILE = 0.75
 SEE_THROUGH_PX, SEE_THROUGH_DEPTHS = 2, 3.0
 """A view sees through a point if all of its pixels within so many are background or so many times farther behind than
 `MAX_RELATIVE_DEPTH`. Masks miss thin parts, and poses are off by a pixel."""
 
 
-def fuse(views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, settings: DenseSettings) -> Cloud:
+def fuse(
+    views: Sequence[View],
+    depth_maps: Sequence[DepthMap],
+    volume: Volume,
+    settings: DenseSettings,
+    scatter_px: float | None = None,
+) -> Cloud:
     """One cloud of the depths that several views agree on.
 
     A depth of view A agrees with view B if its point, projected into B, meets a depth there that differs by less than
     `MAX_RELATIVE_DEPTH`, and that depth's own point, projected back into A, lies within
-    `MAX_REPROJECTION_PX`. Depths that cost `MAX_COST` or more count nowhere. The point is the mean
-    of the agreeing depths along A's ray, each seen from A; its colour the mean of their pixels' (`inner_colors`),
-    its normal the mean of their normals.
+    `MAX_REPROJECTION_PX`; where leaves sway both are larger (`tolerances`). Depths that cost `MAX_COST` or more count
+    nowhere. The point is the mean of the agreeing depths along A's ray, each seen from A: of a leaf that each view
+    shows elsewhere, its mean place. Its colour is the mean of their pixels' (`inner_colors`), its normal the mean of
+    their normals.
 
-    A point is dropped unless, of all views, those that have its depth at its pixel are `DenseSettings.min_agreeing`
-    more than those that see through it. A view does so where all pixels within `SEE_THROUGH_PX` show background
-    (off the mask, inside the photograph) or depths `SEE_THROUGH_DEPTHS` times as far behind as may agree.
+    A point is dropped unless, of all views, those that have its depth (within `MAX_RELATIVE_DEPTH`, whatever sways) at
+    its pixel are `DenseSettings.min_agreeing` more than those that see through it. A view does so where all pixels
+    within `SEE_THROUGH_PX` show background (off the mask, inside the photograph) or depths `SEE_THROUGH_DEPTHS` times
+    as far behind as may agree.
 
     Args:
         depth_maps: theirs, in the same order.
+        scatter_px: `depth_scatter_px`, where it is known already.
 
     Returns:
         Points in the plot frame (metres) with colours and normals, thinned to voxels of one ground sampling distance.
     """
-    cloud = agreeing_points(views, depth_maps, volume, settings)
+    if scatter_px is None:
+        scatter_px = depth_scatter_px(views, depth_maps, volume, settings)
+    cloud = agreeing_points(views, depth_maps, volume, settings, scatter_px)
     return voxel_thin(cloud, ground_sampling_distance(views, volume)) if len(cloud) else cloud
 
 
-def agreeing_points(
+def tolerances(scatter_px: float) -> tuple[float, float]:
+    """Largest relative difference of depths that agree, and largest round-trip distance of their pixels.
+
+    Args:
+        scatter_px: how far depths scatter between views, `depth_scatter_px`.
+    """
+    pixels = max(MAX_REPROJECTION_PX, min(WIDEST_PX, WIDER * (scatter_px - STILL_PX)))
+    return MAX_RELATIVE_DEPTH * (pixels / MAX_REPROJECTION_PX), pixels
+
+
+def depth_scatter_px(
     views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, settings: DenseSettings
-) -> Cloud:
-    """What `fuse` thins."""
+) -> float:
+    """How far the views' depths of one surface lie apart, pixels: 0.9 to 1.1 of still leaves, the more the more they
+    sway between photographs.
+
+    Of every depth, the round trip to the view that agrees second best (the best agrees by chance); of those of one
+    surface, the upper quartile. 0 where no three views meet.
+    """
+    depths, cameras, bounds = _stacked(views, depth_maps)
+    trips = [
+        _second_trips(
+            i, np.array(neighbors, dtype=np.int64), depths, cameras, bounds, _SCATTER_GATE_DEPTH, _SCATTER_GATE_PX,
+            _SCATTER_STEP,
+        )
+        for i, neighbors in enumerate(choose_fusion_neighbors(views, volume, settings))
+    ]  # fmt: skip
+    every = np.concatenate(trips) if trips else np.zeros(0)
+    return float(np.quantile(every, _SCATTER_QUANTILE)) if len(every) else 0.0
+
+
+def _stacked(
+    views: Sequence[View], depth_maps: Sequence[DepthMap]
+) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.int64]]:
+    """Depths (views, rows, columns) that count, 0 elsewhere; the cameras (views, 16); the views' rows and columns."""
     size = (max(v.intrinsics.height for v in views), max(v.intrinsics.width for v in views)) if views else (1, 1)
     depths = np.zeros((len(views), *size), dtype=np.float32)
     for i, depth_map in enumerate(depth_maps):
@@ -68,6 +117,19 @@ def agreeing_points(
         depths[i, :rows, :columns] = np.where(good, depth_map.depth, np.float32(0.0))
     cameras = np.stack([_camera(view) for view in views]) if views else np.zeros((0, 16))
     bounds = np.array([(v.intrinsics.height, v.intrinsics.width) for v in views], dtype=np.int64).reshape(-1, 2)
+    return depths, cameras, bounds
+
+
+def agreeing_points(
+    views: Sequence[View],
+    depth_maps: Sequence[DepthMap],
+    volume: Volume,
+    settings: DenseSettings,
+    scatter_px: float = 0.0,
+) -> Cloud:
+    """What `fuse` thins."""
+    depths, cameras, bounds = _stacked(views, depth_maps)
+    relative, reprojection = tolerances(scatter_px)
     background, used = (np.zeros(depths.shape, dtype=np.bool_) for _ in range(2))
     colors = [view.image for view in views]
     for i, view in enumerate(views):
@@ -88,8 +150,8 @@ def agreeing_points(
             used,
             cameras,
             bounds,
-            MAX_RELATIVE_DEPTH,
-            MAX_REPROJECTION_PX,
+            relative,
+            reprojection,
             settings.min_agreeing,
             points,
             origin,
@@ -109,10 +171,11 @@ def agreeing_points(
     return crop(concatenate(parts), volume)
 
 
-def fusion_rule(min_agreeing: int) -> str:
+def fusion_rule(min_agreeing: int, scatter_px: float) -> str:
     """The rule of `fuse` in words."""
+    relative, reprojection = tolerances(scatter_px)
     return (
-        f"cost < {MAX_COST}, depths within {100 * MAX_RELATIVE_DEPTH:g} %, reprojection < {MAX_REPROJECTION_PX} px, at "
+        f"cost < {MAX_COST}, depths within {100 * relative:.2g} %, reprojection < {reprojection:.2g} px, at "
         f"least {min_agreeing} agreeing views, and as many more than see through"
     )
 
@@ -207,6 +270,43 @@ def _fuse_view(i, neighbors, depths, used, cameras, bounds, relative, reprojecti
                     used[origin[count, k, 0], origin[count, k, 1], origin[count, k, 2]] = True
             count += 1
     return count
+
+
+@fast_kernel
+def _second_trips(i, neighbors, depths, cameras, bounds, relative, reprojection, step):
+    """Second shortest round trip, pixels, of every depth of view ``i`` that two views have within these limits."""
+    found = np.empty((bounds[i, 0] // step + 1) * (bounds[i, 1] // step + 1))
+    count = 0
+    for row in range(0, bounds[i, 0], step):
+        for column in range(0, bounds[i, 1], step):
+            depth = float(depths[i, row, column])
+            if depth <= 0.0:
+                continue
+            x, y, z = _to_world(cameras, i, float(column), float(row), depth)
+            best = reprojection
+            second = reprojection
+            for k in range(neighbors.shape[0]):
+                j = neighbors[k]
+                u, v, expected = _to_pixel(cameras, j, x, y, z)
+                if expected <= 0.0 or u < -0.5 or v < -0.5 or u >= bounds[j, 1] - 0.5 or v >= bounds[j, 0] - 0.5:
+                    continue
+                other = float(depths[j, int(v + 0.5), int(u + 0.5)])
+                if other <= 0.0 or abs(other - expected) >= relative * expected:
+                    continue
+                x_j, y_j, z_j = _to_world(cameras, j, u, v, other)
+                u_i, v_i, depth_i = _to_pixel(cameras, i, x_j, y_j, z_j)
+                if depth_i <= 0.0:
+                    continue
+                trip = np.sqrt((u_i - column) ** 2 + (v_i - row) ** 2)
+                if trip < best:
+                    second = best
+                    best = trip
+                elif trip < second:
+                    second = trip
+            if second < reprojection:
+                found[count] = second
+                count += 1
+    return found[:count]
 
 
 @fast_kernel

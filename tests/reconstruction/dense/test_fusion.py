@@ -7,7 +7,16 @@ import pytest
 
 from fieldkit.clouds.volume import Volume
 from fieldkit.reconstruction.dense import DenseSettings, DepthMap, View, fuse, fusion
-from fieldkit.reconstruction.dense.fusion import agreeing_points, ground_sampling_distance
+from fieldkit.reconstruction.dense.fusion import (
+    MAX_RELATIVE_DEPTH,
+    MAX_REPROJECTION_PX,
+    WIDEST_PX,
+    agreeing_points,
+    depth_scatter_px,
+    fusion_rule,
+    ground_sampling_distance,
+    tolerances,
+)
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
 
 RULE = DenseSettings()
@@ -80,6 +89,47 @@ def test_depths_agree_within_a_round_trip(perfect, monkeypatch):
         monkeypatch.setattr(fusion, "MAX_REPROJECTION_PX", limit)
         counts.append(len(agreeing_points(*two, VOLUME, replace(RULE, min_agreeing=1))))
     assert counts[0] < counts[1] < counts[2]
+
+
+def swaying(eight: Made, share: float) -> Made:
+    """Depths before and behind the plane, of two views each at four places."""
+    views, maps = eight
+    return views, [scaled(m, 1.0 + share * (i % 4 - 1.5)) for i, m in enumerate(maps)]
+
+
+def test_depths_of_what_stands_still_hardly_scatter(eight):
+    assert depth_scatter_px(*eight, VOLUME, RULE) < 0.2
+    two = eight[0][:2], eight[1][:2]
+    assert depth_scatter_px(*two, VOLUME, RULE) == 0.0  # no second view
+
+
+def test_depths_scatter_with_what_sways(eight):
+    little, much = (depth_scatter_px(*swaying(eight, share), VOLUME, RULE) for share in (0.01, 0.04))
+    assert 0.2 < little < 0.5 * much
+
+
+def test_tolerances_are_wider_where_depths_scatter_only():
+    still = MAX_RELATIVE_DEPTH, MAX_REPROJECTION_PX
+    assert tolerances(0.0) == tolerances(1.05) == still
+    relative, pixels = tolerances(2.6)
+    assert pixels == pytest.approx(6.0)
+    assert relative == pytest.approx(4 * MAX_RELATIVE_DEPTH)
+    assert tolerances(9.0)[1] == WIDEST_PX
+    assert "depths within 1.2 %, reprojection < 1.5 px" in fusion_rule(2, 0.9)
+    assert "depths within 4.8 %, reprojection < 6 px" in fusion_rule(2, 2.6)
+
+
+def test_a_surface_that_every_view_shows_elsewhere_is_fused_at_its_mean_place(eight):
+    given = swaying(eight, 0.008)
+    strict, wide = (agreeing_points(*given, VOLUME, RULE, scatter_px) for scatter_px in (0.0, 3.0))
+    off = [np.abs(cloud.points[:, 2]).mean() for cloud in (strict, wide)]
+    assert off[1] < 0.5 * off[0]
+    assert len(wide) < len(strict)  # one layer, not two
+
+
+def test_wide_tolerances_let_no_depth_pass_that_views_see_through(eight):
+    views, maps = disputed(eight, 5)
+    assert len(agreeing_points(views, maps, VOLUME, RULE, 4.0)) < 0.05 * len(agreeing_points(*eight, VOLUME, RULE, 4.0))
 
 
 def test_dear_depths_count_nowhere(perfect):
