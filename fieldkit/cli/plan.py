@@ -37,7 +37,7 @@ def command(
     search: SearchOptions,
     envelope: EnvelopeOptions,
     run: PlanRunOptions,
-    output: Annotated[Path | None, Option("--output", "-o", help="The plan's folder. It appears at once.")] = None,
+    output: Annotated[Path | None, Option("--output", "-o", help="The plan's folder; needed for a plan.")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Find the camera poses that reconstruct a plot best.
