@@ -38,6 +38,8 @@ from fieldkit.runtime.machine import processor_seconds
 PLOTS_FILE = "plots.csv"
 RESERVED = (EVALUATION_FILE, PLOTS_FILE, TRAITS_FILE)
 """Names of an evaluation's own files, which no plot's folder has."""
+_OVERLAP = 0.5
+"""Share of a cloud near the reference from which an ICP that does not settle is at its place."""
 _DOUBTS = 3.0
 _OTHER_SHARE = 0.04
 """Chamfer distance of what is taken for other plants, as a share of the diagonal of the reference's box. Others, and
@@ -210,7 +212,7 @@ def _evaluated(
 def _refined(
     found: Reconstruction, reference: ReferenceIndex, name: str
 ) -> tuple[Cloud, CorrectionEntry | None, list[Finding]]:
-    """The cloud moved onto the reference by ICP, and by how much; as it is where ICP does not converge.
+    """The cloud moved onto the reference by ICP, and by how much; as it is where ICP finds no place for it.
 
     It is scaled, too, as far as the photographs' positions leave their scale in doubt; beyond that it is the plants
     that have another size. Where leaves swayed a scale may not settle: then it is moved only.
@@ -218,7 +220,7 @@ def _refined(
     motion, stats = icp_onto_reference(found.plants, reference, with_scale=True)
     if not (stats.converged and abs(stats.scale - 1.0) <= _DOUBTS * scale_doubt(found.sparse)):
         motion, stats = icp_onto_reference(found.plants, reference)
-    if not stats.converged:
+    if not stats.converged and stats.overlap < _OVERLAP:  # else it only wanders within noise
         message = "ICP did not converge: too little of the cloud is near the reference; it is scored where it lies"
         return found.plants, None, [Finding(name, "refinement-not-converged", message)]
     center = found.plants.points.mean(axis=0)
