@@ -43,7 +43,6 @@ class Study(StrEnum):
     MAPPINGS = "mappings"
     REFERENCES = "references"
     MATCH_DECAY = "match-decay"
-    BLIND_RINGS = "blind-rings"
     SUBSET_SCORES = "subset-scores"
     COST = "cost"
     THROUGHPUT = "throughput"
@@ -104,7 +103,7 @@ def command(
         typer.Option(
             "--scene",
             metavar="SCENE",
-            help="Repeatable; in match-decay, blind-rings and planner: a name or file; all for every one of "
+            help="Repeatable; in match-decay and planner: a name or file; all for every one of "
             "fieldkit's. The tuning scenes where not given. In chosen: a recorded set. In field-check: those held out.",
         ),
     ] = None,
@@ -157,7 +156,7 @@ def command(
     """Measure speed and accuracy on this machine, fieldkit's and an alternative's in the same run.
 
     The engine's studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
-    subset-scores, match-decay and blind-rings (quality); the objective's are cost (speed), throughput, ranks, noise,
+    subset-scores and match-decay (quality); the objective's are cost (speed), throughput, ranks, noise,
     recorded and proxy; the planner's are simulated, transfer and chosen (of recorded sets); those of missions are
     trips, poses, uploads, routes and fuzz; campaign's are season, field-check, plant-figures, plant-counts,
     score-prediction, plan-reuse, next-visit and report-size; paper's are tables, pose-noise, image-noise, new-plots

@@ -29,8 +29,7 @@ class EngineOptions:
     whole_grid: bool = False
     """In `few-views`, try every noise on every subset."""
     scenes: tuple[str, ...] = ()
-    """Of `match-decay` and `blind-rings`: names or files, "all" for all of fieldkit's; empty takes the tuning scenes.
-    """
+    """Of `match-decay`: names or files, "all" for all of fieldkit's; empty takes the tuning scenes."""
 
 
 def _dense(_: EngineOptions, progress: Progress) -> StudyResult:
@@ -100,12 +99,6 @@ def _match_decay(options: EngineOptions, progress: Progress) -> StudyResult:
     return run_match_decay(options.data, options.scenes, progress=progress)
 
 
-def _blind_rings(options: EngineOptions, progress: Progress) -> StudyResult:
-    from benchmarks.blind_rings import run_blind_rings
-
-    return run_blind_rings(options.data, options.scenes, progress=progress)
-
-
 Run = Callable[[EngineOptions, Progress], StudyResult]
 
 
@@ -131,7 +124,6 @@ STUDIES: dict[str, Run] = {
     "mappings": _on_data("mappings", "Ways to map, all photographs", _mappings),
     "references": _on_data("references", "References of the recorded sets", _references),
     "match-decay": _match_decay,
-    "blind-rings": _blind_rings,
     "subset-scores": _on_data("subset-scores", "Few views, scored", _subset_scores),
 }
 SPEED = ("help", "clouds", "dense", "evaluation", "scaling")

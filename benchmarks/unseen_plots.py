@@ -5,20 +5,27 @@ from __future__ import annotations
 import json
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.planner_runs import Place
 from benchmarks.plant_figures import error_table
 from benchmarks.result import Cell, ResultTable, StudyResult
+from benchmarks.scored_captures import scene_outline
 from benchmarks.true_plants import true_traits
 from fieldkit.cache import StageCache, digest
-from fieldkit.evaluation.evaluate import evaluate_captures
+from fieldkit.captures import read_capture
+from fieldkit.captures.bursts import by_station
+from fieldkit.errors import ReconstructionError
+from fieldkit.evaluation.conversion import failed_plot, plot_evaluation
 from fieldkit.files import write_atomic
+from fieldkit.geometry import Pose, Similarity
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.planning.objective.objective import FIDELITIES
 from fieldkit.planning.objective.simulated import Proxy
 from fieldkit.planning.problem import PlanningProblem
@@ -30,7 +37,12 @@ from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.planning.settings import EnvelopeSettings, NoiseSettings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import Circle
+from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
+from fieldkit.reconstruction.plot_frame import find_ground
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.steady import steady_capture
+from fieldkit.results.evaluation import PlotEvaluation
+from fieldkit.results.frame import Plane
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import PLAN_FILE, load_plan
 from fieldkit.results.traits import TraitsEntry
@@ -267,12 +279,8 @@ def _traits(
                 sidecars=Sidecars(poses=True, accuracy_m=noise.pose_m, camera=True),
             )  # fmt: skip
             renderer.close()
-            report = evaluate_captures(
-                Path(temporary) / "capture", Path(temporary) / "evaluation",
-                ReconstructionSettings(bounds=proxy.volume), cache=StageCache(None), progress=progress,
-            )  # fmt: skip
+            plot = _evaluated(file.stem, Path(temporary) / "capture", proxy, Context(StageCache(None), progress))
         truth = true_traits(proxy)
-        plot = report.plots[0]
         found = {
             "scene": file.stem, "sway_m": plot.sway_m, "error": plot.error,
             "found": (plot.traits or TraitsEntry()).model_dump(mode="json"),
@@ -281,3 +289,21 @@ def _traits(
         write_atomic(kept, json.dumps(found, indent=1) + "\n")
     record: dict[str, Any] = json.loads(kept.read_text("utf-8"))
     return record
+
+
+def _evaluated(name: str, folder: Path, proxy: Proxy, context: Context) -> PlotEvaluation:
+    """A capture's figures within the scene's own volume, in the scene's frame."""
+
+    def settle(points: NDArray[np.float64], poses: Mapping[str, Pose]) -> tuple[Similarity, Plane | None]:
+        return Similarity.identity(), find_ground(points, poses, seed=0, keep_upright=True)
+
+    there = KnownPlot(SourceFrame("poses.csv", None, Similarity.identity()), proxy.volume, None, settle=settle)
+    settings, capture, begun = ReconstructionSettings(), by_station(read_capture(folder)), time.perf_counter()
+    try:
+        with steady_capture(capture, context) as steady:
+            found = reconstruct(steady, settings, known_plot=there, context=context)
+    except ReconstructionError as error:
+        seconds = time.perf_counter() - begun
+        return failed_plot(name, error, photographs=len(capture.photos), seconds=seconds, cpu_seconds=0.0)
+    seconds, outline = time.perf_counter() - begun, scene_outline(found, proxy)
+    return plot_evaluation(name, found, settings, score=None, seconds=seconds, cpu_seconds=0.0, outline=outline)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from benchmarks.blind_rings import scene_rings
 from benchmarks.match_decay import (
     ANGLES,
     FIELD_MAIZE,
@@ -112,11 +111,3 @@ def test_pairs_of_a_scene_lose_matches(small_study: SceneUnderStudy) -> None:
     assert found.inliers[0] > 50
     assert found.inliers[0] > 2 * found.inliers[4]
     assert 0 < (found.plant_shares[0] or 0) < 1
-
-
-def test_rings_of_photographs_are_mapped_blindly(small_study: SceneUnderStudy) -> None:
-    runs = scene_rings(small_study, (3,), progress=Silent())
-    assert [(run.name, run.views, run.seed) for run in runs] == [
-        (name, 3, seed) for name in ("small", "small *") for seed in range(3)
-    ]
-    assert all(run.registered == (run.models or (0,))[0] for run in runs)
