@@ -50,6 +50,7 @@ class Study(StrEnum):
     NOISE = "noise"
     RECORDED = "recorded"
     PROXY = "proxy"
+    NUMBERS = "numbers"
     SIMULATED = "simulated"
     TRANSFER = "transfer"
     CHOSEN = "chosen"
@@ -156,9 +157,9 @@ def command(
     """Measure speed and accuracy on this machine, fieldkit's and an alternative's in the same run.
 
     The engine's studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
-    subset-scores and match-decay (quality); the objective's are cost (speed), throughput, ranks, noise,
-    recorded and proxy; the planner's are simulated, transfer and chosen (of recorded sets); those of missions are
-    trips, poses, uploads, routes and fuzz; campaign's are season, field-check, plant-figures, plant-counts,
+    subset-scores and match-decay (quality); the objective's are cost (speed), throughput, ranks, noise, recorded,
+    proxy and numbers; the planner's are simulated, transfer and chosen (of recorded sets); those of missions are trips,
+    poses, uploads, routes and fuzz; campaign's are season, field-check, plant-figures, plant-counts,
     score-prediction, plan-reuse, next-visit and report-size; paper's are tables, pose-noise, image-noise, new-plots
     and new-traits, all by default. FIELDKIT_DATA names the recorded image sets; studies that need them are skipped
     without it. The result holds results.json, results.md and pictures.
