@@ -9,12 +9,14 @@ from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
+import numpy as np
+
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.score.cost_model import WEIGHTS, CostModel
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import Circle, circles
 
-_GRID = 5
+_GRID, _ABOVE = 5, 1.25
 AROUND = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0))
 """The eight steps from a cell of a grid of two numbers."""
 
@@ -146,6 +148,16 @@ def circle_stages(problem: PlanningProblem) -> tuple[Sequence[Circle], Stage[Cir
     """The circles of the coarse grid, and the stage of the eight about the best of them."""
     radii, altitudes, _ = problem.ranges
     return circles(problem, _GRID, _GRID), finer_grid({"radius_m": radii, "altitude_m": altitudes}, _GRID)
+
+
+def plain_ring(problem: PlanningProblem) -> Cameras:
+    """An even ring about the plants as wide as `PlanningProblem.ranges` go, a quarter higher than they are.
+
+    On tuning-1 and -2 the best of eight rings outdoors: lower cameras see less of how leaves sway, and blow less.
+    """
+    radii, altitudes, aims = problem.ranges
+    altitude = float(np.clip(_ABOVE * problem.plots[0].height_m, *altitudes))
+    return problem.nearest(Circle(radii[1], altitude, 0.5 * sum(aims)).cameras(problem))
 
 
 def expected_circle(problem: PlanningProblem, aims: int = 1) -> Cameras:

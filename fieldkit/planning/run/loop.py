@@ -15,6 +15,7 @@ from fieldkit.planning.problem import Arbiter, Gain, Judge, Method, Result, Tria
 from fieldkit.planning.run.evaluations import Evaluations, Job
 from fieldkit.planning.run.folder import LogEntry, RunFolder, searched
 from fieldkit.planning.settings import SearchSettings, unchanging
+from fieldkit.planning.space.cameras import Cameras
 
 Stopped = Literal["converged", "evaluations", "time", "exhausted"]
 Watch = Callable[[LogEntry], None]
@@ -173,8 +174,12 @@ def confirm(
     standard = lowest([result for result in results if result.trial.cameras in evens], 1) or list(even[:1])
     cameras = standard[0].cameras
     chosen += [trial for trial in standard if cameras not in [each.cameras for each in chosen]]
-    confirmed = ranked(method, run, evaluate_again(evaluations, run, chosen, watch=watch))
-    known = next(finalist for finalist in confirmed if finalist.trial.cameras == cameras)
+    return unless_ahead(ranked(method, run, evaluate_again(evaluations, run, chosen, watch=watch)), cameras, run)
+
+
+def unless_ahead(confirmed: list[Finalist], standard: Cameras, run: RunFolder) -> list[Finalist]:
+    """The finalists with the standard one in front, unless the first is ahead of it beyond noise."""
+    known = next(finalist for finalist in confirmed if finalist.trial.cameras == standard)
     exact = run.settings.plots == 1 and unchanging(run.settings.source, run.settings.noise)
     if confirmed[0] is known or _ahead(confirmed[0], known, 0.0 if exact else _PAIRED):
         return confirmed

@@ -9,14 +9,26 @@ from pathlib import Path
 
 from fieldkit.cache import StageCache
 from fieldkit.errors import FieldkitError, ReconstructionError
+from fieldkit.planning.methods.circle import plain_ring
 from fieldkit.planning.methods.registry import METHODS, MethodEntry, method_entry
 from fieldkit.planning.methods.subsets import even_subsets
-from fieldkit.planning.problem import Chooser, Limited, Trial
+from fieldkit.planning.problem import Chooser, Limited, PlanningProblem, Trial
 from fieldkit.planning.run.evaluations import Evaluations, evaluating
 from fieldkit.planning.run.folder import RunFolder, create_run, open_run
-from fieldkit.planning.run.loop import Ending, Finalist, Watch, confirm, evaluate_again, no_watch, ranked, search
+from fieldkit.planning.run.loop import (
+    Ending,
+    Finalist,
+    Watch,
+    confirm,
+    evaluate_again,
+    no_watch,
+    ranked,
+    search,
+    unless_ahead,
+)
 from fieldkit.planning.run.outcome import Outcome, write_outcome
 from fieldkit.planning.run.run_setup import RunSetup, set_up_run
+from fieldkit.planning.score.cost_model import CostModel
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import processor_seconds
@@ -142,13 +154,29 @@ def _chosen(method: Chooser, run: RunFolder, setup: RunSetup, context: Context, 
             confirming = False
     begun, cpu = time.monotonic(), processor_seconds()
     with progress.stage("Optimising the geometric score"):
-        trials = method.choose(settings.finalists if confirming else 1, context.workers)
+        ring = _ring(setup.problem, settings) if confirming else None
+        trials = method.choose(settings.finalists - (ring is not None) if confirming else 1, context.workers)
     cost = (time.monotonic() - begun, processor_seconds() - cpu)
     confirmed = [Finalist(trial) for trial in trials]
     if confirming:
         with evaluating(setup.objective, context) as evaluations:
-            confirmed = ranked(method, run, _confirmed(evaluations, run, trials, context, watch))
+            chosen = trials if ring is None else [*trials, ring]
+            confirmed = ranked(method, run, _confirmed(evaluations, run, chosen, context, watch))
+        if ring is not None:
+            confirmed = unless_ahead(confirmed, ring.cameras, run)
     return write_outcome(run, setup, confirmed, Ending("exhausted"), choice_s=cost)
+
+
+def _ring(problem: PlanningProblem, settings: SearchSettings) -> Trial | None:
+    """The even ring that optima for plots of a kind have to beat; None for one plot or among recorded views.
+
+    The score's order of good sets outdoors is not that of evaluations (docs/experiments/score-and-planner.md).
+    """
+    if settings.plots == 1 or problem.views is not None or settings.finalists == 1:
+        return None
+    cameras = plain_ring(problem)
+    expected_m = CostModel(problem).expected_m(cameras, settings.weights, None)
+    return Trial(settings.finalists - 1, cameras, "even ring", {"expected_m": expected_m})
 
 
 def _confirmed(
