@@ -9,8 +9,7 @@ from tests.endtoend.commands import CommandLine
 from tests.endtoend.test_simulated_plot import run, write_scene
 
 SITE = Path(__file__).parents[2] / "missions" / "sites" / "example.toml"
-SHORT = ("-n", "6", "--method", "circle", "--evaluations", "2", "--finalists", "1", "--repeats", "1", "--confirm",
-         "draft", "--workers", "1")  # fmt: skip
+SHORT = ("-n", "6", "--method", "circle", "--evaluations", "2", "--repeats", "1", "--workers", "1")
 
 
 @pytest.mark.slow

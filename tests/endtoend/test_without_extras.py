@@ -77,7 +77,7 @@ def test_a_plan_by_the_score(line: CommandLine) -> None:
 @pytest.mark.slow
 def test_a_plan_for_a_kind_ranks_its_confirmations(line: CommandLine) -> None:
     (line.folder / "tiny.toml").write_text(TINY)
-    options = ("-n", "4", "--vary", "2", "--finalists", "2", "--repeats", "1", "--confirm", "draft", "--workers", "1")
+    options = ("-n", "4", "--vary", "2", "--repeats", "1", "--workers", "1")
     done = line.run("plan", "--scene", "tiny.toml", *options, "-o", "plan", "--json")
     assert done.code == 0, done.err
     assert done.json["method"] == "score"
