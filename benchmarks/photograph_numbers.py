@@ -4,33 +4,27 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from benchmarks.result import Cell, ResultTable, StudyResult
+from benchmarks.scored_captures import settle_in_scene
 from benchmarks.true_plants import true_traits
 from fieldkit.cache import StageCache
 from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
 from fieldkit.clouds.canopy import canopy, highest_leaf_m
 from fieldkit.clouds.metrics import nearest_distances
-from fieldkit.geometry import Pose, Similarity
 from fieldkit.planning.objective.evaluation import Rule, value_m
 from fieldkit.planning.objective.objective import FIDELITIES, Objective
 from fieldkit.planning.objective.simulated import SimulatedSource
-from fieldkit.planning.run.numbers import expected_errors, optima
+from fieldkit.planning.run.numbers import expected_errors, missing_shares, optima
 from fieldkit.planning.run.request import search_settings
 from fieldkit.planning.run.run_setup import set_up_run
-from fieldkit.planning.score.geometric import GeometricScore
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.reconstruction.pipeline import reconstruct
-from fieldkit.reconstruction.plot_frame import find_ground
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.results.frame import Plane
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 
@@ -64,12 +58,10 @@ def _compared(scene: str, numbers: Sequence[int], seeds: int, workers: int, prog
     context = Context(StageCache(None), progress, workers)
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
         setup = set_up_run(settings, Path(folder), context)
-    scores = [GeometricScore(setup.problem, plot=plot) for plot in setup.problem.plots]
     objective, rows = setup.objective.on(0), []
     found = optima(setup.problem, numbers, settings, context)
     with progress.stage(scene, seeds * len(numbers)) as advance:
-        for cameras, expected_m in found:
-            missing = 1.0 - float(np.mean([score.score(cameras).covered for score in scores]))
+        for (cameras, expected_m), missing in zip(found, missing_shares(setup.problem, found), strict=True):
             errors = expected_errors(missing, setup.problem).model_dump()
             for seed in range(1, 1 + seeds):
                 measured = _measured(objective, cameras, seed, progress)
@@ -85,15 +77,11 @@ def _measured(objective: Objective, cameras: Cameras, seed: int, progress: Progr
     source = objective.source
     assert isinstance(source, SimulatedSource)
     flown = cameras if objective.stretch is None else cameras.stretched(objective.stretch)
-
-    def settle(points: NDArray[np.float64], poses: Mapping[str, Pose]) -> tuple[Similarity, Plane | None]:
-        return Similarity.identity(), find_ground(points, poses, seed=0, keep_upright=True)
-
     with source.photograph(flown, FIDELITIES["standard"], seed, progress) as photos:
         wanted = ReconstructionSettings(features=photos.features, fidelity="standard", trust_orientations=True)
         found = reconstruct(
-            photos.capture, wanted, Context(source.cache, progress), known_plot=replace(source.plot, settle=settle),
-            reach_m=REFERENCE_REACH_M,
+            photos.capture, wanted, Context(source.cache, progress), reach_m=REFERENCE_REACH_M,
+            known_plot=replace(source.plot, settle=settle_in_scene),
         )  # fmt: skip
     plants = found.moved_plants(icp_onto_reference(found.plants, source.reference, with_scale=True)[0])
     to_reference, to_cloud = nearest_distances(source.reference, plants)

@@ -9,7 +9,7 @@ import json
 import shutil
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,14 +26,17 @@ from fieldkit.errors import ReconstructionError
 from fieldkit.evaluation.conversion import failed_plot, plot_evaluation
 from fieldkit.evaluation.traits import PlotOutline
 from fieldkit.files import write_atomic
+from fieldkit.geometry import Pose, Similarity
 from fieldkit.planning.objective.simulated import Proxy
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.families import families
 from fieldkit.reconstruction.pipeline import reconstruct
+from fieldkit.reconstruction.plot_frame import find_ground
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.frame import Plane
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import processor_seconds
 from fieldkit.runtime.progress import Progress
@@ -204,6 +207,11 @@ def _evaluate(folder: Path, name: str, design: Design, capture: Path, proxy: Pro
     if arrays:
         np.savez(folder / f"{name}.npz", **arrays)  # type: ignore[arg-type]
     write_atomic(folder / f"{name}.json", json.dumps(record, ensure_ascii=False) + "\n")
+
+
+def settle_in_scene(points: NDArray[np.float64], poses: Mapping[str, Pose]) -> tuple[Similarity, Plane | None]:
+    """`KnownPlot.settle` of captures in the scene's own frame: they stay there, and the ground is theirs."""
+    return Similarity.identity(), find_ground(points, poses, seed=0, keep_upright=True)
 
 
 def scene_outline(found: Reconstruction, proxy: Proxy) -> PlotOutline:

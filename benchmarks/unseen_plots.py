@@ -5,18 +5,17 @@ from __future__ import annotations
 import json
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.planner_runs import Place
 from benchmarks.plant_figures import error_table
 from benchmarks.result import Cell, ResultTable, StudyResult
-from benchmarks.scored_captures import scene_outline
+from benchmarks.scored_captures import scene_outline, settle_in_scene
 from benchmarks.true_plants import true_traits
 from fieldkit.cache import StageCache, digest
 from fieldkit.captures import read_capture
@@ -24,7 +23,7 @@ from fieldkit.captures.bursts import by_station
 from fieldkit.errors import ReconstructionError
 from fieldkit.evaluation.conversion import failed_plot, plot_evaluation
 from fieldkit.files import write_atomic
-from fieldkit.geometry import Pose, Similarity
+from fieldkit.geometry import Similarity
 from fieldkit.geometry.priors import SourceFrame
 from fieldkit.planning.objective.objective import FIDELITIES
 from fieldkit.planning.objective.simulated import Proxy
@@ -38,11 +37,9 @@ from fieldkit.planning.settings import EnvelopeSettings, NoiseSettings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import Circle
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
-from fieldkit.reconstruction.plot_frame import find_ground
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.steady import steady_capture
 from fieldkit.results.evaluation import PlotEvaluation
-from fieldkit.results.frame import Plane
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import PLAN_FILE, load_plan
 from fieldkit.results.traits import TraitsEntry
@@ -293,11 +290,7 @@ def _traits(
 
 def _evaluated(name: str, folder: Path, proxy: Proxy, context: Context) -> PlotEvaluation:
     """A capture's figures within the scene's own volume, in the scene's frame."""
-
-    def settle(points: NDArray[np.float64], poses: Mapping[str, Pose]) -> tuple[Similarity, Plane | None]:
-        return Similarity.identity(), find_ground(points, poses, seed=0, keep_upright=True)
-
-    there = KnownPlot(SourceFrame("poses.csv", None, Similarity.identity()), proxy.volume, None, settle=settle)
+    there = KnownPlot(SourceFrame("poses.csv", None, Similarity.identity()), proxy.volume, None, settle=settle_in_scene)
     settings, capture, begun = ReconstructionSettings(), by_station(read_capture(folder)), time.perf_counter()
     try:
         with steady_capture(capture, context) as steady:

@@ -62,10 +62,8 @@ def compare_numbers(
         setup = set_up_run(settings, Path(folder), context)
     counts = sorted(numbers)
     found = optima(setup.problem, counts, settings, context)
-    scores = [GeometricScore(setup.problem, plot=plot) for plot in setup.problem.plots]
     entries = []
-    for cameras, expected_m in found:
-        missing = 1.0 - float(np.mean([score.score(cameras).covered for score in scores]))
+    for (cameras, expected_m), missing in zip(found, missing_shares(setup.problem, found), strict=True):
         flight_s = None if vehicle is None else _flight_s(cameras, setup, vehicle, context)
         errors = None if len(cameras) < LEAST_PHOTOGRAPHS else expected_errors(missing, setup.problem)
         entries.append(NumberEntry(
@@ -98,6 +96,12 @@ def optima(
         found = map_parallel(find, problems, workers=context.workers, advance=advance)
     by_count = {len(cameras): (cameras, expected_m) for cameras, expected_m in found}
     return [by_count[count] for count in counts]
+
+
+def missing_shares(problem: PlanningProblem, found: Sequence[tuple[Cameras, float]]) -> list[float]:
+    """Share of the plants' surface that each of the `optima` is expected to miss, the mean over the plots."""
+    scores = [GeometricScore(problem, plot=plot) for plot in problem.plots]
+    return [1.0 - float(np.mean([score.score(cameras).covered for score in scores])) for cameras, _ in found]
 
 
 def expected_errors(missing: float, problem: PlanningProblem) -> TraitErrors:
