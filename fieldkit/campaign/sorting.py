@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
 
@@ -110,7 +110,7 @@ def sort_photographs(shots: Sequence[PhotoToSort], plots: Sequence[CampaignPlot]
     findings += odd
     order = {plot.name: k for k, plot in enumerate(plots)}
     visits.sort(key=lambda visit: (order[visit.plot], visit.date))
-    findings += _sorted_by_neighbours(placed)
+    findings += [*_sorted_by_neighbours(placed), *_clocks(placed)]
     return Sorting(tuple(visits), tuple(left_out), tuple(findings))
 
 
@@ -191,7 +191,7 @@ def _next_sure(run: Sequence[_Given], sure: Sequence[str | None], places: Iterab
 
 
 def _time(each: _Given) -> datetime:
-    taken = each.shot.photo.captured_at
+    taken = each.shot.photo.local_time
     assert taken is not None
     return taken
 
@@ -269,7 +269,7 @@ def _by_date(placed: Sequence[_Given]) -> tuple[list[SortedVisit], list[Finding]
     findings = _contradicting_dates(dated)
     visits = []
     for (plot, day), members in dated.items():
-        best, rest = best_pass([each.shot.photo.captured_at for each in members])
+        best, rest = best_pass([each.shot.photo.local_time for each in members])
         kept, others = [members[k] for k in best], [members[k] for k in rest]
         notes: tuple[str, ...] = ()
         if others:
@@ -302,6 +302,21 @@ def _contradicting_dates(dated: Mapping[tuple[str, str], Sequence[_Given]]) -> l
             message = f"in a folder of {day}, from here, {those} taken on {clock} by the camera's clock"
             findings.append(Finding(other[0].shot.place, "date-contradicts-clock", f"{message}; sorted under {day}"))
     return findings
+
+
+def _clocks(placed: Sequence[_Given]) -> Iterator[Finding]:
+    """One per folder with clocks of another time zone."""
+    told = set()
+    for each in placed:
+        photo, folder = each.shot.photo, each.shot.place.rpartition("/")[0]
+        if photo.captured_at is not None and _time(each) != photo.captured_at and folder not in told:
+            told.add(folder)
+            hours = (_time(each) - photo.captured_at).total_seconds() / 3600.0
+            message = (
+                f"from here, the camera's clock is {abs(hours):g} h {'behind' if hours > 0 else 'ahead of'} the time "
+                "of the place, as its GPS or time zone says; dates are the place's"
+            )
+            yield Finding(each.shot.place, "clock-elsewhere", message)
 
 
 def folder_date(name: str) -> str | None:

@@ -28,6 +28,9 @@ _TIME = re.compile(
     r"\s*(?:Z|UTC|[+-][0-9]{2}:?[0-9]{2})?",
     re.IGNORECASE | re.ASCII,
 )
+_OFFSET = re.compile(r"([+-])([0-9]{2}):?([0-5][0-9])", re.ASCII)
+_QUARTER, _MOST_QUARTERS, _ZONE_TOLERANCE = timedelta(minutes=15), 56, 0.2
+"""Time zones differ from UTC by whole quarters of an hour, by 14 h at most; a clock may be 3 min wrong."""
 _FOCAL_WIDTHS = (0.25, 50.0)
 """Times the longer side: from 9 mm on 35 mm film, the shortest lens that draws straight lines straight."""
 _SMALLEST_SENSOR, _SHORTEST_MM = 16.0, 9.5
@@ -58,10 +61,14 @@ def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) 
     """
     problems: list[Problem] = []
     base, detail, gps = _directories(image, png, problems)
-    xmp = _read_xmp(png.xmp if png is not None else image.info.get("xmp") or base.get(_BASE.XMLPacket), problems)
+    packets = (
+        (png.xmp,) if png is not None else (image.info.get("xmp"), *(d.get(_BASE.XMLPacket) for d in (base, detail)))
+    )
+    xmp = _read_xmp(next((packet for packet in packets if packet), None), problems)
     focal_mm = _number(detail.get(_BASE.FocalLength), positive=True)
     focal_35mm = _number(detail.get(_BASE.FocalLengthIn35mmFilm), positive=True)
     zoom = _digital_zoom(detail)
+    taken = _time(base, detail, gps)
     tagged = replace(
         photo,
         make=_text(base.get(_BASE.Make)),
@@ -73,7 +80,8 @@ def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) 
         focal_35mm=focal_35mm,
         digital_zoom=zoom,
         focal_px=_focal_px(detail, photo, focal_mm, focal_35mm, zoom, problems),
-        captured_at=_time(base, detail, gps),
+        captured_at=taken,
+        clock_ahead=_clock_ahead(taken, detail, gps),
         orientation=_orientation(base.get(_BASE.Orientation)),
         geotag=geotag_of(gps, xmp, problems),
         yaw_deg=xmp.gimbal_yaw_deg,
@@ -126,6 +134,21 @@ def _time(base: Mapping[int, Any], detail: Mapping[int, Any], gps: Mapping[int, 
         if time is not None:
             return time
     return _gps_time(gps)
+
+
+def _clock_ahead(taken: datetime | None, detail: Mapping[int, Any], gps: Mapping[int, Any]) -> timedelta | None:
+    """The camera's clock less UTC: less the GPS's time, where this makes a time zone, else as OffsetTime says."""
+    by_gps = _gps_time(gps)
+    if taken is not None and by_gps is not None:
+        quarters = (taken - by_gps) / _QUARTER
+        if abs(quarters - round(quarters)) < _ZONE_TOLERANCE and abs(quarters) <= _MOST_QUARTERS:
+            return round(quarters) * _QUARTER
+    for tag in (_BASE.OffsetTimeOriginal, _BASE.OffsetTimeDigitized, _BASE.OffsetTime):
+        found = _OFFSET.fullmatch(_text(detail.get(tag)) or "")
+        if found is not None and int(found[2]) <= _MOST_QUARTERS / 4:
+            size = timedelta(hours=int(found[2]), minutes=int(found[3]))
+            return -size if found[1] == "-" else size
+    return None
 
 
 def _read_time(text: str, fraction: str = "") -> datetime | None:

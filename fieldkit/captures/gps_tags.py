@@ -51,27 +51,27 @@ def text(value: Any) -> str | None:
 def geotag_of(gps: Mapping[int, Any], xmp: XmpData, problems: list[Problem]) -> GeoTag | None:
     """The geotag, or None; what is odd about it is added to ``problems``.
 
-    The sign of a coordinate is the XMP's where that has one, else that of the hemisphere letter; where neither is
-    there, the coordinate is named in `GeoTag.unsigned`.
+    The XMP's position counts where the EXIF has none, or a void one. The sign of a coordinate is the XMP's where that
+    has one, else that of the hemisphere letter; where neither is there, the coordinate is named in `GeoTag.unsigned`.
     """
-    if _GPS.GPSLatitude not in gps and _GPS.GPSLongitude not in gps:
-        if xmp.latitude_deg is None or xmp.longitude_deg is None:
-            return None
-        latitude, longitude = _Coordinate(xmp.latitude_deg), _Coordinate(xmp.longitude_deg)
-    else:
+    places: list[tuple[_Coordinate | None, _Coordinate | None]] = []
+    if _GPS.GPSLatitude in gps or _GPS.GPSLongitude in gps:
         north = _coordinate(gps.get(_GPS.GPSLatitude), gps.get(_GPS.GPSLatitudeRef), "NS", xmp.latitude_deg)
         east = _coordinate(gps.get(_GPS.GPSLongitude), gps.get(_GPS.GPSLongitudeRef), "EW", xmp.longitude_deg)
-        if north is None or east is None:
-            problems.append(("gps-damaged", "the GPS position cannot be read; not used"))
-            return None
-        latitude, longitude = north, east
-    if abs(latitude.degrees) < _ZERO_DEG and abs(longitude.degrees) < _ZERO_DEG:
-        problems.append(("gps-zero", "the GPS position is (0, 0), so the camera had no fix; not used"))
+        places.append((north, east))
+    if xmp.latitude_deg is not None and xmp.longitude_deg is not None:
+        places.append((_Coordinate(xmp.latitude_deg), _Coordinate(xmp.longitude_deg)))
+    voids = [_void(*place) for place in places]
+    good = voids.index(None) if None in voids else len(places)
+    if good > 0 and voids:
+        code, said = voids[0] or ("", "")
+        end = "the XMP has another one, which is used" if good < len(places) else "not used"
+        problems.append((code, f"{said}; {end}"))
+    if good == len(places):
         return None
-    if not on_earth(latitude.degrees, longitude.degrees):
-        place = f"({latitude.degrees:.5f}, {longitude.degrees:.5f})"
-        problems.append(("gps-implausible", f"GPS {place} is not on Earth; not used"))
-        return None
+    latitude, longitude = places[good]
+    assert latitude is not None
+    assert longitude is not None
     problems += [("gps-hemisphere", c.contradiction) for c in (latitude, longitude) if c.contradiction]
     map_datum = text(gps.get(_GPS.GPSMapDatum))
     if map_datum and "".join(c for c in map_datum.upper() if c.isalnum()) not in ("WGS84", "WGS1984", "EPSG4326"):
@@ -100,6 +100,17 @@ class _Coordinate(NamedTuple):
     degrees: float
     signed: bool = True
     contradiction: str = ""
+
+
+def _void(north: _Coordinate | None, east: _Coordinate | None) -> Problem | None:
+    """Why a position is none."""
+    if north is None or east is None:
+        return "gps-damaged", "the GPS position cannot be read"
+    if abs(north.degrees) < _ZERO_DEG and abs(east.degrees) < _ZERO_DEG:
+        return "gps-zero", "the GPS position is (0, 0), so the camera had no fix"
+    if not on_earth(north.degrees, east.degrees):
+        return "gps-implausible", f"GPS ({north.degrees:.5f}, {east.degrees:.5f}) is not on Earth"
+    return None
 
 
 def _coordinate(parts: Any, reference: Any, letters: str, of_xmp: float | None) -> _Coordinate | None:

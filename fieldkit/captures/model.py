@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 
 from fieldkit.captures.markers_file import MarkersFile
@@ -13,6 +13,8 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.results.finding import Finding
+
+_ZONE = timedelta(hours=4)
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,9 @@ class Photo:
     focal_px: float | None = None
     """Focal length in pixels from the EXIF (`fieldkit.captures.exif.focal_in_pixels`), digital zoom included."""
     captured_at: datetime | None = None
-    """Local time of exposure, without a time zone; UTC where only the GPS gives one."""
+    """Time of exposure by the camera's clock, without a time zone; UTC where only the GPS gives one."""
+    clock_ahead: timedelta | None = None
+    """The camera's clock less UTC, where the EXIF tells."""
     orientation: int = 1
     """The EXIF orientation tag (1–8); it is not applied."""
     geotag: GeoTag | None = None
@@ -81,6 +85,19 @@ class Photo:
     """Photographs of a burst that this one stands for, the first as well (`fieldkit.captures.bursts`)."""
     sway_px: float | None = None
     """How far leaves moved within the burst, pixels (`fieldkit.reconstruction.steady`); None where it is not known."""
+
+    @property
+    def local_time(self) -> datetime | None:
+        """`captured_at` where the photograph was taken: of a clock that runs on another zone's time in mean solar time.
+
+        Time zones keep to their longitude's mean solar time within 4 h, summer time included.
+        """
+        if self.captured_at is None or self.clock_ahead is None or self.geotag is None:
+            return self.captured_at
+        solar = timedelta(hours=round(self.geotag.longitude_deg / 15.0))
+        return (
+            self.captured_at if abs(self.clock_ahead - solar) <= _ZONE else self.captured_at - self.clock_ahead + solar
+        )
 
 
 @dataclass(frozen=True)

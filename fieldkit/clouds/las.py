@@ -26,6 +26,7 @@ _OTHER_NORMALS = (_NORMALS, ("NormalX", "NormalY", "NormalZ"), ("normal_x", "nor
 _WITH_COLOR = (2, 3, 5, 7, 8, 10)  # point formats
 _LINEAR_UNITS, _VERTICAL_UNITS = 3076, 4099  # GeoTIFF keys (OGC 19-008r4, 7.5)
 _UNITS_M = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}  # by EPSG code: metre, foot, US survey foot
+_NOISE = (7, 18)  # classes of low and high noise
 _CREATION_DATE = slice(90, 94)  # of the header: day of year and year
 _DAMAGED = "The file is damaged or was not copied completely: copy or export it again."
 _LEAST_HEADER = 227  # bytes, LAS 1.0 to 1.2
@@ -48,13 +49,16 @@ class LasCloud:
     """Pyproj's of what the file says its coordinates are in, or None."""
     units_m: tuple[float, float, float] = (1.0, 1.0, 1.0)
     """Metres per unit of the file's x, y and z."""
+    left_out: int = 0
+    """Points of the file that are noise (classes 7 and 18) or withheld, so deleted."""
 
 
 def read_las(path: Path) -> LasCloud:
     """Read a LAS or LAZ file of any version and point format that laspy knows.
 
     Colours that use only the lower 8 of their 16 bits, as some writers leave them, are taken as 8-bit ones. Normals
-    are read from the extra dimensions nx, ny, nz or NormalX, NormalY, NormalZ. Coordinates in feet, as the file's
+    are read from the extra dimensions nx, ny, nz or NormalX, NormalY, NormalZ. Noise (classes 7 and 18) and withheld
+    points, which are deleted ones, are left out (ASPRS LAS 1.4 R15, tables 8 and 17). Coordinates in feet, as its
     reference system or its GeoTIFF keys state them, become metres.
     """
     laspy = _laspy(path)
@@ -144,15 +148,18 @@ def _read(laspy: Any, file: BinaryIO, path: Path) -> LasCloud:
         points: list[NDArray[np.float64]] = []
         colors: list[NDArray[np.uint16]] = []
         normals: list[NDArray[np.float32]] = []
-        for chunk in reader.chunk_iterator(_CHUNK_POINTS):
+        count = left_out = 0
+        for whole in reader.chunk_iterator(_CHUNK_POINTS):
+            good = ~np.isin(np.asarray(whole.classification), _NOISE) & ~np.asarray(whole.withheld, dtype=bool)
+            chunk = whole if good.all() else whole[good]
+            count, left_out = count + len(whole), left_out + len(whole) - len(chunk)
             points.append(np.stack([chunk.x, chunk.y, chunk.z], axis=1).astype(np.float64))
             if header.point_format.id in _WITH_COLOR:
                 colors.append(np.stack([chunk.red, chunk.green, chunk.blue], axis=1))
             if normal_names:
                 normals.append(np.stack([chunk[n] for n in normal_names], axis=1).astype(np.float32))
-            if len(chunk) < _CHUNK_POINTS:
+            if len(whole) < _CHUNK_POINTS:
                 break  # the last one, or the file ends early
-        count = sum(map(len, points))
         if count != header.point_count:
             raise CloudError(f"ends after {count} of {header.point_count} points", path=path, remedy=_DAMAGED)
         xyz = np.concatenate(points) if points else np.zeros((0, 3))
@@ -166,7 +173,7 @@ def _read(laspy: Any, file: BinaryIO, path: Path) -> LasCloud:
         metres = (units == 1.0).all()
         cloud = Cloud(xyz if metres else xyz * units, _eight_bit(np.concatenate(colors)) if colors else None, oriented)
         epsg = crs.to_epsg() if crs is not None and metres else None
-        return LasCloud(cloud, epsg, crs, (float(units[0]), float(units[1]), float(units[2])))
+        return LasCloud(cloud, epsg, crs, (float(units[0]), float(units[1]), float(units[2])), left_out)
 
 
 def _check_sizes(file: BinaryIO, path: Path) -> None:

@@ -128,9 +128,10 @@ def open_reference(path: Path, frame: str = "", bounds: Volume | None = None) ->
 
 
 def _cloud_reference(path: Path, frame: str, bounds: Volume | None) -> CloudReference:
-    cloud, crs, units = _read(path)
+    cloud, crs, units, noise = _read(path)
     if not len(cloud):
-        raise EmptyCloudError("has no points", path=path, remedy="Give the cloud of the plot's plants.")
+        why = "has no points" if not noise else f"has {noise:,} points, all of them noise or withheld"
+        raise EmptyCloudError(why, path=path, remedy="Give the cloud of the plot's plants.")
     if frame == METRES:
         crs = None
     elif frame:
@@ -152,6 +153,7 @@ def _cloud_reference(path: Path, frame: str, bounds: Volume | None) -> CloudRefe
         origin, placed = _local(cloud, crs, units, path)
         said, shift = f"in {crs.name}", np.zeros(3)
     to_plot = Similarity(1.0, np.eye(3), shift)
+    said += f", without {noise:,} points that it marks as noise or withheld" if noise else ""
     return _with_volume(placed.transformed(to_plot), origin, to_plot, bounds, path, said)
 
 
@@ -161,16 +163,16 @@ def _is_las(path: Path) -> bool:
         return file.read(4) == b"LASF"
 
 
-def _read(path: Path) -> tuple[Cloud, Any, NDArray[np.float64] | None]:
-    """The points, what the file says they are in, and metres per unit of its coordinates; None where it says nothing.
+def _read(path: Path) -> tuple[Cloud, Any, NDArray[np.float64] | None, int]:
+    """The points, what the file says they are in, metres per unit of its coordinates, and how many it marks as noise.
 
-    The points are in metres where that is said, else in the file's unit.
+    None where it says nothing. The points are in metres where that is said, else in the file's unit.
     """
     if not _is_las(path):
-        return read_cloud(path), None, None
+        return read_cloud(path), None, None, 0
     las = read_las(path)
     units = np.array(las.units_m)
-    return las.cloud, las.crs, units if las.crs is not None or (units != 1.0).any() else None
+    return las.cloud, las.crs, units if las.crs is not None or (units != 1.0).any() else None, las.left_out
 
 
 def _check_steps(points: NDArray[np.float64], path: Path) -> None:

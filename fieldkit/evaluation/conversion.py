@@ -295,7 +295,7 @@ def points_per_voxel(points: NDArray[np.float64], edge_m: float) -> float | None
 
 def _date(capture: Capture) -> str | None:
     """Local date of the earliest photograph, ISO 8601; None where none says when it was taken."""
-    times = [photo.captured_at for photo in capture.photos if photo.captured_at is not None]
+    times = [photo.local_time for photo in capture.photos if photo.local_time is not None]
     return min(times).date().isoformat() if times else None
 
 

@@ -58,6 +58,12 @@ def _one(number: int, item: MissionItem, dialect: str, vehicle: Vehicle) -> Iter
     p1, p2, p3 = item.params[:3]
     if item.command in INTERVALS and p1 > 0.0:
         yield error("photo-interval", f"{item.name} photographs on the way, at intervals, wherever that is", number)
+    elif item.command == Command.NAV_DELAY and (p1 < 0.0 or (p1 == 0.0 and dialect == "ardupilot")):
+        clock = ":".join("--" if value < 0.0 else f"{value:02.0f}" for value in item.params[1:4])
+        message = f"NAV_DELAY waits in the air until {clock} UTC, up to a day: give parameter 1 seconds to wait"
+        yield error("delay-until", message, number)
+    elif item.command == Command.IMAGE_START_CAPTURE and p3 == p2 == 0.0 and dialect == "ardupilot":
+        return  # one photograph (ArduPilot's AP_Mission_Commands.cpp); without end by MAVLink's text alone
     elif item.command == Command.IMAGE_START_CAPTURE and p3 != 1.0:
         what = "photographs without end" if p3 == 0.0 else f"takes {count(p3, 'photograph')}"
         yield error("photo-interval", f"IMAGE_START_CAPTURE {what}, also after the vehicle has left", number)

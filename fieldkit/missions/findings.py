@@ -14,7 +14,7 @@ _CAUSES = (
     "empty", "wrong-vehicle", "unknown-item", "plan-version", "lat-lon-swapped", "other-home", "far-from-home",
     "no-home", "first-item-lost", "item-rejected", "jump-nowhere", "jump-endless", "jump-long", "too-many-items",
     "too-few-waypoints", "no-takeoff", "datum", "fence", "leg-no-fly", "leg-fence", "leg-ceiling", "leg-plants",
-    "leg-obstacle", "legs", "too-low", "endurance", "no-photographs", "missing-photo",
+    "leg-obstacle", "legs", "too-low", "delay-until", "endurance", "no-photographs", "missing-photo",
 )  # fmt: skip
 """Codes of what other findings follow from, or what is dangerous; the first matter most."""
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
+import shapely
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
-from scipy.spatial import KDTree
 
 from fieldkit.documents.mistaken import as_centimetres
 from fieldkit.geometry.geodesy import LocalFrame
@@ -14,6 +15,7 @@ from fieldkit.results.fields import Heading, Latitude, Longitude, Strict
 from fieldkit.results.mission import MissionHome
 from fieldkit.sites.terrain import STEEPEST_PERCENT, Gradient, gradient, with_plane
 from fieldkit.vehicles.vehicle import Positive
+from fieldkit.wording import listed
 
 Datum = Literal["home", "amsl", "ellipsoid"]
 """What a height is above: home, mean sea level, the WGS 84 ellipsoid."""
@@ -22,6 +24,7 @@ UNDULATION_M = 110.0
 """The geoid is nowhere farther than this from the ellipsoid (EGM96: −107 m to 86 m)."""
 _MIXED_UP_M = 10.0
 _STEEPEST = 1.0  # no field is taken off from across such a slope
+_DRAWN_TWICE = 0.3  # of the smaller of two plots; neighbours drawn by hand share less
 _SAME_PLACE_M = 0.1
 TALLEST_M = 20.0
 """Of plants."""
@@ -254,9 +257,32 @@ class Site(Strict):
                     f"{plot.name} lies {abs(ground):.0f} m {side} home and {distance:.0f} m away: "
                     "is one of the heights above another datum?"
                 )
-        if len(self.plots) > 1:
-            near, other = KDTree(origins).query(origins, k=2)
-            first = int(np.argmin(near[:, 1]))
-            if near[first, 1] < _SAME_PLACE_M:
-                names = sorted({self.plots[first].name, *(self.plots[k].name for k in other[first].tolist())})
-                raise ValueError(f"plots: {' and '.join(names[:2])} lie {near[first, 1]:.2f} m apart, at one place")
+        outlines = [_outline(plot, (x, y)) for plot, (x, y, _) in zip(self.plots, origins.tolist(), strict=True)]
+        areas = shapely.area(outlines)
+        first, second = shapely.STRtree(outlines).query(outlines, predicate="intersects")
+        shared = shapely.area(shapely.intersection(np.take(outlines, first), np.take(outlines, second)))
+        share = shared / np.minimum(areas[first], areas[second])
+        pairs = [(a, b, part) for a, b, part in zip(first.tolist(), second.tolist(), share, strict=True)
+                 if a != b and part > _DRAWN_TWICE]  # fmt: skip
+        for k, outer in enumerate(self.plots):
+            inside = [self.plots[b].name for a, b, _ in pairs if a == k and areas[b] < areas[a]]
+            if len(inside) > 1:
+                raise ValueError(
+                    f"plots: {outer.name} lies over {len(inside)} others ({listed(inside, 3)}), as the "
+                    "outline of a field does: take it out of the plots"
+                )
+        if pairs:
+            a, b, part = pairs[0]
+            raise ValueError(
+                f"plots: {self.plots[a].name} and {self.plots[b].name} lie over each other, by {part:.0%} of the "
+                "smaller one: take one of them out, or draw them side by side"
+            )
+
+
+def _outline(plot: SitePlot, at: tuple[float, float]) -> shapely.Polygon:
+    """A plot's rectangle in metres east and north; of one without a size what nothing else can share."""
+    length, width = plot.size_m or (_SAME_PLACE_M, _SAME_PLACE_M)
+    turn = math.radians(plot.row_heading_deg)
+    along = np.array([math.sin(turn), math.cos(turn)]) * length / 2
+    across = np.array([-math.cos(turn), math.sin(turn)]) * width / 2
+    return shapely.Polygon([at + along + across, at + along - across, at - along - across, at - along + across])

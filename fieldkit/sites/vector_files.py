@@ -297,6 +297,16 @@ class _GeoJson:
         if not isinstance(geometry, dict) or not isinstance(given, dict | None):
             self._fail(f"{where}: is not a feature with a geometry and properties")
         properties = {key: value for key, value in {"id": row.get("id"), **(given or {})}.items() if value is not None}
+        members = geometry.get("geometries")
+        if geometry.get("type") == "GeometryCollection" and isinstance(members, list):
+            # A polygon with its label's point, as KML's MultiGeometry has it.
+            areas = [each for each in members if isinstance(each, dict) and "Polygon" in str(each.get("type"))]
+            if len(areas) != 1:
+                self._fail(
+                    f"{where}: holds {len(members)} shapes, {len(areas)} of them polygons; a plot is one",
+                    remedy="Draw each plot as one polygon. In QGIS: Vector > Geometry Tools > Multipart to Singleparts",
+                )
+            geometry = areas[0]
         kind, coordinates = geometry.get("type"), geometry.get("coordinates")
         if kind == "Point":
             corner, height = self._position(coordinates, where)

@@ -186,3 +186,28 @@ def test_every_photograph_is_in_one_visit_or_left_out(rows: list[tuple]) -> None
     found = sort_photographs(shots, FIELD, PLAN)
     sorted_ = [place for visit in found.visits for place in visit.places] + [f.subject for f in found.left_out]
     assert sorted(sorted_) == sorted(shot.place for shot in shots)
+
+
+@pytest.mark.parametrize(
+    ("longitude_deg", "ahead_h", "date"),
+    [
+        (150.7, 0.0, "2026-07-01"),  # a clock on UTC in New South Wales: 23:20 the evening before
+        (150.7, 10.0, "2026-06-30"),
+        (150.7, None, "2026-06-30"),  # nobody says what the clock is on
+        (80.0, 8.0, "2026-06-30"),  # China has one zone
+        (-75.0, 0.0, "2026-06-30"),
+        (6.4, 2.0, "2026-06-30"),
+    ],
+)
+def test_dates_are_those_of_the_place(longitude_deg: float, ahead_h: float | None, date: str) -> None:
+    ahead = None if ahead_h is None else timedelta(hours=ahead_h)
+    shots = [
+        replace(each, photo=replace(
+            each.photo, captured_at=datetime(2026, 6, 30, 23, 20, k), clock_ahead=ahead,
+            geotag=replace(each.photo.geotag, longitude_deg=longitude_deg),
+        ), folders=("r1c1",))
+        for k, each in enumerate(flown(FIELD[0]))
+    ]  # fmt: skip
+    found = sort_photographs(shots, FIELD, PLAN)
+    assert counts(found) == {("r1c1", date): 8}
+    assert ("clock-elsewhere" in codes(found)) == (ahead_h == 0.0)

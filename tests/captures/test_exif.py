@@ -1,7 +1,7 @@
 """EXIF and DJI XMP, good and bad."""
 
 import math
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -245,3 +245,23 @@ def test_focal_lengths(photo_file: MakePhoto, detail: dict, focal_px: float | No
     photo, findings = only(path)
     assert photo.focal_px == (None if focal_px is None else pytest.approx(focal_px, rel=1e-4))
     assert findings == codes
+
+
+@pytest.mark.parametrize(
+    ("clock", "offset", "gps", "hours"),
+    [
+        ("2026:06:30 23:20:00", "+00:00", None, 0.0),
+        ("2026:06:30 23:20:00", "-03:30", None, -3.5),
+        ("2026:06:30 23:20:00", "+99:00", None, None),
+        ("2026:06:30 23:20:00", None, ("2026:06:30", (13.0, 19.0, 40.0)), 10.0),
+        ("2026:06:30 23:20:00", "+00:00", ("2026:06:30", (13.0, 20.0, 5.0)), 10.0),  # the GPS knows
+        ("2026:06:30 23:20:00", "+02:00", ("2020:01:01", (0.0, 0.0, 0.0)), 2.0),  # but not before its first fix
+        ("2026:06:30 23:20:00", None, ("2026:06:30", (13.0, 12.0, 0.0)), None),
+    ],
+)
+def test_what_zone_the_clock_is_on(
+    photo_file: MakePhoto, clock: str, offset: str | None, gps: tuple | None, hours: float | None
+) -> None:
+    detail = {0x9003: clock} | ({} if offset is None else {0x9011: offset})
+    photo, _ = only(photo_file("a.jpg", exif=exif_block(detail=detail, gps={29: gps[0], 7: gps[1]} if gps else None)))
+    assert photo.clock_ahead == (None if hours is None else timedelta(hours=hours))

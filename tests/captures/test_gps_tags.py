@@ -157,3 +157,33 @@ def test_accuracies_are_those_of_the_position(photo_file, fields, error, expecte
     gps = gps_tags(52.0, 13.0, 80.0) | ({} if error is None else {31: error})
     (tag,) = tags_of(read_capture(folder_of(photo_file, gps, xmp=dji_xmp(**fields))))
     assert (tag.horizontal_accuracy_m, tag.vertical_accuracy_m) == pytest.approx(expected)
+
+
+VOID = {1: "N", 2: (0.0, 0.0, 0.0), 3: "E", 4: (0.0, 0.0, 0.0), 6: 0.0}
+
+
+@pytest.mark.parametrize(
+    ("gps", "code"),
+    [
+        (VOID, "gps-zero"),
+        (VOID | {2: (123.0, 0.0, 0.0)}, "gps-implausible"),
+        (gps_tags(46.0, 7.0) | {2: (1.0, 2.0, 3.0, 4.0)}, "gps-damaged"),
+    ],
+)
+def test_xmp_gives_the_position_where_the_exif_s_is_void(photo_file: MakePhoto, gps: dict, code: str) -> None:
+    xmp = dji_xmp(GpsLatitude="46.8427", GpsLongitude="-91.994", AbsoluteAltitude="+198.5")
+    capture = read_capture(folder_of(photo_file, gps, xmp=xmp))
+    (tag,) = tags_of(capture)
+    assert (tag.latitude_deg, tag.longitude_deg, tag.altitude_m) == (46.8427, -91.994, 198.5)
+    assert "the XMP has another one, which is used" in said(capture, code)[0]
+    void = read_capture(folder_of(photo_file, gps, xmp=dji_xmp(GpsLatitude="0.0", GpsLongitude="0.0")))
+    assert tags_of(void) == []
+    assert said(void, code)[0].endswith("; not used")
+
+
+def test_xmp_within_a_tiffs_exif_directory(photo_file: MakePhoto) -> None:
+    packet = dji_xmp(GpsLatitude="46.8427", GpsLongitude="-91.994", GimbalPitchDegree="-60.0")
+    path = photo_file("0.tif", exif=exif_block(detail={700: packet}).tobytes())
+    (photo,) = read_capture(path.parent).photos
+    assert photo.pitch_deg == -60.0
+    assert photo.geotag is not None

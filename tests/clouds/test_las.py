@@ -11,7 +11,7 @@ from fieldkit.clouds import Cloud, read_cloud, read_las, write_cloud, write_las
 from fieldkit.errors import CloudError, UsageError
 from tests.clouds.examples import clouds, leaves
 
-pytest.importorskip("laspy", reason="LAS needs the extra geo")
+laspy = pytest.importorskip("laspy", reason="LAS needs the extra geo")
 one_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
@@ -216,3 +216,21 @@ def test_points_that_pack_well_are_read(tmp_path: Path) -> None:
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
     write_las(tmp_path / "a.laz", Cloud(points))
     assert len(read_cloud(tmp_path / "a.laz")) == len(points)
+
+
+@pytest.mark.parametrize("name", ["a.las", "a.laz"])
+@pytest.mark.parametrize("point_format", [3, 7])
+def test_noise_and_withheld_points_are_left_out(tmp_path: Path, name: str, point_format: int) -> None:
+    header = laspy.LasHeader(version="1.4", point_format=point_format)
+    header.scales = [0.001] * 3
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = np.arange(8.0), np.zeros(8), np.array([0.0, 0, 15, 0, -8, 0, 0, 0])
+    las.red = las.green = las.blue = (np.arange(8) * 257).astype(np.uint16)
+    las.classification = np.array([1, 2, 7, 5, 18, 1, 1, 9], np.uint8)
+    las.withheld = np.array([0, 0, 0, 0, 0, 0, 1, 0], np.uint8)
+    las.write(tmp_path / name)
+    read = read_las(tmp_path / name)
+    assert read.cloud.points[:, 0].tolist() == [0.0, 1.0, 3.0, 5.0, 7.0]
+    assert read.cloud.colors is not None
+    assert read.cloud.colors[:, 0].tolist() == [0, 1, 3, 5, 7]
+    assert read.left_out == 3

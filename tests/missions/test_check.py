@@ -155,7 +155,9 @@ def swapped(items: list[MissionItem]) -> list[MissionItem]:
         (with_items(changed(Command.NAV_WAYPOINT, p1=0.0)), "photo-moving"),
         (with_items(changed(Command.IMAGE_START_CAPTURE, p4=float("nan"))), "item-rejected"),
         (with_items(changed(Command.IMAGE_START_CAPTURE, p4=float("nan"))), "photo-never"),
-        (with_items(changed(Command.IMAGE_START_CAPTURE, p3=0.0)), "photo-interval"),
+        (with_items(changed(Command.IMAGE_START_CAPTURE, p2=2.0, p3=0.0)), "photo-interval"),
+        (with_items(changed(Command.NAV_DELAY, p1=-1.0, p2=14.0, p3=30.0)), "delay-until"),
+        (with_items(changed(Command.NAV_DELAY, p1=0.0)), "delay-until"),
         (with_items(as_digicam), "photo-never"),
         (with_items(lambda items: [*items, MissionItem(1001, 2, (-2.0, -2.0, 0, 0, 0, 0, 0))]), "item-rejected"),
         (with_items(changed(Command.NAV_WAYPOINT, frame=0)), "datum"),
@@ -181,6 +183,14 @@ def test_every_fault_is_found(read: ReadMission, error: str) -> None:
     report = check_mission(read, vehicle())
     assert not report.ok
     assert counted(report)[error] > 0, report.findings
+
+
+@pytest.mark.parametrize(("dialect", "ok"), [("ardupilot", True), ("px4", False)])
+def test_a_capture_without_interval_and_number_is_one_photograph_of_ardupilot(dialect: str, ok: bool) -> None:
+    items = render(small_mission(), vehicle(dialect))[int(dialect == "ardupilot") :]
+    items = list(items)
+    changed(Command.IMAGE_START_CAPTURE, p2=0.0, p3=0.0)(items)
+    assert check_mission(ReadMission("plan", tuple(items), home=HOME), vehicle(dialect)).ok == ok
 
 
 @pytest.mark.parametrize(("dialect", "command", "name"), [

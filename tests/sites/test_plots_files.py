@@ -424,3 +424,20 @@ def test_columns_that_are_not_used_are_told(tmp_path: Path) -> None:
     told: list[str] = []
     load_site(site_file(tmp_path), file, tell=told.append)
     assert told[1] == "Columns that are not used: variety, height and plant_height_cm."
+
+
+def test_a_label_point_beside_the_polygon_is_passed_over(tmp_path: Path) -> None:
+    """QGIS's label points make a MultiGeometry of a plot; two polygons of one feature are no plot."""
+    bare = write_plots(tmp_path / "bare.kml", places()[:2], "EPSG:4326", Name=list(IDS[:2]))
+    text = bare.read_text()
+    polygons = re.findall("<Polygon>.*?</Polygon>", text, re.DOTALL)
+    assert len(polygons) == 2
+    label = "<Point><coordinates>6.4,50.8,0</coordinates></Point>"
+    for beside in (label, polygons[1]):
+        other = text
+        for own in polygons:
+            other = other.replace(own, f"<MultiGeometry>{beside}{own}</MultiGeometry>")
+        (tmp_path / f"{len(beside)}.kml").write_text(other)
+    assert load_plots(tmp_path / f"{len(label)}.kml") == load_plots(bare)
+    with pytest.raises(MetadataError, match="feature 1: "):
+        load_plots(tmp_path / f"{len(polygons[1])}.kml")

@@ -151,6 +151,11 @@ def test_plots_beside_in_place_of_or_instead_of(tmp_path: Path) -> None:
     assert "--plots" in caught.value.remedy
 
 
+def _another(name: str, size_m: float, latitude_deg: float = 50.86501) -> str:
+    place = f"latitude_deg = {latitude_deg}\nlongitude_deg = 6.4473\n"
+    return f"[[plots]]\nname = '{name}'\n{place}length_m = {size_m}\nwidth_m = {size_m}\n"
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -169,7 +174,10 @@ def test_plots_beside_in_place_of_or_instead_of(tmp_path: Path) -> None:
         ("[[plots]]", '[[plots]]\nname = "a"\nlatitude_deg = 50.8650\nlongitude_deg = 6.4473\n[[plots]]\nname = "a"',
          'plots: two of them are called "a"'),
         ("[[plots]]", '[[plots]]\nname = "a"\nlatitude_deg = 50.8650001\nlongitude_deg = 6.4473\n[[plots]]\nname = "b"',
-         "plots: a and b lie 0.01 m apart, at one place"),
+         "plots: a and b lie over each other, by 89%"),
+        ("[[plots]]", f"{_another('a', 3)}[[plots]]\nname = 'b'", "plots: a and b lie over each other, by 100%"),
+        ("[[plots]]", f"{_another('all', 90)}{_another('c', 1, 50.86508)}[[plots]]\nname = 'b'",
+         "plots: all lies over 2 others (b and c), as the outline of a field does"),
         ("[[plots]]", '[[plots]]\nname = "a\\nb"', "plots 1.name: is not plain text"),
         ("[[plots]]", '[[plots]]\nname = ""', "plots 1.name: "),
         ("[[plots]]", '[[plots]]\nname = 3', "plots 1.name: "),
@@ -348,3 +356,10 @@ def test_changed_at_random(tmp_path: Path) -> None:
     assert not found.defects
     assert (found.hangs, found.written) == (0, ())
     assert found.refused > 100
+
+
+def test_plots_side_by_side_may_share_an_edge(tmp_path: Path) -> None:
+    """Drawn by hand, neighbours overlap a little."""
+    more = '[[plots]]\nname = "a"\nlatitude_deg = 50.86502\nlongitude_deg = 6.4473\nlength_m = 3\nwidth_m = 2.6\n'
+    text = SITE.replace("[[plots]]", f'{more}[[plots]]\nlength_m = 3\nwidth_m = 2.6\nname = "b"', 1)
+    assert len(load_site(site_file(tmp_path, text)).plots) == 2
