@@ -83,11 +83,13 @@ def _measured(objective: Objective, cameras: Cameras, seed: int, progress: Progr
             photos.capture, wanted, Context(source.cache, progress), reach_m=REFERENCE_REACH_M,
             known_plot=replace(source.plot, settle=settle_in_scene),
         )  # fmt: skip
-    plants = found.moved_plants(icp_onto_reference(found.plants, source.reference, with_scale=True)[0])
+    motion, _ = icp_onto_reference(found.plants, source.reference, with_scale=True)
+    plants = found.moved_plants(motion, with_ground=True)
     to_reference, to_cloud = nearest_distances(source.reference, plants)
     ground, true = found.sparse.frame.ground, true_traits(source.proxy)
     assert ground is not None
-    heights, points = ground.heights(plants.points), plants.points
+    points = plants.points
+    heights = ground.heights(motion.inverse().apply(points))
     seen = canopy(points, heights, found.pixel_m)
     return {
         "value_m": value_m(to_cloud, to_reference, Rule()), "right": found.sparse.right,

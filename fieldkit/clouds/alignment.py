@@ -15,6 +15,7 @@ from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.metrics import ReferenceIndex
 from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.clouds.thinning import voxel_thin
+from fieldkit.clouds.volume import Volume, crop
 from fieldkit.errors import EmptyCloudError
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
@@ -30,16 +31,22 @@ _MOST_POINTS = 600_000
 _SCALE_ROUNDS = 40
 _SCALE_SETTLED = 5e-5
 _MAX_SCALE_STEP = 0.2
+_OVERLAP, _NO_WORSE = 0.5, 1.05
 
 
 @dataclass(frozen=True)
 class AlignmentStats:
-    """How an alignment went and how large its correction is; whether to accept it is the caller's decision."""
+    """How an alignment went and how large its correction is."""
 
     converged: bool
-    """The last and finest level settled before it ran out of iterations."""
+    """The last and finest level settled before it ran out of iterations. Over leaves that swayed it wanders about the
+    right place: `fits` says whether that was found."""
     overlap: float
     """Share of the source's points that end up within ``pair_distance_m`` of the target."""
+    before_m: float
+    """Mean distance of the source's points to the target before it, each at most ``max_distance_m``."""
+    after_m: float
+    """The same after it."""
     rms_m: float
     """Root mean square distance of those points to their nearest neighbours, NaN where there are none."""
     pair_distance_m: float
@@ -50,6 +57,11 @@ class AlignmentStats:
     """The angle it turns by."""
     scale: float
     """The factor it scales by, 1 unless asked for."""
+
+    @property
+    def fits(self) -> bool:
+        """Whether half of the source ends up at the target, and the source no farther from it than before."""
+        return self.overlap >= _OVERLAP and self.after_m <= _NO_WORSE * self.before_m
 
 
 def icp(
@@ -94,14 +106,24 @@ def icp(
         coarse_moving = voxel_thin(moving, edge)
         transform, converged = _align_level(coarse_moving.points, coarse_fixed.points, transform, distance, with_scale)
     result = Similarity(1.0, np.eye(3), middle).after(transform)
-    return result, _stats(source, kept, result, distance, converged)
+    return result, _stats(source, kept, result, distance, max_distance_m, converged)
 
 
 def icp_onto_reference(
     cloud: Cloud, reference: Cloud | ReferenceIndex, *, with_scale: bool = False
 ) -> tuple[Similarity, AlignmentStats]:
-    """`icp` of a plot's cloud, placed by its photographs' positions, onto the plot's reference: within 5 cm."""
-    return icp(cloud, reference, max_distance_m=REFERENCE_REACH_M, with_scale=with_scale)
+    """`icp` of a plot's cloud, placed by its photographs' positions, onto the plot's reference: within 5 cm.
+
+    Only what of the cloud lies within that of the reference's box takes part. A scale that does not settle is left out,
+    since noise shrinks clouds. Where the motion does not fit (`AlignmentStats.fits`) it is the identity.
+    """
+    kept = reference if isinstance(reference, ReferenceIndex) else ReferenceIndex(reference)
+    near = crop(cloud, Volume.around(kept.cloud.points, margin_m=REFERENCE_REACH_M)) if len(kept.cloud) else cloud
+    near = near if len(near) else cloud
+    motion, stats = icp(near, kept, max_distance_m=REFERENCE_REACH_M, with_scale=with_scale)
+    if with_scale and not (stats.converged and stats.fits):
+        motion, stats = icp(near, kept, max_distance_m=REFERENCE_REACH_M)
+    return motion if stats.fits else Similarity.identity(), stats
 
 
 def _align_level(
@@ -198,14 +220,17 @@ def _scaling_step(
 
 
 def _stats(
-    source: Cloud, target: ReferenceIndex, result: Similarity, distance: float, converged: bool
+    source: Cloud, target: ReferenceIndex, result: Similarity, distance: float, reach: float, converged: bool
 ) -> AlignmentStats:
+    before, _ = target.index.nearest(source.points)
     distances, _ = target.index.nearest(result.apply(source.points))
     paired = distances[distances <= distance]
     centroid = source.points.mean(axis=0)
     return AlignmentStats(
         converged=converged,
         overlap=len(paired) / len(distances),
+        before_m=float(np.minimum(before, reach).mean()),
+        after_m=float(np.minimum(distances, reach).mean()),
         rms_m=float(np.sqrt(np.mean(paired**2))) if len(paired) else float("nan"),
         pair_distance_m=distance,
         shift_m=float(np.linalg.norm(result.apply(centroid) - centroid)),

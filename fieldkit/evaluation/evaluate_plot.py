@@ -38,8 +38,6 @@ from fieldkit.runtime.machine import processor_seconds
 PLOTS_FILE = "plots.csv"
 RESERVED = (EVALUATION_FILE, PLOTS_FILE, TRAITS_FILE)
 """Names of an evaluation's own files, which no plot's folder has."""
-_OVERLAP = 0.5
-"""Share of a cloud near the reference from which an ICP that does not settle is at its place."""
 _DOUBTS = 3.0
 _OTHER_SHARE = 0.04
 """Chamfer distance of what is taken for other plants, as a share of the diagonal of the reference's box. Others, and
@@ -170,11 +168,12 @@ def _evaluated(
     if rasters is not None:
         found = with_scene(found, settings, context)
     plants, correction, result = found.plants, None, None
+    of_reference = given.known_plot is not None and found.sparse.frame.ground == given.known_plot.ground
     findings: list[Finding] = []
     with progress.stage("Scoring"):
         if reference is not None and scoring.index is not None:
             if scoring.refine:
-                plants, correction, findings = _refined(found, scoring.index, name)
+                plants, correction, findings = _refined(found, scoring.index, name, of_reference=of_reference)
             result = score(scoring.index, plants, scoring.distances_m)
             findings += _other_plants(name, result, reference.cloud)
         (folder / place).mkdir(parents=True)
@@ -192,7 +191,8 @@ def _evaluated(
         if isinstance(reference, CloudReference):
             findings += reference.findings
         plot = plot_evaluation(
-            name, found, settings, score=result, correction=correction, findings=findings, plants=plants,
+            name, found, settings, score=result, correction=correction, findings=findings,
+            plants=plants if of_reference else None,
             outline=given.outline or outline_of(settings, settings_of_reference),
             seconds=spent.seconds, cpu_seconds=spent.cpu_seconds,
         )  # fmt: skip
@@ -210,25 +210,33 @@ def _evaluated(
 
 
 def _refined(
-    found: Reconstruction, reference: ReferenceIndex, name: str
+    found: Reconstruction, reference: ReferenceIndex, name: str, *, of_reference: bool
 ) -> tuple[Cloud, CorrectionEntry | None, list[Finding]]:
     """The cloud moved onto the reference by ICP, and by how much; as it is where ICP finds no place for it.
 
     It is scaled, too, as far as the photographs' positions leave their scale in doubt; beyond that it is the plants
-    that have another size. Where leaves swayed a scale may not settle: then it is moved only.
+    that have another size.
+
+    Args:
+        of_reference: whether the ground is the reference's, which stays, and not the capture's own.
     """
     motion, stats = icp_onto_reference(found.plants, reference, with_scale=True)
-    if not (stats.converged and abs(stats.scale - 1.0) <= _DOUBTS * scale_doubt(found.sparse)):
+    if abs(stats.scale - 1.0) > _DOUBTS * scale_doubt(found.sparse):
         motion, stats = icp_onto_reference(found.plants, reference)
-    if not stats.converged and stats.overlap < _OVERLAP:  # else it only wanders within noise
-        message = "ICP did not converge: too little of the cloud is near the reference; it is scored where it lies"
+    if not stats.fits:
+        message = (
+            f"ICP found no motion that fits: after it {100 * stats.overlap:.0f} % of the cloud is within "
+            f"{format_length(stats.pair_distance_m)} of the reference, on average {format_length(stats.after_m)} away, "
+            f"before it {format_length(stats.before_m)} (at most {format_length(REFERENCE_REACH_M)} each); it is "
+            "scored where it lies"
+        )
         return found.plants, None, [Finding(name, "refinement-not-converged", message)]
     center = found.plants.points.mean(axis=0)
     shift = np.asarray(motion.apply(center)) - center
     correction = CorrectionEntry(
         translation_m=vector(shift), angle_deg=stats.rotation_deg, scale=stats.scale, rms_m=stats.rms_m
     )
-    return found.moved_plants(motion), correction, []
+    return found.moved_plants(motion, with_ground=not of_reference), correction, []
 
 
 def _other_plants(name: str, found: CloudScore, reference: Cloud) -> list[Finding]:

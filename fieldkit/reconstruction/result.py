@@ -105,10 +105,18 @@ class Reconstruction:
     fusion_rule: str
     times: tuple[StageTime, ...]
 
-    def moved_plants(self, motion: Similarity) -> Cloud:
-        """The plants after a motion: of everything nearby, what then can be the plot's plants."""
+    def moved_plants(self, motion: Similarity, *, with_ground: bool = False) -> Cloud:
+        """The plants after a motion: of everything nearby, what then can be the plot's plants.
+
+        Args:
+            with_ground: the ground moves, too, since it was found in the same photographs.
+        """
+        ground = self.sparse.frame.ground
         moved = self.nearby.transformed(motion)
-        return moved.select(of_interest(moved.points, self.volume, self.sparse.frame.ground))
+        kept = of_interest(moved.points, self.volume, None if with_ground else ground)
+        if with_ground and ground is not None:
+            kept &= ground.heights(self.nearby.points) > clearance(ground)
+        return moved.select(kept)
 
 
 def of_interest(points: NDArray[np.float64], volume: Volume, ground: Plane | None) -> NDArray[np.bool_]:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fieldkit.clouds import Cloud, ReferenceIndex, alignment, icp, read_ply
+from fieldkit.clouds.alignment import icp_onto_reference
 from fieldkit.errors import EmptyCloudError
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.pose import rotation_from_vector
@@ -61,7 +62,8 @@ def test_leaves_far_from_the_origin() -> None:
     motion = displaced(offset, rng, shift_m=0.004, angle_deg=0.5)
     found, stats = icp(Cloud(motion.apply(source + offset)), Cloud(target + offset))
     assert error_mm(found, motion, target + offset) < 0.5
-    assert stats.converged
+    assert stats.fits
+    assert stats.after_m < stats.before_m
     assert stats.shift_m < 0.01
 
 
@@ -77,9 +79,38 @@ def test_clouds_out_of_reach_stay_where_they_are_and_say_so(with_scale: bool) ->
     far = Cloud(leaves(500) + 100.0)
     found, stats = icp(Cloud(leaves(500)), far, with_scale=with_scale)
     np.testing.assert_allclose(found.matrix(), np.eye(4), atol=1e-9)
-    assert not stats.converged
+    assert not stats.fits
     assert stats.overlap == 0.0
+    assert stats.before_m == stats.after_m == 0.02
     assert np.isnan(stats.rms_m)
+
+
+def test_what_lies_beside_the_reference_is_cropped_and_where_nothing_fits_nothing_moves() -> None:
+    rng, target = np.random.default_rng(7), leaves(12_000, seed=1)
+    source = leaves(9_000, seed=2)
+    motion = displaced(source.mean(axis=0), rng, shift_m=0.02, angle_deg=1.0)
+    beside = source + np.array([2.0, 0.0, 0.0])
+    cloud = Cloud(motion.apply(np.concatenate([source, beside, beside + 3.0])))
+    found, stats = icp_onto_reference(cloud, Cloud(target))
+    assert stats.fits
+    assert stats.overlap > 0.9
+    assert error_mm(found, motion, target) < 1.0
+    found, stats = icp_onto_reference(Cloud(beside), Cloud(target))
+    assert not stats.fits
+    np.testing.assert_array_equal(found.matrix(), np.eye(4))
+
+
+def test_a_real_plant_whose_points_wander_is_moved_nevertheless(data_folder: Path) -> None:
+    """Noise of 2 mm keeps the iterations from settling; the motion is good all the same."""
+    points = read_ply(data_folder / "basil_rig" / "reference_cloud.ply").points / 1000.0
+    rng = np.random.default_rng(2)
+    motion = displaced(points.mean(axis=0), rng, shift_m=0.015, angle_deg=3.0)
+    noisy = motion.apply(points + rng.normal(0, 0.002, points.shape))
+    for with_scale in (False, True):
+        found, stats = icp_onto_reference(Cloud(noisy), Cloud(points), with_scale=with_scale)
+        assert stats.fits
+        assert stats.scale == 1.0  # which did not settle, so there is none
+        assert error_mm(found, motion, points) < 0.8
 
 
 def test_tiny_clouds_do_not_fail() -> None:

@@ -7,7 +7,9 @@ import pytest
 
 from fieldkit.clouds import Cloud, Volume, score
 from fieldkit.evaluation.evaluate_plot import _other_plants, _refined, scale_doubt
+from fieldkit.geometry import Similarity
 from fieldkit.reconstruction.result import Reconstruction
+from fieldkit.results.frame import Plane
 from tests.evaluation.examples import reconstruction
 from tests.evaluation.test_compare import leaves
 
@@ -34,7 +36,7 @@ def test_plants_of_another_size_are_not_scaled_away(scale: float, rms_m: float |
     reference = leaves(0, noise_m=0.0)
     middle = reference.points.mean(axis=0)
     cloud = Cloud(middle + scale * (reference.points - middle) + [0.004, -0.003, 0.002], reference.colors)
-    moved, correction, _ = _refined(found_with(cloud, rms_m), reference, "plot")
+    moved, correction, _ = _refined(found_with(cloud, rms_m), reference, "plot", of_reference=True)
     assert correction.scale == pytest.approx(1.0 / scale if scaled else 1.0, abs=0.002)
     error = np.linalg.norm(moved.points - reference.points, axis=1).mean()
     assert (error < 0.001) == scaled
@@ -45,9 +47,20 @@ def test_a_cloud_whose_icp_does_not_settle_is_moved_only(monkeypatch: pytest.Mon
     monkeypatch.setattr("fieldkit.clouds.alignment._ITERATIONS", 1)
     reference = leaves(0, noise_m=0.0)
     cloud = Cloud(reference.points + np.array([0.004, -0.003, 0.002]), reference.colors)
-    moved, correction, findings = _refined(found_with(cloud, 0.03), reference, "plot")
+    moved, correction, findings = _refined(found_with(cloud, 0.03), reference, "plot", of_reference=True)
     assert (correction.scale, findings) == (1.0, [])
     assert np.linalg.norm(moved.points - reference.points, axis=1).mean() < 0.001
+
+
+def test_a_ground_of_the_capture_s_own_moves_with_its_plants() -> None:
+    reference = leaves(0, noise_m=0.0)
+    low = Cloud(reference.points - [0.0, 0.0, 0.02])
+    plane = Plane((0.0, 0.0, 1.0), float(low.points[:, 2].min()) - 0.01, 0.002, 0.5, 0.01)
+    found = found_with(low, None)
+    found = replace(found, sparse=replace(found.sparse, frame=replace(found.sparse.frame, ground=plane)))
+    lift = Similarity(1.0, np.eye(3), [0.0, 0.0, -0.02])
+    assert len(found.moved_plants(lift, with_ground=True)) == len(low)
+    assert len(found.moved_plants(lift)) < len(low)
 
 
 def test_other_plants_are_not_scored_without_a_word() -> None:
@@ -57,8 +70,9 @@ def test_other_plants_are_not_scored_without_a_word() -> None:
     (finding,) = _other_plants("plot", score(reference, moved), reference)
     assert finding.code == "other-plants"
     far, correction, findings = _refined(
-        found_with(Cloud(reference.points + np.array([5.0, 0.0, 0.0])), None), reference, "plot"
+        found_with(Cloud(reference.points + np.array([5.0, 0.0, 0.0])), None), reference, "plot", of_reference=True
     )
     assert [each.code for each in findings] == ["refinement-not-converged"]
+    assert "0 % of the cloud is within" in findings[0].message
     assert correction is None  # it is scored where it lies
     np.testing.assert_array_equal(far.points, reference.points + np.array([5.0, 0.0, 0.0]))
