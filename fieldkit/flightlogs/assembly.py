@@ -105,6 +105,8 @@ class TriggerSource:
     boot: str = ""
     """Time since boot; else that of the table."""
     utc: str = ""
+    result: str = ""
+    """1 for a photograph, 0 where none was taken, −1 where nobody knows."""
 
 
 @dataclass(frozen=True)
@@ -147,11 +149,12 @@ def flight_log(
         utc_offset_s: UTC less time since boot, where it is known.
         commanded: used where no gimbal reports.
     """
-    told, home, found = list(remarks), _home(tables, layout.home, float("inf")), []
+    told, home, found, failed = list(remarks), _home(tables, layout.home, float("inf")), [], set[int]()
     source = next((each for each in layout.triggers if each.message in tables), None)
     if source is not None:
         shots = _one_camera(tables[source.message], source.camera, told)
         home = _home(tables, layout.home, float(np.min(shots.stamps_s, initial=np.inf)))
+        shots, failed = _taken(shots, source, told)
         found = _triggers(shots, source, clock, utc_offset_s, home)
         if len(found) < len(shots):
             untimed = count(len(shots) - len(found), "trigger message has", "trigger messages have")
@@ -161,7 +164,7 @@ def flight_log(
     for stamp, trigger in sorted(found, key=lambda entry: entry[1].time_s):
         once.setdefault((trigger.time_s, trigger.image), (stamp, trigger))
     triggers = tuple(_completed(trigger, stamp, track, commanded) for stamp, trigger in once.values())
-    return FlightLog(path, kind, clock, home, triggers, track, (*told, *_missing_numbers(triggers)))
+    return FlightLog(path, kind, clock, home, triggers, track, (*told, *_missing_numbers(triggers, failed)))
 
 
 def _one_camera(shots: Table, column: str, told: list[str]) -> Table:
@@ -171,6 +174,22 @@ def _one_camera(shots: Table, column: str, told: list[str]) -> Table:
         return shots
     told.append(f"the log has triggers of {len(known)} cameras; camera {known[0]:.0f} is used")
     return shots.select(cameras == known[0])
+
+
+def _taken(shots: Table, source: TriggerSource, told: list[str]) -> tuple[Table, set[int]]:
+    """Without the triggers that the camera says failed, and these' numbers; all where it says so of all."""
+    results = shots.column(source.result)
+    failed = results == 0.0
+    if not failed.any():
+        return shots, set()
+    if failed.all():
+        told.append("the camera reports each of its photographs as failed, which is not believed")
+        return shots, set()
+    told.append(
+        f"{count(int(failed.sum()), 'trigger')} failed, as the camera reports: no photographs of those are expected"
+    )
+    numbers = shots.column(source.image)[failed]
+    return shots.select(~failed), set(numbers[np.isfinite(numbers)].astype(int).tolist())
 
 
 def _home(tables: Tables, source: Source, before_s: float) -> Place | None:
@@ -282,10 +301,11 @@ def _completed(trigger: Trigger, stamp: float, track: Track, commanded: Commande
     )
 
 
-def _missing_numbers(triggers: Sequence[Trigger]) -> list[str]:
+def _missing_numbers(triggers: Sequence[Trigger], failed: set[int]) -> list[str]:
     """A remark where the autopilot's numbers say that trigger messages are missing from the log."""
-    numbers = [t.image for t in triggers if t.image is not None]
-    if len(numbers) < 2 or numbers != sorted(set(numbers)):
+    taken = [t.image for t in triggers if t.image is not None]
+    numbers = sorted({*taken, *failed})
+    if len(numbers) < 2 or taken != sorted(set(taken)):
         return []
     absent = numbers[-1] - numbers[0] + 1 - len(numbers)
     if not 0 < absent <= 100_000:

@@ -126,13 +126,15 @@ def geotag(
 
 def _burst_remarks(flight: FlightLog, matches: Matches) -> Iterator[str]:
     """How many photographs each station has, in the order they are flown, where these are bursts."""
-    bursts = bursts_of(flight.triggers)
-    photographs = np.bincount(bursts[[pair.trigger for pair in matches.pairs]], minlength=int(bursts.max()) + 1)
+    counted = np.setdiff1d(np.arange(len(flight.triggers)), matches.doubled)
+    bursts = bursts_of([flight.triggers[k] for k in counted])
+    matched = np.searchsorted(counted, [pair.trigger for pair in matches.pairs])
+    photographs = np.bincount(bursts[matched], minlength=int(bursts.max()) + 1)
     usual = int(np.bincount(np.bincount(bursts)).argmax())
     if usual > 1:
         yield f"{count(len(photographs), 'station')}, {(photographs >= usual).sum()} with {usual} photographs or more"
     for k in np.flatnonzero(photographs < usual) if usual > 1 else ():
-        first = int(np.argmax(bursts == k))
+        first = counted[np.argmax(bursts == k)]
         yield f"station {k + 1} of the flight, from trigger {first} on, has {photographs[k]} of {usual} photographs"
 
 

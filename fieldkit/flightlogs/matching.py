@@ -15,13 +15,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.flightlogs.likelihood import Fit, Observed, assign, fit_to
-from fieldkit.flightlogs.model import Trigger, bursts_of
+from fieldkit.flightlogs.model import Trigger, bursts_of, doubled
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.wording import count
 
@@ -74,6 +74,8 @@ class Matches:
     """Names of those without a trigger, in the order given."""
     triggers: tuple[int, ...]
     """Indices of those without a photograph."""
+    doubled: tuple[int, ...] = ()
+    """Indices of those that repeat the one before (`fieldkit.flightlogs.model.doubled`) and are not counted."""
     ambiguous: tuple[str, ...] = ()
     """Names of those among ``photographs`` that could belong to more than one trigger."""
     offset_s: float | None = None
@@ -94,8 +96,17 @@ def match(photographs: Sequence[Stamp], triggers: Sequence[Trigger], *, offset_s
         offset_s: camera's clock less the triggers', where it is known; to within 2 s; it decides between
             offsets that fit alike.
     """
-    observed = _observed(photographs, triggers)
     remarks: list[str] = []
+    again = doubled(triggers, len(photographs))
+    if again:
+        kept = np.setdiff1d(np.arange(len(triggers)), again).tolist()
+        firsts = match(photographs, [triggers[k] for k in kept], offset_s=offset_s)
+        said = f"{count(len(again), 'trigger repeats', 'triggers repeat')} the one before within 0.3 s; not counted"
+        return replace(
+            firsts, pairs=tuple(replace(pair, trigger=kept[pair.trigger]) for pair in firsts.pairs),
+            triggers=tuple(kept[k] for k in firsts.triggers), doubled=again, remarks=(said, *firsts.remarks),
+        )  # fmt: skip
+    observed = _observed(photographs, triggers)
     pairs: dict[int, int] = {}
     ambiguous: set[int] = set()
     fit: Fit | None = None

@@ -19,6 +19,7 @@ LogKind = Literal["tlog", "dataflash", "ulog"]
 YawFrame = Literal["vehicle", "north"]
 
 _REACH_S = 1.0
+_DOUBLED_S = 0.3
 _BURST_S, _HOVER_M = 3.0, 0.3
 """Between two triggers of a burst at most."""
 
@@ -93,12 +94,32 @@ class Trigger:
     """Whether place and attitude are the track's at that time and not the trigger message's own."""
 
 
-def bursts_of(triggers: Sequence[Trigger]) -> NDArray[np.int_]:
-    """(m,) which burst each trigger of a flight is of, from 0; all are alone where most would be: odd ones are none."""
+def doubled(triggers: Sequence[Trigger], photographs: int) -> tuple[int, ...]:
+    """Triggers that repeat the one before: where most come within 0.3 s of it at one place, and photographs do not.
+
+    A hot shoe that bounces, or a message for the command and one for the camera, as some autopilots write it.
+    """
+    if len(triggers) < 2:
+        return ()
+    near_s, apart_m = np.diff([t.time_s for t in triggers]), _apart_m(triggers)
+    again = (near_s <= _DOUBLED_S) & ~(apart_m > _HOVER_M)
+    single = len(triggers) - int(again.sum())
+    return (
+        tuple((np.flatnonzero(again) + 1).tolist())
+        if 2 * again.sum() >= single and 2 * photographs <= 3 * single
+        else ()
+    )
+
+
+def _apart_m(triggers: Sequence[Trigger]) -> NDArray[np.float64]:
     places = [(t.place.latitude_deg, t.place.longitude_deg) if t.place else (np.nan, np.nan) for t in triggers]
     latitudes, longitudes = np.reshape(places, (-1, 2)).T
-    apart_m = np.linalg.norm(np.diff(geodetic_to_ecef(latitudes, longitudes, 0.0), axis=0), axis=1)
-    stays = (np.diff([t.time_s for t in triggers]) <= _BURST_S) & (apart_m <= _HOVER_M)
+    return np.asarray(np.linalg.norm(np.diff(geodetic_to_ecef(latitudes, longitudes, 0.0), axis=0), axis=1))
+
+
+def bursts_of(triggers: Sequence[Trigger]) -> NDArray[np.int_]:
+    """(m,) which burst each trigger of a flight is of, from 0; all are alone where most would be: odd ones are none."""
+    stays = (np.diff([t.time_s for t in triggers]) <= _BURST_S) & (_apart_m(triggers) <= _HOVER_M)
     bursts = np.cumsum(np.concatenate([[0], ~stays]))[: len(triggers)]
     sizes = np.unique(bursts, return_counts=True)[1]
     return bursts if len(triggers) and np.bincount(sizes).argmax() > 1 else np.arange(len(triggers))

@@ -44,7 +44,7 @@ _MESSAGES: dict[int, tuple[str, dict[str, float]]] = {
     242: ("HOME_POSITION", {"latitude": 1e-7, "longitude": 1e-7, "altitude": 1e-3}),
     263: ("CAMERA_IMAGE_CAPTURED", {
         "time_boot_ms": 1e-3, "time_utc": 1e-6, "camera_id": 1.0, "lat": 1e-7, "lon": 1e-7, "alt": 1e-3,
-        "relative_alt": 1e-3, "image_index": 1.0,
+        "relative_alt": 1e-3, "image_index": 1.0, "capture_result": 1.0,
     }),
     265: ("MOUNT_ORIENTATION", {"time_boot_ms": 1e-3, "roll": 1.0, "pitch": 1.0, "yaw": 1.0}),
     285: ("GIMBAL_DEVICE_ATTITUDE_STATUS", {"time_boot_ms": 1e-3, "flags": 1.0, "q": 1.0}),
@@ -59,7 +59,7 @@ _LAYOUT = Layout(
         TriggerSource("CAMERA_FEEDBACK", "img_idx", ("lat", "lng", "alt_msl", "alt_rel"), ("roll", "pitch", "yaw"),
                       "cam_idx", "time_usec", "time_usec"),
         TriggerSource("CAMERA_IMAGE_CAPTURED", "image_index", ("lat", "lon", "alt", "relative_alt"),
-                      camera="camera_id", boot="time_boot_ms", utc="time_utc"),
+                      camera="camera_id", boot="time_boot_ms", utc="time_utc", result="capture_result"),
         TriggerSource("CAMERA_TRIGGER", "seq", boot="time_usec", utc="time_usec"),
     ),
     position=("GLOBAL_POSITION_INT", ("lat", "lon", "alt", "relative_alt")),

@@ -26,7 +26,7 @@ _GNSS = ("vehicle_gps_position", "sensor_gps")
 _PLACE = ("lat", "lon", "alt")
 _LAYOUT = Layout(
     triggers=tuple(
-        TriggerSource(name, "seq", _PLACE, boot="timestamp", utc="timestamp_utc")
+        TriggerSource(name, "seq", _PLACE, boot="timestamp", utc="timestamp_utc", result="result")
         for name in ("camera_capture", "camera_trigger")
     ),
     position=("vehicle_global_position", _PLACE),

@@ -163,6 +163,50 @@ def test_bursts_are_matched_in_order_and_counted_by_station(photo_file: MakePhot
     assert not kept.extra
 
 
+def logged(photo_file: MakePhoto, tmp_path: Path, results: list[int], *, again: bool = False) -> tuple[Path, Path]:
+    """A PX4 log of shots 10 s apart with the camera's reports, and photographs of those not 0, by a fast clock.
+
+    With ``again`` every trigger is there twice, 0.2 s apart.
+    """
+    topics, fields = flight(), flight()["camera_capture"][0]
+    shots = [(15_000_000 + 10_000_000 * k, result) for k, result in enumerate(results)]
+    double = [(t + late, result) for t, result in shots for late in ((0, 200_000) if again else (0,))]
+    rows = [(t, t + UTC_US, k, 50.0 + 2e-12 * (t // 10_000_000), 7.0, 103.5, r) for k, (t, r) in enumerate(double)]
+    log = tmp_path / "flight.ulg"
+    log.write_bytes(write_ulog({**topics, "camera_capture": (fields, rows)}))
+    taken = [t for t, result in shots if result or not any(results)]
+    for k, t in enumerate(taken):
+        folder = make(photo_file, f"{k}.jpg", (t + UTC_US) * 1e-6 + 10_800.0).parent
+    return folder, log
+
+
+def test_triggers_that_failed_have_no_photograph(photo_file: MakePhoto, tmp_path: Path) -> None:
+    folder, log = logged(photo_file, tmp_path, [0, *[1] * 5, 0, *[1] * 5])
+    report = geotag(folder, log, tmp_path / "poses.csv")
+    assert (len(report.poses), report.triggers) == (10, 10)
+    assert "2 triggers failed, as the camera reports: no photographs of those are expected" in report.remarks
+    assert not any("missing from the log" in remark for remark in report.remarks)
+
+
+@pytest.mark.parametrize("result", [0, -1])
+def test_a_camera_that_reports_no_success_at_all_is_not_believed(
+    photo_file: MakePhoto, tmp_path: Path, result: int
+) -> None:
+    folder, log = logged(photo_file, tmp_path, [result] * 8)
+    report = geotag(folder, log, tmp_path / "poses.csv")
+    assert (len(report.poses), report.triggers) == (8, 8)
+    assert any("not believed" in remark for remark in report.remarks) == (result == 0)
+
+
+def test_two_messages_of_one_trigger_count_once(photo_file: MakePhoto, tmp_path: Path) -> None:
+    folder, log = logged(photo_file, tmp_path, [1] * 9, again=True)
+    report = geotag(folder, log, tmp_path / "poses.csv")
+    assert [pair.trigger for pair in report.matches.pairs] == list(range(0, 18, 2))
+    assert (report.matches.triggers, report.matches.doubled) == ((), tuple(range(1, 18, 2)))
+    assert "9 triggers repeat the one before within 0.3 s; not counted" in report.remarks
+    assert not any("station" in remark for remark in report.remarks)
+
+
 def test_what_cannot_be_done(photo_file: MakePhoto, tmp_path: Path) -> None:
     folder = make(photo_file, "a.jpg", 1.7e9).parent
     with pytest.raises(MetadataError, match="of 1 photograph none could"):

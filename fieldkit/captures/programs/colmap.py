@@ -6,6 +6,7 @@ aligned (`colmap model_aligner`), which its files do not say.
 
 from __future__ import annotations
 
+import math
 import mmap
 import os
 import struct
@@ -44,7 +45,8 @@ def read_colmap(given: PosesFile) -> ProgramPoses:
     """The registered images of the model in a folder."""
     folder, frame = given.path, given.frame
     try:
-        poses, cameras, findings = _contents(_load(folder))
+        model, lacking = _load(folder)
+        poses, cameras, findings = _contents(model)
     except MetadataError:
         raise
     except Exception as error:  # pycolmap raises ValueError, IndexError, RuntimeError or MemoryError
@@ -52,6 +54,9 @@ def read_colmap(given: PosesFile) -> ProgramPoses:
         raise MetadataError(f"COLMAP cannot read this model: {detail}", path=folder, remedy=_REMEDY) from error
     if not poses:
         raise MetadataError("no image of this model is registered", path=folder, remedy=_REMEDY)
+    if lacking:
+        message = f"has no line of points behind {lacking} of {len(poses)} images, as COLMAP has it; all are read"
+        findings.append(Finding("images.txt", "poses-odd", message))
     origin = None
     said = "in metres, as was said" if frame else "without metric scale, since COLMAP's files have none"
     if frame and frame != METRES:
@@ -88,8 +93,8 @@ def _contents(model: pycolmap.Reconstruction) -> tuple[dict[str, Pose], list[Cam
     return poses, cameras, findings
 
 
-def _load(folder: Path) -> pycolmap.Reconstruction:
-    """The model without its points, which may be many and are not needed."""
+def _load(folder: Path) -> tuple[pycolmap.Reconstruction, int]:
+    """The model without its points, which may be many and are not needed; how many images lack their line of points."""
     suffix = colmap_suffix(folder)
     if suffix is None:
         raise MetadataError("this folder holds no COLMAP model", path=folder, remedy=_REMEDY)
@@ -104,11 +109,47 @@ def _load(folder: Path) -> pycolmap.Reconstruction:
                 _check(file, name if binary else "")
                 (bare / file.name).symlink_to(file)
         (bare / f"points3D{suffix}").write_bytes(bytes(8) if binary else b"")
+        lacking = 0 if binary else _with_lines_of_points(bare / "images.txt")
         model = pycolmap.Reconstruction(os.fspath(bare))
     cameras = folder / f"cameras{suffix}"
     if binary and cameras.stat().st_size != 8 + sum(24 + 8 * len(own.params) for own in model.cameras.values()):
         raise _damaged(cameras)
-    return model
+    return model, lacking
+
+
+def _with_lines_of_points(link: Path) -> int:
+    """Put an images.txt whose images lack the line of points behind them, of which COLMAP skips every second, in order.
+
+    Blank lines are of points where they stand behind an image. Returns how many lacked theirs; the file stays as it is
+    where none did.
+    """
+    lines, lacking, waits = list[str](), 0, False
+    with open_regular(link.resolve()) as file:
+        for raw in file:
+            line = raw.decode("utf-8", "surrogateescape").rstrip("\r\n")
+            if line.startswith("#") or (not waits and not line.strip()):
+                continue
+            image = not _is_points(line)
+            if image and waits:
+                lines.append("")
+                lacking += 1
+            lines.append(line if image else "")
+            waits = image
+    lacking += waits
+    if lacking > waits:  # the last one's line may be blank and cut off
+        link.unlink()
+        link.write_bytes("\n".join([*lines, ""]).encode("utf-8", "surrogateescape") + b"\n")
+        return lacking
+    return 0
+
+
+def _is_points(line: str) -> bool:
+    """Whether a line is x, y and a point's number for each keypoint, or blank: one of an image ends in its name."""
+    words = line.split()
+    try:
+        return len(words) % 3 == 0 and all(math.isfinite(float(word)) for word in words)
+    except ValueError:
+        return False
 
 
 def _check(file: Path, kind: str) -> None:

@@ -10,6 +10,7 @@ manual's p1 is OpenCV's p2 and the other way round.
 
 from __future__ import annotations
 
+from collections import Counter
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -48,7 +49,9 @@ def read_metashape_xml(given: PosesFile) -> ProgramPoses:
 
 def _chunk(chunk: Element, chunks: int, given: PosesFile) -> ProgramPoses:
     aligned: dict[str, tuple[str | None, str | None, Pose]] = {}
-    missing = 0
+    missing, again = 0, set[str]()
+    labels = Counter(camera.get("label", "") for camera in chunk.iter("camera") if camera.find("transform") is not None)
+    groups = {camera: group.get("label", "") for group in chunk.iter("group") for camera in group.iter("camera")}
     for camera in chunk.iter("camera"):
         label, matrix = camera.get("label", ""), camera.find("transform")
         if matrix is None:
@@ -56,9 +59,15 @@ def _chunk(chunk: Element, chunks: int, given: PosesFile) -> ProgramPoses:
             continue
         values = _numbers(matrix.text, 16, f"the transform of {label}").reshape(4, 4)
         pose = Pose(_rotation(values[:3, :3], label).T, values[:3, 3])
-        aligned.setdefault(label, (camera.get("sensor_id"), camera.get("component_id"), pose))
+        if labels[label] > 1 and camera in groups:  # groups are folders, as a rule
+            label = f"{groups[camera]}/{label}"
+        if label in aligned:
+            again.add(label)
+        aligned[label] = (camera.get("sensor_id"), camera.get("component_id"), pose)
+    aligned = {label: pose for label, pose in aligned.items() if label not in again}
     if not aligned:
-        raise MetadataError("has no camera that is aligned", path=given.path, remedy="Align the photographs first.")
+        why = "no camera that is aligned" if not again else f"each aligned camera twice, as {min(again)}"
+        raise MetadataError(f"has {why}", path=given.path, remedy="Align the photographs first, each once.")
     keys = [key for _, key, _ in aligned.values()]
     main = max(sorted(set(keys), key=str), key=keys.count)
     others = count(len(keys) - keys.count(main), "photograph is", "photographs are")
@@ -66,6 +75,7 @@ def _chunk(chunk: Element, chunks: int, given: PosesFile) -> ProgramPoses:
         f"Metashape has not aligned {missing} of its photographs" if missing else "",
         f"of {chunks} chunks the one with most cameras is used" if chunks > 1 else "",
         f"{others} in other components; not used" if keys.count(main) < len(keys) else "",
+        f"{count(len(again), 'label is', 'labels are')} there twice ({min(again)}); not used" if again else "",
     ]
     findings = [Finding(given.path.name, "poses-apart", message) for message in said if message]
     poses = {label: pose for label, (_, key, pose) in aligned.items() if key == main}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -36,7 +37,7 @@ def program_of(
         given: a result that was named; it counts instead of one in the folders.
     """
     if given is not None:
-        found, odd = _of_photographs(read_result(given), sizes)
+        found, odd = _of_photographs(read_result(given), sizes, folders[-1])
         if found is None:
             raise MetadataError(
                 f"has poses of none of the photographs (the folder has {next(iter(sizes))})", path=given.path,
@@ -49,7 +50,7 @@ def program_of(
             findings.append(Finding(path.name, "sidecar-unused", f"{found.path.name} of {found.program} is used"))
             continue
         try:
-            found, odd = _of_photographs(read_result(PosesFile(path)), sizes)
+            found, odd = _of_photographs(read_result(PosesFile(path)), sizes, folders[-1])
         except MetadataError as error:
             remedy = f"{error.remedy} Or move it out of the photographs' folder."
             raise MetadataError(error.message, path=error.path or path, remedy=remedy) from error
@@ -106,13 +107,22 @@ def _in_folder(folder: Path) -> Iterator[Path]:
 
 
 def _of_photographs(
-    result: ProgramPoses, sizes: dict[str, tuple[int, int]]
+    result: ProgramPoses, sizes: dict[str, tuple[int, int]], folder: Path
 ) -> tuple[ProgramPoses | None, list[Finding]]:
     """Of these photographs. Orientations and cameras of those that the program had upright do not count."""
-    matched: dict[str, str] = {}
-    for entry, name in match_names(result.poses, list(sizes)).items():
-        if name not in matched.values():
-            matched[entry] = name
+    meant = match_names(result.poses, list(sizes))
+    if len(set(meant.values())) < len(meant):  # photographs of several folders: theirs may tell
+        own = {f"{folder.name}/{name}": name for name in sizes}
+        meant = {entry: own[name] for entry, name in match_names(result.poses, own).items()} or meant
+    times = Counter(meant.values())
+    matched = {entry: name for entry, name in meant.items() if times[name] == 1}
+    doubtful = sorted(name for name, number in times.items() if number > 1)
+    if not matched and doubtful:
+        raise MetadataError(
+            f"has several poses of each photograph of the folder, as {doubtful[0]}", path=result.path,
+            remedy="Photographs of several folders have one name. Put them into folders called as the program has "
+            "them, or export the poses of these alone.",
+        )  # fmt: skip
     if not matched:
         return None, []
     found = result.renamed(matched)
@@ -128,6 +138,9 @@ def _of_photographs(
         f"{100 * POSITION_SHARE:g} % of the cameras' spread and {found.angle_accuracy_deg:.2g}°"
     )
     findings = [Finding(found.path.name, "program-poses", said)]
+    if doubtful:
+        message = f"{result.program} has several poses of {wording.listed(doubtful, 3)}, of other folders; not used"
+        findings.append(Finding(found.path.name, "poses-apart", message))
     if found.unoriented:
         names = ", ".join(sorted(found.unoriented)[:3])
         message = (

@@ -1,5 +1,6 @@
 """Captures whose poses another program found."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from fieldkit.reconstruction.known_poses import known_poses
 from tests.captures.photographs import MakePhoto
 from tests.captures.programs.known_set import (
     CAMERA,
+    LOCAL,
     NAMES,
     ORIGIN,
     about,
@@ -237,3 +239,38 @@ def test_a_result_outside_the_folder_behind_a_link_is_not_read(photographs: Path
     write_colmap(tmp_path / "elsewhere", truth())
     (photographs / "sparse").symlink_to(tmp_path / "elsewhere")
     assert read_capture(photographs).program is None
+
+
+def test_photographs_of_two_folders_with_one_name_are_told_apart_or_refused(photographs: Path) -> None:
+    """Another plot's DJI_0001 lies 60 m away, in the file's first group."""
+    still = Similarity(1.0, np.eye(3), np.zeros(3))
+    away = moved(truth(), Similarity(1.0, np.eye(3), np.array([60.0, 0.0, 0.0])))
+    file = write_metashape(photographs / "cameras.xml", truth(), reference=LOCAL, motion=still)
+    text = file.read_text()
+    write_metashape(file, away, reference=LOCAL, motion=still)
+    cameras, others = (re.findall(r"<camera .*?</camera>", each) for each in (text, file.read_text()))
+    both = "".join(
+        f'<group label="{label}" type="folder">{"".join(own)}</group>'
+        for label, own in (("100MEDIA", others), (photographs.name, cameras))
+    )
+    file.write_text(re.sub("<cameras.*</cameras>", f"<cameras>{both}</cameras>", text, flags=re.DOTALL))
+    assert_close(prior_poses(read_capture(photographs)), truth(), 1e-6, 1e-4)
+    file.write_text(file.read_text().replace(f'label="{photographs.name}"', 'label="101MEDIA"'))
+    with pytest.raises(MetadataError, match="has several poses of each photograph"):
+        read_capture(photographs)
+    file.write_text(text.replace(cameras[1], cameras[0]))
+    said = [f.message for f in read_capture(photographs).findings if f.code == "poses-apart"]
+    assert any("1 label is there twice (Group 1/DJI_0001.JPG); not used" in each for each in said)
+
+
+def test_colmaps_images_without_their_lines_of_points(photographs: Path) -> None:
+    """COLMAP itself would pass over every second image."""
+    model = write_colmap(photographs / "sparse" / "0", truth(), text=True)
+    lines = (model / "images.txt").read_text().splitlines()
+    images = [line for line in lines if line.endswith(".JPG")]
+    for text in (images, [*images[:3], "", *images[3:]], [*images[:3], "", *images[3:], ""]):
+        (model / "images.txt").write_text("\n".join(["# images", *text]) + "\n")
+        capture = read_capture(photographs)
+        assert capture.program is not None
+        assert_close(capture.program.poses, truth(), 1e-6, 1e-4)
+        assert "poses-odd" in codes(capture)
