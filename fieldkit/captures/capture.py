@@ -14,7 +14,15 @@ from PIL import Image
 
 from fieldkit.captures.camera_file import CameraEntry, read_camera_file
 from fieldkit.captures.cameras import group_cameras
-from fieldkit.captures.decode import PngMetadata, dark_refusal, jpeg_is_complete, read_png_metadata, tiff_refusal
+from fieldkit.captures.compared import against_gps, several_places
+from fieldkit.captures.decode import (
+    PngMetadata,
+    dark_refusal,
+    jpeg_is_complete,
+    read_png_metadata,
+    saved_again,
+    tiff_refusal,
+)
 from fieldkit.captures.exif import with_exif
 from fieldkit.captures.folder import Candidate, folders_of_photographs, list_capture
 from fieldkit.captures.geo_txt import read_geo_txt
@@ -143,7 +151,7 @@ def assembled(
         *folders,
         photos=tuple(photos),
         groups=tuple(groups),
-        findings=(*findings, *of_cameras, *odd, *priors.findings),
+        findings=(*findings, *of_cameras, *odd, *priors.findings, *several_places(photos, priors.priors)),
         priors=priors.priors,
         metric_source=priors.metric_source,
         origin=priors.origin,
@@ -244,16 +252,30 @@ def _opened(candidate: Candidate, max_pixels: int) -> tuple[Photo, list[Problem]
 
 
 def distinct(photos: Sequence[Photo], located: Collection[str] = ()) -> tuple[list[Photo], list[Finding]]:
-    """One photograph of each content: the first that is ``located``, else the first."""
+    """One photograph of each content: the first that is ``located``, else the first.
+
+    Of one that was saved again by another program, the largest counts, and of these the shortest name.
+    """
     kept: dict[str, Photo] = {}
     for photo in sorted(photos, key=lambda each: each.name not in located):
         kept.setdefault(photo.sha256, photo)
-    findings = [
-        Finding(photo.name, "duplicate", f"the same bytes as {kept[photo.sha256].name}", True)
-        for photo in photos
-        if photo is not kept[photo.sha256]
-    ]
-    return [photo for photo in photos if photo is kept[photo.sha256]], findings
+    why = {
+        photo.name: f"the same bytes as {kept[photo.sha256].name}"
+        for photo in photos if photo is not kept[photo.sha256]
+    }  # fmt: skip
+    moments: dict[tuple[object, ...], list[Photo]] = {}
+    for photo in kept.values():
+        if photo.captured_at is not None:
+            place = photo.geotag and (round(photo.geotag.latitude_deg, 7), round(photo.geotag.longitude_deg, 7))
+            moments.setdefault((photo.captured_at, place, photo.make, photo.model, photo.serial), []).append(photo)
+    for alike in moments.values():
+        alike.sort(key=lambda each: (each.name not in located, -each.width * each.height, len(each.name)))
+        for k, photo in enumerate(alike):
+            first = next((e for e in alike[:k] if e.name not in why and saved_again(e.path, photo.path)), None)
+            if first is not None:
+                why[photo.name] = f"{first.name} again, saved by another program"
+    findings = [Finding(photo.name, "duplicate", why[photo.name], True) for photo in photos if photo.name in why]
+    return [photo for photo in photos if photo.name not in why], findings
 
 
 def listed_names(sidecars: Mapping[str, Path]) -> list[str]:
@@ -332,6 +354,7 @@ def _priors(photos: Sequence[Photo], parts: Sequence[Part], program: ProgramPose
             continue
         try:
             priors = made(photos, rows)
+            findings += against_gps(photos, priors.priors, priors.origin, kind)
         except MetadataError as error:
             path = next(part.sidecars[kind] for part in parts if kind in part.sidecars)
             raise MetadataError(error.message, path=error.path or path, remedy=error.remedy) from error
@@ -339,7 +362,12 @@ def _priors(photos: Sequence[Photo], parts: Sequence[Part], program: ProgramPose
             findings.append(Finding("geo.txt", "sidecar-unused", "poses.csv is used instead"))
         return replace(priors, findings=(*findings, *priors.findings))
     if program is not None and program.metric:
-        return priors_from_program(photos, program)
+        priors = priors_from_program(photos, program)
+        try:
+            odd = against_gps(photos, priors.priors, priors.origin, program.path.name)
+        except MetadataError as error:
+            raise MetadataError(error.message, path=program.path, remedy=error.remedy) from error
+        return replace(priors, findings=(*priors.findings, *odd))
     return priors_from_gps(photos)
 
 

@@ -21,6 +21,7 @@ from fieldkit.regular_files import open_regular
 _SCAN_MARKER = re.compile(rb"\xff+[^\x00\xd0-\xd7\xff]")
 _MAX_XMP_BYTES = 1 << 20
 _LEAST_DEEP_VALUE = 1 << 12  # what uses fewer than 13 of 16 bits leaves less than 16 grey levels
+_DETAIL_PX, _SAME_DETAIL = 256, 0.9
 _STANDALONE = frozenset({0x01, *range(0xD0, 0xD9)})
 _REDUCED = {
     2: (cv2.IMREAD_REDUCED_COLOR_2, cv2.IMREAD_REDUCED_GRAYSCALE_2),
@@ -188,3 +189,33 @@ def _itxt_text(chunk: bytes) -> bytes | None:
         return zlib.decompressobj().decompress(parts[2], _MAX_XMP_BYTES)
     except zlib.error:
         return None
+
+
+def saved_again(one: Path, other: Path) -> bool:
+    """Whether two files are one photograph that another program saved again, smaller or otherwise compressed.
+
+    Fine detail is compared: two exposures of a burst differ in it. Files that a camera has numbered on are never one.
+    """
+    (head, number), (other_head, other_number) = (_numbered(path.stem) for path in (one, other))
+    if number and other_number and number != other_number and head == other_head:
+        return False
+    try:
+        details = [_detail(path) for path in (one, other)]
+    except CaptureError:
+        return False
+    return bool((details[0] * details[1]).mean() > _SAME_DETAIL)
+
+
+def _numbered(stem: str) -> tuple[str, str]:
+    head = stem.rstrip("0123456789")
+    return head, stem[len(head) :]
+
+
+def _detail(path: Path) -> NDArray[np.float64]:
+    """(n, n) of a small grey copy, without what is coarse; mean 0, variance 1."""
+    small = cv2.resize(
+        read_image(path, max_side=2 * _DETAIL_PX, gray=True), (_DETAIL_PX, _DETAIL_PX), interpolation=cv2.INTER_AREA
+    )
+    grey = small.astype(np.float64)
+    fine = grey - cv2.blur(grey, (5, 5))
+    return np.asarray(fine / max(float(fine.std()), 1e-9))

@@ -19,7 +19,7 @@ from fieldkit.regular_files import open_regular
 from fieldkit.results.finding import Finding
 
 _COLMAP_FILES = ("images", "cameras", "points3D", "rigs", "frames")
-_COLMAP_PLACES = ("sparse/0", "sparse", ".")
+_COLMAP_PLACES = ("sparse/0", *(f"sparse/{k}" for k in range(1, 10)), "sparse", ".")
 _ODM_PLACES = (f"odm_report/{SHOTS}", SHOTS)
 _HEAD_BYTES = 4096
 _MOST_FILES = 50
@@ -90,8 +90,8 @@ def _find_results(folders: Sequence[Path]) -> list[Path]:
 
 
 def _in_folder(folder: Path) -> Iterator[Path]:
-    yield from [place for each in _COLMAP_PLACES if colmap_suffix(place := folder / each)][:1]
-    yield from [place for each in _ODM_PLACES if (place := folder / each).is_file()][:1]
+    yield from (place for each in _COLMAP_PLACES if colmap_suffix(place := folder / each))
+    yield from (place for each in _ODM_PLACES if (place := folder / each).is_file())
     try:
         names = sorted(entry.name for entry in os.scandir(folder) if entry.name.lower().endswith(".xml"))
     except OSError:

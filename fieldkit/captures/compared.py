@@ -1,0 +1,108 @@
+"""Facts that have two sources: positions of a file against the photographs' own GPS; one capture, several places."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
+from scipy.spatial.distance import cdist
+
+from fieldkit.captures.model import Photo
+from fieldkit.documents.mistaken import SWAPPED
+from fieldkit.errors import MetadataError
+from fieldkit.geometry.geodesy import LocalFrame, geodetic_to_ecef
+from fieldkit.geometry.priors import PosePrior
+from fieldkit.results.finding import Finding
+
+_LEAST = 3
+_ELSEWHERE_M, _APART_M = 1000.0, 30.0
+"""From their GPS: positions of another field are farther, those of this plot nearer, whatever their receivers."""
+_TELLS_M, _MISFIT = 10.0, 0.5
+"""GPS that spreads less tells nothing of a layout; one that fits keeps within this share of its spread."""
+_GAP_M, _GAPS, _GAPS_BLIND, _A_PLACE = 5.0, 2.5, 5.0, 4
+
+Array = NDArray[np.float64]
+
+
+def against_gps(
+    photos: Sequence[Photo], priors: Mapping[str, PosePrior], origin: LocalFrame | None, source: str
+) -> list[Finding]:
+    """What the photographs' own GPS says against positions that ``source`` gives in a frame.
+
+    With an origin the places are compared; without, the layouts, whatever the frame's heading. Raises MetadataError
+    where the positions are another field's.
+    """
+    both = [(p, q.position) for p in photos if (q := priors.get(p.name)) and q.position is not None and p.geotag]
+    if len(both) < _LEAST:
+        return []
+    places = np.array([position[:2] for _, position in both])
+    degrees = np.array([(p.geotag.latitude_deg, p.geotag.longitude_deg) for p, _ in both if p.geotag is not None])
+    if origin is None:
+        frame = LocalFrame(float(degrees[0, 0]), float(degrees[0, 1]))
+        gps = frame.to_local(degrees[:, 0], degrees[:, 1], 0.0)[:, :2]
+        spread, misfit = _misfit(places, gps)
+        if spread < _TELLS_M or misfit < max(_MISFIT * spread, _LEAST):
+            return []
+        message = (
+            f"the positions' layout is not that of the photographs' own GPS: {misfit:.0f} m off after the best fit"
+        )
+        return [Finding(source, "positions-apart", f"{message}; are they of these photographs?")]
+    latitude, longitude, _ = origin.to_geodetic(np.column_stack([places, np.zeros(len(places))]))
+    own = geodetic_to_ecef(degrees[:, 0], degrees[:, 1], 0.0)
+    away = float(np.median(np.linalg.norm(geodetic_to_ecef(latitude, longitude, 0.0) - own, axis=1)))
+    if away < _APART_M:
+        return []
+    exchanged = geodetic_to_ecef(np.clip(longitude, -90.0, 90.0), latitude, 0.0) - own
+    swapped = float(np.median(np.linalg.norm(exchanged, axis=1))) < _ELSEWHERE_M
+    said = f"puts the photographs {_far(away)} from their own GPS"
+    if away > _ELSEWHERE_M:
+        raise MetadataError(
+            f"{said}{': latitude and longitude look swapped' if swapped else ''}",
+            remedy=SWAPPED.remedy if swapped else "Give that of these photographs, or move it away: GPS counts then.",
+        )
+    return [Finding(source, "positions-apart", f"{said}: check its reference system, and that it is of them")]
+
+
+def _far(metres: float) -> str:
+    return f"{metres / 1000:,.0f} km" if metres > 10_000 else f"{metres:,.0f} m"
+
+
+def _misfit(a: Array, b: Array) -> tuple[float, float]:
+    """Spread of b (n, 2) about its mean, and what is left of it where a is turned and moved onto it."""
+    one, other = a - a.mean(axis=0), b - b.mean(axis=0)
+    u, _, vt = np.linalg.svd(one.T @ other)
+    turn = u @ np.diag([1.0, np.linalg.det(u @ vt)]) @ vt
+    rms = [float(np.sqrt((each**2).sum(axis=1).mean())) for each in (other, one @ turn - other)]
+    return rms[0], rms[1]
+
+
+def several_places(photos: Sequence[Photo], priors: Mapping[str, PosePrior]) -> list[Finding]:
+    """A finding where photographs are of two places or more, as of two plots: no picture shows both.
+
+    Groups of four or more lie farther from each other than two flying heights, and than 2.5 times what lies between
+    the members of any; without heights above take-off, 5 times.
+    """
+    known = [(p, q.position) for p in photos if (q := priors.get(p.name)) and q.position is not None]
+    if len(known) < 2 * _A_PLACE:
+        return []
+    places = np.array([position[:2] for _, position in known])
+    heights = [p.geotag.relative_altitude_m for p, _ in known if p.geotag and p.geotag.relative_altitude_m]
+    tree = minimum_spanning_tree(cdist(places, places) + 1e-9)
+    gaps, least_m = np.sort(tree.data)[::-1], max(_GAP_M, 2.0 * float(np.median(heights)) if heights else 0.0)
+    for cut in range(1, min(len(gaps), 50)):
+        if gaps[cut - 1] < least_m:
+            return []
+        if gaps[cut - 1] >= (_GAPS if heights else _GAPS_BLIND) * gaps[cut]:
+            tree.data[tree.data >= gaps[cut - 1]] = 0.0
+            tree.eliminate_zeros()
+            number, of = connected_components(tree, directed=False)
+            if np.bincount(of).min() < _A_PLACE:
+                return []
+            middles = np.array([np.median(places[of == k], axis=0) for k in range(number)])
+            apart = cdist(middles, middles) + np.diag(np.full(number, np.inf))
+            message = f"the photographs are of {number} places, {apart.min():.0f} m apart and more"
+            remedy = "Evaluate each by itself, or let `fieldkit campaign init` and `evaluate --campaign` sort them"
+            return [Finding(known[0][0].name, "several-places", f"{message}. {remedy}")]
+    return []
