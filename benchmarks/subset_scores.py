@@ -21,7 +21,8 @@ from fieldkit.runtime.progress import Progress
 
 NOISE_M, NOISE_DEG = 0.010, 1.0
 F_DISTANCES_M = (0.002, 0.005, 0.010)
-_FIGURES = ("name", "images", "registered", "right", "chamfer_m", "accuracy_m", "completeness_m", "f_score")
+_FIGURES = ("name", "images", "registered", "right", "chamfer_m", "accuracy_m", "completeness_m", "f_score", "near_3px", "near_6px",
+            "inside")  # fmt: skip
 
 
 def run_subset_scores(
@@ -75,6 +76,7 @@ def score_row(rig: str, plot: PlotEvaluation, *, refine: bool) -> tuple[Cell, ..
     cells = [
         *(None if v is None else f"{1000 * v:.2f}" for v in means),
         *(None if v is None else f"{v:.3f}" for v in f_scores),
+        *(None if v is None else f"{100 * v:.1f}" for v in (plot.near_3px, plot.near_6px, plot.inside)),
     ]
     return (
         rig, plot.name, "ICP" if refine else "as placed", f"{plot.right} of {plot.images}", *cells,
@@ -86,6 +88,6 @@ def score_table(rows: list[tuple[Cell, ...]]) -> ResultTable:
     """All rows."""
     columns = (
         "rig", "capture", "placed by", "right>", "chamfer, mm>", "accuracy, mm>", "completeness, mm>", "F at 2 mm>",
-        "F at 5 mm>", "F at 10 mm>", "CPU s>",
+        "F at 5 mm>", "F at 10 mm>", "plants within 3 px, %>", "6 px, %>", "points on plants, %>", "CPU s>",
     )  # fmt: skip
     return ResultTable("fieldkit evaluate", columns, tuple(rows))

@@ -23,6 +23,7 @@ from fieldkit.reconstruction.colmap_model import model_points, model_poses
 from fieldkit.reconstruction.evidence import evidence, shared_points
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.silhouettes import Filled
 from fieldkit.results.evaluation import (
     CorrectionEntry,
     DenseEntry,
@@ -73,6 +74,7 @@ def plot_evaluation(
     findings: Sequence[Finding] = (),
     plants: Cloud | None = None,
     outline: PlotOutline | None = None,
+    fill: Filled | None = None,
 ) -> PlotEvaluation:
     """What evaluation.json says of a plot that was reconstructed.
 
@@ -81,6 +83,7 @@ def plot_evaluation(
         findings: of scoring, beside those of the reconstruction.
         plants: that count, where they are others than the reconstruction's: moved onto the reference.
         outline: of the plot; None takes the settings' bounds.
+        fill: how the cloud fills the plants' outlines.
     """
     found = _described(
         reconstruction, settings, seconds, cpu_seconds, outline or outline_of(settings), plants, findings
@@ -90,8 +93,9 @@ def plot_evaluation(
         unregistered=_reasons(found.image_reports),
         **_scores(score),
         correction=correction,
+        **({} if fill is None else dataclasses.asdict(fill)),
         prediction=None if score is not None else predict(reconstruction_features(reconstruction, found)),
-        **dict(found),
+        **{key: value for key, value in dict(found).items() if fill is None or key not in Filled.__dataclass_fields__},
     )
 
 

@@ -27,6 +27,7 @@ from fieldkit.pictures.overview import write_overview
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.silhouettes import filled, outlines
 from fieldkit.reconstruction.steady import steady_capture
 from fieldkit.results.evaluation import CorrectionEntry, EvaluationReport, PlotEvaluation
 from fieldkit.results.fields import vector
@@ -170,6 +171,8 @@ def _evaluated(
     plants, correction, result = found.plants, None, None
     of_reference = given.known_plot is not None and found.sparse.frame.ground == given.known_plot.ground
     findings: list[Finding] = []
+    with progress.stage("Silhouettes"):
+        fill = filled(outlines(found.sparse, settings.mask), found.plants.points, found.volume)
     with progress.stage("Scoring"):
         if reference is not None and scoring.index is not None:
             if scoring.refine:
@@ -194,7 +197,7 @@ def _evaluated(
             name, found, settings, score=result, correction=correction, findings=findings,
             plants=plants if of_reference else None,
             outline=given.outline or outline_of(settings, settings_of_reference),
-            seconds=spent.seconds, cpu_seconds=spent.cpu_seconds,
+            fill=fill, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds,
         )  # fmt: skip
         write_overview(folder / place / OVERVIEW_FILE, plot, plants)
         if plot.plants:

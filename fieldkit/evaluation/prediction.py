@@ -19,6 +19,7 @@ from fieldkit.results.fields import Strict
 
 MODEL_FILE = "prediction.json"
 NOTHING_METRIC = "the reconstruction has no metric scale"
+NOT_TIED = "no matches tie the photographs together, so nothing tells how good their poses are"
 NO_POSITIONS = "the photographs carry no positions, so nothing says how well the plot is placed"
 NO_CLOUD = "too little was reconstructed"
 LEAST_IMAGES = 3
@@ -112,6 +113,8 @@ def plot_features(found: ReconstructionEntry, supported: Evidence | None) -> dic
     """The figures that predictions are made from, or why there are none."""
     if not found.metric:
         return NOTHING_METRIC
+    if any(image.stated for image in found.image_reports):
+        return NOT_TIED
     if found.pose_rms_m is None:
         return NO_POSITIONS
     if supported is None or not found.points or found.points_per_plant_voxel is None:

@@ -199,6 +199,20 @@ _ALL = (
         "How far the reconstructed points fall from where the photographs show them, in pixels. Below 1 is good.",
         _stored("reprojection_px"), decimals=2, short="error",
     ),
+    *(
+        Figure(
+            f"near_{px}px", f"plants within {px} px", "%", "reconstruction",
+            f"Share of the plants' pixels in the photographs that have a point of the cloud within {px} pixels (of a "
+            "photograph 1600 wide). What is low has holes, or lacks a side.",
+            _stored(f"near_{px}px"), factor=100.0, decimals=1, short=f"{px} px",
+        )
+        for px in (3, 6)
+    ),
+    Figure(
+        "inside", "points on plants", "%", "reconstruction",
+        "Share of the cloud's points that fall on plants' pixels in the photographs.", _stored("inside"), factor=100.0,
+        decimals=1,
+    ),
     Figure(
         "track_length", "track length", "", "reconstruction",
         "How many photographs see one point, on average. Above 3 is good.", _stored("track_length"), decimals=2,

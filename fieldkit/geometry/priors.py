@@ -15,6 +15,8 @@ POSITION_SIGMA_M = 0.05
 """Of a position without an accuracy: what a copter under RTK holds a station to (0.04–0.07 m in simulated wind)."""
 ANGLE_SIGMA_DEG = 3.0
 """A gimbal's compass-based yaw is good to a few degrees; its pitch is better, but one figure serves all three."""
+EXACT_M = 0.002
+"""Positions that are stated to be as good as this are a calibrated rig's, and so are angles stated with them."""
 
 Angles = tuple[float | None, float | None, float | None]
 """Yaw, pitch and roll in degrees as `Pose.from_yaw_pitch` takes them, None where not recorded."""
@@ -48,6 +50,12 @@ class PosePrior:
         assert self.position is not None
         assert self.rotation is not None
         return Pose(self.rotation, self.position)
+
+    @property
+    def exact(self) -> bool:
+        """Whether a pose is stated as exactly as only a calibrated rig knows it."""
+        stated = self.source == "poses.csv" and self.position is not None and self.rotation is not None
+        return stated and self.position_sigma_m <= EXACT_M
 
     @property
     def yaw_deg(self) -> float | None:

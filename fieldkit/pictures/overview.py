@@ -140,11 +140,12 @@ def _side_by_side(widths: Sequence[float]) -> list[Panel]:
 
 
 def _draw_camera(axes: Axes, image: ImageReport, direction: Direction, arrow: float) -> None:
-    center = image.center_m if image.registered else image.known_center_m
+    posed = image.registered or image.stated
+    center = image.center_m if posed else image.known_center_m
     if center is None:
         return
     x, y = center[direction.right], center[direction.up]
-    if not image.registered:
+    if not posed:
         axes.plot(x, y, "o", color=_MISSING, fillstyle="none", markersize=5, markeredgewidth=1.2, zorder=5)
         return
     wrong = not image.counts
@@ -158,11 +159,12 @@ def _draw_camera(axes: Axes, image: ImageReport, direction: Direction, arrow: fl
 
 def _legend(figure: Figure, report: ReconstructionEntry) -> None:
     wrong = sum(image.registered and not image.counts for image in report.image_reports)
-    missing = [image for image in report.image_reports if not image.registered]
+    used = "used" if any(image.stated for image in report.image_reports) else "registered"
+    missing = [image for image in report.image_reports if not (image.registered or image.stated)]
     nowhere = sum(image.known_center_m is None for image in missing)
     where = f", {nowhere} at an unknown place" if nowhere else ""
     marks = [
-        Line2D([], [], marker="o", color=_RIGHT, markersize=4, linewidth=1, label=f"registered ({report.right})"),
+        Line2D([], [], marker="o", color=_RIGHT, markersize=4, linewidth=1, label=f"{used} ({report.right})"),
         Line2D([], [], marker="x", color=_WRONG, markersize=6, linewidth=1, label=f"registered but wrong ({wrong})"),
         Line2D(
             [], [], marker="o", color=_MISSING, fillstyle="none", markersize=5, linestyle="",

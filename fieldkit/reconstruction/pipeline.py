@@ -43,6 +43,7 @@ from fieldkit.reconstruction.quality_flags import quality_flags
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult, clearance, of_interest
 from fieldkit.reconstruction.scale import POSITIONS_TOO_COARSE, scale_by_markers, source_of_scale
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.silhouettes import hull_volume
 from fieldkit.reconstruction.stages import StageTimer, load_quality
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.results.finding import Finding
@@ -101,6 +102,8 @@ def reconstruct(
     if sparse.right < _MIN_DENSE_VIEWS:
         raise _too_few(sparse)
     volume = settings.bounds or (known_plot.volume if known_plot is not None else None)
+    if volume is None and any(image.stated for image in sparse.images):
+        volume = hull_volume(sparse, settings.mask)
     volume = volume or volume_of_interest(model_points(sparse.model), sparse.poses, sparse.intrinsics)
     dense = _Dense(sparse, volume.grown(reach_m), settings, timed)
     fused, scatter_px = dense.cloud(settings.mask)

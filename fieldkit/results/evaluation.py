@@ -71,6 +71,8 @@ class ImageReport(Strict):
     """Whether its pose agrees with what is known of it; null where nothing is known."""
     reason: Text = ""
     """Why it is not registered, or not right; empty otherwise."""
+    stated: bool = False
+    """Whether it counts by a pose that is stated to be exact, though the mapper gave it none."""
     burst: tuple[Text, ...] = ()
     """The photographs of a burst whose steady picture it is, the first gives its name; empty for a single one."""
     sway_m: Length | None = None
@@ -86,7 +88,7 @@ class ImageReport(Strict):
     known_center_m: Vector | None = None
     """Where the metric source puts its projection centre, in the plot frame."""
     center_m: Vector | None = None
-    """Where the reconstruction puts it, in the plot frame; null where the image is not registered."""
+    """Where the reconstruction puts it, in the plot frame; null where the image has no pose."""
     yaw_deg: float | None = None
     """Of the optical axis, clockwise from the plot frame's +y."""
     pitch_deg: float | None = None
@@ -95,12 +97,12 @@ class ImageReport(Strict):
 
     @property
     def counts(self) -> bool:
-        """Registered, and not known to be wrong."""
-        return self.registered and self.right is not False
+        """Registered, and not known to be wrong; or of a stated pose."""
+        return self.stated or (self.registered and self.right is not False)
 
     @property
     def pose(self) -> Pose | None:
-        """Where the reconstruction puts it, in the plot frame; None where it is not registered."""
+        """Where the reconstruction puts it, in the plot frame; None where it has none."""
         if self.center_m is None or self.yaw_deg is None or self.pitch_deg is None:
             return None
         return Pose.from_yaw_pitch(self.center_m, self.yaw_deg, self.pitch_deg, self.roll_deg or 0.0)
@@ -114,7 +116,7 @@ class ReconstructionEntry(Strict):
     registered: Count = 0
     """Images the mapper gave a pose."""
     right: Count = 0
-    """Images that count: registered, and not known to be wrong."""
+    """Images that count: registered, and not known to be wrong; or of a stated pose."""
     models: tuple[Count, ...] = ()
     """Registered images of every model the mapper made, largest first; more than one: the images fell apart."""
     method: MappingName | None = None
@@ -167,6 +169,13 @@ class ReconstructionEntry(Strict):
     the plants, root mean square; median of the stations. Null without bursts."""
     stray: Share | None = None
     """Share of the points that were left out of the cloud: clumps smaller than leaves that touch nothing."""
+    near_3px: Share | None = None
+    """Share of the plants' pixels, over all photographs that count, with a point of the cloud within 3 pixels of a
+    photograph 1600 pixels wide. Null without masks, and of references."""
+    near_6px: Share | None = None
+    """The same within 6."""
+    inside: Share | None = None
+    """Share of the cloud's points, over all these photographs, that fall on plants' pixels."""
 
     @property
     def doubts(self) -> tuple[str, ...]:

@@ -23,6 +23,9 @@ OTHER_PLANTS = "other-plants"
 PLANTS_APART = "plants-apart"
 """Some plants stand far from the others: weeds or neighbours, perhaps."""
 
+POSES_STATED = "poses-stated"
+"""Photographs count by stated poses that nothing in the pictures confirms."""
+
 NO_RASTERS, COARSE_RASTERS = "no-rasters", "coarse-rasters"
 """Why there are none; that they may lie metres off."""
 
@@ -40,6 +43,7 @@ TOLD = DOUBTFUL | {
     "heights-joined",
     "other-camera",
     "scale-uncertain",
+    POSES_STATED,
     "leaves-swayed",
 }
 """Codes that are told beside a result's figures."""

@@ -19,12 +19,14 @@ def quality_rows(report: ReconstructionEntry) -> tuple[tuple[str, str], ...]:
     metric = report.metric
     wrong = sum(image.registered and image.right is False for image in report.image_reports)
     known = any(image.right is not None for image in report.image_reports)
+    stated = sum(image.stated for image in report.image_reports)
+    unconfirmed = f", {stated} by stated poses that no picture confirms" if stated else ""
     share = f" ({100 * report.registered / report.images:.0f} %)" if report.images else ""
     pairs = f"{report.pairs_verified:,} of {report.pairs_tried:,} pairs verified"
     tracks = f"{report.observations:,} observations, track length {decimal(report.track_length) or DASH}"
     rows = [
         ("photographs registered", f"{report.registered} of {report.images}{share}"),
-        ("photographs used", f"{report.right}"),
+        ("photographs used", f"{report.right}{unconfirmed}"),
         ("registered but wrong", f"{wrong}" if known else "not known: no positions to compare with"),
         ("models", f"{len(report.models)} ({', '.join(map(str, report.models)) or 'no'} photographs)"),
         ("mapping", f"{report.method or DASH}, {pairs}"),
@@ -44,6 +46,9 @@ def quality_rows(report: ReconstructionEntry) -> tuple[tuple[str, str], ...]:
         unit = "m" if metric else "units"
         rows.append(("volume of interest", " × ".join(f"{edge:.2f}" for edge in edges) + f" {unit}"))
     rows.append(("plants", _plants(report)))
+    if report.near_3px is not None and report.near_6px is not None and report.inside is not None:
+        filled = f"{100 * report.near_3px:.0f} and {100 * report.near_6px:.0f} % within 3 and 6 px of the cloud"
+        rows.append(("plants' pixels", f"{filled}, {100 * report.inside:.0f} % of its points on plants"))
     if isinstance(report, ReferenceReport) and report.scene_points is not None:
         rows.append(("scene", f"{report.scene_points:,} points"))
     if report.dense is not None:
@@ -77,6 +82,8 @@ def photograph_table(
 
 def state(image: ImageReport) -> Mark:
     """Whether a photograph was used."""
+    if image.stated:
+        return Mark("note", "used, not confirmed")
     if not image.registered:
         return Mark("problem", "not registered")
     return Mark("problem", "wrong pose") if image.right is False else Mark("good", "used")

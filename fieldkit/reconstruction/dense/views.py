@@ -85,7 +85,7 @@ def prepare_view(
 
     height, width = image_rgb.shape[:2]
     size = size or (width, height)
-    camera = _resized(intrinsics, *size)
+    camera = resized(intrinsics, *size)
     pinhole = camera.without_distortion()
     image = image_rgb if size == (width, height) else cv2.resize(image_rgb, size, interpolation=cv2.INTER_AREA)
     mask_file = None if mask_image is None else _resized_mask(mask_image, size)
@@ -107,7 +107,7 @@ def prepare_view(
 
 def view_camera(intrinsics: Intrinsics, size: tuple[int, int]) -> Intrinsics:
     """The camera of the view of this size that `prepare_view` makes."""
-    return _resized(intrinsics, *size).without_distortion()
+    return resized(intrinsics, *size).without_distortion()
 
 
 def undistortion_grid(camera: Intrinsics) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -125,7 +125,7 @@ def undistortion_grid(camera: Intrinsics) -> tuple[NDArray[np.float32], NDArray[
     return np.ascontiguousarray(grid[..., 0]), np.ascontiguousarray(grid[..., 1])
 
 
-def _resized(camera: Intrinsics, width: int, height: int) -> Intrinsics:
+def resized(camera: Intrinsics, width: int, height: int) -> Intrinsics:
     """The camera at a size whose sides were rounded: two focal lengths, so that both axes stay exact."""
     if (camera.width, camera.height) == (width, height):
         return camera

@@ -15,6 +15,7 @@ from fieldkit.reconstruction.cameras import CameraSet
 from fieldkit.reconstruction.guided import Region
 from fieldkit.reconstruction.mapping.blind import map_without_priors
 from fieldkit.reconstruction.mapping.state import Belief, Inputs, Mapped
+from fieldkit.reconstruction.mapping.stated import with_stated_poses
 from fieldkit.reconstruction.mapping.steps import map_by_priors
 from fieldkit.reconstruction.scale import (
     LARGEST_SCALE_ERROR,
@@ -55,9 +56,17 @@ def map_capture(
         features = load_features(capture.photos, settings.features, context, advance)
     inputs = Inputs(capture, settings, features, context, region)
     belief = Belief(cameras, known)
-    mapped, error = _by_positions(inputs, belief) if known.positioned else (_chosen(inputs, belief), 0.0)
+    mapped, error, failure = None, 0.0, None
+    try:
+        mapped, error = _by_positions(inputs, belief) if known.positioned else (_chosen(inputs, belief), 0.0)
+        if mapped is None:
+            mapped = _chosen(inputs, replace(belief, priors=known.without_positions()))
+    except ReconstructionError as found:
+        failure = found
+    mapped = with_stated_poses(inputs, belief, mapped)
     if mapped is None:
-        mapped = _chosen(inputs, replace(belief, priors=known.without_positions()))
+        assert failure is not None
+        raise failure
     findings = (*mapped.findings, *scale_findings(capture.folder.name, known, error))
     return replace(mapped, features_cached=sum(f.cached for f in features), findings=findings)
 

@@ -1,0 +1,141 @@
+"""Plants' outlines in photographs: where their cones meet, and how a cloud fills them. Neither needs a reference."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.captures import find_mask, read_image
+from fieldkit.clouds.volume import Volume
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.reconstruction.dense.masks import plant_mask
+from fieldkit.reconstruction.dense.views import resized
+from fieldkit.reconstruction.guided import region_of_interest
+from fieldkit.reconstruction.result import SparseResult
+from fieldkit.vocabulary import Mask
+
+SIDE_PX = 1600
+"""Longer side of the photographs that outlines are compared in."""
+_HULL_SIDE_PX = 800
+_NEAR_PX = (3.0, 6.0)
+_CELLS, _ROUNDS = 64, 3  # along each edge of what is carved
+_OF_VIEWS = 0.8  # leaves in the shade, and stems, fall out of masks
+_MARGIN = 0.05
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """What of a photograph shows plants."""
+
+    mask: NDArray[np.bool_]
+    """(H, W), as photographed."""
+    camera: Intrinsics
+    """Of that size."""
+    pose: Pose
+
+    def pixels(self, points: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows and columns of the pixels that show points (n, 3), of those in the picture."""
+        local = self.pose.to_camera(points)
+        local = local[self.camera.sees(local)]
+        found = np.floor(self.camera.project(local)).astype(np.int64) if len(local) else np.zeros((0, 2), np.int64)
+        return np.clip(found[:, 1], 0, self.camera.height - 1), np.clip(found[:, 0], 0, self.camera.width - 1)
+
+    def within(self, volume: Volume) -> NDArray[np.bool_]:
+        """The mask where the picture shows a volume."""
+        import cv2
+
+        corners = self.pose.to_camera(volume.corners())
+        if (corners[:, 2] <= 0.0).any():
+            return self.mask
+        shown = np.zeros(self.mask.shape, dtype=np.uint8)
+        ring = cv2.convexHull(self.camera.project(corners).astype(np.float32))
+        cv2.fillConvexPoly(shown, np.clip(ring, -1e4, 1e4).astype(np.int32), 1)
+        return self.mask & (shown > 0)
+
+
+@dataclass(frozen=True)
+class Filled:
+    """How a cloud fills the plants' outlines, over all photographs; None where they show no plants."""
+
+    near_3px: float | None
+    """Share of the plants' pixels that have a point of the cloud within 3 pixels of a photograph 1600 pixels wide."""
+    near_6px: float | None
+    inside: float | None
+    """Share of the points in the pictures that lie on plants' pixels."""
+
+
+def outlines(sparse: SparseResult, mask: Mask, side_px: int = SIDE_PX) -> list[Outline]:
+    """The plants in the photographs that count; empty without masks."""
+    import cv2
+
+    found = []
+    for photo in sparse.capture.photos if mask != "none" else ():
+        if photo.name in sparse.poses:
+            path = find_mask(photo.path) if mask == "file" else None
+            pixels = read_image(photo, max_side=side_px)
+            size = (pixels.shape[1], pixels.shape[0])
+            image = (
+                None if path is None else cv2.resize(read_image(path, gray=True), size, interpolation=cv2.INTER_AREA)
+            )
+            plants = plant_mask(pixels, mask, image)
+            assert plants is not None
+            found.append(Outline(plants, resized(sparse.intrinsics[photo.name], *size), sparse.poses[photo.name]))
+    return found
+
+
+def filled(found: Sequence[Outline], points: Array, volume: Volume) -> Filled:
+    """How points (n, 3) of the plants in a volume fill the outlines."""
+    import cv2
+
+    plants = shown = inside = 0
+    near = np.zeros(len(_NEAR_PX), dtype=np.int64)
+    for outline in found:
+        mask = outline.within(volume)
+        rows, columns = outline.pixels(points)
+        empty = np.ones(mask.shape, dtype=np.uint8)
+        empty[rows, columns] = 0
+        away = cv2.distanceTransform(empty, cv2.DIST_L2, 5)[mask]
+        near += [int((away <= px * max(mask.shape) / SIDE_PX).sum()) for px in _NEAR_PX]
+        plants, shown = plants + int(mask.sum()), shown + len(rows)
+        inside += int(outline.mask[rows, columns].sum())
+    if not plants:
+        return Filled(None, None, None)
+    return Filled(near[0] / plants, near[1] / plants, inside / shown if shown else None)
+
+
+def hull_volume(sparse: SparseResult, mask: Mask) -> Volume | None:
+    """A box about the place where the cones of the plants' outlines meet: the visual hull (Laurentini 1994).
+
+    What most of the photographs that have a place in the picture show plants at, half of the photographs at least.
+    None without masks, or where they meet nowhere.
+    """
+    import cv2
+
+    region = region_of_interest(list(sparse.poses.values()))
+    found = outlines(sparse, mask, _HULL_SIDE_PX)
+    if region is None or not found:
+        return None
+    away = [cv2.distanceTransform((~outline.mask).astype(np.uint8), cv2.DIST_L2, 5) for outline in found]
+    center, radius = np.array(region.center), region.radius
+    volume = Volume(tuple(center - radius), tuple(center + radius))
+    for _ in range(_ROUNDS):
+        axes = [low + (np.arange(_CELLS) + 0.5) / _CELLS * (high - low)
+                for low, high in zip(volume.lower, volume.upper, strict=True)]  # fmt: skip
+        cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        half = 0.5 * volume.diagonal / _CELLS
+        seen, plant = np.zeros(len(cells), dtype=np.int32), np.zeros(len(cells), dtype=np.int32)
+        for outline, off in zip(found, away, strict=True):
+            shown = np.flatnonzero(outline.camera.sees(outline.pose.to_camera(cells)))
+            rows, columns = outline.pixels(cells[shown])
+            depth = (cells[shown] - outline.pose.center) @ outline.pose.forward
+            seen[shown] += 1
+            plant[shown] += off[rows, columns] <= half * outline.camera.fx / depth
+        kept = cells[(plant >= _OF_VIEWS * seen) & (2 * seen >= len(found))]
+        if not len(kept):
+            return None
+        volume = Volume.around(kept, margin_m=half)
+    return volume.grown(_MARGIN * volume.diagonal)

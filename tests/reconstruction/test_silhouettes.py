@@ -1,0 +1,91 @@
+"""Outlines of a plant before a black screen: a rig whose photographs nothing ties, and how clouds fill them."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from fieldkit.cache import StageCache
+from fieldkit.captures import read_capture
+from fieldkit.clouds import Volume
+from fieldkit.errors import ReconstructionError
+from fieldkit.geometry import Intrinsics
+from fieldkit.reconstruction.pipeline import place
+from fieldkit.reconstruction.result import SparseResult
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.silhouettes import Filled, filled, hull_volume, outlines
+from fieldkit.results.finding import POSES_STATED
+from fieldkit.runtime.context import Context
+from fieldkit.runtime.progress import Silent
+from tests.reconstruction.synthetic import ring
+
+CAMERA = Intrinsics("SIMPLE_PINHOLE", 800, 600, (900.0, 400.0, 300.0))
+CENTER, HALF = np.array([0.03, -0.02, 0.05]), np.array([0.06, 0.09, 0.12])
+
+
+def leaf_green(count: int = 40_000) -> np.ndarray:
+    """(n, 3) points on an ellipsoid."""
+    rng = np.random.default_rng(0)
+    unit = rng.normal(size=(count, 3))
+    return CENTER + HALF * unit / np.linalg.norm(unit, axis=1, keepdims=True)
+
+
+@pytest.fixture(scope="module")
+def photographed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("rig")
+    lines = ["image,x_m,y_m,z_m,yaw_deg,pitch_deg,roll_deg,accuracy_m"]
+    for k, pose in enumerate(ring(8)):
+        picture = np.zeros((CAMERA.height, CAMERA.width, 3), dtype=np.uint8)
+        pixels = CAMERA.project(pose.to_camera(leaf_green())).astype(np.float32)
+        cv2.fillConvexPoly(picture, cv2.convexHull(pixels).astype(np.int32), (40, 180, 50))
+        cv2.imwrite(str(folder / f"{k}.png"), picture)
+        numbers = (*pose.center, *pose.yaw_pitch_roll_deg())
+        lines.append(",".join([f"{k}.png", *(f"{float(v):.6f}" for v in numbers), "0.001"]))
+    (folder / "poses.csv").write_text("\n".join(lines))
+    (folder / "camera.toml").write_text(
+        'model = "SIMPLE_PINHOLE"\nwidth = 800\nheight = 600\nparams = [900.0, 400.0, 300.0]\n'
+    )
+    return folder
+
+
+def placed(folder: Path, tmp_path: Path) -> SparseResult:
+    context = Context(StageCache(tmp_path / "cache"), Silent(), 1, 0)
+    return place(read_capture(folder), ReconstructionSettings(), [], context)[0]
+
+
+def test_photographs_of_a_rig_count_by_stated_poses_and_are_not_called_registered(
+    photographed: Path, tmp_path: Path
+) -> None:
+    sparse = placed(photographed, tmp_path)
+    assert (sparse.registered, sparse.right) == (0, 8)
+    assert all(image.stated and image.right is None for image in sparse.images)
+    assert [finding.code for finding in sparse.findings].count(POSES_STATED) == 1
+    hull = hull_volume(sparse, "exg")
+    assert hull is not None
+    to_plot = sparse.frame.plot_from_source.translation
+    np.testing.assert_allclose(hull.center - to_plot, CENTER, atol=0.015)
+    assert (hull.size > 2.0 * HALF).all()
+    assert (hull.size < 2.0 * HALF + 0.09).all()
+    assert hull_volume(sparse, "none") is None
+
+    plants, shown = leaf_green() + to_plot, outlines(sparse, "exg")
+    whole = filled(shown, plants, hull)
+    assert min(whole.near_3px or 0.0, whole.near_6px or 0.0, whole.inside or 0.0) > 0.98
+    part = filled(shown, plants[plants[:, 2] > plants[:, 2].mean()], hull)
+    assert part.near_6px is not None
+    assert 0.4 < part.near_6px < 0.75
+    beside = filled(shown, plants + np.array([0.2, 0.0, 0.0]), hull)
+    assert beside.inside is not None
+    assert beside.inside < 0.3
+    assert filled([], plants, Volume((0, 0, 0), (1, 1, 1))) == Filled(None, None, None)
+
+
+@pytest.mark.parametrize("accuracy", ["0.05", "0.003"])
+def test_poses_that_are_not_stated_as_exact_do_not_count(photographed: Path, tmp_path: Path, accuracy: str) -> None:
+    text = (photographed / "poses.csv").read_text()
+    for file in photographed.iterdir():
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    (tmp_path / "poses.csv").write_text(text.replace(",0.001", f",{accuracy}"))
+    with pytest.raises(ReconstructionError):
+        placed(tmp_path, tmp_path)
