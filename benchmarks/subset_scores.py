@@ -21,8 +21,10 @@ from fieldkit.runtime.progress import Progress
 
 NOISE_M, NOISE_DEG = 0.010, 1.0
 F_DISTANCES_M = (0.002, 0.005, 0.010)
-_FIGURES = ("name", "images", "registered", "right", "chamfer_m", "accuracy_m", "completeness_m", "f_score", "near_3px", "near_6px",
-            "inside")  # fmt: skip
+_FIGURES = (
+    "name", "images", "registered", "right", "chamfer_m", "accuracy_m", "completeness_m", "f_score", "near_3px",
+    "near_6px", "inside",
+)  # fmt: skip
 
 
 def run_subset_scores(
