@@ -191,6 +191,7 @@ def _described(
         metric_source=cast("Source", frame.source),
         metric=frame.metric,
         position_bound_m=finite(frame.bound_m),
+        weakest=sparse.weakest,
         points=len(reconstruction.plants),
         gsd_m=finite(reconstruction.gsd_m),
         reprojection_px=sum(count * error for count, error in errors) / seen if seen else None,

@@ -13,7 +13,7 @@ from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.results.evaluation import ImageReport, StageTime
+from fieldkit.results.evaluation import ImageReport, StageTime, WeakestMode
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import Plane
 from fieldkit.runtime.colmap import pycolmap
@@ -69,6 +69,7 @@ class SparseResult:
     pairs_verified: int
     findings: tuple[Finding, ...]
     """Of the capture and of this reconstruction."""
+    weakest: WeakestMode | None = None
 
     @property
     def registered(self) -> int:

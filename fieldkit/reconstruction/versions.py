@@ -19,7 +19,7 @@ STAGES: Mapping[str, int] = MappingProxyType(
         "features": 1,
         "pairs": 1,  # blind matches and their verification
         "guided": 1,  # matches between known poses
-        "mapping": 13,  # poses, intrinsics, sparse points
+        "mapping": 14,  # poses, intrinsics, sparse points, what pairs say
         "frame": 1,  # plot frame, ground, volume of interest
         "views": 3,  # undistorted photographs and masks
         "depth": 6,  # dense stereo

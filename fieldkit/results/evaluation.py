@@ -68,11 +68,15 @@ class ImageReport(Strict):
     registered: bool
     """Whether the mapper gave it a pose."""
     right: bool | None = None
-    """Whether its pose agrees with what is known of it; null where nothing is known."""
+    """Whether its pose agrees with what is known of it and is known to 10 mm at two standard deviations, or to 0.75 %
+    of the distance to what is seen; null where nothing is known of it, or the pose is not known so well."""
     reason: Text = ""
     """Why it is not registered, or not right; empty otherwise."""
     stated: bool = False
     """Whether it counts by a pose that is stated to be exact, though the mapper gave it none."""
+    sigma_m: Length | None = None
+    """Standard deviation of its centre against the other photographs': of three axes together. Null without a
+    scale."""
     burst: tuple[Text, ...] = ()
     """The photographs of a burst whose steady picture it is, the first gives its name; empty for a single one."""
     sway_m: Length | None = None
@@ -108,6 +112,15 @@ class ImageReport(Strict):
         return Pose.from_yaw_pitch(self.center_m, self.yaw_deg, self.pitch_deg, self.roll_deg or 0.0)
 
 
+class WeakestMode(Strict):
+    """What photographs' matches and positions tell least of a model: which could be off together."""
+
+    photographs: tuple[Text, ...]
+    """Those that could move, against all others."""
+    sigma_m: Length
+    """Standard deviation of it: root mean square distance from where they are."""
+
+
 class ReconstructionEntry(Strict):
     """What every reconstruction says of itself. For a plot that failed, figures are 0, empty or null."""
 
@@ -129,6 +142,8 @@ class ReconstructionEntry(Strict):
     """Whether lengths are metres."""
     position_bound_m: Length | None = None
     """The largest position residual that counts as right (median over images)."""
+    weakest: WeakestMode | None = None
+    """Null without a scale."""
     points: Count = 0
     """Of the plants' cloud."""
     gsd_m: Length | None = None

@@ -9,7 +9,7 @@ from fieldkit.figures.style import DASH, decimal, format_length, format_seconds,
 from fieldkit.results.evaluation import ImageReport, ReconstructionEntry, ReferenceReport
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import CameraReport
-from fieldkit.wording import count
+from fieldkit.wording import count, listed
 
 _MOST_CAMERAS = 4
 
@@ -18,7 +18,7 @@ def quality_rows(report: ReconstructionEntry) -> tuple[tuple[str, str], ...]:
     """The main figures of a reconstruction, as label and value."""
     metric = report.metric
     wrong = sum(image.registered and image.right is False for image in report.image_reports)
-    known = any(image.right is not None for image in report.image_reports)
+    known = any(image.position_residual_m is not None or image.right is not None for image in report.image_reports)
     stated = sum(image.stated for image in report.image_reports)
     unconfirmed = f", {stated} by stated poses that no picture confirms" if stated else ""
     share = f" ({100 * report.registered / report.images:.0f} %)" if report.images else ""
@@ -28,6 +28,7 @@ def quality_rows(report: ReconstructionEntry) -> tuple[tuple[str, str], ...]:
         ("photographs registered", f"{report.registered} of {report.images}{share}"),
         ("photographs used", f"{report.right}{unconfirmed}"),
         ("registered but wrong", f"{wrong}" if known else "not known: no positions to compare with"),
+        *_known_to(report),
         ("models", f"{len(report.models)} ({', '.join(map(str, report.models)) or 'no'} photographs)"),
         ("mapping", f"{report.method or DASH}, {pairs}"),
         ("features per photograph", decimal(report.features_per_image, 0) or DASH),
@@ -71,6 +72,7 @@ def photograph_table(
             Column("points seen", True, detail=True): f"{i.observations:,}",
             Column("reprojection, px", True, detail=True): decimal(i.reprojection_px),
             Column(f"position residual{', m' * metric}", True, detail=True): decimal(i.position_residual_m, 3),
+            Column(f"known to{', m' * metric}", True, detail=True): decimal(i.sigma_m and 2.0 * i.sigma_m, 3),
             Column("direction residual, °", True, detail=True): decimal(i.angle_residual_deg),
             Column(f"height{', m' * metric}", True, detail=True): i.center_m and decimal(i.center_m[2]),
             Column("pitch, °", True, detail=True): decimal(i.pitch_deg, 1),
@@ -86,7 +88,9 @@ def state(image: ImageReport) -> Mark:
         return Mark("note", "used, not confirmed")
     if not image.registered:
         return Mark("problem", "not registered")
-    return Mark("problem", "wrong pose") if image.right is False else Mark("good", "used")
+    if image.right is False:
+        return Mark("problem", "wrong pose")
+    return Mark("note", "used, loose") if image.reason else Mark("good", "used")
 
 
 def stage_table(report: ReconstructionEntry) -> Table:
@@ -128,6 +132,18 @@ def _metric_source(report: ReconstructionEntry) -> str:
     bound = report.position_bound_m
     right = "" if bound is None else f", right up to {format_length(bound, metric=report.metric)}"
     return f"{source}, residuals {format_length(report.pose_rms_m, metric=report.metric)} RMS{right}"
+
+
+def _known_to(report: ReconstructionEntry) -> list[tuple[str, str]]:
+    """How well the places of photographs are known, the weakest of all and what could be off together."""
+    sigmas = [image.sigma_m for image in report.image_reports if image.counts and image.sigma_m is not None]
+    if not sigmas or report.weakest is None:
+        return []
+    most, together = format_length(2.0 * max(sigmas)), listed(list(report.weakest.photographs))
+    off = format_length(2.0 * report.weakest.sigma_m)
+    return [
+        ("places known to", f"{most} (two standard deviations); {together} could lie {off} off the others together")
+    ]
 
 
 def _cameras(cameras: Sequence[CameraReport]) -> list[str]:

@@ -15,14 +15,17 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.reconstruction.agreement import align_to_positions
 from fieldkit.reconstruction.colmap_model import (
     arrays_to_model,
+    model_intrinsics,
     model_poses,
     model_to_arrays,
     to_colmap_camera,
     transform_model,
 )
 from fieldkit.reconstruction.features import Features
+from fieldkit.reconstruction.guided import epipolar_distance, fundamental_matrix
 from fieldkit.reconstruction.mapping.angle_conventions import adopt_convention
 from fieldkit.reconstruction.mapping.state import FOCAL_CHANGE, Belief, Inputs, Mapped
+from fieldkit.reconstruction.mapping.uncertainty import pair_information
 from fieldkit.reconstruction.mapping.verdicts import judged
 from fieldkit.reconstruction.mapping.view_graph import Pair
 from fieldkit.reconstruction.stages import exhaustive_pairs, load_pairs
@@ -111,8 +114,9 @@ def map_without_priors(inputs: Inputs, belief: Belief, methods: Sequence[str]) -
         else:
             reasons[name] = "not registered by the mapper" if index in matched else "no matches"
     return judged(
-        inputs, belief, method, model, tuple(m.num_reg_images() for m in models), reasons, pairs,
-        metric=similarity is not None, pairs_tried=len(wanted), pairs_verified=len(pairs),
+        inputs, belief, method, model, tuple(m.num_reg_images() for m in models), reasons,
+        _ties(inputs, model, pairs), metric=similarity is not None,
+        refined=not (belief.cameras.all_fixed or belief.held), pairs_tried=len(wanted), pairs_verified=len(pairs),
     )  # fmt: skip
 
 
@@ -131,6 +135,22 @@ def _recalibrated(
     again = blind_models(inputs, held, method, pairs)
     larger = bool(again) and again[0].num_reg_images() >= models[0].num_reg_images()
     return held, again if larger else models
+
+
+def _ties(inputs: Inputs, model: pycolmap.Reconstruction, pairs: Mapping[Pair, TwoView]) -> dict[Pair, float]:
+    """What verified pairs say of a model that has both photographs (`pair_information`)."""
+    poses, camera_of = model_poses(model), model_intrinsics(model)
+    ties = {}
+    for (i, j), pair in pairs.items():
+        a, b = inputs.names[i], inputs.names[j]
+        if a in poses and b in poses:
+            one, other = camera_of[a], camera_of[b]
+            fundamental = fundamental_matrix(poses[a], poses[b], one.without_distortion(), other.without_distortion())
+            left = one.undistort(inputs.keyed[i].features.points[pair.inliers[:, 0]])
+            right = other.undistort(inputs.keyed[j].features.points[pair.inliers[:, 1]])
+            off = epipolar_distance(fundamental, left, right)
+            ties[i, j] = pair_information(off * 1600.0 / one.width)
+    return ties
 
 
 def no_model(inputs: Inputs, pairs: Collection[Pair]) -> ReconstructionError:

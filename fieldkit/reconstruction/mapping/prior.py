@@ -52,6 +52,7 @@ from fieldkit.reconstruction.guided import (
 )
 from fieldkit.reconstruction.mapping.bundle import adjust, filter_points
 from fieldkit.reconstruction.mapping.submodels import MIN_AGREEING, Joined, Joiner
+from fieldkit.reconstruction.mapping.uncertainty import TIE_BAND_PX, pair_information
 from fieldkit.reconstruction.mapping.view_graph import (
     EDGE_MATCHES,
     Matches,
@@ -117,8 +118,11 @@ class PriorMapping:
     pairs_tried: int
     pairs_kept: int
     """Of the first round."""
-    edges: tuple[Pair, ...]
-    """Of the last round's view graph: pairs of registered images, by their indices."""
+    ties: Mapping[Pair, float]
+    """What the edges of the last round's view graph say (`pair_information`): pairs of registered images, by their
+    indices."""
+    refined: bool
+    """Whether focal length and distortion were adjusted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,12 +229,13 @@ def map_with_priors(
             refined, edges = _round(problem, model, problem.start, pairs, band, last=last)
         model = refined
         advance(1)
+    ties = _ties(problem, model, sorted(edges), scale)
     unregistered = _unsupported(problem, model, pairs, band)
     for name in unregistered:
         model.deregister_frame(model.image(names.index(name) + 1).frame_id)
     left = {k for k, name in enumerate(names) if name not in unregistered}
-    kept = tuple(sorted(pair for pair in edges if left.issuperset(pair)))
-    return PriorMapping(model, unregistered, len(pairs), len(matches), kept)
+    ties = {pair: value for pair, value in ties.items() if left.issuperset(pair)}
+    return PriorMapping(model, unregistered, len(pairs), len(matches), ties, not fixed_intrinsics)
 
 
 def epipolar_sigma_px(a: PosePrior, b: PosePrior, focal_px: float, distance_m: float) -> float:
@@ -356,10 +361,7 @@ def _agreeing(problem: _Problem, joined: Joined, matches: Matches) -> Matches:
     posed = problem.posed(joined.poses, problem.cameras)
     kept = {}
     for (i, j), found in matches.items():
-        a, b = posed[i], posed[j]
-        fundamental = fundamental_matrix(a.pose, b.pose, a.camera, b.camera)
-        away = epipolar_distance(fundamental, a.points[found[:, 0]], b.points[found[:, 1]])
-        near = found[(away <= _JOINED_PX) | (part[i] != part[j])]
+        near = found[(_off_px(posed[i], posed[j], found) <= _JOINED_PX) | (part[i] != part[j])]
         if len(near):
             kept[i, j] = near
     return kept
@@ -505,6 +507,20 @@ def _overlapping(problem: _Problem, model: pycolmap.Reconstruction, pairs: Seque
     ]
     shared = {(i, j): int((seen[i] & seen[j]).sum()) for i, j in pairs}
     return [(i, j) for i, j in pairs if shared[i, j] >= _MIN_OVERLAP * min(seen[i].sum(), seen[j].sum())]
+
+
+def _ties(problem: _Problem, model: pycolmap.Reconstruction, edges: Sequence[Pair], scale: float) -> dict[Pair, float]:
+    """The edges' information; ``scale`` is a pixel of a photograph 1600 wide."""
+    posed = problem.posed(*problem.state(model))
+    band = Band(TIE_BAND_PX * scale, problem.region, problem.region or _slab(model))
+    found = {(i, j): match_guided(posed[i], posed[j], band) for i, j in edges}
+    return {(i, j): pair_information(_off_px(posed[i], posed[j], each) / scale) for (i, j), each in found.items()}
+
+
+def _off_px(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.uint32]) -> NDArray[np.float64]:
+    """(k,) epipolar distances of matches, pixels."""
+    fundamental = fundamental_matrix(a.pose, b.pose, a.camera, b.camera)
+    return epipolar_distance(fundamental, a.points[matches[:, 0]], b.points[matches[:, 1]])
 
 
 def _unsupported(

@@ -20,7 +20,7 @@ from fieldkit.reconstruction.guided import Region
 from fieldkit.reconstruction.mapping.prior import PriorMapping
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import KeyedFeatures
-from fieldkit.results.evaluation import ImageReport
+from fieldkit.results.evaluation import ImageReport, WeakestMode
 from fieldkit.results.finding import Finding
 from fieldkit.runtime.colmap import pycolmap
 from fieldkit.runtime.context import Context
@@ -142,20 +142,29 @@ class Mapped:
     only as good as what is known of the camera."""
     findings: tuple[Finding, ...] = ()
     """What a person should know of how the photographs and their positions hang together."""
+    weakest: WeakestMode | None = None
+    """Where it is metric."""
     features_cached: int = 0
 
     @property
     def right(self) -> int:
-        """Photographs whose poses agree with what is known of them."""
-        return sum(image.right is True for image in self.images)
+        """Photographs whose poses agree with what is known of them, however well they are known."""
+        return sum(
+            image.counts and (image.position_residual_m, image.angle_residual_deg) != (None, None)
+            for image in self.images
+        )
 
     def without_scale(self, program: str) -> Mapped:
         """The same where the known positions' lengths are no metres: a program's name says whose they are."""
         said = f"wrong pose: not where {program} has it"
         images = tuple(
             image.model_copy(
-                update={"position_residual_m": None, "reason": said if image.right is False else image.reason}
+                update={
+                    "position_residual_m": None,
+                    "sigma_m": None,
+                    "reason": said if image.right is False else image.reason,
+                }
             )
             for image in self.images
         )
-        return replace(self, metric=False, images=images)
+        return replace(self, metric=False, images=images, weakest=None)

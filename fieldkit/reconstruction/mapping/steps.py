@@ -59,8 +59,8 @@ def map_by_priors(inputs: Inputs, belief: Belief) -> Mapped:
     if registered < 2:
         raise no_model(inputs, {})
     return judged(
-        inputs, belief, "prior", found.model, (registered,), reasons, found.edges,
-        metric=True, pairs_tried=found.pairs_tried, pairs_verified=found.pairs_kept,
+        inputs, belief, "prior", found.model, (registered,), reasons, found.ties,
+        metric=True, refined=found.refined, pairs_tried=found.pairs_tried, pairs_verified=found.pairs_kept,
     )  # fmt: skip
 
 
@@ -167,7 +167,7 @@ def make_model(inputs: Inputs, belief: Belief) -> Belief:
             )  # fmt: skip
             kept = model_to_arrays(result.model)
             kept["_counts"] = np.array([result.pairs_tried, result.pairs_kept])
-            kept["_edges"] = np.array(result.edges, np.int64).reshape(-1, 2)
+            kept["_ties"] = np.array([(i, j, value) for (i, j), value in sorted(result.ties.items())]).reshape(-1, 3)
             kept["_unregistered"] = np.array([[n, r] for n, r in result.unregistered.items()], dtype=np.str_)
             inputs.context.cache.put("models", key, kept)
         else:
@@ -175,8 +175,9 @@ def make_model(inputs: Inputs, belief: Belief) -> Belief:
     arrays = {name: data for name, data in kept.items() if not name.startswith("_")}
     tried, pairs_kept = (int(v) for v in kept["_counts"])
     unregistered = {str(n): str(r) for n, r in kept["_unregistered"].reshape(-1, 2)}
-    edges = tuple((chosen[int(i)], chosen[int(j)]) for i, j in kept["_edges"])
-    return replace(belief, mapped=PriorMapping(arrays_to_model(arrays), unregistered, tried, pairs_kept, edges))
+    ties = {(chosen[int(i)], chosen[int(j)]): float(value) for i, j, value in kept["_ties"]}
+    mapped = PriorMapping(arrays_to_model(arrays), unregistered, tried, pairs_kept, ties, not fixed)
+    return replace(belief, mapped=mapped)
 
 
 def correct(inputs: Inputs, belief: Belief) -> Belief:

@@ -161,7 +161,11 @@ def _refined(across: Across, pivot: Floats, motions: Floats, information: Floats
         weighted = jacobian / (_NOISE_PX * (1.0 + (residual / scale) ** 2))[..., None] ** 2
         normal = np.einsum("sni,snj->sij", weighted, jacobian) + information
         gradient = np.einsum("sni,sn->si", weighted, residual) + motions @ information
-        motions = motions - np.linalg.solve(normal, gradient[..., None])[..., 0]
+        try:
+            step = np.linalg.solve(normal, gradient[..., None])
+        except np.linalg.LinAlgError:  # a start so far off that a camera lies on another's ray
+            step = np.linalg.pinv(normal, hermitian=True) @ gradient[..., None]
+        motions = motions - step[..., 0]
     return motions
 
 

@@ -21,11 +21,13 @@ from fieldkit.reconstruction.colmap_model import model_poses, to_rigid
 from fieldkit.reconstruction.mapping.bundle import COARSE_M
 from fieldkit.reconstruction.mapping.state import Belief, Inputs, Mapped
 from fieldkit.reconstruction.mapping.submodels import place_submodel
+from fieldkit.reconstruction.mapping.uncertainty import Uncertainty, pose_uncertainty
 from fieldkit.reconstruction.mapping.view_graph import EDGE_MATCHES, Pair, connected_parts
-from fieldkit.results.evaluation import ImageReport
+from fieldkit.results.evaluation import ImageReport, WeakestMode
 from fieldkit.results.fields import finite
 from fieldkit.results.finding import Finding
 from fieldkit.runtime.colmap import pycolmap
+from fieldkit.wording import count, listed
 
 _FIXED_BY = 3
 """Photographs whose known positions fix a group's place, scale and rotation."""
@@ -33,6 +35,9 @@ _PLACED = 2
 _LOOSE_DEG = 1.0
 _FREE_DEG = 1000.0  # an orientation that is not known
 _NAMED = 6
+_FIRST_METRE = 0.5
+_KNOWN_TO_M, _KNOWN_TO = 0.010, 0.0075
+"""A pose is right that two standard deviations tell to 10 mm, or to this share of the distance to what is seen."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +47,6 @@ class Group:
     names: tuple[str, ...]
     shared: int
     """Sparse points that they and other groups see."""
-
-    def __str__(self) -> str:
-        named = ", ".join(self.names[:_NAMED])
-        return named if len(self.names) <= _NAMED else f"{named} and {len(self.names) - _NAMED} more"
 
 
 def find_groups(model: pycolmap.Reconstruction, names: Sequence[str], edges: Collection[Pair]) -> list[Group]:
@@ -133,16 +134,24 @@ def _own_place(poses: Mapping[str, Pose], records: Mapping[str, PosePrior]) -> S
     return Similarity(scale, turn, after.mean(axis=0) - scale * turn @ before.mean(axis=0))
 
 
-def weakly_tied(name: str, groups: Sequence[Group], *, placed: bool) -> tuple[Finding, ...]:
-    """That groups of a capture's photographs hang together by single matches only."""
-    if len(groups) < 2:
+def weakly_tied(
+    name: str, known: Uncertainty, loose: list[str], together: list[str], sigma: float, *, metric: bool
+) -> tuple[Finding, ...]:
+    """How far photographs may be off that are known too poorly, and which of them together."""
+    if not loose:
         return ()
-    told = "; ".join(map(str, groups))
-    held = "the known poses" if placed else "single matches and known positions"
+
+    def within(sigma: float) -> str:
+        if not metric:
+            return f"{200.0 * sigma / known.distance:.1g} % of their distance"
+        return f"{2000.0 * sigma:.0f} mm" if sigma < _FIRST_METRE else f"{2.0 * sigma:.1f} m"
+
+    most = float(max(known.sigma[known.names.index(each)] for each in loose))
+    poor = count(len(loose), "photograph is", "photographs are", of=len(known.names))
     message = (
-        f"weakly tied: the photographs fall into {len(groups)} groups, and no pair across them has enough matches: "
-        f"{told}. Within a group poses are good; only {held} tell how the groups lie to one another; take "
-        "photographs between the groups, at most 20° apart"
+        f"weakly tied: {poor} known to {within(most)} only (two standard deviations): {listed(loose, _NAMED)}. Most "
+        f"easily {listed(together, _NAMED)} could lie {within(sigma)} off the others together: too few matches above "
+        "chance join them; take photographs between them and the others, at most 20° apart"
     )
     return (Finding(name, "weakly-tied", message),)
 
@@ -154,9 +163,10 @@ def judged(
     model: pycolmap.Reconstruction,
     sizes: tuple[int, ...],
     reasons: Mapping[str, str],
-    edges: Collection[Pair],
+    ties: Mapping[Pair, float],
     *,
     metric: bool,
+    refined: bool,
     pairs_tried: int,
     pairs_verified: int,
 ) -> Mapped:
@@ -167,16 +177,25 @@ def judged(
         model: groups of its photographs are moved, in place, where known poses want them.
         sizes: registered images of every model.
         reasons: why a photograph is not registered.
-        edges: of the view graph, by indices of photographs.
+        ties: the view graph's edges, by indices of photographs, and what they say (`pair_information`).
         metric: whether the model is in the known poses' frame.
+        refined: whether mapping adjusted the cameras' lenses.
     """
     known = belief.priors.by_name
-    groups = find_groups(model, inputs.names, edges)
+    groups = find_groups(model, inputs.names, ties)
     placed = method == "prior" and len(groups) > 1 and place_groups(model, groups, known)
-    loose = held_by_positions(groups)
+    held = held_by_positions(groups)
     points = {str(model.image(i).name): int(model.image(i).num_points3D) for i in model.reg_image_ids()}
-    errors = _reprojection_errors(model)
     poses = model_poses(model)
+    uncertainty = pose_uncertainty(
+        model, known if method == "prior" else {}, ties, inputs.names, loss_px=inputs.settings.prior.loss_px,
+        refined=refined, oriented=placed,
+    )  # fmt: skip
+    sigmas = dict(zip(uncertainty.names, uncertainty.sigma.tolist(), strict=True))
+    errors = dict(zip(uncertainty.names, uncertainty.reprojection_px.tolist(), strict=True))
+    bound = max(_KNOWN_TO_M * metric, _KNOWN_TO * uncertainty.distance)
+    loose = []
+    together, sigma = uncertainty.weakest()
     trusted = metric or not belief.priors.positioned
     reports = []
     for keyed, name in zip(inputs.keyed, inputs.names, strict=True):
@@ -187,16 +206,20 @@ def judged(
             continue
         agreement = judge(poses[name], known.get(name) if metric else None)
         right, reason = agreement.right, agreement.reason
-        if right and name in loose:
+        if right and name in held:
             right, reason = False, "only its known position holds it: too few matches"
         if not trusted:
             right, reason = False, "wrong pose: the model does not fit the known positions"
+        if right is not False and 2.0 * sigmas[name] > bound:
+            loose.append(name)
+            right, reason = None, "loose: too few matches above chance tell its place"
         reports.append(
             ImageReport(
                 name=name, features=features, registered=True, right=None if right is None else bool(right),
                 reason=reason, observations=points[name], reprojection_px=finite(errors.get(name)),
                 position_residual_m=finite(agreement.position_residual_m),
                 angle_residual_deg=finite(agreement.angle_residual_deg),
+                sigma_m=finite(sigmas[name]) if metric else None,
             )
         )  # fmt: skip
     parallel = spread_deg(poses.values()) < PARALLEL_DEG
@@ -204,21 +227,6 @@ def judged(
         method, model, sizes, metric, tuple(reports),
         dict(zip(belief.cameras.keys, belief.cameras.sources, strict=True)), pairs_tried, pairs_verified, belief.notes,
         parallel and not (method == "prior" and belief.heights_tell(poses.values())),
-        weakly_tied(inputs.capture.folder.name, groups, placed=placed),
+        weakly_tied(inputs.capture.folder.name, uncertainty, loose, together, sigma, metric=metric),
+        WeakestMode(photographs=tuple(together), sigma_m=sigma) if metric and together else None,
     )  # fmt: skip
-
-
-def _reprojection_errors(model: pycolmap.Reconstruction) -> dict[str, float]:
-    """Mean reprojection error per image, pixels."""
-    total: dict[int, float] = {}
-    count: dict[int, int] = {}
-    for point in model.points3D.values():
-        for element in point.track.elements:
-            image = model.image(element.image_id)
-            projected = image.project_point(point.xyz)
-            if projected is None:
-                continue
-            error = float(np.linalg.norm(projected - image.point2D(element.point2D_idx).xy))
-            total[element.image_id] = total.get(element.image_id, 0.0) + error
-            count[element.image_id] = count.get(element.image_id, 0) + 1
-    return {model.image(i).name: total[i] / count[i] for i in total}

@@ -1,0 +1,110 @@
+"""`known-poses`: whether photographs are as far off as mapping says they may be, on the recorded rigs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.few_views import RIG_ANGLE_SIGMA_DEG, Noise
+from benchmarks.result import ResultTable, StudyResult
+from benchmarks.rigs import RigSet, load_rig, perturb, uniform_subset
+from fieldkit.cache import StageCache
+from fieldkit.errors import ReconstructionError
+from fieldkit.geometry import Similarity
+from fieldkit.geometry.priors import PosePrior, Priors, SourceFrame
+from fieldkit.geometry.similarity import fit_similarity
+from fieldkit.reconstruction.cameras import cameras_of
+from fieldkit.reconstruction.colmap_model import model_poses
+from fieldkit.reconstruction.mapping.choose import map_capture
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.evaluation import ImageReport
+from fieldkit.runtime.context import Context
+from fieldkit.runtime.progress import Progress
+
+SETS: Mapping[str, Sequence[int]] = {"basil_rig": (10, 13), "arabidopsis_rig": (13, 20)}
+NOISES = (
+    Noise(0.01, 1.0), Noise(0.02, 2.0), Noise(0.05, 2.0), Noise(0.0, np.inf), Noise(0.01, np.inf), Noise(0.05, np.inf),
+)  # fmt: skip
+"""Without angles nothing is known of the lens either."""
+_OFF_M = 0.010
+
+
+def run_known_poses(data: Path, *, phases: int, cache: StageCache, progress: Progress) -> StudyResult:
+    """Map even subsets about noisy poses, and compare errors with what is said of them."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    rows = []
+    for name, sizes in SETS.items():
+        rig = load_rig(data, name, cache=cache, progress=progress)
+        with progress.stage(name, len(sizes) * len(NOISES) * phases) as advance:
+            for size in sizes:
+                for noise in NOISES:
+                    found, start = [], time.process_time()
+                    for phase in range(phases):
+                        found += _mapped(rig, uniform_subset(rig.names, size, phase), noise, phase)
+                        advance(1)
+                    rows.append((name, size, _said(noise), *_cells(found), (time.process_time() - start) / phases))
+    columns = ("set", "views>", "priors", "right>", "loose>", "wrong>", "not registered>", "largest error, mm>",
+               "above 10 mm told>", "loose within 10 mm>", "within 2 σ, %>", "CPU s>")  # fmt: skip
+    return StudyResult(
+        name="known-poses", title="How well poses are known",
+        tables=(ResultTable(f"Even subsets, {phases} each", columns, tuple(rows)),),
+        notes=("Errors: centres of photographs not called wrong, against the model of all after the best fit.",
+               "CPU s with features."),
+        wall_s=time.perf_counter() - wall, cpu_s=time.process_time() - cpu,
+    )  # fmt: skip
+
+
+def _said(noise: Noise) -> str:
+    return str(noise) if np.isfinite(noise.angle_deg) else f"{1000 * noise.position_m:.0f} mm, no angles"
+
+
+def _mapped(rig: RigSet, names: Sequence[str], noise: Noise, draw: int) -> list[tuple[ImageReport, float]]:
+    """Reports of photographs with the errors of their centres, metres; NaN where there is none."""
+    capture, oriented = rig.capture, bool(np.isfinite(noise.angle_deg))
+    capture = replace(
+        capture, photos=tuple(photo for photo in capture.photos if photo.name in names), findings=(),
+        groups=(replace(capture.groups[0], photos=tuple(n for n in capture.names if n in names)),),
+    )  # fmt: skip
+    sigma = float(np.hypot(noise.position_m, rig.accuracy_m))
+    noisy = perturb(rig.nominal, noise.position_m, noise.angle_deg if oriented else 0.0, draw)
+    priors = {
+        name: PosePrior.of(noisy[name], sigma, float(np.hypot(noise.angle_deg, RIG_ANGLE_SIGMA_DEG)))
+        if oriented else PosePrior(noisy[name].center, sigma)
+        for name in capture.names
+    }  # fmt: skip
+    cameras = cameras_of(capture)
+    if oriented:
+        cameras = replace(cameras, cameras=(rig.intrinsics,), sources=("camera.toml",), fixed=(True,))
+    known = Priors(SourceFrame("poses.csv", None, Similarity.identity()), priors)
+    try:
+        mapped = map_capture(capture, cameras, known, ReconstructionSettings(), Context())
+    except ReconstructionError:
+        return [(ImageReport(name=name, features=0, registered=False), np.nan) for name in names]
+    poses = model_poses(mapped.model)
+    errors = {}
+    if len(poses) > 3:
+        found = np.array([pose.center for pose in poses.values()])
+        dense = np.array([rig.dense[name].center for name in poses])
+        errors = dict(
+            zip(poses, np.linalg.norm(fit_similarity(found, dense).apply(found) - dense, axis=1), strict=True)
+        )
+    return [(image, errors.get(image.name, np.nan)) for image in mapped.images]
+
+
+def _cells(found: Sequence[tuple[ImageReport, float]]) -> tuple[int | float | str, ...]:
+    counted = [(image, error) for image, error in found if image.counts and np.isfinite(error)]
+    off = [image for image, error in counted if error > _OFF_M]
+    loose = [image for image, _ in found if image.counts and image.right is None]
+    inside = [error <= 2.0 * image.sigma_m for image, error in counted if image.sigma_m is not None]
+    return (
+        sum(image.right is True for image, _ in found), len(loose), sum(image.right is False for image, _ in found),
+        sum(not image.registered for image, _ in found),
+        1000.0 * max((error for _, error in counted), default=float("nan")),
+        f"{sum(image.right is None for image in off)} of {len(off)}",
+        sum(image.right is None and error <= _OFF_M for image, error in counted),
+        100.0 * float(np.mean(inside)) if inside else float("nan"),
+    )  # fmt: skip

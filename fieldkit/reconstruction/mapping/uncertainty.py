@@ -1,0 +1,305 @@
+"""How well cameras are known: the covariance of their poses from the normal equations of the last bundle adjustment.
+
+Positions known before count with their errors, observations with their residuals. What a match says of two cameras
+counts as far as it is above chance: a narrow band gives every pair matches, and bundle adjustment bends a model until
+some of them fit. Right ones lie within half a pixel of their epipolar lines and chance ones anywhere in the band, so
+the information of a pair is that of an M-estimator of all matches in a band (`pair_information`). Points are seen by
+such pairs alone: a track that only chance continues is cut there.
+
+What all cameras have in common, a similarity, is the frame's error and is taken off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import connected_components
+
+from fieldkit.geometry.pose import cross_matrix
+from fieldkit.geometry.priors import PosePrior
+from fieldkit.reconstruction.colmap_model import pose_of
+from fieldkit.runtime.colmap import pycolmap
+
+Floats = NDArray[np.float64]
+Pair = tuple[int, int]
+TIE_BAND_PX = 6.0
+"""Half width of the band whose matches tell a pair's information, pixels of a photograph 1600 wide."""
+_TIE_SCALE_PX = 0.75
+_TIE_NOISE_PX = 0.5
+_FAR_PX = 100.0
+_BY_CHANCE = 12.0
+"""Matches that a wrong relative pose has within half a pixel: it has five parameters, and the most of many tries."""
+_INFLATION = 1.5
+"""Of observations' errors: matches of one surface err alike, and lenses are no models. Calibrated on the rigs."""
+_FLOOR = 0.0015
+"""Standard deviation of a centre that nothing lowers, as a share of the distance to what is seen."""
+_LEAST_SLOPE = 0.2
+_FREE_RAD = 1.0
+_FREE_EXTENTS = 3.0
+_FOCAL_SIGMA = 0.3
+_ROUNDS = 10
+_MOVING = 0.5
+
+
+def pair_information(distances_px: Floats) -> float:
+    """What a pair's matches say of its relative pose, in 1/px²: Cauchy's loss as an M-estimator.
+
+    Args:
+        distances_px: (n,) of all matches in a band to their epipolar lines, pixels of a photograph 1600 wide.
+    """
+    distances_px = np.minimum(np.nan_to_num(distances_px, nan=_FAR_PX), _FAR_PX)
+    ratio = (distances_px / _TIE_SCALE_PX) ** 2
+    slope = float(((1.0 - ratio) / (1.0 + ratio) ** 2).sum())
+    pull = float((distances_px**2 / (1.0 + ratio) ** 2).sum())
+    return max(0.0, slope - _BY_CHANCE) ** 2 / pull if pull > 0.0 else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """Of the poses of a model's n photographs, against one another."""
+
+    names: tuple[str, ...]
+    centers: Floats
+    """(n, 3)."""
+    covariance: Floats
+    """(3 n, 3 n) of the centres, without the similarity that they have in common."""
+    part: NDArray[np.int32]
+    """(n,) which of the groups that pairs join each is in."""
+    distance: float
+    """To the points that are seen, median over photographs; in the model's unit, as all lengths here."""
+    reprojection_px: Floats
+    """(n,) mean error of each photograph's observations."""
+
+    @property
+    def sigma(self) -> Floats:
+        """(n,) root mean square error expected of each centre."""
+        own = np.diag(self.covariance).reshape(-1, 3).sum(axis=1)
+        sigma: Floats = np.sqrt(np.maximum(own, 0.0) + (_FLOOR * self.distance) ** 2)
+        return sigma
+
+    def weakest(self) -> tuple[list[str], float]:
+        """Which photographs could move together against the others most easily, and their root mean square error then.
+
+        A group that no pair joins to the largest. Where there is none, those that the covariance's largest principal
+        axis moves, less the similarity that leaves most centres where they are.
+        """
+        largest = int(np.argmax(np.bincount(self.part)))
+        groups = [self.part == label for label in np.unique(self.part) if label != largest] or [self._bent()]
+        sigmas = [float(np.sqrt((self.sigma[group] ** 2).mean())) if group.any() else 0.0 for group in groups]
+        chosen = groups[int(np.argmax(sigmas))]
+        return [name for name, moving in zip(self.names, chosen, strict=True) if moving], max(sigmas)
+
+    def _bent(self) -> NDArray[np.bool_]:
+        """(n,) which centres the largest principal axis moves: no more than half of them."""
+        moves = np.linalg.eigh(self.covariance)[1][:, -1].reshape(-1, 3)
+        motion, weight = _common(self.centers), np.ones(len(moves))
+        for _ in range(_ROUNDS):
+            fitted = np.linalg.pinv((weight[:, None, None] * motion).reshape(-1, 7)) @ (weight[:, None] * moves).ravel()
+            length = np.linalg.norm(moves - motion @ fitted, axis=1)
+            weight = 1.0 / np.sqrt(np.maximum(length, 1e-3 * length.max() + 1e-12))
+        away: NDArray[np.bool_] = length > _MOVING * length.max()
+        return away if 2 * away.sum() <= len(away) else ~away
+
+
+def pose_uncertainty(
+    model: pycolmap.Reconstruction,
+    priors: Mapping[str, PosePrior],
+    ties: Mapping[Pair, float],
+    names: Sequence[str],
+    *,
+    loss_px: float,
+    refined: bool,
+    oriented: bool,
+) -> Uncertainty:
+    """How well a model's poses are known.
+
+    Args:
+        model: at the optimum of its bundle adjustment.
+        priors: by name, in the model's frame; none where it is not metric.
+        ties: information of the pairs (`pair_information`), by indices into ``names``.
+        loss_px: scale of the bundle adjustment's Cauchy loss.
+        refined: whether it adjusted focal lengths and distortion.
+        oriented: whether known orientations have placed what photographs leave loose, as positions do anyway.
+    """
+    seen = _observations(model)
+    index = {name: k for k, name in enumerate(names)}
+    row = {index[name]: k for k, name in enumerate(seen.names)}
+    information = np.zeros((len(row), len(row)))
+    for (i, j), value in ties.items():
+        if i in row and j in row:
+            information[row[i], row[j]] = information[row[j], row[i]] = value
+    joined, weight = _joined(seen, information)
+    squares = (seen.residual**2).sum(axis=1)
+    total = np.bincount(seen.image, np.sqrt(squares), len(row))
+    mean = total / np.maximum(1, np.bincount(seen.image, minlength=len(row)))
+    variance = _variance(squares[joined.chosen], loss_px, joined.points, len(row))
+    normal = _normal_equations(joined, weight / (_INFLATION**2 * variance), refined=refined)
+    extent = _FREE_EXTENTS * float(np.linalg.norm(np.ptp(seen.centers, axis=0)))
+    for k, name in enumerate(seen.names):
+        known, at = priors.get(name, PosePrior()), 6 * k
+        position = extent if known.position is None else known.position_sigma_m
+        turn = np.radians(known.angle_sigma_deg) if oriented and known.rotation is not None else _FREE_RAD
+        normal[range(at, at + 3), range(at, at + 3)] += turn**-2
+        normal[range(at + 3, at + 6), range(at + 3, at + 6)] += position**-2
+    covariance = np.linalg.inv(normal)[: 6 * len(row), : 6 * len(row)].reshape(len(row), 6, len(row), 6)
+    motion = _common(seen.centers).reshape(-1, 7)
+    off = np.eye(len(motion)) - motion @ np.linalg.pinv(motion, rcond=1e-6)
+    part = connected_components(coo_array(information > 0.0), directed=False)[1]
+    of_centers = off @ covariance[:, 3:, :, 3:].reshape(off.shape) @ off.T
+    return Uncertainty(seen.names, seen.centers, of_centers, part, seen.distance, mean)
+
+
+@dataclass(frozen=True, eq=False)
+class _Observations:
+    """m observations of a model's points, with derivatives of pixels."""
+
+    names: tuple[str, ...]
+    centers: Floats
+    """(n, 3)."""
+    distance: float
+    chosen: NDArray[np.int64]
+    """(m,) which of all observations these are."""
+    image: NDArray[np.int64]
+    point: NDArray[np.int64]
+    """(m,) counted from 0."""
+    points: int
+    residual: Floats
+    """(m, 2) pixels."""
+    by_pose: Floats
+    """(m, 2, 6): the camera's rotation in the world, radians, and its centre."""
+    by_point: Floats
+    """(m, 2, 3)."""
+    by_lens: Floats
+    """(m, 2, 2): relative focal length, and one coefficient of radial distortion."""
+
+
+def _observations(model: pycolmap.Reconstruction) -> _Observations:
+    images = sorted((model.image(i) for i in model.reg_image_ids()), key=lambda image: str(image.name))
+    row = {image.image_id: k for k, image in enumerate(images)}
+    keys = sorted(model.point3D_ids())
+    places = np.array([model.points3D[key].xyz for key in keys]).reshape(-1, 3)
+    tracks = [
+        (k, row[element.image_id], element.point2D_idx)
+        for k, key in enumerate(keys) for element in model.points3D[key].track.elements if element.image_id in row
+    ]  # fmt: skip
+    point, image, feature = np.array(tracks, np.int64).reshape(-1, 3).T
+    count = len(tracks)
+    residual, by_pose = np.zeros((count, 2)), np.zeros((count, 2, 6))
+    by_point, by_lens = np.zeros((count, 2, 3)), np.zeros((count, 2, 2))
+    poses = [pose_of(each) for each in images]
+    depths = []
+    for k, (each, pose) in enumerate(zip(images, poses, strict=True)):
+        mine = np.flatnonzero(image == k)
+        if not len(mine):
+            continue
+        camera = model.camera(each.camera_id)
+        arm = places[point[mine]] - pose.center
+        x, y, z = (arm @ pose.rotation.T).T
+        pixels = np.array([each.points2D[int(n)].xy for n in feature[mine]])
+        residual[mine] = np.array(camera.img_from_cam(np.stack([x, y, z], axis=1))).reshape(-1, 2) - pixels
+        focal = camera.mean_focal_length()
+        by_ray = np.zeros((len(mine), 2, 3))
+        by_ray[:, 0, 0], by_ray[:, 0, 2] = focal / z, -focal * x / z**2
+        by_ray[:, 1, 1], by_ray[:, 1, 2] = focal / z, -focal * y / z**2
+        by_point[mine] = by_ray @ pose.rotation
+        by_pose[mine, :, :3] = np.cross(by_point[mine], arm[:, None, :])
+        by_pose[mine, :, 3:] = -by_point[mine]
+        ray = np.stack([x / z, y / z], axis=1)
+        by_lens[mine] = focal * np.stack([ray, ray * (ray**2).sum(axis=1, keepdims=True)], axis=2)
+        depths.append(float(np.median(np.linalg.norm(arm, axis=1))))
+    seen = np.isfinite(residual).all(axis=1)  # a point behind a camera has no pixel
+    return _Observations(
+        tuple(str(each.name) for each in images), np.array([pose.center for pose in poses]),
+        float(np.median(depths)) if depths else 0.0, np.arange(int(seen.sum())), image[seen], point[seen], len(keys),
+        residual[seen], by_pose[seen], by_point[seen], by_lens[seen],
+    )  # fmt: skip
+
+
+def _joined(seen: _Observations, information: Floats) -> tuple[_Observations, Floats]:
+    """The observations that pairs with information join to others of their points, cut where none does; and weights.
+
+    Args:
+        information: (n, n) of pairs of images.
+
+    Returns:
+        Also the share (m,) that each has of what it would have with right matches only: its best pair's.
+    """
+    order = np.argsort(seen.point, kind="stable")
+    image, point = seen.image[order], seen.point[order]
+    longest = int(np.bincount(point).max()) if len(point) else 0
+    steps = range(1, longest)
+    first = [np.flatnonzero(point[step:] == point[:-step]) for step in steps]
+    one = np.concatenate([np.zeros(0, np.int64), *first])
+    other = np.concatenate([np.zeros(0, np.int64), *(each + step for each, step in zip(first, steps, strict=True))])
+    tied = information[image[one], image[other]] > 0.0
+    one, other = one[tied], other[tied]
+    shared = np.zeros_like(information)
+    np.add.at(shared, (image[one], image[other]), 1.0)
+    shared = shared + shared.T
+    share = np.minimum(1.0, _TIE_NOISE_PX**2 * information / np.maximum(shared, 1.0))
+    weight = np.zeros(len(point))
+    for mine, theirs in ((one, other), (other, one)):
+        np.maximum.at(weight, mine, share[image[mine], image[theirs]])
+    links = coo_array((np.ones(len(one), np.int8), (one, other)), shape=(len(point),) * 2)
+    label = connected_components(links, directed=False)[1]
+    kept = np.bincount(label, minlength=len(point))[label] > 1
+    chosen = order[kept]
+    points, new = np.unique(label[kept], return_inverse=True)
+    return _Observations(
+        seen.names, seen.centers, seen.distance, chosen, seen.image[chosen], new.astype(np.int64), len(points),
+        seen.residual[chosen], seen.by_pose[chosen], seen.by_point[chosen], seen.by_lens[chosen],
+    ), weight[kept]  # fmt: skip
+
+
+def _variance(squares: Floats, loss_px: float, points: int, images: int) -> float:
+    """Of an observation's pixels under Cauchy's loss: Σψ² / (degrees of freedom) / (mean ψ′)², after Huber."""
+    if not len(squares):
+        return loss_px**2
+    ratio = squares / loss_px**2
+    slope = max(_LEAST_SLOPE, float((1.0 / (1.0 + ratio) ** 2).mean()))
+    free = max(2 * len(squares) - 3 * points - 6 * images, 0.1 * 2 * len(squares))
+    return float((squares / (1.0 + ratio) ** 2).sum()) / free / slope**2
+
+
+def _normal_equations(seen: _Observations, weight: Floats, *, refined: bool) -> Floats:
+    """(6 n, 6 n) information of poses, points eliminated (Schur's complement); two more rows of a ``refined`` lens."""
+    count, points = len(seen.names), seen.points
+    if not len(weight):
+        return np.zeros((6 * count, 6 * count))
+    by_pose, by_point, by_lens = seen.by_pose, seen.by_point, seen.by_lens
+    rows = 6 * seen.image[:, None] + np.arange(6)
+    columns = 3 * seen.point[:, None] + np.arange(3)
+    lens = np.tile(6 * count + np.arange(2), (len(weight), 1))
+    size = 6 * count + 2
+    own = np.concatenate([by_pose, by_lens], axis=2)
+    places = np.concatenate([rows, lens], axis=1)
+    kept = _summed(places, places, np.einsum("mki,mkj,m->mij", own, own, weight), (size, size))
+    cross = _summed(places, columns, np.einsum("mki,mkj,m->mij", own, by_point, weight), (size, 3 * points))
+    of_points = np.zeros((points, 3, 3))
+    np.add.at(of_points, seen.point, np.einsum("mki,mkj,m->mij", by_point, by_point, weight))
+    of_points += 1e-13 * np.trace(of_points, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    each = np.arange(3 * points).reshape(-1, 3)
+    inverse = _summed(each, each, np.asarray(np.linalg.inv(of_points), np.float64), (3 * points, 3 * points))
+    reduced: Floats = (kept - cross @ inverse @ cross.T).toarray()
+    if not refined:
+        return reduced[:-2, :-2]
+    reduced[range(size - 2, size), range(size - 2, size)] += _FOCAL_SIGMA**-2
+    return reduced
+
+
+def _summed(rows: NDArray[np.int64], columns: NDArray[np.int64], blocks: Floats, shape: tuple[int, int]) -> csr_array:
+    """The sparse matrix that sums blocks (m, a, b) at rows (m, a) and columns (m, b)."""
+    at = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
+    return csr_array((blocks.ravel(), (at[0].ravel(), at[1].ravel())), shape=shape)
+
+
+def _common(centers: Floats) -> Floats:
+    """(n, 3, 7) motion of centres (n, 3) by a small similarity: translation, rotation about their mean, scale."""
+    arms = centers - centers.mean(axis=0)
+    turned = np.array([-cross_matrix(arm) for arm in arms])
+    motion: Floats = np.concatenate([np.tile(np.eye(3), (len(arms), 1, 1)), turned, arms[:, :, None]], axis=2)
+    return motion
