@@ -144,6 +144,8 @@ class Mapped:
     """What a person should know of how the photographs and their positions hang together."""
     weakest: WeakestMode | None = None
     """Where it is metric."""
+    groups: int = 1
+    """Of photographs, that no pair of the view graph joins."""
     features_cached: int = 0
 
     @property

@@ -32,7 +32,7 @@ def with_stated_poses(inputs: Inputs, belief: Belief, mapped: Mapped | None) -> 
             for name, keyed in zip(names, inputs.keyed, strict=True)
         ]
         kept = replace(mapped or _none(belief), model=new_model((), cameras.cameras, (), (), ()), model_sizes=(),
-                       metric=True, images=tuple(images), findings=(), flat=False)  # fmt: skip
+                       metric=True, images=tuple(images), findings=(), weakest=None, flat=False)  # fmt: skip
     else:
         kept = mapped
     missing = {image.name for image in kept.images if not image.registered and image.name in stated}
@@ -60,7 +60,7 @@ def with_stated_poses(inputs: Inputs, belief: Belief, mapped: Mapped | None) -> 
 def _tied(mapped: Mapped) -> bool:
     """Whether a model by matches is one group of half of the photographs or more, in the frame of what is known."""
     half = 2 * sum(image.registered for image in mapped.images) >= len(mapped.images)
-    return mapped.metric and half and not any(finding.code == "weakly-tied" for finding in mapped.findings)
+    return mapped.metric and half and mapped.groups == 1
 
 
 def _none(belief: Belief) -> Mapped:

@@ -229,4 +229,5 @@ def judged(
         parallel and not (method == "prior" and belief.heights_tell(poses.values())),
         weakly_tied(inputs.capture.folder.name, uncertainty, loose, together, sigma, metric=metric),
         WeakestMode(photographs=tuple(together), sigma_m=sigma) if metric and together else None,
+        len(groups),
     )  # fmt: skip
