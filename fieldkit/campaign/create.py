@@ -19,9 +19,11 @@ from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.cloud_reference import is_cloud
 from fieldkit.files import atomic_folder, file_beside, write_atomic
 from fieldkit.regular_files import check_regular
+from fieldkit.results.finding import Refused
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, save_plan
 from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_reference_report
 from fieldkit.results.visit import CAMPAIGN_FILE
+from fieldkit.sites.fit import other_camera
 from fieldkit.sites.plots_file import read_plots
 from fieldkit.sites.site_file import Tell, load_site, plots_file_beside
 from fieldkit.sites.vector_files import parts_of
@@ -75,7 +77,9 @@ def init_campaign(
     plan = load_plan(sources.plan)
     site = load_site(sources.site, sources.plots, sources.plot_id, tell=tell)
     if sources.vehicle is not None:
-        load_vehicle(sources.vehicle)
+        against = list(other_camera(plan, site.plots[0], load_vehicle(sources.vehicle)))
+        if against:
+            raise Refused(against)
     if sources.camera is not None:
         read_camera_file(sources.camera)
     references = [

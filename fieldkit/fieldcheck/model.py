@@ -8,13 +8,10 @@ from typing import Literal
 
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import station_number
+from fieldkit.vehicles.wash import WINDY_M
 
 Verdict = Literal["fine", "fix tags", "fly again"]
 """Of a station: nothing to do, its photograph will do once its tags are right, or it must be photographed anew."""
-
-WINDY_M = 0.010
-"""Leaves that move so far half a metre out: planned views miss 9 to 13 cm of height, more than traits claim
-(docs/traits.md)."""
 
 Placement = Literal["site", "poses.csv", "row heading", "shape", "none"]
 """How photographs were put into the plan's frame: by the site's plot; as poses.csv has them; by the plan's own row

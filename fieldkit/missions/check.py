@@ -32,7 +32,7 @@ from fieldkit.missions.ground import Ground, ground_of
 from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Shot
 from fieldkit.routing.obstacles import Corners, Obstacles, Volume
-from fieldkit.sites.placement import SiteFrame, grounds_m, home_of, place
+from fieldkit.sites.placement import SiteFrame, ground_below, grounds_m, home_of, place
 from fieldkit.sites.reach import NO_PLANTS, Unreachable, nearest, needs_rtk
 from fieldkit.sites.site import Site, SiteHome
 from fieldkit.vehicles.vehicle import Mount, Vehicle
@@ -59,6 +59,7 @@ def check_mission(
     unchecked: Mapping[str, str] | None = None,
     burst: int | None = None,
     plants: NDArray[np.float64] = NO_PLANTS,
+    site: Site | None = None,
 ) -> Report:
     """Everything that can be said of a mission without flying it.
 
@@ -74,6 +75,7 @@ def check_mission(
         unchecked: plots whose plants are not among ``obstacles``, and why; None where no plots are known.
         burst: photographs that each station should have; None: as many as most have.
         plants: (m, 3) where they are known to stand, in the obstacles' frame.
+        site: whose plots say where the ground is below other photographs; home's own height without.
     """
     if read.home is None and origin is not None:
         read = replace(read, home=origin)
@@ -91,7 +93,10 @@ def check_mission(
     burst = burst or usual_burst(flown.photographs)
     matched = deviations(flown.photographs, planned, home, burst) if planned and home is not None else ()
     above = {shot.name: ground for shot, ground in zip(planned, grounds, strict=True)} if grounds else {}
-    findings += photograph_findings(flown, vehicle, places, {d.item: above.get(d.planned.name, 0.0) for d in matched})
+    taken = {shot.item: shot.place for shot in flown.photographs if shot.place is not None}
+    below = {} if site is None else dict(zip(taken, ground_below(site, list(taken.values())).tolist(), strict=True))
+    below |= {d.item: above[d.planned.name] for d in matched if d.planned.name in above}
+    findings += photograph_findings(flown, vehicle, places, below)
     findings += burst_findings(flown.photographs, matched, burst, vehicle)
     findings += _stop_findings(read)
     findings += _leg_findings(read, flown, obstacles, home)
@@ -127,7 +132,7 @@ def check_on_ground(
     return check_mission(
         read, vehicle, planned=shots, grounds=grounds_m(site, shots).tolist(), obstacles=obstacles,
         origin=home_of(site), moved=moved, unchecked=ground.unchecked, burst=burst,
-        plants=NO_PLANTS if vehicle.rtk else ground.plants,
+        plants=NO_PLANTS if vehicle.rtk else ground.plants, site=site,
     )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ from fieldkit.results.plan_file import load_plan
 from fieldkit.routing.obstacles import Obstacles
 from fieldkit.sites.fitted import flown_plans
 from fieldkit.sites.placement import PlotFrame
-from fieldkit.sites.plot_plants import PlanFacts, PlantHeight, plants_on, with_plant_height
+from fieldkit.sites.plot_plants import PlanFacts, PlantHeight, plants_on, same_height_m, with_plant_height
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.site_obstacles import site_obstacles
 
@@ -147,7 +147,7 @@ def _kept_clear(exported: MissionPlot | None, plot: SitePlot, frame: PlotFrame, 
     origin = before.to_plot(frame.tangent.latitude_deg, frame.tangent.longitude_deg, frame.ground_m)
     turned = abs((frame.row_heading_deg - before.row_heading_deg + 180.0) % 360.0 - 180.0)
     return bool(
-        plot.plant_height_m <= exported.plants.clear_m + 1e-6
+        plot.plant_height_m <= exported.plants.clear_m + same_height_m(exported.plants.clear_m) + 1e-6
         and clearance_m <= exported.plants.clearance_m + 1e-6
         and float(np.linalg.norm(origin)) <= _SAME_M
         and turned <= _SAME_DEG

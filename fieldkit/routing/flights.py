@@ -10,9 +10,10 @@ at least the transit height.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +46,8 @@ ITEMS_A_FLIGHT = 10
 """Mission items: a photograph's (gimbal, heading, waypoint, shutter, delay), and at most of take-off, home, landing."""
 
 Array = NDArray[np.float64]
+Given = TypeVar("Given")
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
@@ -122,7 +125,7 @@ def plan_flights(
     for index, stop in enumerate(stops):
         members.setdefault(stop.plot, []).append(index)
     groups = [_group(plot, [stops[k] for k in rows], [names[k] for k in rows]) for plot, rows in members.items()]
-    plots = [plot_tour(group, obstacles, vehicle.speeds, seed=seed) for group in groups]
+    plots = _each(lambda group: plot_tour(group, obstacles, vehicle.speeds, seed=seed), groups)
     ends = (_end("take-off", start), _end("landing", finish))
     field = _Field(plots, ends, obstacles, vehicle, transit_m)
     flights = [_flight(field, order, list(members.values()), stops) for order in _flights_of_plots(field, seed)]
@@ -186,6 +189,19 @@ def _ends(home: Place, landing: Place, takeoff_m: float, transit_m: float) -> tu
     return np.array([*home[:2], home[2] + takeoff_m]), np.array([*landing[:2], max(transit_m, landing[2])])
 
 
+def _each(made: Callable[[Given], Made], of: Iterable[Given]) -> list[Made]:
+    """What is made of each; what speaks against any is raised together."""
+    found, against = list[Made](), list[Finding]()
+    for each in of:
+        try:
+            found.append(made(each))
+        except Refused as refused:
+            against += refused.findings
+    if against:
+        raise Refused(against)
+    return found
+
+
 class _Field:
     """Plots with their ways to each other and to both ends, made when first asked for."""
 
@@ -199,8 +215,8 @@ class _Field:
     ) -> None:
         self.plots, self.ends, self.obstacles, self.vehicle, self.transit_m = plots, ends, obstacles, vehicle, transit_m
         self._between: dict[tuple[int, int], Ways] = {}
-        self.outward = [self._ways(ends[0], plot.group) for plot in plots]
-        self.homeward = [self._ways(plot.group, ends[1]) for plot in plots]
+        self.outward = _each(lambda plot: self._ways(ends[0], plot.group), plots)
+        self.homeward = _each(lambda plot: self._ways(plot.group, ends[1]), plots)
         speeds = vehicle.speeds
         heights = (float(end.places[0, 2]) for end in ends)
         self.fixed_s = takeoff_s(next(heights), speeds) + landing_s(next(heights), speeds)

@@ -13,8 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from fieldkit.errors import MissionError
+from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.results.finding import Finding, Refused, Severity
 from fieldkit.results.plan import Plan, Plans, station_number
@@ -28,6 +30,7 @@ from fieldkit.sites.reach import NO_PLANTS, RTK_REMEDY, Unreachable, nearest, ne
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.site_obstacles import site_obstacles
 from fieldkit.vehicles.vehicle import Vehicle
+from fieldkit.vehicles.wash import WINDY_M, air_speed_mps, sway_m
 
 CODES: dict[str, Severity] = {
     # The plan on the plot.
@@ -54,6 +57,8 @@ CODES: dict[str, Severity] = {
     "in-obstacle": "error",  # or in a no-fly zone, outside the fence, above the ceiling
     "height": "error",  # of take-off or transit, above the ceiling
     "home": "error",  # the way straight up at home or down at the landing is not clear
+    "other-camera": "error",  # the vehicle's sees much more or less than the plan's
+    "wash": "note",  # the rotors move leaves
     "needs-rtk": "warning",  # stations nearer to each other or to plants than the vehicle's GNSS can hold
     # Found while routing (fieldkit.routing.flights).
     "no-way": "error",  # no leg between two stations is clear
@@ -74,6 +79,7 @@ _GRID = 15
 _FAR = 2.0  # times the median distance at which the plan photographs: what is farther is hardly resolved
 _TURNED_DEG = 45.0
 _NAMED = 4
+_VIEWS_APART = 1.33
 
 Array = NDArray[np.float64]
 
@@ -118,8 +124,10 @@ def fit_report(
             findings += fit_plot(facts, plot, vehicle.clearance_m)
             plants = plants_on(facts, plot)
             stations = np.array([station.position_m for station in facts.plan.stations])
-            why = needs_rtk(stations, NO_PLANTS if plants is None else plants.points, vehicle)
+            points = NO_PLANTS if plants is None else plants.points
+            why = needs_rtk(stations, points, vehicle)
             findings += [_finding(plot, "needs-rtk", each, RTK_REMEDY) for each in why]
+            findings += [*other_camera(facts.plan, plot, vehicle), *_wash(stations, points, plot, vehicle)]
     among = {finding.subject for finding in findings if finding.severity == "error"}
     shots, obstacles = place(plans, site), site_obstacles(site, vehicle.clearance_m, plans)
     changed, problems = nearest(shots, site, vehicle, obstacles if adjust else None)
@@ -169,6 +177,44 @@ def fit_plot(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> tuple[Find
 def _finding(plot: SitePlot | str, code: str, message: str, remedy: str = "") -> Finding:
     name = plot if isinstance(plot, str) else plot.name
     return Finding(name, code, message, severity=CODES[code], remedy=remedy)
+
+
+def other_camera(plan: Plan, plot: SitePlot, vehicle: Vehicle) -> Iterator[Finding]:
+    """Where the vehicle's camera sees a third more than the plan's across or up, or a quarter less."""
+    if plan.camera is None:
+        return
+    planned, own = (_view_deg(camera) for camera in (plan.camera, vehicle.camera))
+    ratio = np.tan(np.radians(own) / 2.0) / np.tan(np.radians(planned) / 2.0)
+    if ratio.max() > _VIEWS_APART or ratio.min() < 1.0 / _VIEWS_APART:
+        yield _finding(
+            plot, "other-camera",
+            f"the plan's camera sees {planned[0]:.0f} × {planned[1]:.0f}°, and that of {vehicle.title} "
+            f" {own[0]:.0f} × {own[1]:.0f}°",
+            "Plan for this vehicle: fieldkit plan --vehicle NAME.",
+        )  # fmt: skip
+
+
+def _view_deg(camera: Intrinsics) -> Array:
+    """Of a camera across and up."""
+    width, height = camera.width, camera.height
+    return np.asarray(np.degrees(2.0 * np.arctan(0.5 * np.array([width, height]) / np.array([camera.fx, camera.fy]))))
+
+
+def _wash(stations: Array, plants: Array, plot: SitePlot, vehicle: Vehicle) -> Iterator[Finding]:
+    """How far the rotors move leaves, where that is too windy a day's motion."""
+    if not len(plants) or not len(stations):
+        return
+    off, near = (stations[:, None] - plants[None]).reshape(-1, 3), KDTree(plants).query(stations)[0]
+    speeds = air_speed_mps(np.linalg.norm(off, axis=1), vehicle.mass_kg, off[:, 2]).reshape(len(stations), -1)
+    moved_m = sway_m(speeds.max(axis=1))
+    too_near = int((moved_m > WINDY_M).sum())
+    if too_near:
+        yield _finding(
+            plot, "wash",
+            f"the rotors of {vehicle.title} move leaves by more than {1000 * WINDY_M:.0f} mm at {too_near} of "
+            f"{len(stations)} stations, the nearest {near.min():.1f} m from plants: as too windy a day does",
+            "Keep farther away: fieldkit plan --vehicle NAME --clearance M.",
+        )  # fmt: skip
 
 
 def plants_outgrown(plan: Plan, plant_height_m: float, *, plot: str = "plot") -> Finding | None:

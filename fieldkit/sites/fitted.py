@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fieldkit.errors import MissionError
 from fieldkit.results.plan import Plan, PlanEnvelope, PlanFit, PlanPlants, Plans, Station
-from fieldkit.sites.plot_plants import BESIDE_M, PlanFacts, same_height_m
+from fieldkit.sites.plot_plants import BESIDE_M, STANDS_SHARE, PlanFacts, same_height_m
 from fieldkit.sites.site import SitePlot
 
 SMALLEST, LARGEST = 0.5, 2.0
@@ -172,10 +172,15 @@ def _scale(facts: PlanFacts, plot: SitePlot) -> Array:
     if plot.plant_height_m is not None and abs(plot.plant_height_m - height_m) > same_height_m(height_m):
         scale[2] = plot.plant_height_m / height_m
     if plot.size_m is not None:
+        # Leaves and plants that lean reach out of an outline; where plants stand they do not.
+        standing = np.abs(facts.points[facts.points[:, 2] <= STANDS_SHARE * (facts.top_m or 0.0), :2])
         reach = 2.0 * np.maximum(np.abs(facts.box[0]), np.abs(facts.box[1]))
+        feet = 2.0 * standing.max(axis=0, initial=0.0)
         for axis, side in enumerate(plot.size_m):
-            if abs(side - reach[axis]) > 2.0 * BESIDE_M:
+            if side > reach[axis] + 2.0 * BESIDE_M:
                 scale[axis] = side / reach[axis]
+            elif side < min(feet[axis], reach[axis]) - 2.0 * BESIDE_M:
+                scale[axis] = side / feet[axis]
     return scale
 
 

@@ -48,6 +48,7 @@ from fieldkit.vehicles.vehicle import Vehicle
 MAX_SHOTS = 100_000
 FARTHEST_STATION_M = 10_000.0
 """From its plot's origin."""
+_NEAR_PLOT_M = 25.0
 
 Array = NDArray[np.float64]
 Geodetic = tuple[Array, Array, Array]
@@ -269,6 +270,18 @@ def grounds_m(site: Site, shots: Sequence[Shot]) -> Array:
             places = [shots[k].place for k in rows]
             table = np.array([(p.latitude_deg, p.longitude_deg, p.height_m) for p in places])
             found[rows] += frame.rise_m(frame.to_plot(table[:, 0], table[:, 1], table[:, 2]))
+    return found
+
+
+def ground_below(site: Site, places: Sequence[GeoPoint]) -> Array:
+    """(n,) heights above home of the ground below places: the nearest plot's, home's own farther than 25 m from all."""
+    table = np.array([(p.latitude_deg, p.longitude_deg, p.height_m) for p in places]).reshape(-1, 3)
+    found, least = np.zeros(len(table)), np.full(len(table), _NEAR_PLOT_M)
+    for frame in (PlotFrame.of(site, plot) for plot in site.plots):
+        local = frame.to_plot(*np.nan_to_num(table).T)
+        away = np.hypot(local[:, 0], local[:, 1])
+        found = np.where(away < least, frame.ground_m + frame.rise_m(local), found)
+        least = np.minimum(least, away)
     return found
 
 

@@ -39,7 +39,8 @@ _FARTHEST_M, _HIGHEST_M = 10_000.0, 100.0
 _BIN_M = 0.02
 _SMOOTH_M = 0.06
 _TURNS_DEG = tuple(range(-12, 13, 3))
-_LOW_SHARE = 0.4  # of the plants' height: stems and the feet of leaves, which stand in rows also where leaves meet
+STANDS_SHARE = 0.4
+"""Of the plants' height: stems and the feet of leaves, which stand in rows also where leaves meet."""
 _CELL_M = 0.05
 _GAP = 0.5  # of the lower of two rows, that the ground between them has at most
 _ROW = 0.3  # of the strongest row, that a row has at least
@@ -319,7 +320,7 @@ def row_spacing_m(points: Array) -> float | None:
     if float(np.abs(points[:, :2]).max()) > _ROWS_WITHIN_M:
         return None
     top = float(points[:, 2].max())
-    low = points[points[:, 2] <= _LOW_SHARE * top]
+    low = points[points[:, 2] <= STANDS_SHARE * top]
     cells = np.unique(np.floor(low[:, :2] / _CELL_M).astype(np.int64), axis=0) * _CELL_M + 0.5 * _CELL_M
     if len(cells) < _LEAST_POINTS:
         return None

@@ -99,16 +99,20 @@ def read_plots(path: Path, plot_id: str | None = None) -> PlotsFile:
     unused = _unused(features, ids.field, path)
     plots: list[SitePlot] = []
     towards: float | None = None
+    problems: dict[str, list[str]] = {}
     for feature, name in zip(features, ids.ids, strict=True):
         try:
             plot, from_shape = _plot(feature, name, towards)
-        except ValidationError as error:
-            raise _bad_plot(feature, sentence(error), path) from error
-        except ValueError as error:
-            raise _bad_plot(feature, str(error), path) from error
+        except ValueError as error:  # Pydantic's is one
+            why = sentence(error) if isinstance(error, ValidationError) else str(error)
+            problems.setdefault(why, []).append(f"feature {feature.number}")
+            continue
         if from_shape and towards is None:
             towards = plot.row_heading_deg
         plots.append(plot)
+    if problems:
+        message = "; ".join(f"{listed(those)}: {why}" for why, those in problems.items())
+        raise MetadataError(message, path=path, remedy=PLOTS_REMEDY)
     return PlotsFile(tuple(plots), ids, file, unused)
 
 
@@ -179,10 +183,6 @@ def _latitude_first(points: Any) -> Any:
     if not isinstance(points, list):
         return points
     return [[p[1], p[0], *p[2:]] if isinstance(p, list) and len(p) > 1 else p for p in points]
-
-
-def _bad_plot(feature: Feature, problem: str, path: Path) -> MetadataError:
-    return MetadataError(f"feature {feature.number}: {problem}", path=path, remedy=PLOTS_REMEDY)
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,9 @@ _FASTEST_MPS = 9.0
 _WAKE_M, _SPREAD = 0.25, 0.10
 """Half width of the downwash of 1 kg at the rotors, and its growth with depth (Pope)."""
 
+WINDY_M = 0.010
+"""Leaves that move so far half a metre out: planned views miss 9 to 13 cm of height, more than traits claim
+(docs/traits.md)."""
 _SWAY_M, _POWER = 0.53e-3, 2.5
 """The leaf motion of 4 mm at 2 to 2.5 m/s and 10 mm at 3 to 3.5 m/s, from leaf anemometry (arXiv 2504.10584)."""
 

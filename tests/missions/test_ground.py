@@ -250,3 +250,36 @@ def test_python_says_no_more_than_the_commands(tmp_path: Path) -> None:
     plan: Plan = planned(6, height_m=2.0)
     with pytest.raises(MissionError, match="nobody says how high its plants are"):
         export_mission(plan, "ardupilot-pitch", tmp_path / "site.toml", tmp_path / "m", plots=plots, picture=False)
+
+
+@pytest.mark.parametrize(("vehicle", "form", "suffix"), FLOWN)
+def test_two_heights_on_a_slope_below_home(field: Field, vehicle: str, form: str, suffix: str) -> None:
+    """What is exported passes its check; stations lower than home are not too low over their own ground.
+
+    Plants 1 cm higher than the plan's are its own, at the export as at the check.
+    """
+    low = {"slope_percent": 12.0, "uphill_heading_deg": 20.0, "height_m": -1.5, "datum": "home"}
+    plots = plots_file(field.folder, "slope.geojson", [0.91, 1.2], **low)
+    code, told = field.export(vehicle, form, plots, "--adjust")
+    assert code == 0, told
+    for file in field.folder.glob("m-*.json"):
+        file.unlink()  # the plans
+    (field.folder / "plan" / "plan.json").unlink()
+    code, answer, told = field.check(suffix, vehicle, plots)
+    assert (code, answer["ok"]) == (0, True), answer["findings"]
+
+
+def test_every_plots_errors_are_told_at_once(field: Field) -> None:
+    """Those of the plots file, those of the fit, and ways that are closed."""
+    plots = plots_file(field.folder, "bad.geojson", [0.9, 0.9, 0.9])
+    document = json.loads(plots.read_text())
+    for k, height in ((0, "high"), (2, "tall"), (1, -1)):
+        document["features"][k]["properties"]["plant_height_m"] = height
+    plots.write_text(json.dumps(document))
+    code, told = field.export("ardupilot-pitch", "plan", plots, "--adjust")
+    assert code == 3
+    assert all(f"feature {k}" in told for k in (1, 2, 3)), told
+    code, told = field.export("ardupilot-pitch", "plan", plots_file(field.folder, "none.geojson", [None, 4.0, 0.9]))
+    assert code == 5
+    assert "P0" in told
+    assert "P1" in told

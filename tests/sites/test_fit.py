@@ -1,6 +1,7 @@
 """Whether a plan fits a plot, and what is said where it does not."""
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from fieldkit.campaign.create import CampaignSources, init_campaign
 from fieldkit.cli.main import main
 from fieldkit.errors import MissionError
 from fieldkit.geometry import Intrinsics
@@ -306,7 +308,7 @@ def test_all_that_speaks_against_a_plan_is_one_list() -> None:
     assert found[:2] == [("p0", "plant-height-unknown", None), ("p1", "plot-larger", None)]
     assert set(found[2:14]) == {(f"p{plot}", "out-of-reach", station) for plot in range(3) for station in range(4)}
     assert set(found[14:]) == {("", "height", None)}
-    assert {each.code for each in report.findings if each.severity == "note"} == {"plants-lower"}
+    assert {each.code for each in report.findings if each.severity == "note"} == {"plants-lower", "wash"}
     assert all(
         CODES[each.code] == each.severity and (each.remedy or each.severity == "note") for each in report.findings
     )
@@ -346,5 +348,31 @@ def test_the_command_says_what_does_not_fit(tmp_path: Path, capsys: pytest.Captu
     assert "Warning: n0, n1, n2 and n3: plants of 1.30 m are 0.40 m higher than the plan's" in told
     assert main([*call, "--overwrite", "--json"]) == 0
     fit = json.loads(capsys.readouterr().out)["fit"]
-    assert [(each["plot"], each["code"]) for each in fit] == [(f"n{k}", "plants-higher") for k in range(4)]
+    assert [each["plot"] for each in fit if each["code"] == "plants-higher"] == [f"n{k}" for k in range(4)]
     assert fit[0].keys() == {"plot", "station", "code", "severity", "message", "remedy"}
+
+
+def test_the_rotors_wash_is_told_where_it_moves_leaves() -> None:
+    def washed(height_m: float) -> list[Finding]:
+        report = fit_report(planned(4, height_m=height_m), site_with({"plant_height_m": 0.9}), VEHICLE, adjust=True)
+        return [each for each in report.findings if each.code == "wash"]
+
+    (near,) = washed(1.4)
+    assert near.severity == "note"
+    assert "move leaves by more than 10 mm at 4 of 4 stations" in near.message
+    assert washed(9.0) == []
+
+
+@pytest.mark.parametrize(("focal", "refused"), [(1700.0, False), (2600.0, True), (1100.0, True)])
+def test_a_plan_for_another_camera_is_refused(tmp_path: Path, focal: float, refused: bool) -> None:
+    """By the export, and before by the campaign that has this vehicle."""
+    camera = Intrinsics.pinhole(2000, 1500, focal)
+    plan = planned(4, height_m=2.0).model_copy(update={"camera": camera})
+    report = fit_report(plan, site_with({"plant_height_m": 0.9}), VEHICLE, adjust=True)
+    assert [each.code for each in report.findings if each.severity == "error"] == ["other-camera"] * refused
+    place = "latitude_deg = 50.8649\nlongitude_deg = 6.4473\n"
+    (tmp_path / "site.toml").write_text(f"format = 1\n[home]\n{place}[[plots]]\n{place}plant_height_m = 0.9\n")
+    save_plan(tmp_path / "plan.json", plan)
+    sources = CampaignSources(tmp_path / "plan.json", tmp_path / "site.toml", vehicle="ardupilot-pitch")
+    with pytest.raises(Refused, match="the plan's camera sees") if refused else nullcontext():
+        init_campaign(tmp_path / "season", sources)

@@ -115,7 +115,7 @@ def test_a_plan_stated_for_plants_of_a_height_is_fitted_unless_it_must_not_be() 
 def test_where_no_height_is_known_that_is_said() -> None:
     plan = plan_in_envelope().model_copy(update={"plant_height_m": 0.9})
     site = site_with({"name": "a"}, {"name": "b", "plant_height_m": 0.9})
-    (finding,) = fit_report(plan, site, VEHICLE).findings
+    (finding,) = (each for each in fit_report(plan, site, VEHICLE).findings if each.severity == "error")
     assert (finding.subject, finding.code, finding.severity) == ("a", "plant-height-unknown", "error")
 
 
@@ -218,3 +218,14 @@ def test_what_keeps_the_distance_is_outside(seed: int, count: int, clearance: fl
 
 def test_no_plants_take_no_air() -> None:
     assert no_fly_bands(PlanPlants(points_m=(), cell_m=0.05), 0.5) == ()
+
+
+def test_a_plant_that_leans_out_of_its_outline_does_not_shrink_the_plot() -> None:
+    """Its top hangs 0.9 m beyond where it stands; the outline is about the feet."""
+    rows = [(x, y, z) for x in (-1.0, 0.0, 1.0) for y in (-0.4, 0.4) for z in (0.1, 0.5, 0.9)]
+    lean = [(1.0 + z, 0.4, z) for z in (0.1, 0.5, 0.9)]
+    plan = planned().model_copy(update={"plants": PlanPlants(points_m=(*rows, *lean), cell_m=0.05)})
+    assert fitted(plan, plot(length_m=2.2, width_m=1.0, plant_height_m=0.9)) is plan
+    small = fitted(plan, plot(length_m=1.2, width_m=1.0, plant_height_m=0.9))
+    assert small.fit is not None
+    assert 0.5 < small.fit.length < 0.6

@@ -252,7 +252,7 @@ def test_what_is_flown_over_a_slope_keeps_clear_of_plants_and_ground() -> None:
         assert not obstacles.blocked(leg[:-1], leg[1:]).any()
         latitude, longitude, height = local.to_geodetic(leg)
         assert (frame.to_plot(latitude, longitude, height)[:, 2] > VEHICLE.clearance_m).all()
-    assert {finding.code for finding in routed.fit} == {"slope-steep"}
+    assert {finding.code for finding in routed.fit} == {"slope-steep", "wash"}
 
 
 @pytest.mark.parametrize("clearance", [0.5, 3.0])
