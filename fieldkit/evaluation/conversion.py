@@ -20,7 +20,7 @@ from fieldkit.figures.style import format_length
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import utm_epsg_of
 from fieldkit.reconstruction.colmap_model import model_points, model_poses
-from fieldkit.reconstruction.evidence import evidence, shared_points
+from fieldkit.reconstruction.evidence import evidence, hidden_sides, shared_points
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.silhouettes import Filled
@@ -37,10 +37,12 @@ from fieldkit.results.evaluation import (
     distance_key,
 )
 from fieldkit.results.fields import Vector, finite, vector
-from fieldkit.results.finding import Finding
+from fieldkit.results.finding import SIDES_HIDDEN, Finding
 from fieldkit.results.frame import CameraReport, FrameEntry, Row, VolumeEntry
 from fieldkit.version import __version__
 from fieldkit.vocabulary import MappingName
+
+_TOLD_HIDDEN = 1.0 / 12.0
 
 
 def reference_report(
@@ -181,6 +183,21 @@ def _described(
     if sway is not None:
         message = f"leaves swayed by {format_length(sway)} between the photographs of a station (RMS over the plants)"
         findings = [*findings, Finding(sparse.capture.folder.name, "leaves-swayed", message)]
+    hidden = None
+    if frame.metric and len(reconstruction.plants):
+        names = list(sparse.poses)
+        sides = hidden_sides(
+            reconstruction.plants.points, [sparse.poses[n] for n in names], [sparse.intrinsics[n] for n in names]
+        )
+        hidden = sum((end - start) % 360.0 or 360.0 for start, end in sides) / 360.0
+        if hidden >= _TOLD_HIDDEN:
+            where = " and ".join(f"{start:.0f} to {end:.0f}°" for start, end in sides)
+            message = (
+                f"no two photographs show well enough the sides of the plants that face {where} (clockwise from the "
+                f"plot's y), {100 * hidden:.0f} % of all: leaves there may be missing; take photographs from there, at "
+                "most 30° apart"
+            )
+            findings = [*findings, Finding(sparse.capture.folder.name, SIDES_HIDDEN, message)]
     return ReconstructionEntry(
         images=len(sparse.images),
         registered=sparse.registered,
@@ -223,6 +240,7 @@ def _described(
         plants=each,
         sway_m=sway,
         stray=float(reconstruction.stray),
+        hidden_sides=hidden,
     )
 
 

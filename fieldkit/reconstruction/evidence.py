@@ -74,6 +74,8 @@ class StereoQuality:
 
 
 _POINTS = 1500
+_SIDES, _OF_SIDES, _MOST_VIEWS = 36, 40, 60
+_SHOWN = 0.4
 _QUALITY = StereoQuality()
 _NEIGHBOURS = 24
 _LEAST_NEIGHBOURS = 6
@@ -160,6 +162,32 @@ def evidence(
     )
 
 
+def hidden_sides(plants: Array, poses: Sequence[Pose], cameras: Sequence[Intrinsics]) -> list[tuple[float, float]]:
+    """Directions that plants (n, 3) have an upright side to which hardly any two photographs show well enough.
+
+    Expected from poses alone, as the planner's score does: what plants hide of one another is not counted.
+
+    Returns:
+        Each range from one azimuth to another, degrees clockwise from +y, of which the first may be the larger.
+    """
+    few = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), _MOST_VIEWS)).round().astype(int))
+    some = plants[np.random.default_rng(0).permutation(len(plants))[:_OF_SIDES]]
+    step = 360.0 / _SIDES
+    shown = np.zeros(_SIDES, dtype=np.bool_)
+    for side in range(_SIDES if len(some) else 0):
+        azimuth = np.radians(step * side)
+        facing = np.tile([np.sin(azimuth), np.cos(azimuth), 0.0], (len(some), 1))
+        support = _supported(some, facing, [poses[k] for k in few], [cameras[k] for k in few], one_sided=True)[0]
+        shown[side] = support.mean() >= _SHOWN
+    if not shown.any():
+        return [(0.0, 360.0)] if len(some) else []
+    starts = np.flatnonzero(~shown & np.roll(shown, 1))
+    ends = np.flatnonzero(~shown & np.roll(shown, -1))
+    last = [min(ends, key=lambda end: (end - start) % _SIDES) for start in starts]
+    edges = ((np.stack([starts - 0.5, np.array(last) + 0.5], axis=1) * step) % 360.0).reshape(-1, 2).tolist()
+    return [(start, end) for start, end in edges]
+
+
 def shared_points(model: pycolmap.Reconstruction, names: Sequence[str]) -> NDArray[np.int64]:
     """(m, m) how many sparse points each two photographs of a model have in common, in the order of ``names``.
 
@@ -221,7 +249,7 @@ def _roughness(cloud: Array, nearest: NDArray[np.int64], found: NDArray[np.bool_
 
 
 def _supported(
-    points: Array, normals: Array, poses: Sequence[Pose], cameras: Sequence[Intrinsics]
+    points: Array, normals: Array, poses: Sequence[Pose], cameras: Sequence[Intrinsics], *, one_sided: bool = False
 ) -> tuple[Array, Array, Array]:
     """(p,) probability that two depths are right, (p,) noise of a depth in metres, (p,) views that face the surface."""
     rays, quality, footprint = [], [], []
@@ -233,7 +261,8 @@ def _supported(
         pixel = np.maximum(distance / camera.fx, _QUALITY.gsd_m)
         rays.append(ray)
         footprint.append(pixel)
-        quality.append(_QUALITY.of_views(seen, np.abs((normals * ray).sum(axis=1)), pixel))
+        cosine = (normals * ray).sum(axis=1)
+        quality.append(_QUALITY.of_views(seen, np.maximum(cosine, 0.0) if one_sided else np.abs(cosine), pixel))
     fails = np.ones((len(poses), len(points)))
     information = np.full(len(points), _QUALITY.cap_m**-2)
     for a in range(len(poses)):

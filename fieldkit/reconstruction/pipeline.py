@@ -102,7 +102,7 @@ def reconstruct(
     if sparse.right < _MIN_DENSE_VIEWS:
         raise _too_few(sparse)
     volume = settings.bounds or (known_plot.volume if known_plot is not None else None)
-    if volume is None and any(image.stated for image in sparse.images):
+    if volume is None and any(prior.exact for prior in capture.priors.values()):
         volume = hull_volume(sparse, settings.mask)
     volume = volume or volume_of_interest(model_points(sparse.model), sparse.poses, sparse.intrinsics)
     dense = _Dense(sparse, volume.grown(reach_m), settings, timed)

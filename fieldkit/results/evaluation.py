@@ -184,6 +184,9 @@ class ReconstructionEntry(Strict):
     the plants, root mean square; median of the stations. Null without bursts."""
     stray: Share | None = None
     """Share of the points that were left out of the cloud: clumps smaller than leaves that touch nothing."""
+    hidden_sides: Share | None = None
+    """Share of the directions that plants' upright sides face from which no two photographs show them well enough, as
+    expected from poses. Null without a cloud or a scale."""
     near_3px: Share | None = None
     """Share of the plants' pixels, over all photographs that count, with a point of the cloud within 3 pixels of a
     photograph 1600 pixels wide. Null without masks, and of references."""

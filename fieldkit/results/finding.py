@@ -26,6 +26,9 @@ PLANTS_APART = "plants-apart"
 POSES_STATED = "poses-stated"
 """Photographs count by stated poses that nothing in the pictures confirms."""
 
+SIDES_HIDDEN = "sides-hidden"
+"""Sides of the plants that no two photographs show well enough."""
+
 NO_RASTERS, COARSE_RASTERS = "no-rasters", "coarse-rasters"
 """Why there are none; that they may lie metres off."""
 
@@ -44,6 +47,7 @@ TOLD = DOUBTFUL | {
     "other-camera",
     "scale-uncertain",
     POSES_STATED,
+    SIDES_HIDDEN,
     "leaves-swayed",
 }
 """Codes that are told beside a result's figures."""

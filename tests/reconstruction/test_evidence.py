@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fieldkit.clouds import Cloud
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.similarity import fit_similarity
-from fieldkit.reconstruction.evidence import Evidence, StereoQuality, evidence, leverage, shared_points
+from fieldkit.reconstruction.evidence import Evidence, StereoQuality, evidence, hidden_sides, leverage, shared_points
 from fieldkit_sim.simulation import ring
 from tests.evaluation.examples import ring as fake_ring
 from tests.evaluation.examples import sparse_model
@@ -143,3 +143,17 @@ def test_steep_surfaces_and_coarse_pixels_lessen_a_view() -> None:
     seen = np.array([True, True, True, False])
     facing, footprint = np.array([1.0, 1.0, 0.1, 1.0]), np.array([0.0, QUALITY.pixel_m, 0.0, 0.0])
     np.testing.assert_array_equal(QUALITY.of_views(seen, facing, footprint), [1.0, 0.5, 0.0, 0.0])
+
+
+def test_sides_that_no_two_photographs_show_are_named() -> None:
+    poses = [Pose.look_at((1.2 * np.sin(a), 1.2 * np.cos(a), 0.6), (0, 0, 0.3)) for a in np.radians(range(0, 360, 24))]
+    cameras = [CAMERA] * len(poses)
+    assert hidden_sides(leaf(), poses, cameras) == []
+    assert hidden_sides(leaf(), [pose for pose in poses for _ in range(5)], cameras * 5) == []
+    ((start, end),) = hidden_sides(leaf(), poses[3:-1], cameras[3:-1])  # none from 336 by 0 to 72 degrees
+    assert 350 <= start <= 360 or start < 20
+    assert 20 <= end <= 60
+    assert hidden_sides(leaf(), [Pose.look_at((x, 0.01, 2.0), (x, 0, 0)) for x in (-0.2, 0.0, 0.2)], cameras[:3]) == [
+        (0.0, 360.0)
+    ]
+    assert hidden_sides(np.zeros((0, 3)), poses, cameras) == []

@@ -21,13 +21,14 @@ def quality_rows(report: ReconstructionEntry) -> tuple[tuple[str, str], ...]:
     known = any(image.position_residual_m is not None or image.right is not None for image in report.image_reports)
     stated = sum(image.stated for image in report.image_reports)
     unconfirmed = f", {stated} by stated poses that no picture confirms" if stated else ""
+    untold = "not known: too few matches to tell" if stated else "not known: no positions to compare with"
     share = f" ({100 * report.registered / report.images:.0f} %)" if report.images else ""
     pairs = f"{report.pairs_verified:,} of {report.pairs_tried:,} pairs verified"
     tracks = f"{report.observations:,} observations, track length {decimal(report.track_length) or DASH}"
     rows = [
         ("photographs registered", f"{report.registered} of {report.images}{share}"),
         ("photographs used", f"{report.right}{unconfirmed}"),
-        ("registered but wrong", f"{wrong}" if known else "not known: no positions to compare with"),
+        ("registered but wrong", f"{wrong}" if known else untold),
         *_known_to(report),
         ("models", f"{len(report.models)} ({', '.join(map(str, report.models)) or 'no'} photographs)"),
         ("mapping", f"{report.method or DASH}, {pairs}"),
