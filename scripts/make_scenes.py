@@ -13,8 +13,9 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.planning.run.outcome import run_schemas
 from fieldkit.results.report_files import SCHEMA_FILES, json_schema
 from fieldkit.scenes.description import SceneDescription
-from fieldkit.scenes.scene_file import described_types, key_docs, scene_schema, write_scene
+from fieldkit.scenes.scene_file import write_scene
 from fieldkit_sim.generator import new_scene, varied, without_plant
+from fieldkit_sim.scene_schema import described_types, key_docs, scene_schema
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "sim" / "scenes"

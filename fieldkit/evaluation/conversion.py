@@ -95,9 +95,8 @@ def plot_evaluation(
         unregistered=_reasons(found.image_reports),
         **_scores(score),
         correction=correction,
-        **({} if fill is None else dataclasses.asdict(fill)),
         prediction=None if score is not None else predict(reconstruction_features(reconstruction, found)),
-        **{key: value for key, value in dict(found).items() if fill is None or key not in Filled.__dataclass_fields__},
+        **dict(found) | ({} if fill is None else dataclasses.asdict(fill)),
     )
 
 

@@ -6,18 +6,16 @@ What is left out has its default. Unknown keys, other types and numbers that are
 
 from __future__ import annotations
 
-import ast
 import dataclasses
-import inspect
 import json
 import os
+import typing
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, cast
 
 from pydantic import TypeAdapter, ValidationError
 
-from fieldkit.documents.json_file import schema_text
 from fieldkit.documents.mistaken import refuse_other
 from fieldkit.documents.toml_file import read_toml, toml_text
 from fieldkit.documents.validation_sentence import validation_sentence
@@ -83,63 +81,6 @@ def write_scene(path: Path, description: SceneDescription, *, complete: bool = F
     write_atomic(path, scene_text(description, Path(os.path.abspath(path.parent)), complete=complete))  # noqa: PTH100
 
 
-def scene_schema() -> str:
-    """JSON Schema (2020-12) of a scene file, as text that ends in a newline."""
-    schema = _ADAPTER.json_schema(mode="validation")
-    schema["properties"] = {"format": {"const": FORMAT, "type": "integer"}, **schema["properties"]}
-    schema["required"] = ["format", *schema.get("required", [])]
-    _describe(schema)
-    return schema_text(schema)
-
-
-def described_types() -> list[type]:
-    """The dataclasses that make up a scene file, each once, the outermost first."""
-    found: list[type] = []
-
-    def visit(kind: Any) -> None:
-        if dataclasses.is_dataclass(kind) and isinstance(kind, type):
-            if kind not in found:
-                found.append(kind)
-                for hint in _hints(kind).values():
-                    visit(hint)
-            return
-        for part in getattr(kind, "__args__", ()):
-            visit(part)
-
-    visit(SceneDescription)
-    return found
-
-
-def key_docs(kind: type) -> dict[str, str]:
-    """What a dataclass says of each field: the string behind it, or behind the next field that has one."""
-    fields = {field.name for field in dataclasses.fields(kind)}
-    docs: dict[str, str] = {}
-    waiting: list[str] = []
-    for part in cast(ast.ClassDef, ast.parse(inspect.getsource(kind)).body[0]).body:
-        if isinstance(part, ast.AnnAssign) and isinstance(part.target, ast.Name) and part.target.id in fields:
-            waiting.append(part.target.id)
-        elif isinstance(part, ast.Expr) and isinstance(part.value, ast.Constant) and waiting:
-            docs |= dict.fromkeys(waiting, " ".join(str(part.value.value).split()))
-            waiting = []
-    return docs
-
-
-def _hints(kind: type) -> dict[str, Any]:
-    import typing
-
-    return {k: v for k, v in typing.get_type_hints(kind).items() if k in {f.name for f in dataclasses.fields(kind)}}
-
-
-def _describe(schema: dict[str, Any]) -> None:
-    for kind in described_types():
-        part = schema if kind is SceneDescription else schema["$defs"].get(kind.__name__)
-        if part is None:
-            continue
-        part["description"] = (kind.__doc__ or "").strip().split("\n\n")[0]
-        for name, text in key_docs(kind).items():
-            part["properties"][name].setdefault("description", text)
-
-
 def _check_format(found: Any, path: Path) -> None:
     if found is None:
         raise SceneError("has no 'format'", path=path, remedy=f"Put 'format = {FORMAT}' on its first line.")
@@ -193,7 +134,7 @@ def _existing(file: Path, scene: Path, key: str) -> Path:
 
 def _plain(value: Any, folder: Path | None, complete: bool) -> dict[str, Any]:
     """A dataclass as plain values for TOML, without what has its default."""
-    hints = _hints(type(value))
+    hints = typing.get_type_hints(type(value))
     table: dict[str, Any] = {}
     for field in sorted(dataclasses.fields(value), key=lambda f: f.name != "kind"):
         item = getattr(value, field.name)

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.scenes.noise import fractal_noise
-from fieldkit.scenes.scene import Mesh, vertex_normals
+from fieldkit.scenes.scene import Mesh
+from fieldkit_sim.faces import vertex_normals
 
 _SHAPES = 24
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.scenes.noise import fractal_noise
-from fieldkit.scenes.scene import Mesh, grid_faces, vertex_normals
+from fieldkit.scenes.scene import Mesh
+from fieldkit_sim.faces import grid_faces, vertex_normals
 
 Array = NDArray[np.float64]
 

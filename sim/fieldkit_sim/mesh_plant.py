@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from fieldkit.errors import SceneError
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.plot_description import Axis, MeshPlantDescription, check_mesh_file
-from fieldkit.scenes.scene import Mesh, vertex_normals
+from fieldkit.scenes.scene import Mesh
+from fieldkit_sim.faces import vertex_normals
 
 MAX_TRIANGLES = 2_000_000
 _FINE_EDGE_M = 0.003

@@ -16,7 +16,8 @@ from fieldkit.scenes.plot_description import (
     PlotDescription,
 )
 from fieldkit.scenes.sampling import NEIGHBOUR_NAME, visible_from
-from fieldkit.scenes.scene import Light, Mesh, Scene, grid_faces
+from fieldkit.scenes.scene import Light, Mesh, Scene
+from fieldkit_sim.faces import grid_faces
 from fieldkit_sim.maize import build_maize
 from fieldkit_sim.mesh_plant import build_mesh_plant
 from fieldkit_sim.soil import build_soil, soil_height

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from fieldkit.scenes.noise import bumps, fractal_noise
 from fieldkit.scenes.plot_description import SCATTER_M, SoilDescription
-from fieldkit.scenes.scene import Mesh, grid_faces, vertex_normals
+from fieldkit.scenes.scene import Mesh
 from fieldkit_sim.crumbs import Crumbs, build_crumbs, scatter_crumbs
+from fieldkit_sim.faces import grid_faces, vertex_normals
 
 
 def places(seed: int, count: int, purpose: int) -> tuple[np.random.Generator, NDArray[np.float64]]:

@@ -15,9 +15,10 @@ from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.description import ReferenceSampling, SceneDescription
 from fieldkit.scenes.plot_description import MaizeDescription, PlotDescription, SoilDescription
-from fieldkit.scenes.scene import EffectsDescription, Mesh, Scene, grid_faces
+from fieldkit.scenes.scene import EffectsDescription, Mesh, Scene
 from fieldkit.sites.placement import PlotFrame
 from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit_sim.faces import grid_faces
 
 SLOPE = (0.06, -0.08)  # 10 %
 

@@ -11,7 +11,8 @@ import pytest
 
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.scenes.renderer import Renderer, RenderingError, render
-from fieldkit.scenes.scene import Mesh, Scene, vertex_normals
+from fieldkit.scenes.scene import Mesh, Scene
+from fieldkit_sim.faces import vertex_normals
 
 # A principal point off the middle, unequal focal lengths and odd sizes: what a symmetric camera would hide.
 CAMERA = Intrinsics("PINHOLE", 641, 479, (612.0, 598.0, 300.25, 251.5))

@@ -20,8 +20,9 @@ from fieldkit.scenes.description import Bounds, ReferenceSampling, SceneDescript
 from fieldkit.scenes.plot_description import MaizeDescription, MeshPlantDescription, PlotDescription, SoilDescription
 from fieldkit.scenes.recorded import RecordedSurface
 from fieldkit.scenes.scene import Light
-from fieldkit.scenes.scene_file import described_types, key_docs, read_scene, scene_schema, scene_text, write_scene
+from fieldkit.scenes.scene_file import read_scene, scene_text, write_scene
 from fieldkit.scenes.simulate import CaptureNoise
+from fieldkit_sim.scene_schema import described_types, key_docs, scene_schema
 
 ROOT = Path(__file__).parents[2]
 FOLDER = tempfile.TemporaryDirectory()

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.plot_description import MaizeDescription
-from fieldkit.scenes.scene import Mesh, grid_faces, vertex_normals
+from fieldkit.scenes.scene import Mesh
+from fieldkit_sim.faces import grid_faces, vertex_normals
 from fieldkit_sim.maize.colour import mix, to_bytes
 from fieldkit_sim.maize.organs import Leaf, Strip, blade
 

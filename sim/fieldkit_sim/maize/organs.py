@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.scenes.noise import fractal_noise
-from fieldkit.scenes.scene import grid_faces
+from fieldkit_sim.faces import grid_faces
 
 Array = NDArray[np.float64]
 Part = tuple[Array, NDArray[np.int32], Array]

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.scenes.plot_description import MaizeDescription
-from fieldkit.scenes.scene import Mesh, grid_faces, vertex_normals
+from fieldkit.scenes.scene import Mesh
+from fieldkit_sim.faces import grid_faces, vertex_normals
 from fieldkit_sim.maize.architecture import Architecture, grow
 from fieldkit_sim.maize.colour import blade_texture, plain_texture, stem_texture
 from fieldkit_sim.maize.compact import build_compact_maize
