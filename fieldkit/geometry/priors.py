@@ -53,9 +53,9 @@ class PosePrior:
 
     @property
     def exact(self) -> bool:
-        """Whether a pose is stated as exactly as only a calibrated rig knows it."""
+        """Whether a pose is stated in full, roll included, and as exactly as only a calibrated rig knows it."""
         stated = self.source == "poses.csv" and self.position is not None and self.rotation is not None
-        return stated and self.position_sigma_m <= EXACT_M
+        return stated and self.angles is not None and None not in self.angles and self.position_sigma_m <= EXACT_M
 
     @property
     def yaw_deg(self) -> float | None:

@@ -172,15 +172,17 @@ def hidden_sides(plants: Array, poses: Sequence[Pose], cameras: Sequence[Intrins
     """
     few = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), _MOST_VIEWS)).round().astype(int))
     some = plants[np.random.default_rng(0).permutation(len(plants))[:_OF_SIDES]]
+    if not len(some) or not len(few):
+        return []
     step = 360.0 / _SIDES
-    shown = np.zeros(_SIDES, dtype=np.bool_)
-    for side in range(_SIDES if len(some) else 0):
-        azimuth = np.radians(step * side)
-        facing = np.tile([np.sin(azimuth), np.cos(azimuth), 0.0], (len(some), 1))
-        support = _supported(some, facing, [poses[k] for k in few], [cameras[k] for k in few], one_sided=True)[0]
-        shown[side] = support.mean() >= _SHOWN
+    azimuth = np.radians(step * np.arange(_SIDES))
+    facing = np.repeat(np.stack([np.sin(azimuth), np.cos(azimuth), np.zeros(_SIDES)], axis=1), len(some), axis=0)
+    support, _, _ = _supported(
+        np.tile(some, (_SIDES, 1)), facing, [poses[k] for k in few], [cameras[k] for k in few], one_sided=True
+    )
+    shown = support.reshape(_SIDES, -1).mean(axis=1) >= _SHOWN
     if not shown.any():
-        return [(0.0, 360.0)] if len(some) else []
+        return [(0.0, 360.0)]
     starts = np.flatnonzero(~shown & np.roll(shown, 1))
     ends = np.flatnonzero(~shown & np.roll(shown, -1))
     last = [min(ends, key=lambda end: (end - start) % _SIDES) for start in starts]

@@ -104,7 +104,7 @@ def filled(found: Sequence[Outline], points: Array, volume: Volume) -> Filled:
         inside += int(outline.mask[rows, columns].sum())
     if not plants:
         return Filled(None, None, None)
-    return Filled(near[0] / plants, near[1] / plants, inside / shown if shown else None)
+    return Filled(float(near[0]) / plants, float(near[1]) / plants, inside / shown if shown else None)
 
 
 def hull_volume(sparse: SparseResult, mask: Mask) -> Volume | None:

@@ -81,11 +81,13 @@ def test_photographs_of_a_rig_count_by_stated_poses_and_are_not_called_registere
     assert filled([], plants, Volume((0, 0, 0), (1, 1, 1))) == Filled(None, None, None)
 
 
-@pytest.mark.parametrize("accuracy", ["0.05", "0.003"])
-def test_poses_that_are_not_stated_as_exact_do_not_count(photographed: Path, tmp_path: Path, accuracy: str) -> None:
+@pytest.mark.parametrize("changed", [(",0.001", ",0.05"), (",0.001", ",0.003"), ("roll_deg", "note")])
+def test_poses_that_are_not_stated_as_exact_do_not_count(
+    photographed: Path, tmp_path: Path, changed: tuple[str, str]
+) -> None:
     text = (photographed / "poses.csv").read_text()
     for file in photographed.iterdir():
         (tmp_path / file.name).write_bytes(file.read_bytes())
-    (tmp_path / "poses.csv").write_text(text.replace(",0.001", f",{accuracy}"))
+    (tmp_path / "poses.csv").write_text(text.replace(*changed))
     with pytest.raises(ReconstructionError):
         placed(tmp_path, tmp_path)
