@@ -52,8 +52,7 @@ MODEL_VERSION = 2
 """Version of the package's prediction.json; raise it for a new fit."""
 COVERAGE = 0.9
 CANDIDATES = (
-    "spread_m", "pose_rms_m", "noise_m", "gap_m", "lone", "pairs_per_image", "observations_per_image", "right_share",
-    "cameras", "views",
+    "spread_m", "pose_rms_m", "noise_m", "pairs_per_image", "observations_per_image", "right_share", "cameras",
 )  # fmt: skip
 GUARDS = ("noise_m", "cameras")
 """Figures whose range limits predictions, even if the model does not use them."""
@@ -146,10 +145,9 @@ def stored_features(plot: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> di
             Intrinsics.pinhole(int(width), int(height), float(focal))
             for focal, (width, height) in zip(arrays["focal_px"], arrays["size_px"], strict=True)
         ]
-        sparse = arrays["sparse"].astype(np.float64)
-        seen = np.zeros((len(poses), len(sparse)), dtype=np.int64)
+        seen = np.zeros((len(poses), len(arrays["sparse"])), dtype=np.int64)
         seen[arrays["tracks"][:, 1], arrays["tracks"][:, 0]] = 1
-        found = evidence(stored_cloud(arrays), poses, cameras, sparse, seen @ seen.T, plot["plant_voxel_m"])
+        found = evidence(stored_cloud(arrays), poses, cameras, seen @ seen.T, plot["plant_voxel_m"])
     own = {name: plot[name] for name in ReconstructionEntry.model_fields if name in plot}
     return plot_features(ReconstructionEntry.model_construct(**own), found)
 

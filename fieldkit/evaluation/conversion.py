@@ -19,7 +19,7 @@ from fieldkit.evaluation.traits import PlotOutline, outline_of, plot_traits, swa
 from fieldkit.figures.style import format_length
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import utm_epsg_of
-from fieldkit.reconstruction.colmap_model import model_points, model_poses
+from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.evidence import evidence, hidden_sides, shared_points
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -152,7 +152,7 @@ def reconstruction_features(reconstruction: Reconstruction, found: Reconstructio
         names = list(sparse.poses)
         supported = evidence(
             reconstruction.plants, [sparse.poses[n] for n in names], [sparse.intrinsics[n] for n in names],
-            model_points(sparse.model), shared_points(sparse.model, names), found.plant_voxel_m,
+            shared_points(sparse.model, names), found.plant_voxel_m,
         )  # fmt: skip
     return plot_features(found, supported)
 

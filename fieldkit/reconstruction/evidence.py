@@ -77,8 +77,6 @@ _POINTS = 1500
 _SIDES, _OF_SIDES, _MOST_VIEWS = 36, 40, 60
 _SHOWN = 0.4
 _QUALITY = StereoQuality()
-_NEIGHBOURS = 24
-_LEAST_NEIGHBOURS = 6
 _LEVER = 100.0
 _MOVED = 100
 _LOOSE = 5.0
@@ -88,78 +86,40 @@ LEAST_SHARED = 20
 
 @dataclass(frozen=True)
 class Evidence:
-    """Figures of a cloud with its cameras; lengths are metres.
+    """Figures of a cloud with its cameras. How full and how clean it is, `silhouettes` says.
 
     They follow the planner's geometric score (docs/objective.md), with the reconstructed cloud in the true one's place
     and without occlusion.
     """
 
-    support: float
-    """Expected share of the points that two depths or more are right at, from angles between rays, incidence and
-    resolution."""
     noise_m: float
     """Standard deviation of a point's depth that matches of half a pixel leave, median over points."""
-    views: float
-    """Cameras that look at a point's surface, mean over points."""
-    roughness_m: float
-    """Root mean square distance of a point's neighbours to their plane, median over points."""
-    roughness_high_m: float
-    """Its 90 % quantile: blurred and doubled leaves."""
-    lone: float
-    """Share of the voxels with fewer than six points near them."""
-    gap_m: float | None
-    """Mean distance, at most 0.10 m, from a sparse point among the plants to the nearest point of the cloud; None
-    without sparse points there."""
     leverage: float
     """How far the cloud is moved, root mean square, per metre that every camera's known position is wrong: what
     positions leave open of the place, tilt and scale of what a group of cameras sees (`leverage`), mean square
     over cameras. A group are cameras that a chain of pairs with at least `LEAST_SHARED` sparse points in common
     joins: nothing but their positions holds groups together."""
-    groups: int
-    """How many there are."""
 
 
 def evidence(
-    plants: Cloud, poses: Sequence[Pose], cameras: Sequence[Intrinsics], sparse_points: Array,
-    shared: NDArray[np.int64], voxel_m: float,
-) -> Evidence | None:  # fmt: skip
-    """The figures of a cloud; None where it has no points or fewer than two cameras.
+    plants: Cloud, poses: Sequence[Pose], cameras: Sequence[Intrinsics], shared: NDArray[np.int64], voxel_m: float
+) -> Evidence | None:
+    """The figures of a cloud; None where it has no points or no normals, or fewer than two cameras.
 
     Args:
-        plants: with normals where they are known, plot frame, metres.
+        plants: with normals, plot frame, metres.
         poses: of the photographs that count.
-        sparse_points: (n, 3) of the model.
-        shared: (m, m) how many of them each two photographs have in common.
+        shared: (m, m) how many sparse points each two photographs have in common.
         voxel_m: points are taken from voxels of this edge, so that dense places count as others.
     """
-    if not len(plants) or len(poses) < 2:
+    if not len(plants) or plants.normals is None or len(poses) < 2:
         return None
     thinned = voxel_thin(Cloud(plants.points), voxel_m).points
-    rng = np.random.default_rng(0)
-    points = thinned[np.sort(rng.permutation(len(thinned))[:_POINTS])]
-    tree = cKDTree(plants.points)
-    distances, nearest = tree.query(points, k=_NEIGHBOURS, distance_upper_bound=voxel_m)
-    found = np.isfinite(distances)
-    lone = found.sum(axis=1) < _LEAST_NEIGHBOURS
-    rough, fitted = _roughness(plants.points, nearest, found)
-    normals = fitted
-    if plants.normals is not None:
-        own = plants.normals[np.minimum(nearest[:, 0], len(plants) - 1)].astype(np.float64)
-        normals = np.where((np.linalg.norm(own, axis=1) > 0.5)[:, None], own, fitted)
-    support, noise, views = _supported(points, normals, poses, cameras)
-    firm = rough[~lone]
-    groups, group = connected_components(np.asarray(shared) >= LEAST_SHARED, directed=False)
-    return Evidence(
-        support=float(support.mean()),
-        noise_m=float(np.median(noise)),
-        views=float(views.mean()),
-        roughness_m=float(np.median(firm)) if len(firm) else float(voxel_m),
-        roughness_high_m=float(np.quantile(firm, 0.9)) if len(firm) else float(voxel_m),
-        lone=float(lone.mean()),
-        gap_m=_gap(plants, tree, sparse_points),
-        leverage=_leverage(np.array([pose.center for pose in poses]), group, points),
-        groups=int(groups),
-    )
+    points = thinned[np.sort(np.random.default_rng(0).permutation(len(thinned))[:_POINTS])]
+    normals = plants.normals[cKDTree(plants.points).query(points)[1]].astype(np.float64)
+    _, noise = _supported(points, normals, poses, cameras)
+    _, group = connected_components(np.asarray(shared) >= LEAST_SHARED, directed=False)
+    return Evidence(float(np.median(noise)), _leverage(np.array([pose.center for pose in poses]), group, points))
 
 
 def hidden_sides(plants: Array, poses: Sequence[Pose], cameras: Sequence[Intrinsics]) -> list[tuple[float, float]]:
@@ -177,7 +137,7 @@ def hidden_sides(plants: Array, poses: Sequence[Pose], cameras: Sequence[Intrins
     step = 360.0 / _SIDES
     azimuth = np.radians(step * np.arange(_SIDES))
     facing = np.repeat(np.stack([np.sin(azimuth), np.cos(azimuth), np.zeros(_SIDES)], axis=1), len(some), axis=0)
-    support, _, _ = _supported(
+    support, _ = _supported(
         np.tile(some, (_SIDES, 1)), facing, [poses[k] for k in few], [cameras[k] for k in few], one_sided=True
     )
     shown = support.reshape(_SIDES, -1).mean(axis=1) >= _SHOWN
@@ -238,22 +198,10 @@ def _motion(place: Array) -> Array:
     return np.column_stack([np.eye(3), turned, place])
 
 
-def _roughness(cloud: Array, nearest: NDArray[np.int64], found: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """(p,) distance of neighbours to the plane through them, root mean square, and (p, 3) its normals."""
-    index = np.where(found, nearest, 0)
-    weight = found.astype(np.float64)
-    count = np.maximum(weight.sum(axis=1), 1.0)
-    near = cloud[index] * weight[..., None]
-    middle = near.sum(axis=1) / count[:, None]
-    away = (cloud[index] - middle[:, None]) * weight[..., None]
-    values, vectors = np.linalg.eigh(np.einsum("pki,pkj->pij", away, away) / count[:, None, None])
-    return np.sqrt(np.maximum(values[:, 0], 0.0)), vectors[:, :, 0]
-
-
 def _supported(
     points: Array, normals: Array, poses: Sequence[Pose], cameras: Sequence[Intrinsics], *, one_sided: bool = False
-) -> tuple[Array, Array, Array]:
-    """(p,) probability that two depths are right, (p,) noise of a depth in metres, (p,) views that face the surface."""
+) -> tuple[Array, Array]:
+    """(p,) probability that two depths are right, (p,) noise of a depth in metres."""
     rays, quality, footprint = [], [], []
     for pose, camera in zip(poses, cameras, strict=True):
         towards = pose.center - points
@@ -276,12 +224,4 @@ def _supported(
             information += success * (1.0 - cosine**2) / (_QUALITY.error_px**2 * footprint[a] * footprint[b])
     none = np.prod(fails, axis=0)
     one = sum((1.0 - fails[a]) * np.prod(np.delete(fails, a, axis=0), axis=0) for a in range(len(poses)))
-    return 1.0 - none - one, 1.0 / np.sqrt(information), (np.array(quality) > 0).sum(axis=0).astype(np.float64)
-
-
-def _gap(plants: Cloud, tree: cKDTree, sparse_points: Array) -> float | None:
-    low, high = np.quantile(plants.points, [0.01, 0.99], axis=0)
-    inside = ((sparse_points >= low) & (sparse_points <= high)).all(axis=1)
-    if not inside.any():
-        return None
-    return float(np.minimum(tree.query(sparse_points[inside])[0], _QUALITY.cap_m).mean())
+    return 1.0 - none - one, 1.0 / np.sqrt(information)

@@ -10,13 +10,14 @@ from fieldkit.evaluation.prediction import FLOORS, predict
 
 
 def law(scenes: int, each: int, seed: int, noise: float = 0.2) -> list[Plot]:
-    """Plots whose chamfer distance goes with the root of spread_m, and a little with lone."""
+    """Plots whose chamfer distance goes with the root of spread_m, and a little with right_share."""
     rng = np.random.default_rng(seed)
     plots = []
     for k in range(scenes * each):
         features = {name: float(FLOORS[name] * np.exp(rng.uniform(0.5, 2.5))) for name in FLOORS}
         features["spread_m"] = float(np.exp(rng.uniform(np.log(0.009), np.log(0.06))))
-        value = 0.2 * features["spread_m"] ** 0.5 * (features["lone"] / 0.02) ** 0.2 * np.exp(rng.normal(0, noise))
+        other = (features["right_share"] / 0.02) ** 0.2
+        value = 0.2 * features["spread_m"] ** 0.5 * other * np.exp(rng.normal(0, noise))
         plots.append(Plot(f"p{k}", f"scene-{k % scenes}", float(value), features))
     return plots
 
@@ -31,7 +32,7 @@ class TestFit:
         assert set(names(model)) <= set(CANDIDATES)
 
     def test_intervals_hold_nine_in_ten_of_new_plots(self) -> None:
-        known, new = law(6, 5, seed=2), law(20, 10, seed=3)
+        known, new = law(12, 10, seed=2), law(20, 10, seed=3)
         model, _ = fit(known)
         held = np.mean([check.held for check in checked(new, model) if not check.reason])
         assert 0.8 <= held <= 1.0
