@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
 from fieldkit.captures.model import Photo
-from fieldkit.documents.mistaken import SWAPPED
+from fieldkit.documents.mistaken import CENTIMETRES, SWAPPED
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import LocalFrame, geodetic_to_ecef
 from fieldkit.geometry.priors import PosePrior
@@ -19,8 +19,8 @@ from fieldkit.results.finding import Finding
 _LEAST = 3
 _ELSEWHERE_M, _APART_M = 1000.0, 30.0
 """From their GPS: positions of another field are farther, those of this plot nearer, whatever their receivers."""
-_TELLS_M, _MISFIT = 10.0, 0.5
-"""GPS that spreads less tells nothing of a layout; one that fits keeps within this share of its spread."""
+_TELLS_M, _LONGER, _MISFIT = 10.0, 2.0, 0.5
+"""GPS that spreads less (RMS) tells nothing of a layout; one that fits spreads alike, within shares of its spread."""
 _GAP_M, _GAPS, _GAPS_BLIND, _A_PLACE = 5.0, 2.5, 5.0, 4
 
 Array = NDArray[np.float64]
@@ -42,13 +42,15 @@ def against_gps(
     if origin is None:
         frame = LocalFrame(float(degrees[0, 0]), float(degrees[0, 1]))
         gps = frame.to_local(degrees[:, 0], degrees[:, 1], 0.0)[:, :2]
-        spread, misfit = _misfit(places, gps)
-        if spread < _TELLS_M or misfit < max(_MISFIT * spread, _LEAST):
+        spread, own, misfit = _misfit(places, gps)
+        if own == 0.0 or spread < _TELLS_M:
             return []
-        message = (
-            f"the positions' layout is not that of the photographs' own GPS: {misfit:.0f} m off after the best fit"
-        )
-        return [Finding(source, "positions-apart", f"{message}; are they of these photographs?")]
+        if not 1.0 / _LONGER < own / spread < _LONGER:
+            said = f"the positions spread over {own:.3g} m, their GPS over {spread:.3g} m: {CENTIMETRES.looks_like}"
+            return [Finding(source, "unit-suspicious", said)]
+        said = f"the positions are not laid out as the photographs' own GPS: {misfit:.0f} m off after the best fit"
+        ok = misfit < max(_MISFIT * spread, _LEAST)
+        return [] if ok else [Finding(source, "positions-apart", f"{said}; are they of these photographs?")]
     latitude, longitude, _ = origin.to_geodetic(np.column_stack([places, np.zeros(len(places))]))
     own = geodetic_to_ecef(degrees[:, 0], degrees[:, 1], 0.0)
     away = float(np.median(np.linalg.norm(geodetic_to_ecef(latitude, longitude, 0.0) - own, axis=1)))
@@ -69,13 +71,13 @@ def _far(metres: float) -> str:
     return f"{metres / 1000:,.0f} km" if metres > 10_000 else f"{metres:,.0f} m"
 
 
-def _misfit(a: Array, b: Array) -> tuple[float, float]:
-    """Spread of b (n, 2) about its mean, and what is left of it where a is turned and moved onto it."""
+def _misfit(a: Array, b: Array) -> tuple[float, float, float]:
+    """Spread of b and of a (n, 2) about their means, and what is left of b where a is turned and moved onto it."""
     one, other = a - a.mean(axis=0), b - b.mean(axis=0)
     u, _, vt = np.linalg.svd(one.T @ other)
     turn = u @ np.diag([1.0, np.linalg.det(u @ vt)]) @ vt
-    rms = [float(np.sqrt((each**2).sum(axis=1).mean())) for each in (other, one @ turn - other)]
-    return rms[0], rms[1]
+    first, second, third = (float(np.sqrt((v**2).sum(axis=1).mean())) for v in (other, one, one @ turn - other))
+    return first, second, third
 
 
 def several_places(photos: Sequence[Photo], priors: Mapping[str, PosePrior]) -> list[Finding]:
@@ -91,18 +93,19 @@ def several_places(photos: Sequence[Photo], priors: Mapping[str, PosePrior]) -> 
     heights = [p.geotag.relative_altitude_m for p, _ in known if p.geotag and p.geotag.relative_altitude_m]
     tree = minimum_spanning_tree(cdist(places, places) + 1e-9)
     gaps, least_m = np.sort(tree.data)[::-1], max(_GAP_M, 2.0 * float(np.median(heights)) if heights else 0.0)
-    for cut in range(1, min(len(gaps), 50)):
-        if gaps[cut - 1] < least_m:
-            return []
-        if gaps[cut - 1] >= (_GAPS if heights else _GAPS_BLIND) * gaps[cut]:
-            tree.data[tree.data >= gaps[cut - 1]] = 0.0
-            tree.eliminate_zeros()
-            number, of = connected_components(tree, directed=False)
-            if np.bincount(of).min() < _A_PLACE:
-                return []
-            middles = np.array([np.median(places[of == k], axis=0) for k in range(number)])
-            apart = cdist(middles, middles) + np.diag(np.full(number, np.inf))
-            message = f"the photographs are of {number} places, {apart.min():.0f} m apart and more"
-            remedy = "Evaluate each by itself, or let `fieldkit campaign init` and `evaluate --campaign` sort them"
-            return [Finding(known[0][0].name, "several-places", f"{message}. {remedy}")]
-    return []
+    steps = np.where(gaps[:-1] >= least_m, gaps[:-1] / gaps[1:], 0.0)
+    cut = int(np.argmax(steps))
+    if steps[cut] < (_GAPS if heights else _GAPS_BLIND):
+        return []
+    tree.data[tree.data >= gaps[cut]] = 0.0
+    tree.eliminate_zeros()
+    number, of = connected_components(tree, directed=False)
+    if np.bincount(of).min() < _A_PLACE:
+        return []
+    middles = np.array([np.median(places[of == k], axis=0) for k in range(number)])
+    apart = cdist(middles, middles) + np.diag(np.full(number, np.inf))
+    message = (
+        f"the photographs are of {number} places, {apart.min():.0f} m apart and more. Evaluate each by itself, or let "
+        "`fieldkit campaign init` and `evaluate --campaign` sort them"
+    )
+    return [Finding(known[0][0].name, "several-places", message)]

@@ -24,7 +24,6 @@ from fieldkit.results.finding import Finding
 
 _MIN_FOR_SCALE = 3
 _WIDE_SPACING_M, _NARROW_EXTENT_M = 15.0, 0.02
-_GPS_TELLS_M, _APART = 10.0, 2.0
 _MAX_EXTENT_M = 50_000.0
 _ZEROS_MESSAGE = "yaw, pitch and roll are 0 in all photographs, so they were not measured; not used"
 
@@ -60,36 +59,24 @@ def priors_from_poses(photos: Sequence[Photo], rows: Sequence[PoseRow]) -> Prior
         sigma = POSITION_SIGMA_M if row.accuracy_m is None else row.accuracy_m
         prior = PosePrior(np.array(row.position), sigma, source="poses.csv")
         priors[name] = prior.with_angles(None if unmeasured else (row.yaw_deg, row.pitch_deg, row.roll_deg))
-    tags = {p.name: p.geotag for p in photos if p.geotag is not None and p.name in priors}
-    if len(tags) >= _MIN_FOR_SCALE:
-        frame = _frame([(t.latitude_deg, t.longitude_deg, t.altitude_m or 0.0) for t in tags.values()], "unknown")
-        gps = {n: frame.to_local(t.latitude_deg, t.longitude_deg, t.altitude_m or 0.0)[0] for n, t in tags.items()}
-        common = [np.array([priors[n].position for n in gps], dtype=float), np.array(list(gps.values()))]
-        doubt = unit_doubt(common[0], common[1])
-    else:
-        doubt = unit_doubt(np.array([p.position for p in priors.values()], dtype=float))
-    if doubt:
+    # Where GPS knows their lengths, against_gps compares them.
+    tagged = sum(photo.geotag is not None and photo.name in priors for photo in photos)
+    doubt = unit_doubt(np.array([p.position for p in priors.values()], dtype=float))
+    if doubt and tagged < _MIN_FOR_SCALE:
         findings.append(Finding("poses.csv", "unit-suspicious", doubt))
     ordered = {photo.name: priors[photo.name] for photo in photos if photo.name in priors}
     return _finish(PriorSet(ordered, "poses.csv", None, None, tuple(findings)), photos)
 
 
-def unit_doubt(positions: NDArray[np.float64], gps: NDArray[np.float64] | None = None) -> str:
+def unit_doubt(positions: NDArray[np.float64]) -> str:
     """Why camera positions (n, 3) may not be metres, in words; empty where nothing speaks so.
 
-    With GPS positions (n, 3) of the same photographs, in metres, their spreads (RMS distance from the mean) are
-    compared, unless GPS noise alone makes it. Without, two rules of thumb: neighbouring photographs of one plot are not
-    more than 15 m apart (median of the nearest-neighbour distances: 24–31 "m" for a rig's circle in millimetres, 1–12 m
-    for drones), and a capture is more than 2 cm wide.
+    Two rules of thumb: neighbouring photographs of one plot are not more than 15 m apart (median of the
+    nearest-neighbour distances: 24–31 "m" for a rig's circle in millimetres, 1–12 m for drones), and a capture is more
+    than 2 cm wide.
     """
     if len(positions) < _MIN_FOR_SCALE:
         return ""
-    if gps is not None:
-        spread, gps_spread = (float(np.sqrt(((p - p.mean(0)) ** 2).sum(1).mean())) for p in (positions, gps))
-        alike = spread == 0.0 or gps_spread < _GPS_TELLS_M or 1.0 / _APART < spread / gps_spread < _APART
-        return "" if alike else (
-            f"the positions spread over {spread:.3g} m, their GPS over {gps_spread:.3g} m: {CENTIMETRES.looks_like}"
-        )  # fmt: skip
     extent = float(np.linalg.norm(np.ptp(positions, axis=0)))
     if 0.0 < extent < _NARROW_EXTENT_M:
         return f"all positions lie within {extent * 1000:.1f} mm of one another; are they metres?"

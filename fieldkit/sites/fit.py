@@ -306,18 +306,14 @@ def _size(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[Find
             )  # fmt: skip
     share = _shown(facts, (length, width))
     extent = None if facts.box is None else facts.box[1] - facts.box[0]
-    told = "" if extent is None else f"; the plan knows plants on {extent[0]:.1f} × {extent[1]:.1f} m"
+    told, larger = "" if extent is None else f"; the plan knows plants on {extent[0]:.1f} × {extent[1]:.1f} m", ""
     if share is not None and share < SEEN_SHARE:
-        yield _finding(
-            plot, "plot-size",
-            f"{share:.0%} of the plot of {sizes} is in {_VIEWS} or more of the plan's photographs{told}",
-            "Plan on a plot of this size; one plan photographs one part of a larger plot.",
-        )  # fmt: skip
+        larger = f"{share:.0%} of the plot of {sizes} is in {_VIEWS} or more of the plan's photographs{told}"
     elif share is None and extent is not None and ((length, width) > extent + 2 * BESIDE_M).any():
-        yield _finding(
-            plot, "plot-size", f"the plot of {sizes} reaches beyond the plan's{told}",
-            "Plan on a plot of this size; one plan photographs one part of a larger plot.",
-        )  # fmt: skip
+        larger = f"the plot of {sizes} reaches beyond the plan's{told}"
+    if larger:
+        remedy = "Plan on a plot of this size; one plan photographs one part of a larger plot."
+        yield _finding(plot, "plot-size", larger, remedy)
     elif share is None and extent is None:
         yield _finding(
             plot, "size-unknown",

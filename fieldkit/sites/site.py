@@ -249,14 +249,14 @@ class Site(Strict):
         latitudes, longitudes = ([getattr(p, f"{key}_deg") for p in self.plots] for key in ("latitude", "longitude"))
         origins = frame.to_local(latitudes, longitudes, 0.0)
         away = np.hypot(origins[:, 0], origins[:, 1])
-        for plot, distance in zip(self.plots, away.tolist(), strict=True):
-            ground = self.ground_m(plot)
-            if abs(ground) > max(_MIXED_UP_M, _STEEPEST * distance):
-                side = "below" if ground < 0 else "above"
-                raise ValueError(
-                    f"{plot.name} lies {abs(ground):.0f} m {side} home and {distance:.0f} m away: "
-                    "is one of the heights above another datum?"
-                )
+        grounds = [self.ground_m(plot) for plot in self.plots]
+        odd = [
+            f"{plot.name} lies {abs(ground):.0f} m {'below' if ground < 0 else 'above'} home and {distance:.0f} m away"
+            for plot, ground, distance in zip(self.plots, grounds, away.tolist(), strict=True)
+            if abs(ground) > max(_MIXED_UP_M, _STEEPEST * distance)
+        ]
+        if odd:
+            raise ValueError(f"{listed(odd)}: is one of the heights above another datum?")
         outlines = [_outline(plot, (x, y)) for plot, (x, y, _) in zip(self.plots, origins.tolist(), strict=True)]
         areas = shapely.area(outlines)
         first, second = shapely.STRtree(outlines).query(outlines, predicate="intersects")

@@ -55,6 +55,13 @@ def test_positions_and_gps(moved: np.ndarray, origin: LocalFrame | None, doubted
         assert re.search("(59|60|61) m from their own GPS", found[0].message)
 
 
+@pytest.mark.parametrize("factor", [1000.0, 100.0, 3.2808, 0.001])
+def test_gps_tells_the_unit(factor: float) -> None:
+    noise = np.random.default_rng(0).normal(0, 1.0, RING.shape)
+    assert [f.code for f in against_gps(taken(RING + noise), priors(factor * RING), None, "")] == ["unit-suspicious"]
+    assert against_gps(taken(RING / 50 + noise), priors(factor * RING / 50), None, "") == []  # a small rig
+
+
 @pytest.mark.parametrize(("metres", "said"), [(2_000.0, "2,000 m"), (200_000.0, "200 km")])
 def test_positions_of_another_field_are_refused(metres: float, said: str) -> None:
     with pytest.raises(MetadataError, match=f"puts the photographs {said} from their own GPS") as caught:

@@ -180,20 +180,6 @@ def test_a_rig_in_millimetres_is_noticed_by_its_spacing(radius: float, doubted: 
     assert bool(unit_doubt(_circle(radius))) == doubted
 
 
-@pytest.mark.parametrize(
-    ("factor", "doubted"), [(1.0, False), (1000.0, True), (100.0, True), (3.2808, True), (0.001, True)]
-)
-def test_gps_tells_the_unit(factor: float, doubted: bool) -> None:
-    truth = _circle(40.0)
-    noisy = truth + np.random.default_rng(0).normal(0, 1.0, truth.shape)
-    assert bool(unit_doubt(truth * factor, noisy)) == (factor != 1.0)
-
-
-def test_gps_of_a_small_rig_decides_nothing() -> None:
-    noise = np.random.default_rng(0).normal(0, 3.0, (60, 3))
-    assert unit_doubt(_circle(0.3), noise) == ""
-
-
 def test_suspicious_units_are_found_when_reading(photo_file: MakePhoto) -> None:
     for index, place in enumerate(_circle(300.0, 8)):
         folder = photo_file(f"{index}.jpg", seed=index).parent

@@ -55,7 +55,9 @@ def read_colmap(given: PosesFile) -> ProgramPoses:
     if not poses:
         raise MetadataError("no image of this model is registered", path=folder, remedy=_REMEDY)
     if lacking:
-        message = f"has no line of points behind {lacking} of {len(poses)} images, as COLMAP has it; all are read"
+        message = (
+            f"has no line of points behind {lacking} or more of {len(poses)} images, as COLMAP has it; all are read"
+        )
         findings.append(Finding("images.txt", "poses-odd", message))
     origin = None
     said = "in metres, as was said" if frame else "without metric scale, since COLMAP's files have none"
@@ -118,29 +120,22 @@ def _load(folder: Path) -> tuple[pycolmap.Reconstruction, int]:
 
 
 def _with_lines_of_points(link: Path) -> int:
-    """Put an images.txt whose images lack the line of points behind them, of which COLMAP skips every second, in order.
+    """How many images of an images.txt lack the line of points behind them: COLMAP skips every second of these.
 
-    Blank lines are of points where they stand behind an image. Returns how many lacked theirs; the file stays as it is
-    where none did.
+    Where some do, the link is replaced by a copy in which all have one.
     """
     lines, lacking, waits = list[str](), 0, False
     with open_regular(link.resolve()) as file:
-        for raw in file:
-            line = raw.decode("utf-8", "surrogateescape").rstrip("\r\n")
-            if line.startswith("#") or (not waits and not line.strip()):
-                continue
-            image = not _is_points(line)
-            if image and waits:
-                lines.append("")
-                lacking += 1
-            lines.append(line if image else "")
-            waits = image
-    lacking += waits
-    if lacking > waits:  # the last one's line may be blank and cut off
+        for line in (raw.decode("utf-8", "surrogateescape").strip() for raw in file):
+            if not line.startswith("#"):
+                image = not _is_points(line)
+                lacking += image and waits
+                lines += [line, ""] if image else []
+                waits = image
+    if lacking:
         link.unlink()
-        link.write_bytes("\n".join([*lines, ""]).encode("utf-8", "surrogateescape") + b"\n")
-        return lacking
-    return 0
+        link.write_bytes("\n".join([*lines, ""]).encode("utf-8", "surrogateescape"))
+    return lacking
 
 
 def _is_points(line: str) -> bool:
