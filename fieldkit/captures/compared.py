@@ -52,11 +52,11 @@ def against_gps(
         ok = misfit < max(_MISFIT * spread, _LEAST)
         return [] if ok else [Finding(source, "positions-apart", f"{said}; are they of these photographs?")]
     latitude, longitude, _ = origin.to_geodetic(np.column_stack([places, np.zeros(len(places))]))
-    own = geodetic_to_ecef(degrees[:, 0], degrees[:, 1], 0.0)
-    away = float(np.median(np.linalg.norm(geodetic_to_ecef(latitude, longitude, 0.0) - own, axis=1)))
+    there = geodetic_to_ecef(degrees[:, 0], degrees[:, 1], 0.0)
+    away = float(np.median(np.linalg.norm(geodetic_to_ecef(latitude, longitude, 0.0) - there, axis=1)))
     if away < _APART_M:
         return []
-    exchanged = geodetic_to_ecef(np.clip(longitude, -90.0, 90.0), latitude, 0.0) - own
+    exchanged = geodetic_to_ecef(np.clip(longitude, -90.0, 90.0), latitude, 0.0) - there
     swapped = float(np.median(np.linalg.norm(exchanged, axis=1))) < _ELSEWHERE_M
     said = f"puts the photographs {_far(away)} from their own GPS"
     if away > _ELSEWHERE_M:
