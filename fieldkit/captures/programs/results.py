@@ -47,7 +47,8 @@ def program_of(
     found, findings = None, []
     for path in _find_results(folders):
         if found is not None:
-            findings.append(Finding(path.name, "sidecar-unused", f"{found.path.name} of {found.program} is used"))
+            name = path.name if path.is_file() else f"{path.parent.name}/{path.name}"
+            findings.append(Finding(name, "sidecar-unused", f"{found.path.name} of {found.program} is used"))
             continue
         try:
             found, odd = _of_photographs(read_result(PosesFile(path)), sizes, folders[-1])

@@ -178,10 +178,12 @@ def test_poses_of_some_photographs(photographs: Path) -> None:
 
 def test_of_several_results_one_is_used_and_the_others_are_named(photographs: Path) -> None:
     write_colmap(photographs / "sparse" / "0", truth())
+    write_colmap(photographs / "sparse" / "1", {name: truth()[name] for name in NAMES[:3]})
     write_shots(photographs / "shots.geojson", truth())
     capture = read_capture(photographs)
     assert capture.program.program == "COLMAP"
-    assert "sidecar-unused" in codes(capture)
+    assert len(capture.program.poses) == len(NAMES)
+    assert [f.subject for f in capture.findings if f.code == "sidecar-unused"] == ["sparse/1", "shots.geojson"]
 
 
 def test_a_result_of_other_photographs(photographs: Path, tmp_path: Path) -> None:
