@@ -90,9 +90,9 @@ def cameras_of(capture: Capture, calibrated: Mapping[str, Intrinsics] | None = N
     )  # fmt: skip
 
 
-def guessed_camera(width: int, height: int) -> Intrinsics:
-    """What self-calibration starts from where nothing is known of the camera."""
-    focal = _GUESSED_FOCAL * max(width, height)
+def guessed_camera(width: int, height: int, sides: float = _GUESSED_FOCAL) -> Intrinsics:
+    """What self-calibration starts from where nothing is known: a focal length of so many longer sides."""
+    focal = sides * max(width, height)
     return Intrinsics("SIMPLE_RADIAL", width, height, (focal, width / 2, height / 2, 0.0))
 
 

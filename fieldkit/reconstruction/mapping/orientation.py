@@ -5,12 +5,13 @@ Orientations of cameras whose positions alone are known come from verified pairs
 The relative rotations of verified pairs, joined over a maximum spanning tree, orient the images of a component
 against each other. The pairs' translation directions must then be the known directions between the positions, which
 fixes the component's rotation in the world (Wahba's problem, solved by SVD inside RANSAC). A wrong pair in the tree
-turns all images beyond it: it is exchanged for a pair that contradicts it if then more matches agree.
+turns all images beyond it, whose own pairs then contradict positions: they are left out, or taken to look where the
+others look (`looking_alike`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,8 +23,10 @@ from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.priors import PosePrior, Priors
 from fieldkit.reconstruction.agreement import ANGLE_SIGMAS, align_to_positions, judge
 from fieldkit.reconstruction.colmap_model import model_poses
+from fieldkit.reconstruction.guided import region_of_interest
 from fieldkit.reconstruction.verification import TwoView
 from fieldkit.runtime.colmap import pycolmap
+from fieldkit.vocabulary import LEAST_POSITIONS
 
 Matrix = NDArray[np.float64]
 _AGREE_DEG = 8.0
@@ -31,8 +34,9 @@ _MAX_AGREE_DEG = 40.0
 _ROUNDS = 3
 _TRIALS = 500
 _MIN_SHARE = 0.4  # of the pairs' matches must agree with the positions
-_EXCHANGES, _WRONG = 10, 30
 
+_ALIKE_DEG, _MOST_ALIKE = 20.0, 0.5
+"""Cameras look at a place alike whose mounts differ by so much at most, if so large a share of them does."""
 FOUND_SIGMA_DEG = 6.0
 """What orientations found from positions and pairs are good to (measured 0.3–6° on the recorded rigs)."""
 
@@ -67,6 +71,41 @@ def rough_from_pairs(
 
 def _found(record: PosePrior, rotation: Matrix) -> PosePrior:
     return PosePrior(record.position, record.position_sigma_m, rotation, FOUND_SIGMA_DEG)
+
+
+def looking_alike(found: Mapping[str, PosePrior], priors: Priors, unknown: Sequence[str]) -> dict[str, PosePrior]:
+    """Orientations for photographs without one, or with one that differs, where most look at one place alike.
+
+    Cameras about a plant look at it and are held the same way up: what turns one camera into another turns the
+    direction to the place, about the mean of the cameras' own vertical axes.
+
+    Args:
+        unknown: whose orientations are not recorded.
+    """
+    region = region_of_interest([prior.pose for prior in found.values()])
+    if region is None or len(found) < LEAST_POSITIONS:
+        return {}
+    up = -np.mean([prior.pose.rotation[1] for prior in found.values()], axis=0)
+    frames = {name: _looking(region.center, priors.by_name[name], up) for name in priors.positioned}
+    mounts = np.array([prior.pose.rotation @ frames[name].T for name, prior in found.items()])
+    away = np.array([[rotation_angle_deg(one, other) for other in mounts] for one in mounts])
+    best = mounts[int(np.argmin(np.median(away, axis=1)))]
+    alike = {n: rotation_angle_deg(mount, best) <= _ALIKE_DEG for n, mount in zip(found, mounts, strict=True)}
+    if sum(alike.values()) < max(LEAST_POSITIONS, _MOST_ALIKE * len(found)):
+        return {}
+    u, _, vt = np.linalg.svd(mounts[list(alike.values())].sum(axis=0))
+    mount = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    return {name: _found(priors.by_name[name], mount @ frames[name]) for name in unknown if not alike.get(name)}
+
+
+def _looking(center: Sequence[float], prior: PosePrior, up: Matrix) -> Matrix:
+    """(3, 3) from the world to axes to the right, down and towards a place."""
+    assert prior.position is not None
+    towards = np.asarray(center) - prior.position
+    towards = towards / max(float(np.linalg.norm(towards)), 1e-9)
+    right = np.cross(towards, up)
+    right = right / max(float(np.linalg.norm(right)), 1e-9)
+    return np.stack([right, np.cross(towards, right), towards])
 
 
 def contradict(found: PosePrior, recorded: PosePrior) -> bool:
@@ -109,9 +148,8 @@ def orient_cameras(
     found: dict[int, Matrix] = {}
     for _ in range(_ROUNDS):
         found = {}
-        for rotations, tree in _components(edges):
-            aligned = _align(rotations, edges, seed)
-            found.update(_exchanged(aligned, tree, edges) if aligned else {})
+        for rotations in _components(edges):
+            found.update(_align(rotations, edges, seed))
         within = [e for e in edges if e.i in found and e.j in found]
         agreeing = [e for e, good in zip(within, _agree(within, found), strict=True) if good]
         connected = {k for e in agreeing for k in (e.i, e.j)}
@@ -136,10 +174,8 @@ def _edge(
     return _Edge(i, j, len(pair.inliers), pair.rotation, inside, (b - a) / baseline, limit)
 
 
-def _components(edges: Sequence[_Edge]) -> list[tuple[dict[int, Matrix], dict[int, int]]]:
-    """Rotations of every image against its component's first, along the maximum spanning tree; and the image before
-    each of the others in that tree.
-    """
+def _components(edges: Sequence[_Edge]) -> list[dict[int, Matrix]]:
+    """Rotations of every image against its component's first, along the maximum spanning tree."""
     images = sorted({k for e in edges for k in (e.i, e.j)})
     ends = np.searchsorted(images, np.array([(e.i, e.j) for e in edges], dtype=np.int64).reshape(-1, 2)).T
     # Ranks as weights, so that equal ones fall the same way everywhere.
@@ -149,77 +185,19 @@ def _components(edges: Sequence[_Edge]) -> list[tuple[dict[int, Matrix], dict[in
     )
     tree = minimum_spanning_tree(coo_array((rank, tuple(ends)), shape=(len(images),) * 2))
     turns = {(e.i, e.j): e.rotation for e in edges} | {(e.j, e.i): e.rotation.T for e in edges}
-    components: list[tuple[dict[int, Matrix], dict[int, int]]] = []
+    components: list[dict[int, Matrix]] = []
     seen: set[int] = set()
     for start, image in enumerate(images):
         if image in seen:
             continue
-        rotations, parents = {image: np.eye(3)}, {}
+        rotations = {image: np.eye(3)}
         order, before = breadth_first_order(tree, start, directed=False)
         for k in order[1:]:
             one, other = images[before[k]], images[k]
             rotations[other] = turns[one, other] @ rotations[one]
-            parents[other] = one
         seen.update(rotations)
-        components.append((rotations, parents))
+        components.append(rotations)
     return components
-
-
-def _exchanged(rotations: dict[int, Matrix], parents: Mapping[int, int], edges: Sequence[_Edge]) -> dict[int, Matrix]:
-    """A component's rotations in the world after exchanges of pairs in its tree, while they raise the matches of the
-    pairs that agree.
-    """
-    mine = [e for e in edges if e.i in rotations and e.j in rotations]
-    weights = np.array([e.weight for e in mine])
-    tree = {frozenset(link) for link in parents.items()}
-    agree = _agree(mine, rotations)
-    best = int(weights[agree].sum())
-    for _ in range(_EXCHANGES):
-        wrong = sorted((e for e, good in zip(mine, agree, strict=True) if not good), key=lambda e: -e.weight)
-        options = [
-            (_turned(rotations, _beyond(tree - {link}, e), e), (tree - {link}) | {frozenset((e.i, e.j))})
-            for e in wrong[:_WRONG]
-            for link in _path(tree, e.i, e.j)
-        ]
-        scores = [int(weights[_agree(mine, found)].sum()) for found, _ in options]
-        if not scores or max(scores) <= best:
-            break
-        best = max(scores)
-        rotations, tree = options[scores.index(best)]
-        agree = _agree(mine, rotations)
-    return rotations
-
-
-def _path(tree: set[frozenset[int]], start: int, end: int) -> list[frozenset[int]]:
-    """The tree's links between two images."""
-    return sorted((link for link in tree if end not in _reached(tree - {link}, start)), key=sorted)
-
-
-def _reached(links: Iterable[frozenset[int]], start: int) -> set[int]:
-    neighbors: dict[int, list[int]] = {}
-    for a, b in links:
-        neighbors.setdefault(a, []).append(b)
-        neighbors.setdefault(b, []).append(a)
-    found, waiting = {start}, [start]
-    while waiting:
-        new = [k for k in neighbors.get(waiting.pop(), []) if k not in found]
-        found.update(new)
-        waiting += new
-    return found
-
-
-def _beyond(links: Iterable[frozenset[int]], edge: _Edge) -> set[int]:
-    """The smaller of the two parts that a pair connects."""
-    return min(_reached(links, edge.i), _reached(links, edge.j), key=len)
-
-
-def _turned(rotations: Mapping[int, Matrix], part: set[int], edge: _Edge) -> dict[int, Matrix]:
-    """The rotations with a part turned as a whole, so that the pair that connects it with the rest holds."""
-    if edge.j in part:
-        turn = rotations[edge.j].T @ edge.rotation @ rotations[edge.i]
-    else:
-        turn = rotations[edge.i].T @ edge.rotation.T @ rotations[edge.j]
-    return {k: rotation @ turn if k in part else rotation for k, rotation in rotations.items()}
 
 
 def _align(rotations: Mapping[int, Matrix], edges: Sequence[_Edge], seed: int) -> dict[int, Matrix]:

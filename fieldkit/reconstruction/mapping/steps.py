@@ -7,7 +7,7 @@ it is made again.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -15,9 +15,11 @@ import numpy as np
 
 from fieldkit.cache import digest
 from fieldkit.errors import ReconstructionError
+from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.priors import PosePrior
+from fieldkit.reconstruction.cameras import guessed_camera
 from fieldkit.reconstruction.colmap_model import arrays_to_model, model_poses, model_to_arrays
-from fieldkit.reconstruction.guided import region_of_interest
+from fieldkit.reconstruction.guided import region_of_interest, relative_pose
 from fieldkit.reconstruction.mapping.angle_conventions import adopt_convention, look_odd
 from fieldkit.reconstruction.mapping.blind import (
     MAX_NEIGHBOURS,
@@ -28,6 +30,7 @@ from fieldkit.reconstruction.mapping.blind import (
 )
 from fieldkit.reconstruction.mapping.orientation import (
     contradict,
+    looking_alike,
     rough_from_model,
     rough_from_pairs,
     rough_from_records,
@@ -35,6 +38,7 @@ from fieldkit.reconstruction.mapping.orientation import (
 from fieldkit.reconstruction.mapping.prior import PriorMapping, map_with_priors
 from fieldkit.reconstruction.mapping.state import Belief, Inputs, Mapped
 from fieldkit.reconstruction.mapping.verdicts import judged
+from fieldkit.reconstruction.mapping.view_graph import Pair
 from fieldkit.reconstruction.settings import BLIND_METHODS
 from fieldkit.reconstruction.stages import keep_matches
 from fieldkit.reconstruction.versions import STAGES
@@ -45,6 +49,10 @@ _NEAR_NEIGHBOURS = 12
 _MIN_CALIBRATION_IMAGES = 5
 _CORRECTION_ROUNDS = 3
 _REPEATS = 4
+_FOCALS = (0.6, 0.67, 0.74, 0.82, 0.91, 1.0, 1.2, 1.5)
+"""Of the longer side: focal lengths of lenses between 22 and 55 mm on 35 mm film."""
+_CONVERGED = 0.02  # of the focal length, where orientations come from matches
+_OFF_DEG = 15.0
 
 
 def map_by_priors(inputs: Inputs, belief: Belief) -> Mapped:
@@ -92,14 +100,56 @@ def _calibrated(inputs: Inputs, belief: Belief) -> Belief:
             positioned = sum(name in belief.priors.positioned for name in model_poses(models[0]))
             if 2 * fitting >= positioned:
                 break
+    found, start = belief, 0.0
     if fits:
         _, model = max(fits, key=lambda each: each[0])
-        return replace(belief.calibrated_by(model), calibration=model)
+        found = replace(belief.calibrated_by(model), calibration=model)
+    if not rough_from_records(belief.priors) and len(belief.priors.positioned) >= LEAST_POSITIONS:
+        start = _agreeing_matches(inputs, found, sorted(pairs)) if fits else 0.0
+        by_focal = [(_agreeing_matches(inputs, guess, sorted(pairs)), guess) for guess in _guesses(belief)]
+        most, guess = max(by_focal, key=lambda each: each[0])
+        if most > start:
+            return guess
+    if fits:
+        return found
     focal = belief.cameras.cameras[0].fx
     return belief.noting(
         f"the camera could not be calibrated from these photographs; a focal length of {focal:.0f} px is assumed. "
         "Put a camera.toml beside them, or evaluate against a reference made with this camera"
     )
+
+
+def _guesses(belief: Belief) -> list[Belief]:
+    """With the cameras that are not known at one focal length after the other."""
+    cameras = belief.cameras
+    return [
+        replace(belief, cameras=cameras.with_cameras([
+            guessed_camera(camera.width, camera.height, focal) if source == "self-calibrated" else camera
+            for camera, source in zip(cameras.cameras, cameras.sources, strict=True)
+        ]))
+        for focal in _FOCALS
+    ]  # fmt: skip
+
+
+def _agreeing_matches(inputs: Inputs, belief: Belief, wanted: Sequence[Pair]) -> float:
+    """How many matches pairs have whose relative poses fit known positions and one another, with the belief's cameras.
+
+    A pair counts the less the more it is off; with a wrong focal length all are.
+    """
+    pairs = verified_pairs(inputs, belief, wanted, calibrated=True)
+    found = rough_from_pairs(inputs.names, belief.priors, pairs, seed=inputs.settings.seed)
+    total = 0.0
+    for (i, j), pair in pairs.items():
+        a, b = (found.get(inputs.names[k]) for k in (i, j))
+        length = float(np.linalg.norm(pair.translation))
+        if a is not None and b is not None and length > 0.0:
+            rotation, known = relative_pose(a.pose, b.pose)
+            cosine = float(known @ pair.translation) / max(length * float(np.linalg.norm(known)), 1e-12)
+            off = np.hypot(
+                np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))), rotation_angle_deg(rotation, pair.rotation)
+            )
+            total += len(pair.inliers) * max(0.0, 1.0 - (off / _OFF_DEG) ** 2)
+    return total
 
 
 def orient(inputs: Inputs, belief: Belief) -> Belief:
@@ -111,6 +161,7 @@ def orient(inputs: Inputs, belief: Belief) -> Belief:
         if any(name not in found for name in unoriented):
             found = _joined(found, _pair_poses(inputs, belief, _NEAR_NEIGHBOURS))
         rough |= {name: found[name] for name in unoriented if name in found}
+        rough |= looking_alike(rough, belief.priors, unoriented)
     if len(rough) < 2:
         raise ReconstructionError(
             "the orientations of the photographs are not known and could not be found from their matches",
@@ -216,24 +267,37 @@ def read_by_convention(inputs: Inputs, belief: Belief) -> Belief:
 def recalibrate(inputs: Inputs, belief: Belief) -> Belief:
     """Mapped again with the focal length and orientations of the photographs that are right, while that helps.
 
+    Matches found about a wrong focal length hold on to it.
+
     What a blind model that fits few positions says of the camera can be far off.
     """
-    if belief.calibration is None or belief.held:
+    if belief.cameras.known or belief.held:
         return belief
     unknown = [name for name in belief.priors.positioned if not belief.has_orientation(name)]
     right = rough_from_model(_of(belief).model, belief.priors, seed=inputs.settings.seed)
     for _ in range(_REPEATS):
-        if len(right) < LEAST_POSITIONS or inputs.loses_few(len(right)):
+        moved = bool(unknown) and _focal_change(belief) > _CONVERGED
+        if len(right) < LEAST_POSITIONS or (inputs.loses_few(len(right)) and not moved):
             break
         again = belief.calibrated_by(_of(belief).model)
         by_pairs = _pair_poses(inputs, again, _NEAR_NEIGHBOURS)
         better = {name: found[name] for found in (by_pairs, right) for name in unknown if name in found}
         again = make_model(inputs, replace(again, rough={**belief.rough, **better}))
         now = rough_from_model(_of(again).model, belief.priors, seed=inputs.settings.seed)
-        if len(now) <= len(right):
+        if len(now) < len(right) or (len(now) == len(right) and not moved):
             break
         belief, right = again, now
     return belief
+
+
+def _focal_change(belief: Belief) -> float:
+    """By how large a share the model's focal lengths differ from those that it was made about."""
+    found = _of(belief).model.cameras
+    cameras = enumerate(belief.cameras.cameras)
+    return max(
+        (abs(found[k + 1].mean_focal_length() / camera.fx - 1.0) for k, camera in cameras if k + 1 in found),
+        default=0.0,
+    )
 
 
 Step = Callable[[Inputs, Belief], Belief]
