@@ -78,6 +78,7 @@ def calibrate(inputs: Inputs, belief: Belief) -> Belief:
         return belief
     start, belief = belief.cameras, _calibrated(inputs, belief)
     oriented = rough_from_records(belief.priors) or _poses_of_calibration(inputs, belief)
+    oriented = oriented or _pair_poses(inputs, belief, _NEAR_NEIGHBOURS)
     seen = [prior.pose for prior in oriented.values()]
     if belief.calibration is not None:
         parallel = belief.cannot_calibrate(model_poses(belief.calibration).values())
@@ -104,7 +105,8 @@ def _calibrated(inputs: Inputs, belief: Belief) -> Belief:
     if fits:
         _, model = max(fits, key=lambda each: each[0])
         found = replace(belief.calibrated_by(model), calibration=model)
-    if not rough_from_records(belief.priors) and len(belief.priors.positioned) >= LEAST_POSITIONS:
+    told = not fits or not belief.cannot_calibrate(model_poses(model).values())
+    if told and not rough_from_records(belief.priors) and len(belief.priors.positioned) >= LEAST_POSITIONS:
         start = _agreeing_matches(inputs, found, sorted(pairs)) if fits else 0.0
         by_focal = [(_agreeing_matches(inputs, guess, sorted(pairs)), guess) for guess in _guesses(belief)]
         most, guess = max(by_focal, key=lambda each: each[0])
