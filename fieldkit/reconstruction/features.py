@@ -37,19 +37,39 @@ class Features:
     upper left pixel is (0.5, 0.5)), orientation in radians."""
     descriptors: NDArray[np.uint8]
     """(n, 128) uint8 RootSIFT (Arandjelović & Zisserman 2012), 512 times its unit vector."""
+    ground: int = 0
+    """How many of the last are those of the ground, seen from above (`fieldkit.reconstruction.ground_view`)."""
+
+    @classmethod
+    def none(cls) -> Features:
+        return cls(np.zeros((0, 4), np.float32), np.zeros((0, 128), np.uint8))
+
+    def with_ground(self, ground: Features) -> Features:
+        """Followed by those of the ground."""
+        keypoints = np.concatenate([self.keypoints, ground.keypoints])
+        return Features(keypoints, np.concatenate([self.descriptors, ground.descriptors]), ground.ground)
+
+    @property
+    def parts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Indices of the photograph's own features, and of those of the ground."""
+        own, every = len(self) - self.ground, np.arange(len(self))
+        return every[:own], every[own:]
 
     def __len__(self) -> int:
         return len(self.keypoints)
 
     def largest(self, count: int) -> NDArray[np.int64]:
-        """Indices (k,) of the ``count`` features of the largest scale, ascending."""
-        if len(self) <= count:
-            return np.arange(len(self))
-        return np.sort(np.argsort(-self.keypoints[:, 2], kind="stable")[:count])
+        """Indices (k,), ascending, of the ``count`` features of the largest scale among the photograph's own, and as
+        many of the ground.
+        """
+        return np.concatenate([
+            np.sort(part[np.argsort(-self.keypoints[part, 2], kind="stable")[:count]]) for part in self.parts
+        ])  # fmt: skip
 
     def subset(self, index: NDArray[np.int64]) -> Features:
-        """The features of those indices."""
-        return Features(self.keypoints[index], self.descriptors[index])
+        """The features of those indices, ascending."""
+        ground = int((index >= len(self) - self.ground).sum())
+        return Features(self.keypoints[index], self.descriptors[index], ground)
 
     @cached_property
     def squares(self) -> NDArray[np.int32]:
@@ -68,21 +88,35 @@ def extract_features(gray: NDArray[np.uint8], settings: FeatureSettings) -> Feat
 
     Sorted by their values, so that the order does not depend on the detector's.
     """
+    small = reduced(gray, settings)
+    enlarged = (gray.shape[1] / small.shape[1], gray.shape[0] / small.shape[0])
+    return detect(small, settings, settings.max_features, enlarged)
+
+
+def reduced(gray: NDArray[np.uint8], settings: FeatureSettings) -> NDArray[np.uint8]:
+    """An image (h, w) in the size that features are found in."""
     height, width = gray.shape
     scale = min(1.0, settings.working_side / max(height, width))
-    if scale < 1.0:
-        size = (round(width * scale), round(height * scale))
-        gray = cv2.resize(gray, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+    if scale == 1.0:
+        return gray
+    size = (round(width * scale), round(height * scale))
+    return cv2.resize(gray, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+
+
+def detect(
+    gray: NDArray[np.uint8], settings: FeatureSettings, most: int, enlarged: tuple[float, float] = (1.0, 1.0)
+) -> Features:
+    """The strongest features of an image, in pixels of one that is so much wider and higher."""
+    sx, sy = enlarged
     sift = cv2.SIFT_create(  # type: ignore[attr-defined]
-        nfeatures=settings.max_features,
+        nfeatures=most,
         contrastThreshold=settings.contrast_threshold,
         edgeThreshold=settings.edge_threshold,
         enable_precise_upscale=False,
     )
     found, descriptors = sift.detectAndCompute(gray, None)
     if descriptors is None:
-        return Features(np.zeros((0, 4), np.float32), np.zeros((0, 128), np.uint8))
-    sx, sy = width / gray.shape[1], height / gray.shape[0]
+        return Features.none()
     # OpenCV doubles the image with pixel centres aligned at the corners, so its keypoints lie 0.25 px too far right and
     # down (opencv issue 23123). Its precise upscaling has no shift, but finds 3–6 % fewer features on the rigs' plants.
     shift = 0.5 - 0.25
@@ -91,7 +125,7 @@ def extract_features(gray: NDArray[np.uint8], settings: FeatureSettings) -> Feat
         np.float32,
     )
     # nfeatures keeps ties, so more than asked for can come back.
-    strongest = np.argsort([-k.response for k in found], kind="stable")[: settings.max_features]
+    strongest = np.argsort([-k.response for k in found], kind="stable")[:most]
     keypoints, descriptors = keypoints[strongest], descriptors[strongest]
     order = np.lexsort(keypoints.T)
     return Features(keypoints[order], _root_sift(descriptors[order]))

@@ -110,6 +110,14 @@ class IndexedFeatures:
         return cls(features, camera.undistort(features.points), camera.without_distortion())
 
     @cached_property
+    def parts(self) -> tuple[IndexedFeatures, IndexedFeatures]:
+        """The photograph's own features, and those of the ground."""
+        own, ground = (
+            IndexedFeatures(self.features.subset(part), self.points[part], self.camera) for part in self.features.parts
+        )
+        return own, ground
+
+    @cached_property
     def across(self) -> _Strips:
         """Strips that lines nearer to level cross."""
         return _Strips.of(self.points, self.features)
@@ -141,7 +149,7 @@ class PosedFeatures:
         """PINHOLE intrinsics."""
         return self.indexed.camera
 
-    def rays(self, index: NDArray[np.uint32]) -> Floats:
+    def rays(self, index: NDArray[np.integer]) -> Floats:
         """(k, 3) unit viewing rays of chosen features in the world."""
         pixels = self.points[index]
         focal, principal = (self.camera.fx, self.camera.fy), (self.camera.cx, self.camera.cy)
@@ -188,9 +196,17 @@ def match_guided(a: PosedFeatures, b: PosedFeatures, band: Band, *, shift_px: fl
     Returns:
         (k, 2) feature indices, sorted by the first.
     """
-    n, m = len(a.features), len(b.features)
-    if n == 0 or m == 0:
-        return np.zeros((0, 2), np.uint32)
+    found, before = [np.zeros((0, 2), np.int64)], np.zeros(2, np.int64)
+    for part_a, part_b in zip(a.indexed.parts, b.indexed.parts, strict=True):
+        if len(part_a.features) and len(part_b.features):
+            matches = _match_alike(PosedFeatures(part_a, a.pose), PosedFeatures(part_b, b.pose), band, shift_px)
+            found.append(matches + before)
+        before += (len(part_a.features), len(part_b.features))
+    return np.concatenate(found).astype(np.uint32)
+
+
+def _match_alike(a: PosedFeatures, b: PosedFeatures, band: Band, shift_px: float) -> NDArray[np.int64]:
+    """`match_guided` among features of one kind; at least one of each."""
     fundamental = fundamental_matrix(a.pose, b.pose, a.camera, b.camera)
     lines_in_b = _unit_lines(homogeneous(a.points) @ fundamental.T)
     shift = shift_px * _mean_normal(lines_in_b) if shift_px else np.zeros(2)
@@ -198,11 +214,11 @@ def match_guided(a: PosedFeatures, b: PosedFeatures, band: Band, *, shift_px: fl
     rows, columns = _best_in_band(a, b, shift, lines_in_b, lines_in_a, band.px, band.rule.ratio)
     first = np.flatnonzero(rows >= 0)
     mutual = first[columns[rows[first]] == first]
-    matches = np.stack([mutual, rows[mutual]], axis=1).astype(np.uint32)
+    matches = np.stack([mutual, rows[mutual]], axis=1)
     return matches[_agrees(a, b, matches, band)]
 
 
-def midpoints(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.uint32]) -> tuple[Floats, Floats, Floats]:
+def midpoints(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.integer]) -> tuple[Floats, Floats, Floats]:
     """Where the rays of matches come closest: points (k, 3) and the signed distances (k,) along both rays."""
     ray_a, ray_b = a.rays(matches[:, 0]), b.rays(matches[:, 1])
     baseline = b.pose.center - a.pose.center
@@ -215,13 +231,18 @@ def midpoints(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.uint32]) -
     return points, s, t
 
 
-def _agrees(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.uint32], band: Band) -> NDArray[np.bool_]:
-    difference = _turn_from_baseline(a, b, matches[:, 0]) - _turn_from_baseline(b, a, matches[:, 1], reverse=True)
+def _agrees(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.int64], band: Band) -> NDArray[np.bool_]:
+    of_a, of_b = a.features.keypoints[matches[:, 0]], b.features.keypoints[matches[:, 1]]
+    octaves = np.log2(of_a[:, 2]) - np.log2(of_b[:, 2])
+    if a.features.ground:
+        difference = of_a[:, 3] - of_b[:, 3]
+        octaves += np.log2(_above(a, band.region)) - np.log2(_above(b, band.region))
+    else:
+        difference = _turn_from_baseline(a, b, matches[:, 0]) - _turn_from_baseline(b, a, matches[:, 1], reverse=True)
+        octaves += np.log2(_metres_per_pixel(a, band.region)) - np.log2(_metres_per_pixel(b, band.region))
     rotation = np.abs((difference + np.pi) % (2 * np.pi) - np.pi)
-    size_a = np.log2(a.features.keypoints[matches[:, 0], 2] * _metres_per_pixel(a, band.region))
-    size_b = np.log2(b.features.keypoints[matches[:, 1], 2] * _metres_per_pixel(b, band.region))
     rule = band.rule
-    good = (rotation <= np.radians(rule.max_rotation_deg)) & (np.abs(size_a - size_b) <= rule.max_scale_octaves)
+    good = (rotation <= np.radians(rule.max_rotation_deg)) & (np.abs(octaves) <= rule.max_scale_octaves)
     if band.scene_bounds is not None:
         points, s, t = midpoints(a, b, matches)
         good &= band.scene_bounds.contains(points) & (s > 0) & (t > 0)
@@ -230,7 +251,7 @@ def _agrees(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.uint32], ban
 
 
 def _turn_from_baseline(
-    a: PosedFeatures, b: PosedFeatures, index: NDArray[np.uint32], *, reverse: bool = False
+    a: PosedFeatures, b: PosedFeatures, index: NDArray[np.integer], *, reverse: bool = False
 ) -> Floats:
     """(k,) chosen features' orientation against the image of the baseline's direction at its place, radians.
 
@@ -249,6 +270,14 @@ def _metres_per_pixel(a: PosedFeatures, region: Region | None) -> float:
     if region is not None:
         distance = float(np.linalg.norm(np.array(region.center) - a.pose.center))
     return distance / a.camera.fx
+
+
+def _above(a: PosedFeatures, region: Region | None) -> float:
+    """Height of a camera above what it looks at, metres, at least a tenth of its distance."""
+    if region is None:
+        return 1.0
+    away = a.pose.center - np.array(region.center)
+    return max(float(away[2]), 0.1 * float(np.linalg.norm(away)))
 
 
 def _unit_lines(lines: Floats) -> Floats:

@@ -17,6 +17,7 @@ from fieldkit.cache import StageCache, digest
 from fieldkit.captures import Capture, Photo, Quality, assess_quality, find_mask, measure_photo, read_image
 from fieldkit.geometry import Intrinsics
 from fieldkit.reconstruction.features import Features, FeatureSettings, extract_features
+from fieldkit.reconstruction.ground_view import extract_ground_features
 from fieldkit.reconstruction.matching import match_features
 from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
 from fieldkit.reconstruction.versions import STAGES
@@ -76,6 +77,38 @@ def _new_features(photo: Photo, settings: FeatureSettings, cache_root: Path | No
     key = _features_key(photo, settings)
     StageCache(cache_root).put("features", key, {"keypoints": found.keypoints, "descriptors": found.descriptors})
     return KeyedFeatures(key, found, cached=False)
+
+
+def with_ground_features(
+    keyed: Sequence[KeyedFeatures],
+    photos: Sequence[Photo],
+    cameras: Sequence[Intrinsics],
+    rotations: Sequence[NDArray[np.float64]],
+    settings: FeatureSettings,
+    context: Context,
+) -> list[KeyedFeatures]:
+    """Features followed by those of the ground as seen from above, from the cache where they are there.
+
+    Args:
+        cameras: each photograph's.
+        rotations: each one's (3, 3) camera from world, roughly.
+    """
+    work = partial(_with_ground, settings=settings, cache_root=context.cache.root)
+    return list(context.map(work, list(zip(keyed, photos, cameras, rotations, strict=True)), lambda _: None))
+
+
+def _with_ground(
+    of: tuple[KeyedFeatures, Photo, Intrinsics, NDArray[np.float64]], settings: FeatureSettings, cache_root: Path | None
+) -> KeyedFeatures:
+    keyed, photo, camera, rotation = of
+    key, cache = digest("ground", STAGES["features"], keyed.key, camera, rotation), StageCache(cache_root)
+    kept = cache.get("features", key)
+    if kept is None:
+        found = extract_ground_features(read_image(photo, gray=True), camera, rotation, settings)
+        cache.put("features", key, {"keypoints": found.keypoints, "descriptors": found.descriptors})
+    else:
+        found = Features(kept["keypoints"], kept["descriptors"], len(kept["keypoints"]))
+    return KeyedFeatures(key, keyed.features.with_ground(found), kept is not None)
 
 
 @dataclass(frozen=True, eq=False)

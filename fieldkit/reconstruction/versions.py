@@ -18,8 +18,8 @@ STAGES: Mapping[str, int] = MappingProxyType(
         "quality": 1,  # sharpness and exposure of a photograph
         "features": 1,
         "pairs": 1,  # blind matches and their verification
-        "guided": 1,  # matches between known poses
-        "mapping": 14,  # poses, intrinsics, sparse points, what pairs say
+        "guided": 2,  # matches between known poses
+        "mapping": 15,  # poses, intrinsics, sparse points, what pairs say
         "frame": 1,  # plot frame, ground, volume of interest
         "views": 3,  # undistorted photographs and masks
         "depth": 6,  # dense stereo

@@ -40,7 +40,7 @@ from fieldkit.reconstruction.mapping.state import Belief, Inputs, Mapped
 from fieldkit.reconstruction.mapping.verdicts import judged
 from fieldkit.reconstruction.mapping.view_graph import Pair
 from fieldkit.reconstruction.settings import BLIND_METHODS
-from fieldkit.reconstruction.stages import keep_matches
+from fieldkit.reconstruction.stages import keep_matches, with_ground_features
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.runtime.colmap import pycolmap
 from fieldkit.vocabulary import LEAST_POSITIONS
@@ -197,10 +197,14 @@ def make_model(inputs: Inputs, belief: Belief) -> Belief:
     """Mapped about the rough poses; the view graph's edges are indices into all photographs."""
     chosen = [k for k, name in enumerate(inputs.names) if name in belief.rough]
     names = [inputs.names[k] for k in chosen]
-    keyed = [inputs.keyed[k] for k in chosen]
     priors = [belief.rough[name] for name in names]
     cameras, settings, region = belief.cameras, inputs.settings, inputs.region
     camera_of = [cameras.camera_of[k] for k in chosen]
+    keyed = with_ground_features(
+        [inputs.keyed[k] for k in chosen], [inputs.capture.photos[k] for k in chosen],
+        [cameras.cameras[k] for k in camera_of], [prior.pose.rotation for prior in priors], settings.features,
+        inputs.context,
+    )  # fmt: skip
     # Focal length and height trade off where all cameras look the same way: hold what EXIF says.
     converging = region_of_interest([prior.pose for prior in priors]) is not None
     fixed = cameras.all_fixed or belief.held or (cameras.known and not converging)
