@@ -101,14 +101,20 @@ def _with_ground(
     of: tuple[KeyedFeatures, Photo, Intrinsics, NDArray[np.float64]], settings: FeatureSettings, cache_root: Path | None
 ) -> KeyedFeatures:
     keyed, photo, camera, rotation = of
-    key, cache = digest("ground", STAGES["features"], keyed.key, camera, rotation), StageCache(cache_root)
+    same = replace(settings, kept=1.0, draw=0)
+    key, cache = digest("ground", STAGES["features"], photo.sha256, same, camera, rotation), StageCache(cache_root)
     kept = cache.get("features", key)
     if kept is None:
         found = extract_ground_features(read_image(photo, gray=True), camera, rotation, settings)
         cache.put("features", key, {"keypoints": found.keypoints, "descriptors": found.descriptors})
     else:
         found = Features(kept["keypoints"], kept["descriptors"], len(kept["keypoints"]))
-    return KeyedFeatures(key, keyed.features.with_ground(found), kept is not None)
+    ground = KeyedFeatures(key, found, kept is not None)
+    if settings.kept < 1.0:
+        ground = _withheld(ground, settings.kept, settings.draw)
+    return KeyedFeatures(
+        digest("with ground", keyed.key, ground.key), keyed.features.with_ground(ground.features), ground.cached
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,9 +5,11 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
+import cv2
 import numpy as np
 import pytest
 
+from fieldkit.captures import Photo
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.priors import PosePrior, Priors
@@ -29,8 +31,17 @@ def scene() -> FeatureScene:
     return feature_scene(ring(COUNT), points=200, clutter=50)
 
 
+@pytest.fixture(autouse=True)
+def blank_photographs(scene: FeatureScene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the features of the ground are looked for, there are none."""
+    monkeypatch.chdir(tmp_path)
+    for name in scene.names:
+        cv2.imwrite(name, np.zeros((scene.camera.height, scene.camera.width), np.uint8))
+
+
 def given(scene: FeatureScene, priors: dict[str, PosePrior]) -> tuple[Inputs, Belief]:
-    photos = tuple(SimpleNamespace(name=name, flight_yaw_deg=None) for name in scene.names)
+    size = (scene.camera.width, scene.camera.height)
+    photos = tuple(Photo(Path(name), name, *size, "JPEG", name) for name in scene.names)
     capture = SimpleNamespace(folder=Path("plot"), names=tuple(scene.names), photos=photos, priors=priors)
     keyed = [KeyedFeatures(f"{k:016x}", features, cached=False) for k, features in enumerate(scene.features)]
     cameras = CameraSet(("camera",), (scene.camera,), ("camera.toml",), (True,), (0,) * COUNT)
