@@ -277,9 +277,9 @@ def recalibrate(inputs: Inputs, belief: Belief) -> Belief:
 
     What a blind model that fits few positions says of the camera can be far off.
     """
-    if belief.cameras.known or belief.held:
-        return belief
     unknown = [name for name in belief.priors.positioned if not belief.has_orientation(name)]
+    if belief.cameras.known or belief.held or (belief.calibration is None and not unknown):
+        return belief
     right = rough_from_model(_of(belief).model, belief.priors, seed=inputs.settings.seed)
     for _ in range(_REPEATS):
         moved = bool(unknown) and _focal_change(belief) > _CONVERGED
