@@ -147,7 +147,7 @@ def weakly_tied(
         return f"{2000.0 * sigma:.0f} mm" if sigma < _FIRST_METRE else f"{2.0 * sigma:.1f} m"
 
     most = float(max(known.sigma[known.names.index(each)] for each in loose))
-    poor = count(len(loose), "photograph is", "photographs are", of=len(known.names))
+    poor = count(len(loose), "photographs is", "photographs are", of=len(known.names))
     message = (
         f"weakly tied: {poor} known to {within(most)} only (two standard deviations): {listed(loose, _NAMED)}. Most "
         f"easily {listed(together, _NAMED)} could lie {within(sigma)} off the others together: too few matches above "
