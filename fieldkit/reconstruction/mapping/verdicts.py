@@ -143,7 +143,7 @@ def weakly_tied(
 
     def within(sigma: float) -> str:
         if not metric:
-            return f"{200.0 * sigma / known.distance:.1g} % of their distance"
+            return f"{min(100.0, 200.0 * sigma / known.distance):.2g} % of their distance"
         return f"{2000.0 * sigma:.0f} mm" if sigma < _FIRST_METRE else f"{2.0 * sigma:.1f} m"
 
     most = float(max(known.sigma[known.names.index(each)] for each in loose))
