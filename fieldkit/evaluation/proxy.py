@@ -60,14 +60,15 @@ def make_proxy(
 
 
 def _photographs(report: ReferenceReport, images: Path) -> list[PosedPhotograph]:
-    """The photographs that the reference counts as right, with their poses."""
+    """The photographs whose poses the reference does not find wrong, with these; none where nothing is known."""
     found = {photo.name: photo for photo in read_capture(images).photos}
     cameras = [c.intrinsics for c in report.cameras]
     photographs = []
     for entry in report.image_reports:
         photo = found.get(entry.name)
         pose = entry.pose
-        if not entry.right or photo is None or pose is None or entry.roll_deg is None:
+        known = entry.right or (entry.counts and entry.position_residual_m is not None)
+        if not known or photo is None or pose is None or entry.roll_deg is None:
             continue
         camera = next((c for c in cameras if (c.width, c.height) == (photo.width, photo.height)), None)
         if camera is not None:
