@@ -94,7 +94,7 @@ def test_an_evaluation_uses_the_chosen_photographs_and_the_cache(source: Recorde
     assert first.views == ("IMG_0006.jpg", "IMG_0005.jpg", "IMG_0007.jpg", "IMG_0004.jpg")
     assert first.images == 4
     kept = source.cache.sizes()
-    assert kept["features"].entries == kept["views"].entries == 4
+    assert (kept["features"].entries, kept["views"].entries) == (8, 4)  # the photographs' own, and the ground's
     assert not {"models", "depth"} & set(kept)
     again = objective.evaluate(source.cameras([3, 4, 5, 6]))  # the same set in another order
     assert source.cache.sizes() == kept
