@@ -40,6 +40,7 @@ class Study(StrEnum):
     SCALING = "scaling"
     FEW_VIEWS = "few-views"
     WEAK_TIES = "weak-ties"
+    KNOWN_POSES = "known-poses"
     MAPPINGS = "mappings"
     REFERENCES = "references"
     MATCH_DECAY = "match-decay"

@@ -79,7 +79,7 @@ def test_a_mission_with_errors_is_refused_before_anybody_is_called(mission: Path
     assert "--force" in caught.value.remedy
     text = mission.read_text()
     never = mission.with_name("never.waypoints")
-    never.write_text(text.replace("\t2000\t0.00000000\t0.00000000\t1.0", "\t2000\t0.00000000\t0.00000000\t0.0"))
+    never.write_text(text.replace("\t2000\t0.00000000\t0.00000000\t1.0", "\t2000\t0.00000000\t2.00000000\t0.0"))
     with pytest.raises(MissionError, match=r"13 items: .*without end"):
         upload(never, nowhere)
     zone = mission.with_name("zone.toml")

@@ -200,10 +200,11 @@ def make_model(inputs: Inputs, belief: Belief) -> Belief:
     priors = [belief.rough[name] for name in names]
     cameras, settings, region = belief.cameras, inputs.settings, inputs.region
     camera_of = [cameras.camera_of[k] for k in chosen]
+    # In the photographs' own frame, so that a reference's, which is turned a little, changes nothing.
     keyed = with_ground_features(
         [inputs.keyed[k] for k in chosen], [inputs.capture.photos[k] for k in chosen],
-        [cameras.cameras[k] for k in camera_of], [prior.pose.rotation for prior in priors], settings.features,
-        inputs.context,
+        [cameras.cameras[k] for k in camera_of], [np.round(prior.pose.rotation @ belief.turn, 9) for prior in priors],
+        settings.features, inputs.context,
     )  # fmt: skip
     # Focal length and height trade off where all cameras look the same way: hold what EXIF says.
     converging = region_of_interest([prior.pose for prior in priors]) is not None
