@@ -186,6 +186,12 @@ def epipolar_distance(fundamental: NDArray[np.float64], a: Floats, b: Floats) ->
     return distance
 
 
+def epipolar_distances(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.uint32]) -> Floats:
+    """(k,) `epipolar_distance` of matches (k, 2) at the photographs' poses, pixels."""
+    fundamental = fundamental_matrix(a.pose, b.pose, a.camera, b.camera)
+    return epipolar_distance(fundamental, a.points[matches[:, 0]], b.points[matches[:, 1]])
+
+
 def match_guided(a: PosedFeatures, b: PosedFeatures, band: Band, *, shift_px: float = 0.0) -> NDArray[np.uint32]:
     """Mutual best matches within a band about the epipolar lines of two poses, in agreement with the poses.
 

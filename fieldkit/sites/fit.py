@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from fieldkit.errors import MissionError
 from fieldkit.geometry import Intrinsics
@@ -189,7 +188,7 @@ def other_camera(plan: Plan, plot: SitePlot, vehicle: Vehicle) -> Iterator[Findi
         yield _finding(
             plot, "other-camera",
             f"the plan's camera sees {planned[0]:.0f} × {planned[1]:.0f}°, and that of {vehicle.title} "
-            f" {own[0]:.0f} × {own[1]:.0f}°",
+            f"{own[0]:.0f} × {own[1]:.0f}°",
             "Plan for this vehicle: fieldkit plan --vehicle NAME.",
         )  # fmt: skip
 
@@ -204,15 +203,16 @@ def _wash(stations: Array, plants: Array, plot: SitePlot, vehicle: Vehicle) -> I
     """How far the rotors move leaves, where that is too windy a day's motion."""
     if not len(plants) or not len(stations):
         return
-    off, near = (stations[:, None] - plants[None]).reshape(-1, 3), KDTree(plants).query(stations)[0]
-    speeds = air_speed_mps(np.linalg.norm(off, axis=1), vehicle.mass_kg, off[:, 2]).reshape(len(stations), -1)
+    off = stations[:, None] - plants[None]
+    away = np.linalg.norm(off, axis=2)
+    speeds = air_speed_mps(away, vehicle.mass_kg, off[..., 2])
     moved_m = sway_m(speeds.max(axis=1))
     too_near = int((moved_m > WINDY_M).sum())
     if too_near:
         yield _finding(
             plot, "wash",
             f"the rotors of {vehicle.title} move leaves by more than {1000 * WINDY_M:.0f} mm at {too_near} of "
-            f"{len(stations)} stations, the nearest {near.min():.1f} m from plants: as too windy a day does",
+            f"{len(stations)} stations, the nearest {away.min():.1f} m from plants: as too windy a day does",
             "Keep farther away: fieldkit plan --vehicle NAME --clearance M.",
         )  # fmt: skip
 

@@ -44,8 +44,7 @@ from fieldkit.reconstruction.guided import (
     PosedFeatures,
     Region,
     Slab,
-    epipolar_distance,
-    fundamental_matrix,
+    epipolar_distances,
     match_guided,
     region_of_interest,
     relative_pose,
@@ -361,7 +360,7 @@ def _agreeing(problem: _Problem, joined: Joined, matches: Matches) -> Matches:
     posed = problem.posed(joined.poses, problem.cameras)
     kept = {}
     for (i, j), found in matches.items():
-        near = found[(_off_px(posed[i], posed[j], found) <= _JOINED_PX) | (part[i] != part[j])]
+        near = found[(epipolar_distances(posed[i], posed[j], found) <= _JOINED_PX) | (part[i] != part[j])]
         if len(near):
             kept[i, j] = near
     return kept
@@ -514,13 +513,9 @@ def _ties(problem: _Problem, model: pycolmap.Reconstruction, edges: Sequence[Pai
     posed = problem.posed(*problem.state(model))
     band = Band(TIE_BAND_PX * scale, problem.region, problem.region or _slab(model))
     found = {(i, j): match_guided(posed[i], posed[j], band) for i, j in edges}
-    return {(i, j): pair_information(_off_px(posed[i], posed[j], each) / scale) for (i, j), each in found.items()}
-
-
-def _off_px(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.uint32]) -> NDArray[np.float64]:
-    """(k,) epipolar distances of matches, pixels."""
-    fundamental = fundamental_matrix(a.pose, b.pose, a.camera, b.camera)
-    return epipolar_distance(fundamental, a.points[matches[:, 0]], b.points[matches[:, 1]])
+    return {
+        (i, j): pair_information(epipolar_distances(posed[i], posed[j], each) / scale) for (i, j), each in found.items()
+    }
 
 
 def _unsupported(

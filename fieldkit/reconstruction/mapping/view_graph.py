@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from fieldkit.reconstruction.guided import Band, PosedFeatures, epipolar_distance, fundamental_matrix, match_guided
+from fieldkit.reconstruction.guided import Band, PosedFeatures, epipolar_distances, match_guided
 
 Pair = tuple[int, int]
 Matches = dict[Pair, NDArray[np.uint32]]
@@ -48,9 +48,7 @@ def is_edge(a: PosedFeatures, b: PosedFeatures, found: int, band: Band, *, least
 def rivalless_matches(a: PosedFeatures, b: PosedFeatures, band: Band) -> NDArray[np.uint32]:
     """(k, 2) those of the band's matches that pass the ratio test in a band four times as wide, too."""
     wide = match_guided(a, b, replace(band, px=_RIVALS * band.px))
-    fundamental = fundamental_matrix(a.pose, b.pose, a.camera, b.camera)
-    distance = epipolar_distance(fundamental, a.points[wide[:, 0]], b.points[wide[:, 1]])
-    return wide[distance <= band.px]
+    return wide[epipolar_distances(a, b, wide) <= band.px]
 
 
 def usable_matches(
