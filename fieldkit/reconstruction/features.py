@@ -47,7 +47,7 @@ class Features:
     def with_ground(self, ground: Features) -> Features:
         """Followed by those of the ground."""
         keypoints = np.concatenate([self.keypoints, ground.keypoints])
-        return Features(keypoints, np.concatenate([self.descriptors, ground.descriptors]), ground.ground)
+        return Features(keypoints, np.concatenate([self.descriptors, ground.descriptors]), len(ground))
 
     @property
     def parts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

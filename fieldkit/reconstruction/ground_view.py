@@ -65,11 +65,17 @@ def extract_ground_features(
     return found.subset(found.largest(_MAX_FEATURES))
 
 
+def is_oblique(rotation: NDArray[np.float64]) -> bool:
+    """Whether turning a camera (3, 3), from world, straight down gains anything."""
+    return bool(_LEAST_DEG <= _off_down_deg(rotation) < _MOST_DEG)
+
+
+def _off_down_deg(rotation: NDArray[np.float64]) -> float:
+    return float(np.degrees(np.arccos(np.clip(-rotation[2, 2], -1.0, 1.0))))
+
+
 def _turned(camera: Intrinsics, rotation: NDArray[np.float64]) -> _Turned | None:
-    matrix = camera.matrix()
-    down = -rotation[:, 2]
-    off_axis = np.degrees(np.arccos(np.clip(down[2], -1.0, 1.0)))
-    if not _LEAST_DEG <= off_axis < _MOST_DEG:
+    if not is_oblique(rotation):
         return None
     rays = _border_rays(camera) @ rotation
     rays = rays[-rays[:, 2] > np.cos(np.radians(_MOST_DEG)) * np.linalg.norm(rays, axis=1)]
@@ -78,11 +84,11 @@ def _turned(camera: Intrinsics, rotation: NDArray[np.float64]) -> _Turned | None
     # Where rays of the picture's border meet the plane one camera height below, x to the right and −y down.
     plane = np.column_stack([rays[:, 0], -rays[:, 1]]) / -rays[:, 2:]
     low, high = plane.min(axis=0), plane.max(axis=0)
-    spacing = 1.0 / (camera.fx * np.cos(np.radians(off_axis)) ** 1.5)
+    spacing = 1.0 / (camera.fx * np.cos(np.radians(_off_down_deg(rotation))) ** 1.5)
     spacing = max(spacing, float((high - low).max()) / _MAX_SIDE)
     width, height = np.ceil((high - low) / spacing).astype(int)
     to_world = np.array([[spacing, 0.0, low[0]], [0.0, -spacing, -low[1]], [0.0, 0.0, -1.0]])
-    return _Turned(matrix @ rotation @ to_world, (int(width), int(height)), spacing)
+    return _Turned(camera.matrix() @ rotation @ to_world, (int(width), int(height)), spacing)
 
 
 def _border_rays(camera: Intrinsics) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from fieldkit.cache import StageCache, digest
 from fieldkit.captures import Capture, Photo, Quality, assess_quality, find_mask, measure_photo, read_image
 from fieldkit.geometry import Intrinsics
 from fieldkit.reconstruction.features import Features, FeatureSettings, extract_features
-from fieldkit.reconstruction.ground_view import extract_ground_features
+from fieldkit.reconstruction.ground_view import extract_ground_features, is_oblique
 from fieldkit.reconstruction.matching import match_features
 from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
 from fieldkit.reconstruction.versions import STAGES
@@ -26,6 +26,7 @@ from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import processor_seconds
 from fieldkit.runtime.progress import Advance, Progress
 
+T = TypeVar("T")
 RATIO = 0.8
 """Lowe's ratio of blind matching."""
 
@@ -43,40 +44,9 @@ def load_features(
     photos: Sequence[Photo], settings: FeatureSettings, context: Context, advance: Advance = lambda _: None
 ) -> list[KeyedFeatures]:
     """Features of every photograph, from the cache where they are there."""
-    cache = context.cache
-    kept, draw, settings = settings.kept, settings.draw, replace(settings, kept=1.0, draw=0)
-    found = [_kept_features(photo, settings, cache) for photo in photos]
-    missing = [photo for photo, each in zip(photos, found, strict=True) if each is None]
-    advance(len(photos) - len(missing))
-    # Workers are started only for what is missing: each takes a second to import what it needs.
-    work = partial(_new_features, settings=settings, cache_root=cache.root)
-    new = iter(context.map(work, missing, advance))
-    every = [next(new) if each is None else each for each in found]
-    return every if kept >= 1.0 else [_withheld(each, kept, draw) for each in every]
-
-
-def _withheld(found: KeyedFeatures, kept: float, draw: int) -> KeyedFeatures:
-    """A random share of the features of a photograph."""
-    rng = np.random.default_rng([draw, int(found.key[:16], 16)])
-    chosen = np.flatnonzero(rng.random(len(found.features)) < kept)
-    return KeyedFeatures(digest("withheld", found.key, kept, draw), found.features.subset(chosen), found.cached)
-
-
-def _features_key(photo: Photo, settings: FeatureSettings) -> str:
-    return digest("features", STAGES["features"], photo.sha256, settings)
-
-
-def _kept_features(photo: Photo, settings: FeatureSettings, cache: StageCache) -> KeyedFeatures | None:
-    key = _features_key(photo, settings)
-    kept = cache.get("features", key)
-    return None if kept is None else KeyedFeatures(key, Features(kept["keypoints"], kept["descriptors"]), cached=True)
-
-
-def _new_features(photo: Photo, settings: FeatureSettings, cache_root: Path | None) -> KeyedFeatures:
-    found = extract_features(read_image(photo, gray=True), settings)
-    key = _features_key(photo, settings)
-    StageCache(cache_root).put("features", key, {"keypoints": found.keypoints, "descriptors": found.descriptors})
-    return KeyedFeatures(key, found, cached=False)
+    every = replace(settings, kept=1.0, draw=0)
+    keys = [digest("features", STAGES["features"], photo.sha256, every) for photo in photos]
+    return _found_or_made(keys, photos, partial(_of_photo, settings=every), settings, context, advance)
 
 
 def with_ground_features(
@@ -93,28 +63,59 @@ def with_ground_features(
         cameras: each photograph's.
         rotations: each one's (3, 3) camera from world, roughly.
     """
-    work = partial(_with_ground, settings=settings, cache_root=context.cache.root)
-    return list(context.map(work, list(zip(keyed, photos, cameras, rotations, strict=True)), lambda _: None))
+    every = replace(settings, kept=1.0, draw=0)
+    views = [view for view in zip(photos, cameras, rotations, strict=True) if is_oblique(view[2])]
+    keys = [digest("ground", STAGES["features"], photo.sha256, every, camera, turn) for photo, camera, turn in views]
+    found = iter(_found_or_made(keys, views, partial(_of_ground, settings=every), settings, context, lambda _: None))
+    return [_joined(own, next(found)) if is_oblique(turn) else own for own, turn in zip(keyed, rotations, strict=True)]
 
 
-def _with_ground(
-    of: tuple[KeyedFeatures, Photo, Intrinsics, NDArray[np.float64]], settings: FeatureSettings, cache_root: Path | None
-) -> KeyedFeatures:
-    keyed, photo, camera, rotation = of
-    same = replace(settings, kept=1.0, draw=0)
-    key, cache = digest("ground", STAGES["features"], photo.sha256, same, camera, rotation), StageCache(cache_root)
-    kept = cache.get("features", key)
-    if kept is None:
-        found = extract_ground_features(read_image(photo, gray=True), camera, rotation, settings)
-        cache.put("features", key, {"keypoints": found.keypoints, "descriptors": found.descriptors})
-    else:
-        found = Features(kept["keypoints"], kept["descriptors"], len(kept["keypoints"]))
-    ground = KeyedFeatures(key, found, kept is not None)
-    if settings.kept < 1.0:
-        ground = _withheld(ground, settings.kept, settings.draw)
-    return KeyedFeatures(
-        digest("with ground", keyed.key, ground.key), keyed.features.with_ground(ground.features), ground.cached
-    )
+def _joined(own: KeyedFeatures, ground: KeyedFeatures) -> KeyedFeatures:
+    key = digest("with ground", own.key, ground.key)
+    return KeyedFeatures(key, own.features.with_ground(ground.features), ground.cached)
+
+
+def _found_or_made(
+    keys: Sequence[str],
+    inputs: Sequence[T],
+    make: Callable[[T], Features],
+    settings: FeatureSettings,
+    context: Context,
+    advance: Advance,
+) -> list[KeyedFeatures]:
+    """The features of each input, from the cache by its key or made; less what the settings withhold."""
+    kept = [context.cache.get("features", key) for key in keys]
+    missing = [(key, each) for key, each, old in zip(keys, inputs, kept, strict=True) if old is None]
+    advance(len(keys) - len(missing))
+    # Workers are started only for what is missing: each takes a second to import what it needs.
+    new = iter(context.map(partial(_made, make=make, cache_root=context.cache.root), missing, advance))
+    found = [
+        next(new) if old is None else KeyedFeatures(key, Features(old["keypoints"], old["descriptors"]), cached=True)
+        for key, old in zip(keys, kept, strict=True)
+    ]
+    return found if settings.kept >= 1.0 else [_withheld(each, settings.kept, settings.draw) for each in found]
+
+
+def _made(missing: tuple[str, T], make: Callable[[T], Features], cache_root: Path | None) -> KeyedFeatures:
+    key, found = missing[0], make(missing[1])
+    StageCache(cache_root).put("features", key, {"keypoints": found.keypoints, "descriptors": found.descriptors})
+    return KeyedFeatures(key, found, cached=False)
+
+
+def _of_photo(photo: Photo, settings: FeatureSettings) -> Features:
+    return extract_features(read_image(photo, gray=True), settings)
+
+
+def _of_ground(view: tuple[Photo, Intrinsics, NDArray[np.float64]], settings: FeatureSettings) -> Features:
+    photo, camera, rotation = view
+    return extract_ground_features(read_image(photo, gray=True), camera, rotation, settings)
+
+
+def _withheld(found: KeyedFeatures, kept: float, draw: int) -> KeyedFeatures:
+    """A random share of the features of a photograph."""
+    rng = np.random.default_rng([draw, int(found.key[:16], 16)])
+    chosen = np.flatnonzero(rng.random(len(found.features)) < kept)
+    return KeyedFeatures(digest("withheld", found.key, kept, draw), found.features.subset(chosen), found.cached)
 
 
 @dataclass(frozen=True, eq=False)
