@@ -96,6 +96,6 @@ def _error(row: dict[str, Any], trait: Trait) -> float:
 
 def _within(row: dict[str, Any], trait: Trait) -> bool:
     """Whether a trait's stated error holds."""
-    found = TraitsEntry.model_validate(row["found"])
-    stated = getattr(found, error_column(trait))
-    return bool(abs(row["found"][trait] - row["truth"][trait]) <= stated)
+    found, above = TraitsEntry.model_validate(row["found"]), row["truth"][trait] - row["found"][trait]
+    below = found.height_error_below_m if trait == "height_m" and above < 0 else None
+    return bool(abs(above) <= (getattr(found, error_column(trait)) if below is None else below))

@@ -12,7 +12,7 @@ from fieldkit.campaign.visits import changed_stages, is_current
 from fieldkit.figures.content import Column, Table, tabulated
 from fieldkit.figures.registry import TRENDS, figure
 from fieldkit.figures.style import millimetres
-from fieldkit.figures.tables.scores import interval, traits_table
+from fieldkit.figures.tables.scores import counted_traits, interval, traits_table
 from fieldkit.results.visit import Visit
 from fieldkit.version import __version__
 from fieldkit.wording import count, listed
@@ -59,11 +59,33 @@ def campaign_tables(campaign: Campaign) -> Iterator[Table]:
     last = [visit for visit in campaign.visits if visit.date == campaign.dates[-1]]
     if any(visit.traits is not None for visit in last):
         yield traits_table(f"Plants on {campaign.dates[-1]}", last)
+    yield from drift_tables(campaign)
+
+
+def drift_tables(campaign: Campaign) -> Iterator[Table]:
+    """What changed over the dates: of distances, then of traits."""
     changes = drift(campaign.visits, campaign.plan)
     for of_traits in (False, True):
         own_changes = [change for change in changes if (figure(change.figure).group == "trait") is of_traits]
         if own_changes:
             yield _drift_table(own_changes)
+
+
+def verdict(campaign: Campaign) -> tuple[str, bool]:
+    """How much of what a campaign is asked for its last date gave, in words, and whether all of it."""
+    if not campaign.visits:
+        return f"no photographs of {count(len(campaign.plots), 'plot')} yet", False
+    date = campaign.dates[-1]
+    seen = [visit for visit in campaign.visits if visit.date == date]
+    done = [visit for visit in seen if not visit.error]
+    absent, failed = missing(campaign, date), [visit.plot for visit in seen if visit.error]
+    total = len(seen) + len(absent)
+    parts = [f"{len(done)} of {count(total, 'plot')} of {date}"]
+    parts += [f"{what} of {listed(plots, 12)}" for what, plots in (
+        ("no photographs", absent), ("no result", failed)
+    ) if plots]  # fmt: skip
+    traits, complete = counted_traits(done, total)
+    return "; ".join([*parts, traits]), complete and not absent and not failed
 
 
 def missing(campaign: Campaign, date: str) -> list[str]:
@@ -75,7 +97,7 @@ def missing(campaign: Campaign, date: str) -> list[str]:
 def remarks(campaign: Campaign) -> Iterator[str]:
     """What a person should know beside the tables, in sentences."""
     if not campaign.visits:
-        yield "No photographs were evaluated yet: `fieldkit evaluate CAPTURES` in this folder does."
+        yield f"No photographs were evaluated yet: fieldkit evaluate CAPTURES --campaign {campaign.folder.name}"
     for plot in campaign.vanished:
         yield f"{plot} has visits, but is no longer among the plots."
     for visit in campaign.visits:
@@ -180,7 +202,8 @@ def _drift_table(changes: list[Drift]) -> Table:
         longest = max(own.values(), key=lambda change: change.date)
         span = (longest.first_date, longest.date) if dates else ()
         rows.append((plot, *span, *(_changed(own[each.key]) if each.key in own else None for each in figures)))
-    return Table(title, tuple(map(Column, ["plot", *dates, *(each.short for each in figures)])), tuple(rows))
+    columns = ["plot", *dates, *(each.short or each.label for each in figures)]
+    return Table(title, tuple(map(Column, columns)), tuple(rows))
 
 
 def _changed(change: Drift) -> str:

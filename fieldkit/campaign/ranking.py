@@ -136,7 +136,8 @@ def drift(visits: Sequence[Visit], plan: Plan) -> list[Drift]:
             having = [(visit, value) for visit in own if (value := figure.value(visit)) is not None]
             for visit, after in having[1:]:
                 first, before = having[0]
-                noise = _noise(figure, first, plan), _noise(figure, visit, plan)
+                rose = after > before  # then the first may be higher, and the last lower, than stated
+                noise = _noise(figure, first, plan, rose), _noise(figure, visit, plan, not rose)
                 surely = None
                 if noise[0] is not None and noise[1] is not None:
                     surely = abs(after - before) > hypot(noise[0], noise[1])
@@ -144,5 +145,5 @@ def drift(visits: Sequence[Visit], plan: Plan) -> list[Drift]:
     return found
 
 
-def _noise(figure: Figure, visit: Visit, plan: Plan) -> float | None:
-    return measured_noise_m(plan) if figure.key == "chamfer_m" else figure.error(visit)
+def _noise(figure: Figure, visit: Visit, plan: Plan, above: bool) -> float | None:
+    return measured_noise_m(plan) if figure.key == "chamfer_m" else figure.error_towards(visit, above)

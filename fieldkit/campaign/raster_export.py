@@ -14,7 +14,14 @@ from fieldkit.campaign.reading import Campaign
 from fieldkit.campaign.visits import visit_files
 from fieldkit.documents.csv_text import csv_text
 from fieldkit.errors import MetadataError, UsageError
-from fieldkit.evaluation.rasters import CANOPY_FILE, SURFACE_FILE, color_span, require_rasters, write_style
+from fieldkit.evaluation.rasters import (
+    CANOPY_FILE,
+    REFUSED_TAG,
+    SURFACE_FILE,
+    color_span,
+    require_rasters,
+    write_style,
+)
 from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.results.report_files import load_evaluation_report
 from fieldkit.results.visit import CAMPAIGN_FILE, Visit
@@ -43,6 +50,8 @@ class RasterRow:
     """Of both."""
     height_datum: str = ""
     """That the surface's heights are above: ellipsoid, sea level or unknown."""
+    height_refused: str = ""
+    """Why plants may be higher than the canopy's raster says; "" where its traits give the height."""
     no_rasters: str = ""
     """Why there are none."""
     notes: str = ""
@@ -73,7 +82,7 @@ def export_rasters(campaign: Campaign, output: Path, *, overwrite: bool = False)
         canopy, surface = zip(spans[:, :, 0].min(axis=0).tolist(), spans[:, :, 1].max(axis=0).tolist(), strict=True)
         for row in rows:
             if not row.no_rasters:
-                write_style(folder / row.canopy_height, canopy, canopy=True)
+                write_style(folder / row.canopy_height, canopy, canopy=True, refused=bool(row.height_refused))
                 write_style(folder / row.surface, surface, canopy=False)
         columns = [field.name for field in fields(RasterRow)]
         write_atomic(folder / RASTERS_FILE, csv_text(columns, (astuple(row) for row in rows)))
@@ -101,13 +110,13 @@ def _copied(campaign: Campaign, visit: Visit, folder: Path) -> tuple[RasterRow, 
         files = visit_files(campaign.folder, visit)
         if any(name not in files for name in _FILES):
             return RasterRow(visit.plot, visit.date, no_rasters=_reason(visit), notes=notes), ()
-        spans = []
+        spans, tags = [], dict[str, str]()
         for name, file in zip(names, _FILES, strict=True):
             with rasterio.open(files[file]) as raster:
                 heights = raster.read(1, masked=True).filled(np.nan)
                 spans.append(color_span(heights, canopy=file == CANOPY_FILE))
                 epsg = None if raster.crs is None else raster.crs.to_epsg()
-                cell_m = float(raster.res[0])
+                cell_m, tags = float(raster.res[0]), {**tags, **raster.tags()}
             shutil.copyfile(files[file], folder / name)
         frame = load_evaluation_report(campaign.folder / visit.folder).plots[0].frame
     except (MetadataError, RasterioError) as error:
@@ -115,7 +124,8 @@ def _copied(campaign: Campaign, visit: Visit, folder: Path) -> tuple[RasterRow, 
             (folder / name).unlink(missing_ok=True)
         return RasterRow(visit.plot, visit.date, no_rasters=f"cannot be read: {error}", notes=notes), ()
     datum = "" if frame is None or frame.origin is None else frame.origin.datum
-    return RasterRow(visit.plot, visit.date, canopy, surface, epsg, cell_m, datum, notes=notes), tuple(spans)
+    refused = tags.get(REFUSED_TAG, "")
+    return RasterRow(visit.plot, visit.date, canopy, surface, epsg, cell_m, datum, refused, notes=notes), tuple(spans)
 
 
 def _reason(visit: Visit) -> str:

@@ -15,7 +15,7 @@ def command(folder: CampaignArgument = None, as_json: JsonOption = False) -> Non
         fieldkit campaign show season
         fieldkit campaign show --json
     """
-    from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks
+    from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks, verdict
     from fieldkit.campaign.reading import campaign_folder, read_campaign
 
     campaign = read_campaign(campaign_folder(folder))
@@ -24,4 +24,4 @@ def command(folder: CampaignArgument = None, as_json: JsonOption = False) -> Non
         return
     from fieldkit.figures.terminal.blocks import rendered
 
-    show(rendered(campaign_tables(campaign), most_rows=None), *remarks(campaign))
+    show([f"{verdict(campaign)[0]}.\n", *rendered(campaign_tables(campaign), most_rows=None)], *remarks(campaign))

@@ -173,12 +173,12 @@ def _in_campaign(
             }
         )  # fmt: skip
     else:
-        from fieldkit.campaign.overview import campaign_tables
+        from fieldkit.campaign.overview import campaign_tables, verdict
         from fieldkit.figures.terminal.blocks import rendered
 
         left = f"; {count(len(done.left_out), 'file')} left out" if done.left_out else ""
         show(
-            rendered(campaign_tables(done.campaign), most_rows=None),
+            [f"{verdict(done.campaign)[0]}.\n", *rendered(campaign_tables(done.campaign), most_rows=None)],
             f"{count(len(done.evaluated), 'visit')} evaluated, {len(done.kept)} there already, {done.failed} failed"
             f"{left}",
         )

@@ -45,8 +45,6 @@ EXCHANGED = Slip(
     "plan and site in each other's place", "plan and site are swapped", "Give {} as the plan and {} as --site."
 )
 OTHER_KIND = Slip("a file of another kind", "is {}, not {}", "")
-SLIPS = (SWAPPED, PROJECTED, DEGREES, CENTIMETRES, MISSPELT, EXCHANGED, OTHER_KIND)
-"""All that is guessed at; what else is wrong is told by what was expected."""
 
 
 def look_swapped(

@@ -182,15 +182,6 @@ def _evaluated(
         (folder / place).mkdir(parents=True)
         write_cloud(folder / place / CLOUD_FILE, plants)
         names = [CLOUD_FILE, OVERVIEW_FILE]
-        if rasters is not None:
-            try:
-                names += write_rasters(folder / place, found, rasters)
-                told = Finding(name, COARSE_RASTERS, coarse_place(found.sparse.frame))
-            except UsageError as error:  # of this plot; the scores stay
-                told = Finding(name, NO_RASTERS, error.message)
-            if told.message:
-                findings.append(told)
-                progress.note(f"{name}: {told.message}")
         if isinstance(reference, CloudReference):
             findings += reference.findings
         plot = plot_evaluation(
@@ -199,6 +190,15 @@ def _evaluated(
             outline=given.outline or outline_of(settings, settings_of_reference),
             fill=fill, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds,
         )  # fmt: skip
+        if rasters is not None:
+            try:
+                names += write_rasters(folder / place, found, rasters, plot.traits)
+                told = Finding(name, COARSE_RASTERS, coarse_place(found.sparse.frame))
+            except UsageError as error:  # of this plot; the scores stay
+                told = Finding(name, NO_RASTERS, error.message)
+            if told.message:
+                plot = plot.model_copy(update={"findings": (*plot.findings, told)})
+                progress.note(f"{name}: {told.message}")
         write_overview(folder / place / OVERVIEW_FILE, plot, plants)
         if plot.plants:
             write_atomic(folder / place / PLANTS_FILE, plants_csv(plot.plants))

@@ -18,6 +18,7 @@ from fieldkit.files import write_atomic
 from fieldkit.geometry import Similarity
 from fieldkit.reconstruction.agreement import POSITION_SIGMAS
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction
+from fieldkit.results.traits import TraitsEntry
 from fieldkit.runtime.progress import Progress
 
 CANOPY_FILE, SURFACE_FILE = "canopy-height.tif", "surface.tif"
@@ -29,8 +30,11 @@ LEAST_SAMPLING_M = 0.005
 """Edge of a cell where nobody gives one, or the depth maps' pixel where that is larger."""
 MOST_CELLS = 100_000_000
 NODATA = -9999.0
+REFUSED_TAG = "height_refused"
+"""Of a canopy's raster: why the traits of its plot give no height."""
 _BLOCK = 256
 _CANOPY_COLORS = ("#f7fcb9", "#addd8e", "#41ab5d", "#006837", "#00331b")
+_REFUSED_COLORS = ("#f7f7f7", "#cccccc", "#969696", "#636363", "#252525")
 _SURFACE_COLORS = ("#543005", "#bf812d", "#f6e8c3", "#80cdc1", "#003c30")
 
 
@@ -155,8 +159,11 @@ def _raster(
     return HeightRaster(float(low[0]) * cell_m, -float(low[1]) * cell_m, cell_m, grid, parts[0][1])
 
 
-def write_rasters(folder: Path, found: Reconstruction, wanted: Rasters) -> list[str]:
-    """Write both rasters of a reconstruction with a scene, and their styles; returns the files' names."""
+def write_rasters(folder: Path, found: Reconstruction, wanted: Rasters, traits: TraitsEntry | None = None) -> list[str]:
+    """Write both rasters of a reconstruction with a scene, and their styles; returns the files' names.
+
+    Where ``traits`` refuse the plants' height, the canopy's raster says so.
+    """
     frame, scene = found.sparse.frame, found.scene
     require_rasters(frame)
     frame = _at_origin(frame) if wanted.at_origin else frame
@@ -165,7 +172,8 @@ def write_rasters(folder: Path, found: Reconstruction, wanted: Rasters) -> list[
     cell_m = sampling_m(found.pixel_m, wanted.cell_m)
     canopy = canopy_raster(found.plants, scene, frame, cell_m)
     surface = surface_raster(found.plants, scene, frame, cell_m)
-    write_raster(folder / CANOPY_FILE, canopy, canopy=True)
+    refused = "" if traits is None else traits.unknown.get("height_m", "")
+    write_raster(folder / CANOPY_FILE, canopy, canopy=True, refused=refused)
     write_raster(folder / SURFACE_FILE, surface, canopy=False)
     return [name for file in (CANOPY_FILE, SURFACE_FILE) for name in (file, Path(file).with_suffix(".qml").name)]
 
@@ -183,10 +191,14 @@ def _at_origin(frame: MetricFrame) -> MetricFrame:
     return replace(frame, plot_from_source=Similarity(motion.scale, motion.rotation, motion.translation * (0, 0, 1)))
 
 
-def write_raster(path: Path, raster: HeightRaster, *, canopy: bool) -> None:
+def write_raster(path: Path, raster: HeightRaster, *, canopy: bool, refused: str = "") -> None:
     """Write a Cloud Optimized GeoTIFF, and beside it a QGIS style of the same name with the suffix .qml.
 
     Float32 metres, nodata −9999, deflate, tiles and overviews (average) within the file.
+
+    Args:
+        refused: why plants may be higher than it says: the reason that the traits give instead of a height. It goes
+            into the band's description, the tag `REFUSED_TAG` and the style's legend.
     """
     require_rasters()
     import rasterio
@@ -202,14 +214,15 @@ def write_raster(path: Path, raster: HeightRaster, *, canopy: bool) -> None:
         plain, optimized = str(Path(folder) / "plain.tif"), Path(folder) / path.name
         with rasterio.open(plain, "w", **profile) as file:
             file.write(values, 1)
-            file.set_band_description(1, "canopy height, m" if canopy else "surface height, m")
-            file.update_tags(units="metre")
+            least = f", AT LEAST: {refused}" if refused else ""
+            file.set_band_description(1, f"canopy height, m{least}" if canopy else "surface height, m")
+            file.update_tags(units="metre", **({REFUSED_TAG: refused} if refused else {}))
         rasterio.shutil.copy(
             plain, str(optimized), driver="COG", COMPRESS="DEFLATE", PREDICTOR="FLOATING_POINT", BLOCKSIZE=str(_BLOCK),
             OVERVIEWS="IGNORE_EXISTING", OVERVIEW_RESAMPLING="AVERAGE",
         )  # fmt: skip
         write_atomic(path, optimized.read_bytes())
-    write_style(path, color_span(raster.heights, canopy=canopy), canopy=canopy)
+    write_style(path, color_span(raster.heights, canopy=canopy), canopy=canopy, refused=bool(refused))
 
 
 def color_span(heights: NDArray[np.float32], *, canopy: bool) -> tuple[float, float]:
@@ -219,14 +232,15 @@ def color_span(heights: NDArray[np.float32], *, canopy: bool) -> tuple[float, fl
     return float(low), float(high)
 
 
-def write_style(path: Path, span: tuple[float, float], *, canopy: bool) -> None:
+def write_style(path: Path, span: tuple[float, float], *, canopy: bool, refused: bool = False) -> None:
     """Write the QGIS style of a raster beside it."""
     low, high = span
-    colors = _CANOPY_COLORS if canopy else _SURFACE_COLORS
-    write_atomic(path.with_suffix(".qml"), style_text(low, max(high, low + 0.01), colors))
+    colors = _REFUSED_COLORS if refused else _CANOPY_COLORS if canopy else _SURFACE_COLORS
+    unit = " m or more: the height is refused" if refused else " m"
+    write_atomic(path.with_suffix(".qml"), style_text(low, max(high, low + 0.01), colors, unit))
 
 
-def style_text(low: float, high: float, colors: tuple[str, ...]) -> str:
+def style_text(low: float, high: float, colors: tuple[str, ...], unit: str = " m") -> str:
     """A QGIS style: colours between two heights, with a legend in metres.
 
     Without its colour ramp the style would be lost at the first change in QGIS. Older QGIS reads the ramp's
@@ -250,6 +264,6 @@ def style_text(low: float, high: float, colors: tuple[str, ...]) -> str:
         SubElement(options, "Option", type="QString", name=name, value=text)
         SubElement(ramp, "prop", k=name, v=text)
     for value, color in zip(low + shares * (high - low), colors, strict=True):
-        SubElement(shader, "item", value=f"{value:.3f}", label=f"{value:.2f} m", color=color, alpha="255")
-    SubElement(shader, "rampLegendSettings", useContinuousLegend="1", suffix=" m", orientation="2", direction="0")
+        SubElement(shader, "item", value=f"{value:.3f}", label=f"{value:.2f}{unit}", color=color, alpha="255")
+    SubElement(shader, "rampLegendSettings", useContinuousLegend="1", suffix=unit, orientation="2", direction="0")
     return "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n" + tostring(root, encoding="unicode") + "\n"

@@ -139,16 +139,16 @@ def _write(
         laz = Path(name).with_suffix(".laz").name
         if write_georeferenced(folder / laz, cloud, found.sparse.frame, progress):
             names.append(laz)
+    wall, cpu = begun
+    draft = reference_report(found, settings, seconds=time.perf_counter() - wall, cpu_seconds=processor_seconds() - cpu)
     if rasters is not None and found.scene is not None:
         try:
-            names += write_rasters(folder, found, rasters)
+            names += write_rasters(folder, found, rasters, draft.traits)
             told = coarse_place(found.sparse.frame)
         except UsageError as error:
             told = error.message
         if told:
             progress.note(told)
-    wall, cpu = begun
-    draft = reference_report(found, settings, seconds=time.perf_counter() - wall, cpu_seconds=processor_seconds() - cpu)
     write_overview(folder / OVERVIEW_FILE, draft, found.plants)
     write_atomic(folder / TRAITS_FILE, traits_csv([trait_row(draft.source, draft.date, draft.traits)]))
     report = draft.model_copy(update={"files": describe_files(folder, [*names, OVERVIEW_FILE, TRAITS_FILE])})

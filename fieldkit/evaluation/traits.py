@@ -110,9 +110,10 @@ def plot_traits(
     height, covered, volume = highest_leaf_m(points, heights, pixel), seen.covered_m2, seen.volume_m3
     cover = None if area is None else min(100.0, 100.0 * covered / area)
     of_height, of_area = _grown(found)
+    of_scale_m = NINE_IN_TEN * doubt * height
     area_error = float(np.hypot(of_area * AREA_ERROR, 2.0 * NINE_IN_TEN * doubt))
     values: dict[Trait, tuple[float | None, float]] = {
-        "height_m": (max(0.0, height), float(np.hypot(of_height * HEIGHT_ERROR_M, NINE_IN_TEN * doubt * height))),
+        "height_m": (max(0.0, height), float(np.hypot(of_height * HEIGHT_ERROR_M, of_scale_m))),
         # The plot's area has the scale's error only where its outline is measured in the photographs, too.
         "cover_percent": (cover, area_error * (cover or 0.0)),
         "covered_area_m2": (covered, area_error * covered),
@@ -131,6 +132,8 @@ def plot_traits(
     for trait, (value, error) in values.items():
         if trait not in unknown:
             known |= {trait: value, error_column(trait): error}
+    if "height_m" in known:  # leaves that sway lose their tips; nothing is added to them
+        known["height_error_below_m"] = float(np.hypot(HEIGHT_ERROR_M, of_scale_m))
     return TraitsEntry(**known, plot_area_m2=area, unknown=unknown), each
 
 

@@ -39,7 +39,10 @@ class Figure:
     meaning: str
     value: Value
     error: Value = lambda _: None
-    """Half the interval that holds nine in ten repeats; None where the plot's results do not say it."""
+    """Half the interval that holds nine in ten repeats, or how far above the value it ends; None where the plot's
+    results do not say it."""
+    error_below: Value = lambda _: None
+    """How far below the value it ends; None where that is as far as above."""
     factor: float = 1.0
     """From the stored value to ``unit``."""
     decimals: int | None = None
@@ -82,9 +85,16 @@ class Figure:
         return with_unit(self.number(value), self.unit).rstrip()
 
     def with_error(self, plot: Scored) -> str | None:
-        """``0.81 ± 0.03``, without its unit; None without a value."""
-        value, error = self.value(plot), self.error(plot)
-        return self.number(value) if value is None or error is None else f"{self.number(value)} ± {self.number(error)}"
+        """``0.81 ± 0.03`` or ``0.81 +0.12 −0.03``, without its unit; None without a value."""
+        number, above, below = (self.number(each(plot)) for each in (self.value, self.error, self.error_below))
+        if number is None or above is None:
+            return number
+        return f"{number} ± {above}" if below in (None, above) else f"{number} +{above} −{below}"
+
+    def error_towards(self, plot: Scored, above: bool) -> float | None:
+        """How far the true value may be on one side of the stated one."""
+        below = None if above else self.error_below(plot)
+        return self.error(plot) if below is None else below
 
     def cell(self, plot: Scored) -> Cell:
         """Of a table; a predicted distance's interval stands in a column of its own."""
@@ -151,8 +161,9 @@ def _trait(trait: Trait) -> Figure:
 
     told = DESCRIBED[trait]
     return Figure(
-        trait, told.label, told.unit, "trait", told.meaning, of(trait), of(error_column(trait)), decimals=told.decimals,
-        short=told.short, of=told.of, trend=told.trend, ramp=GREENS,
+        trait, told.label, told.unit, "trait", told.meaning, of(trait), of(error_column(trait)),
+        of(error_column(trait, "error_below")), decimals=told.decimals, short=told.short, of=told.of, trend=told.trend,
+        ramp=GREENS,
     )  # fmt: skip
 
 

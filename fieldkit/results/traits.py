@@ -48,6 +48,9 @@ class TraitsEntry(Strict):
     ] = None  # fmt: skip
     """Of the highest leaf above the ground, as by a ruler; null where ``unknown`` says why. So are the others."""
     height_error_m: Length | None = None
+    """How far above ``height_m`` the highest leaf may be: tips are lost, never added."""
+    height_error_below_m: Length | None = None
+    """How far below; null in files of before, whose height_error_m is of both sides."""
     cover_percent: Annotated[
         Percent | None,
         Described(
@@ -135,10 +138,10 @@ COLUMNS = (*VALUES, REASONS)
 """The keys of `TraitsEntry.row`, in order."""
 
 
-def error_column(trait: Trait) -> str:
-    """Of a trait's error: ``height_error_m`` of ``height_m``."""
+def error_column(trait: Trait, side: str = "error") -> str:
+    """Of a trait's error: ``height_error_m`` of ``height_m``, or ``height_error_below_m``."""
     name, _, unit = trait.rpartition("_")
-    return f"{name}_error_{unit}"
+    return f"{name}_{side}_{unit}"
 
 
 def reasons_in_words(unknown: Mapping[Trait, str], *, labels: bool = False) -> str:

@@ -19,7 +19,7 @@ from fieldkit.campaign import Campaign, Visit, find_campaign, read_campaign
 from fieldkit.campaign.campaign_file import CampaignTable, EvaluationTable, campaign_text, read_campaign_file
 from fieldkit.campaign.create import CampaignSources, init_campaign, split_references
 from fieldkit.campaign.export import campaign_csv, export_campaign
-from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks
+from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks, verdict
 from fieldkit.campaign.ranking import drift, ranking
 from fieldkit.campaign.visits import keep_visit
 from fieldkit.errors import FieldkitError, MetadataError, UsageError
@@ -233,6 +233,14 @@ class TestRanking:
         assert found[0].change == pytest.approx(0.010)
         assert found[1].change == pytest.approx(0.2)
         assert drift(VISITS, plan_from_poses(STATIONS))[0].beyond_noise is None
+        grown = [
+            visit("r1c1", f"2026-06-{day}", traits=TraitsEntry(
+                height_m=height, height_error_m=above, height_error_below_m=0.03
+            ))
+            for day, height, above in ((18, 0.5, 0.03), (25, 0.6, 0.12), (26, 0.5, 0.12))
+        ]  # fmt: skip
+        assert [d.beyond_noise for d in drift(grown, PLAN)] == [True, False]  # lost tips make no plant grow
+        assert [d.beyond_noise for d in drift(grown[1:], PLAN)] == [False]
 
 
 class TestShow:
@@ -243,6 +251,10 @@ class TestShow:
         assert found["missing"] == {"2026-06-18": ["r2c2"], "2026-06-25": ["r1c2", "r2c1"]}
         assert [entry["plot"] for entry in found["ranking"]["2026-06-18"]] == ["r1c1", "r1c2", "r2c1"]
         assert len(found["visits"]) == 5
+        told, complete = verdict(made)
+        assert told.startswith("1 of 4 plots of 2026-06-25; no photographs of r1c2 and r2c1; no result of r2c2; height")
+        assert told.endswith("height of 1 of 4 plots (0.70 m), cover of none")
+        assert not complete
         _, *tables = campaign_tables(made)
         captions = [table.caption for table in tables]
         assert captions[-2:] == ["Change from 2026-06-18 to 2026-06-25"] * 2

@@ -92,7 +92,7 @@ def test_every_visit_has_a_row(season: Campaign, tmp_path: Path) -> None:
     assert table[0] == {
         "plot": SLASH, "date": DATE, "canopy_height": f"a%2F1_{DATE}_canopy-height.tif",
         "surface": f"a%2F1_{DATE}_surface.tif", "crs_epsg": "32632", "cell_m": "0.01", "height_datum": "sea level",
-        "no_rasters": "", "notes": "",
+        "height_refused": "", "no_rasters": "", "notes": "",
     }  # fmt: skip
     assert [row["no_rasters"] for row in table[2:]] == ["evaluated without rasters", "no ground was found", "too dark"]
     assert without_rasters(rows) == [

@@ -11,6 +11,7 @@ from fieldkit.clouds import Cloud
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.rasters import (
     CANOPY_FILE,
+    REFUSED_TAG,
     HeightRaster,
     Rasters,
     canopy_raster,
@@ -23,6 +24,7 @@ from fieldkit.evaluation.rasters import (
     write_rasters,
 )
 from fieldkit.geometry import Similarity
+from fieldkit.results.traits import TraitsEntry
 from tests.evaluation.examples import reconstruction
 
 pytest.importorskip("pyproj")
@@ -130,5 +132,10 @@ def test_files(tmp_path: Path) -> None:
         east, north, _ = to_utm(Cloud(np.array([[0.1, 0.05, 0.0]])), FRAME)[0].points[0]
         assert next(file.sample([(east, north)]))[0] == pytest.approx(0.3, abs=1e-6)
     assert (tmp_path / "canopy-height.qml").is_file()
-    names = write_rasters(tmp_path / "both", FOUND, Rasters(CELL_M))
+    names = write_rasters(tmp_path / "both", FOUND, Rasters(CELL_M), TraitsEntry(unknown={"height_m": "pictures end"}))
     assert sorted(path.name for path in (tmp_path / "both").iterdir()) == sorted(names)
+    with rasterio.open(tmp_path / "both" / CANOPY_FILE) as file:  # a height that the traits refuse is marked
+        assert (file.descriptions, file.tags()[REFUSED_TAG]) == (
+            ("canopy height, m, AT LEAST: pictures end",), "pictures end"
+        )  # fmt: skip
+    assert "m or more: the height is refused" in (tmp_path / "both" / "canopy-height.qml").read_text()

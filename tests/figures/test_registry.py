@@ -5,6 +5,7 @@ import pytest
 from fieldkit.figures.registry import FIGURES, TRENDS, figure, figures_of
 from fieldkit.results.evaluation import Prediction
 from fieldkit.results.traits import TRAITS as TRAIT_KEYS
+from fieldkit.results.traits import TraitsEntry
 from fieldkit.results.visit import Visit
 from tests.figures.terminal.test_results import TRAITS, scored
 
@@ -18,6 +19,9 @@ def test_evaluations_and_visits_have_the_same_figures() -> None:
         assert each.error(plot) == each.error(visit)
     assert FIGURES["predicted_chamfer_m"].error(visit) == pytest.approx(0.009)
     assert FIGURES["height_m"].with_error(visit) == "0.81 ± 0.03"
+    traits = TraitsEntry(height_m=0.81, height_error_m=0.12, height_error_below_m=0.03)
+    swayed = Visit(plot="a", date="2026-07-01", traits=traits)
+    assert FIGURES["height_m"].with_error(swayed) == "0.81 +0.12 −0.03"
     assert FIGURES["cover_percent"].amount(16.04) == "16.0 %"
     assert FIGURES["right_share"].shown(plot) == 75.0
 

@@ -11,7 +11,7 @@ from fieldkit.figures.style import decimal, format_length, millimetres, percent,
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.traits import DESCRIBED, TraitsEntry, reasons_in_words
 from fieldkit.results.visit import Visit
-from fieldkit.wording import listed
+from fieldkit.wording import count, listed
 
 TRAIT_FIGURES = figures_of("trait")
 _MOST_NAMES = 12  # plots of one reason
@@ -142,6 +142,20 @@ def plant_tables(plots: Sequence[PlotEvaluation], of: str = "") -> Iterator[Tabl
     why = [(plot.name, p.reason) for plot in plots if (p := plot.prediction) is not None and p.chamfer_m is None]
     if why:
         yield _reasons("No prediction", why)
+
+
+def counted_traits(plots: Sequence[Scored], total: int) -> tuple[str, bool]:
+    """Of how many plots height and cover are known, with their range, and whether of all that were asked for:
+    ``height of none, cover of 3 of 4 plots (16.0 to 21.3 %)``.
+    """
+    parts, complete = [], True
+    for figure in (FIGURES["height_m"], FIGURES["cover_percent"]):
+        known = sorted(value for plot in plots if (value := figure.value(plot)) is not None)
+        ends = " to ".join(dict.fromkeys(str(figure.number(value)) for value in (*known[:1], *known[-1:])))
+        of = f"{len(known)} of {count(total, 'plot')} ({ends} {figure.unit})" if known else "none"
+        parts.append(f"{figure.label} of {of}")
+        complete &= len(known) == total
+    return ", ".join(parts), complete
 
 
 def trait_reasons(plot: Scored) -> str:

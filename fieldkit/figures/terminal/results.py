@@ -11,6 +11,7 @@ from fieldkit.figures.tables.comparison import comparison_blocks
 from fieldkit.figures.terminal.blocks import rendered
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, ReconstructionEntry, ReferenceReport
+from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -29,7 +30,9 @@ def evaluation_output(report: EvaluationReport) -> Iterator[RenderableType]:
     if len(report.plots) == 1:
         yield from rendered((block for plot in plots for block in _plot(plot)), report.plots[0].name)
     else:
-        yield from rendered(_plots(plots))
+        traits, _ = scores.counted_traits(plots, len(report.plots))
+        told = f"{count(len(plots), 'plot', of=len(report.plots))}; {traits}."
+        yield from rendered([Paragraph(told), *_plots(plots)])
     yield from rendered(table for table in [scores.failure_table(report.plots)] if table.rows)
 
 

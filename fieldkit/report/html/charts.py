@@ -6,12 +6,14 @@ The drawing is an SVG whose colours come from the page's style, so that it follo
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from fieldkit.figures.drawings import LineChart, SeriesStyle
 
 WIDTH, HEIGHT = 560.0, 320.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 14.0, 14.0, 50.0
+_LABEL = 12  # letters of a tick's label that room is kept for
 _NARROWEST = 1e-11  # a range below it counts as one value: ticks have twelve decimals
 
 
@@ -89,7 +91,7 @@ def draw(chart: LineChart) -> DrawnChart:
         ))  # fmt: skip
     return DrawnChart(
         chart, _text(WIDTH), _text(HEIGHT), _text(_LEFT), _text(WIDTH - _RIGHT), _text(_TOP), _text(HEIGHT - _BOTTOM),
-        tuple((_text(across(v)), label, _anchor(across(v), label)) for v, label in x_ticks if left <= v <= right),
+        tuple(_apart([(across(v), label) for v, label in x_ticks if left <= v <= right])),
         tuple((_text(up(v)), number_text(v)) for v in y_ticks if low <= v <= high),
         tuple(drawn), None if chart.level is None else (_text(up(chart.level[0])), chart.level[1]),
         sum(y > high for _, y in points),
@@ -113,6 +115,16 @@ def round_ticks(low: float, high: float, most: int, *, whole: bool = False) -> l
 def number_text(value: float) -> str:
     """A tick's number, as short as possible, with a proper minus sign."""
     return f"{value:,.10g}".replace("-", "−")
+
+
+def _apart(ticks: list[tuple[float, str]]) -> Iterator[tuple[str, str, str]]:
+    """Ticks with their labels' anchors; those whose label would cover an earlier one's, or the last, are left out."""
+    free, end = -WIDTH, ticks[-1][0] - 9.0 * min(_LABEL, len(ticks[-1][1])) if ticks else 0.0
+    for x, label in ticks:
+        half = 4.5 * min(_LABEL, len(label))
+        if (x - half >= free and (x + half <= end or x == ticks[-1][0])) or free < 0:
+            yield _text(x), label, _anchor(x, label)
+            free = x + half
 
 
 def _anchor(x: float, label: str) -> str:

@@ -17,9 +17,6 @@ _LETTER, _NARROW_LETTER = 12.0, 22.0  # of the plots' names; drawings are shown 
 _LIGHT = 0.18  # relative luminance above which black reads better than white (WCAG 2.2)
 _POINT_M = 1.0  # half the side of a plot known only as a point
 
-GREENS = ("#eef8c4", "#b3dd8b", "#5fb96a", "#1f8a50", "#00582f")
-"""Light to dark: for what is only more or less."""
-
 
 @dataclass(frozen=True)
 class Shape:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from fieldkit.figures.style import format_nominal, unbroken, visible
 
@@ -21,8 +22,13 @@ def environment() -> Environment:
         loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, finalize=_shown,
         trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
     )  # fmt: skip
-    engine.filters.update(unbroken=unbroken, nominal=format_nominal)
+    engine.filters.update(unbroken=unbroken, nominal=format_nominal, coded=_coded)
     return engine
+
+
+def _coded(text: str) -> Markup:
+    """Text in which what stands between backticks is code: commands to copy."""
+    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(visible(unbroken(text))))))
 
 
 def _shown(value: Any) -> Any:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import groupby
+from datetime import date
 from statistics import median
 
+from fieldkit.campaign.overview import drift_tables, missing
 from fieldkit.campaign.reading import Campaign
 from fieldkit.figures.content import (
     MOST_ROWS,
@@ -37,8 +38,7 @@ from fieldkit.results.finding import OTHER_PLANTS
 from fieldkit.results.visit import Visit
 from fieldkit.wording import count, listed
 
-_MOST_LINES = 200
-_MOST_TICKS = 5
+_MOST_LINES, _MOST_NAMED = 200, 5  # plots of a chart, and of one in which each has a colour
 _FARTHEST_M = 200_000.0
 _FOLLOWED = sorted(TRENDS, key=lambda figure: figure.group != "trait")  # what grows comes first
 _NAMED = 5  # problems named one by one
@@ -49,14 +49,15 @@ def campaign_section(result: Loaded[Campaign], anchor: str, shown: Shown) -> Sec
     campaign, pictures = result.report, shown.pictures(anchor)
     blocks: list[Block] = [KeyFigures(tuple(_figures(campaign)))]
     if campaign.visits:
-        charts = tuple(_charts(campaign, campaign.visits, "all plots"))
-        if charts:
-            blocks.append(Charts(charts))
+        drawn = tuple(charts(campaign.visits, "all plots"))
+        if drawn:
+            blocks.append(Charts(drawn))
+        blocks += drift_tables(campaign)
         anchors = plot_anchors(campaign, anchor)
-        for date in reversed(campaign.dates):
-            table = _table(date, [visit for visit in campaign.visits if visit.date == date], anchors, pictures)
-            last = date == campaign.dates[-1]
-            blocks.append(table if last else Details(f"Plots on {date}", (traits_table(campaign, date), table)))
+        for day in reversed(campaign.dates):
+            table = _table(day, [visit for visit in campaign.visits if visit.date == day], anchors, pictures)
+            last = day == campaign.dates[-1]
+            blocks.append(table if last else Details(f"Plots on {day}", (traits_table(campaign, day), table)))
         blocks += [_plot(campaign, plot, name, pictures.get(plot)) for plot, name in anchors.items()]
     return Section(anchor, f"Campaign: {campaign.name}", tuple(blocks))
 
@@ -97,18 +98,18 @@ def plot_map(campaign: Campaign, anchor: str) -> PlotMap | None:
     )
 
 
-def traits_table(campaign: Campaign, date: str) -> Table:
+def traits_table(campaign: Campaign, day: str) -> Table:
     """What grows on the plots on a date: traits and their errors."""
     return tabulated(
-        f"What grows there, {date}",
-        [{"plot": visit.plot, **_grown(visit)} for visit in campaign.visits if visit.date == date],
+        f"What grows there, {day}",
+        [{"plot": visit.plot, **_grown(visit)} for visit in campaign.visits if visit.date == day],
     )
 
 
 def _measure(campaign: Campaign, figure: Figure) -> Measure | None:
     """A figure by date and plot; None where no visit has it."""
-    values: dict[str, dict[str, float]] = {date: {} for date in campaign.dates}
-    notes: dict[str, dict[str, str]] = {date: {} for date in campaign.dates}
+    values: dict[str, dict[str, float]] = {day: {} for day in campaign.dates}
+    notes: dict[str, dict[str, str]] = {day: {} for day in campaign.dates}
     for visit in campaign.visits:
         value = figure.shown(visit)
         if value is None:
@@ -132,13 +133,13 @@ def _figures(campaign: Campaign) -> Iterator[KeyFigure]:
         yield KeyFigure("chamfer distance", format_length(median(scores)), "median of all captures with a reference")
 
 
-def _table(date: str, visits: Sequence[Visit], anchors: Mapping[str, str], pictures: Mapping[str, Picture]) -> Table:
+def _table(day: str, visits: Sequence[Visit], anchors: Mapping[str, str], pictures: Mapping[str, Picture]) -> Table:
     """How well one date's plots were reconstructed: those without a score first, then the doubtful ones.
 
     Measured and predicted distances stand in columns of their own, and rank no rows together.
     """
     columns = score_columns(visits, only=("0.005", "0.010"))
-    return tabulated(f"How well the plots were reconstructed, {date}", [
+    return tabulated(f"How well the plots were reconstructed, {day}", [
         {
             "plot": Link(visit.plot, anchors[visit.plot]) if visit.plot in anchors else visit.plot,
             Column("picture", detail=True): pictures.get(visit.plot),
@@ -156,8 +157,8 @@ def _plot(campaign: Campaign, plot: str, anchor: str, picture: Picture | None) -
     quality = tabulated(
         f"How well {plot} was reconstructed", [{"date": visit.date, **_quality(visit, columns)} for visit in visits]
     )
-    charts = tuple(_charts(campaign, visits, plot))
-    blocks: list[Block] = [grown, *([Charts(charts)] if charts else []), quality]
+    drawn = tuple(charts(visits, plot))
+    blocks: list[Block] = [grown, *([Charts(drawn)] if drawn else []), quality]
     if picture is not None:
         blocks.insert(0, Still(picture, f"{plot}: its last cloud, from the front and from above"))
     return Details(f"Plot {plot}", tuple(blocks), anchor=anchor)
@@ -186,44 +187,45 @@ def _state(visit: Visit) -> Mark:
     return Mark("note", "photographs left out") if visit.right < visit.images else Mark("good", "done")
 
 
-def _charts(campaign: Campaign, visits: Sequence[Visit], of: str) -> Iterator[LineChart]:
-    """Each figure of plots over the dates, with their median where there are several; none without two dates."""
-    dates = campaign.dates
-    ticks = tuple((float(k), date) for k, date in enumerate(dates))
-    ticks = ticks[:: max(1, -(-len(ticks) // _MOST_TICKS))]
+def charts(visits: Sequence[Visit], of: str) -> Iterator[LineChart]:
+    """Each figure over the dates, a line per plot; of many plots also the median of those that have every date."""
     for figure in _FOLLOWED:
-        by_plot: dict[str, dict[str, float]] = {visit.plot: {} for visit in visits}
+        lines: dict[str, dict[int, float]] = {}
         for visit in visits:
             if (value := figure.shown(visit)) is not None:
-                by_plot[visit.plot][visit.date] = value
-        lines, several = list(by_plot.values()), len(by_plot) > 1
-        middle = {date: median(found) for date in dates if (found := [line[date] for line in lines if date in line])}
-        if len(middle) < 2:
+                lines.setdefault(visit.plot, {})[date.fromisoformat(visit.date).toordinal()] = value
+        days = sorted({day for line in lines.values() for day in line})
+        joined = {plot: line for plot, line in lines.items() if len(line) > 1}
+        if not joined:
             continue
-        drawn = [line for line in lines if len(line) > 1][:_MOST_LINES] if several else []
-        series = [
-            Curve("" if k else "a plot", tuple((float(n), line.get(date)) for n, date in enumerate(dates)), "band")
-            for k, line in enumerate(drawn)
-        ]
-        name = "median of the plots" if several else ""
-        series.append(Curve(name, tuple((float(n), middle.get(date)) for n, date in enumerate(dates))))
-        known = list(middle.values())
+        whole = [line for line in joined.values() if len(line) == len(days)]
+        many = len(joined) > _MOST_NAMED
+        names = ["a plot", *[""] * len(joined)] if many else list(joined)
+        drawn = list(zip(names, joined.values(), strict=False))[:_MOST_LINES]
+        series = [Curve(name, tuple(sorted(line.items())), "band" if many else "line") for name, line in drawn]
+        told = f"{count(len(joined), 'plot')} on two dates or more."
+        if many and len(whole) > 1:
+            middle = [(day, median(line[day] for line in whole)) for day in days]
+            name = f"median of the {len(whole)} plots with every date"
+            series.append(Curve(name, tuple(middle)))
+            told = f"The {name} went from {middle[0][1]:.3g} to {middle[-1][1]:.3g} {figure.unit}."
+        ticks = tuple((float(day), date.fromordinal(day).isoformat()) for day in days)
         yield LineChart(
-            f"{figure.label.capitalize()} of {of} over the dates",
-            f"{'The median' if several else 'It'} went from {known[0]:.3g} to {known[-1]:.3g} {figure.unit}.",
-            "date", figure.title, tuple(series), x_ticks=ticks,
+            f"{figure.label.capitalize()} of {of} over the dates", told, "date", figure.title, tuple(series),
+            x_ticks=ticks,
         )  # fmt: skip
 
 
-def campaign_statements(result: Loaded[Campaign], _: Results) -> Iterator[Statement]:
+def campaign_statements(result: Loaded[Campaign], results: Results) -> Iterator[Statement]:
     """The results of a campaign, date by date."""
-    campaign = result.report
+    campaign, folder = result.report, results.path(result)
+    add = f"`fieldkit evaluate CAPTURES --campaign {folder}`"
     visits, dates = campaign.visits, campaign.dates
     if not visits:
         yield Statement(
             "note",
             f"The campaign “{campaign.name}” has {count(len(campaign.plots), 'plot')} and no evaluated capture yet.",
-            "Evaluate the first: fieldkit evaluate captures/ in the campaign's folder.",
+            f"Evaluate the first: {add}",
         )
         return
     done = [visit for visit in visits if not visit.error]
@@ -234,80 +236,25 @@ def campaign_statements(result: Loaded[Campaign], _: Results) -> Iterator[Statem
         f"{count(len({v.plot for v in visits}), 'plot')} on {span}. {sum(v.right for v in done)} of "
         f"{count(sum(v.images for v in done), 'photograph')} were used.",
     )
-    for date, group in groupby(sorted(done, key=lambda v: v.date), key=lambda v: v.date):
-        seen = list(group)
-        predicted = [
-            (v.predicted_chamfer_m, v.plot) for v in seen if v.chamfer_m is None and v.predicted_chamfer_m is not None
-        ]
-        if scores := _scores(seen):
-            yield _spread(f"{date}: distance to the reference (chamfer)", scores)
-        if predicted:
-            yield _spread(f"{date}: distance to the true plants as predicted, where there is no reference,", predicted)
-    yield from _drift(done, dates)
     doubtful = [visit for visit in done if visit.doubts]
     for visit in doubtful[:_NAMED]:
         told = next(iter(visit.notes), ", ".join(visit.doubts))
         yield Statement("problem", f"{visit.plot}, {visit.date}: {_sentence(told)}", "Its notes in the table say more.")
     if len(doubtful) > _NAMED:
         yield Statement("problem", f"{count(len(doubtful) - _NAMED, 'more capture')} doubtful; the table says why.")
-    yield from without_height([(v.plot, v.traits) for v in done if v.date == dates[-1]])
+    plan = f"`fieldkit campaign plan {folder} -o next.plan`"
+    yield from without_height([(v.plot, v.traits) for v in done if v.date == dates[-1]], plan)
     failed = [visit for visit in visits if visit.error]
     for visit in failed[:_NAMED]:
         told = f"{visit.plot}, {visit.date}: no score. {_sentence(visit.error)}"
-        yield Statement("problem", told, "Photograph the plot again, or look at its folder.")
+        yield Statement("problem", told, f"Photograph the plot again, and add that: {add}")
     if len(failed) > _NAMED:
         yield Statement(
             "problem", f"{count(len(failed) - _NAMED, 'more capture')} without a score; the table says why."
         )
-    last = {v.plot for v in visits if v.date == dates[-1]}
-    absent = [plot.name for plot in campaign.plots if plot.name not in last]
-    if absent:
-        yield Statement(
-            "note",
-            f"{dates[-1]}: no capture of {listed(absent)}.",
-            "Photograph these plots, or sort their photographs in.",
-        )
-
-
-def _spread(what: str, scores: Sequence[tuple[float, str]]) -> Statement:
-    """Median, least and greatest distance of the plots."""
-    middle = format_length(median(value for value, _ in scores))
-    if len(scores) == 1:
-        return Statement("fact", f"{what} {middle} in {scores[0][1]}.")
-    low, high = min(scores), max(scores)
-    return Statement(
-        "fact",
-        f"{what} {middle} in the middle (median of {count(len(scores), 'plot')}), from {format_length(low[0])} "
-        f"({low[1]}) to {format_length(high[0])} ({high[1]}).",
-    )
-
-
-def _drift(done: Sequence[Visit], dates: Sequence[str]) -> Iterator[Statement]:
-    if len(dates) < 2:
-        return
-    first = {name: value for value, name in _scores([v for v in done if v.date == dates[0]])}
-    last = {name: value for value, name in _scores([v for v in done if v.date == dates[-1]])}
-    both = sorted(first.keys() & last.keys())
-    if len(both) < 2:
-        return
-    change = median(last[name] - first[name] for name in both)
-    rose = sum(last[name] > first[name] for name in both)
-    yield Statement(
-        "fact",
-        f"From {dates[0]} to {dates[-1]} the distance changed by {format_length(change)} in the middle (median of "
-        f"{count(len(both), 'plot')} scored on both dates); it rose in {rose} of them.",
-        "Plants that grew since their reference was made are farther from it: then this is growth, not a worse capture."
-        if change > 0
-        else "",
-    )
-
-
-def _scores(visits: Sequence[Visit]) -> list[tuple[float, str]]:
-    return [
-        (visit.chamfer_m, visit.plot)
-        for visit in visits
-        if visit.chamfer_m is not None and OTHER_PLANTS not in visit.doubts
-    ]
+    if absent := missing(campaign, dates[-1]):
+        told = f"{dates[-1]}: no photographs of {listed(absent)}."
+        yield Statement("note", told, f"Where they were taken, add them: {add}")
 
 
 def _sentence(text: str) -> str:

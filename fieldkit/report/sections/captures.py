@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from statistics import median
 
@@ -37,9 +39,12 @@ from fieldkit.wording import count, listed
 
 _OPEN_ROWS = 14
 _MOST_NAMES = 20
-_LOP_SIDED = 1.5  # ratio of the directed terms that is worth mentioning
 _SHOWN_M = "0.010"
 _NAMED = 5  # problems named one by one
+_TOO_LOW = re.compile("the pictures end|tips are missed")  # reasons of fieldkit/evaluation/traits.py
+_WITH_ROOM = (
+    "`fieldkit export-mission PLAN --vehicle VEHICLE --site site.toml --plant-height METRES --fit -o mission.plan`"
+)
 
 
 def reference_section(result: Loaded[ReferenceReport], anchor: str, shown: Shown) -> Section:
@@ -126,22 +131,16 @@ def reference_statements(result: Loaded[ReferenceReport], _: Results) -> Iterato
     )
     yield from _left_out(report, "The reference")
     yield from _doubts(report, f"The reference of “{report.source}”")
-    if report.track_length is not None and 0 < report.track_length < 3.0:
-        yield Statement(
-            "note",
-            f"A point of the reference of “{report.source}” is seen by {decimal(report.track_length, 1)} photographs "
-            "on average; above 3 is good.",
-            "More photographs, nearer to each other, see the same leaf more often.",
-        )
 
 
 def evaluation_statements(result: Loaded[EvaluationReport], results: Results) -> Iterator[Statement]:
     """The result of one plot, or of many plots together."""
     report = result.report
     plots = [plot for plot in report.plots if plot.error is None]
+    again = f"`fieldkit evaluate {shlex.quote(report.source)} --reference REFERENCE -o {results.path(result)}{{}}`"
     if len(report.plots) == 1:
         for plot in plots:
-            yield from _plot(plot, scored=report.reference_sha256 is not None)
+            yield from _plot(plot, again, scored=report.reference_sha256 is not None)
     elif plots:
         # The demo's plots are methods: their range says nothing, and its own table compares them.
         yield from _plots(report, plots, spread=not results.of(DemoReport))
@@ -155,13 +154,13 @@ def evaluation_statements(result: Loaded[EvaluationReport], results: Results) ->
             f"{result.name}: {count(len(failed) - _NAMED, 'more plot has', 'more plots have')} no result; the table "
             "says why.",
         )
-    yield from without_height((plot.name, plot.traits) for plot in plots)
+    yield from without_height(((plot.name, plot.traits) for plot in plots), _WITH_ROOM)
     for plot in plots:
         if plot.adherence is not None:
-            yield from _adherence(plot.name, plot.adherence)
+            yield from _adherence(plot.name, plot.adherence, report.source)
 
 
-def _plot(plot: PlotEvaluation, *, scored: bool) -> Iterator[Statement]:
+def _plot(plot: PlotEvaluation, again: str, *, scored: bool) -> Iterator[Statement]:
     yield Statement(
         "good" if plot.right == plot.images and not plot.doubts else "fact",
         f"{plot.name}: {plot.right} of {count(plot.images, 'photograph')} registered and used, "
@@ -170,15 +169,14 @@ def _plot(plot: PlotEvaluation, *, scored: bool) -> Iterator[Statement]:
     yield from _left_out(plot, plot.name, plot.unregistered)
     if plot.chamfer_m is None or plot.accuracy_m is None or plot.completeness_m is None:
         if not scored:
-            yield _unscored(plot)
+            yield _unscored(plot, f"Measure the distance: {again.format(' --overwrite')}")
     elif OTHER_PLANTS not in plot.doubts:
-        yield from _distances(plot, plot.chamfer_m, plot.accuracy_m, plot.completeness_m)
+        yield from _distances(plot, plot.chamfer_m, plot.accuracy_m, plot.completeness_m, again)
     yield from _doubts(plot, plot.name)
 
 
-def _unscored(plot: PlotEvaluation) -> Statement:
+def _unscored(plot: PlotEvaluation, advice: str) -> Statement:
     """What is known about the distance of a plot without a reference."""
-    advice = "Evaluate it again with --reference to measure the distance."
     text = f"{plot.name} was not compared with a reference"
     found = plot.prediction
     if found is None or found.chamfer_m is None:
@@ -193,7 +191,9 @@ def _unscored(plot: PlotEvaluation) -> Statement:
     )
 
 
-def _distances(plot: PlotEvaluation, chamfer: float, accuracy: float, completeness: float) -> Iterator[Statement]:
+def _distances(
+    plot: PlotEvaluation, chamfer: float, accuracy: float, completeness: float, again: str
+) -> Iterator[Statement]:
     text = (
         f"{plot.name}: on average its points lie {format_length(accuracy)} from the reference (accuracy), and the "
         f"reference's points {format_length(completeness)} from what was reconstructed (completeness). Together that "
@@ -205,21 +205,6 @@ def _distances(plot: PlotEvaluation, chamfer: float, accuracy: float, completene
             f"{percent(plot.recall[_SHOWN_M], 0)} % of the reference's points are within 10 mm of it."
         )
     yield Statement("fact", text)
-    if completeness > _LOP_SIDED * accuracy:
-        yield Statement(
-            "note",
-            f"{plot.name}: the larger part of that distance is completeness: parts of the reference that were not "
-            "reconstructed, or not in their place.",
-            "In the 3D view, switch on the reference and look at what stands out. Mostly it is what too few "
-            "photographs see: others from that side would add it.",
-        )
-    elif accuracy > _LOP_SIDED * completeness:
-        yield Statement(
-            "note",
-            f"{plot.name}: the larger part of that distance is accuracy: points that lie beside the reference.",
-            "In the 3D view, look at what stands out in the capture. A whole plant was displaced (wind, growth, wrong "
-            "positions); scattered points are noise of reconstruction.",
-        )
     # The frame is fitted to all positions at once, so their errors average out.
     shift = None if plot.pose_rms_m is None or not plot.right else plot.pose_rms_m / plot.right**0.5
     if plot.correction is None and shift is not None and shift > 0.25 * chamfer:
@@ -228,7 +213,7 @@ def _distances(plot: PlotEvaluation, chamfer: float, accuracy: float, completene
             f"{plot.name}: the known camera positions are {format_length(plot.pose_rms_m)} (RMS) off the reconstructed "
             f"ones, which can displace the whole cloud by about {format_length(shift)}. That counts in the distance "
             "above.",
-            "Evaluate again with --refine to see how much of it is displacement.",
+            f"See how much of it is displacement: {again.format(' --refine --overwrite')}",
         )
     if plot.gsd_m is not None and plot.metric and 2 * plot.gsd_m > accuracy:
         yield Statement(
@@ -267,15 +252,20 @@ def _plots(report: EvaluationReport, plots: Sequence[PlotEvaluation], *, spread:
         )
 
 
-def without_height(plots: Iterable[tuple[str, TraitsEntry | None]]) -> Iterator[Statement]:
-    """Plots whose plants' height cannot be had."""
-    names = [name for name, traits in plots if traits is not None and "height_m" in traits.unknown]
-    if names:
-        yield Statement(
-            "note",
-            f"These photographs do not give the height of the plants of {listed(names, 8)}; the table says why.",
-            "For heights leave room above the plants: fly a ring from farther away, or give larger plant heights.",
-        )
+def without_height(plots: Iterable[tuple[str, TraitsEntry | None]], plan: str) -> Iterator[Statement]:
+    """Plots whose plants' height cannot be had, by the reason that the table gives.
+
+    Args:
+        plan: the command that plans with room above the plants.
+    """
+    alike: dict[str, list[tuple[str, str]]] = {}
+    for name, traits in plots:
+        if traits is not None and (reason := traits.unknown.get("height_m")):
+            alike.setdefault(re.sub(r"\d+", "#", reason), []).append((name, reason))
+    for found in alike.values():
+        names, reason = listed([name for name, _ in found], 8), found[0][1]
+        advice = f"Leave room above the plants next time: {plan}" if _TOO_LOW.search(reason) else ""
+        yield Statement("note", f"No height of {names}: {reason}.", advice)
 
 
 def _left_out(report: ReconstructionEntry, name: str, reasons: dict[str, int] | None = None) -> Iterator[Statement]:
@@ -284,14 +274,9 @@ def _left_out(report: ReconstructionEntry, name: str, reasons: dict[str, int] | 
         return
     told = "" if not reasons else ": " + ", ".join(f"{number} {reason}" for reason, number in reasons.items())
     wrong = report.registered - report.right
-    advice = "The table of photographs says why."
-    if wrong:
-        advice += " Wrong poses come from wrong known positions or plants that look alike: check poses.csv or geotags."
-    if missing > wrong:
-        advice += (
-            " What does not register is blurred, looks elsewhere or overlaps too little with its neighbours: take it "
-            "again."
-        )
+    advice = "Take again what is blurred, looks elsewhere or overlaps too little: the table of photographs says which."
+    if wrong >= missing:
+        advice = "Check poses.csv or geotags: wrong poses come from those, or from plants that look alike."
     yield Statement("problem" if missing > 0.2 * report.images else "note",
                     f"{name}: {missing} of {count(report.images, 'photograph')} "
                     f"{'was' if missing == 1 else 'were'} not used{told}.", advice)  # fmt: skip
@@ -330,7 +315,7 @@ def _doubts(report: ReconstructionEntry, name: str) -> Iterator[Statement]:
         )
 
 
-def _adherence(name: str, found: AdherenceEntry) -> Iterator[Statement]:
+def _adherence(name: str, found: AdherenceEntry, source: str) -> Iterator[Statement]:
     taken = len(found.stations)
     total = taken + len(found.missing)
     parts = [
@@ -346,7 +331,10 @@ def _adherence(name: str, found: AdherenceEntry) -> Iterator[Statement]:
     )
     if found.missing:
         yield Statement(
-            "problem", f"{name}: no photograph at {listed(list(found.missing), 8)}.", "Fly these stations again."
+            "problem",
+            f"{name}: no photograph at {listed(list(found.missing), 8)}.",
+            f"Fly these stations again: `fieldkit check {shlex.quote(source)} --plan PLAN --site site.toml --vehicle "
+            "VEHICLE -o again.plan`",
         )
     if found.extra:
         yield Statement("note", f"{name}: {count(len(found.extra), 'photograph')} of no station of the plan.")

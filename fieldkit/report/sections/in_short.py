@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from fieldkit.campaign import Campaign, Visit
+from fieldkit.campaign import Campaign
+from fieldkit.campaign.overview import verdict as campaign_verdict
 from fieldkit.figures.content import Block, Details, Paragraph, Picture, Section, Statement, Statements, Still, Table
-from fieldkit.figures.registry import FIGURES
 from fieldkit.figures.style import format_length, format_range, format_seconds, format_with_error
 from fieldkit.figures.tables.comparison import difference_table, leading_figures
-from fieldkit.figures.tables.scores import plant_tables
+from fieldkit.figures.tables.scores import counted_traits, plant_tables
 from fieldkit.report.sections.campaign import campaign_anchor, plot_map, traits_table
 from fieldkit.report.sections.comparison import noise_counts
 from fieldkit.report.sections.demo import demo_blocks, demo_statements
@@ -23,15 +23,12 @@ from fieldkit.wording import count, listed
 HEADING = "In short"
 _LONG = 24  # rows of tables
 _ALIKE = 4  # statements with one advice
-_AFTER_REFERENCE = "Plan few views on it: fieldkit plan with this folder, and -o for the plan's."
-_AFTER_PLAN = (
-    "Put the plan on your plots: fieldkit export-mission with --plan, --site and --vehicle writes the file to fly."
+_AFTER_REFERENCE = "Plan few views on it: `fieldkit plan --reference {} --vehicle VEHICLE -n 13 -o plan`"
+_AFTER_PLAN = "Put it on your plots: `fieldkit export-mission {} --vehicle VEHICLE --site site.toml -o mission.plan`"
+_AFTER_MISSION = "Look it through, then fly it: `fieldkit check-mission {} --site site.toml --vehicle VEHICLE`"
+_AFTER_EVALUATION = (
+    "Keep dates and plots together: `fieldkit campaign init season --plan PLAN --site site.toml --vehicle VEHICLE`"
 )
-_AFTER_MISSION = (
-    "Look through it with fieldkit check-mission, load it with fieldkit upload or the vehicle's own program, fly it. "
-    "Before you leave the field, give the photographs to fieldkit check."
-)
-_AFTER_EVALUATION = "Several dates or plots: fieldkit campaign init keeps them together, with a map and traits.csv."
 
 
 def in_short(results: Results, statements: Sequence[Statement], pictures: Sequence[tuple[str, Picture]]) -> Section:
@@ -94,23 +91,25 @@ def verdict(results: Results, statements: Sequence[Statement]) -> Statement:
     """Whether it worked, in a sentence."""
     problems = sum(each.level == "problem" for each in statements)
     remarks = sum(each.level == "note" and bool(each.advice) for each in statements)
-    made = listed(list(_made(results)))
+    made = "; ".join(said for said, _ in _made(results))
     if problems:
         text = f"Look at {count(problems, 'problem')} below before you use these results: {made}."
         return Statement("problem", text)
+    if not all(complete for _, complete in _made(results)):
+        return Statement("note", f"Done in part: {made}.")
     if remarks:
         return Statement("fact", f"It worked: {made}. {count(remarks, 'remark')} below may be worth acting on.")
     return Statement("good", f"It worked: {made}. Nothing speaks against it.")
 
 
-def _made(results: Results) -> Iterator[str]:
-    """What there is, counted, with its main figure where there is one of a kind."""
+def _made(results: Results) -> Iterator[tuple[str, bool]]:
+    """What there is of what was asked for, with its main figure where there is one of a kind; and whether it is all."""
     references, plans, missions = results.of(ReferenceReport), results.of(PlanRun), results.of(FlownMission)
     if references:
         right, images = (sum(getattr(each.report, name) for each in references) for name in ("right", "images"))
-        yield f"{count(len(references), 'reference')} from {right} of {count(images, 'photograph')}"
+        yield f"{count(len(references), 'reference')} from {right} of {count(images, 'photograph')}", True
     for plan in plans[:1]:
-        yield _plan(plan.report) + (f" and {count(len(plans) - 1, 'more plan')}" if len(plans) > 1 else "")
+        yield _plan(plan.report) + (f" and {count(len(plans) - 1, 'more plan')}" if len(plans) > 1 else ""), True
     if missions:
         photographs = sum(mission.report.flight.photographs for mission in missions)
         flown = f"{count(len(missions), 'mission')} of {count(photographs, 'photograph')}"
@@ -118,24 +117,20 @@ def _made(results: Results) -> Iterator[str]:
             flight = missions[0].report.flight
             flown += f" ({count(len(flight.plots), 'plot')}, {format_length(flight.length_m)}, "
             flown += f"{format_seconds(flight.time_s)})"
-        yield flown
+        yield flown, True
     plots = [plot for evaluation in results.of(EvaluationReport) for plot in evaluation.report.plots]
     if plots:
         done = [plot for plot in plots if plot.error is None]
-        # The demo's plots are methods, whose range says nothing.
-        figures = "" if results.of(DemoReport) else _distances(done)
-        yield f"{len(done)} of {count(len(plots), 'capture')} reconstructed{figures}"
+        told, complete = f"{len(done)} of {count(len(plots), 'capture')} reconstructed", len(done) == len(plots)
+        if not results.of(DemoReport):  # whose plots are methods: their range says nothing
+            traits, all_known = counted_traits(done, len(plots))
+            told, complete = f"{told}{_distances(done)}; {traits}", complete and all_known
+        yield told, complete
     for comparison in results.of(ComparisonReport):
         beyond, within, _ = noise_counts(comparison.report)
         said = f" ({beyond} of {count(beyond + within, 'difference')} beyond noise)" if beyond + within else ""
-        yield f"a comparison of {count(len(comparison.report.evaluations), 'evaluation')}{said}"
-    for result in results.of(Campaign):
-        visits = result.report.visits
-        last = result.report.dates[-1] if visits else ""
-        seen = [visit for visit in visits if visit.date == last]
-        evaluated = [visit for visit in seen if not visit.error]
-        told = f"{len(evaluated)} of {count(len(seen), 'plot')} of {last} evaluated{_grown(evaluated)}"
-        yield told if seen else "a campaign without captures"
+        yield f"a comparison of {count(len(comparison.report.evaluations), 'evaluation')}{said}", True
+    yield from (campaign_verdict(result.report) for result in results.of(Campaign))
 
 
 def _plan(result: PlanRun) -> str:
@@ -160,17 +155,6 @@ def _distances(plots: Sequence[PlotEvaluation]) -> str:
     return f" ({listed(parts)})" if parts else ""
 
 
-def _grown(visits: Sequence[Visit]) -> str:
-    """Heights and cover of plots, from the least to the greatest."""
-    parts = []
-    for figure in (FIGURES["height_m"], FIGURES["cover_percent"]):
-        known = [value for visit in visits if (value := figure.value(visit)) is not None]
-        ends = list(dict.fromkeys(figure.number(value) for value in (min(known), max(known)))) if known else []
-        some = f" on {len(known)} of {count(len(visits), 'plot')}" if len(known) < len(visits) else ""
-        parts += [f"{figure.label} {' to '.join(map(str, ends))} {figure.unit}{some}"] if ends else []
-    return f" ({', '.join(parts)})" if parts else ""
-
-
 def next_step(results: Results) -> str:
     """The step that follows the furthest of the results; empty where none does."""
     references, plans, missions = results.of(ReferenceReport), results.of(PlanRun), results.of(FlownMission)
@@ -179,7 +163,7 @@ def next_step(results: Results) -> str:
     if results.of(EvaluationReport):
         return "" if references or plans or missions else _AFTER_EVALUATION
     if missions:
-        return _AFTER_MISSION
-    if any(each.report.plan is not None for each in plans):
-        return _AFTER_PLAN
-    return _AFTER_REFERENCE if references and not plans else ""
+        return _AFTER_MISSION.format(f"{results.path(missions[0])}/{missions[0].report.flight.file}")
+    if made := next((each for each in plans if each.report.plan is not None), None):
+        return _AFTER_PLAN.format(results.path(made))
+    return _AFTER_REFERENCE.format(results.path(references[0])) if references and not plans else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -110,6 +111,10 @@ class Results:
     def of(self, kind: type[T]) -> tuple[Loaded[T], ...]:
         """The results of a kind."""
         return tuple(each for each in self.found if isinstance(each.report, kind))
+
+    def path(self, result: Loaded[Any]) -> str:
+        """A result's folder as commands are given it, from where the report's folder lies."""
+        return shlex.quote(os.path.relpath(result.folder, self.root.parent))
 
 
 _READERS: Mapping[str, Callable[[Path], Any]] = {

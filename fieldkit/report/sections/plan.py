@@ -30,7 +30,7 @@ from fieldkit.figures.style import (
     percent,
 )
 from fieldkit.missions.export_record import site_frame
-from fieldkit.planning.run.outcome import Outcome, best_so_far, models_of, weights_of
+from fieldkit.planning.run.outcome import Outcome, best_so_far
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results
 from fieldkit.report.sections.shown import Shown
@@ -156,18 +156,6 @@ def _charts(result: PlanRun) -> Iterator[LineChart]:
             level=confirmed,
             y_top=1.08 * measured[min(len(measured) - 1, int(_LATER * len(measured)))],
         )  # fmt: skip
-    models = models_of(trials)
-    if models:
-        series = tuple(
-            Curve(name, tuple((t.number + 1.0, weights_of(t).get(name)) for t in trials)) for name in models[:6]
-        )
-        yield LineChart(
-            "Weights of the models that proposed trials",
-            f"Models: {', '.join(models[:6])}.",
-            "trial",
-            "weight, 0 to 1",
-            series,
-        )
 
 
 def _stations(plan: Plan) -> Table:
@@ -207,9 +195,9 @@ def _settings(s: SearchSettings) -> Iterator[tuple[str, str]]:
         yield "planned for", f"pose errors of {pose}, image noise {n.image_grey:g}, wind {wind}"
 
 
-def plan_statements(loaded: Loaded[PlanRun], _: Results) -> Iterator[Statement]:
+def plan_statements(loaded: Loaded[PlanRun], results: Results) -> Iterator[Statement]:
     """The quality of a plan by its confirmations, and against the circles tried."""
-    result = loaded.report
+    result, more = loaded.report, f"`fieldkit plan --resume --evaluations {{}} -o {results.path(loaded)}`"
     plan, settings, outcome = result.plan, result.settings, result.outcome
     where = f" on “{settings.source.name}”" if settings is not None else ""
     if plan is None:
@@ -218,7 +206,7 @@ def plan_statements(loaded: Loaded[PlanRun], _: Results) -> Iterator[Statement]:
             "problem",
             f"The search for {settings.cameras} camera poses{where} is not finished: {len(result.trials)} of "
             f"{settings.evaluations} trials are done.",
-            "Go on with: fieldkit plan --resume -o and the run's folder.",
+            f"Go on with it: `fieldkit plan --resume -o {results.path(loaded)}`",
         )
         return
     text = f"The plan has {count(len(plan.stations), 'camera pose')}{where}."
@@ -241,7 +229,7 @@ def plan_statements(loaded: Loaded[PlanRun], _: Results) -> Iterator[Statement]:
         if outcome.finalists[0].origin.startswith("circle"):
             yield Statement(
                 "note", f"The plan is one of {count(len(circles), 'circle')} tried: nothing else was better.",
-                "More trials may find something: search on with --resume and more --evaluations.",
+                f"More trials may find something: {more.format(2 * settings.evaluations)}",
             )  # fmt: skip
         elif circles and chosen:
             best = min(circles)
@@ -251,7 +239,7 @@ def plan_statements(loaded: Loaded[PlanRun], _: Results) -> Iterator[Statement]:
                 f"At the search's own quality ({settings.fidelity}) the plan's value is {format_length(chosen)}, "
                 f"{percent(abs(1 - chosen / best), 0)} % {better} than the best of {count(len(circles), 'circle')} "
                 f"tried ({format_length(best)}).",
-                "" if chosen < best else "A circle does as well here: fly that, or search on with --evaluations.",
+                "" if chosen < best else f"A circle does as well here; more trials: {more.format(2 * len(measured))}",
             )
     broken = sum(bool(trial.failure) for trial in result.trials)
     if broken:
@@ -260,23 +248,21 @@ def plan_statements(loaded: Loaded[PlanRun], _: Results) -> Iterator[Statement]:
             f"{broken} of {count(len(result.trials), 'trial')} gave no cloud.",
             "evaluations.jsonl says why, in each line's “failure”.",
         )
-    yield from _still_improving(result)
+    yield from _still_improving(result, more)
 
 
-def _still_improving(result: PlanRun) -> Iterator[Statement]:
+def _still_improving(result: PlanRun, more: str) -> Iterator[Statement]:
     best = [value for value in best_so_far(result.trials) if value is not None]
     if len(best) < _FEWEST_TRIALS or result.settings is None:
         return
     tail = max(1, round(_LATE * len(best)))
     before, last = best[-tail - 1], best[-1]
     if last < (1 - _GAIN) * before:
-        more = round(1.5 * result.settings.evaluations)
         yield Statement(
             "note",
             f"The search still got better in its last {count(tail, 'trial')}: from {format_length(before)} to "
-            f"{format_length(last)}, so more trials may find better poses.",
-            f"Go on with: fieldkit plan --resume --evaluations {more} -o and the run's folder "
-            f"(a trial took {format_seconds(_pace(result))} here).",
+            f"{format_length(last)}, so more may find better poses (one took {format_seconds(_pace(result))}).",
+            f"Search on: {more.format(round(1.5 * result.settings.evaluations))}",
         )
 
 
