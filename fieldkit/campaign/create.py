@@ -64,13 +64,6 @@ def init_campaign(
     Plan, site, plots, vehicle and camera are copied, so that the folder can be taken along; plots of another kind than
     GeoJSON in WGS 84 are copied as that, so that the folder needs nothing more. References are large and
     stay where they are, named by a path relative to the folder where they share one with it.
-
-    Args:
-        folder: new or empty.
-        sources: what it is made of.
-        evaluation: settings of every visit; the defaults where None.
-        name: in words; the folder's name where None.
-        tell: is told where plots have their ids from.
     """
     folder = Path(folder).absolute()
     check_order(sources.plan, sources.site)

@@ -46,13 +46,7 @@ Values = dict[str, Any]
 
 
 def export_campaign(campaign: Campaign, output: Path, *, overwrite: bool = False) -> Format:
-    """Write a campaign's table.
-
-    Args:
-        campaign: as read.
-        output: file; its suffix says the format.
-        overwrite: replace an existing file.
-    """
+    """Write a campaign's table."""
     output = Path(output)
     chosen = SUFFIXES.get(output.suffix.lower())
     if chosen is None:

@@ -64,11 +64,6 @@ def export_rasters(campaign: Campaign, output: Path, *, overwrite: bool = False)
     The rasters are the visits' own, byte for byte. Their styles are made anew: all canopy heights have the same
     colours, and so have all surfaces, so that plots and dates can be compared by eye.
 
-    Args:
-        campaign: as read.
-        output: folder.
-        overwrite: replace an earlier one.
-
     Returns:
         A row per visit, as rasters.csv has them.
     """

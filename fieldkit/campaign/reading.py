@@ -110,11 +110,7 @@ class Campaign:
 
 
 def read_campaign(folder: Path) -> Campaign:
-    """Read a campaign's folder.
-
-    Args:
-        folder: with campaign.toml (or that file).
-    """
+    """Read a campaign's folder."""
     folder = Path(folder).absolute()
     folder = folder.parent if folder.name == CAMPAIGN_FILE and folder.is_file() else folder
     file = folder / CAMPAIGN_FILE

@@ -79,11 +79,6 @@ def evaluate_campaign(
     were, count together with new ones (a re-flight). It says what it was made from, so that nothing is computed twice,
     and what changed is computed again. A run that is killed leaves whole visits only. At its end traits.csv
     is made of all visits.
-
-    Args:
-        folder: of the campaign.
-        captures: folder with photographs in it and below it; only read.
-        overwrite: evaluate also what is there already.
     """
     context = Context(cache, progress, workers, scheduler=scheduler)
     campaign = read_campaign(folder)

@@ -195,14 +195,7 @@ def finite_numbers(text: str) -> tuple[float, ...]:
 
 
 def read_numbers(option: str, text: str, counts: tuple[int, ...], *, least: float = 0.0) -> tuple[float, ...]:
-    """The numbers of an option such as ``--pose-noise 0.02,1``.
-
-    Args:
-        option: its name, for the error.
-        text: as given.
-        counts: how many numbers there may be.
-        least: none may be below.
-    """
+    """The numbers of an option such as ``--pose-noise 0.02,1``."""
     numbers = finite_numbers(text)
     if len(numbers) not in counts or min(numbers) < least:
         raise UsageError(

@@ -32,12 +32,7 @@ class FrameOptions:
     ] = ""
 
     def frame(self, place: SitePlotOptions, *, tell: Tell | None) -> tuple[LocalFrame | None, float]:
-        """The origin, None for the log's home, and the compass heading of the x axis: a plot's rows, else east.
-
-        Args:
-            place: the plot whose origin it is.
-            tell: is told where plots have their ids from.
-        """
+        """The origin, None for the log's home, and the compass heading of the x axis: a plot's rows, else east."""
         from fieldkit.geometry.geodesy import EAST_DEG, LocalFrame, on_earth
 
         if self.origin and place.site is not None:

@@ -53,14 +53,7 @@ def read_toml(
 def toml_document(
     text: str, path: Path | None, remedy: str, *, error: type[InputError] = MetadataError
 ) -> dict[str, Any]:
-    """The document of a TOML text.
-
-    Args:
-        text: a byte order mark in front of it is left out.
-        path: for the error.
-        remedy: of the error.
-        error: what is raised.
-    """
+    """The document of a TOML text."""
     if len(text) > MOST_CHARACTERS:
         raise error(f"is far too large: more than {MOST_CHARACTERS:,} characters", path=path, remedy=remedy)
     try:
@@ -149,11 +142,7 @@ def _check_format(found: Any, path: Path) -> None:
 
 
 def toml_text(table: Mapping[str, Any]) -> str:
-    """A document: values first, then tables and arrays of tables, each in the mapping's order; None is left out.
-
-    Args:
-        table: of str, bool, int, finite float, sequences of these, mappings, and sequences of mappings.
-    """
+    """A document: values first, then tables and arrays of tables, each in the mapping's order; None is left out."""
     return "\n".join(_lines(table, ())).strip("\n") + "\n"
 
 

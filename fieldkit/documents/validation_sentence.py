@@ -10,13 +10,7 @@ if TYPE_CHECKING:
 
 
 def validation_sentence(key: str, problems: Sequence[ErrorDetails], texts: Mapping[str, str]) -> str:
-    """The first problem as "key: what is wrong", and how many more there are; without a key only what is wrong.
-
-    Args:
-        key: of the first problem, as a person finds it in the document.
-        problems: at least one.
-        texts: what is said of problems by pydantic's name of their type, where its own words are for programmers.
-    """
+    """The first problem as "key: what is wrong", and how many more there are; without a key only what is wrong."""
     first = problems[0]
     problem = {"missing": "is missing", **texts}.get(first["type"])
     if problem is None:

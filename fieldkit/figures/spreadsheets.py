@@ -70,14 +70,7 @@ def plants_csv(plants: Sequence[PlantEntry]) -> str:
 
 
 def trait_row(plot: str, date: str | None, traits: TraitsEntry | None, error: str = "") -> Row:
-    """A row of traits.csv.
-
-    Args:
-        plot: its id, as the trial's design has it.
-        date: ISO 8601; None where it is not known.
-        traits: None where the plot has no result.
-        error: why it has none.
-    """
+    """A row of traits.csv."""
     found = (traits or TraitsEntry()).row()
     reasons = found[REASONS] if traits is not None else error
     values = (None if (v := found[name]) is None else round(v, _TRAIT_DECIMALS) for name in VALUES)

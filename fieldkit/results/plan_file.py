@@ -18,13 +18,7 @@ _AGAIN = "Give the plan.json of a plan, or the folder that holds it."
 
 
 def plan_from_poses(poses: Sequence[Pose], intrinsics: Intrinsics | None = None, **more: Any) -> Plan:
-    """A plan of level poses in the plot frame; their roll, which a gimbal does not have, is dropped.
-
-    Args:
-        poses: one or more.
-        intrinsics: of the camera.
-        more: further fields of `Plan`.
-    """
+    """A plan of level poses in the plot frame; their roll, which a gimbal does not have, is dropped."""
     stations = []
     for pose in poses:
         yaw, pitch, _ = pose.yaw_pitch_roll_deg()

@@ -145,12 +145,7 @@ def error_column(trait: Trait, side: str = "error") -> str:
 
 
 def reasons_in_words(unknown: Mapping[Trait, str], *, labels: bool = False) -> str:
-    """Each reason once, after the traits it is of: ``height_m, canopy_volume_m3: no ground was found``.
-
-    Args:
-        unknown: reasons by trait.
-        labels: name the traits as people do, not by their columns.
-    """
+    """Each reason once, after the traits it is of: ``height_m, canopy_volume_m3: no ground was found``."""
     by_reason: dict[str, list[str]] = {}
     for trait in TRAITS:
         if trait in unknown:

@@ -99,12 +99,7 @@ class Visit(Strict):
 
     @classmethod
     def of_evaluation(cls, evaluation: PlotEvaluation, **own: Any) -> Self:
-        """A visit with the figures of its evaluation.
-
-        Args:
-            evaluation: of the plot.
-            own: the fields that no evaluation has.
-        """
+        """A visit with the figures of its evaluation."""
         same: dict[str, Any] = {name: getattr(evaluation, name) for name in _SAME}
         if evaluation.prediction is not None:
             same |= {f"predicted_{name}": getattr(evaluation.prediction, name) for name in _PREDICTED}
