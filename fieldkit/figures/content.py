@@ -71,9 +71,10 @@ class Terms:
 
 @dataclass(frozen=True)
 class Picture:
-    """A JPEG with its size in pixels."""
+    """A picture with its size in pixels."""
 
-    jpeg: bytes
+    data: bytes
+    """A JPEG; or a WebP, of which the page's ground, light or dark, shows through."""
     width: int
     height: int
     description: str

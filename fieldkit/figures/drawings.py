@@ -12,6 +12,7 @@ if TYPE_CHECKING:  # tables need no NumPy
     import numpy as np
     from numpy.typing import NDArray
 
+    from fieldkit.figures.content import Picture
     from fieldkit.geometry import Pose
 
 SeriesStyle = Literal["line", "step", "dots", "band"]
@@ -87,6 +88,8 @@ class PlotMap:
     """To choose from, the first shown first; all of the same dates."""
     anchors: Mapping[str, str] = field(default_factory=dict)
     """By plot, the place on the page that it leads to."""
+    photographs: Mapping[str, Picture] = field(default_factory=dict)
+    """By plot, to choose instead of a measure."""
     identifier: str = "map"
     """Unique on the page."""
 

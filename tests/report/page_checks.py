@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from html.parser import HTMLParser
 
 VOID = {"meta", "img", "input", "br", "hr", "link"}
-IN_SVG = {"line", "path", "circle", "rect", "stop"}
+IN_SVG = {"line", "path", "circle", "rect", "stop", "image"}
 
 
 @dataclass
@@ -78,7 +78,7 @@ def checked(html: str) -> Parsed:
         assert tag not in ("link", "iframe", "object", "embed", "base", "form", "audio", "video"), tag
         for name in ("src", "href", "srcset", "action", "data", "xlink:href", "poster"):
             value = attributes.get(name, "#")
-            assert value.startswith(("#", "data:image/jpeg;base64,")), (tag, name, value[:80])
+            assert re.match("#|data:image/(jpeg|webp);base64,", value), (tag, name, value[:80])
     styles = "".join(page.raw["style"])
     assert not re.search(r"@import|url\(\s*['\"]?(?!#)", styles)
     anchors = [a["id"] for _, a in page.elements if "id" in a]

@@ -52,6 +52,10 @@ def test_the_page_never_scrolls_sideways_but_tables_do(page: Page) -> None:
         "[...document.querySelectorAll('.scroll')].filter((e) => e.scrollWidth > e.clientWidth).length"
     )
     assert wide > 0
+    # Where rows are stacked, sentences are read without scrolling.
+    assert page.evaluate(
+        "innerWidth > 576 || [...document.querySelectorAll('.stacked')].every((e) => e.scrollWidth <= e.clientWidth)"
+    )
     outside = page.evaluate(
         "[...document.querySelectorAll('main *')].filter((e) => !e.closest('.scroll, .fk-view, svg')"
         " && e.getBoundingClientRect().right > innerWidth + 1).map((e) => e.outerHTML.slice(0, 90))"

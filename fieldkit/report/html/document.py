@@ -26,6 +26,7 @@ from fieldkit.report.html.viewer import viewer_html, viewer_script, viewer_style
 
 _PRINTED_ROWS = 40
 """Rows of a table on paper, as page.css has them: a report is printed on ten pages at most."""
+_SENTENCE = 40  # characters
 _PATH = re.compile(r"[MLHVZ0-9. -]*")
 _ANCHOR = re.compile(r"[a-z][a-z0-9-]*")
 _KINDS = {
@@ -107,7 +108,8 @@ def _read(name: str) -> str:
 def _environment() -> Environment:
     engine = environment()
     engine.globals.update(
-        printed_rows=_PRINTED_ROWS, draw=draw, draw_map=draw_map, kind=_kind, data_uri=_data_uri, view_html=_view_html,
+        printed_rows=_PRINTED_ROWS, stacked=_stacked, draw=draw, draw_map=draw_map, kind=_kind, data_uri=_data_uri,
+        view_html=_view_html,
     )  # fmt: skip
     engine.filters.update(path=_path)
     engine.tests["text"] = lambda value: isinstance(value, str)
@@ -123,13 +125,19 @@ def _path(path: str) -> Markup:
     return Markup(path)
 
 
+def _stacked(table: content.Table) -> bool:
+    """Whether a narrow screen shows a row's cells one below the other: sentences have no room beside each other."""
+    return any(isinstance(cell, str) and len(cell) > _SENTENCE for row in table.rows for cell in row[1:])
+
+
 def _kind(block: Block) -> str:
     return _KINDS[type(block)]
 
 
 def _data_uri(picture: content.Picture) -> Markup:
     # Base64 has no special characters of HTML; marked so that it is not cut like foreign text.
-    return Markup("data:image/jpeg;base64," + base64.b64encode(picture.jpeg).decode())
+    kind = "webp" if picture.data.startswith(b"RIFF") else "jpeg"
+    return Markup(f"data:image/{kind};base64," + base64.b64encode(picture.data).decode())
 
 
 def _view_html(view: View3D) -> Markup:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
+from fieldkit.figures.content import Picture
 from fieldkit.figures.drawings import Corner, Measure, PlotMap, Ring
 from fieldkit.figures.style import DISTANCE_RAMP
 
@@ -55,6 +56,8 @@ class DrawnMap:
     width: str
     height: str
     measures: tuple[DrawnMeasure, ...]
+    photographs: tuple[tuple[Shape, tuple[str, str, str, str], Picture | None], ...]
+    """Each plot with the box about it (x, y, width, height) and its photograph; none where no plot has one."""
     bar: tuple[str, str]
     """Of the scale: its length in the drawing, and its text."""
     north_x: str
@@ -84,6 +87,7 @@ def draw_map(plots: PlotMap) -> DrawnMap:
     return DrawnMap(
         plots, f"{WIDTH:.0f}", f"{drawn_height + _LEGEND:.0f}",
         tuple(_drawn(plots, measure, place) for measure in plots.measures),
+        tuple(_photographs(plots, place)) if plots.photographs else (),
         (f"{bar_m * scale:.1f}", f"{bar_m:g} m"),
         f"{WIDTH - 20:.1f}", f"{drawn_height + 14:.1f}",
         all(_has_room(plot.name, [place(c) for ring in plot.rings for c in _outline(ring)], _NARROW_LETTER)
@@ -115,6 +119,19 @@ def _drawn(plots: PlotMap, measure: Measure, place: Callable[[Corner], Corner]) 
         dates.append((date, tuple(shapes)))
     stops = tuple((f"{k / (len(measure.ramp) - 1):.2f}", color) for k, color in enumerate(measure.ramp))
     return DrawnMeasure(measure, tuple(dates), f"{low:.3g}", f"{high:.3g}", stops)
+
+
+def _photographs(
+    plots: PlotMap, place: Callable[[Corner], Corner]
+) -> Iterator[tuple[Shape, tuple[str, str, str, str], Picture | None]]:
+    (_, shapes), *_ = _drawn(plots, Measure("", "", {"": {}}), place).dates
+    for plot, shape in zip(plots.plots, shapes, strict=True):
+        xs, ys = zip(*(place(corner) for ring in plot.rings for corner in _outline(ring)), strict=True)
+        picture = plots.photographs.get(plot.name)
+        text = f"{plot.name}: no photograph" if picture is None else picture.description
+        box = min(xs), min(ys), max(xs) - min(xs), max(ys) - min(ys)
+        left, top, width, height = (f"{value:.1f}" for value in box)
+        yield replace(shape, text=text), (left, top, width, height), picture
 
 
 def ramp_color(share: float, ramp: Sequence[str] = DISTANCE_RAMP) -> str:

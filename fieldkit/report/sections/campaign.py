@@ -33,6 +33,7 @@ from fieldkit.figures.tables.scores import TRAIT_FIGURES, interval, score_column
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.report.sections.captures import without_height
 from fieldkit.report.sections.loaded import Loaded, Results
+from fieldkit.report.sections.photographs import PHOTOGRAPHS
 from fieldkit.report.sections.shown import Shown
 from fieldkit.results.finding import OTHER_PLANTS
 from fieldkit.results.visit import Visit
@@ -58,7 +59,10 @@ def campaign_section(result: Loaded[Campaign], anchor: str, shown: Shown) -> Sec
             table = _table(day, [visit for visit in campaign.visits if visit.date == day], anchors, pictures)
             last = day == campaign.dates[-1]
             blocks.append(table if last else Details(f"Plots on {day}", (traits_table(campaign, day), table)))
-        blocks += [_plot(campaign, plot, name, pictures.get(plot)) for plot, name in anchors.items()]
+        photographs = shown.pictures(anchor, PHOTOGRAPHS)
+        blocks += [
+            _plot(campaign, plot, name, pictures.get(plot), photographs.get(plot)) for plot, name in anchors.items()
+        ]
     return Section(anchor, f"Campaign: {campaign.name}", tuple(blocks))
 
 
@@ -73,7 +77,7 @@ def plot_anchors(campaign: Campaign, anchor: str) -> dict[str, str]:
     return {plot: f"{anchor}-plot-{number}" for number, plot in enumerate(plots, 1)}
 
 
-def plot_map(campaign: Campaign, anchor: str) -> PlotMap | None:
+def plot_map(campaign: Campaign, anchor: str, photographs: Mapping[str, Picture]) -> PlotMap | None:
     """The plots on every date, coloured by a figure of choice; None without visits, or if they lie too far apart.
 
     Measured and predicted distances have scales of their own: one is not the other.
@@ -94,8 +98,9 @@ def plot_map(campaign: Campaign, anchor: str) -> PlotMap | None:
         return None
     measures.sort(key=lambda measure: -sum(map(len, measure.values.values())))  # the one with most values comes first
     return PlotMap(
-        f"The plots of {campaign.name}", tuple(plots), tuple(measures), plot_anchors(campaign, anchor), anchor
-    )
+        f"The plots of {campaign.name}", tuple(plots), tuple(measures), plot_anchors(campaign, anchor), photographs,
+        anchor,
+    )  # fmt: skip
 
 
 def traits_table(campaign: Campaign, day: str) -> Table:
@@ -149,7 +154,7 @@ def _table(day: str, visits: Sequence[Visit], anchors: Mapping[str, str], pictur
     ])  # fmt: skip
 
 
-def _plot(campaign: Campaign, plot: str, anchor: str, picture: Picture | None) -> Details:
+def _plot(campaign: Campaign, plot: str, anchor: str, cloud: Picture | None, photograph: Picture | None) -> Details:
     """A plot's dates."""
     visits = [visit for visit in campaign.visits if visit.plot == plot]
     columns = score_columns(visits)
@@ -159,8 +164,10 @@ def _plot(campaign: Campaign, plot: str, anchor: str, picture: Picture | None) -
     )
     drawn = tuple(charts(visits, plot))
     blocks: list[Block] = [grown, *([Charts(drawn)] if drawn else []), quality]
-    if picture is not None:
-        blocks.insert(0, Still(picture, f"{plot}: its last cloud, from the front and from above"))
+    if cloud is not None:
+        blocks.insert(0, Still(cloud, f"{plot}: its last cloud, from the front and from above"))
+    if photograph is not None:
+        blocks.insert(0, Still(photograph, photograph.description))
     return Details(f"Plot {plot}", tuple(blocks), anchor=anchor)
 
 

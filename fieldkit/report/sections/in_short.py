@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from fieldkit.campaign import Campaign
 from fieldkit.campaign.overview import verdict as campaign_verdict
-from fieldkit.figures.content import Block, Details, Paragraph, Picture, Section, Statement, Statements, Still, Table
+from fieldkit.figures.content import Block, Details, Paragraph, Section, Statement, Statements, Still, Table
 from fieldkit.figures.style import format_length, format_range, format_seconds, format_with_error
 from fieldkit.figures.tables.comparison import difference_table, leading_figures
 from fieldkit.figures.tables.scores import counted_traits, plant_tables
@@ -14,6 +14,8 @@ from fieldkit.report.sections.campaign import campaign_anchor, plot_map, traits_
 from fieldkit.report.sections.comparison import noise_counts
 from fieldkit.report.sections.demo import demo_blocks, demo_statements
 from fieldkit.report.sections.loaded import FlownMission, PlanRun, Results
+from fieldkit.report.sections.photographs import PHOTOGRAPHS
+from fieldkit.report.sections.shown import Shown
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.demo import DemoReport
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, ReferenceReport
@@ -31,8 +33,8 @@ _AFTER_EVALUATION = (
 )
 
 
-def in_short(results: Results, statements: Sequence[Statement], pictures: Sequence[tuple[str, Picture]]) -> Section:
-    """The first section of a report, of all that is said of its results; maps of campaigns come before pictures."""
+def in_short(results: Results, statements: Sequence[Statement], shown: Shown) -> Section:
+    """The first section of a report, of all that is said of its results: with maps of campaigns, else with stills."""
     to_do = tuple(each for each in statements if each.level in ("problem", "note") and each.advice)
     grouped = tuple(_grouped(to_do))
     rest = tuple(each for each in statements if each not in grouped)
@@ -40,12 +42,11 @@ def in_short(results: Results, statements: Sequence[Statement], pictures: Sequen
     compared = [each for demo in demos for each in demo_statements(demo)]
     blocks: list[Block] = [Statements((*compared, verdict(results, statements)))]
     blocks += [block for demo in demos for block in demo_blocks(demo)]
-    maps = [
-        shown for k, result in enumerate(results.of(Campaign))
-        if (shown := plot_map(result.report, campaign_anchor(k))) is not None
-    ]  # fmt: skip
-    blocks += maps
-    blocks += [Still(picture, caption) for caption, picture in ([] if maps else pictures)]
+    anchors = {campaign_anchor(k): result.report for k, result in enumerate(results.of(Campaign))}
+    maps = [plot_map(report, anchor, shown.pictures(anchor, PHOTOGRAPHS)) for anchor, report in anchors.items()]
+    drawn = [each for each in maps if each is not None]
+    stills = [] if drawn else shown.first_stills(("evaluation", "reference", "plan", "mission"))
+    blocks += [*drawn, *(Still(picture, caption) for caption, picture in stills)]
     tables = list(_plants(results))
     ordered = sorted(grouped, key=lambda each: each.level != "problem")
     todo: list[Block] = [Statements(tuple(ordered))] if ordered else []

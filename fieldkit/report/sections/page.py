@@ -75,8 +75,7 @@ def build_page(
         for kind, loaded, anchor in _each(results):
             kind.add_pictures(shown, anchor, loaded, results)
     sections = [kind.section(loaded, anchor, shown) for kind, loaded, anchor in _each(results)]
-    stills = list(shown.first_stills(("evaluation", "reference", "plan", "mission")))
-    head = in_short(results, summarise(results), stills)
+    head = in_short(results, summarise(results), shown)
     glossary: list[Details | Paragraph] = [
         Details("Terms that this report uses", (Terms(meanings(terms_of(results))),))
     ]

@@ -16,9 +16,15 @@ from fieldkit.report.sections.loaded import Loaded, Results
 from fieldkit.report.sections.shown import MOST_THUMBNAILS, Shown
 from fieldkit.report.sections.stills import as_jpeg, cloud_still
 from fieldkit.results.evaluation import EvaluationReport, ReconstructionEntry, ReferenceReport
+from fieldkit.results.report_files import file_sha256, load_evaluation_report
+from fieldkit.results.visit import Visit
 
 SIDE = 160
 """Longer side of a thumbnail, pixels; shown at half the size."""
+MAP_SIDE = 480
+"""The same of a photograph on a map."""
+PHOTOGRAPHS = "photographs"
+"""What a campaign's photographs are kept under, by plot."""
 
 _QUALITY = 72
 _LARGEST_BYTES = 64 << 20
@@ -44,19 +50,36 @@ def add_photographs(
 
 
 def add_campaign_pictures(shown: Shown, anchor: str, result: Loaded[Campaign], _: Results) -> None:
-    """Stills of the plots' last clouds, by plot."""
-    found: dict[str, Picture] = {}
-    for visit in sorted(result.report.visits, key=lambda visit: visit.date, reverse=True):
-        if visit.plot in found or shown.thumbnails + len(found) >= MOST_THUMBNAILS:
-            continue
-        try:
-            file = visit_cloud(result.folder, visit)
-            cloud = None if file is None else read_cloud(file)
-        except (FieldkitError, OSError):
-            continue
-        if cloud is not None and (picture := cloud_still(cloud, visit.plot)) is not None:
-            found[visit.plot] = picture
-    shown.add_pictures(anchor, "", found)
+    """Of each plot a photograph and a still of its cloud, the last there are."""
+    for of, picture_of in ((PHOTOGRAPHS, _photograph), ("", _cloud)):
+        found: dict[str, Picture] = {}
+        for visit in sorted(result.report.visits, key=lambda visit: visit.date, reverse=True):
+            if visit.plot in found or shown.thumbnails + len(found) >= MOST_THUMBNAILS:
+                continue
+            try:
+                picture = picture_of(result.folder, visit)
+            except (FieldkitError, OSError):
+                continue
+            if picture is not None:
+                found[visit.plot] = picture
+        shown.add_pictures(anchor, of, found)
+
+
+def _cloud(campaign: Path, visit: Visit) -> Picture | None:
+    file = visit_cloud(campaign, visit)
+    return None if file is None else cloud_still(read_cloud(file), visit.plot)
+
+
+def _photograph(campaign: Path, visit: Visit) -> Picture | None:
+    """The photograph of a visit that looks down most steeply, if it is still there and as it was."""
+    files = {Path(path).name: (campaign / path, sha256) for sha256, path in visit.photographs.items()}
+    plots = load_evaluation_report(campaign / visit.folder).plots if visit.folder else ()
+    used = [image for plot in plots for image in plot.image_reports if image.counts]
+    for image in sorted(used, key=lambda image: image.pitch_deg or 0.0):
+        file, sha256 = files.pop(Path(image.name).name, (None, ""))
+        if file is not None and file.is_file() and file_sha256(file) == sha256:
+            return _small(file, MAP_SIDE, f"{visit.plot} on {visit.date}: photograph {file.name}")
+    return None
 
 
 def find_photographs(source: str, names: Sequence[str], near: Path, root: Path) -> Path | None:
@@ -84,15 +107,22 @@ def thumbnails(folder: Path, names: Sequence[str], most: int) -> Mapping[str, Pi
         file = _file(folder, name)
         if file is None:
             continue
-        try:
-            pixels = read_image(file, max_side=SIDE) if file.stat().st_size <= _LARGEST_BYTES else None
-        except (FieldkitError, OSError, MemoryError):
-            continue
-        jpeg = None if pixels is None else as_jpeg(pixels, _QUALITY)
-        if pixels is not None and jpeg is not None:
-            height, width = pixels.shape[:2]
-            found[name] = Picture(jpeg, max(1, width // 2), max(1, height // 2), f"photograph {name}")
+        if (picture := _small(file, SIDE, f"photograph {name}")) is not None:
+            found[name] = picture
     return found
+
+
+def _small(file: Path, side: int, description: str) -> Picture | None:
+    """A photograph without metadata, shown at half its pixels; None where it cannot be read."""
+    try:
+        pixels = read_image(file, max_side=side) if file.stat().st_size <= _LARGEST_BYTES else None
+    except (FieldkitError, OSError, MemoryError):
+        return None
+    jpeg = None if pixels is None else as_jpeg(pixels, _QUALITY)
+    if pixels is None or jpeg is None:
+        return None
+    height, width = pixels.shape[:2]
+    return Picture(jpeg, max(1, width // 2), max(1, height // 2), description)
 
 
 def _places(near: Path, root: Path) -> Iterator[Path]:

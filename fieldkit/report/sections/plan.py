@@ -43,9 +43,6 @@ _FINALISTS_NOTE = (
     "values within a column only: confirmations may be at a finer quality than the search."
 )
 _LATER = 0.97  # quantile of the values within the curve's axis; the first random sets are often much worse
-_LATE = 0.1  # the last tenth of a search
-_GAIN = 0.01  # least improvement, as a share
-_FEWEST_TRIALS = 20  # before late improvement is reported
 
 
 def plan_section(result: Loaded[PlanRun], anchor: str, shown: Shown) -> Section:
@@ -248,26 +245,6 @@ def plan_statements(loaded: Loaded[PlanRun], results: Results) -> Iterator[State
             f"{broken} of {count(len(result.trials), 'trial')} gave no cloud.",
             "evaluations.jsonl says why, in each line's “failure”.",
         )
-    yield from _still_improving(result, more)
-
-
-def _still_improving(result: PlanRun, more: str) -> Iterator[Statement]:
-    best = [value for value in best_so_far(result.trials) if value is not None]
-    if len(best) < _FEWEST_TRIALS or result.settings is None:
-        return
-    tail = max(1, round(_LATE * len(best)))
-    before, last = best[-tail - 1], best[-1]
-    if last < (1 - _GAIN) * before:
-        yield Statement(
-            "note",
-            f"The search still got better in its last {count(tail, 'trial')}: from {format_length(before)} to "
-            f"{format_length(last)}, so more may find better poses (one took {format_seconds(_pace(result))}).",
-            f"Search on: {more.format(round(1.5 * result.settings.evaluations))}",
-        )
-
-
-def _pace(result: PlanRun) -> float:
-    return max(trial.finished_s for trial in result.trials) / len(result.trials)
 
 
 def mission_statements(loaded: Loaded[FlownMission], _: Results) -> Iterator[Statement]:

@@ -13,7 +13,6 @@ from fieldkit.results.demo import DemoReport
 from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
 from fieldkit.results.plan import PlanSource
 from fieldkit.version import __version__
-from fieldkit.wording import count
 
 _MOST_SETTINGS = 200
 _LONGEST = 200
@@ -33,9 +32,6 @@ def provenance_section(results: Results, command: str) -> Section:
         if (settings := _settings(each.report)) is not None:
             flat = tuple(_flat(settings))[:_MOST_SETTINGS] or (("settings", "none are given"),)
             blocks.append(Details(f"Settings of {each.name}", (Terms(flat, mono=True),)))
-    if files := list(_files(shown)):
-        table = tabulated("Files, as the results describe them", files)
-        blocks.append(Details(f"{count(len(files), 'file')} with SHA-256", (table,)))
     blocks.append(
         Paragraph(
             "The SHA-256 of a file changes with any change to it: compare it with `sha256sum FILE`. The same inputs, "
@@ -103,15 +99,3 @@ def _flat(value: Any, key: str = "", depth: int = 0) -> Iterator[tuple[str, str]
         return
     text = "none" if value is None else str(value)
     yield key, text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
-
-
-def _files(shown: list[Loaded[Any]]) -> Iterator[Row]:
-    for loaded in shown:
-        report = loaded.report
-        if not isinstance(report, ReferenceReport | EvaluationReport):
-            continue
-        plots = report.plots if isinstance(report, EvaluationReport) else ()
-        for entry in (*report.files, *(entry for plot in plots for entry in plot.files)):
-            yield {
-                "file": f"{loaded.name}/{entry.name}", Column("bytes", True): f"{entry.bytes:,}", _SHA256: entry.sha256
-            }  # fmt: skip

@@ -24,12 +24,13 @@ _WIDEST = 720
 _QUALITY = 80
 _MARGIN = 0.04
 _STRAY, _BEYOND = 0.01, 0.2  # share of points on each side that may lie outside; room beyond the others, as a share
-_PAPER = 255
+_PAPER, _NEARLY_PAPER = 255, 250
 _MOST_POINTS = 400_000
 _GREY = np.array([[120, 140, 125]], dtype=np.uint8)
 _CAMERA_PX = 4
 _MANY, _ALONE = 30, 1.3  # cameras, whose dots are smaller beyond; how much higher a single panel is
-_INK, _PLAIN, _BOLD, _TEXT_PX = "#1b231f", "normal", "bold", 12
+# The ink is read on light and on dark pages.
+_INK, _PLAIN, _BOLD, _TEXT_PX = "#75827b", "normal", "bold", 12
 _STRIP = 30  # pixels, of scale and north
 
 
@@ -73,11 +74,14 @@ def still(scene: ViewerScene, *, height: int = _HEIGHT, marked: bool = True) -> 
             panel = _with_scale(panel, scene, direction, window)
         panels.append(panel)
     picture = _beside(panels)
-    jpeg = as_jpeg(picture, _QUALITY)
-    if jpeg is None:
+    paper = (picture >= _NEARLY_PAPER).all(axis=2)
+    done, webp = cv2.imencode(
+        ".webp", np.dstack([picture[:, :, ::-1], np.where(paper, 0, 255)]), [cv2.IMWRITE_WEBP_QUALITY, _QUALITY]
+    )
+    if not done:
         return None
     seen = "from above" if alone else "from the front and from above"
-    return Picture(jpeg, picture.shape[1], picture.shape[0], f"{scene.title}: {seen}")
+    return Picture(webp.tobytes(), picture.shape[1], picture.shape[0], f"{scene.title}: {seen}")
 
 
 def cloud_still(cloud: Cloud, name: str) -> Picture | None:

@@ -17,12 +17,16 @@ from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Resul
 from fieldkit.report.sections.photographs import find_photographs, thumbnails
 from fieldkit.report.sections.plan import mission_statements
 from fieldkit.report.sections.views_3d import mission_view
+from fieldkit.report.write_report import write_report
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
 from fieldkit.results.plan_file import save_plan
+from fieldkit.results.report_files import file_sha256
+from fieldkit.results.visit import load_visit, save_visit
 from fieldkit.sites.placement import PlotFrame, SiteFrame
 from fieldkit.sites.site_file import load_site
 from tests.missions.test_export import LOW_M, SITES, VEHICLE, planned
+from tests.report.page_checks import checked
 from tests.report.sections.examples import (
     write_campaign,
     write_evaluation,
@@ -229,9 +233,28 @@ class TestPhotographs:
         assert list(found) == names[:2]
         picture = found[names[0]]
         assert (picture.width, picture.height) == (80, 60)
-        assert picture.jpeg.startswith(b"\xff\xd8\xff")
-        assert len(picture.jpeg) < 20_000
-        assert b"Exif" not in picture.jpeg
+        assert picture.data.startswith(b"\xff\xd8\xff")
+        assert len(picture.data) < 20_000
+        assert b"Exif" not in picture.data
+
+    def test_a_plot_of_a_campaign_shows_the_steepest_that_is_as_it_was(self, tmp_path: Path) -> None:
+        write_photographs(tmp_path / "card", 8)
+        write_campaign(tmp_path / "season", dates=("2026-06-30",))
+        place = tmp_path / "season" / "visits" / "maize-1" / "2026-06-30"
+        report = write_evaluation(tmp_path / "eval", plots=("maize-1",))
+        (tmp_path / "eval" / "evaluation.json").rename(place / "evaluation.json")
+        used = sorted((i for i in report.plots[0].image_reports if i.counts), key=lambda i: i.pitch_deg or 0.0)
+        files = {file_sha256(file): str(file) for file in sorted((tmp_path / "card").iterdir())}
+        visit = load_visit(place).model_copy(update={"photographs": files, "folder": "visits/maize-1/2026-06-30"})
+        save_visit(place, visit)
+
+        def shown() -> str:
+            write_report(tmp_path / "season", overwrite=True)
+            return checked((tmp_path / "season" / "report.html").read_text()).text
+
+        assert f"maize-1 on 2026-06-30: photograph {used[0].name}" in shown()
+        (tmp_path / "card" / used[0].name).write_bytes(b"another")
+        assert f"photograph {used[1].name}" in shown()
 
     def test_not_where_one_is_missing(self, tmp_path: Path) -> None:
         write_photographs(tmp_path / "a", 3)
