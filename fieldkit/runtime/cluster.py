@@ -10,13 +10,16 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from functools import partial
+from ipaddress import ip_address
 from typing import Any
+from urllib.parse import urlsplit
 
 from fieldkit.errors import UsageError
 from fieldkit.runtime.executor import Limits, NoWorkersError, WorkerError
 from fieldkit.runtime.threads import limit_threads
 
 _TOO_LONG = 4
+TRUSTED = "FIELDKIT_TRUSTED_NETWORK"
 
 
 @contextmanager
@@ -28,6 +31,7 @@ def open_cluster(scheduler: str, make: Callable[[], Any] | None, limits: Limits)
         raise UsageError(
             "--scheduler needs Dask", remedy="Install it with `pip install 'fieldkit[cluster]'`."
         ) from error
+    check_scheduler(scheduler)
     try:
         client: Any = Client(scheduler, timeout="20s")  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
@@ -37,6 +41,25 @@ def open_cluster(scheduler: str, make: Callable[[], Any] | None, limits: Limits)
         ) from error
     with client, Cluster(client, make=make, limits=limits) as executor:
         yield executor
+
+
+def check_scheduler(scheduler: str) -> None:
+    """Raise a UsageError for a scheduler beyond this machine that is reached without TLS, unless that is wished.
+
+    Whoever reaches a scheduler's port runs what they like on its workers. Certificates of tls:// addresses are those
+    that Dask is configured with (``distributed.comm.tls``, or DASK_DISTRIBUTED__COMM__TLS__CA_FILE and the like).
+    """
+    scheme, _, place = scheduler.rpartition("://")
+    host = urlsplit(f"//{place}").hostname or ""
+    try:
+        alone = ip_address(host).is_loopback
+    except ValueError:
+        alone = host == "localhost"
+    if scheme not in ("tls", "wss", "inproc") and not alone and not os.environ.get(TRUSTED):
+        raise UsageError(
+            f"the Dask scheduler {scheduler} is on another machine, and reached without TLS",
+            remedy=f"Give tls://{place} with Dask's certificates, or set {TRUSTED}=1 on a network of your own.",
+        )
 
 
 class Cluster(Executor):

@@ -15,7 +15,7 @@ from fieldkit.errors import UsageError
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.run.evaluations import Evaluations, Job
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.runtime.cluster import Cluster
+from fieldkit.runtime.cluster import TRUSTED, Cluster, check_scheduler
 from fieldkit.runtime.executor import Limits, NoWorkersError, WorkerError, open_executor
 from tests.planning.bowl import here
 from tests.planning.traps import EXIT, REFUSE, SLOW, Trap, job_cameras
@@ -83,3 +83,19 @@ def test_a_call_that_takes_too_long_ends_its_worker(client: Any) -> None:
 def test_a_scheduler_that_is_not_there_is_told() -> None:
     with pytest.raises(NoWorkersError, match="cannot reach"), open_executor(1, "tcp://127.0.0.1:1"):
         pass
+
+
+REACHED = {
+    "tcp://127.0.0.1:8786": True, "tcp://[::1]:8786": True, "localhost:8786": True, "tls://field.lab:8786": True,
+    "tcp://10.0.0.7:8786": False, "field.lab:8786": False, "ws://field.lab:80": False,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("scheduler", "taken"), REACHED.items())
+def test_other_machines_are_reached_by_tls_unless_that_is_wished(monkeypatch, scheduler: str, taken: bool) -> None:
+    monkeypatch.delenv(TRUSTED, raising=False)
+    if not taken:
+        with pytest.raises(UsageError, match="without TLS"):
+            check_scheduler(scheduler)
+        monkeypatch.setenv(TRUSTED, "1")
+    check_scheduler(scheduler)
