@@ -37,20 +37,20 @@ from fieldkit.vocabulary import DISTANCES_M
 
 
 def evaluate_captures(
-    captures: Path,
-    output: Path,
+    captures: Path | str,
+    output: Path | str,
     settings: ReconstructionSettings | None = None,
     *,
-    reference: Path | None = None,
+    reference: Path | str | None = None,
     reference_frame: str = "",
     refine: bool = False,
     distances_m: Sequence[float] = DISTANCES_M,
-    log: Path | None = None,
-    plan: Path | None = None,
+    log: Path | str | None = None,
+    plan: Path | str | None = None,
     poses: PosesFile | None = None,
     rasters: Rasters | None = None,
-    cache: StageCache,
-    progress: Progress,
+    cache: StageCache | None = None,
+    progress: Progress | None = None,
     overwrite: bool = False,
     workers: int = 1,
     scheduler: str = "",
@@ -72,7 +72,7 @@ def evaluate_captures(
         poses: that another program found, of all plots; None takes what lies beside each one's photographs.
         rasters: to be written into each plot's folder.
         overwrite: replace an earlier evaluation in ``output``.
-        scheduler: as `build_reference`.
+        cache, progress, scheduler: as `build_reference`.
 
     Returns:
         The report; plots that failed are in it with their error, and do not stop the others.
@@ -84,7 +84,10 @@ def evaluate_captures(
             is raised.
     """
     settings = settings or ReconstructionSettings()
-    context, spent = Context(cache, progress, workers, settings.seed, scheduler), Spent.now()
+    captures, output = Path(captures), Path(output)
+    reference, log, plan = (None if each is None else Path(each) for each in (reference, log, plan))
+    context, spent = Context.usual(cache, progress, workers, settings.seed, scheduler), Spent.now()
+    progress = context.progress
     if poses is not None and log is not None:
         raise UsageError("poses come from a flight log or from another program", remedy="Give --log or --poses.")
     with atomic_folder(output, overwrite=overwrite, marker=EVALUATION_FILE) as folder:

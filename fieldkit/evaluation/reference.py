@@ -38,12 +38,12 @@ MODEL_FOLDER = "model"
 
 
 def build_reference(
-    images: Path,
-    output: Path,
+    images: Path | str,
+    output: Path | str,
     settings: ReconstructionSettings | None = None,
     *,
-    cache: StageCache,
-    progress: Progress,
+    cache: StageCache | None = None,
+    progress: Progress | None = None,
     overwrite: bool = False,
     resume: bool = False,
     workers: int = 1,
@@ -62,6 +62,7 @@ def build_reference(
             binary format, plot frame), overview.png, traits.csv and, where it is georeferenced, cloud.laz and
             scene.laz in UTM.
         settings: choices; None takes the defaults.
+        cache, progress: None takes the usual folder, and says nothing.
         overwrite: replace an earlier reference in ``output``.
         resume: add the scene to an earlier reference in ``output`` that was made alike and has none.
         scheduler: address of a Dask cluster that computes instead of processes; its workers see the same files.
@@ -75,7 +76,9 @@ def build_reference(
         ReconstructionError: they do not reconstruct.
     """
     settings = settings or ReconstructionSettings()
-    context = Context(cache, progress, workers, settings.seed, scheduler)
+    images, output = Path(images), Path(output)
+    context = Context.usual(cache, progress, workers, settings.seed, scheduler)
+    progress = context.progress
     begun = time.perf_counter(), processor_seconds()
     goes_on = resume and scene and _lacks_scene(output, images, settings)
     with ExitStack() as pictures:

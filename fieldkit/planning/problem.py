@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol, runtime_checkable
@@ -217,10 +217,10 @@ class Chooser(Protocol):
         """As `--method` takes it."""
         ...
 
-    def choose(self, count: int, workers: int = 1) -> list[Trial]:
+    def choose(self, count: int, workers: int = 1, advance: Callable[[int], None] = lambda _: None) -> list[Trial]:
         """At most ``count`` trials, the best expected first, without repeated sets of cameras.
 
-        They do not depend on ``workers``, the number of processes.
+        They do not depend on ``workers``, the number of processes. ``advance`` is called with 1 as each is found.
         """
         ...
 

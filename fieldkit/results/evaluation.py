@@ -15,7 +15,7 @@ from fieldkit.geometry import Pose
 from fieldkit.results.fields import Count, Length, Sha256, Share, Strict, Text, Vector
 from fieldkit.results.finding import DOUBTFUL, Finding
 from fieldkit.results.frame import CameraReport, FrameEntry, VolumeEntry
-from fieldkit.results.traits import PlantEntry, TraitsEntry
+from fieldkit.results.traits import REASONS, PlantEntry, TraitsEntry, TraitTable
 from fieldkit.vocabulary import Fidelity, MappingName, Mask
 
 Seconds = Annotated[float, Field(ge=0)]
@@ -365,6 +365,15 @@ class EvaluationReport(Strict):
     seconds: Seconds
     cpu_seconds: Seconds
     files: tuple[FileEntry, ...]
+
+    @property
+    def traits(self) -> TraitTable:
+        """Of all plots."""
+        return TraitTable(
+            {"plot": plot.name, "date": plot.date, **(plot.traits or TraitsEntry()).row()}
+            | ({} if plot.error is None else {REASONS: plot.error.message})
+            for plot in self.plots
+        )
 
     @property
     def failed(self) -> int:

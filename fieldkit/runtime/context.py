@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from fieldkit.cache import StageCache
+from fieldkit.cache import StageCache, default_cache_root
 from fieldkit.runtime.executor import Limits, map_parallel, open_executor
 from fieldkit.runtime.progress import Progress, Silent
 
@@ -33,6 +33,13 @@ class Context:
     seed: int = 0
     scheduler: str = ""
     """Address of a Dask cluster that computes instead of processes; its workers see the same files."""
+
+    @classmethod
+    def usual(
+        cls, cache: StageCache | None, progress: Progress | None, workers: int, seed: int, scheduler: str
+    ) -> Context:
+        """A context with the cache in the usual place, and silence, where there is None."""
+        return cls(cache or StageCache(default_cache_root()), progress or Silent(), workers, seed, scheduler)
 
     def executor(
         self, *, make: Callable[[], Any] | None = None, limits: Limits | None = None

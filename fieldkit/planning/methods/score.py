@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -32,11 +32,12 @@ class ScoreOptimum:
     ) -> None:
         self._problem, self._weights, self._seed, self._effort = problem, weights, seed, effort
 
-    def choose(self, count: int, workers: int = 1) -> list[Trial]:
+    def choose(self, count: int, workers: int = 1, advance: Callable[[int], None] = lambda _: None) -> list[Trial]:
         """See `Chooser.choose`; trial k is the set of the k-th start, its notes hold the expected value in metres."""
         find = partial(optimum, self._problem, self._weights, self._seed, self._effort)
         found: dict[Cameras, Trial] = {}
-        for k, (cameras, expected_m) in enumerate(map_parallel(find, range(count), workers=workers)):
+        optima = map_parallel(find, range(count), workers=workers, advance=advance)
+        for k, (cameras, expected_m) in enumerate(optima):
             trial = Trial(k, cameras, "optimum of the geometric score", {"expected_m": expected_m})
             found.setdefault(cameras, trial)
         return sorted(found.values(), key=lambda trial: (trial.notes["expected_m"], trial.number))

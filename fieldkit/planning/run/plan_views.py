@@ -32,16 +32,16 @@ from fieldkit.planning.score.cost_model import CostModel
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import processor_seconds
-from fieldkit.runtime.progress import Progress, Silent
+from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.renderer import RenderingError
 from fieldkit.version import __version__
 
 
 def plan_views(
-    output: Path,
+    output: Path | str,
     settings: SearchSettings,
     *,
-    cache: StageCache,
+    cache: StageCache | None = None,
     workers: int = 1,
     scheduler: str = "",
     overwrite: bool = False,
@@ -56,6 +56,7 @@ def plan_views(
         output: the run's folder: search.json before the start, evaluations.jsonl during the run; at the end plan.json,
             outcome.json, progress.csv and plan.png.
         settings: of the run.
+        cache, progress: None takes the usual folder, and says nothing.
         scheduler: address of a Dask scheduler whose workers evaluate instead.
         overwrite: replace an earlier run in ``output``.
         watch: called with every evaluation.
@@ -69,9 +70,9 @@ def plan_views(
         StorageError: the disk is full; the run can be resumed if anything was evaluated.
     """
     method_entry(settings.method, methods)
-    with create_run(output, settings, overwrite=overwrite) as run:
+    with create_run(Path(output), settings, overwrite=overwrite) as run:
         try:
-            context = Context(cache, progress or Silent(), workers, settings.seed, scheduler)
+            context = Context.usual(cache, progress, workers, settings.seed, scheduler)
             return _planned(run, context, watch or no_watch, expect, methods)
         except FieldkitError:
             if not run.entries:  # so that the same call, put right, is not refused
@@ -80,10 +81,10 @@ def plan_views(
 
 
 def resume_plan(
-    output: Path,
+    output: Path | str,
     settings: SearchSettings | None = None,
     *,
-    cache: StageCache,
+    cache: StageCache | None = None,
     workers: int = 1,
     scheduler: str = "",
     progress: Progress | None = None,
@@ -102,17 +103,16 @@ def resume_plan(
         MetadataError: ``output`` is not a run's folder, or is damaged.
         FieldkitError: as `plan_views`.
     """
-    with open_run(output) as run:
+    with open_run(Path(output)) as run:
         method_entry(run.settings.method, methods)
         if settings is not None and settings != run.settings:
             run.save_settings(settings)
-        progress = progress or Silent()
+        context = Context.usual(cache, progress, workers, run.settings.seed, scheduler)
         if run.settings.fieldkit != __version__:
-            progress.note(
+            context.progress.note(
                 f"this run was begun with fieldkit {run.settings.fieldkit} and goes on with {__version__}: where the "
                 "changelog names the objective, values of the two do not compare"
             )
-        context = Context(cache, progress, workers, run.settings.seed, scheduler)
         return _planned(run, context, watch or no_watch, expect, methods)
 
 
@@ -153,9 +153,10 @@ def _chosen(method: Chooser, run: RunFolder, setup: RunSetup, context: Context, 
             progress.note(f"the plan is not confirmed: {error.message}. {error.remedy}")
             confirming = False
     begun, cpu = time.monotonic(), processor_seconds()
-    with progress.stage("Optimising the geometric score"):
-        ring = _ring(setup.problem, settings) if confirming else None
-        trials = method.choose(settings.finalists - (ring is not None) if confirming else 1, context.workers)
+    ring = _ring(setup.problem, settings) if confirming else None
+    starts = settings.finalists - (ring is not None) if confirming else 1
+    with progress.stage("Optimising the geometric score", starts) as advance:
+        trials = method.choose(starts, context.workers, advance)
     cost = (time.monotonic() - begun, processor_seconds() - cpu)
     confirmed = [Finalist(trial) for trial in trials]
     if confirming:

@@ -36,7 +36,7 @@ KIND_CONFIRMED: dict[str, int] = {"finalists": 4, "repeats": 3}
 RECORDED_CONFIRMED: dict[str, int] = {"finalists": 6, "repeats": 6}
 """The withheld matches change a value by more than sets differ; evaluations are cheap."""
 _OF_SEARCHES = ("evaluations", "at_least", "initial", "time_budget_s", "fidelity")
-Paths = Path | Sequence[Path]
+Paths = Path | str | Sequence[Path | str]
 Settings = TypeVar("Settings", bound=BaseModel)
 _DEFAULT_CAMERAS, KIND_PLOTS = 10, 8
 _LIMITS = {
@@ -72,8 +72,8 @@ class PlanRequest:
 
 
 def search_settings(
-    *, scene: Paths = (), reference: Paths = (), captures: Path | None = None, images: Paths = (),
-    vehicle: str | Path | None = None, camera: Path | None = None, purpose: str | None = None,
+    *, scene: Paths = (), reference: Paths = (), captures: Path | str | None = None, images: Paths = (),
+    vehicle: str | Path | None = None, camera: Path | str | None = None, purpose: str | None = None,
     noise: Mapping[str, Any] | None = None, envelope: Mapping[str, Any] | None = None,
     preset: Preset = "outdoors", workers: int = 1, **more: Any,
 ) -> SearchSettings:  # fmt: skip
@@ -99,10 +99,11 @@ def search_settings(
         InputError: the source, the vehicle or the camera cannot be used.
 
     Example:
-        >>> settings = search_settings(scene=Path("case-1"), cameras=10, evaluations=60)
+        >>> settings = search_settings(scene="case-1", cameras=10, evaluations=60)
     """
     request = PlanRequest(
-        more, noise or {}, envelope or {}, _paths(scene), _paths(reference), captures, _paths(images), vehicle, camera,
+        more, noise or {}, envelope or {}, _paths(scene), _paths(reference),
+        None if captures is None else Path(captures), _paths(images), vehicle, None if camera is None else Path(camera),
         purpose, preset,
     )  # fmt: skip
     return new_settings(request, workers)
@@ -247,7 +248,7 @@ def _moved(settings: SearchSettings, found: Sequence[GivenPlot]) -> SearchSettin
 
 
 def _paths(given: Paths) -> tuple[Path, ...]:
-    return (given,) if isinstance(given, Path) else tuple(given)
+    return tuple(map(Path, [given] if isinstance(given, Path | str) else given))
 
 
 def _refuse_limits(envelope: Mapping[str, Any]) -> None:
