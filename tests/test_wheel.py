@@ -179,7 +179,7 @@ def test_a_machine_is_looked_at(installed: Installed) -> None:
 
 def test_messages_name_pages_that_are_there(installed: Installed) -> None:
     shipped = installed.package / "shipped"
-    said = installed.run("scene", "new", "-o", "feld.toml", "--overwrite").stderr
+    said = installed.run("scene", "new", "-o", "feld.toml", "--overwrite").stdout
     assert f"{shipped / 'sim' / 'README.md'} explains its keys" in said
     (installed.folder / "leer.toml").write_text("format = 1\n")
     said = installed.run("plan", "--scene", "demo", "--vehicle", "leer.toml", "-o", "plan", code=3).stderr

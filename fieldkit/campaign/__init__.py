@@ -20,7 +20,7 @@ beside its evaluation; tables, ranks and exports are made of these files.
 | What is flown next? | next_visit.py |
 """
 
-from fieldkit.campaign.reading import Campaign, CampaignPlot, find_campaign, read_campaign, visit_plots
-from fieldkit.results.visit import CAMPAIGN_FILE, Visit
+from fieldkit.campaign.reading import Campaign, CampaignPlot, read_campaign, visit_plots
+from fieldkit.results.visit import CAMPAIGN_FILE, Visit, find_campaign
 
 __all__ = ["CAMPAIGN_FILE", "Campaign", "CampaignPlot", "Visit", "find_campaign", "read_campaign", "visit_plots"]

@@ -11,7 +11,7 @@ from fieldkit.campaign.campaign_file import CampaignTable, EvaluationTable, read
 from fieldkit.campaign.visits import read_visits
 from fieldkit.documents.mistaken import refuse_other
 from fieldkit.documents.toml_file import read_versioned
-from fieldkit.errors import MetadataError, MissionError, UsageError
+from fieldkit.errors import MetadataError, MissionError
 from fieldkit.files import file_beside, named_file
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.plan import Plan, plan_on
@@ -143,22 +143,6 @@ def visit_plots(campaign: Campaign) -> list[PlotEvaluation]:
     """The evaluations of all visits with a result."""
     reports = (load_evaluation_report(campaign.folder / v.folder) for v in campaign.visits if v.folder and not v.error)
     return [plot for report in reports for plot in report.plots]
-
-
-def find_campaign(start: Path) -> Path | None:
-    """The folder of the campaign that a folder lies in: the nearest one, itself or above, with campaign.toml."""
-    start = Path(start).absolute()
-    return next((folder for folder in (start, *start.parents) if (folder / CAMPAIGN_FILE).is_file()), None)
-
-
-def campaign_folder(given: Path | None) -> Path:
-    """The folder of a campaign: as given, else the one that the current folder lies in."""
-    if given is not None:
-        return given
-    found = find_campaign(Path.cwd())
-    if found is None:
-        raise UsageError("which campaign?", remedy=f"Give its folder, or work in a folder with {CAMPAIGN_FILE}.")
-    return found
 
 
 def plots_file_of(site_file: Path) -> str | None:

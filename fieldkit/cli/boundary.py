@@ -209,10 +209,19 @@ def emit_json(value: Any) -> None:
 
 
 def say(text: str) -> None:
-    """Print a line for people, on stderr."""
+    """Print a remark for people, on stderr."""
+    _print(text, sys.stderr)
+
+
+def answer(text: str) -> None:
+    """Print a line of a command's answer, on stdout."""
+    _print(text, sys.stdout)
+
+
+def _print(text: str, stream: TextIO) -> None:
     with suppress(BrokenPipeError):
-        sys.stderr.write(text + "\n")
-    flush(sys.stderr)
+        stream.write(text + "\n")
+    flush(stream)
 
 
 def flush(stream: TextIO) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import JsonOption, emit_json, say, show, table
+from fieldkit.cli.common import JsonOption, answer, emit_json, show, table
 from fieldkit.errors import UsageError
 from fieldkit.wording import count
 
@@ -55,7 +55,7 @@ def command(
         emit_json({"removed_entries": removed.entries, "removed_bytes": removed.bytes, "bytes": left})
     else:
         entries = count(removed.entries, "entry", "entries")
-        say(f"removed {entries}, {_for_people(removed.bytes)}; {_for_people(left)} left")
+        answer(f"removed {entries}, {_for_people(removed.bytes)}; {_for_people(left)} left")
 
 
 def _bytes(text: str) -> int:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from typer import Option
 
-from fieldkit.cli.common import CampaignArgument, JsonOption, OverwriteOption, emit_json, say
+from fieldkit.cli.common import CampaignArgument, JsonOption, OverwriteOption, answer, campaign_folder, emit_json
 from fieldkit.wording import count
 
 
@@ -37,9 +37,10 @@ def command(
         fieldkit campaign export -o season.csv --overwrite
         fieldkit campaign export season -o season-maps --rasters
     """
-    from fieldkit.campaign.reading import campaign_folder, read_campaign
+    folder = campaign_folder(folder)
+    from fieldkit.campaign.reading import read_campaign
 
-    campaign = read_campaign(campaign_folder(folder))
+    campaign = read_campaign(folder)
     counts = {"visits": len(campaign.visits), "plots": len(campaign.plots)}
     if rasters:
         from fieldkit.campaign.raster_export import export_rasters, without_rasters
@@ -48,9 +49,9 @@ def command(
         if as_json:
             emit_json({"output": output, "format": "rasters", **counts, "rasters": [asdict(row) for row in rows]})
             return
+        answer(f"{output}: rasters of {sum(not row.no_rasters for row in rows)} of {len(rows)} visits")
         for sentence in without_rasters(rows):
-            say(sentence)
-        say(f"{output}: rasters of {sum(not row.no_rasters for row in rows)} of {len(rows)} visits")
+            answer(sentence)
         return
     from fieldkit.campaign.export import export_campaign
 
@@ -58,4 +59,4 @@ def command(
     if as_json:
         emit_json({"output": output, "format": written, **counts})
     else:
-        say(f"{output}: {count(counts['visits'], 'visit')} of {count(counts['plots'], 'plot')}")
+        answer(f"{output}: {count(counts['visits'], 'visit')} of {count(counts['plots'], 'plot')}")

@@ -7,7 +7,16 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import JsonOption, PlotIdOption, PlotsOption, SeedOption, VehicleOption, emit_json, say
+from fieldkit.cli.common import (
+    JsonOption,
+    PlotIdOption,
+    PlotsOption,
+    SeedOption,
+    VehicleOption,
+    answer,
+    emit_json,
+    say,
+)
 from fieldkit.cli.reconstruction_options import RasterOptions, ReconstructionOptions
 from fieldkit.errors import UsageError
 
@@ -72,5 +81,5 @@ def command(
             }
         )  # fmt: skip
     else:
-        say(f"{folder}: {count(len(made.plots), 'plot')}, {count(len(made.plan.stations), 'station')} each")
-        say(f"Next: fieldkit evaluate CAPTURES --campaign {folder}")
+        answer(f"{folder}: {count(len(made.plots), 'plot')}, {count(len(made.plan.stations), 'station')} each")
+        answer(f"Next: fieldkit evaluate CAPTURES --campaign {folder}")

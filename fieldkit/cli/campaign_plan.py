@@ -16,6 +16,7 @@ from fieldkit.cli.common import (
     PlantHeightOption,
     SeedOption,
     VehicleOption,
+    campaign_folder,
     emit_json,
     plant_height,
     show,
@@ -53,13 +54,13 @@ def command(
         fieldkit campaign plan season --date 2026-07-02 -o next.plan
         fieldkit campaign plan season --growth 1.3 --vehicle px4-gimbal -o next.plan
     """
-    day = _day(date)
+    day, folder = _day(date), campaign_folder(folder)
     from fieldkit.campaign.next_visit import plan_next_visit
-    from fieldkit.campaign.reading import campaign_folder, read_campaign
+    from fieldkit.campaign.reading import read_campaign
     from fieldkit.runtime.threads import limit_threads
 
     limit_threads(1)
-    campaign = read_campaign(campaign_folder(folder))
+    campaign = read_campaign(folder)
     with run_context(as_json=as_json) as progress:
         made = plan_next_visit(
             campaign, day, output, vehicle=vehicle, growth=growth, plant_height=plant_height(height), format=format,
@@ -83,7 +84,7 @@ def command(
     ]
     plans = table(f"Plans for {day}", ["plot", "last visit", "expected>", "campaign's plan there>"], rows)
     note = "Expected by the geometric score: it ranks sets of one plot, and is no chamfer distance."
-    show([*plans, note], *made.mission.files)
+    show(plans, note, *made.mission.files)
 
 
 def _day(date: str) -> str:

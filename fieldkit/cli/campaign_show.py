@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fieldkit.cli.common import CampaignArgument, JsonOption, emit_json, show
+from fieldkit.cli.common import CampaignArgument, JsonOption, campaign_folder, emit_json, show
 
 
 def command(folder: CampaignArgument = None, as_json: JsonOption = False) -> None:
@@ -15,10 +15,11 @@ def command(folder: CampaignArgument = None, as_json: JsonOption = False) -> Non
         fieldkit campaign show season
         fieldkit campaign show --json
     """
+    folder = campaign_folder(folder)
     from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks, verdict
-    from fieldkit.campaign.reading import campaign_folder, read_campaign
+    from fieldkit.campaign.reading import read_campaign
 
-    campaign = read_campaign(campaign_folder(folder))
+    campaign = read_campaign(folder)
     if as_json:
         emit_json(campaign_object(campaign))
         return

@@ -19,6 +19,7 @@ from fieldkit.cli.common import (
     SeedOption,
     SitePlotOptions,
     VehicleOption,
+    answer,
     emit_json,
     plant_height,
     say,
@@ -112,9 +113,9 @@ def command(
         emit_json({**one, "ok": all(r.ok for r in reports), "plots": plots, "files": files})
     else:
         _tell(reports)
-        show([], *files)
+        show(*files)
         if again.output is not None and not files:
-            say(f"No station is known to need another flight, so {again.output.name} was not written.")
+            answer(f"No station is known to need another flight, so {again.output.name} was not written.")
 
 
 def _missions(
@@ -144,12 +145,11 @@ def _tell(reports: Sequence[CheckReport]) -> None:
     from fieldkit.figures.terminal.blocks import rendered
 
     for report in reports:
-        show(rendered(check_blocks(report), most_rows=None))
-        for sentence in report.unchecked:
-            say(sentence)
         head = f"{report.name}: " if len(reports) > 1 else ""
-        show([Text(f"{head}{report.summary()}", "bold")])
-        say(f"{format_seconds(report.seconds)} ({format_seconds(report.cpu_seconds)} of CPU).")
+        show([Text(f"{head}{report.summary()}", "bold")], rendered(check_blocks(report), most_rows=None))
+        for sentence in report.unchecked:
+            answer(sentence)
+        answer(f"{format_seconds(report.seconds)} ({format_seconds(report.cpu_seconds)} of CPU).")
 
 
 def _plain(report: CheckReport) -> dict[str, Any]:

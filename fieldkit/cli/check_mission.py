@@ -13,6 +13,7 @@ from fieldkit.cli.common import (
     JsonOption,
     PlantHeightOption,
     SiteOptions,
+    answer,
     emit_json,
     finding_entries,
     plant_height,
@@ -114,15 +115,15 @@ def _facts(report: Report, ground: Ground | None) -> dict[str, Any]:
 
 
 def _show(report: Report, file: Path) -> None:
-    if report.findings:
-        show_findings(report.findings, file)
+    taken = count(len(report.taken), "photograph") + (f", {report.burst} per station" if report.burst > 1 else "")
+    way = f"{format_length(report.length_m)} and about {format_seconds(report.seconds)} from take-off to landing"
+    answer(f"{file.name}: {taken}, {way}; {_verdict(report)}")
     if report.deviations:
         farthest = max(report.deviations, key=lambda d: d.metres)
         those = count(len(report.deviations), "photograph matches", "photographs match")
-        say(f"{those} the plan, at most {format_length(farthest.metres)} off")
-    taken = count(len(report.taken), "photograph") + (f", {report.burst} per station" if report.burst > 1 else "")
-    way = f"{format_length(report.length_m)} and about {format_seconds(report.seconds)} from take-off to landing"
-    say(f"{file.name}: {taken}, {way}; {_verdict(report)}")
+        answer(f"{those} the plan, at most {format_length(farthest.metres)} off")
+    if report.findings:
+        show_findings(report.findings, file)
 
 
 def _plants(ground: Ground | None) -> list[dict[str, Any]]:

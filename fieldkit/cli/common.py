@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Argument, Option
 
+from fieldkit.cli.boundary import answer as answer
 from fieldkit.cli.boundary import emit_json as emit_json
 from fieldkit.cli.boundary import say as say
 from fieldkit.errors import UsageError
@@ -135,6 +137,18 @@ def plant_height(given: str | None) -> PlantHeight | None:
     return metres
 
 
+def campaign_folder(given: Path | None) -> Path:
+    """The folder of a campaign: as given, else the one that the current folder lies in."""
+    if given is not None:
+        return given
+    from fieldkit.results.visit import CAMPAIGN_FILE, find_campaign
+
+    found = find_campaign(Path.cwd())
+    if found is None:
+        raise UsageError("which campaign?", remedy=f"Give its folder, or work in a folder with {CAMPAIGN_FILE}.")
+    return found
+
+
 def vehicles_like(incomplete: str) -> list[str]:
     """The names of vehicles that begin so, for the Tab key."""
     from fieldkit.vehicles.vehicle_file import vehicle_names
@@ -165,15 +179,22 @@ def scenes_like(incomplete: str) -> list[str]:
     return [name for name in scene_names() if name.startswith(incomplete)]
 
 
-def show(things: Iterable[RenderableType], *lines: object) -> None:
-    """Print tables and texts for people, then lines that are not broken, such as paths. No string is markup."""
+def show(*parts: str | Path | Iterable[RenderableType]) -> None:
+    """Print a command's answer on stdout: lines, which are not broken, and tables and texts. No string is markup."""
     from rich.console import Console
 
-    out = Console(stderr=True, highlight=False)
-    for thing in things:
-        out.print(thing, markup=False)
-    for line in lines:
-        out.print(str(line), markup=False, soft_wrap=True)
+    class Answer(Console):
+        def on_broken_pipe(self) -> None:
+            """A reader that has gone (``| head``) is no error."""
+
+    out = Answer(highlight=False)
+    with suppress(BrokenPipeError):  # raised by an earlier Rich
+        for part in parts:
+            if isinstance(part, str | Path):
+                out.print(str(part), markup=False, soft_wrap=True)
+                continue
+            for thing in part:
+                out.print(thing, markup=False)
 
 
 def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[Cell]]) -> Iterator[RenderableType]:
@@ -243,6 +264,6 @@ def show_findings(findings: Sequence[Finding], file: Path) -> None:
     ]
     show(table(f"Findings in {file.name}", ["code", "severity", "item>", "what"], rows))
     if len(groups) > _MOST_ROWS:
-        say(f"and {count(len(groups) - _MOST_ROWS, 'more kind')}")
+        answer(f"and {count(len(groups) - _MOST_ROWS, 'more kind')}")
     if len(groups) < len(findings):
-        say(f"{len(findings)} findings in all: --json lists each of them")
+        answer(f"{len(findings)} findings in all: --json lists each of them")

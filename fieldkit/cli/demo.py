@@ -27,10 +27,12 @@ def command(output: OutputOption, run: RunOptions, as_json: JsonOption = False) 
     """
     cache = run.cache()
     from fieldkit.demo.loop import figures, run_demo
+    from fieldkit.results.demo import DEMO_FILE
 
+    overwrite = run.overwrite or (run.resume and not (output / DEMO_FILE).exists())
     with run_context(as_json=as_json) as progress:
         demo = run_demo(
-            output, seed=run.seed, cache=cache, progress=progress, overwrite=run.overwrite, workers=run.processes
+            output, seed=run.seed, cache=cache, progress=progress, overwrite=overwrite, workers=run.processes
         )
     if as_json:
         emit_json({"output": output, **figures(demo)})

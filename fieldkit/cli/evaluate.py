@@ -104,11 +104,11 @@ def command(
         return _in_campaign(folder, captures, cache, run, scheduler, as_json=as_json)
     if campaign is not None:
         raise UsageError("a campaign's results go into its own folder", remedy="Leave -o out, or --campaign.")
-    distances_m, settings = parse_distances(distances), reconstruction.settings(run.seed)
+    distances_m, wanted = parse_distances(distances), rasters.wanted()
+    settings = reconstruction.settings(run.seed)
     given, frame = poses.given(), parse_frame("--reference-frame", reference_frame)
     if frame and reference is None:
         raise UsageError("--reference-frame is that of --reference", remedy="Give --reference with it.")
-    wanted = rasters.wanted()
     from fieldkit.evaluation.evaluate import evaluate_captures
 
     with run_context(as_json=as_json) as progress:
@@ -131,7 +131,7 @@ def command(
 
 def _campaign_folder(context: Context, campaign: Path | None, flight: FlightOptions, poses: PosesOptions) -> Path:
     """The campaign that is meant."""
-    from fieldkit.campaign.reading import find_campaign
+    from fieldkit.results.visit import find_campaign
 
     folder = campaign or find_campaign(Path.cwd())
     if folder is None:
@@ -178,9 +178,10 @@ def _in_campaign(
 
         left = f"; {count(len(done.left_out), 'file')} left out" if done.left_out else ""
         show(
-            [f"{verdict(done.campaign)[0]}.\n", *rendered(campaign_tables(done.campaign), most_rows=None)],
+            f"{verdict(done.campaign)[0]}.",
             f"{count(len(done.evaluated), 'visit')} evaluated, {len(done.kept)} there already, {done.failed} failed"
             f"{left}",
+            rendered(campaign_tables(done.campaign), most_rows=None),
         )
     return ReconstructionError.exit_code if done.failed == len(done.evaluated) + len(done.kept) else EXIT_OK
 

@@ -20,6 +20,7 @@ from fieldkit.cli.common import (
     PlotIdOption,
     PlotsOption,
     SeedOption,
+    answer,
     emit_json,
     plant_height,
     say,
@@ -86,8 +87,9 @@ def command(
     if as_json:
         emit_json(_facts(done))
     else:
-        _say_stations(done)
-        _say_fit(done.routed.fit)
+        _answer(done)
+        _tell_fit(done.routed.fit)
+        _tell_stations(done)
         _show_flights(done)
 
 
@@ -118,35 +120,28 @@ def _facts(done: ExportedMission) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _say_stations(done: ExportedMission) -> None:
+def _tell_stations(done: ExportedMission) -> None:
     """Which stations are not flown as planned."""
     from fieldkit.results.finding import grouped, places_text
 
     routed = done.routed
     moved = grouped((each.finding for each in routed.moved), exact=True)
     for group in moved[:_MOST_MOVED]:
-        say(f"Moved: {places_text(group)}: {group[0].message}")
+        answer(f"Moved: {places_text(group)}: {group[0].message}")
     if len(moved) > _MOST_MOVED:
-        say(f"Moved: {count(len(moved) - _MOST_MOVED, 'more kind')}; --json lists all.")
+        answer(f"Moved: {count(len(moved) - _MOST_MOVED, 'more kind')}; --json lists all.")
     for name, flown in routed.own.items():
         assert flown.fit is not None
         factors = {"high": flown.fit.height, "far along": flown.fit.length, "far across": flown.fit.width}
         changed = ", ".join(f"{by:.2f} times as {what}" for what, by in factors.items() if abs(by - 1.0) > 1e-9)
-        say(f"Fitted to {name}: plants {changed}; evaluate its photographs with --plan {done.plans[name].name}.")
+        answer(f"Fitted to {name}: plants {changed}; evaluate its photographs with --plan {done.plans[name].name}.")
 
 
-def _show_flights(done: ExportedMission) -> None:
+def _answer(done: ExportedMission) -> None:
     routed = done.routed
-    rows = [
-        (
-            file.name, str(len(each.flight.plots)), str(each.photographs), format_length(each.flight.length_m),
-            format_seconds(each.flight.time.total_s), f"{each.flight.time.battery:.0%}",
-        )
-        for file, each in zip(done.files, routed.flights, strict=False)
-    ]  # fmt: skip
     plants = _plants(routed.least_clear_m, routed.plants_m)
     plots = len({shot.plot for each in routed.flights for shot in each.mission.shots})
-    summary = (
+    answer(
         f"{count(routed.stations // plots, 'station')} on {count(plots, 'plot')}: "
         f"{count(routed.photographs, 'photograph')}, {format_length(routed.length_m)} and "
         f"{format_seconds(routed.time_s)} from take-off to landing, "
@@ -156,9 +151,19 @@ def _show_flights(done: ExportedMission) -> None:
     mission = routed.flights[0].mission
     if mission.burst > 1:
         more = format_seconds(routed.bursts_s)
-        say(f"{mission.burst} photographs per station, {mission.interval_s:g} s apart: {more} more in the air.")
+        answer(f"{mission.burst} photographs per station, {mission.interval_s:g} s apart: {more} more in the air.")
+
+
+def _show_flights(done: ExportedMission) -> None:
+    rows = [
+        (
+            file.name, str(len(each.flight.plots)), str(each.photographs), format_length(each.flight.length_m),
+            format_seconds(each.flight.time.total_s), f"{each.flight.time.battery:.0%}",
+        )
+        for file, each in zip(done.files, done.routed.flights, strict=False)
+    ]  # fmt: skip
     flights = table("Flights", ["flight", "plots>", "photographs>", "length>", "time>", "battery>"], rows)
-    show([*flights, summary, "Battery: share of its usable time, reserve left out."], *done.files)
+    show(flights, "Battery: share of its usable time, reserve left out.", *done.files)
 
 
 def _plants(clear_m: float | None, nearest_m: float | None) -> str:
@@ -168,10 +173,10 @@ def _plants(clear_m: float | None, nearest_m: float | None) -> str:
     return f"clear of plants up to {format_length(clear_m)} high{nearest}"
 
 
-def _say_fit(findings: Sequence[Finding]) -> None:
+def _tell_fit(findings: Sequence[Finding]) -> None:
     """What does not fit, warnings first; what is the same of several plots once."""
     from fieldkit.results.finding import grouped, places_text
 
     for group in sorted(grouped(findings, exact=True), key=lambda group: group[0].severity != "warning"):
         first = group[0]
-        say(f"{first.severity.capitalize()}: {places_text(group)}: {first.message}. {first.remedy}".rstrip())
+        answer(f"{first.severity.capitalize()}: {places_text(group)}: {first.message}. {first.remedy}".rstrip())

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import JsonOption, OverwriteOption, SitePlotOptions, emit_json, read_numbers, say
+from fieldkit.cli.common import JsonOption, OverwriteOption, SitePlotOptions, answer, emit_json, read_numbers, say
 from fieldkit.errors import UsageError
 from fieldkit.wording import count
 
@@ -113,11 +113,11 @@ def _facts(report: GeotagReport) -> dict[str, object]:
 def _tell(report: GeotagReport, output: Path) -> None:
     matches = report.matches
     triggers = count(report.triggers, "trigger")
-    say(f"{len(report.poses)} of {count(report.images, 'photograph')} matched to the log's {triggers}: {output}")
+    answer(f"{len(report.poses)} of {count(report.images, 'photograph')} matched to the log's {triggers}: {output}")
     if matches.photographs:
-        say(f"without a trigger: {', '.join(matches.photographs)}")
+        answer(f"without a trigger: {', '.join(matches.photographs)}")
     if matches.triggers:
-        say(f"triggers without a photograph: {', '.join(map(str, matches.triggers))}")
+        answer(f"triggers without a photograph: {', '.join(map(str, matches.triggers))}")
     for remark in report.remarks:
         say(remark)
 

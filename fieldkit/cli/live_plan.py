@@ -53,7 +53,7 @@ class _Watched:
         """The search has this many evaluations, at most."""
         self._total = total
         if total > self._done:
-            self._begin("Searching", total - self._done)
+            self._begin(f"Searching, at most {total} evaluations", total - self._done)
 
     def watch(self, entry: LogEntry) -> None:
         """An evaluation has finished."""

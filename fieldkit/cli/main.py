@@ -19,6 +19,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from fieldkit.cli.boundary import Boundary
 from fieldkit.cli.common import DebugOption
+from fieldkit.cli.given import check_given
 from fieldkit.errors import EXIT_OK
 from fieldkit.version import __version__
 
@@ -87,6 +88,7 @@ class Parser(TyperCommand):
         set_memory_environment()
         if isinstance(ctx.obj, Boundary):
             ctx.obj.resumable = any(param.name == "resume" for param in self.params)
+        check_given(ctx.command_path.removeprefix("fieldkit "), ctx.params)
         with temporary_folder():
             return super().invoke(ctx)
 

@@ -120,8 +120,8 @@ def _show_numbers(found: Numbers, settings: SearchSettings) -> None:
     where = settings.source.name if settings.plots == 1 else f"{settings.plots} plots like {settings.source.name}"
     columns = ["photographs>", "distance>", "height>", "area>", "volume>", "in the air>"]
     show(
-        table(f"Expected on {where}", columns, rows),
         f"Least that keep the errors that traits are stated with: {', '.join(kept)}.",
+        table(f"Expected on {where}", columns, rows),
         "Nine in ten plots are expected within a row's errors. Nothing was planned or photographed; this took "
         f"{format_seconds(found.seconds)}.",
     )
@@ -185,7 +185,7 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome, found: Seque
         f"({outcome.failed_evaluations} without a cloud) and {count(outcome.confirmations, 'confirmation')} "
         f"in {format_seconds(outcome.seconds)}; {why}."
     )
-    lines: list[object] = [told]
+    lines = [told]
     if not outcome.confirmations:
         lines.append(
             "This plan is NOT CONFIRMED: no photograph was taken of it. Of two sets of which as much is expected, one "
@@ -200,7 +200,7 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome, found: Seque
     lines += [f"Warning: {each.message}. {each.remedy}" for each in found]
     if outcome.photographs:
         lines.append(f"photographs: {', '.join(outcome.photographs)}")
-    show(rendered([finalist_table(outcome)]), *lines, output / "plan.json", output / "plan.png")
+    show(*lines, rendered([finalist_table(outcome)]), output / "plan.json", output / "plan.png")
 
 
 def _planned_on(settings: SearchSettings) -> str:

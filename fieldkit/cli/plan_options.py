@@ -195,12 +195,16 @@ def plan_request(
     pose_m, pose_deg = _pose_noise(search.pose_noise) if search.pose_noise else (None, None)
     values = search.values() | {"plots": plot.plots, "seed": run.seed}
     limits = envelope.values()
+    from fieldkit.planning.run.given import check_given
+
+    scenes, references, images = (tuple(each or ()) for each in (plot.scenes, plot.references, plot.images))
+    if not run.resume or any((scenes, references, plot.captures, images)):
+        check_given(scenes, references, plot.captures, images)
     from fieldkit.planning.run.request import PlanRequest
 
     return PlanRequest(
-        values, {"pose_m": pose_m, "pose_deg": pose_deg}, limits, scenes=tuple(plot.scenes or ()),
-        references=tuple(plot.references or ()), captures=plot.captures, images=tuple(plot.images or ()),
-        vehicle=envelope.vehicle, purpose=plot.purpose, preset=search.preset,
+        values, {"pose_m": pose_m, "pose_deg": pose_deg}, limits, scenes=scenes, references=references,
+        captures=plot.captures, images=images, vehicle=envelope.vehicle, purpose=plot.purpose, preset=search.preset,
     )  # fmt: skip
 
 

@@ -1,10 +1,12 @@
-"""Progress as people see it: Rich's bars on a terminal, plain lines in a log, nothing with --json."""
+"""Progress as people see it: a line that is rewritten on a terminal, lines in a log, nothing with --json."""
 
 from __future__ import annotations
 
+import shutil
 import sys
+import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from fieldkit.cli.boundary import say
@@ -12,8 +14,9 @@ from fieldkit.figures.style import format_seconds
 from fieldkit.runtime.progress import Advance, Progress, Silent
 
 _LINE_EVERY_S = 10.0
-_PACE_OVER_S = 600.0
-"""The time left goes by the steps of so many last seconds: one step may take minutes."""
+_REWRITTEN_EVERY_S = 0.25
+_BAR = 20  # characters
+_ERASE = "\r\x1b[K"
 
 
 @contextmanager
@@ -21,81 +24,91 @@ def open_progress(*, as_json: bool) -> Iterator[Progress]:
     """Progress that suits where stderr goes."""
     if as_json:
         yield Silent()
-    elif sys.stderr.isatty():
-        with _bars() as bars:
-            yield bars
-    else:
-        yield Lines()
+        return
+    lines, ended = Lines(rewritten=sys.stderr.isatty()), threading.Event()
+
+    def beat() -> None:
+        while not ended.wait(_REWRITTEN_EVERY_S):
+            lines.beat()
+
+    beating = threading.Thread(target=beat, daemon=True)
+    beating.start()
+    try:
+        yield lines
+    finally:
+        ended.set()
+        beating.join()
+        lines.erase()
 
 
 class Lines:
-    """A line when a stage starts, at most one every ten seconds meanwhile, and one with its time at the end."""
+    """A line when a stage starts and one with its time at the end; between them how far it is, every ten seconds.
+
+    Args:
+        rewritten: on a terminal: how far it is stands in the last line, with a bar, and is always of now.
+    """
+
+    def __init__(self, *, rewritten: bool = False) -> None:
+        self._rewritten, self._lock = rewritten, threading.Lock()
+        begun = self._said = time.monotonic()
+        self._stages: list[Callable[[float], str]] = [lambda now: f"working … {format_seconds(now - begun)}"]
 
     @contextmanager
     def stage(
         self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None
     ) -> Iterator[Advance]:
         """A stage in plain lines."""
-        start = shown = time.monotonic()
-        count = 0
+        start = end = time.monotonic()
+        count, share = 0, 0.0
 
         def advance(steps: int) -> None:
-            nonlocal count, shown
+            nonlocal count, end, share
             count += steps
-            now = time.monotonic()
-            if now - shown >= _LINE_EVERY_S:
-                shown = now
-                done, work = _work(count, total, weights)
-                left = f", {format_seconds((now - start) * (work / done - 1.0))} left" if work and done else ""
-                say(f"{name}: {count}{f' of {total}' if total else ''}{left}")
+            done, work = _work(count, total, weights)
+            if work and done:
+                share, end = done / work, start + (time.monotonic() - start) * work / done
 
-        say(f"{name} …")
-        yield advance
-        say(f"{name}: done in {format_seconds(time.monotonic() - start)}")
+        def state(now: float) -> str:
+            filled = round(_BAR * share)
+            bar = f" {'█' * filled}{'░' * (_BAR - filled)}" if self._rewritten and total else ""
+            steps = f"{count}{f' of {total}' if total else ''}, " if count or total else ""
+            time_left = f"{format_seconds(end - now)} left" if end > now else f"{format_seconds(now - start)} so far"
+            return f"{name}:{bar} {steps}{time_left}"
+
+        if not self._rewritten:
+            self._say(f"{name} …")
+        self._stages.append(state)
+        try:
+            yield advance
+        finally:
+            self._stages.remove(state)
+        self._say(f"{name}: done in {format_seconds(time.monotonic() - start)}")
 
     def note(self, message: str) -> None:
         """A finding on a line of its own."""
-        say(f"note: {message}")
+        self._say(f"note: {message}")
 
+    def beat(self) -> None:
+        """Say how far the innermost stage is: on a terminal always, else if nothing has been said for ten seconds."""
+        now = time.monotonic()
+        if self._rewritten:
+            with self._lock:
+                sys.stderr.write(_ERASE + self._stages[-1](now)[: shutil.get_terminal_size().columns - 1])
+                sys.stderr.flush()
+        elif now - self._said >= _LINE_EVERY_S - _REWRITTEN_EVERY_S:
+            self._say(self._stages[-1](now))
 
-@contextmanager
-def _bars() -> Iterator[Progress]:
-    from rich import progress
-    from rich.console import Console
+    def erase(self) -> None:
+        """Leave the terminal's last line empty."""
+        if self._rewritten:
+            sys.stderr.write(_ERASE)
+            sys.stderr.flush()
 
-    console = Console(stderr=True, highlight=False)
-    columns = (
-        progress.TextColumn("{task.description}"),
-        progress.BarColumn(bar_width=None),
-        progress.TextColumn("{task.fields[steps]}"),
-        progress.TimeElapsedColumn(),
-        progress.TimeRemainingColumn(),
-    )
-    with progress.Progress(
-        *columns, console=console, refresh_per_second=4, expand=True, speed_estimate_period=_PACE_OVER_S
-    ) as display:
-
-        class Bars:
-            @contextmanager
-            def stage(
-                self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None
-            ) -> Iterator[Advance]:
-                count = 0
-
-                def advance(steps: int) -> None:
-                    nonlocal count
-                    count += steps
-                    display.update(task, completed=_work(count, total, weights)[0], steps=f"{count}/{total or '?'}")
-
-                whole = _work(0, total, weights)[1]
-                task = display.add_task(name, total=whole, steps=f"0/{total or '?'}")
-                yield advance
-                display.update(task, total=whole or 1, completed=whole or 1)
-
-            def note(self, message: str) -> None:
-                console.print(f"note: {message}", markup=False)
-
-        yield Bars()
+    def _say(self, line: str) -> None:
+        self._said = time.monotonic()
+        with self._lock:
+            self.erase()
+            say(line)
 
 
 def _work(count: int, total: int | None, weights: Sequence[float] | None) -> tuple[float, float | None]:

@@ -45,10 +45,10 @@ def command(
         fieldkit reference plot_7/ --poses sparse/0 --poses-frame metres -o plot_7-reference
         fieldkit reference plot_7/ --bounds -1.5,-0.75,0,1.5,0.75,1.2 --resume -o plot_7-reference
     """
-    cache, settings, given = run.cache(), reconstruction.settings(run.seed), poses.given()
-    wanted = rasters.wanted()
-    if wanted is not None and no_scene:
+    if rasters.rasters and no_scene:
         raise UsageError("--rasters need the scene", remedy="Leave --no-scene out.")
+    wanted, cache = rasters.wanted(), run.cache()
+    settings, given = reconstruction.settings(run.seed), poses.given()
     from fieldkit.evaluation.reference import build_reference
 
     with run_context(as_json=as_json) as progress:

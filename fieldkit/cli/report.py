@@ -7,7 +7,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import JsonOption, OverwriteOption, emit_json, say
+from fieldkit.cli.common import JsonOption, OverwriteOption, answer, emit_json, say
 
 
 def command(
@@ -43,4 +43,4 @@ def command(
         return
     for name in done.unreadable:
         say(f"{name} is damaged and not shown; the report says why")
-    say(f"{done.output} ({done.bytes / 1e6:.1f} MB): open it in a browser")
+    answer(f"{done.output} ({done.bytes / 1e6:.1f} MB): open it in a browser")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import JsonOption, OutputOption, OverwriteOption, emit_json, say
+from fieldkit.cli.common import JsonOption, OutputOption, OverwriteOption, answer, emit_json
 
 
 def command(
@@ -37,4 +37,4 @@ def command(
 
         emit_json({"output": output, **asdict(made)})
     else:
-        say(f"{made.plant_surfels:,} surfels of plants and {made.ground_surfels:,} of the rest: {made.scene}")
+        answer(f"{made.plant_surfels:,} surfels of plants and {made.ground_surfels:,} of the rest: {made.scene}")

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from typer import Option
 
-from fieldkit.cli.common import JsonOption, OverwriteOption, SeedOption, emit_json, say
+from fieldkit.cli.common import JsonOption, OverwriteOption, SeedOption, answer, emit_json
 from fieldkit.wording import count
 
 Layout = Literal["rows", "grid", "random"]
@@ -58,4 +58,4 @@ def command(
     else:
         from fieldkit.runtime.shipped import shipped_page
 
-        say(f"{count(plants, 'plant')} in {output}; {shipped_page('sim/README.md')} explains its keys")
+        answer(f"{count(plants, 'plant')} in {output}; {shipped_page('sim/README.md')} explains its keys")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import JsonOption, OverwriteOption, emit_json, say, show, table
+from fieldkit.cli.common import JsonOption, OverwriteOption, answer, emit_json, show, table
 from fieldkit.errors import UsageError
 from fieldkit.wording import count
 
@@ -59,7 +59,7 @@ def command(
 
         sys.stdout.write(scene_text(description, complete=True))
     else:
-        say(f"{count(len(description.plot.plants), 'plant')}, {facts['triangles']:,} triangles: {output}")
+        answer(f"{count(len(description.plot.plants), 'plant')}, {facts['triangles']:,} triangles: {output}")
 
 
 def _show_all(as_json: bool) -> None:

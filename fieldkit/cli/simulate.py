@@ -14,10 +14,10 @@ from fieldkit.cli.common import (
     OverwriteOption,
     SeedOption,
     VehicleOption,
+    answer,
     emit_json,
     read_numbers,
     read_pose_noise,
-    say,
     scenes_like,
 )
 from fieldkit.errors import UsageError
@@ -154,7 +154,7 @@ def command(
     if as_json:
         emit_json({"output": output, "scene": description.name, **asdict(done)})
     else:
-        say(f"{count(done.photographs, 'photograph')} in {output}; their true poses in {done.truth}")
+        answer(f"{count(done.photographs, 'photograph')} in {output}; their true poses in {done.truth}")
 
 
 def _at_size(camera: Intrinsics, width: int, height: int) -> Intrinsics:

@@ -11,6 +11,7 @@ from fieldkit.cli.common import (
     JsonOption,
     SiteOptions,
     VehicleOption,
+    answer,
     emit_json,
     finding_entries,
     say,
@@ -77,13 +78,13 @@ def command(
         })  # fmt: skip
         return
     held = f"{count(report.items, 'item')}, read back and compared, in {count(report.attempts, 'attempt')}"
-    say(f"The {report.autopilot} holds the new mission whole: {held}.")
+    answer(f"The {report.autopilot} holds the new mission whole: {held}.")
     if read.fence is not None or (place is not None and (place.fence or place.no_fly)):
         say("note: fence and rally points are not uploaded: set them up with your ground station")
     if findings:
         show_findings(findings, mission)
     if errors := _errors(findings):
-        say(f"The mission was sent in spite of {count(errors, 'error')}: do not start it as it is.")
+        answer(f"The mission was sent in spite of {count(errors, 'error')}: do not start it as it is.")
 
 
 def _errors(findings: Sequence[Finding]) -> int:

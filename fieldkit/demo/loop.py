@@ -83,24 +83,25 @@ def run_demo(
 
     Args:
         output: folder of the result: captures/, reference/, reference-unseen/, plan/, mission/, evaluation-seen/,
-            evaluation-unseen/, report.html and demo.json.
+            evaluation-unseen/, report.html and demo.json. It appears with the references; demo.json comes last.
         overwrite: replace an earlier demo in ``output``.
     """
     begun = time.perf_counter()
     context = Context(cache, progress, workers, seed)
     noise = flight_noise(load_vehicle(VEHICLE))
-    with atomic_folder(output, overwrite=overwrite, marker=DEMO_FILE) as folder:
+    with atomic_folder(output, overwrite=overwrite, marker=reference_folder(output, UNSEEN).name) as folder:
         references = _references(folder, noise, context)
-        flight = recorded_flight()
-        plan, outcome = _plan(folder / "plan", context)
-        with progress.stage("The best circles"):
-            circles = {plot: _best_circle(plot, noise, folder) for plot in PLOTS}
-        mission = _mission(folder, context)
-        with progress.stage("Upload to the stand-in vehicle"):
-            items = upload_to_stand_in(mission.files[0]).items
-        evaluations = _captures_and_scores(folder, plan, circles, noise, context)
-        compared = _compared(folder, evaluations, noise, seed)
-        write_atomic(folder / DEMO_FILE, compared.model_dump_json(indent=2) + "\n")
+    progress.note(f"the references are in {output}; plan, mission and scores follow there")
+    flight = recorded_flight()
+    plan, outcome = _plan(output / "plan", context)
+    with progress.stage("The best circles", len(PLOTS)) as advance:
+        circles = dict(zip(PLOTS, context.map(partial(_best_circle, noise, output), PLOTS, advance), strict=True))
+    mission = _mission(output, context)
+    with progress.stage("Upload to the stand-in vehicle"):
+        items = upload_to_stand_in(mission.files[0]).items
+    evaluations = _captures_and_scores(output, plan, circles, noise, context)
+    compared = _compared(output, evaluations, noise, seed)
+    write_atomic(output / DEMO_FILE, compared.model_dump_json(indent=2) + "\n")
     write_report(output, title="fieldkit demo", overwrite=True, progress=progress)
     seconds = time.perf_counter() - begun
     return Demo(
@@ -142,7 +143,7 @@ def _plan(output: Path, context: Context) -> tuple[Plan, Outcome]:
     return load_plan(output), outcome
 
 
-def _best_circle(plot: str, noise: NoiseSettings, folder: Path) -> list[Pose]:
+def _best_circle(noise: NoiseSettings, folder: Path, plot: str) -> list[Pose]:
     """What the plan is compared with on a plot: of 75 circles about its own plants the one that the geometric score
     likes best, for the same vehicle, noise and wind.
     """

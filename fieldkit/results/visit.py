@@ -24,6 +24,12 @@ _SAME = ("images", "registered", "right", "chamfer_m", "accuracy_m", "completene
 _PREDICTED = ("chamfer_m", "low_m", "high_m")
 
 
+def find_campaign(start: Path) -> Path | None:
+    """The folder of the campaign that a folder lies in: the nearest one, itself or above, with campaign.toml."""
+    start = Path(start).absolute()
+    return next((folder for folder in (start, *start.parents) if (folder / CAMPAIGN_FILE).is_file()), None)
+
+
 def _is_a_date(text: str) -> str:
     if date.fromisoformat(text).isoformat() != text:
         raise ValueError("is not written like 2026-06-30")

@@ -36,8 +36,8 @@ def test_show(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert shown["bytes"] == sum(stage["bytes"] for stage in shown["stages"].values())
     assert main(["cache"]) == 0  # the same without a word
     people = capsys.readouterr()
-    assert people.out == ""
-    assert "features" in people.err
+    assert people.err == ""
+    assert "features" in people.out
 
 
 def test_prune_by_age(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -53,7 +53,7 @@ def test_clear(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert output(capsys, "clear")["removed_entries"] == 10
     assert output(capsys, "show")["bytes"] == 0
     assert main(["cache", "clear"]) == 0
-    assert "removed 0 entries" in capsys.readouterr().err
+    assert "removed 0 entries" in capsys.readouterr().out
 
 
 def test_no_cache_yet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

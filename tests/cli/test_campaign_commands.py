@@ -69,7 +69,7 @@ def test_show_and_export_find_the_campaign_about_the_folder(place, capsys, monke
         ]
     }
     assert main(["campaign", "show"]) == 0
-    assert "r1c1" in capsys.readouterr().err
+    assert "r1c1" in capsys.readouterr().out
     written = answer(capsys, "campaign", "export", "-o", "out.gpkg")
     assert written == {"output": "out.gpkg", "format": "gpkg", "visits": 1, "plots": 2}
     assert Path("out.gpkg").is_file()
@@ -91,15 +91,15 @@ def test_where_evaluate_puts_its_results(place, capsys, monkeypatch) -> None:
         ["--fidelity", "standard"],
         ["--refine"],
         ["--seed", "0"],
-        ["--reference", "x"],
-        ["--plan", "x"],
+        ["--reference", "."],
+        ["--plan", "."],
         ["--rasters"],
         ["--gsd", "0.01"],
     ):
         error = answer(capsys, "evaluate", "photos", "--campaign", "season", *option, code=2)["error"]
         assert error["message"].startswith(option[0])
         assert "campaign.toml" in error["remedy"]
-    error = answer(capsys, "evaluate", "photos", "--campaign", "season", "--log", "x.BIN", code=2)["error"]
+    error = answer(capsys, "evaluate", "photos", "--campaign", "season", "--log", ".", code=2)["error"]
     assert "--log" in error["message"]
     assert answer(capsys, "evaluate", "photos", "--campaign", "photos", code=3)["error"]["path"].endswith("photos")
     monkeypatch.chdir(folder)

@@ -111,5 +111,5 @@ def test_no_mission_for_nothing_is_said(capture, capsys, tmp_path) -> None:
         load_site(site).plots[0].name,
     ]
     assert main([*words, "--vehicle", "px4-gimbal", "-o", str(tmp_path / "again.plan")]) == 0
-    assert "again.plan was not written" in " ".join(capsys.readouterr().err.split())
+    assert "again.plan was not written" in " ".join(capsys.readouterr().out.split())
     assert not (tmp_path / "again.plan").exists()

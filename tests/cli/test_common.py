@@ -12,8 +12,8 @@ def test_tables_texts_and_lines(capsys: pytest.CaptureFixture[str]) -> None:
         path,
     )
     printed = capsys.readouterr()
-    assert printed.out == ""
-    lines = [line.strip() for line in printed.err.splitlines()]
+    assert printed.err == ""
+    lines = [line.strip() for line in printed.out.splitlines()]
     assert lines[0] == "Plots of [red]"
     assert [line.split()[0] for line in lines if line.startswith("[b]")] == [f"[b]{k}" for k in range(50)]
     assert lines[-2:] == ["[i]text", path]

@@ -37,9 +37,9 @@ def test_table_for_people(capsys: pytest.CaptureFixture[str], monkeypatch: pytes
     monkeypatch.setattr(diagnostics, "diagnose", lambda: iter(checks))
     assert main(["doctor"]) == 3
     output = capsys.readouterr()
-    assert output.out == ""
+    assert output.err == ""
     for text in ("warn", "fail", "1 [of 2]", "→ Everything works.", "Install [libegl1]."):
-        assert text in output.err
+        assert text in output.out
 
 
 class TestRenderer:

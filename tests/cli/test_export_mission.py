@@ -46,10 +46,9 @@ def test_people_are_told(plan: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
     save_plan(plan, planned(5, plants=False))
     assert main(export(plan, "-o", str(tmp_path / "m"), "--no-picture")) == 0
     told = capsys.readouterr()
-    assert told.out == ""
-    assert "not checked against plants" in " ".join(told.err.split())
-    assert "5 stations on 1 plot: 5 photographs" in " ".join(told.err.split())
-    assert "1 battery" in " ".join(told.err.split())
+    assert " ".join(told.out.split()).startswith("5 stations on 1 plot: 5 photographs")
+    assert "not checked against plants" in " ".join(told.out.split())
+    assert "1 battery" in " ".join(told.out.split())
     assert main(export(plan, "-o", str(tmp_path / "m"))) == 2
     assert "exists already" in capsys.readouterr().err
     save_plan(plan, planned(5, height_m=0.4))
@@ -68,7 +67,7 @@ def test_moved_stations_are_told_and_those_that_coincide_are_refused(plan, tmp_p
     told = " ".join(capsys.readouterr().err.split())
     assert "5 photographs (station 1, 2, 3, 4 and 5 of plot), the first: pitch" in told
     assert main([*fixed, "-o", str(tmp_path / "m"), "--no-picture", "--adjust"]) == 0
-    assert capsys.readouterr().err.count("Moved: station") == 5
+    assert capsys.readouterr().out.count("Moved: station") == 5
     twice = (first, first.model_copy(update={"pitch_deg": -80.0}), *given.stations[2:])
     save_plan(plan, given.model_copy(update={"stations": twice}))
     assert main([*fixed, "-o", str(tmp_path / "n"), "--no-picture", "--adjust"]) == 5
@@ -90,8 +89,9 @@ def test_what_adjust_exports_may_be_flown(plan, tmp_path, capsys, vehicle, name)
     where = ["--vehicle", vehicle, "--site", str(SITES / "example.toml"), "--plots", str(SITES / "plots.geojson")]
     file = tmp_path / name
     assert main(["export-mission", str(plan), *where, *LOW, "-o", str(file), "--adjust", "--no-picture"]) == 0
-    told = " ".join(capsys.readouterr().err.split())
-    assert told.startswith('8 plots, ids from "name": maize-1 … maize-8.')
+    printed = capsys.readouterr()
+    assert printed.err.startswith('8 plots, ids from "name": maize-1 … maize-8.')
+    told = " ".join(printed.out.split())
     assert told.count("Moved: 40 photographs (station 1, 2, 3, 4 and 5 of maize-1, maize-2, maize-3 and 5 more)") == 1
     way = re.search(r"[0-9.]+ m and [0-9:]+ min from take-off to landing", told)
     assert main(["check-mission", str(file), *where, "--plan", str(plan), "--json"]) == 0
@@ -103,7 +103,7 @@ def test_what_adjust_exports_may_be_flown(plan, tmp_path, capsys, vehicle, name)
     ]
     assert max(pose["off_plan_m"] for pose in report["poses"]) < 0.02
     assert main(["check-mission", str(file), *where, "--plan", str(plan)]) == 0
-    told = " ".join(capsys.readouterr().err.split())
+    told = " ".join(capsys.readouterr().out.split())
     assert "40 photographs, the first at item" in told
     assert "may be flown" in told
     assert way[0].replace(" and ", " and about ") in told
@@ -117,5 +117,5 @@ def test_swapped_arguments_and_options_without_a_site(plan, tmp_path, capsys) ->
     assert "plan and site are swapped" in capsys.readouterr().err
     assert main(["export-mission", str(plan), "--site", site, "--plots", site, *out]) == 3
     assert "is a site file, not a file of plots or zones" in capsys.readouterr().err
-    assert main(["check-mission", "m.plan", "--vehicle", "ardupilot-pitch", "--plots", site]) == 2
+    assert main(["check-mission", site, "--vehicle", "ardupilot-pitch", "--plots", site]) == 2
     assert "--plots goes with a site file" in capsys.readouterr().err

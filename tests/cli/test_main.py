@@ -46,7 +46,8 @@ class TestHelp:
 
     def test_every_file_is_a_command_or_shared(self) -> None:
         shared = {
-            "__init__", "boundary", "common", "live_plan", "main", "plan_options", "progress", "reconstruction_options",
+            "__init__", "boundary", "common", "given", "live_plan", "main", "plan_options", "progress",
+            "reconstruction_options",
         }  # fmt: skip
         files = {path.stem for path in (ROOT / "fieldkit" / "cli").glob("*.py")} - shared
         assert {module_name(name) for name in COMMANDS} == files
@@ -88,6 +89,31 @@ class TestUsageErrors:
         assert error.keys() == {"type", "message", "path", "remedy"}
         assert error["type"] == "UsageError"
         assert error["remedy"]
+
+
+MISSING = [
+    "reference no -o x", "scene from-reference no -o x", "plan --scene no -o x", "plan --reference no -o x",
+    "plan --captures no -o x", "plan -n 4 -o x", "plan --scene case-1 --vehicle no -o x",
+    "export-mission no --vehicle px4-gimbal --site x -o x", "check-mission no.plan --vehicle px4-gimbal",
+    "upload no --connect udp", "geotag no --log x", "check no --plan x", "evaluate no -o x", "campaign show no",
+    "campaign init x --plan no --site x", "campaign plan no -o x", "campaign export no -o x", "compare may=no no",
+    "report no", "scene show no", "simulate no --ring 10 -o x", "campaign show", "evaluate . -o x --distances 0",
+]  # fmt: skip
+
+
+def test_what_is_missing_is_told_before_anything_heavy_is_imported(tmp_path: Path) -> None:
+    script = textwrap.dedent(f"""
+        import json, sys
+        from fieldkit.cli.main import main
+        codes = [main(line.split()) for line in {MISSING!r}]
+        heavy = [name for name in {HEAVY!r} if name != "numpy" and name in sys.modules]
+        print(json.dumps([codes, heavy]))
+    """)
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    codes, heavy = json.loads(done.stdout)
+    assert codes == [2 if line in ("plan -n 4 -o x", "campaign show", MISSING[-1]) else 3 for line in MISSING]
+    assert heavy == []
+    assert done.stderr.count("Error: ") == len(MISSING)
 
 
 @pytest.fixture

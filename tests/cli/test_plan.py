@@ -37,12 +37,12 @@ SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
     ("arguments", "code", "words"),
     [
         ([], 2, "plan on what?"),
-        (["--scene", "case-1", "--reference", "x"], 2, "plan on what?"),
+        (["--scene", "case-1", "--reference", "."], 2, "plan on what?"),
         (["--scene", "case-9"], 3, "Did you mean case-"),
         (["--reference", "nowhere"], 3, "nowhere"),
         (["--captures", "nowhere"], 3, "nowhere"),
         (["--scene", "case-1", "-n", "2"], 2, "cameras"),
-        (["--scene", "case-1", "--images", "x"], 2, "--reference"),
+        (["--scene", "case-1", "--images", "."], 2, "--reference"),
         (["--scene", "case-1", "--height", "2"], 2, "two numbers"),
         (["--scene", "case-1", "--height", "3,2"], 2, "height_m: 3 is above 2"),
         (["--scene", "case-1", "--height", "75,150"], 2, "in centimetres?"),
@@ -77,7 +77,7 @@ def test_wrong_calls_are_told_in_words(tmp_path, capsys, arguments, code, words)
     [
         (["-n", "6"], "Missing option '--output'"), (["-n", "6,8", "--method", "circle"], "without --method"),
         (["-n", "6,8", "--repeats", "0"], "without --repeats"),
-        (["-n", "6,8", "--captures", "x"], "without --captures"),
+        (["-n", "6,8", "--captures", "."], "without --captures"),
     ],
 )  # fmt: skip
 def test_without_a_folder_numbers_are_compared_by_the_score_alone(capsys, arguments, words) -> None:
@@ -106,7 +106,7 @@ def test_numbers_of_photographs_are_compared_without_a_photograph(tmp_path, caps
     assert found.least.height_m is None  # in wind tips are lost
     assert [file.name for file in tmp_path.iterdir()] == ["tiny.toml"]
     assert main([*asked[:5], "-n", "4,9", "--workers", "1"]) == 0
-    told = capsys.readouterr().err
+    told = capsys.readouterr().out
     assert "Expected on 2 plots like tiny.toml" in told
     assert "traits are stated with: height none of these (± 30 mm), area " in told
 
@@ -174,8 +174,9 @@ def test_progress_goes_on_from_what_the_log_holds(capsys: pytest.CaptureFixture[
         for each in (worse, better, again):
             watch(each)
     told = capsys.readouterr().err.splitlines()
-    assert told[:2] == ["Searching …", f"note: best so far: 0.10 mm ({better.origin})"]
-    assert [line.split(":")[0].removesuffix(" …") for line in told[2:]] == ["Searching", "Confirming", "Confirming"]
+    assert told[:2] == ["Searching, at most 4 evaluations …", f"note: best so far: 0.10 mm ({better.origin})"]
+    stages = [line.split(":")[0].removesuffix(" …") for line in told[2:]]
+    assert stages == [told[0].removesuffix(" …"), "Confirming", "Confirming"]
     with open_watch(settings, [], Silent(), as_json=True) as (watch, expect):
         expect(0)
         watch(again)
@@ -194,7 +195,7 @@ def test_a_plan_by_the_score_is_made_where_nothing_can_be_rendered(tmp_path, cap
     assert main(asked) == 0
     told = capsys.readouterr()
     assert "there is no OpenGL. Install it." in told.err
-    assert "NOT CONFIRMED" in told.err
+    assert "NOT CONFIRMED" in told.out
     assert read_log(run) == []
     plan, outcome = load_plan(run), read_outcome(run)
     assert (outcome.chamfer_m, outcome.evaluations, outcome.confirmations) == (None, 0, 0)

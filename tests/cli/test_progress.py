@@ -1,9 +1,10 @@
-"""Progress: lines in a log, bars on a terminal, silence with --json."""
+"""Progress: lines in a log, a rewritten line on a terminal, silence with --json."""
 
 import os
 import pty
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -11,10 +12,12 @@ from fieldkit.cli import progress
 from fieldkit.cli.progress import Lines
 
 SCRIPT = """
+import time
 from fieldkit.cli.progress import open_progress
 with open_progress(as_json=False) as progress:
     with progress.stage("features", 3) as advance:
         for _ in range(3):
+            time.sleep(0.3)
             advance(1)
     progress.note("IMG_1 [blurred]")
     with progress.stage("mapping") as advance:
@@ -23,21 +26,44 @@ with open_progress(as_json=False) as progress:
 
 
 def test_lines(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    seconds = iter([0.0, 11.0, 12.0, 22.0, 90.0])
-    monkeypatch.setattr(progress.time, "monotonic", lambda: next(seconds))
+    now = 0.0
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now)
     lines = Lines()
+    now = 10.0
+    lines.beat()  # no stage is open
     with lines.stage("features", 10) as advance:
-        advance(5)
-        advance(1)  # only a second later: no line
-        advance(3)
+        now = 20.0
+        lines.beat()  # nothing is done
+        advance(4)
+        now = 21.0
+        lines.beat()  # only a second later: no line
+        now = 30.0
+        lines.beat()
+        now = 41.0
+        lines.beat()  # longer than expected
     lines.note("IMG_1 is blurred")
+    with lines.stage("mapping"):
+        now = 101.0
+        lines.beat()
     assert capsys.readouterr().err.splitlines() == [
+        "working … 10.0 s",
         "features …",
-        "features: 5 of 10, 11.0 s left",
-        "features: 9 of 10, 2.4 s left",
-        "features: done in 1:30 min",
+        "features: 0 of 10, 10.0 s so far",
+        "features: 4 of 10, 5.0 s left",
+        "features: 4 of 10, 31.0 s so far",
+        "features: done in 31.0 s",
         "note: IMG_1 is blurred",
+        "mapping …",
+        "mapping: 1:00 min so far",
+        "mapping: done in 1:00 min",
     ]
+
+
+def test_no_stage_is_silent(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(progress, "_LINE_EVERY_S", 0.6)
+    with progress.open_progress(as_json=False) as shown, shown.stage("mapping"):
+        time.sleep(1.5)
+    assert capsys.readouterr().err.count(" so far\n") >= 2
 
 
 def test_a_failed_stage_is_not_called_done(capsys: pytest.CaptureFixture[str]) -> None:
@@ -63,5 +89,6 @@ def test_bars_on_a_terminal() -> None:
     os.close(main_end)
     assert process.returncode == 0
     assert b"features" in text
-    assert b"3/3" in text
+    assert "░".encode() in text
+    assert b"features: done in" in text
     assert b"IMG_1 [blurred]" in text

@@ -48,6 +48,7 @@ class TestUsage:
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:  # fmt: skip
         monkeypatch.chdir(tmp_path)
+        (tmp_path / "photos").mkdir()
         assert main([command, *arguments, "--json"]) == 2
         error = json.loads(capsys.readouterr().out)["error"]
         assert error["type"] == "UsageError"

@@ -237,7 +237,7 @@ def test_the_command(photographs: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert len(rows) == 12
     assert all(float(r["x_m"]) ** 2 + float(r["y_m"]) ** 2 == pytest.approx(6.25, abs=0.4) for r in rows)
     command(photographs, log, output, origin="50.8649,6.4473,92.06", mount="-40,0", overwrite=True)
-    assert "12 of 13" in capsys.readouterr().err
+    assert "12 of 13" in capsys.readouterr().out
     for wrong in (
         {"origin": "1,2"},
         {"origin": "99,6,0"},

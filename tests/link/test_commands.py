@@ -55,7 +55,7 @@ def test_upload(mission: Path, vehicle: Replay, capsys: pytest.CaptureFixture[st
         printed = json.loads(capsys.readouterr().out)
         assert len(vehicle.autopilot.items) == 68
         upload(mission, vehicle.url)
-        assert "The ArduPilot holds the new mission whole: 67 items" in capsys.readouterr().err
+        assert "The ArduPilot holds the new mission whole: 67 items" in capsys.readouterr().out
     assert printed["vehicle_holds"] == "new mission"
     assert (printed["items"], printed["attempts"]) == (67, 1)
 
@@ -103,7 +103,7 @@ def test_force_sends_what_has_errors_and_says_so(mission, vehicle, capsys) -> No
     site = mission.parent / "site.toml"
     with vehicle:
         upload(swapped(mission), vehicle.url, site=site, force=True)
-        assert "sent in spite of" in capsys.readouterr().err
+        assert "sent in spite of" in capsys.readouterr().out
         assert len(vehicle.autopilot.items) == 68
         upload(swapped(mission), vehicle.url, site=site, force=True, as_json=True)
     printed = json.loads(capsys.readouterr().out)

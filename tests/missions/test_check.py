@@ -451,12 +451,12 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert {f["photograph"] for f in answer["findings"] if f["code"] == "photo-late"} == set(range(1, 14))
     assert command(bad, "ardupilot-pitch") == 5
     shown = capsys.readouterr()
-    assert shown.out == ""
-    assert "must not be flown" in shown.err
-    assert "13 photographs" in shown.err
-    assert shown.err.count("photo-late") == 1
-    assert "--json lists each of them" in shown.err
-    assert "photo-late" in shown.err
+    assert shown.err == ""
+    assert "must not be flown" in shown.out
+    assert "13 photographs" in shown.out
+    assert shown.out.count("photo-late") == 1
+    assert "--json lists each of them" in shown.out
+    assert "photo-late" in shown.out
 
 
 # What speaks against an upload, with a vehicle's profile and without.

@@ -63,7 +63,8 @@ class Field:
         call = ["export-mission", str(self.folder / "plan"), "--vehicle", vehicle, "--format", form, "--no-picture"]
         call += ["--site", str(self.folder / "site.toml"), "--plots", str(plots), "-o", str(self.folder / "m"), *more]
         code = main([*call, "--overwrite"])
-        return code, " ".join(self.capsys.readouterr().err.split())
+        printed = self.capsys.readouterr()
+        return code, " ".join((printed.err + printed.out).split())
 
     def check(self, suffix: str, vehicle: str, plots: Path | None = None, *more: str) -> tuple[int, Answer, str]:
         """Exit code, JSON, and the verdict for people: of .plan files as it is printed, else as it would be."""
@@ -75,7 +76,7 @@ class Field:
         verdict = {True: "may be flown", False: "must not be flown"}.get(answer["ok"], "not checked against plants")
         if suffix == ".plan":
             assert main(call) == code
-            verdict = " ".join(self.capsys.readouterr().err.split()).rpartition("; ")[2]
+            verdict = self.capsys.readouterr().out.splitlines()[0].rpartition("; ")[2]
         return code, answer, verdict
 
 

@@ -344,7 +344,7 @@ def test_the_command_says_what_does_not_fit(tmp_path: Path, capsys: pytest.Captu
     call = ["export-mission", str(tmp_path / "plan.json"), "--vehicle", "ardupilot-pitch", "--site", str(site)]
     call += ["--plots", str(plots), "--no-picture", "-o", str(tmp_path / "m.plan")]
     assert main(call) == 0
-    told = " ".join(capsys.readouterr().err.split())
+    told = " ".join(capsys.readouterr().out.split())
     assert "Warning: n0, n1, n2 and n3: plants of 1.30 m are 0.40 m higher than the plan's" in told
     assert main([*call, "--overwrite", "--json"]) == 0
     fit = json.loads(capsys.readouterr().out)["fit"]

@@ -164,7 +164,7 @@ def test_a_fitted_mission_is_checked_against_the_fitted_stations(tmp_path, capsy
     where, what = ["--site", str(site)], ["--vehicle", "ardupilot-pitch"]
     file = str(tmp_path / "m.plan")
     assert main(["export-mission", str(tmp_path / "plan.json"), *what, *where, "--fit", "-o", file]) == 0
-    said = " ".join(capsys.readouterr().err.split())
+    said = " ".join(capsys.readouterr().out.split())
     assert "Fitted to a: plants 1.3" in said
     assert "m-a.json" in said
     stated = plan_in_envelope().model_copy(update={"plant_height_m": 0.9})

@@ -10,12 +10,12 @@ from fieldkit.captures import read_capture
 from fieldkit.errors import SceneError, UsageError
 from fieldkit.evaluation.cloud_reference import is_cloud, reference_file
 from fieldkit.evaluation.reference import Reference
+from fieldkit.planning.run.given import check_given
 from fieldkit.planning.settings import GivenPlot
 from fieldkit.results.finding import DOUBTFUL, PLANTS_APART
 from fieldkit.results.plan import PlanSource
 from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_reference_report
 from fieldkit.scenes.library import find_scene, scene_reference
-from fieldkit.wording import count
 
 
 def describe_sources(
@@ -32,24 +32,11 @@ def describe_sources(
                 "a plan needs a reference's cameras and ground, which a bare cloud does not have", path=reference,
                 remedy="Build one of photographs: `fieldkit reference IMAGES -o REF`.",
             )  # fmt: skip
-    recorded = captures is not None and not scenes
-    if images and (recorded or not references):
-        raise UsageError("--images are a reference's photographs", remedy="Give --reference, too, or leave it out.")
-    if captures is not None and recorded:
+    if check_given(scenes, references, captures, images):
+        assert captures is not None
         captures = captures.resolve()
         read_capture(captures)
-        if len(references) > 1:
-            raise UsageError("recorded photographs have one reference", remedy="Give --reference once.")
         return (GivenPlot(source=PlanSource(kind="captures", name=captures.name), path=str(captures)),)
-    if bool(scenes) == bool(references):
-        raise UsageError(
-            "plan on what?", remedy="Give --scene SCENE, --reference REF or --captures IMAGES [--reference REF]."
-        )
-    if images and len(images) != len(references):
-        raise UsageError(
-            f"--images is given {count(len(images), 'time')} for {count(len(references), 'reference')}",
-            remedy="Give it once for each --reference, in the same order.",
-        )
     found = [_described_scene(scene) for scene in scenes]
     found += [_described_reference(*each) for each in zip_longest(references, images)]
     for number, plot in enumerate(found):
