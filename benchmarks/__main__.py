@@ -41,6 +41,7 @@ class Study(StrEnum):
     FEW_VIEWS = "few-views"
     WEAK_TIES = "weak-ties"
     KNOWN_POSES = "known-poses"
+    LEARNED_TIES = "learned-ties"
     MAPPINGS = "mappings"
     REFERENCES = "references"
     MATCH_DECAY = "match-decay"

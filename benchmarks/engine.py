@@ -81,6 +81,12 @@ def _known_poses(data: Path, options: EngineOptions, progress: Progress) -> Stud
     return run_known_poses(data, phases=options.draws, cache=options.cache, progress=progress)
 
 
+def _learned_ties(data: Path, options: EngineOptions, progress: Progress) -> StudyResult:
+    from benchmarks.known_poses import run_known_poses
+
+    return run_known_poses(data, phases=options.draws, cache=options.cache, progress=progress, learned=True)
+
+
 def _references(data: Path, options: EngineOptions, progress: Progress) -> StudyResult:
     from benchmarks.references import run_references
 
@@ -128,6 +134,7 @@ STUDIES: dict[str, Run] = {
     "few-views": _on_data("few-views", "Few views", _few_views),
     "weak-ties": _on_data("weak-ties", "Few views that are weakly tied", _weak_ties),
     "known-poses": _on_data("known-poses", "How well poses are known", _known_poses),
+    "learned-ties": _on_data("learned-ties", "Learned matches where ties are weak", _learned_ties),
     "mappings": _on_data("mappings", "Ways to map, all photographs", _mappings),
     "references": _on_data("references", "References of the recorded sets", _references),
     "match-decay": _match_decay,

@@ -250,7 +250,7 @@ def _blind(
     camera_of = [0] * len(names)
     start = time.process_time()
     wanted = exhaustive_pairs(len(names), [None] * len(names), len(names))
-    pairs, _ = load_pairs(
+    pairs = load_pairs(
         keyed, [rig.intrinsics], camera_of, wanted, settings.verification, Context(), calibrated=True, seed=0
     )  # fmt: skip
     matching = time.process_time() - start

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -19,38 +20,46 @@ from fieldkit.geometry.priors import PosePrior, Priors, SourceFrame
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.cameras import cameras_of
 from fieldkit.reconstruction.colmap_model import model_poses
+from fieldkit.reconstruction.learned import ties_name
 from fieldkit.reconstruction.mapping.choose import map_capture
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import ImageReport
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
+from fieldkit.vocabulary import TiesName
 
 SETS: Mapping[str, Sequence[int]] = {"basil_rig": (10, 13), "arabidopsis_rig": (13, 20)}
 NOISES = (
     Noise(0.01, 1.0), Noise(0.02, 2.0), Noise(0.05, 2.0), Noise(0.0, np.inf), Noise(0.01, np.inf), Noise(0.05, np.inf),
 )  # fmt: skip
 """Without angles nothing is known of the lens either."""
+LEARNED_SETS: Mapping[str, Sequence[int]] = {"basil_rig": (10,), "arabidopsis_rig": (13,)}
+LEARNED_NOISES = (Noise(0.01, 2.0), Noise(0.05, 2.0), Noise(0.01, np.inf), Noise(0.05, np.inf))
 _OFF_M = 0.010
 
 
-def run_known_poses(data: Path, *, phases: int, cache: StageCache, progress: Progress) -> StudyResult:
-    """Map even subsets about noisy poses, and compare errors with what is said of them."""
+def run_known_poses(
+    data: Path, *, phases: int, cache: StageCache, progress: Progress, learned: bool = False
+) -> StudyResult:
+    """Map even subsets about noisy poses, and compare errors with what is said of them; with learned matches, too."""
     wall, cpu = time.perf_counter(), time.process_time()
-    rows = []
-    for name, sizes in SETS.items():
+    rows: list[tuple[int | float | str, ...]] = []
+    ties: Sequence[TiesName] = ("sift", ties_name("learned")) if learned else ("sift",)
+    sets, noises = (LEARNED_SETS, LEARNED_NOISES) if learned else (SETS, NOISES)
+    for name, sizes in sets.items():
         rig = load_rig(data, name, cache=cache, progress=progress)
-        with progress.stage(name, len(sizes) * len(NOISES) * phases) as advance:
-            for size in sizes:
-                for noise in NOISES:
-                    found, start = [], time.process_time()
-                    for phase in range(phases):
-                        found += _mapped(rig, uniform_subset(rig.names, size, phase), noise, phase)
-                        advance(1)
-                    rows.append((name, size, _said(noise), *_cells(found), (time.process_time() - start) / phases))
-    columns = ("set", "views>", "priors", "right>", "loose>", "wrong>", "not registered>", "largest error, mm>",
+        cases = list(itertools.product(sizes, noises, ties))
+        with progress.stage(name, len(cases) * phases) as advance:
+            for size, noise, tie in cases:
+                found, start = [], time.process_time()
+                for phase in range(phases):
+                    found += _mapped(rig, uniform_subset(rig.names, size, phase), noise, phase, tie)
+                    advance(1)
+                rows.append((name, size, _said(noise), tie, *_cells(found), (time.process_time() - start) / phases))
+    columns = ("set", "views>", "priors", "ties", "right>", "loose>", "wrong>", "not registered>", "largest error, mm>",
                "above 10 mm told>", "loose within 10 mm>", "within 2 σ, %>", "CPU s>")  # fmt: skip
     return StudyResult(
-        name="known-poses", title="How well poses are known",
+        name="learned-ties" if learned else "known-poses", title="How well poses are known",
         tables=(ResultTable(f"Even subsets, {phases} each", columns, tuple(rows)),),
         notes=("Errors: centres of photographs not called wrong, against the model of all after the best fit.",
                "CPU s with features."),
@@ -62,7 +71,9 @@ def _said(noise: Noise) -> str:
     return str(noise) if np.isfinite(noise.angle_deg) else f"{1000 * noise.position_m:.0f} mm, no angles"
 
 
-def _mapped(rig: RigSet, names: Sequence[str], noise: Noise, draw: int) -> list[tuple[ImageReport, float]]:
+def _mapped(
+    rig: RigSet, names: Sequence[str], noise: Noise, draw: int, ties: TiesName
+) -> list[tuple[ImageReport, float]]:
     """Reports of photographs with the errors of their centres, metres; NaN where there is none."""
     capture, oriented = rig.capture, bool(np.isfinite(noise.angle_deg))
     capture = replace(
@@ -81,7 +92,7 @@ def _mapped(rig: RigSet, names: Sequence[str], noise: Noise, draw: int) -> list[
         cameras = replace(cameras, cameras=(rig.intrinsics,), sources=("camera.toml",), fixed=(True,))
     known = Priors(SourceFrame("poses.csv", None, Similarity.identity()), priors)
     try:
-        mapped = map_capture(capture, cameras, known, ReconstructionSettings(), Context())
+        mapped = map_capture(capture, cameras, known, ReconstructionSettings(ties=ties), Context())
     except ReconstructionError:
         return [(ImageReport(name=name, features=0, registered=False), np.nan) for name in names]
     poses = model_poses(mapped.model)

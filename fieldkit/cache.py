@@ -18,7 +18,7 @@ import struct
 import time
 import warnings
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -148,6 +148,14 @@ class StageCache:
                 CacheWarning,
                 stacklevel=2,
             )
+
+    def kept(self, stage: str, key: str, make: Callable[[], dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+        """The arrays kept under ``key``, or those that ``make`` gives, which are kept from then on."""
+        arrays = self.get(stage, key)
+        if arrays is None:
+            arrays = make()
+            self.put(stage, key, arrays)
+        return arrays
 
     def sizes(self) -> dict[str, StageSize]:
         """Entries and bytes of every stage, by name."""

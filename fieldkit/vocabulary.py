@@ -10,6 +10,10 @@ MappingName = Literal["incremental", "global", "prior"]
 """How poses are found: blind, image by image or all at once, or from what is known of them."""
 MappingChoice = Literal["auto", "incremental", "global", "prior"]
 """The same as a person chooses it; auto takes prior where enough positions are known."""
+TiesName = Literal["sift", "learned"]
+"""Whose matches tie photographs: SIFT's alone, or where these leave poses loose, networks', too."""
+TiesChoice = Literal["sift", "auto", "learned"]
+"""The same as a person chooses it; auto takes networks' where they are installed."""
 Fidelity = Literal["draft", "standard", "fine", "full"]
 """Ground sampling distance of the depth maps."""
 GSD_M: Mapping[Fidelity, float] = MappingProxyType({"draft": 0.004, "standard": 0.002, "fine": 0.0012, "full": 0.0})

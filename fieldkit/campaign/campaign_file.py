@@ -10,11 +10,12 @@ from pydantic import Field, model_validator
 from fieldkit.clouds.volume import Volume
 from fieldkit.documents.toml_file import read_versioned, toml_text, validated_toml
 from fieldkit.evaluation.rasters import Rasters
+from fieldkit.reconstruction.learned import ties_name
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.fields import Strict
 from fieldkit.runtime.shipped import shipped_page
 from fieldkit.sites.site import Name
-from fieldkit.vocabulary import DISTANCES_M, Fidelity, MappingChoice, Mask
+from fieldkit.vocabulary import DISTANCES_M, Fidelity, MappingChoice, Mask, TiesChoice
 
 _MAX_BYTES = 1 << 20
 _REMEDY = f"{shipped_page('docs/campaigns.md')} lists the keys of campaign.toml."
@@ -27,6 +28,7 @@ class EvaluationTable(Strict):
     """How every visit is evaluated; see `ReconstructionSettings`."""
 
     mapping: MappingChoice = "auto"
+    ties: TiesChoice = "sift"
     fidelity: Fidelity = "standard"
     mask: Mask = "exg"
     bounds_m: tuple[float, float, float, float, float, float] | None = None
@@ -57,7 +59,7 @@ class EvaluationTable(Strict):
         """The same as the reconstruction takes it."""
         b = self.bounds_m
         return ReconstructionSettings(
-            mapping=self.mapping, fidelity=self.fidelity, mask=self.mask,
+            mapping=self.mapping, ties=ties_name(self.ties), fidelity=self.fidelity, mask=self.mask,
             bounds=None if b is None else Volume(b[:3], b[3:]), seed=self.seed,
         )  # fmt: skip
 

@@ -62,8 +62,8 @@ def command(
 
     try:
         evaluation = EvaluationTable(
-            mapping=reconstruction.mapping, fidelity=reconstruction.fidelity, mask=reconstruction.mask,
-            bounds_m=corners, seed=seed,
+            mapping=reconstruction.mapping, ties=reconstruction.ties, fidelity=reconstruction.fidelity,
+            mask=reconstruction.mask, bounds_m=corners, seed=seed,
             rasters=wanted is not None, gsd_m=None if wanted is None else wanted.cell_m,
         )  # fmt: skip
     except ValidationError as error:

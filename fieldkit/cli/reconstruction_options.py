@@ -12,7 +12,7 @@ from typer import Option
 
 from fieldkit.cli.common import RUN, OverwriteOption, ResumeOption, SeedOption, finite_numbers
 from fieldkit.errors import UsageError
-from fieldkit.vocabulary import DISTANCES_M, Fidelity, MappingChoice, Mask
+from fieldkit.vocabulary import DISTANCES_M, Fidelity, MappingChoice, Mask, TiesChoice
 
 if TYPE_CHECKING:
     from fieldkit.cache import StageCache
@@ -54,6 +54,14 @@ class ReconstructionOptions:
         MappingChoice,
         Option("--mapping", help="How poses are found; auto: prior with known positions, else incremental."),
     ] = "auto"
+    ties: Annotated[
+        TiesChoice,
+        Option(
+            "--ties",
+            help="Matches that tie photographs: SIFT's; learned: networks', too, where poses are loose; auto: if "
+            "installed.",
+        ),
+    ] = "auto"
     fidelity: Annotated[
         Fidelity,
         Option("--fidelity", help="What a pixel covers at the plants: 4, 2 or 1.2 mm, or the photographs' own."),
@@ -80,10 +88,11 @@ class ReconstructionOptions:
         """The library's settings for these options."""
         corners = self.corners
         from fieldkit.clouds.volume import Volume
+        from fieldkit.reconstruction.learned import ties_name
         from fieldkit.reconstruction.settings import ReconstructionSettings
 
         return ReconstructionSettings(
-            mapping=self.mapping, fidelity=self.fidelity, mask=self.mask,
+            mapping=self.mapping, ties=ties_name(self.ties), fidelity=self.fidelity, mask=self.mask,
             bounds=None if corners is None else Volume(corners[:3], corners[3:]), seed=seed,
         )  # fmt: skip
 

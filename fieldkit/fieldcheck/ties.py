@@ -133,10 +133,9 @@ def find_ties(
         i, j = pair
         version = BESIDE["check-pair"]
         key = digest("check-pair", version, features[i].key, features[j].key, _FIRST_FEATURES, RATIO)
-        kept = cache.get("check-pairs", key)
-        if kept is None:
-            kept = {"count": np.array(len(match_features(largest[i], largest[j], ratio=RATIO)))}
-            cache.put("check-pairs", key, kept)
+        kept = cache.kept(
+            "check-pairs", key, lambda: {"count": np.array(len(match_features(largest[i], largest[j], ratio=RATIO)))}
+        )
         return int(kept["count"])
 
     with progress.stage("Matches", len(pairs)) as advance:
@@ -174,11 +173,10 @@ def _verified(
     alone = replace(context, workers=1)
 
     def verify(pair: Pair) -> dict[Pair, TwoView]:
-        kept, _ = load_pairs(
+        return load_pairs(
             features, cameras.cameras, cameras.camera_of, [pair], ReconstructionSettings().verification,
             alone, calibrated=True, seed=settings.seed,
         )  # fmt: skip
-        return kept
 
     found: dict[Pair, TwoView] = {}
     for each in map_threads(verify, pairs, workers=context.workers):

@@ -108,6 +108,21 @@ def new_model(
     return model
 
 
+def triangulation(
+    max_error_px: float, min_angle_deg: float, *, trials: int, seed: int
+) -> pycolmap.EstimateTriangulationOptions:
+    """How a point is found among views that can be wrong."""
+    options = pycolmap.EstimateTriangulationOptions()
+    options.min_tri_angle = np.radians(min_angle_deg)
+    options.residual_type = pycolmap.TriangulationResidualType.REPROJECTION_ERROR
+    options.ransac.max_error = max_error_px
+    options.ransac.random_seed = seed
+    options.ransac.min_inlier_ratio = 0.02
+    options.ransac.confidence = 0.9999
+    options.ransac.max_num_trials = trials
+    return options
+
+
 def triangulate_tracks(
     model: pycolmap.Reconstruction,
     features: Sequence[Features],
@@ -122,14 +137,7 @@ def triangulate_tracks(
     Returns:
         The number of points added.
     """
-    options = pycolmap.EstimateTriangulationOptions()
-    options.min_tri_angle = np.radians(min_angle_deg)
-    options.residual_type = pycolmap.TriangulationResidualType.REPROJECTION_ERROR
-    options.ransac.max_error = max_error_px
-    options.ransac.random_seed = seed
-    options.ransac.min_inlier_ratio = 0.02
-    options.ransac.confidence = 0.9999
-    options.ransac.max_num_trials = 100
+    options = triangulation(max_error_px, min_angle_deg, trials=100, seed=seed)
     rigid: Mapping[int, pycolmap.Rigid3d] = {i: image.cam_from_world() for i, image in model.images.items()}
     cameras = {i: model.camera(image.camera_id) for i, image in model.images.items()}
     added = 0

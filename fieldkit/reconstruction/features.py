@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -28,6 +29,15 @@ class FeatureSettings:
     """Which ones are withheld."""
 
 
+class Partners(NamedTuple):
+    """Which learned features of a photograph match those of n photographs."""
+
+    place: int
+    """Which of the n it is."""
+    partner: NDArray[np.int64]
+    """(m, n) for each of its m learned features one of each photograph's; −1 for none."""
+
+
 @dataclass(frozen=True, eq=False)
 class Features:
     """The features of one photograph."""
@@ -39,6 +49,9 @@ class Features:
     """(n, 128) uint8 RootSIFT (Arandjelović & Zisserman 2012), 512 times its unit vector."""
     ground: int = 0
     """How many of the last are those of the ground, seen from above (`fieldkit.reconstruction.ground_view`)."""
+    partners: Partners | None = None
+    """Of the learned features before those (`fieldkit.reconstruction.learned`): they have neither a scale nor an
+    orientation nor descriptors of this kind, only matches."""
 
     @classmethod
     def none(cls) -> Features:
@@ -46,30 +59,47 @@ class Features:
 
     def with_ground(self, ground: Features) -> Features:
         """Followed by those of the ground."""
-        keypoints = np.concatenate([self.keypoints, ground.keypoints])
-        return Features(keypoints, np.concatenate([self.descriptors, ground.descriptors]), len(ground))
+        return replace(self._and(ground.keypoints, ground.descriptors), ground=len(ground))
+
+    def with_learned(self, points: NDArray[np.float32], partners: Partners) -> Features:
+        """Followed by learned ones at ``points`` (m, 2), pixels of the photograph."""
+        keypoints = np.pad(points, ((0, 0), (0, 2)))
+        return replace(self._and(keypoints, np.zeros((len(points), 128), np.uint8)), partners=partners)
+
+    def _and(self, keypoints: NDArray[np.float32], descriptors: NDArray[np.uint8]) -> Features:
+        both = (np.concatenate([self.keypoints, keypoints]), np.concatenate([self.descriptors, descriptors]))
+        return Features(*both, partners=self.partners)
 
     @property
-    def parts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Indices of the photograph's own features, and of those of the ground."""
-        own, every = len(self) - self.ground, np.arange(len(self))
-        return every[:own], every[own:]
+    def parts(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+        """Indices of the photograph's own features, of learned ones, and of those of the ground."""
+        ground = len(self) - self.ground
+        own, every = ground - (0 if self.partners is None else len(self.partners.partner)), np.arange(len(self))
+        return every[:own], every[own:ground], every[ground:]
+
+    def partners_in(self, other: Features) -> NDArray[np.int64]:
+        """(k, 2) the matches of learned features, sorted by the first."""
+        if self.partners is None or other.partners is None:
+            return np.zeros((0, 2), np.int64)
+        index = self.partners.partner[:, other.partners.place]
+        matched = np.flatnonzero(index >= 0)
+        return np.stack([self.parts[1][matched], other.parts[1][index[matched]]], axis=1)
 
     def __len__(self) -> int:
         return len(self.keypoints)
 
     def largest(self, count: int) -> NDArray[np.int64]:
-        """Indices (k,), ascending, of the ``count`` features of the largest scale among the photograph's own, and as
-        many of the ground.
+        """Indices (k,), ascending, of the ``count`` features of the largest scale among the photograph's own, of all
+        learned ones, and of as many of the ground.
         """
-        return np.concatenate([
-            np.sort(part[np.argsort(-self.keypoints[part, 2], kind="stable")[:count]]) for part in self.parts
-        ])  # fmt: skip
+        own, learned, ground = self.parts
+        most = [np.sort(part[np.argsort(-self.keypoints[part, 2], kind="stable")[:count]]) for part in (own, ground)]
+        return np.concatenate([most[0], learned, most[1]])
 
     def subset(self, index: NDArray[np.int64]) -> Features:
-        """The features of those indices, ascending."""
-        ground = int((index >= len(self) - self.ground).sum())
-        return Features(self.keypoints[index], self.descriptors[index], ground)
+        """The features of those indices, ascending: of the learned ones all or none."""
+        _, learned, ground = (int(np.isin(part, index).sum()) for part in self.parts)
+        return Features(self.keypoints[index], self.descriptors[index], ground, self.partners if learned else None)
 
     @cached_property
     def squares(self) -> NDArray[np.int32]:

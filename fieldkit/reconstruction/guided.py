@@ -110,12 +110,11 @@ class IndexedFeatures:
         return cls(features, camera.undistort(features.points), camera.without_distortion())
 
     @cached_property
-    def parts(self) -> tuple[IndexedFeatures, IndexedFeatures]:
-        """The photograph's own features, and those of the ground."""
-        own, ground = (
+    def parts(self) -> tuple[IndexedFeatures, ...]:
+        """The photograph's own features, learned ones, and those of the ground."""
+        return tuple(
             IndexedFeatures(self.features.subset(part), self.points[part], self.camera) for part in self.features.parts
         )
-        return own, ground
 
     @cached_property
     def across(self) -> _Strips:
@@ -216,6 +215,11 @@ def _match_alike(a: PosedFeatures, b: PosedFeatures, band: Band, shift_px: float
     fundamental = fundamental_matrix(a.pose, b.pose, a.camera, b.camera)
     lines_in_b = _unit_lines(homogeneous(a.points) @ fundamental.T)
     shift = shift_px * _mean_normal(lines_in_b) if shift_px else np.zeros(2)
+    if a.features.partners is not None:
+        matches = a.features.partners_in(b.features)
+        off = epipolar_distance(fundamental, a.points[matches[:, 0]], b.points[matches[:, 1]] + shift)
+        matches = matches[off <= band.px]
+        return matches[_in_bounds(a, b, matches, band)]
     lines_in_a = _unit_lines(homogeneous(b.points + shift) @ fundamental)
     rows, columns = _best_in_band(a, b, shift, lines_in_b, lines_in_a, band.px, band.rule.ratio)
     first = np.flatnonzero(rows >= 0)
@@ -249,11 +253,15 @@ def _agrees(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.int64], band
     rotation = np.abs((difference + np.pi) % (2 * np.pi) - np.pi)
     rule = band.rule
     good = (rotation <= np.radians(rule.max_rotation_deg)) & (np.abs(octaves) <= rule.max_scale_octaves)
-    if band.scene_bounds is not None:
-        points, s, t = midpoints(a, b, matches)
-        good &= band.scene_bounds.contains(points) & (s > 0) & (t > 0)
-    agreed: NDArray[np.bool_] = good
+    agreed: NDArray[np.bool_] = good & _in_bounds(a, b, matches, band)
     return agreed
+
+
+def _in_bounds(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.int64], band: Band) -> NDArray[np.bool_]:
+    if band.scene_bounds is None:
+        return np.ones(len(matches), np.bool_)
+    points, s, t = midpoints(a, b, matches)
+    return band.scene_bounds.contains(points) & (s > 0) & (t > 0)
 
 
 def _turn_from_baseline(

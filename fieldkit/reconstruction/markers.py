@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from fieldkit.captures.markers_file import MarkersFile, marker_dictionary
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.colmap_model import to_colmap_camera, to_rigid
+from fieldkit.reconstruction.colmap_model import to_colmap_camera, to_rigid, triangulation
 from fieldkit.runtime.colmap import pycolmap
 
 Floats = NDArray[np.float64]
@@ -165,34 +165,14 @@ _MAX_ERROR_PX = 4.0
 """Largest reprojection error of a view that counts, in pixels of a 1600-pixel-wide photograph."""
 
 
-@dataclass(frozen=True)
-class MarkerLength:
-    """One known length against the model."""
-
-    what: str
-    """E.g. ``"side of marker 3"`` or ``"markers 3–7"``."""
-    known_m: float
-    """As the sidecar says."""
-    model_units: float
-    """As triangulated."""
-    residual: float
-    """Scale · model_units / known_m − 1, a share."""
-    inlier: bool
-    """Whether the scale rests on it."""
-
-
 @dataclass(frozen=True, eq=False)
 class MarkerScale:
     """A metric scale."""
 
     scale: float
     """Metres per model unit."""
-    lengths: tuple[MarkerLength, ...]
-    """All known lengths that were seen, sides first."""
     inliers: int
-    """How many of them the scale rests on."""
-    rms_m: float
-    """Of the inliers' differences."""
+    """How many known lengths it rests on."""
     corners: Mapping[int, Floats]
     """(4, 3) per marker number, model units."""
     notes: tuple[str, ...]
@@ -262,14 +242,7 @@ def _triangulate(
 ) -> Floats | None:
     """The four corners (4, 3) where at least two views agree on each; else None."""
     width = float(np.median([intrinsics[name].width for name, _ in views]))
-    options = pycolmap.EstimateTriangulationOptions()
-    options.min_tri_angle = np.radians(_MIN_ANGLE_DEG)
-    options.residual_type = pycolmap.TriangulationResidualType.REPROJECTION_ERROR
-    options.ransac.max_error = _MAX_ERROR_PX * max(width / 1600.0, 0.5)
-    options.ransac.random_seed = seed
-    options.ransac.min_inlier_ratio = 0.02
-    options.ransac.confidence = 0.9999
-    options.ransac.max_num_trials = 1000
+    options = triangulation(_MAX_ERROR_PX * max(width / 1600.0, 0.5), _MIN_ANGLE_DEG, trials=1000, seed=seed)
     rigid = [to_rigid(poses[name]) for name, _ in views]
     cameras = [to_colmap_camera(intrinsics[name], 1) for name, _ in views]
     corners = np.empty((4, 3))
@@ -324,21 +297,15 @@ def _robust_scale(
     rivals = [i for i in range(len(measured)) if votes[i] == votes[winner] and not (agreeing[i] & inlier).any()]
     # Errors in the model are about the same for long and short lengths, so plain least squares on metres.
     scale = float((known[inlier] @ units[inlier]) / (units[inlier] @ units[inlier]))
-    residual = scale * units / known - 1.0
-    lengths = tuple(
-        MarkerLength(what, k, u, float(r), bool(i))
-        for (what, k, u), r, i in zip(measured, residual, inlier, strict=True)
-    )
     outliers = [
-        f"{one.what}: {one.known_m:g} m in markers.toml, {scale * one.model_units:.4g} m in the model "
-        f"({one.residual:+.1%}); not used"
-        for one in lengths
-        if not one.inlier
+        f"{what}: {metres:g} m in markers.toml, {scale * length:.4g} m in the model "
+        f"({scale * length / metres - 1.0:+.1%}); not used"
+        for (what, metres, length), used in zip(measured, inlier, strict=True)
+        if not used
     ]
     doubt = []
     if rivals:
         doubt.append("as many known lengths speak for another scale as for this one; measure again")
     elif len(measured) == 1:
         doubt.append(f"the scale rests on one length alone ({measured[0][0]})")
-    rms = float(np.sqrt(np.mean((scale * units[inlier] - known[inlier]) ** 2)))
-    return MarkerScale(scale, lengths, int(inlier.sum()), rms, dict(corners), (*notes, *outliers, *doubt))
+    return MarkerScale(scale, int(inlier.sum()), dict(corners), (*notes, *outliers, *doubt))

@@ -10,7 +10,7 @@ from fieldkit.errors import UsageError
 from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.mapping.prior import PriorMappingSettings
 from fieldkit.reconstruction.verification import VerificationSettings
-from fieldkit.vocabulary import LEAST_POSITIONS, Fidelity, MappingChoice, Mask
+from fieldkit.vocabulary import LEAST_POSITIONS, Fidelity, MappingChoice, Mask, TiesName
 
 BLIND_METHODS = ("incremental", "global")
 """In the order in which they are tried where neither is asked for."""
@@ -28,6 +28,8 @@ class ReconstructionSettings:
     """Constants of prior mapping."""
     mapping: MappingChoice = "auto"
     """How poses are found; what ``auto`` stands for, `mapping_methods` says."""
+    ties: TiesName = "sift"
+    """Whose matches tie photographs."""
     fidelity: Fidelity = "standard"
     """Ground sampling distance of dense stereo, see `dense.resolution.GSD_M`."""
     mask: Mask = "exg"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from fieldkit.cache import StageCache, digest
 from fieldkit.captures import Capture, Photo, Quality, assess_quality, find_mask, measure_photo, read_image
 from fieldkit.geometry import Intrinsics
-from fieldkit.reconstruction.features import Features, FeatureSettings, extract_features
+from fieldkit.reconstruction.features import Features, FeatureSettings, Partners, extract_features
 from fieldkit.reconstruction.ground_view import extract_ground_features, is_oblique
+from fieldkit.reconstruction.learned import WORKING_SIDE, LearnedFeatures, extract_learned, match_learned
 from fieldkit.reconstruction.matching import match_features
 from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
 from fieldkit.reconstruction.versions import STAGES
@@ -27,6 +28,7 @@ from fieldkit.runtime.machine import processor_seconds
 from fieldkit.runtime.progress import Advance, Progress
 
 T = TypeVar("T")
+Arrays = dict[str, np.ndarray]
 RATIO = 0.8
 """Lowe's ratio of blind matching."""
 
@@ -46,7 +48,8 @@ def load_features(
     """Features of every photograph, from the cache where they are there."""
     every = replace(settings, kept=1.0, draw=0)
     keys = [digest("features", STAGES["features"], photo.sha256, every) for photo in photos]
-    return _found_or_made(keys, photos, partial(_of_photo, settings=every), settings, context, advance)
+    found = _kept_or_made("features", keys, photos, partial(_of_photo, settings=every), context, advance)
+    return _keyed(keys, found, settings)
 
 
 def with_ground_features(
@@ -66,7 +69,8 @@ def with_ground_features(
     every = replace(settings, kept=1.0, draw=0)
     views = [view for view in zip(photos, cameras, rotations, strict=True) if is_oblique(view[2])]
     keys = [digest("ground", STAGES["features"], photo.sha256, every, camera, turn) for photo, camera, turn in views]
-    found = iter(_found_or_made(keys, views, partial(_of_ground, settings=every), settings, context, lambda _: None))
+    made = _kept_or_made("features", keys, views, partial(_of_ground, settings=every), context)
+    found = iter(_keyed(keys, made, settings))
     return [_joined(own, next(found)) if is_oblique(turn) else own for own, turn in zip(keyed, rotations, strict=True)]
 
 
@@ -75,55 +79,87 @@ def _joined(own: KeyedFeatures, ground: KeyedFeatures) -> KeyedFeatures:
     return KeyedFeatures(key, own.features.with_ground(ground.features), ground.cached)
 
 
-def _found_or_made(
+def with_learned_features(
+    keyed: Sequence[KeyedFeatures], photos: Sequence[Photo], pairs: Sequence[tuple[int, int]], context: Context
+) -> list[KeyedFeatures]:
+    """Features followed by those that ALIKED and LightGlue match in the pairs (of indices of photographs)."""
+    chosen = sorted({k for pair in pairs for k in pair})
+    keys = {k: digest("learned", STAGES["learned"], photos[k].sha256) for k in chosen}
+    keys_of_pairs = [digest("learned pair", STAGES["learned"], keys[i], keys[j]) for i, j in pairs]
+    with context.progress.stage("Learned matches", len(chosen) + len(pairs)) as advance:
+        made = _kept_or_made("learned", list(keys.values()), [photos[k] for k in chosen], _learned, context, advance)
+        learned = {k: LearnedFeatures(**arrays) for k, (arrays, _) in zip(chosen, made, strict=True)}
+        both = [(learned[i], learned[j]) for i, j in pairs]
+        found = _kept_or_made("matches", keys_of_pairs, both, _learned_matches, context, advance)
+    partner = {k: np.full((len(each.points), len(keyed)), -1) for k, each in learned.items()}
+    for (i, j), (arrays, _) in zip(pairs, found, strict=True):
+        of_i, of_j = arrays["matches"].T
+        partner[i][of_i, j], partner[j][of_j, i] = of_j, of_i
+    result, key = list(keyed), digest("with learned", pairs, keys_of_pairs)
+    for k, each in learned.items():
+        features = keyed[k].features.with_learned(each.points, Partners(k, partner[k]))
+        result[k] = KeyedFeatures(digest(keyed[k].key, key), features, keyed[k].cached)
+    return result
+
+
+def _kept_or_made(
+    stage: str,
     keys: Sequence[str],
     inputs: Sequence[T],
-    make: Callable[[T], Features],
-    settings: FeatureSettings,
+    make: Callable[[T], Arrays],
     context: Context,
-    advance: Advance,
-) -> list[KeyedFeatures]:
-    """The features of each input, from the cache by its key or made; less what the settings withhold."""
-    kept = [context.cache.get("features", key) for key in keys]
+    advance: Advance = lambda _: None,
+) -> list[tuple[Arrays, bool]]:
+    """The arrays of each input, from the cache by its key or made and kept; and whether they were there."""
+    kept = [context.cache.get(stage, key) for key in keys]
     missing = [(key, each) for key, each, old in zip(keys, inputs, kept, strict=True) if old is None]
     advance(len(keys) - len(missing))
     # Workers are started only for what is missing: each takes a second to import what it needs.
-    new = iter(context.map(partial(_made, make=make, cache_root=context.cache.root), missing, advance))
+    work = partial(_made, stage=stage, make=make, cache_root=context.cache.root)
+    new = iter(context.map(work, missing, advance))
+    return [(next(new), False) if old is None else (old, True) for old in kept]
+
+
+def _made(missing: tuple[str, T], stage: str, make: Callable[[T], Arrays], cache_root: Path | None) -> Arrays:
+    arrays = make(missing[1])
+    StageCache(cache_root).put(stage, missing[0], arrays)
+    return arrays
+
+
+def _of_photo(photo: Photo, settings: FeatureSettings) -> Arrays:
+    return _arrays(extract_features(read_image(photo, gray=True), settings))
+
+
+def _of_ground(view: tuple[Photo, Intrinsics, NDArray[np.float64]], settings: FeatureSettings) -> Arrays:
+    photo, camera, rotation = view
+    return _arrays(extract_ground_features(read_image(photo, gray=True), camera, rotation, settings))
+
+
+def _arrays(found: Features) -> Arrays:
+    return {"keypoints": found.keypoints, "descriptors": found.descriptors}
+
+
+def _learned(photo: Photo) -> Arrays:
+    return extract_learned(read_image(photo, max_side=WORKING_SIDE), (photo.width, photo.height))._asdict()
+
+
+def _learned_matches(pair: tuple[LearnedFeatures, LearnedFeatures]) -> Arrays:
+    return {"matches": match_learned(*pair)}
+
+
+def _keyed(keys: Sequence[str], made: Sequence[tuple[Arrays, bool]], settings: FeatureSettings) -> list[KeyedFeatures]:
+    """Features from their arrays, less a random share of each photograph's that the settings withhold."""
     found = [
-        next(new) if old is None else KeyedFeatures(key, Features(old["keypoints"], old["descriptors"]), cached=True)
-        for key, old in zip(keys, kept, strict=True)
+        KeyedFeatures(key, Features(arrays["keypoints"], arrays["descriptors"]), cached)
+        for key, (arrays, cached) in zip(keys, made, strict=True)
     ]
     return found if settings.kept >= 1.0 else [_withheld(each, settings.kept, settings.draw) for each in found]
 
 
-def _made(missing: tuple[str, T], make: Callable[[T], Features], cache_root: Path | None) -> KeyedFeatures:
-    key, found = missing[0], make(missing[1])
-    StageCache(cache_root).put("features", key, {"keypoints": found.keypoints, "descriptors": found.descriptors})
-    return KeyedFeatures(key, found, cached=False)
-
-
-def _of_photo(photo: Photo, settings: FeatureSettings) -> Features:
-    return extract_features(read_image(photo, gray=True), settings)
-
-
-def _of_ground(view: tuple[Photo, Intrinsics, NDArray[np.float64]], settings: FeatureSettings) -> Features:
-    photo, camera, rotation = view
-    return extract_ground_features(read_image(photo, gray=True), camera, rotation, settings)
-
-
 def _withheld(found: KeyedFeatures, kept: float, draw: int) -> KeyedFeatures:
-    """A random share of the features of a photograph."""
     rng = np.random.default_rng([draw, int(found.key[:16], 16)])
     chosen = np.flatnonzero(rng.random(len(found.features)) < kept)
     return KeyedFeatures(digest("withheld", found.key, kept, draw), found.features.subset(chosen), found.cached)
-
-
-@dataclass(frozen=True, eq=False)
-class _PairTask:
-    a: KeyedFeatures
-    b: KeyedFeatures
-    camera_a: Intrinsics
-    camera_b: Intrinsics
 
 
 def load_pairs(
@@ -137,52 +173,37 @@ def load_pairs(
     *,
     calibrated: bool,
     seed: int,
-) -> tuple[dict[tuple[int, int], TwoView], int]:
-    """Blind matches of image pairs, verified.
-
-    Returns:
-        The pairs that pass, by image indices, and how many of all came from the cache.
-    """
-    tasks = [_PairTask(features[i], features[j], cameras[camera_of[i]], cameras[camera_of[j]]) for i, j in pairs]
+) -> dict[tuple[int, int], TwoView]:
+    """Blind matches of image pairs, by image indices: those that pass verification."""
+    tasks = [(features[i], features[j], cameras[camera_of[i]], cameras[camera_of[j]]) for i, j in pairs]
+    # The intrinsics matter only where an essential matrix is estimated.
+    keys = [
+        digest("pair", STAGES["pairs"], a.key, b.key, (*of,) if calibrated else None, settings, RATIO, calibrated, seed)
+        for a, b, *of in tasks
+    ]
     work = partial(_verified, settings=settings, calibrated=calibrated, seed=seed, cache_root=context.cache.root)
-    results = context.map(work, tasks, advance)
-    verified = {pair: two for pair, (two, _) in zip(pairs, results, strict=True) if len(two.inliers)}
-    return verified, sum(cached for _, cached in results)
+    found = {}
+    for pair, (arrays, _) in zip(pairs, _kept_or_made("pairs", keys, tasks, work, context, advance), strict=True):
+        if len(arrays["inliers"]):
+            found[pair] = TwoView(**{**arrays, "config": int(arrays["config"])})  # type: ignore[arg-type]
+    return found
 
 
 def _verified(
-    task: _PairTask, settings: VerificationSettings, calibrated: bool, seed: int, cache_root: Path | None
-) -> tuple[TwoView, bool]:
-    cache = StageCache(cache_root)
-    # The intrinsics matter only where an essential matrix is estimated.
-    cameras = (task.camera_a, task.camera_b) if calibrated else None
-    key = digest("pair", STAGES["pairs"], task.a.key, task.b.key, cameras, settings, RATIO, calibrated, seed)
-    kept = cache.get("pairs", key)
-    if kept is not None:
-        return TwoView(**{**kept, "config": int(kept["config"])}), True  # type: ignore[arg-type]
-    matches = _matches(task, cache)
-    two = verify_pair(
-        task.a.features, task.b.features, task.camera_a, task.camera_b, matches, settings,
-        calibrated=calibrated, seed=seed,
-    )  # fmt: skip
-    arrays: Mapping[str, np.ndarray] = {
-        "inliers": two.inliers, "config": np.array(two.config), "fundamental": two.fundamental,
-        "essential": two.essential, "homography": two.homography, "rotation": two.rotation,
-        "translation": two.translation,
-    }  # fmt: skip
-    cache.put("pairs", key, dict(arrays))
-    return two, False
-
-
-def _matches(task: _PairTask, cache: StageCache) -> NDArray[np.uint32]:
-    """Putative matches; kept apart from their verification, which is done again once a camera is calibrated."""
-    key = digest("matches", STAGES["pairs"], task.a.key, task.b.key, RATIO)
-    kept = cache.get("matches", key)
-    if kept is not None:
-        return kept["matches"]
-    matches = match_features(task.a.features, task.b.features, ratio=RATIO)
-    cache.put("matches", key, {"matches": matches})
-    return matches
+    task: tuple[KeyedFeatures, KeyedFeatures, Intrinsics, Intrinsics],
+    settings: VerificationSettings,
+    calibrated: bool,
+    seed: int,
+    cache_root: Path | None,
+) -> Arrays:
+    """Putative matches are kept apart from their verification, which is done again once a camera is calibrated."""
+    a, b, camera_a, camera_b = task
+    matches = StageCache(cache_root).kept(
+        "matches", digest("matches", STAGES["pairs"], a.key, b.key, RATIO),
+        lambda: {"matches": match_features(a.features, b.features, ratio=RATIO)},
+    )["matches"]  # fmt: skip
+    two = verify_pair(a.features, b.features, camera_a, camera_b, matches, settings, calibrated=calibrated, seed=seed)
+    return {name: np.asarray(value) for name, value in vars(two).items()}
 
 
 def exhaustive_pairs(count: int, centers: Sequence[np.ndarray | None], max_neighbours: int) -> list[tuple[int, int]]:
@@ -211,12 +232,7 @@ def keep_matches(
         inputs: everything the matches depend on beside the two images' features.
     """
     key = digest("guided", STAGES["guided"], features[i].key, features[j].key, inputs)
-    kept = cache.get("guided", key)
-    if kept is not None:
-        return kept["matches"]
-    matches = compute()
-    cache.put("guided", key, {"matches": matches})
-    return matches
+    return cache.kept("guided", key, lambda: {"matches": compute()})["matches"]
 
 
 def load_quality(capture: Capture, cache: StageCache) -> dict[str, Quality]:
@@ -225,13 +241,13 @@ def load_quality(capture: Capture, cache: StageCache) -> dict[str, Quality]:
     def measure(photo: Photo) -> Quality:
         if find_mask(photo.path) is not None:
             return measure_photo(photo)
-        key = digest("quality", STAGES["quality"], photo.sha256)
-        kept = cache.get("quality", key)
-        if kept is None:
+
+        def measured() -> dict[str, np.ndarray]:
             found = measure_photo(photo)
             values = [found.sharpness, found.contrast, found.clipped_dark, found.clipped_bright]
-            kept = {"values": np.array(values), "flags": np.array(found.flags, dtype=np.str_)}
-            cache.put("quality", key, kept)
+            return {"values": np.array(values), "flags": np.array(found.flags, dtype=np.str_)}
+
+        kept = cache.kept("quality", digest("quality", STAGES["quality"], photo.sha256), measured)
         sharpness, contrast, dark, bright = (float(v) for v in kept["values"])
         return Quality(sharpness, contrast, dark, bright, tuple(str(flag) for flag in kept["flags"]))
 

@@ -55,14 +55,14 @@ def steady_capture(capture: Capture, context: Context) -> Iterator[Capture]:
 
 def _written(photo: Photo, folder: Path, cache_root: Path | None) -> tuple[Photo, list[Finding]]:
     """A burst's photograph with its picture, which is written into a folder, and what became of its members."""
-    cache = StageCache(cache_root)
     key = digest("bursts", STAGES["bursts"], [each.sha256 for each in photo.burst])
-    kept = cache.get("bursts", key)
-    if kept is None:
+
+    def made() -> dict[str, np.ndarray]:
         found = steady_photograph(photo.burst)
         png = cv2.imencode(".png", cv2.cvtColor(found.image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, 1])[1]
-        kept = {"png": png, "motion": found.motion_px, "sway": np.array(found.sway_px), "agrees": found.agrees}
-        cache.put("bursts", key, kept)
+        return {"png": png, "sway": np.array(found.sway_px), "agrees": found.agrees}
+
+    kept = StageCache(cache_root).kept("bursts", key, made)
     path = folder / f"{key}.png"
     path.write_bytes(kept["png"].tobytes())
     sway, agrees = float(kept["sway"]), kept["agrees"]
@@ -83,11 +83,9 @@ class Steady:
 
     image: NDArray[np.uint8]
     """(h, w, 3) RGB: the first photograph, every pixel moved to its mean place, the camera's motion included."""
-    motion_px: Array
-    """(h / 16, w / 16) how far what is there moved beside the camera's own motion: standard deviation over the burst,
-    per axis, pixels of the photographs; NaN where that is not known."""
     sway_px: float
-    """Root mean square of it over plants; NaN where there are none, or no photograph agrees with the first."""
+    """How far plants moved beside the camera's own motion: standard deviation over the burst, per axis, pixels of the
+    photographs; NaN where there are none, or no photograph agrees with the first."""
     agrees: NDArray[np.bool_]
     """(photographs,) whether each shows what the first does."""
 
@@ -104,25 +102,25 @@ def steady_photograph(photos: tuple[Photo, ...]) -> Steady:
     size = (width // 2, height // 2)
     half = _bytes(cv2.resize(first, size, interpolation=cv2.INTER_AREA))
     grays = (read_image(photo, gray=True) for photo in photos[1:])
-    mean, motion, sway, agrees = _followed(
+    mean, sway, agrees = _followed(
         half, (_bytes(cv2.resize(gray, size, interpolation=cv2.INTER_AREA)) for gray in grays)
     )
     shift = np.zeros_like(mean)
     for axis in range(2):
         shift[..., axis] = cv2.medianBlur(np.ascontiguousarray(mean[..., axis]), _MEDIAN_PX)
     scale = 0.5 * (width / size[0] + height / size[1])
-    return Steady(_moved(first, shift), (scale * motion).astype(np.float32), scale * sway, np.array(agrees))
+    return Steady(_moved(first, shift), scale * sway, np.array(agrees))
 
 
 def quick_sway_px(photos: Sequence[Photo], side: int) -> float:
     """The sway of a burst alone (`Steady.sway_px`), in pictures whose longer side has so many pixels."""
     first = read_image(photos[0], max_side=side)
-    _, _, sway, _ = _followed(first, (read_image(photo, max_side=side, gray=True) for photo in photos[1:]))
+    _, sway, _ = _followed(first, (read_image(photo, max_side=side, gray=True) for photo in photos[1:]))
     return float(sway * max(photos[0].width, photos[0].height) / max(first.shape[:2]))
 
 
-def _followed(first: NDArray[np.uint8], others: Iterable[NDArray[np.uint8]]) -> tuple[Array, Array, float, list[bool]]:
-    """Mean flow (h, w, 2) from a photograph to itself and others, motion and sway in its pixels, and who agrees.
+def _followed(first: NDArray[np.uint8], others: Iterable[NDArray[np.uint8]]) -> tuple[Array, float, list[bool]]:
+    """Mean flow (h, w, 2) from a photograph to itself and others, sway in its pixels, and who agrees.
 
     Args:
         first: (h, w, 3) RGB.
@@ -146,8 +144,8 @@ def _followed(first: NDArray[np.uint8], others: Iterable[NDArray[np.uint8]]) -> 
         camera, moved, seen = camera + plane, moved + rest, seen + agree
         cells.append(rest[_cells])
         known.append(agree[_cells])
-    motion, sway = _motion(np.array(cells), np.logical_and.reduce(known), plants[_cells])
-    return camera / len(cells) + moved / seen[..., None], motion, sway, agrees
+    sway = _sway(np.array(cells), np.logical_and.reduce(known), plants[_cells])
+    return camera / len(cells) + moved / seen[..., None], sway, agrees
 
 
 _cells = (slice(_STEP_PX // 2, None, _STEP_PX), slice(_STEP_PX // 2, None, _STEP_PX))
@@ -191,8 +189,8 @@ class _Planes:
         return np.asarray(self._basis @ best.astype(np.float32))
 
 
-def _motion(rest: Array, known: NDArray[np.bool_], plants: NDArray[np.bool_]) -> tuple[Array, float]:
-    """How far cells moved beside the camera, and the root mean square over plants, per axis.
+def _sway(rest: Array, known: NDArray[np.bool_], plants: NDArray[np.bool_]) -> float:
+    """How far plants' cells moved beside the camera, root mean square, per axis.
 
     Args:
         rest: (k, rows, columns, 2) flows less the plane's.
@@ -201,14 +199,14 @@ def _motion(rest: Array, known: NDArray[np.bool_], plants: NDArray[np.bool_]) ->
     """
     motion, here = np.full(known.shape, np.nan, np.float32), known & plants
     if len(rest) < 2 or here.sum() < _LEAST_CELLS:
-        return motion, float("nan")
+        return float("nan")
     rest = rest - rest.mean(axis=0)
     flat = rest[:, here].transpose(1, 0, 2).reshape(here.sum(), -1)  # a row of x and y of all photographs per cell
     parallax = np.linalg.svd(flat, full_matrices=False)[2][0]
     each = rest[:, known].transpose(1, 0, 2).reshape(known.sum(), -1)
     each = each - np.outer(each @ parallax, parallax)
     motion[known] = np.sqrt((each**2).sum(axis=1) / (2 * (len(rest) - 1) - 1))
-    return motion, float(np.sqrt(np.mean(motion[here] ** 2)))
+    return float(np.sqrt(np.mean(motion[here] ** 2)))
 
 
 def _bytes(image: Any) -> NDArray[np.uint8]:

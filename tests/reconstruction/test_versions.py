@@ -10,7 +10,7 @@ from fieldkit.reconstruction.versions import STAGES
 
 FOLDER = Path(fieldkit.reconstruction.__file__).parent
 FILES = sorted(path for path in FOLDER.rglob("*.py") if path.name != "versions.py")
-CACHED = ("bursts", "quality", "features", "pairs", "guided", "mapping", "views", "depth")
+CACHED = ("bursts", "quality", "features", "learned", "pairs", "guided", "learned", "mapping", "views", "depth")
 """Stages that are kept in the cache."""
 
 

@@ -41,11 +41,10 @@ _FEW_FEATURES = 50
 def verified_pairs(inputs: Inputs, belief: Belief, wanted: Sequence[Pair], *, calibrated: bool) -> dict[Pair, TwoView]:
     """Those of the pairs (of indices of photographs) that blind matching verifies."""
     with inputs.context.progress.stage("Matching", len(wanted)) as advance:
-        verified, _ = load_pairs(
+        return load_pairs(
             inputs.keyed, belief.cameras.cameras, belief.cameras.camera_of, wanted, inputs.settings.verification,
             inputs.context, advance, calibrated=calibrated, seed=inputs.settings.seed,
         )  # fmt: skip
-    return verified
 
 
 def candidate_pairs(inputs: Inputs, belief: Belief, neighbours: int = MAX_NEIGHBOURS) -> list[Pair]:

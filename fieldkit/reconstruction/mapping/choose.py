@@ -12,6 +12,7 @@ from fieldkit.documents.mistaken import refuse_other
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry.priors import Priors
 from fieldkit.reconstruction.cameras import CameraSet
+from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.guided import Region
 from fieldkit.reconstruction.mapping.blind import map_without_priors
 from fieldkit.reconstruction.mapping.state import Belief, Inputs, Mapped
@@ -25,9 +26,11 @@ from fieldkit.reconstruction.scale import (
     stated_scale_error,
 )
 from fieldkit.reconstruction.settings import BLIND_METHODS, ReconstructionSettings, mapping_methods
-from fieldkit.reconstruction.stages import load_features
+from fieldkit.reconstruction.stages import load_features, with_learned_features
 from fieldkit.runtime.context import Context
 from fieldkit.vocabulary import LEAST_POSITIONS
+
+_NEAREST = 2
 
 
 def map_capture(
@@ -56,19 +59,60 @@ def map_capture(
         features = load_features(capture.photos, settings.features, context, advance)
     inputs = Inputs(capture, settings, features, context, region)
     belief = Belief(cameras, known)
-    mapped, error, failure = None, 0.0, None
-    try:
-        mapped, error = _by_positions(inputs, belief) if known.positioned else (_chosen(inputs, belief), 0.0)
-        if mapped is None:
-            mapped = _chosen(inputs, replace(belief, priors=known.without_positions()))
-    except ReconstructionError as found:
-        failure = found
+    mapped, error, failure = _mapped(inputs, belief)
+    pairs = weak_pairs(inputs, belief, mapped) if settings.ties == "learned" else []
+    if pairs:
+        keyed = with_learned_features(features, capture.photos, pairs, context)
+        again = _mapped(replace(inputs, keyed=keyed), belief)
+        if again[0] is not None and (mapped is None or _firmness(again[0]) > _firmness(mapped)):
+            mapped, error, failure = again
     mapped = with_stated_poses(inputs, belief, mapped)
     if mapped is None:
         assert failure is not None
         raise failure
     findings = (*mapped.findings, *scale_findings(capture.folder.name, known, error))
     return replace(mapped, features_cached=sum(f.cached for f in features), findings=findings)
+
+
+def _mapped(inputs: Inputs, belief: Belief) -> tuple[Mapped | None, float, ReconstructionError | None]:
+    """The model and the standard error of its scale, or why there is none."""
+    known = belief.priors
+    try:
+        mapped, error = _by_positions(inputs, belief) if known.positioned else (_chosen(inputs, belief), 0.0)
+        if mapped is None:
+            mapped = _chosen(inputs, replace(belief, priors=known.without_positions()))
+    except ReconstructionError as failure:
+        return None, 0.0, failure
+    return mapped, error, None
+
+
+def weak_pairs(inputs: Inputs, belief: Belief, mapped: Mapped | None) -> list[tuple[int, int]]:
+    """Pairs of photographs of which more must be known: those that are not right, or that could lie off together, with
+    the nearest of all and the nearest of the others.
+
+    Places are known positions, else the model's; nothing is said of photographs that have neither.
+    """
+    names, poses = inputs.names, {} if mapped is None else model_poses(mapped.model)
+    weak = set(names) if mapped is None else {image.name for image in mapped.images if image.reason}
+    if mapped is not None and weak and mapped.weakest is not None:
+        weak |= set(mapped.weakest.photographs)
+    places = {k: place for k, name in enumerate(names) if (place := belief.position(name)) is not None}
+    if len(places) < len(names):
+        places = {k: poses[name].center for k, name in enumerate(names) if name in poses}
+    pairs = set()
+    for k in places:
+        if names[k] in weak:
+            near = sorted(places, key=lambda other: float(np.linalg.norm(places[other] - places[k])))[1:]
+            firm = [other for other in near if names[other] not in weak]
+            pairs |= {(min(k, other), max(k, other)) for other in (*near[:_NEAREST], *firm[:_NEAREST])}
+    return sorted(pairs)
+
+
+def _firmness(mapped: Mapped) -> tuple[int, int, float]:
+    """How many photographs are right, how many count, and how little these could be off."""
+    counting = [image for image in mapped.images if image.counts]
+    sigma = max((np.inf if image.sigma_m is None else image.sigma_m for image in counting), default=np.inf)
+    return sum(image.right is True for image in counting), len(counting), -sigma
 
 
 def _by_positions(inputs: Inputs, belief: Belief) -> tuple[Mapped | None, float]:

