@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,8 +16,11 @@ from fieldkit.reconstruction import learned
 from fieldkit.reconstruction.features import Features, Partners
 from fieldkit.reconstruction.guided import Band, match_guided
 from fieldkit.reconstruction.learned import WORKING_SIDE, LearnedFeatures, extract_learned, match_learned, ties_name
+from fieldkit.reconstruction.mapping.choose import weak_pairs
 from fieldkit.reconstruction.matching import match_features
 from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
+from fieldkit.results.evaluation import ImageReport, WeakestMode
+from fieldkit.runtime.colmap import pycolmap
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, posed, ring
 
 needs_networks = pytest.mark.skipif(not learned.is_installed(), reason=f"no networks: {learned.INSTALL}")
@@ -84,6 +88,23 @@ def test_learned_matches_pass_the_same_tests() -> None:
     assert (displaced[:, 0] >= 40).sum() < 0.2 * wrong
     blind = match_features(a, b)
     assert (blind[:, 0] >= 40).sum() == given
+
+
+def test_only_pairs_of_weak_photographs_are_matched() -> None:
+    names, places = tuple("abcdef"), ring(6)
+    inputs = SimpleNamespace(names=names)
+    belief = SimpleNamespace(position=lambda name: places[names.index(name)].center)
+
+    def pairs(weak: str, together: str = "") -> list[tuple[int, int]]:
+        images = [ImageReport(name=n, features=9, registered=True, reason="loose" if n in weak else "") for n in names]
+        weakest = WeakestMode(photographs=tuple(together), sigma_m=0.1) if together else None
+        model = pycolmap.Reconstruction()
+        return weak_pairs(inputs, belief, SimpleNamespace(images=images, weakest=weakest, model=model))
+
+    assert pairs("") == pairs("", "ab") == []
+    assert pairs("a") == [(0, 1), (0, 5)]
+    assert {(0, 1), (0, 5), (1, 2)} < set(pairs("a", "b")) < {(i, j) for i in (0, 1) for j in range(1, 6)}
+    assert weak_pairs(inputs, belief, None) == [(0, 1), (0, 5), (1, 2), (2, 3), (3, 4), (4, 5)]
 
 
 def test_features_with_learned_ones_are_cut_and_joined() -> None:

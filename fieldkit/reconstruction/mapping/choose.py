@@ -29,6 +29,7 @@ from fieldkit.reconstruction.settings import BLIND_METHODS, ReconstructionSettin
 from fieldkit.reconstruction.stages import load_features, with_learned_features
 from fieldkit.runtime.context import Context
 from fieldkit.vocabulary import LEAST_POSITIONS
+from fieldkit.wording import count
 
 _NEAREST = 2
 
@@ -65,7 +66,8 @@ def map_capture(
         keyed = with_learned_features(features, capture.photos, pairs, context)
         again = _mapped(replace(inputs, keyed=keyed), belief)
         if again[0] is not None and (mapped is None or _firmness(again[0]) > _firmness(mapped)):
-            mapped, error, failure = again
+            note = f"{count(len(pairs), 'pair')} of photographs that SIFT ties too weakly matched by networks, too"
+            mapped, error, failure = replace(again[0], notes=(*again[0].notes, note)), *again[1:]
     mapped = with_stated_poses(inputs, belief, mapped)
     if mapped is None:
         assert failure is not None
