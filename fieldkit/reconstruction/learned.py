@@ -106,22 +106,22 @@ def deform_conv2d(
     input: Tensor,  # noqa: A002
     offset: Tensor,
     weight: Tensor,
-    bias: Tensor | None = None,
+    bias: None = None,
     padding: tuple[int, int] = (0, 0),
-    mask: Tensor | None = None,
+    mask: None = None,
 ) -> Tensor:
-    """Deformable convolution (Dai et al. 2017), named and called as torchvision's; stride 1, one group.
+    """Deformable convolution (Dai et al. 2017) as ALIKED calls torchvision's: stride 1, one group, no bias, no mask.
 
     Args:
         input: (1, c, h, w).
         offset: (1, 2 · rows · columns, h', w') dy and dx of each of the kernel's places.
         weight: (d, c, rows, columns).
-        bias: (d,).
         padding: rows and columns of zeros.
-        mask: (1, rows · columns, h', w') factors of the places.
     """
     import torch
 
+    assert bias is None
+    assert mask is None
     (_, _, height, width), (rows, columns) = input.shape, weight.shape[2:]
     y = torch.arange(offset.shape[2], dtype=input.dtype)[:, None] - padding[0]
     x = torch.arange(offset.shape[3], dtype=input.dtype) - padding[1]
@@ -129,11 +129,10 @@ def deform_conv2d(
     for place in range(rows * columns):
         at_y = y + place // columns + offset[0, 2 * place]
         at_x = x + place % columns + offset[0, 2 * place + 1]
-        grid = torch.stack([2.0 * at_x / (width - 1) - 1.0, 2.0 * at_y / (height - 1) - 1.0], dim=-1)[None]
+        grid = torch.stack([2.0 * at_x / max(width - 1, 1) - 1.0, 2.0 * at_y / max(height - 1, 1) - 1.0], dim=-1)[None]
         seen = torch.nn.functional.grid_sample(input, grid, align_corners=True)
-        seen = seen if mask is None else seen * mask[:, place, None]
         result += torch.einsum("dc,nchw->ndhw", weight[:, :, place // columns, place % columns], seen)
-    return result if bias is None else result + bias[:, None, None]
+    return result
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Blind matching: mutual best descriptors with the ratio test, and learned matches."""
+"""Descriptor matching: mutual best with the ratio test."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class _BestTwo:
 
 
 def match_features(a: Features, b: Features, *, ratio: float = 0.8) -> NDArray[np.uint32]:
-    """Mutual nearest neighbours that pass Lowe's ratio test in both directions; behind them learned matches.
+    """Mutual nearest neighbours that pass Lowe's ratio test in both directions.
 
     Args:
         ratio: largest allowed ratio of the best to the second best descriptor distance (Lowe 2004).
@@ -35,11 +35,6 @@ def match_features(a: Features, b: Features, *, ratio: float = 0.8) -> NDArray[n
     Returns:
         (k, 2) indices into ``a`` and ``b``, sorted by the first.
     """
-    own = _mutual(a.subset(a.parts[0]), b.subset(b.parts[0]), ratio)
-    return np.concatenate([own, a.partners_in(b).astype(np.uint32)])
-
-
-def _mutual(a: Features, b: Features, ratio: float) -> NDArray[np.uint32]:
     if len(a) == 0 or len(b) == 0:
         return np.zeros((0, 2), np.uint32)
     left, right = _unit(a), _unit(b)

@@ -40,6 +40,13 @@ class KeyedFeatures:
     key: str
     features: Features
     cached: bool
+    own: str = ""
+    """The digest without the learned features that follow."""
+
+    def keys(self, other: KeyedFeatures) -> tuple[str, str]:
+        """The digests of what is matched of two photographs."""
+        learned = len(self.features.partners_in(other.features))
+        return (self.key, other.key) if learned else (self.own or self.key, other.own or other.key)
 
 
 def load_features(
@@ -98,7 +105,7 @@ def with_learned_features(
     result, key = list(keyed), digest("with learned", pairs, keys_of_pairs)
     for k, each in learned.items():
         features = keyed[k].features.with_learned(each.points, Partners(k, partner[k]))
-        result[k] = KeyedFeatures(digest(keyed[k].key, key), features, keyed[k].cached)
+        result[k] = KeyedFeatures(digest(keyed[k].key, key), features, keyed[k].cached, keyed[k].key)
     return result
 
 
@@ -178,7 +185,7 @@ def load_pairs(
     tasks = [(features[i], features[j], cameras[camera_of[i]], cameras[camera_of[j]]) for i, j in pairs]
     # The intrinsics matter only where an essential matrix is estimated.
     keys = [
-        digest("pair", STAGES["pairs"], a.key, b.key, (*of,) if calibrated else None, settings, RATIO, calibrated, seed)
+        digest("pair", STAGES["pairs"], *a.keys(b), (*of,) if calibrated else None, settings, RATIO, calibrated, seed)
         for a, b, *of in tasks
     ]
     work = partial(_verified, settings=settings, calibrated=calibrated, seed=seed, cache_root=context.cache.root)
@@ -198,10 +205,12 @@ def _verified(
 ) -> Arrays:
     """Putative matches are kept apart from their verification, which is done again once a camera is calibrated."""
     a, b, camera_a, camera_b = task
-    matches = StageCache(cache_root).kept(
-        "matches", digest("matches", STAGES["pairs"], a.key, b.key, RATIO),
-        lambda: {"matches": match_features(a.features, b.features, ratio=RATIO)},
-    )["matches"]  # fmt: skip
+    own = [each.features.subset(each.features.parts[0]) for each in (a, b)]
+    key = digest("matches", STAGES["pairs"], a.own or a.key, b.own or b.key, RATIO)
+    blind = StageCache(cache_root).kept("matches", key, lambda: {"matches": match_features(*own, ratio=RATIO)})[
+        "matches"
+    ]
+    matches = np.concatenate([blind, a.features.partners_in(b.features).astype(np.uint32)])
     two = verify_pair(a.features, b.features, camera_a, camera_b, matches, settings, calibrated=calibrated, seed=seed)
     return {name: np.asarray(value) for name, value in vars(two).items()}
 

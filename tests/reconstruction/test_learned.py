@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.rigs import read_rig
+from fieldkit.cache import digest
 from fieldkit.captures import read_capture, read_image
 from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics
@@ -17,10 +18,11 @@ from fieldkit.reconstruction.features import Features, Partners
 from fieldkit.reconstruction.guided import Band, match_guided
 from fieldkit.reconstruction.learned import WORKING_SIDE, LearnedFeatures, extract_learned, match_learned, ties_name
 from fieldkit.reconstruction.mapping.choose import weak_pairs
-from fieldkit.reconstruction.matching import match_features
+from fieldkit.reconstruction.stages import KeyedFeatures, load_pairs
 from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
 from fieldkit.results.evaluation import ImageReport, WeakestMode
 from fieldkit.runtime.colmap import pycolmap
+from fieldkit.runtime.context import Context
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, posed, ring
 
 needs_networks = pytest.mark.skipif(not learned.is_installed(), reason=f"no networks: {learned.INSTALL}")
@@ -36,20 +38,18 @@ def bilinear(image: np.ndarray, y: float, x: float) -> float:
     return total
 
 
-@pytest.mark.parametrize("modulated", [False, True])
-def test_deformable_convolution_against_a_direct_sum(modulated: bool) -> None:
+def test_deformable_convolution_against_a_direct_sum() -> None:
     torch = pytest.importorskip("torch")
     rng = np.random.default_rng(0)
-    image, weight, bias = rng.normal(size=(1, 2, 5, 7)), rng.normal(size=(3, 2, 3, 3)), rng.normal(size=3)
-    offset, mask = rng.normal(0, 1.5, (1, 18, 5, 7)), rng.random((1, 9, 5, 7))
+    image, weight = rng.normal(size=(1, 2, 5, 7)), rng.normal(size=(3, 2, 3, 3))
+    offset = rng.normal(0, 1.5, (1, 18, 5, 7))
     expected = np.zeros((3, 5, 7))
     for y, x, k in np.ndindex(5, 7, 9):
         row, column = y - 1 + k // 3 + offset[0, 2 * k, y, x], x - 1 + k % 3 + offset[0, 2 * k + 1, y, x]
         seen = np.array([bilinear(channel, row, column) for channel in image[0]])
-        expected[:, y, x] += weight[:, :, k // 3, k % 3] @ seen * (mask[0, k, y, x] if modulated else 1.0)
-    tensors = [torch.from_numpy(each) for each in (image, offset, weight, bias)]
-    found = learned.deform_conv2d(*tensors, padding=(1, 1), mask=torch.from_numpy(mask) if modulated else None)
-    assert found[0].numpy() == pytest.approx(expected + bias[:, None, None])
+        expected[:, y, x] += weight[:, :, k // 3, k % 3] @ seen
+    found = learned.deform_conv2d(*map(torch.from_numpy, (image, offset, weight)), padding=(1, 1))
+    assert found[0].numpy() == pytest.approx(expected)
 
 
 def test_without_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -86,8 +86,10 @@ def test_learned_matches_pass_the_same_tests() -> None:
     assert np.array_equal(kept[:, 0], kept[:, 1])
     displaced = match_guided(posed(scene, 0, a), posed(scene, 1, b), band, shift_px=60.0)
     assert (displaced[:, 0] >= 40).sum() < 0.2 * wrong
-    blind = match_features(a, b)
-    assert (blind[:, 0] >= 40).sum() == given
+    keyed = [KeyedFeatures(digest(k), each, cached=False) for k, each in enumerate((a, b))]
+    settings = VerificationSettings(max_error_px=2.0)
+    pairs = load_pairs(keyed, [scene.camera], [0, 0], [(0, 1)], settings, Context(), calibrated=True, seed=0)
+    assert (pairs[0, 1].inliers[:, 0] >= 40).sum() >= given - wrong
 
 
 def test_only_pairs_of_weak_photographs_are_matched() -> None:
