@@ -64,10 +64,10 @@ def map_capture(
     pairs = weak_pairs(inputs, belief, mapped) if settings.ties == "learned" else []
     if pairs:
         keyed = with_learned_features(features, capture.photos, pairs, context)
-        again = _mapped(replace(inputs, keyed=keyed), belief)
-        if again[0] is not None and (mapped is None or _firmness(again[0]) > _firmness(mapped)):
-            note = f"{count(len(pairs), 'pair')} of photographs that SIFT ties too weakly matched by networks, too"
-            mapped, error, failure = replace(again[0], notes=(*again[0].notes, note)), *again[1:]
+        note = f"{count(len(pairs), 'pair')} of photographs that SIFT ties too weakly matched by networks, too"
+        again = _by_learned(replace(inputs, keyed=keyed), belief.noting(note))
+        if _firmness(again[0]) > _firmness(mapped):
+            mapped, error, failure = again
     mapped = with_stated_poses(inputs, belief, mapped)
     if mapped is None:
         assert failure is not None
@@ -86,6 +86,18 @@ def _mapped(inputs: Inputs, belief: Belief) -> tuple[Mapped | None, float, Recon
     except ReconstructionError as failure:
         return None, 0.0, failure
     return mapped, error, None
+
+
+def _by_learned(inputs: Inputs, belief: Belief) -> tuple[Mapped | None, float, ReconstructionError | None]:
+    """The same with learned matches, which can be so many that blind mapping is better than about coarse positions."""
+    mapped, error, failure = _mapped(inputs, belief)
+    if inputs.settings.mapping == "auto" and not inputs.loses_few(_firmness(mapped)[0]):
+        with suppress(ReconstructionError):
+            blind = map_without_priors(inputs, belief, BLIND_METHODS)
+            scale_error = scale_error_of_model(belief.priors, blind.images) if blind.metric else np.inf
+            if scale_error <= LARGEST_SCALE_ERROR and _firmness(blind) > _firmness(mapped):
+                return blind, scale_error, None
+    return mapped, error, failure
 
 
 def weak_pairs(inputs: Inputs, belief: Belief, mapped: Mapped | None) -> list[tuple[int, int]]:
@@ -110,9 +122,9 @@ def weak_pairs(inputs: Inputs, belief: Belief, mapped: Mapped | None) -> list[tu
     return sorted(pairs)
 
 
-def _firmness(mapped: Mapped) -> tuple[int, int, float]:
+def _firmness(mapped: Mapped | None) -> tuple[int, int, float]:
     """How many photographs are right, how many count, and how little these could be off."""
-    counting = [image for image in mapped.images if image.counts]
+    counting = [] if mapped is None else [image for image in mapped.images if image.counts]
     sigma = max((np.inf if image.sigma_m is None else image.sigma_m for image in counting), default=np.inf)
     return sum(image.right is True for image in counting), len(counting), -sigma
 
