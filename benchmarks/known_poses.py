@@ -29,9 +29,7 @@ from fieldkit.runtime.progress import Progress
 from fieldkit.vocabulary import TiesName
 
 SETS: Mapping[str, Sequence[int]] = {"basil_rig": (10, 13), "arabidopsis_rig": (13, 20)}
-NOISES = (
-    Noise(0.01, 1.0), Noise(0.02, 2.0), Noise(0.05, 2.0), Noise(0.0, np.inf), Noise(0.01, np.inf), Noise(0.05, np.inf),
-)  # fmt: skip
+NOISES = (*(Noise(m, deg) for deg in (1.0, 2.0, np.inf) for m in (0.01, 0.02, 0.05)), Noise(0.0, np.inf))
 """Without angles nothing is known of the lens either."""
 LEARNED_SETS: Mapping[str, Sequence[int]] = {"basil_rig": (10,), "arabidopsis_rig": (13,)}
 LEARNED_NOISES = (Noise(0.01, 2.0), Noise(0.05, 2.0), Noise(0.01, np.inf), Noise(0.05, np.inf))

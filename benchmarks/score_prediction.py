@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 from scipy.stats import spearmanr
 
 from benchmarks.captures import rig_capture
@@ -40,6 +41,7 @@ from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.files import write_atomic
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.evidence import evidence
+from fieldkit.reconstruction.mapping.view_graph import EDGE_MATCHES
 from fieldkit.reconstruction.pipeline import reconstruct
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import ReconstructionEntry
@@ -51,9 +53,7 @@ Array = NDArray[np.float64]
 MODEL_VERSION = 2
 """Version of the package's prediction.json; raise it for a new fit."""
 COVERAGE = 0.9
-CANDIDATES = (
-    "spread_m", "pose_rms_m", "noise_m", "pairs_per_image", "observations_per_image", "right_share", "cameras",
-)  # fmt: skip
+CANDIDATES = ("spread_m", "pose_rms_m", "noise_m", "cameras")
 GUARDS = ("noise_m", "cameras")
 """Figures whose range limits predictions, even if the model does not use them."""
 MOST_FEATURES, PLOTS_PER_FEATURE = 4, 10
@@ -147,7 +147,8 @@ def stored_features(plot: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> di
         ]
         seen = np.zeros((len(poses), len(arrays["sparse"])), dtype=np.int64)
         seen[arrays["tracks"][:, 1], arrays["tracks"][:, 0]] = 1
-        found = evidence(stored_cloud(arrays), poses, cameras, seen @ seen.T, plot["plant_voxel_m"])
+        groups = connected_components(seen @ seen.T >= EDGE_MATCHES, directed=False)[1].tolist()
+        found = evidence(stored_cloud(arrays), poses, cameras, groups, plot["plant_voxel_m"])
     own = {name: plot[name] for name in ReconstructionEntry.model_fields if name in plot}
     return plot_features(ReconstructionEntry.model_construct(**own), found)
 

@@ -20,7 +20,7 @@ from fieldkit.figures.style import format_length
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import utm_epsg_of
 from fieldkit.reconstruction.colmap_model import model_poses
-from fieldkit.reconstruction.evidence import evidence, hidden_sides, shared_points
+from fieldkit.reconstruction.evidence import evidence, hidden_sides
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.silhouettes import Filled
@@ -152,7 +152,7 @@ def reconstruction_features(reconstruction: Reconstruction, found: Reconstructio
         names = list(sparse.poses)
         supported = evidence(
             reconstruction.plants, [sparse.poses[n] for n in names], [sparse.intrinsics[n] for n in names],
-            shared_points(sparse.model, names), found.plant_voxel_m,
+            [sparse.groups[n] for n in names], found.plant_voxel_m,
         )  # fmt: skip
     return plot_features(found, supported)
 

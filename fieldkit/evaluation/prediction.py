@@ -30,15 +30,9 @@ RESTING_M = 0.008
 """What the best few-view captures of maize come to, however well their cameras are placed."""
 FLOORS: dict[str, float] = {
     "spread_m": RESTING_M,
-    "place_m": 0.0005,
     "pose_rms_m": 0.0005,
     "noise_m": 0.0001,
-    "pairs_per_image": 0.1,
-    "observations_per_image": 10.0,
-    "right_share": 0.1,
     "cameras": 2.0,
-    "reprojection_px": 0.05,
-    "leverage": 0.05,
 }
 """Every figure by name with the least value that counts: logarithms are taken."""
 
@@ -47,33 +41,26 @@ WORDS: dict[str, str] = {
     "spread_m": "how far the plants may be from their place, in metres,",
     "pose_rms_m": "the residuals of the photographs' positions, in metres,",
     "noise_m": "the noise of depths that distances and angles of the views let expect, in metres,",
-    "pairs_per_image": "the number of verified pairs per photograph",
-    "observations_per_image": "the number of sparse points seen in a photograph",
-    "right_share": "the share of photographs that count",
     "cameras": "the number of photographs that count",
 }
 """Figures as reasons call them."""
 
 
-class FeatureFit(Strict):
-    """One figure of a fit."""
+class Guard(Strict):
+    """Range of a figure in the fit; it may take no part in the sum."""
 
     name: str
+    low: Annotated[float, Field(gt=0)]
+    high: Annotated[float, Field(gt=0)]
+
+
+class FeatureFit(Guard):
+    """One figure of the sum."""
+
     coefficient: float
     """Of the logarithm's distance from ``mean``, in units of ``scale``."""
     mean: float
     scale: Annotated[float, Field(gt=0)]
-    low: Annotated[float, Field(gt=0)]
-    high: Annotated[float, Field(gt=0)]
-    """Range of the figure in the fit."""
-
-
-class Guard(Strict):
-    """Range of a figure in the fit that takes no part in the sum."""
-
-    name: str
-    low: Annotated[float, Field(gt=0)]
-    high: Annotated[float, Field(gt=0)]
 
 
 class PredictionModel(Strict):
@@ -120,15 +107,9 @@ def plot_features(found: ReconstructionEntry, supported: Evidence | None) -> dic
     place = found.pose_rms_m * free * supported.leverage
     return {
         "spread_m": float(np.hypot(place, RESTING_M)),
-        "place_m": place,
         "pose_rms_m": found.pose_rms_m,
-        "leverage": supported.leverage,
         "noise_m": supported.noise_m,
-        "pairs_per_image": found.pairs_verified / right,
-        "observations_per_image": found.observations / max(1, found.registered),
-        "right_share": right / found.images,
         "cameras": float(right),
-        "reprojection_px": found.reprojection_px,
     }
 
 
@@ -145,8 +126,7 @@ def predict(features: Mapping[str, float] | str, model: PredictionModel | None =
     model = prediction_model() if model is None else model
     if isinstance(features, str):
         return _refused(features, model)
-    limits: tuple[FeatureFit | Guard, ...] = (*model.features, *model.guards)
-    for limit in limits:
+    for limit in (*model.features, *model.guards):
         raw = features[limit.name]
         if not np.isfinite(raw):
             return _refused(f"{limit.name} is not a number", model)
@@ -154,15 +134,11 @@ def predict(features: Mapping[str, float] | str, model: PredictionModel | None =
         slack = _MARGIN * (high - low) + 1e-9
         if not low - slack <= place <= high + slack:
             return _refused(_outside(limit, raw), model)
-    return _sum(features, model)
+    return extrapolated(features, model)
 
 
 def extrapolated(features: Mapping[str, float], model: PredictionModel) -> Prediction:
-    """As `predict` of figures that are numbers, without regard to the fit's range: for studies only."""
-    return _sum(features, model)
-
-
-def _sum(features: Mapping[str, float], model: PredictionModel) -> Prediction:
+    """As `predict` of figures that are numbers, without regard to the fit's range."""
     value = model.intercept + sum(
         f.coefficient * (logarithm(f.name, features[f.name]) - f.mean) / f.scale for f in model.features
     )
@@ -179,6 +155,6 @@ def logarithm(name: str, value: float) -> float:
     return float(np.log(max(value, FLOORS[name])))
 
 
-def _outside(limit: FeatureFit | Guard, value: float) -> str:
+def _outside(limit: Guard, value: float) -> str:
     least, most = f"{limit.low:.3g}", f"{limit.high:.3g}"
     return f"{WORDS.get(limit.name, limit.name)} is {value:.3g}; plots of the fit have {least} to {most}"

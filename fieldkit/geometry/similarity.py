@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fieldkit.geometry.pose import Pose
+from fieldkit.geometry.pose import Pose, cross_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,3 +91,11 @@ def fit_similarity(source: ArrayLike, target: ArrayLike, *, weights: ArrayLike |
     variance = float(share @ ((s - s_mean) ** 2).sum(axis=1))
     scale = float((singular * signs).sum() / variance)
     return Similarity(scale, rotation, t_mean - scale * rotation @ s_mean)
+
+
+def similarity_motion(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 3, 7) derivative of places (n, 3) by a small similarity about the origin: translation, rotation, scale."""
+    turned = np.array([-cross_matrix(place) for place in places]).reshape(-1, 3, 3)
+    moves = [np.broadcast_to(np.eye(3), turned.shape), turned, np.asarray(places)[:, :, None]]
+    motion: NDArray[np.float64] = np.concatenate(moves, axis=2)
+    return motion

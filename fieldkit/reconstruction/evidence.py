@@ -11,13 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.runtime.colmap import pycolmap
+from fieldkit.geometry.similarity import similarity_motion
 from fieldkit.vocabulary import GSD_M
 
 Array = NDArray[np.float64]
@@ -80,8 +79,6 @@ _QUALITY = StereoQuality()
 _LEVER = 100.0
 _MOVED = 100
 _LOOSE = 5.0
-LEAST_SHARED = 20
-"""Sparse points in common from which two photographs hold each other."""
 
 
 @dataclass(frozen=True)
@@ -97,19 +94,18 @@ class Evidence:
     leverage: float
     """How far the cloud is moved, root mean square, per metre that every camera's known position is wrong: what
     positions leave open of the place, tilt and scale of what a group of cameras sees (`leverage`), mean square
-    over cameras. A group are cameras that a chain of pairs with at least `LEAST_SHARED` sparse points in common
-    joins: nothing but their positions holds groups together."""
+    over cameras. Nothing but their positions holds groups of cameras together (`fieldkit.reconstruction.mapping`)."""
 
 
 def evidence(
-    plants: Cloud, poses: Sequence[Pose], cameras: Sequence[Intrinsics], shared: NDArray[np.int64], voxel_m: float
+    plants: Cloud, poses: Sequence[Pose], cameras: Sequence[Intrinsics], groups: Sequence[int], voxel_m: float
 ) -> Evidence | None:
     """The figures of a cloud; None where it has no points or no normals, or fewer than two cameras.
 
     Args:
         plants: with normals, plot frame, metres.
         poses: of the photographs that count.
-        shared: (m, m) how many sparse points each two photographs have in common.
+        groups: (m,) which group each is in.
         voxel_m: points are taken from voxels of this edge, so that dense places count as others.
     """
     if not len(plants) or plants.normals is None or len(poses) < 2:
@@ -118,8 +114,8 @@ def evidence(
     points = thinned[np.sort(np.random.default_rng(0).permutation(len(thinned))[:_POINTS])]
     normals = plants.normals[cKDTree(plants.points).query(points)[1]].astype(np.float64)
     _, noise = _supported(points, normals, poses, cameras)
-    _, group = connected_components(np.asarray(shared) >= LEAST_SHARED, directed=False)
-    return Evidence(float(np.median(noise)), _leverage(np.array([pose.center for pose in poses]), group, points))
+    centers = np.array([pose.center for pose in poses])
+    return Evidence(float(np.median(noise)), _leverage(centers, np.array(groups), points))
 
 
 def hidden_sides(plants: Array, poses: Sequence[Pose], cameras: Sequence[Intrinsics]) -> list[tuple[float, float]]:
@@ -150,52 +146,25 @@ def hidden_sides(plants: Array, poses: Sequence[Pose], cameras: Sequence[Intrins
     return [(start, end) for start, end in edges]
 
 
-def shared_points(model: pycolmap.Reconstruction, names: Sequence[str]) -> NDArray[np.int64]:
-    """(m, m) how many sparse points each two photographs of a model have in common, in the order of ``names``.
-
-    The diagonal has all points that a photograph sees.
-    """
-    row = {name: k for k, name in enumerate(names)}
-    rows = {i: row[str(model.image(i).name)] for i in model.reg_image_ids() if str(model.image(i).name) in row}
-    ids = sorted(model.point3D_ids())
-    seen = np.zeros((len(names), len(ids)), dtype=np.int64)
-    for column, key in enumerate(ids):
-        for element in model.points3D[key].track.elements:
-            if element.image_id in rows:
-                seen[rows[element.image_id], column] = 1
-    shared: NDArray[np.int64] = seen @ seen.T
-    return shared
-
-
 def _leverage(centers: Array, group: NDArray[np.int64], points: Array) -> float:
     """Root mean square over cameras of their groups' leverage, none above `_LOOSE`."""
-    squares = 0.0
-    for number in range(int(group.max()) + 1):
-        members = centers[group == number]
-        own = leverage(members, points) if len(members) > 1 else _LOOSE
-        squares += len(members) * min(own, _LOOSE) ** 2
-    return float(np.sqrt(squares / len(centers)))
+    groups = [centers[group == number] for number in np.unique(group)]
+    own = [min(_LOOSE, leverage(members, points)) if len(members) > 1 else _LOOSE for members in groups]
+    return float(np.sqrt(np.average(np.square(own), weights=[len(members) for members in groups])))
 
 
 def leverage(centers: Array, points: Array) -> float:
     """Root mean square motion of points (p, 3) per unit of noise in positions (n, 3) that a similarity is fitted to.
 
-    Linearised: a position c moves by t + ω × c + s · c, so t, ω and s have the covariance (Σ JᵀJ)⁻¹ per unit variance
-    and axis. Cameras close together, or on one line, leave a tilt that far points feel; the prior `_LEVER` bounds it.
+    Linearised: its parameters have the covariance (Σ JᵀJ)⁻¹ per unit variance and axis. Cameras close together, or on
+    one line, leave a tilt that far points feel; the prior `_LEVER` bounds it.
     """
     middle = centers.mean(axis=0)
-    information = sum(j.T @ j for j in (_motion(c - middle) for c in centers)) + np.eye(7) * _LEVER**-2
-    covariance = np.linalg.inv(information)
-    some = points[:: max(1, len(points) // _MOVED)]
-    moved = [float(np.trace(j @ covariance @ j.T)) for j in (_motion(p - middle) for p in some)]
-    return float(np.sqrt(np.mean(moved) / 3.0))
-
-
-def _motion(place: Array) -> Array:
-    """(3, 7) derivative of a place's position by translation, rotation and scale."""
-    x, y, z = place
-    turned = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
-    return np.column_stack([np.eye(3), turned, place])
+    of_centers, of_points = (
+        similarity_motion(places - middle) for places in (centers, points[:: max(1, len(points) // _MOVED)])
+    )
+    covariance = np.linalg.inv(np.einsum("nai,naj->ij", of_centers, of_centers) + np.eye(7) * _LEVER**-2)
+    return float(np.sqrt(np.einsum("nai,ij,naj->n", of_points, covariance, of_points).mean() / 3.0))
 
 
 def _supported(

@@ -185,7 +185,7 @@ def place(
     result = SparseResult(
         capture, mapped.method, mapped.model, mapped.model_sizes, images, poses, intrinsics,
         mapped.intrinsics_source, frame, mapped.pairs_tried, mapped.pairs_verified, (*findings, *undetermined),
-        mapped.weakest,
+        mapped.groups, mapped.weakest and mapped.weakest.turned(motion.rotation),
     )  # fmt: skip
     return result, {"Features": mapped.features_cached}
 

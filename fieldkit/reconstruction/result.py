@@ -69,6 +69,8 @@ class SparseResult:
     pairs_verified: int
     findings: tuple[Finding, ...]
     """Of the capture and of this reconstruction."""
+    groups: Mapping[str, int]
+    """Which group each registered photograph is in: no pair of them joins two groups."""
     weakest: WeakestMode | None = None
 
     @property

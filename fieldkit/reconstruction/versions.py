@@ -20,14 +20,14 @@ STAGES: Mapping[str, int] = MappingProxyType(
         "learned": 1,  # features and matches of networks, where ties are weak
         "pairs": 1,  # blind matches and their verification
         "guided": 2,  # matches between known poses
-        "mapping": 15,  # poses, intrinsics, sparse points, what pairs say
+        "mapping": 16,  # poses, intrinsics, sparse points, what pairs say
         "frame": 1,  # plot frame, ground, volume of interest
         "views": 3,  # undistorted photographs and masks
         "depth": 6,  # dense stereo
         "fusion": 4,  # depth maps into one cloud
         "plants": 1,  # what of the cloud is plant: above the ground, without strays, in the volume
         "scores": 1,  # refinement onto the reference, distances to it
-        "figures": 5,  # traits of plants, and what predictions are made from
+        "figures": 6,  # traits of plants, and what predictions are made from
         "adherence": 1,  # of a flight to its plan
         "visit": 1,  # where a campaign's visit is placed, and what is noted of it
     }

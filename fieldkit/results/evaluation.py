@@ -9,11 +9,12 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from fieldkit.geometry import Pose
-from fieldkit.results.fields import Count, Length, Sha256, Share, Strict, Text, Vector
-from fieldkit.results.finding import DOUBTFUL, Finding
+from fieldkit.results.fields import Count, Length, Sha256, Share, Strict, Text, Vector, vector
+from fieldkit.results.finding import DOUBTFUL, WEAKLY_TIED, Finding
 from fieldkit.results.frame import CameraReport, FrameEntry, VolumeEntry
 from fieldkit.results.traits import REASONS, PlantEntry, TraitsEntry, TraitTable
 from fieldkit.vocabulary import Fidelity, MappingName, Mask
@@ -119,6 +120,12 @@ class WeakestMode(Strict):
     """Those that could move, against all others."""
     sigma_m: Length
     """Standard deviation of it: root mean square distance from where they are."""
+    moves_m: tuple[Vector, ...] = ()
+    """How each would move with the others, plot frame: two standard deviations."""
+
+    def turned(self, rotation: NDArray[np.float64]) -> Self:
+        """In a frame (3, 3) that is turned."""
+        return self.model_copy(update={"moves_m": tuple(vector(rotation @ move) for move in self.moves_m)})
 
 
 class ReconstructionEntry(Strict):
@@ -194,6 +201,16 @@ class ReconstructionEntry(Strict):
     """The same within 6."""
     inside: Share | None = None
     """Share of the cloud's points, over all these photographs, that fall on plants' pixels."""
+
+    @property
+    def loose_moves(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where photographs stand (k, 3), and how they could lie off together (k, 3): of those tied too weakly."""
+        told = self.weakest if any(finding.code == WEAKLY_TIED for finding in self.findings) else None
+        center = {image.name: image.center_m for image in self.image_reports}
+        pairs = zip(told.photographs, told.moves_m, strict=False) if told is not None else ()
+        placed = [(center[name], move) for name, move in pairs if center.get(name) is not None]
+        starts, moves = np.array(placed, np.float64).reshape(-1, 2, 3).transpose(1, 0, 2)
+        return starts, moves
 
     @property
     def doubts(self) -> tuple[str, ...]:

@@ -26,6 +26,9 @@ PLANTS_APART = "plants-apart"
 POSES_STATED = "poses-stated"
 """Photographs count by stated poses that nothing in the pictures confirms."""
 
+WEAKLY_TIED = "weakly-tied"
+"""Photographs' places are known too poorly, by their matches and positions."""
+
 SIDES_HIDDEN = "sides-hidden"
 """Sides of the plants that no two photographs show well enough."""
 
@@ -34,7 +37,7 @@ NO_RASTERS, COARSE_RASTERS = "no-rasters", "coarse-rasters"
 
 DOUBTFUL = frozenset({
     OTHER_PLANTS, "few-plant-points", "volume-below-ground", "weak-ground", "cameras-off-level", "steep-ground",
-    "volume-cuts-plants", "refinement-not-converged", "weakly-tied",
+    "volume-cuts-plants", "refinement-not-converged", WEAKLY_TIED,
 })  # fmt: skip
 """Codes of findings with which a result must not be taken as it is."""
 

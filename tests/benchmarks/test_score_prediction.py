@@ -10,13 +10,13 @@ from fieldkit.evaluation.prediction import FLOORS, predict
 
 
 def law(scenes: int, each: int, seed: int, noise: float = 0.2) -> list[Plot]:
-    """Plots whose chamfer distance goes with the root of spread_m, and a little with right_share."""
+    """Plots whose chamfer distance goes with the root of spread_m, and a little with cameras."""
     rng = np.random.default_rng(seed)
     plots = []
     for k in range(scenes * each):
         features = {name: float(FLOORS[name] * np.exp(rng.uniform(0.5, 2.5))) for name in FLOORS}
         features["spread_m"] = float(np.exp(rng.uniform(np.log(0.009), np.log(0.06))))
-        other = (features["right_share"] / 0.02) ** 0.2
+        other = (features["cameras"] / 0.4) ** 0.2
         value = 0.2 * features["spread_m"] ** 0.5 * other * np.exp(rng.normal(0, noise))
         plots.append(Plot(f"p{k}", f"scene-{k % scenes}", float(value), features))
     return plots

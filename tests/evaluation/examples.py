@@ -125,6 +125,7 @@ def reconstruction(*, metric: bool = True, scene: bool = True, cloud: Cloud | No
         pairs_tried=28,
         pairs_verified=20,
         findings=(Finding("notes.txt", "not-an-image", "is a text file", True),),
+        groups=dict.fromkeys(poses, 0),
     )
     plants = plant_cloud() if cloud is None else cloud
     return Reconstruction(

@@ -34,7 +34,7 @@ MODEL = PredictionModel(
     version=7, intercept=math.log(0.02), half_width=math.log(2.0), coverage=0.9, plots=20, scenes=("a", "b"),
     chamfer_range_m=(0.008, 0.08),
     features=(
-        FeatureFit(name="place_m", coefficient=0.5, mean=math.log(0.01), scale=1.0, low=0.004, high=0.05),
+        FeatureFit(name="noise_m", coefficient=0.5, mean=math.log(0.01), scale=1.0, low=0.004, high=0.05),
         FeatureFit(name="pose_rms_m", coefficient=0.2, mean=math.log(0.05), scale=0.5, low=0.01, high=0.3),
     ),
 )  # fmt: skip
@@ -61,7 +61,7 @@ class TestModel:
 
     @given(st.floats(0.004, 0.05), st.floats(0.01, 0.3))
     def test_interval(self, place_m: float, lone: float) -> None:
-        found = predict({"place_m": place_m, "pose_rms_m": lone}, MODEL)
+        found = predict({"noise_m": place_m, "pose_rms_m": lone}, MODEL)
         assert found.low_m == pytest.approx(found.chamfer_m / 2)
         assert found.high_m == pytest.approx(found.chamfer_m * 2)
         expected = 0.02 * (place_m / 0.01) ** 0.5 * (lone / 0.05) ** 0.4
@@ -69,17 +69,17 @@ class TestModel:
 
     @pytest.mark.parametrize(("place_m", "told"), [(0.0032, True), (0.003, False), (0.06, True), (0.08, False)])
     def test_outside_of_the_fit(self, place_m: float, told: bool) -> None:
-        found = predict({"place_m": place_m, "pose_rms_m": 0.05}, MODEL)
+        found = predict({"noise_m": place_m, "pose_rms_m": 0.05}, MODEL)
         assert (found.chamfer_m is not None) == told
         if not told:
-            assert found.reason == f"place_m is {place_m:.3g}; plots of the fit have 0.004 to 0.05"
+            assert found.reason == f"{WORDS['noise_m']} is {place_m:.3g}; plots of the fit have 0.004 to 0.05"
             assert (found.low_m, found.high_m) == (None, None)
-        assert predict({"place_m": math.nan, "pose_rms_m": 0.05}, MODEL).chamfer_m is None
+        assert predict({"noise_m": math.nan, "pose_rms_m": 0.05}, MODEL).chamfer_m is None
 
     def test_guards(self) -> None:
         """They say nothing of the value, only of whether there is one."""
         model = MODEL.model_copy(update={"guards": (Guard(name="cameras", low=6.0, high=13.0),)})
-        features = {"place_m": 0.01, "pose_rms_m": 0.05}
+        features = {"noise_m": 0.01, "pose_rms_m": 0.05}
         assert predict({**features, "cameras": 10.0}, model) == predict(features, MODEL)
         assert predict({**features, "cameras": 40.0}, model).reason == (
             "the number of photographs that count is 40; plots of the fit have 6 to 13"
@@ -89,7 +89,7 @@ class TestModel:
         """A perfect figure is as good as the least one that counts: no logarithm of 0."""
         features = MODEL.features[1].model_copy(update={"low": FLOORS["pose_rms_m"]})
         model = MODEL.model_copy(update={"features": (MODEL.features[0], features)})
-        assert predict({"place_m": 0.01, "pose_rms_m": 0.0}, model).chamfer_m is not None
+        assert predict({"noise_m": 0.01, "pose_rms_m": 0.0}, model).chamfer_m is not None
 
 
 class TestFeatures:
@@ -97,8 +97,7 @@ class TestFeatures:
         found = plot_features(FIGURES, EVIDENCE)
         assert isinstance(found, dict)
         assert set(found) == set(FLOORS)
-        assert found["place_m"] == pytest.approx(0.016 * 0.5 * math.sqrt(33 / 26))
-        assert found["right_share"] == pytest.approx(11 / 12)
+        assert found["spread_m"] == pytest.approx(math.hypot(0.016 * 0.5 * math.sqrt(33 / 26), 0.008))
         assert all(np.isfinite(value) for value in found.values())
         assert plot_features(FIGURES, None) == NO_CLOUD
 

@@ -9,10 +9,8 @@ from numpy.typing import NDArray
 from fieldkit.clouds import Cloud
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.similarity import fit_similarity
-from fieldkit.reconstruction.evidence import Evidence, StereoQuality, evidence, hidden_sides, leverage, shared_points
+from fieldkit.reconstruction.evidence import Evidence, StereoQuality, evidence, hidden_sides, leverage
 from fieldkit_sim.simulation import ring
-from tests.evaluation.examples import ring as fake_ring
-from tests.evaluation.examples import sparse_model
 
 CAMERA = Intrinsics.pinhole(2000, 1500, 1700.0)
 RING = ring(10, 1.4, 1.1)
@@ -25,10 +23,8 @@ def leaf(noise_m: float = 0.0, step: float = 0.004, seed: int = 0) -> NDArray[np
     return np.column_stack([x, y, np.full(len(x), 0.3)]) + rng.normal(0, noise_m, (len(x), 3)) * (0, 0, 1)
 
 
-def shared_by(count: int, groups: int = 1) -> NDArray[np.int64]:
-    """Every camera sees 200 points with each of its group, and 5 with others."""
-    group = np.arange(count) * groups // count
-    return np.where(group[:, None] == group, 200, 5)
+def groups_of(count: int, groups: int = 1) -> list[int]:
+    return [k * groups // count for k in range(count)]
 
 
 def level(points: NDArray[np.float64]) -> Cloud:
@@ -37,7 +33,7 @@ def level(points: NDArray[np.float64]) -> Cloud:
 
 def found(points: NDArray[np.float64], poses: list[Pose] | None = None, groups: int = 1) -> Evidence:
     chosen = RING if poses is None else poses
-    result = evidence(level(points), chosen, [CAMERA] * len(chosen), shared_by(len(chosen), groups), 0.01)
+    result = evidence(level(points), chosen, [CAMERA] * len(chosen), groups_of(len(chosen), groups), 0.01)
     assert result is not None
     return result
 
@@ -77,12 +73,6 @@ class TestGroups:
         alone = found(leaf(), groups=10)
         assert alone.leverage == pytest.approx(5.0)
 
-    def test_a_chain_is_one_group(self) -> None:
-        shared = np.zeros((10, 10), dtype=np.int64)
-        shared[np.arange(9), np.arange(1, 10)] = 40
-        result = evidence(level(leaf()), RING, [CAMERA] * 10, shared + shared.T, 0.01)
-        assert result.leverage == found(leaf()).leverage
-
 
 class TestEvidence:
     def test_two_views_are_noisier_than_ten(self) -> None:
@@ -95,16 +85,9 @@ class TestEvidence:
             assert getattr(second, name) == pytest.approx(getattr(first, name), rel=0.02, abs=1e-6)
 
     def test_nothing(self) -> None:
-        assert evidence(Cloud.empty(), RING, [CAMERA] * 10, shared_by(10), 0.01) is None
-        assert evidence(Cloud(leaf()), RING, [CAMERA] * 10, shared_by(10), 0.01) is None
-        assert evidence(level(leaf()), RING[:1], [CAMERA], shared_by(1), 0.01) is None
-
-
-def test_shared_points() -> None:
-    poses = fake_ring(4)
-    model = sparse_model(poses, points=30)
-    shared = shared_points(model, tuple(poses)[:3])
-    assert shared.tolist() == [[30] * 3] * 3
+        assert evidence(Cloud.empty(), RING, [CAMERA] * 10, groups_of(10), 0.01) is None
+        assert evidence(Cloud(leaf()), RING, [CAMERA] * 10, groups_of(10), 0.01) is None
+        assert evidence(level(leaf()), RING[:1], [CAMERA], groups_of(1), 0.01) is None
 
 
 QUALITY = StereoQuality()

@@ -148,7 +148,7 @@ def _ties(inputs: Inputs, model: pycolmap.Reconstruction, pairs: Mapping[Pair, T
             left = one.undistort(inputs.keyed[i].features.points[pair.inliers[:, 0]])
             right = other.undistort(inputs.keyed[j].features.points[pair.inliers[:, 1]])
             off = epipolar_distance(fundamental, left, right)
-            ties[i, j] = pair_information(off * 1600.0 / one.width)
+            ties[i, j] = pair_information(off * min(1.0, 1600.0 / one.width))
     return ties
 
 

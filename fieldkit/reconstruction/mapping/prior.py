@@ -16,7 +16,7 @@ adjustment (Triggs et al. 2000), graduated non-convexity for the falling loss.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any
@@ -27,14 +27,13 @@ from numpy.typing import NDArray
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.priors import PosePrior
-from fieldkit.reconstruction.agreement import ANGLE_SIGMAS, POSITION_SIGMAS
+from fieldkit.reconstruction.agreement import ANGLE_SIGMAS
 from fieldkit.reconstruction.colmap_model import (
     build_tracks,
     from_colmap_camera,
     model_points,
     new_model,
     pose_of,
-    to_colmap_camera,
     triangulate_tracks,
 )
 from fieldkit.reconstruction.features import Features
@@ -58,7 +57,6 @@ from fieldkit.reconstruction.mapping.view_graph import (
     Pair,
     connected_parts,
     is_edge,
-    null_model_matches,
     rivalless_matches,
     usable_matches,
 )
@@ -79,11 +77,9 @@ _LEAST_BAND_PX = 4.0
 _MAX_VIEW_ANGLE_DEG = 75.0  # pairs whose viewing directions differ more are not tried
 _MIN_ANGLE_DEG = 1.0  # smallest triangulation angle of a point
 _MIN_OBSERVATIONS = 15
-"""An image with fewer observations of points, or fewer matches above chance, is not registered."""
-_NULL_FACTOR = 1.5  # matches of a pair count as above chance from this many times what a wrong geometry gives
+"""An image with fewer observations of points is not registered."""
 _DIRECTION_SIGMAS = 3.72  # 99.9 % of a 2D normal error (χ², 2 degrees of freedom)
 _POINTS_FOR_SLAB = 50
-_MIN_RESECTION = 8
 _SLAB_MARGIN = 0.3  # of the flying height above the scene, up and down
 _MIN_OVERLAP = 0.1
 _LOSSES_PX = (8.0, 2.0)
@@ -217,19 +213,17 @@ def map_with_priors(
     model = _first_model(problem, matches, pairs)
     advance(1)
     scale = max(camera.width for camera in cameras) / 1600.0
-    edges: set[Pair] = set()
     for index, width in enumerate(settings.bands_px):
         band = Band(width * scale, region, region or _slab(model))
         pairs = _overlapping(problem, model, pairs)
         last = index == len(settings.bands_px) - 1
-        poses = _reconsidered(problem, model, pairs)
-        refined, edges = _round(problem, model, poses, pairs, band, last=last)
+        refined = _round(problem, model, problem.state(model)[0], pairs, band, last=last)
         if index == 0 and _orientation_drift(problem, refined):
-            refined, edges = _round(problem, model, problem.start, pairs, band, last=last)
+            refined = _round(problem, model, problem.start, pairs, band, last=last)
         model = refined
         advance(1)
-    ties = _ties(problem, model, sorted(edges), scale)
-    unregistered = _unsupported(problem, model, pairs, band)
+    ties = _ties(problem, model, pairs, max(1.0, scale))
+    unregistered = _unsupported(problem, model, ties)
     for name in unregistered:
         model.deregister_frame(model.image(names.index(name) + 1).frame_id)
     left = {k for k, name in enumerate(names) if name not in unregistered}
@@ -374,8 +368,8 @@ def _round(
     band: Band,
     *,
     last: bool,
-) -> tuple[pycolmap.Reconstruction, set[Pair]]:
-    """The model of a band's matches, and the edges of their view graph."""
+) -> pycolmap.Reconstruction:
+    """The model of a band's matches."""
     cameras = problem.state(model)[1]
     posed = problem.posed(poses, cameras)
     matches = {(i, j): match_guided(posed[i], posed[j], band) for i, j in pairs}
@@ -393,62 +387,7 @@ def _round(
     adjust(model, priors, loss_px=loss_px, refine_intrinsics=refine, seed=seed, rough=True)
     filter_points(model, max_error_px, _MIN_ANGLE_DEG)
     adjust(model, priors, loss_px=loss_px, refine_intrinsics=refine, seed=seed)
-    return model, edges
-
-
-def _reconsidered(problem: _Problem, model: pycolmap.Reconstruction, pairs: Sequence[Pair]) -> list[Pose]:
-    """The model's poses; those that left their priors' bounds are found anew against the other images' points.
-
-    Few and partly wrong matches can pull an image away in the first rounds, and narrow bands would keep it there.
-    """
-    poses, cameras = problem.state(model)
-    turn = _common_turn(poses, problem.priors)
-    astray = {k for k, prior in enumerate(problem.priors) if _outside_prior(poses[k], prior, turn)}
-    if not astray or len(astray) > len(poses) // 2:
-        return poses
-    posed = problem.posed(poses, cameras)
-    for k in sorted(astray):
-        prior = problem.priors[k]
-        at_prior = PosedFeatures(problem.indexed(k, cameras[problem.camera_of[k]]), prior.pose)
-        pixels, points = [], []
-        for i, j in pairs:
-            other = j if i == k else i
-            if k not in (i, j) or other in astray:
-                continue
-            band = problem.first_band(prior, PosePrior.of(poses[other], 0.0, 0.0), at_prior.camera.fx)
-            image = model.image(other + 1)
-            for mine, theirs in match_guided(at_prior, posed[other], band):
-                seen = image.points2D[int(theirs)]
-                if seen.has_point3D():
-                    pixels.append(problem.features[k].keypoints[mine, :2])
-                    points.append(model.points3D[seen.point3D_id].xyz)
-        found = _resected(problem, k, np.array(pixels, np.float64), np.array(points), cameras, turn)
-        poses[k] = found or prior.pose
-    return poses
-
-
-def _resected(
-    problem: _Problem,
-    k: int,
-    pixels: NDArray[np.float64],
-    points: NDArray[np.float64],
-    cameras: Sequence[Intrinsics],
-    turn: NDArray[np.float64],
-) -> Pose | None:
-    """The pose of image ``k`` from pixels (n, 2) of points (n, 3), if it agrees with its prior."""
-    if len(pixels) < _MIN_RESECTION:
-        return None
-    options = pycolmap.AbsolutePoseEstimationOptions()
-    options.ransac.max_error = 3.0 * problem.settings.max_error_px
-    options.ransac.random_seed = problem.seed
-    camera = to_colmap_camera(cameras[problem.camera_of[k]], 1)
-    found = pycolmap.estimate_and_refine_absolute_pose(pixels, points, camera, options)
-    if found is None or found["num_inliers"] < _MIN_RESECTION:
-        return None
-    rigid = found["cam_from_world"]
-    rotation = np.array(rigid.rotation.matrix())
-    pose = Pose(rotation, -rotation.T @ np.array(rigid.translation))
-    return None if _outside_prior(pose, problem.priors[k], turn) else pose
+    return model
 
 
 def _common_turn(poses: Sequence[Pose], priors: Sequence[PosePrior]) -> NDArray[np.float64]:
@@ -471,12 +410,6 @@ def _orientation_drift(problem: _Problem, model: pycolmap.Reconstruction) -> boo
     turn = _common_turn(problem.state(model)[0], problem.priors)
     sigma_deg = float(np.median([prior.angle_sigma_deg for prior in problem.priors]))
     return rotation_angle_deg(turn, np.eye(3)) > ANGLE_SIGMAS * sigma_deg
-
-
-def _outside_prior(pose: Pose, prior: PosePrior, turn: NDArray[np.float64]) -> bool:
-    shift = float(np.linalg.norm((pose.center - prior.pose.center) / max(prior.position_sigma_m, 1e-9)))
-    angle = rotation_angle_deg(pose.rotation @ turn, prior.pose.rotation)
-    return shift > POSITION_SIGMAS or angle > ANGLE_SIGMAS * prior.angle_sigma_deg
 
 
 def _slab(model: pycolmap.Reconstruction) -> Slab | None:
@@ -508,34 +441,24 @@ def _overlapping(problem: _Problem, model: pycolmap.Reconstruction, pairs: Seque
     return [(i, j) for i, j in pairs if shared[i, j] >= _MIN_OVERLAP * min(seen[i].sum(), seen[j].sum())]
 
 
-def _ties(problem: _Problem, model: pycolmap.Reconstruction, edges: Sequence[Pair], scale: float) -> dict[Pair, float]:
-    """The edges' information; ``scale`` is a pixel of a photograph 1600 wide."""
+def _ties(problem: _Problem, model: pycolmap.Reconstruction, pairs: Sequence[Pair], scale: float) -> dict[Pair, float]:
+    """The information of pairs that have any; ``scale`` is a pixel of what features are found in."""
     posed = problem.posed(*problem.state(model))
     band = Band(TIE_BAND_PX * scale, problem.region, problem.region or _slab(model))
-    found = {(i, j): match_guided(posed[i], posed[j], band) for i, j in edges}
-    return {
-        (i, j): pair_information(epipolar_distances(posed[i], posed[j], each) / scale) for (i, j), each in found.items()
-    }
+    found = {}
+    for i, j in pairs:
+        matches = match_guided(posed[i], posed[j], band)
+        found[i, j] = pair_information(epipolar_distances(posed[i], posed[j], matches) / scale)
+    return {pair: value for pair, value in found.items() if value > 0.0}
 
 
-def _unsupported(
-    problem: _Problem, model: pycolmap.Reconstruction, pairs: Sequence[Pair], band: Band
-) -> dict[str, str]:
+def _unsupported(problem: _Problem, model: pycolmap.Reconstruction, ties: Collection[Pair]) -> dict[str, str]:
     """Images that do not register, with the reason: too few observations, or no more matches than by chance."""
-    posed = problem.posed(*problem.state(model))
-    support = np.zeros(len(posed))
-    # The nearest first, for they have the most matches; the order changes how many pairs are tried, and no verdict.
-    for i, j in sorted(pairs, key=lambda p: float(np.linalg.norm(posed[p[0]].pose.center - posed[p[1]].pose.center))):
-        if min(support[i], support[j]) >= _MIN_OBSERVATIONS:
-            continue
-        found = match_guided(posed[i], posed[j], band)
-        # Pairs without overlap give as many matches as chance; only what is above it speaks for a pose.
-        support[[i, j]] += max(0.0, len(found) - _NULL_FACTOR * null_model_matches(posed[i], posed[j], band))
-    reasons = {}
+    tied, reasons = {k for pair in ties for k in pair}, {}
     for index, name in enumerate(problem.names):
         if len(problem.features[index]) < _MIN_OBSERVATIONS:
             reasons[name] = "too few features"
-        elif support[index] < _MIN_OBSERVATIONS:
+        elif index not in tied:
             reasons[name] = "no more matches than chance gives"
         elif model.image(index + 1).num_points3D < _MIN_OBSERVATIONS:
             reasons[name] = "too few matches that fit the other photographs"

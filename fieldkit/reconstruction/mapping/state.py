@@ -144,8 +144,8 @@ class Mapped:
     """What a person should know of how the photographs and their positions hang together."""
     weakest: WeakestMode | None = None
     """Where it is metric."""
-    groups: int = 1
-    """Of photographs, that no pair of the view graph joins."""
+    groups: Mapping[str, int] = field(default_factory=dict)
+    """Which group each photograph of the model is in: no pair joins two groups."""
     features_cached: int = 0
 
     @property

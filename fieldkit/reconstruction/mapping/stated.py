@@ -60,7 +60,7 @@ def with_stated_poses(inputs: Inputs, belief: Belief, mapped: Mapped | None) -> 
 def _tied(mapped: Mapped) -> bool:
     """Whether a model by matches is one group of half of the photographs or more, in the frame of what is known."""
     half = 2 * sum(image.registered for image in mapped.images) >= len(mapped.images)
-    return mapped.metric and half and mapped.groups == 1
+    return mapped.metric and half and len(set(mapped.groups.values())) == 1
 
 
 def _none(belief: Belief) -> Mapped:

@@ -19,21 +19,22 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
-from fieldkit.geometry.pose import cross_matrix
 from fieldkit.geometry.priors import PosePrior
+from fieldkit.geometry.similarity import similarity_motion
 from fieldkit.reconstruction.colmap_model import pose_of
 from fieldkit.runtime.colmap import pycolmap
 
 Floats = NDArray[np.float64]
 Pair = tuple[int, int]
 TIE_BAND_PX = 6.0
-"""Half width of the band whose matches tell a pair's information, pixels of a photograph 1600 wide."""
+"""Half width of the band whose matches tell a pair's information, pixels of what features are found in: at most 1600
+wide."""
 _TIE_SCALE_PX = 0.75
 _TIE_NOISE_PX = 0.5
 _FAR_PX = 100.0
 _BY_CHANCE = 12.0
 """Matches that a wrong relative pose has within half a pixel: it has five parameters, and the most of many tries."""
-_INFLATION = 1.5
+_INFLATION = 1.25
 """Of observations' errors: matches of one surface err alike, and lenses are no models. Calibrated on the rigs."""
 _FLOOR = 0.0015
 """Standard deviation of a centre that nothing lowers, as a share of the distance to what is seen."""
@@ -49,7 +50,7 @@ def pair_information(distances_px: Floats) -> float:
     """What a pair's matches say of its relative pose, in 1/px²: Cauchy's loss as an M-estimator.
 
     Args:
-        distances_px: (n,) of all matches in a band to their epipolar lines, pixels of a photograph 1600 wide.
+        distances_px: (n,) of all matches in a band to their epipolar lines, pixels of what features are found in.
     """
     distances_px = np.minimum(np.nan_to_num(distances_px, nan=_FAR_PX), _FAR_PX)
     ratio = (distances_px / _TIE_SCALE_PX) ** 2
@@ -81,8 +82,14 @@ class Uncertainty:
         sigma: Floats = np.sqrt(np.maximum(own, 0.0) + (_FLOOR * self.distance) ** 2)
         return sigma
 
-    def weakest(self) -> tuple[list[str], float]:
-        """Which photographs could move together against the others most easily, and their root mean square error then.
+    @property
+    def groups(self) -> dict[str, int]:
+        """Which group each photograph is in, by name."""
+        return dict(zip(self.names, self.part.tolist(), strict=True))
+
+    def weakest(self) -> tuple[list[str], float, Floats]:
+        """Which k photographs could move together against the others most easily, their root mean square error then,
+        and how (k, 3).
 
         A group that no pair joins to the largest. Where there is none, those that the covariance's largest principal
         axis moves, less the similarity that leaves most centres where they are.
@@ -91,12 +98,15 @@ class Uncertainty:
         groups = [self.part == label for label in np.unique(self.part) if label != largest] or [self._bent()]
         sigmas = [float(np.sqrt((self.sigma[group] ** 2).mean())) if group.any() else 0.0 for group in groups]
         chosen = groups[int(np.argmax(sigmas))]
-        return [name for name, moving in zip(self.names, chosen, strict=True) if moving], max(sigmas)
+        rows = np.repeat(chosen, 3)
+        axes = np.linalg.eigh(self.covariance[np.ix_(rows, rows)])[1] if rows.any() else np.zeros((0, 1))
+        names = [name for name, moving in zip(self.names, chosen, strict=True) if moving]
+        return names, max(sigmas), max(sigmas) * np.sqrt(len(names)) * axes[:, -1].reshape(-1, 3)
 
     def _bent(self) -> NDArray[np.bool_]:
         """(n,) which centres the largest principal axis moves: no more than half of them."""
         moves = np.linalg.eigh(self.covariance)[1][:, -1].reshape(-1, 3)
-        motion, weight = _common(self.centers), np.ones(len(moves))
+        motion, weight = similarity_motion(self.centers - self.centers.mean(axis=0)), np.ones(len(moves))
         for _ in range(_ROUNDS):
             fitted = np.linalg.pinv((weight[:, None, None] * motion).reshape(-1, 7)) @ (weight[:, None] * moves).ravel()
             length = np.linalg.norm(moves - motion @ fitted, axis=1)
@@ -113,7 +123,6 @@ def pose_uncertainty(
     *,
     loss_px: float,
     refined: bool,
-    oriented: bool,
 ) -> Uncertainty:
     """How well a model's poses are known.
 
@@ -123,7 +132,6 @@ def pose_uncertainty(
         ties: information of the pairs (`pair_information`), by indices into ``names``.
         loss_px: scale of the bundle adjustment's Cauchy loss.
         refined: whether it adjusted focal lengths and distortion.
-        oriented: whether known orientations have placed what photographs leave loose, as positions do anyway.
     """
     seen = _observations(model)
     index = {name: k for k, name in enumerate(names)}
@@ -142,11 +150,10 @@ def pose_uncertainty(
     for k, name in enumerate(seen.names):
         known, at = priors.get(name, PosePrior()), 6 * k
         position = extent if known.position is None else known.position_sigma_m
-        turn = np.radians(known.angle_sigma_deg) if oriented and known.rotation is not None else _FREE_RAD
-        normal[range(at, at + 3), range(at, at + 3)] += turn**-2
+        normal[range(at, at + 3), range(at, at + 3)] += _FREE_RAD**-2
         normal[range(at + 3, at + 6), range(at + 3, at + 6)] += position**-2
     covariance = np.linalg.inv(normal)[: 6 * len(row), : 6 * len(row)].reshape(len(row), 6, len(row), 6)
-    motion = _common(seen.centers).reshape(-1, 7)
+    motion = similarity_motion(seen.centers - seen.centers.mean(axis=0)).reshape(-1, 7)
     off = np.eye(len(motion)) - motion @ np.linalg.pinv(motion, rcond=1e-6)
     part = connected_components(coo_array(information > 0.0), directed=False)[1]
     of_centers = off @ covariance[:, 3:, :, 3:].reshape(off.shape) @ off.T
@@ -295,11 +302,3 @@ def _summed(rows: NDArray[np.int64], columns: NDArray[np.int64], blocks: Floats,
     """The sparse matrix that sums blocks (m, a, b) at rows (m, a) and columns (m, b)."""
     at = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
     return csr_array((blocks.ravel(), (at[0].ravel(), at[1].ravel())), shape=shape)
-
-
-def _common(centers: Floats) -> Floats:
-    """(n, 3, 7) motion of centres (n, 3) by a small similarity: translation, rotation about their mean, scale."""
-    arms = centers - centers.mean(axis=0)
-    turned = np.array([-cross_matrix(arm) for arm in arms])
-    motion: Floats = np.concatenate([np.tile(np.eye(3), (len(arms), 1, 1)), turned, arms[:, :, None]], axis=2)
-    return motion

@@ -53,9 +53,7 @@ def modelled(scene: FeatureScene, noise_px: float, draw: int) -> pycolmap.Recons
 
 
 def known(scene: FeatureScene, model: pycolmap.Reconstruction, pairs, sigma_m: float = SIGMA_M) -> Uncertainty:
-    return pose_uncertainty(
-        model, priors_of(scene, sigma_m), pairs, scene.names, loss_px=2.0, refined=False, oriented=False
-    )
+    return pose_uncertainty(model, priors_of(scene, sigma_m), pairs, scene.names, loss_px=2.0, refined=False)
 
 
 def test_errors_are_as_large_as_it_says(scene: FeatureScene) -> None:
@@ -75,8 +73,9 @@ def test_a_group_without_a_pair_across_is_known_by_its_positions(scene: FeatureS
     apart = {5, 6, 7}
     whole, two = known(scene, model, ties()), known(scene, model, ties(without=apart))
     assert two.sigma.min() > 3 * whole.sigma.max()
-    names, sigma = two.weakest()
-    assert names == [scene.names[k] for k in sorted(apart)]
+    names, sigma, moves = two.weakest()
+    assert names == [scene.names[k] for k in sorted(apart)] == [name for name, k in two.groups.items() if k]
+    assert np.sqrt((moves**2).sum(axis=1).mean()) == pytest.approx(sigma)
     assert SIGMA_M / 2 < sigma < 4 * SIGMA_M
     # As much as the positions leave open.
     assert known(scene, model, ties(without=apart), 10 * SIGMA_M).weakest()[1] == pytest.approx(10 * sigma, rel=0.2)
@@ -99,7 +98,7 @@ def test_what_all_have_in_common_is_the_frames(scene: FeatureScene) -> None:
 def test_a_free_lens_makes_nothing_surer(scene: FeatureScene) -> None:
     model = modelled(scene, 0.5, 3)
     held, free = (
-        pose_uncertainty(model, priors_of(scene), ties(), scene.names, loss_px=2.0, refined=refined, oriented=False)
+        pose_uncertainty(model, priors_of(scene), ties(), scene.names, loss_px=2.0, refined=refined)
         for refined in (False, True)
     )
     assert (free.sigma >= held.sigma - 1e-9).all()
