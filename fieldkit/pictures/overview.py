@@ -14,6 +14,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 
 from fieldkit.clouds import Cloud
+from fieldkit.figures.style import format_length
 from fieldkit.figures.tables.reconstruction import quality_rows
 from fieldkit.figures.tables.scores import score_rows
 from fieldkit.files import write_atomic
@@ -28,6 +29,7 @@ from fieldkit.pictures.panels import (
     drawable,
     fitting_scale,
     new_figure,
+    nice_length,
     png,
 )
 from fieldkit.pictures.projection import FRONT, SIDE, TOP, Direction
@@ -42,6 +44,7 @@ _RIGHT, _WRONG, _MISSING = "#1f5fa8", "#c0262d", "#d98300"
 _TEXT_COLUMNS = 51
 _LABELS_WIDTH = 1.65
 _CAMERAS_WIDTH = 4.25
+_WEAKEST, _ARROW_SHARE = "#8b1a8b", 0.2
 
 
 def write_overview(path: Path, report: ReferenceReport | PlotEvaluation, plants: Cloud) -> None:
@@ -72,6 +75,7 @@ def draw_overview(report: ReferenceReport | PlotEvaluation, plants: Cloud) -> Fi
         arrow = 0.05 * min(float(np.ptp(axes.get_xlim())), float(np.ptp(axes.get_ylim())))
         for image in report.image_reports:
             _draw_camera(axes, image, direction, arrow)
+        _draw_weakest(axes, report, direction)
     _legend(figure, report)
     _write_figures(figure, report)
     return figure
@@ -155,6 +159,27 @@ def _draw_camera(axes: Axes, image: ImageReport, direction: Direction, arrow: fl
         ends = [x, x + 2 * arrow * forward[direction.right]], [y, y + 2 * arrow * forward[direction.up]]
         axes.plot(*ends, color=color, linewidth=0.8, alpha=0.8, zorder=4)
     axes.plot(x, y, "x" if wrong else "o", color=color, markersize=6 if wrong else 3, zorder=5)
+
+
+def _draw_weakest(axes: Axes, report: ReconstructionEntry, direction: Direction) -> None:
+    """How photographs could lie off together that are tied too weakly: arrows, many times as long."""
+    starts, moves = report.loose_moves
+    if not len(moves):
+        return
+    most = float(np.sqrt((moves**2).sum(axis=1).mean()))
+    longest = float(np.linalg.norm(moves, axis=1).max())
+    room = _ARROW_SHARE * min(float(np.ptp(axes.get_xlim())), float(np.ptp(axes.get_ylim())))
+    times = nice_length(max(1.0, room / longest))
+    axes_of = [direction.right, direction.up]
+    axes.plot(*starts[:, axes_of].T, "o", color=_WEAKEST, fillstyle="none", markersize=7, zorder=6)
+    axes.quiver(
+        *starts[:, axes_of].T, *times * moves[:, axes_of].T, angles="xy", scale_units="xy", scale=1.0, color=_WEAKEST,
+        width=0.006, zorder=6,
+    )  # fmt: skip
+    axes.text(
+        0.02, 0.02, f"ringed: could lie {format_length(most)} off together (arrows {times:g} times as long)", size=7,
+        color=_WEAKEST, transform=axes.transAxes, zorder=7,
+    )  # fmt: skip
 
 
 def _legend(figure: Figure, report: ReconstructionEntry) -> None:

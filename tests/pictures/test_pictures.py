@@ -16,6 +16,8 @@ from fieldkit.pictures.mission import draw_plan
 from fieldkit.pictures.overview import draw_overview, write_overview
 from fieldkit.pictures.panels import drawable, nice_length
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.evaluation import WeakestMode
+from fieldkit.results.finding import WEAKLY_TIED, Finding
 from tests.evaluation.examples import reconstruction
 
 SETTINGS = ReconstructionSettings()
@@ -56,6 +58,23 @@ class TestOverview:
         assert np.count_nonzero(greens) > 5000
         write_overview(tmp_path / "overview.png", report, result.plants)
         assert size_of(tmp_path / "overview.png") == (2250, 1500)
+
+    def test_how_loose_photographs_could_lie(self) -> None:
+        result = reconstruction()
+        report = reference_report(result, SETTINGS, seconds=1, cpu_seconds=1)
+        names = tuple(image.name for image in report.image_reports if image.center_m is not None)[:2]
+        weakest = WeakestMode(photographs=names, sigma_m=0.004, moves_m=((0.01, 0.0, 0.0), (0.0, 0.008, 0.0)))
+        told = (Finding("plot 7", WEAKLY_TIED, "weakly tied"),)
+        loose = report.model_copy(update={"weakest": weakest, "findings": told})
+        firm = report.model_copy(update={"weakest": weakest})
+        drawn = [
+            [text.get_text() for axes in draw_overview(r, result.plants).axes for text in axes.texts]
+            for r in (loose, firm)
+        ]
+        said = ["ringed: could lie 9.06 mm off" in " ".join(each) for each in drawn]
+        assert said == [True, False]
+        starts, moves = loose.loose_moves
+        assert starts.shape == moves.shape == (2, 3)
 
     def test_the_same_bytes_each_time(self, tmp_path: Path) -> None:
         result = reconstruction()
