@@ -137,13 +137,6 @@ def plan_for_plants(
 ) -> tuple[Plan, float]:  # fmt: skip
     """Stations for known plants by the geometric score, as many as a carried plan has.
 
-    Args:
-        plan: the carried one, with a camera.
-        plants: their surfaces, plot frame.
-        name: of what they are, for people.
-        vehicle: whose limits hold; those of the plan where None.
-        plot: the site's, whose plants beyond the known ones are kept clear of.
-
     Returns:
         The plan, and what the score expects there of the carried one, metres; fitted to the plants' height if it is
         made for that.
@@ -237,15 +230,6 @@ def plan_next_visit(
     """`next_plans`, kept in the campaign's folder (plans/DATE/PLOT.json), and one mission over all plots.
 
     Plants are at least as high as the grown ones of each plot's plan.
-
-    Args:
-        campaign: with visits.
-        date: of the visit, ISO 8601: visits from then on are compared with these plans.
-        output: the mission file.
-        vehicle: a profile's name or file; the campaign's own where None.
-        growth: as `next_plans`.
-        plant_height, format: as `export_mission`; a height is needed for plots without a visit alone.
-        overwrite: replace plans for the date, and files.
     """
     folder = campaign.folder / PLANS_FOLDER / date
     if folder.exists() and not overwrite:

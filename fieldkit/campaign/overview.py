@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from fieldkit.campaign.measured import measured_agreement
 from fieldkit.campaign.ranking import Drift, Ranked, Score, drift, measured_noise_m, ranking, score_of
 from fieldkit.campaign.reading import Campaign
 from fieldkit.campaign.visits import changed_stages, is_current
@@ -42,6 +43,7 @@ def campaign_object(campaign: Campaign) -> dict[str, Any]:
         "ranking": {
             date: [_ranked(entry) for entry in ranking(campaign.visits, campaign.plan, date)] for date in campaign.dates
         },
+        "measured": None if (found := measured_agreement(campaign)) is None else found.plain(),
         "drift": [asdict(change) | {"change": change.change} for change in drift(campaign.visits, campaign.plan)],
     }  # fmt: skip
 
@@ -59,6 +61,8 @@ def campaign_tables(campaign: Campaign) -> Iterator[Table]:
     last = [visit for visit in campaign.visits if visit.date == campaign.dates[-1]]
     if any(visit.traits is not None for visit in last):
         yield traits_table(f"Plants on {campaign.dates[-1]}", last)
+    if found := measured_agreement(campaign):
+        yield found.table()
     yield from drift_tables(campaign)
 
 
@@ -98,6 +102,8 @@ def remarks(campaign: Campaign) -> Iterator[str]:
     """What a person should know beside the tables, in sentences."""
     if not campaign.visits:
         yield f"No photographs were evaluated yet: fieldkit evaluate CAPTURES --campaign {campaign.folder.name}"
+    if found := measured_agreement(campaign):
+        yield from found.sentences()
     for plot in campaign.vanished:
         yield f"{plot} has visits, but is no longer among the plots."
     for visit in campaign.visits:

@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Annotated
+
+from typer import Option
+
 from fieldkit.cli.common import CampaignArgument, JsonOption, campaign_folder, emit_json, show
 
 
-def command(folder: CampaignArgument = None, as_json: JsonOption = False) -> None:
+def command(
+    folder: CampaignArgument = None,
+    measured: Annotated[
+        Path | None,
+        Option("--measured", metavar="CSV", help="Heights by hand: plot, date, height_m. Kept for later, and reports."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
     """Show a campaign: its plots and dates, which plots are best, and what changed over the dates.
 
     Ranks are by chamfer distance, measured against the plot's own reference or predicted without one. Plots that differ
@@ -13,6 +25,7 @@ def command(folder: CampaignArgument = None, as_json: JsonOption = False) -> Non
 
     Examples:
         fieldkit campaign show season
+        fieldkit campaign show season --measured heights.csv
         fieldkit campaign show --json
     """
     folder = campaign_folder(folder)
@@ -20,6 +33,10 @@ def command(folder: CampaignArgument = None, as_json: JsonOption = False) -> Non
     from fieldkit.campaign.reading import read_campaign
 
     campaign = read_campaign(folder)
+    if measured is not None:
+        from fieldkit.campaign.measured import keep_measured
+
+        keep_measured(measured, campaign)
     if as_json:
         emit_json(campaign_object(campaign))
         return

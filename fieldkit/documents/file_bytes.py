@@ -18,17 +18,7 @@ def file_bytes(
     missing: str | None = None,
     error: type[InputError] = MetadataError,
 ) -> bytes:
-    """The content of a file.
-
-    Args:
-        path: to read.
-        remedy: of every error that has no better one.
-        max_bytes: of a larger file no more is read; it is refused.
-        noun: what the file is, for its errors: "plan", "site file".
-        name: what is said not to be there.
-        missing: the remedy where there is no such file, if it is another one.
-        error: what is raised.
-    """
+    """The content of a file."""
     try:
         with open_regular(path) as file:
             data = file.read(max_bytes + 1)

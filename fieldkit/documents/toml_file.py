@@ -40,12 +40,7 @@ def read_toml(
     missing: str | None = None,
     error: type[InputError] = MetadataError,
 ) -> dict[str, Any]:
-    """The document of a TOML file in UTF-8, with or without a byte order mark.
-
-    Args:
-        noun: what the file is, for its errors: "site file", "scene file".
-        path, remedy, max_bytes, missing, error: as of `file_bytes`.
-    """
+    """The document of a TOML file in UTF-8, with or without a byte order mark."""
     data = file_bytes(path, remedy, max_bytes, noun=noun, name=noun, missing=missing, error=error)
     return toml_document(decoded(data, path, error=error), path, remedy, error=error)
 
@@ -86,11 +81,7 @@ def _other_dots(line: str) -> int:
 
 
 def read_versioned(path: Path, noun: str, remedy: str, max_bytes: int) -> dict[str, Any]:
-    """The TOML document that a file holds, its ``format`` checked and left out.
-
-    Args:
-        path, noun, remedy, max_bytes: as of `read_toml`.
-    """
+    """The TOML document that a file holds, its ``format`` checked and left out."""
     document = read_toml(path, noun, remedy, max_bytes)
     _check_format(document.pop("format", None), path)
     return document

@@ -1,8 +1,6 @@
 """Tables made of rows."""
 
 from fieldkit.figures.content import MOST_ROWS, Column, tabulated
-from fieldkit.figures.tables.adherence import station_table
-from fieldkit.results.evaluation import AdherenceEntry
 
 
 def test_columns_that_say_nothing_are_left_out() -> None:
@@ -19,14 +17,3 @@ def test_long_tables_are_cut_and_say_so() -> None:
     table = tabulated("t", [{"k": f"{k}"} for k in range(MOST_ROWS + 1)])
     assert len(table.rows) == MOST_ROWS
     assert table.note == f"The first {MOST_ROWS} of {MOST_ROWS + 1}."
-
-
-def test_stations_beyond_the_most_are_counted() -> None:
-    for count, said in ((MOST_ROWS, ""), (MOST_ROWS + 3, f" The first {MOST_ROWS} of {MOST_ROWS + 3}.")):
-        missing = tuple(f"station {k + 1}" for k in range(count))
-        found = AdherenceEntry(
-            stations=(), missing=missing, extra=(), horizontal_rms_m=None, yaw_rms_deg=None, pitch_rms_deg=None
-        )
-        table = station_table(found)
-        assert len(table.rows) == MOST_ROWS
-        assert table.note == f"Achieved less planned, by the autopilot's own estimate.{said}"

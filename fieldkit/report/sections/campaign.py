@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from datetime import date
 from statistics import median
 
+from fieldkit.campaign.measured import measured_agreement
 from fieldkit.campaign.overview import drift_tables, missing
 from fieldkit.campaign.reading import Campaign
 from fieldkit.figures.content import (
@@ -18,6 +19,7 @@ from fieldkit.figures.content import (
     KeyFigures,
     Link,
     Mark,
+    Paragraph,
     Picture,
     Row,
     Section,
@@ -53,7 +55,7 @@ def campaign_section(result: Loaded[Campaign], anchor: str, shown: Shown) -> Sec
         drawn = tuple(charts(campaign.visits, "all plots"))
         if drawn:
             blocks.append(Charts(drawn))
-        blocks += drift_tables(campaign)
+        blocks += [*drift_tables(campaign), *_measured(campaign)]
         anchors = plot_anchors(campaign, anchor)
         for day in reversed(campaign.dates):
             table = _table(day, [visit for visit in campaign.visits if visit.date == day], anchors, pictures)
@@ -171,6 +173,33 @@ def _plot(campaign: Campaign, plot: str, anchor: str, cloud: Picture | None, pho
     return Details(f"Plot {plot}", tuple(blocks), anchor=anchor)
 
 
+def _measured(campaign: Campaign) -> Iterator[Block]:
+    """Heights by hand against fieldkit's, and the differences about their bias and limits of agreement."""
+    found = measured_agreement(campaign)
+    if found is None or not found.pairs:
+        return
+    pairs, said = found.pairs, next(found.sentences())
+    ends = [bound(v for pair in pairs for v in (pair.height_m, pair.measured_m)) for bound in (min, max)]
+    against = [(pair.measured_m, pair.height_m) for pair in pairs]
+    differences = [(0.5 * (pair.height_m + pair.measured_m), pair.difference_m) for pair in pairs]
+    left, right = (bound(x for x, _ in differences) for bound in (min, max))
+    limits = tuple(p for y in found.limits_m or () for p in ((left, y), (right, y), (right, None)))
+    yield Charts((
+        LineChart(
+            "Heights by fieldkit and by hand", said, "by hand, m", "by fieldkit, m",
+            (Curve("a plot on a date", tuple(against), "dots"), Curve("the same", tuple((v, v) for v in ends))),
+            y_zero=False,
+        ),
+        LineChart(
+            "Their differences (Bland and Altman)", said, "mean of both, m", "fieldkit less by hand, m",
+            (Curve("a plot on a date", tuple(differences), "dots"), Curve("limits of agreement", limits)),
+            (found.bias_m, "bias"),
+        ),
+    ))  # fmt: skip
+    yield from (Paragraph(sentence) for sentence in found.sentences())
+    yield found.table()
+
+
 def _grown(visit: Visit) -> Row:
     return {**cells(visit, TRAIT_FIGURES), "why not": visit.error or trait_reasons(visit) or None}
 
@@ -236,13 +265,8 @@ def campaign_statements(result: Loaded[Campaign], results: Results) -> Iterator[
         )
         return
     done = [visit for visit in visits if not visit.error]
-    span = dates[0] if len(dates) == 1 else f"{len(dates)} dates from {dates[0]} to {dates[-1]}"
-    yield Statement(
-        "good" if len(done) == len(visits) and all(v.right == v.images for v in done) else "fact",
-        f"The campaign “{campaign.name}”: {count(len(visits), 'capture')} of "
-        f"{count(len({v.plot for v in visits}), 'plot')} on {span}. {sum(v.right for v in done)} of "
-        f"{count(sum(v.images for v in done), 'photograph')} were used.",
-    )
+    if found := measured_agreement(campaign):
+        yield Statement("fact", next(found.sentences(), ""))
     doubtful = [visit for visit in done if visit.doubts]
     for visit in doubtful[:_NAMED]:
         told = next(iter(visit.notes), ", ".join(visit.doubts))
@@ -251,14 +275,13 @@ def campaign_statements(result: Loaded[Campaign], results: Results) -> Iterator[
         yield Statement("problem", f"{count(len(doubtful) - _NAMED, 'more capture')} doubtful; the table says why.")
     plan = f"`fieldkit campaign plan {folder} -o next.plan`"
     yield from without_height([(v.plot, v.traits) for v in done if v.date == dates[-1]], plan)
-    failed = [visit for visit in visits if visit.error]
-    for visit in failed[:_NAMED]:
-        told = f"{visit.plot}, {visit.date}: no score. {_sentence(visit.error)}"
+    failed: dict[str, list[str]] = {}
+    for visit in visits:
+        if visit.error:
+            failed.setdefault(visit.error, []).append(f"{visit.plot}, {visit.date}")
+    for why, named in failed.items():
+        told = f"No result of {'; '.join(named[:_NAMED])}{' and more' * (len(named) > _NAMED)}: {why.rstrip('.')}."
         yield Statement("problem", told, f"Photograph the plot again, and add that: {add}")
-    if len(failed) > _NAMED:
-        yield Statement(
-            "problem", f"{count(len(failed) - _NAMED, 'more capture')} without a score; the table says why."
-        )
     if absent := missing(campaign, dates[-1]):
         told = f"{dates[-1]}: no photographs of {listed(absent)}."
         yield Statement("note", told, f"Where they were taken, add them: {add}")

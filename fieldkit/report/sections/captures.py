@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from statistics import median
+from collections.abc import Iterable, Iterator, Mapping
 
 from fieldkit.figures.content import (
     MOST_ROWS,
@@ -19,13 +18,12 @@ from fieldkit.figures.content import (
     Statement,
     Terms,
 )
-from fieldkit.figures.style import decimal, format_length, percent
+from fieldkit.figures.registry import FIGURES
+from fieldkit.figures.style import format_length
 from fieldkit.figures.tables import adherence, scores
-from fieldkit.figures.tables.adherence import ACHIEVED_BY
 from fieldkit.figures.tables.reconstruction import finding_table, photograph_table, quality_rows, stage_table
 from fieldkit.report.sections.loaded import Loaded, Results
 from fieldkit.report.sections.shown import Shown
-from fieldkit.results.demo import DemoReport
 from fieldkit.results.evaluation import (
     AdherenceEntry,
     EvaluationReport,
@@ -39,8 +37,6 @@ from fieldkit.wording import count, listed
 
 _OPEN_ROWS = 14
 _MOST_NAMES = 20
-_SHOWN_M = "0.010"
-_NAMED = 5  # problems named one by one
 _TOO_LOW = re.compile("the pictures end|tips are missed")  # reasons of fieldkit/evaluation/traits.py
 _WITH_ROOM = (
     "`fieldkit export-mission PLAN --vehicle VEHICLE --site site.toml --plant-height METRES --fit -o mission.plan`"
@@ -124,131 +120,53 @@ def _reconstruction_blocks(report: ReconstructionEntry, pictures: Mapping[str, P
 def reference_statements(result: Loaded[ReferenceReport], _: Results) -> Iterator[Statement]:
     """The photographs of a reference, and its doubtful points."""
     report = result.report
-    yield Statement(
-        "good" if report.right == report.images and report.metric and not report.doubts else "fact",
-        f"The reference was reconstructed from {report.right} of {count(report.images, 'photograph')} of "
-        f"“{report.source}”: {report.points:,} points of plants.",
-    )
     yield from _left_out(report, "The reference")
     yield from _doubts(report, f"The reference of “{report.source}”")
 
 
 def evaluation_statements(result: Loaded[EvaluationReport], results: Results) -> Iterator[Statement]:
-    """The result of one plot, or of many plots together."""
+    """What speaks against the results of plots, and what their figures cannot say."""
     report = result.report
     plots = [plot for plot in report.plots if plot.error is None]
     again = f"`fieldkit evaluate {shlex.quote(report.source)} --reference REFERENCE -o {results.path(result)}{{}}`"
-    if len(report.plots) == 1:
-        for plot in plots:
-            yield from _plot(plot, again, scored=report.reference_sha256 is not None)
-    elif plots:
-        # The demo's plots are methods: their range says nothing, and its own table compares them.
-        yield from _plots(report, plots, spread=not results.of(DemoReport))
-    failed = [plot for plot in report.plots if plot.error is not None]
-    for plot in failed[:_NAMED]:
-        assert plot.error is not None
-        yield Statement("problem", f"{plot.name} has no result: {plot.error.message}.", plot.error.remedy)
-    if len(failed) > _NAMED:
+    for plot in plots:
+        yield from _left_out(plot, plot.name, plot.unregistered)
+        yield from _displaced(plot, f"See how much of it is displacement: {again.format(' --refine --overwrite')}")
+        yield from _doubts(plot, plot.name)
+    known = (FIGURES["chamfer_m"], FIGURES["predicted_chamfer_m"])
+    unknown = [plot for plot in plots if all(figure.value(plot) is None for figure in known)]
+    if unknown and report.reference_sha256 is None:
+        why = next((f": {p.reason.rstrip('.')}" for plot in unknown if (p := plot.prediction) and p.reason), "")
         yield Statement(
-            "problem",
-            f"{result.name}: {count(len(failed) - _NAMED, 'more plot has', 'more plots have')} no result; the table "
-            "says why.",
+            "note",
+            f"How near {listed([plot.name for plot in unknown], 8)} came to its plants is not known{why}.",
+            f"Measure the distance: {again.format(' --overwrite')}",
         )
+    failed: dict[tuple[str, str], list[str]] = {}
+    for plot in report.plots:
+        if plot.error is not None:
+            failed.setdefault((plot.error.message, plot.error.remedy), []).append(plot.name)
+    for (why, remedy), names in failed.items():
+        yield Statement("problem", f"No result of {listed(names, 8)}: {why}.", remedy)
     yield from without_height(((plot.name, plot.traits) for plot in plots), _WITH_ROOM)
     for plot in plots:
         if plot.adherence is not None:
             yield from _adherence(plot.name, plot.adherence, report.source)
 
 
-def _plot(plot: PlotEvaluation, again: str, *, scored: bool) -> Iterator[Statement]:
-    yield Statement(
-        "good" if plot.right == plot.images and not plot.doubts else "fact",
-        f"{plot.name}: {plot.right} of {count(plot.images, 'photograph')} registered and used, "
-        f"{plot.points:,} points of plants.",
-    )
-    yield from _left_out(plot, plot.name, plot.unregistered)
-    if plot.chamfer_m is None or plot.accuracy_m is None or plot.completeness_m is None:
-        if not scored:
-            yield _unscored(plot, f"Measure the distance: {again.format(' --overwrite')}")
-    elif OTHER_PLANTS not in plot.doubts:
-        yield from _distances(plot, plot.chamfer_m, plot.accuracy_m, plot.completeness_m, again)
-    yield from _doubts(plot, plot.name)
-
-
-def _unscored(plot: PlotEvaluation, advice: str) -> Statement:
-    """What is known about the distance of a plot without a reference."""
-    text = f"{plot.name} was not compared with a reference"
-    found = plot.prediction
-    if found is None or found.chamfer_m is None:
-        why = f": {found.reason.rstrip('.')}" if found is not None and found.reason else ""
-        return Statement("note", f"{text}, so how near it comes to its plants is not known{why}.", advice)
-    return Statement(
-        "fact",
-        f"{text}. By figures that need none it is likely to be {format_length(found.chamfer_m)} from its true plants "
-        f"(chamfer distance); nine in ten such plots lie between {format_length(found.low_m)} and "
-        f"{format_length(found.high_m)}.",
-        advice,
-    )
-
-
-def _distances(
-    plot: PlotEvaluation, chamfer: float, accuracy: float, completeness: float, again: str
-) -> Iterator[Statement]:
-    text = (
-        f"{plot.name}: on average its points lie {format_length(accuracy)} from the reference (accuracy), and the "
-        f"reference's points {format_length(completeness)} from what was reconstructed (completeness). Together that "
-        f"is {format_length(chamfer)} (chamfer distance)."
-    )
-    if plot.precision and plot.recall and _SHOWN_M in plot.precision and _SHOWN_M in plot.recall:
-        text += (
-            f" {percent(plot.precision[_SHOWN_M], 0)} % of its points are within 10 mm of the reference, and "
-            f"{percent(plot.recall[_SHOWN_M], 0)} % of the reference's points are within 10 mm of it."
-        )
-    yield Statement("fact", text)
+def _displaced(plot: PlotEvaluation, advice: str) -> Iterator[Statement]:
+    """That a plot's distance may be that of a cloud as a whole."""
     # The frame is fitted to all positions at once, so their errors average out.
     shift = None if plot.pose_rms_m is None or not plot.right else plot.pose_rms_m / plot.right**0.5
-    if plot.correction is None and shift is not None and shift > 0.25 * chamfer:
+    if OTHER_PLANTS in plot.doubts or plot.chamfer_m is None or plot.correction is not None or shift is None:
+        return
+    if shift > 0.25 * plot.chamfer_m:
         yield Statement(
             "note",
             f"{plot.name}: the known camera positions are {format_length(plot.pose_rms_m)} (RMS) off the reconstructed "
-            f"ones, which can displace the whole cloud by about {format_length(shift)}. That counts in the distance "
-            "above.",
-            f"See how much of it is displacement: {again.format(' --refine --overwrite')}",
-        )
-    if plot.gsd_m is not None and plot.metric and 2 * plot.gsd_m > accuracy:
-        yield Statement(
-            "note",
-            f"{plot.name}: a pixel covers {format_length(plot.gsd_m)}, so details below "
-            f"{format_length(2 * plot.gsd_m)} are not in its cloud.",
-            "Photograph from nearer, or with a camera of more pixels, where finer detail matters.",
-        )
-
-
-def _plots(report: EvaluationReport, plots: Sequence[PlotEvaluation], *, spread: bool) -> Iterator[Statement]:
-    images, right = sum(plot.images for plot in plots), sum(plot.right for plot in plots)
-    yield Statement(
-        "good" if right == images and len(plots) == len(report.plots) and not any(p.doubts for p in plots) else "fact",
-        f"{len(plots)} of {count(len(report.plots), 'plot')} of “{report.source}” were reconstructed; "
-        f"{right} of {count(images, 'photograph')} were used.",
-    )
-    short = [plot for plot in plots if plot.right < plot.images]
-    if short:
-        yield Statement(
-            "note",
-            f"Photographs were left out in {listed([f'{plot.name} ({plot.images - plot.right})' for plot in short])}.",
-            "The plots' tables say why; fly those stations again where plants are missing in the cloud.",
-        )
-    for plot in plots:
-        yield from _findings(plot, plot.name)
-    same = [plot for plot in plots if OTHER_PLANTS not in plot.doubts]
-    chamfers = sorted((plot.chamfer_m, plot.name) for plot in same if plot.chamfer_m is not None)
-    if chamfers and spread:
-        middle = median(value for value, _ in chamfers)
-        yield Statement(
-            "fact",
-            f"Distance to the reference (chamfer): {format_length(middle)} in the middle (median), from "
-            f"{format_length(chamfers[0][0])} ({chamfers[0][1]}) to {format_length(chamfers[-1][0])} "
-            f"({chamfers[-1][1]}).",
+            f"ones, which can displace the whole cloud by about {format_length(shift)}. Its distance to the reference "
+            f"is {format_length(plot.chamfer_m)}.",
+            advice,
         )
 
 
@@ -282,18 +200,14 @@ def _left_out(report: ReconstructionEntry, name: str, reasons: dict[str, int] | 
                     f"{'was' if missing == 1 else 'were'} not used{told}.", advice)  # fmt: skip
 
 
-def _findings(report: ReconstructionEntry, name: str) -> Iterator[Statement]:
-    """Findings with which a result must not be taken as it is; their messages end in the remedy."""
+def _doubts(report: ReconstructionEntry, name: str) -> Iterator[Statement]:
+    """With what a result must not be taken as it is."""
     for finding in report.findings:
-        if finding.code in DOUBTFUL:
+        if finding.code in DOUBTFUL:  # its message ends in the remedy
             said, _, advice = finding.message.rpartition("; ")
             yield Statement(
                 "problem", f"{name}: {said or advice}.", f"{advice[:1].upper()}{advice[1:]}." if said else ""
             )
-
-
-def _doubts(report: ReconstructionEntry, name: str) -> Iterator[Statement]:
-    yield from _findings(report, name)
     if not report.metric:
         yield Statement(
             "problem",
@@ -307,28 +221,9 @@ def _doubts(report: ReconstructionEntry, name: str) -> Iterator[Statement]:
             f"({listed([str(size) for size in report.models])} photographs); only the largest was used.",
             "Take photographs between the groups, so that neighbours see the same leaves.",
         )
-    if report.reprojection_px is not None and report.reprojection_px > 1.0:
-        yield Statement(
-            "note",
-            f"{name}: the reprojection error is {decimal(report.reprojection_px)} px; below 1 px is good.",
-            "Check the camera file, and photographs for blur and moving leaves.",
-        )
 
 
 def _adherence(name: str, found: AdherenceEntry, source: str) -> Iterator[Statement]:
-    taken = len(found.stations)
-    total = taken + len(found.missing)
-    parts = [
-        f"{format_length(found.horizontal_rms_m)} over ground" if found.horizontal_rms_m is not None else "",
-        f"{decimal(found.yaw_rms_deg, 1)}° in heading" if found.yaw_rms_deg is not None else "",
-        f"{decimal(found.pitch_rms_deg, 1)}° in pitch" if found.pitch_rms_deg is not None else "",
-    ]
-    kept = listed([part for part in parts if part])
-    yield Statement(
-        "good" if not found.missing else "fact",
-        f"{name}: {taken} of {count(total, 'planned station')} were photographed"
-        + (f"; the flight was off by {kept} (RMS, by {ACHIEVED_BY[found.achieved_by]})." if kept else "."),
-    )
     if found.missing:
         yield Statement(
             "problem",

@@ -131,9 +131,6 @@ def read_results(path: Path) -> Results:
     """Read all results of fieldkit in a folder or up to two levels below.
 
     Damaged results are listed, if there are others to show.
-
-    Args:
-        path: the folder, or a file of a result (reference.json …, mission.json, a mission).
     """
     path = Path(os.path.abspath(Path(path).expanduser()))  # noqa: PTH100 - links stay as they were given
     if not os.path.lexists(path):

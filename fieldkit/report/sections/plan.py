@@ -15,23 +15,19 @@ from fieldkit.figures.content import (
     Section,
     Statement,
     Table,
-    Terms,
     tabulated,
 )
 from fieldkit.figures.drawings import Curve, LineChart
 from fieldkit.figures.style import (
     decimal,
     format_length,
-    format_nominal,
     format_range,
     format_seconds,
     format_with_error,
     millimetres,
-    percent,
 )
 from fieldkit.missions.export_record import site_frame
 from fieldkit.planning.run.outcome import Outcome, best_so_far
-from fieldkit.planning.settings import SearchSettings
 from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results
 from fieldkit.report.sections.shown import Shown
 from fieldkit.results.mission import Shot
@@ -55,8 +51,6 @@ def plan_section(result: Loaded[PlanRun], anchor: str, shown: Shown) -> Section:
         blocks.append(_stations(run.plan))
     if run.outcome is not None and run.outcome.finalists:
         blocks.append(finalist_table(run.outcome))
-    if run.settings is not None:
-        blocks.append(Details("What the search was asked for", (Terms(tuple(_settings(run.settings))),)))
     return Section(anchor, "Plan" if result.name == "plan" else f"Plan: {result.name}", tuple(blocks))
 
 
@@ -174,91 +168,29 @@ def _angles(station: Station | Shot) -> Row:
     }
 
 
-def _settings(s: SearchSettings) -> Iterator[tuple[str, str]]:
-    e = s.envelope
-    yield "planned on", f"{s.source.kind} {s.source.name}"
-    yield "method", f"{s.method} (mapping {s.mapping})"
-    yield "trials", f"{s.evaluations} at {s.fidelity}, seed {s.seed}"
-    yield "confirmations", f"{count(s.finalists, 'finalist')}, {s.repeats} each, at {s.confirm_fidelity}"
-    low, high = map(format_nominal, e.height_m)
-    yield "heights", f"{low} to {high} above the ground, within {format_nominal(e.margin_m)} of the plants' box"
-    yield "distances", f"{format_nominal(e.clearance_m)} from plants, {format_nominal(e.separation_m)} between stations"
-    yield "gimbal pitch", f"{e.pitch_deg[0]:g}° to {e.pitch_deg[1]:g}°".replace("-", "−")
-    if s.vehicle is not None:
-        yield "vehicle", s.vehicle.title
-    n = s.noise
-    if n.any:
-        pose, wind = f"{format_nominal(n.pose_m)} and {n.pose_deg:g}°", format_nominal(n.wind_m)
-        yield "planned for", f"pose errors of {pose}, image noise {n.image_grey:g}, wind {wind}"
-
-
 def plan_statements(loaded: Loaded[PlanRun], results: Results) -> Iterator[Statement]:
-    """The quality of a plan by its confirmations, and against the circles tried."""
-    result, more = loaded.report, f"`fieldkit plan --resume --evaluations {{}} -o {results.path(loaded)}`"
-    plan, settings, outcome = result.plan, result.settings, result.outcome
-    where = f" on “{settings.source.name}”" if settings is not None else ""
-    if plan is None:
-        assert settings is not None
+    """Whether a search is finished, and what went wrong in it."""
+    settings, trials = loaded.report.settings, loaded.report.trials
+    if loaded.report.plan is None and settings is not None:
         yield Statement(
             "problem",
-            f"The search for {settings.cameras} camera poses{where} is not finished: {len(result.trials)} of "
-            f"{settings.evaluations} trials are done.",
+            f"The search for {settings.cameras} camera poses on “{settings.source.name}” is not finished: "
+            f"{len(trials)} of {settings.evaluations} trials are done.",
             f"Go on with it: `fieldkit plan --resume -o {results.path(loaded)}`",
         )
-        return
-    text = f"The plan has {count(len(plan.stations), 'camera pose')}{where}."
-    method = plan.method
-    if method is not None and method.chamfer_m is not None:
-        spread = ""
-        if method.known_spread_m is not None:
-            spread = f" (standard deviation of {method.repeats} confirmations)"
-        value = format_with_error(method.chamfer_m, method.known_spread_m)
-        text += f" What they reconstruct there is {value}{spread} from its reference (chamfer distance)."
-    elif method is not None and method.repeats == 0:
-        text += " It was not confirmed: no photograph was taken of them."
-    yield Statement("fact", text)
-    if settings is None:
-        return
-    measured = [trial for trial in result.trials if trial.measured]
-    if outcome is not None and outcome.finalists and settings.method != "circle":
-        circles = [trial.value_m for trial in measured if trial.origin.startswith("circle")]
-        chosen = outcome.finalists[0].search_value_m
-        if outcome.finalists[0].origin.startswith("circle"):
-            yield Statement(
-                "note", f"The plan is one of {count(len(circles), 'circle')} tried: nothing else was better.",
-                f"More trials may find something: {more.format(2 * settings.evaluations)}",
-            )  # fmt: skip
-        elif circles and chosen:
-            best = min(circles)
-            better = "lower" if chosen < best else "higher"
-            yield Statement(
-                "good" if chosen < best else "note",
-                f"At the search's own quality ({settings.fidelity}) the plan's value is {format_length(chosen)}, "
-                f"{percent(abs(1 - chosen / best), 0)} % {better} than the best of {count(len(circles), 'circle')} "
-                f"tried ({format_length(best)}).",
-                "" if chosen < best else f"A circle does as well here; more trials: {more.format(2 * len(measured))}",
-            )
-    broken = sum(bool(trial.failure) for trial in result.trials)
-    if broken:
+    elif broken := sum(bool(trial.failure) for trial in trials):
         yield Statement(
-            "problem" if broken > 0.2 * len(result.trials) else "note",
-            f"{broken} of {count(len(result.trials), 'trial')} gave no cloud.",
+            "problem" if broken > 0.2 * len(trials) else "note",
+            f"{broken} of {count(len(trials), 'trial')} gave no cloud.",
             "evaluations.jsonl says why, in each line's “failure”.",
         )
 
 
 def mission_statements(loaded: Loaded[FlownMission], _: Results) -> Iterator[Statement]:
-    """A sentence on a mission."""
-    result, flight = loaded.report, loaded.report.flight
-    over = count(len(flight.plots), "plot")
-    advice = ""
-    if not result.mission_file:
-        advice = "Only its record is here; the file that the vehicle takes is not beside it."
-    elif result.changed:
-        advice = f"{result.mission_file} was changed since it was exported; this is of the file as it was."
-    yield Statement(
-        "note" if result.changed else "fact",
-        f"The mission “{flight.name}” takes {count(flight.photographs, 'photograph')} over {over} on a way of "
-        f"{format_length(flight.length_m)} in {format_seconds(flight.time_s)}, from take-off to landing.",
-        advice,
-    )
+    """That a mission's file is not beside its record, or another than was exported."""
+    mission, file = loaded.report, loaded.report.mission_file
+    if not file:
+        told = "only its record is here; the file that the vehicle takes is not beside it."
+        yield Statement("fact", f"{mission.flight.name}: {told}")
+    elif mission.changed:
+        yield Statement("note", f"{file} was changed since it was exported; this report is of the file as it was.")

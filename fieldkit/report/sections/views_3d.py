@@ -38,7 +38,6 @@ _WAY, _FENCE, _ZONE = "#d9812b", "#7b61c4", "#d0383f"
 _HALF_VIEW = (0.55, 0.41)  # of an unknown camera
 _LARGEST_SCALE_M = 10.0
 _WEAKEST, _ARROW_SHARE = "#8b1a8b", 0.2
-_NEAR_M = 100.0  # a way farther from a plot is not shown with it
 _FARTHEST_M = 100_000.0
 _PLANT_GREEN = (70, 140, 70)
 _MOST_PLANTS = 1_000_000  # points over all of a mission's plots; the first ones count
@@ -89,7 +88,7 @@ def plot_view(result: Loaded[EvaluationReport], plot: PlotEvaluation, results: R
         plot.image_reports, plot.cameras, "Cameras, achieved", {s.image: _number(s.station) for s in stations}
     )
     layers = []
-    lines: list[LineLayer] = []
+
     if reference is not None and len(cloud):
         try:
             other = _read(check_file(reference.folder, reference.report, CLOUD_FILE))
@@ -111,42 +110,26 @@ def plot_view(result: Loaded[EvaluationReport], plot: PlotEvaluation, results: R
         frusta += [
             _planned_layer(plan) for plan in plans if plan.source is not None and plan.source.sha256 == reference.sha256
         ]
-        lines += _ways(reference.report, results)
     elif result.report.reference_sha256 is not None:
         note = "The reference that it was scored against is not in this folder, so distances cannot be coloured."
     if not layers:
         layers.append(PointLayer("This capture", *_drawn(cloud)))
-    shifts = [
-        np.array([image.known_center_m, image.center_m], dtype=np.float32)
-        for image in plot.image_reports
-        if image.known_center_m is not None and image.center_m is not None
-    ]
-    if shifts:
-        lines.append(LineLayer("From known to achieved position", shifts, _FENCE, shown=False))
-    lines += _loose(plot)
     title = f"{plot.name}: the capture{' against its reference' * (distances is not None)}"
     numbers = [PlaceName(str(each.plant), (each.x_m, each.y_m, 0.0)) for each in plot.plants]
-    return ViewerScene(title, layers, frusta, lines, numbers, north=_north_of(plot), metric=plot.metric), note
+    return ViewerScene(title, layers, frusta, _loose(plot), numbers, north=_north_of(plot), metric=plot.metric), note
 
 
 def plan_view(result: Loaded[PlanRun], results: Results) -> NotedView:
-    """A plan's cameras about the plants, and the box that cameras may stand in."""
+    """A plan's cameras about the plants."""
     plan = result.report.plan
     if plan is None:
         return None, ""
     layers, note = _plan_plants(plan, results)
     if not layers and not note:
         note = "The plan does not say where the plants are: they stand about the middle, on z = 0."
-    lines = []
-    envelope = plan.envelope
-    if envelope is not None and envelope.lower_m is not None and envelope.upper_m is not None:
-        lines.append(
-            LineLayer("Where cameras may stand", _box(envelope.lower_m, envelope.upper_m), _FENCE, shown=False)
-        )
     heading = None if plan.row_heading_deg is None else np.radians(plan.row_heading_deg)
     north = None if heading is None else (float(np.cos(heading)), float(np.sin(heading)))
-    title = "The planned cameras"
-    return ViewerScene(title, layers, (_planned_layer(plan),), lines, north=north, subject="cameras"), note
+    return ViewerScene("The planned cameras", layers, (_planned_layer(plan),), north=north, subject="cameras"), note
 
 
 def _plan_plants(plan: Plan, results: Results) -> tuple[list[PointLayer], str]:
@@ -305,31 +288,6 @@ def _label(image: ImageReport) -> str:
     return image.name if off is None else f"{image.name}, {format_length(off)} from its known position"
 
 
-def _ways(report: ReferenceReport, results: Results) -> list[LineLayer]:
-    """The ways of missions in the plot frame of a georeferenced reference, as far as they come near it.
-
-    Mission heights are above home. If home's height above the reference's datum is unknown, the ways cannot be placed.
-    """
-    frame = report.frame.of_source(report.metric_source)
-    if frame.origin is None:
-        return []
-    layers = []
-    for mission in (each.report for each in results.of(FlownMission)):
-        home = mission.record.home
-        height = {"sea level": home.amsl_m, "ellipsoid": home.ellipsoid_m}.get(frame.origin.datum)
-        if height is None:
-            continue
-        places = way(mission.record, mission.flight)
-        local = frame.origin.to_local(
-            [place.latitude_deg for place in places], [place.longitude_deg for place in places],
-            [height + place.height_m for place in places],
-        )  # fmt: skip
-        line = frame.from_source.apply(local).astype(np.float32)
-        if np.linalg.norm(line, axis=1).min() < _NEAR_M:
-            layers.append(LineLayer(f"Way of {mission.mission_file or mission.flight.name}", [line], _WAY, shown=False))
-    return layers
-
-
 def _planned_layer(plan: Plan) -> FrustumLayer:
     half = _HALF_VIEW if plan.camera is None else _half_view(plan.camera)
     poses = [station.pose for station in plan.stations]
@@ -353,12 +311,3 @@ def _north_of(report: ReconstructionEntry) -> tuple[float, float] | None:
 def _half_view(camera: Intrinsics) -> tuple[float, float]:
     width, height = camera.width / 2 / camera.fx, camera.height / 2 / camera.fy
     return (width, height) if 0.01 < width < 20 and 0.01 < height < 20 else _HALF_VIEW
-
-
-def _box(lower: Sequence[float], upper: Sequence[float]) -> list[NDArray[np.float32]]:
-    """The twelve edges of a box, as two rings and four posts."""
-    (x0, y0, z0), (x1, y1, z1) = lower, upper
-    ring = [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)]
-    rings = [np.array([(x, y, z) for x, y in ring], dtype=np.float32) for z in (z0, z1)]
-    posts = [np.array([(x, y, z0), (x, y, z1)], dtype=np.float32) for x, y in ring[:4]]
-    return [*rings, *posts]

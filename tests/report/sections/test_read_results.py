@@ -163,11 +163,11 @@ class TestMissions:
         file.write_text(file.read_text() + " ")
         (part,) = read_results(tmp_path).of(FlownMission)
         assert part.report.changed
-        assert "was changed since" in _advice(part)
+        assert "was changed since" in _told(part)
         file.unlink()
         (part,) = read_results(tmp_path).of(FlownMission)
         assert (part.report.changed, part.report.mission_file) == (False, "")
-        assert "Only its record is here" in _advice(part)
+        assert "only its record is here" in _told(part)
 
     def test_plants_stand_where_their_plan_is_flown(self, tmp_path: Path) -> None:
         (tmp_path / "plan").mkdir()
@@ -283,6 +283,6 @@ class TestPhotographs:
         assert list(thumbnails(tmp_path / "a", ["IMG_0001.jpg", "IMG_0002.jpg"], 5)) == ["IMG_0002.jpg"]
 
 
-def _advice(mission: Loaded[FlownMission]) -> str:
+def _told(mission: Loaded[FlownMission]) -> str:
     (statement,) = mission_statements(mission, Results(mission.folder))
-    return statement.advice
+    return statement.text

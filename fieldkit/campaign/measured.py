@@ -1,0 +1,219 @@
+"""Heights that people measured by hand, joined to a campaign's visits, and how the two agree.
+
+Bias and limits of agreement are those of Bland & Altman (1986), doi:10.1016/S0140-6736(86)90837-8: of the differences
+their mean, and 1.96 standard deviations about it, each with its 95 % confidence interval by Student's t.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from statistics import fmean, stdev
+
+from fieldkit.campaign.reading import Campaign
+from fieldkit.documents.csv_text import csv_text
+from fieldkit.documents.file_bytes import decoded, file_bytes
+from fieldkit.documents.mistaken import as_centimetres, did_you_mean
+from fieldkit.errors import MetadataError
+from fieldkit.figures.content import Column, Table, tabulated
+from fieldkit.figures.registry import FIGURES
+from fieldkit.figures.style import decimal
+from fieldkit.files import write_atomic
+from fieldkit.results.visit import Visit
+from fieldkit.sites.site import TALLEST_M
+from fieldkit.wording import count
+
+MEASURED_FILE = "measured.csv"
+"""In a campaign's folder: the heights by hand that `fieldkit campaign show` and reports join."""
+LIMITS = 1.96
+"""Standard deviations of the differences between which 95 % of them lie."""
+_PLOT, _HEIGHT = ("plot", "plot_id", "id", "name"), {"height_m": 1.0, "height_cm": 0.01, "height": 1.0}
+_MOST_BYTES = 4 << 20
+_REMEDY = "Write a row for each plot and date: plot,date,height_m, then for instance A1,2026-07-02,1.25."
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A plot's height on a date, by fieldkit and by hand."""
+
+    visit: Visit
+    height_m: float
+    measured_m: float
+
+    @property
+    def difference_m(self) -> float:
+        """Fieldkit's less the one by hand."""
+        return self.height_m - self.measured_m
+
+    @property
+    def within(self) -> bool | None:
+        """Whether the one by hand is within the stated error; None where none is stated."""
+        error = FIGURES["height_m"].error_towards(self.visit, self.difference_m < 0)
+        return None if error is None else abs(self.difference_m) <= error
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Heights by fieldkit and by hand, and how they agree."""
+
+    pairs: tuple[Pair, ...]
+    """By plot and date."""
+    apart: tuple[str, ...]
+    """Measured, and not joined: which and why."""
+
+    @property
+    def bias_m(self) -> float:
+        """Mean difference."""
+        return fmean(pair.difference_m for pair in self.pairs)
+
+    @property
+    def rmse_m(self) -> float:
+        """Root mean square of the differences."""
+        return math.sqrt(fmean(pair.difference_m**2 for pair in self.pairs))
+
+    @property
+    def sd_m(self) -> float | None:
+        """Standard deviation of the differences; None of fewer than three."""
+        return stdev(pair.difference_m for pair in self.pairs) if len(self.pairs) > 2 else None
+
+    @property
+    def limits_m(self) -> tuple[float, float] | None:
+        """Limits of agreement: 95 % of the differences lie between them."""
+        sd_m = self.sd_m
+        return None if sd_m is None else (self.bias_m - LIMITS * sd_m, self.bias_m + LIMITS * sd_m)
+
+    def half_interval_m(self, times: float) -> float:
+        """Half the 95 % confidence interval of the bias (``times`` 1) or of a limit (3)."""
+        from scipy.stats import t
+
+        number = len(self.pairs)
+        return float(t.ppf(0.975, number - 1)) * (self.sd_m or 0.0) * math.sqrt(times / number)
+
+    def sentences(self) -> Iterator[str]:
+        """What a person should know: how they agree, then what was not joined."""
+        if self.pairs:
+            plots = len({pair.visit.plot for pair in self.pairs})
+            told = (
+                f"{count(len(self.pairs), 'height')} by hand on {count(plots, 'plot')}: bias {_signed(self.bias_m)} m"
+            )
+            if (limits := self.limits_m) is not None:
+                low, high = map(_signed, limits)
+                known, limit = (decimal(self.half_interval_m(times), 3) for times in (1, 3))
+                told += f" (known to ± {known} m), limits of agreement {low} to {high} m (± {limit} m)"
+            stated = [pair.within for pair in self.pairs if pair.within is not None]
+            within = f"{sum(stated)} of {len(stated)} within the stated errors"
+            yield f"{told}, RMSE {decimal(self.rmse_m, 3)} m; {within}."
+            if len(self.pairs) > plots:
+                yield "Heights of one plot on several dates are not independent: the limits are a little too narrow."
+        yield from self.apart
+
+    def table(self) -> Table:
+        """A row per pair."""
+        return tabulated("Heights by hand", [
+            {
+                "plot": pair.visit.plot, "date": pair.visit.date,
+                FIGURES["height_m"].column: FIGURES["height_m"].cell(pair.visit),
+                Column("by hand, m", True): decimal(pair.measured_m, 3),
+                Column("difference, m", True): _signed(pair.difference_m),
+                "within the error": {True: "yes", False: "no", None: None}[pair.within],
+            }
+            for pair in self.pairs
+        ])  # fmt: skip
+
+    def plain(self) -> dict[str, object]:
+        """As JSON has it."""
+        limits = self.limits_m
+        of_limits = {} if limits is None else {
+            "limits_m": limits, "bias_interval_m": self.half_interval_m(1), "limits_interval_m": self.half_interval_m(3)
+        }  # fmt: skip
+        figures = {"bias_m": self.bias_m, "rmse_m": self.rmse_m, **of_limits} if self.pairs else {}
+        keys = ("plot", "date", "height_m", "measured_m", "difference_m", "within")
+        pairs = [(*p.visit.key, p.height_m, p.measured_m, p.difference_m, p.within) for p in self.pairs]
+        return {"pairs": [dict(zip(keys, p, strict=True)) for p in pairs], **figures, "not_joined": self.apart}
+
+
+def keep_measured(file: Path, campaign: Campaign) -> Path:
+    """Check a table of heights by hand, and keep it in the campaign's folder in place of an earlier one."""
+    kept = campaign.folder / MEASURED_FILE
+    rows = [(*key, height_m) for key, height_m in _read(file, campaign).items()]
+    write_atomic(kept, csv_text(("plot", "date", "height_m"), rows))
+    return kept
+
+
+def measured_agreement(campaign: Campaign) -> Agreement | None:
+    """How the heights by hand that are kept in a campaign agree with its visits'; None where there are none."""
+    file = campaign.folder / MEASURED_FILE
+    if not file.is_file():
+        return None
+    visits = {visit.key: visit for visit in campaign.visits}
+    pairs, apart = [], []
+    for (plot, day), measured_m in sorted(_read(file, campaign).items()):
+        visit = visits.get((plot, day))
+        if visit is not None and visit.height_m is not None:
+            pairs.append(Pair(visit, visit.height_m, measured_m))
+            continue
+        dates = ", ".join(key[1] for key in visits if key[0] == plot)
+        why = f"its visits are of {dates}" if dates else "it has no visit"
+        if visit is not None:
+            why = visit.error or (visit.traits and visit.traits.unknown.get("height_m")) or "its visit has no height"
+        apart.append(f"{plot} {day}, {decimal(measured_m)} m by hand, is not joined: {why}.")
+    return Agreement(tuple(pairs), tuple(apart))
+
+
+def _read(file: Path, campaign: Campaign) -> dict[tuple[str, str], float]:
+    """Heights in metres by plot and date; of several rows the highest, since a plot's height is its highest leaf's."""
+    text = decoded(file_bytes(file, _REMEDY, _MOST_BYTES, noun="table of heights"), file)
+    header = text.partition("\n")[0]
+    mark = next((mark for mark in ";\t" if mark in header), ",")
+    lines = list(csv.reader(io.StringIO(text), delimiter=mark))
+    names = [name.strip().lower() for name in lines[0]] if lines else []
+    plot_at, height_at, date_at = (_column(names, wanted) for wanted in (_PLOT, tuple(_HEIGHT), ("date",)))
+    if plot_at is None or height_at is None:
+        missing = _PLOT if plot_at is None else tuple(_HEIGHT)
+        raise MetadataError(f"has no column {' or '.join(missing)}", path=file, remedy=_REMEDY)
+    if date_at is None and len(campaign.dates) != 1:
+        dates = f"the campaign has {count(len(campaign.dates), 'date')}"
+        raise MetadataError(f"has no column date, and {dates}", path=file, remedy=_REMEDY)
+    known = {plot.name for plot in campaign.plots} | set(campaign.vanished)
+    found: dict[tuple[str, str], float] = {}
+    for number, row in enumerate(lines[1:], 2):
+        cells = [cell.strip() for cell in row] + [""] * len(names)
+        plot, height = cells[plot_at], cells[height_at]
+        plot = plot if plot in known else plot.removeprefix("'")  # as `csv_cell` writes names like formulas
+        if not height:
+            continue
+        if plot not in known:
+            remedy = did_you_mean(plot, known, "Write plots' names as `fieldkit campaign show` does.")
+            raise MetadataError(f'line {number}: there is no plot "{plot}"', path=file, remedy=remedy)
+        key = plot, campaign.dates[0] if date_at is None else _date(cells[date_at], number, file)
+        try:
+            value = float(height.replace(",", ".") if mark == ";" else height) * _HEIGHT[names[height_at]]
+        except ValueError:
+            value = math.nan
+        if not 0.0 <= value <= TALLEST_M:
+            slip = as_centimetres(value, TALLEST_M)
+            raise MetadataError(f"line {number}: {height} is no height in metres{slip}", path=file, remedy=_REMEDY)
+        found[key] = max(value, found.get(key, 0.0))
+    if not found:
+        raise MetadataError("has no height", path=file, remedy=_REMEDY)
+    return found
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.3f}".replace("-", "−")
+
+
+def _column(names: list[str], wanted: tuple[str, ...]) -> int | None:
+    return next((names.index(name) for name in wanted if name in names), None)
+
+
+def _date(text: str, number: int, file: Path) -> str:
+    try:
+        return date.fromisoformat(text).isoformat()
+    except ValueError as error:
+        raise MetadataError(f"line {number}: {text} is no date like 2026-07-02", path=file, remedy=_REMEDY) from error
