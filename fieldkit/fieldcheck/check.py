@@ -151,7 +151,7 @@ class Run:
             return _without_stations(report, capture, self.plan, looks, graph, placed)
         with self.context.progress.stage("Guided matches"):
             poses = believed_poses(placed, self.plan, consistency, looks, capture.names)
-            full = with_guided_ties(graph, poses, workers=self.context.workers, seed=self.settings.seed)
+            full = with_guided_ties(graph, capture.photos, poses, self.context, seed=self.settings.seed)
         moved_m = leaves_move_m(capture.photos, graph, self.plan, placed.station_of, self.context.workers)
         report = replace(report, sway_m=moved_m)
         bursts = burst_findings(report, capture.photos, placed.station_of)

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from fieldkit.cache import digest
 from fieldkit.captures import Capture
+from fieldkit.captures.model import Photo
 from fieldkit.fieldcheck.model import CheckSettings
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.priors import PosePrior
@@ -37,7 +38,14 @@ from fieldkit.reconstruction.mapping.prior import (
 )
 from fieldkit.reconstruction.matching import match_features
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.reconstruction.stages import RATIO, KeyedFeatures, exhaustive_pairs, load_features, load_pairs
+from fieldkit.reconstruction.stages import (
+    RATIO,
+    KeyedFeatures,
+    exhaustive_pairs,
+    load_features,
+    load_pairs,
+    with_ground_features,
+)
 from fieldkit.reconstruction.verification import TwoView, verify_pair
 from fieldkit.reconstruction.versions import BESIDE
 from fieldkit.runtime.context import Context
@@ -245,23 +253,30 @@ def tie_errors_deg(a: Pose, b: Pose, rotation: Array, translation: Array) -> tup
     return float(np.degrees(turn)), float(np.degrees(np.arctan2(cross, dot)))
 
 
-def with_guided_ties(graph: TieGraph, poses: Mapping[int, Pose], *, workers: int, seed: int) -> TieGraph:
+def with_guided_ties(
+    graph: TieGraph, photos: Sequence[Photo], poses: Mapping[int, Pose], context: Context, *, seed: int
+) -> TieGraph:
     """The graph, and what guided matching adds for photographs with few matches.
 
     Args:
         graph: of blind matches.
+        photos: all, in order.
         poses: believed, by photograph; nothing is added where there is none.
     """
     region = region_of_interest(list(poses.values()))
     if region is None:
         return graph
     pairs = _pairs(graph, poses, region)
+    wanted = sorted({k for pair in pairs for k in pair})
+    cameras = {k: graph.cameras.cameras[graph.cameras.camera_of[k]] for k in wanted}
+    keyed = with_ground_features(
+        [graph.keyed[k] for k in wanted], [photos[k] for k in wanted], list(cameras.values()),
+        [np.round(poses[k].rotation, 9) for k in wanted], FeatureSettings(), replace(context, workers=1),
+    )  # fmt: skip
     posed: dict[int, PosedFeatures] = {}
-    for k in sorted({k for pair in pairs for k in pair}):
-        features = graph.keyed[k].features
-        chosen = features.subset(features.largest(FIRST_FEATURES))
-        camera = graph.cameras.cameras[graph.cameras.camera_of[k]]
-        posed[k] = PosedFeatures(IndexedFeatures.of(chosen, camera), poses[k])
+    for k, each in zip(wanted, keyed, strict=True):
+        chosen = each.features.subset(each.features.largest(FIRST_FEATURES))
+        posed[k] = PosedFeatures(IndexedFeatures.of(chosen, cameras[k]), poses[k])
 
     def tie(pair: Pair) -> Tie | None:
         a, b = posed[pair[0]], posed[pair[1]]
@@ -269,9 +284,8 @@ def with_guided_ties(graph: TieGraph, poses: Mapping[int, Pose], *, workers: int
         distance = float(np.linalg.norm(a.pose.center - np.array(region.center)))
         width = FIRST_BAND_SIGMAS * epipolar_sigma_px(first, second, a.camera.fx, distance)
         matches = match_guided(a, b, Band(max(4.0, width), region))
-        cameras = [graph.cameras.cameras[graph.cameras.camera_of[k]] for k in pair]
         two = verify_pair(
-            a.features, b.features, cameras[0], cameras[1], matches, FIRST_VERIFICATION, calibrated=True, seed=seed
+            a.features, b.features, *(cameras[k] for k in pair), matches, FIRST_VERIFICATION, calibrated=True, seed=seed
         )
         length = float(np.linalg.norm(two.translation))
         if len(two.inliers) < _LEAST or length == 0.0:
@@ -282,7 +296,7 @@ def with_guided_ties(graph: TieGraph, poses: Mapping[int, Pose], *, workers: int
             return None
         return Tie(len(two.inliers), two.rotation, direction, {})
 
-    found = zip(pairs, map_threads(tie, pairs, workers=workers), strict=True)
+    found = zip(pairs, map_threads(tie, pairs, workers=context.workers), strict=True)
     return replace(graph, ties={**graph.ties, **{pair: each for pair, each in found if each is not None}})
 
 

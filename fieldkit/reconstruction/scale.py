@@ -77,9 +77,9 @@ def may_give_scale(priors: Priors) -> bool:
 
 
 def scale_error_of_model(priors: Priors, images: Sequence[ImageReport]) -> float:
-    """Of the scale that known positions gave a model, by what its poses differ from them."""
+    """Of the scale that known positions gave a model, by what its poses differ from them; as stated where too few do."""
     residuals = {i.name: i.position_residual_m for i in images if i.counts and i.position_residual_m is not None}
-    if not residuals:
+    if len(residuals) < LEAST_POSITIONS:
         return stated_scale_error(priors)
     apart = sigma_apart(priors.sigma_m, np.array(list(residuals.values())))
     return scale_error(priors.positions(residuals), apart)

@@ -183,7 +183,8 @@ def doubt_odd_orientations(inputs: Inputs, belief: Belief) -> Belief:
     if inputs.settings.trust_orientations or not look_odd(recorded):
         return belief
     found = _pair_poses(inputs, belief, _NEAR_NEIGHBOURS)
-    if len(found) < LEAST_POSITIONS:
+    # A chain of three photographs can always be turned until it fits its positions.
+    if len(found) < max(LEAST_POSITIONS, 0.5 * len(recorded)):
         return belief
     wrong = {n for n in recorded if n in found and contradict(found[n], rough[n])}
     # Where most are wrong, those that no pair reaches are not believed either.

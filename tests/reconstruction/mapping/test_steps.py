@@ -16,7 +16,8 @@ from fieldkit.geometry.priors import PosePrior, Priors
 from fieldkit.reconstruction.cameras import CameraSet
 from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.mapping.state import Belief, Inputs, Mapped
-from fieldkit.reconstruction.mapping.steps import map_by_priors, orient
+from fieldkit.reconstruction.mapping import steps
+from fieldkit.reconstruction.mapping.steps import doubt_odd_orientations, map_by_priors, orient
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import KeyedFeatures
 from fieldkit.runtime.context import Context
@@ -94,3 +95,18 @@ def test_without_orientations_and_matches_nothing_is_mapped(scene: FeatureScene)
     priors = {name: replace(prior, rotation=None) for name, prior in recorded(scene).items()}
     with pytest.raises(ReconstructionError, match="could not be found from their matches"):
         orient(*given(replace(scene, features=others), priors))
+
+
+@pytest.mark.parametrize("reached", [3, COUNT])
+def test_level_views_are_doubted_only_where_pairs_reach_half(
+    scene: FeatureScene, monkeypatch: pytest.MonkeyPatch, reached: int
+) -> None:
+    """Leaves that sway make wrong pairs; a chain of three always fits its positions somehow."""
+    level = {
+        n: replace(p, rotation=np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])) for n, p in recorded(scene).items()
+    }
+    inputs, belief = given(scene, level)
+    wrong = {n: replace(level[n], rotation=TURNED @ level[n].rotation) for n in scene.names[:reached]}
+    monkeypatch.setattr(steps, "_pair_poses", lambda *_: wrong)
+    found = doubt_odd_orientations(inputs, orient(inputs, belief))
+    assert found.contradicted == (set(scene.names) if reached == COUNT else set())
