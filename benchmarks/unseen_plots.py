@@ -38,6 +38,7 @@ from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import Circle
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.silhouettes import outlines
 from fieldkit.reconstruction.steady import steady_capture
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.plan import Plan
@@ -295,8 +296,11 @@ def _evaluated(name: str, folder: Path, proxy: Proxy, context: Context) -> PlotE
     try:
         with steady_capture(capture, context) as steady:
             found = reconstruct(steady, settings, known_plot=there, context=context)
+            shown = outlines(found.sparse, settings.mask)
     except ReconstructionError as error:
         seconds = time.perf_counter() - begun
         return failed_plot(name, error, photographs=len(capture.photos), seconds=seconds, cpu_seconds=0.0)
     seconds, outline = time.perf_counter() - begun, scene_outline(found, proxy)
-    return plot_evaluation(name, found, settings, score=None, seconds=seconds, cpu_seconds=0.0, outline=outline)
+    return plot_evaluation(
+        name, found, settings, score=None, seconds=seconds, cpu_seconds=0.0, outline=outline, shown=shown
+    )

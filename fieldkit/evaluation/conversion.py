@@ -23,7 +23,7 @@ from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.evidence import evidence, hidden_sides
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.reconstruction.silhouettes import Filled
+from fieldkit.reconstruction.silhouettes import Outline, filled
 from fieldkit.results.evaluation import (
     CorrectionEntry,
     DenseEntry,
@@ -51,10 +51,11 @@ def reference_report(
     *,
     seconds: float,
     cpu_seconds: float,
+    shown: Sequence[Outline] = (),
 ) -> ReferenceReport:
-    """What reference.json says of a reconstruction."""
+    """What reference.json says of a reconstruction; ``shown`` are the plants' outlines in its photographs."""
     scene = reconstruction.scene
-    found = _described(reconstruction, settings, seconds, cpu_seconds, outline_of(settings))
+    found = _described(reconstruction, settings, seconds, cpu_seconds, outline_of(settings), shown)
     return ReferenceReport(
         fieldkit=__version__,
         source=reconstruction.sparse.capture.folder.name,
@@ -76,7 +77,7 @@ def plot_evaluation(
     findings: Sequence[Finding] = (),
     plants: Cloud | None = None,
     outline: PlotOutline | None = None,
-    fill: Filled | None = None,
+    shown: Sequence[Outline] = (),
 ) -> PlotEvaluation:
     """What evaluation.json says of a plot that was reconstructed.
 
@@ -85,18 +86,19 @@ def plot_evaluation(
         findings: of scoring, beside those of the reconstruction.
         plants: that count, where they are others than the reconstruction's: moved onto the reference.
         outline: of the plot; None takes the settings' bounds.
-        fill: how the cloud fills the plants' outlines.
+        shown: the plants' outlines in the photographs.
     """
     found = _described(
-        reconstruction, settings, seconds, cpu_seconds, outline or outline_of(settings), plants, findings
+        reconstruction, settings, seconds, cpu_seconds, outline or outline_of(settings), shown, plants, findings
     )
+    fill = filled(shown, reconstruction.plants.points, reconstruction.volume)
     return PlotEvaluation(
         name=name,
         unregistered=_reasons(found.image_reports),
         **_scores(score),
         correction=correction,
         prediction=None if score is not None else predict(reconstruction_features(reconstruction, found)),
-        **dict(found) | ({} if fill is None else dataclasses.asdict(fill)),
+        **dict(found) | dataclasses.asdict(fill),
     )
 
 
@@ -163,6 +165,7 @@ def _described(
     seconds: float,
     cpu_seconds: float,
     outline: PlotOutline,
+    shown: Sequence[Outline],
     plants: Cloud | None = None,
     findings: Sequence[Finding] = (),
 ) -> ReconstructionEntry:
@@ -174,9 +177,7 @@ def _described(
     sparse_points = int(sparse.model.num_points3D())
     errors = [(i.observations, i.reprojection_px) for i in sparse.images if i.reprojection_px is not None]
     seen = sum(count for count, _ in errors)
-    traits, each = plot_traits(
-        reconstruction, reconstruction.plants if plants is None else plants, outline
-    )  # fmt: skip
+    traits, each = plot_traits(reconstruction, reconstruction.plants if plants is None else plants, outline, shown)
     sways = sways_m(reconstruction)
     sway = float(np.median(list(sways.values()))) if sways else None
     if sway is not None:

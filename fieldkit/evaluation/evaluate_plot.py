@@ -27,7 +27,7 @@ from fieldkit.pictures.overview import write_overview
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.reconstruction.silhouettes import filled, outlines
+from fieldkit.reconstruction.silhouettes import outlines
 from fieldkit.reconstruction.steady import steady_capture
 from fieldkit.results.evaluation import CorrectionEntry, EvaluationReport, PlotEvaluation
 from fieldkit.results.fields import vector
@@ -172,7 +172,7 @@ def _evaluated(
     of_reference = given.known_plot is not None and found.sparse.frame.ground == given.known_plot.ground
     findings: list[Finding] = []
     with progress.stage("Silhouettes"):
-        fill = filled(outlines(found.sparse, settings.mask), found.plants.points, found.volume)
+        shown = outlines(found.sparse, settings.mask)
     with progress.stage("Scoring"):
         if reference is not None and scoring.index is not None:
             if scoring.refine:
@@ -188,7 +188,7 @@ def _evaluated(
             name, found, settings, score=result, correction=correction, findings=findings,
             plants=plants if of_reference else None,
             outline=given.outline or outline_of(settings, settings_of_reference),
-            fill=fill, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds,
+            shown=shown, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds,
         )  # fmt: skip
         if rasters is not None:
             try:

@@ -23,6 +23,7 @@ from fieldkit.reconstruction.colmap_model import color_points
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.silhouettes import ENOUGH_VIEWS, outlines
 from fieldkit.reconstruction.steady import steady_capture
 from fieldkit.results.evaluation import ReferenceReport
 from fieldkit.results.fields import clean_text
@@ -143,7 +144,11 @@ def _write(
         if write_georeferenced(folder / laz, cloud, found.sparse.frame, progress):
             names.append(laz)
     wall, cpu = begun
-    draft = reference_report(found, settings, seconds=time.perf_counter() - wall, cpu_seconds=processor_seconds() - cpu)
+    every = 1 + found.sparse.right // ENOUGH_VIEWS
+    draft = reference_report(
+        found, settings, shown=outlines(found.sparse, settings.mask, every=every),
+        seconds=time.perf_counter() - wall, cpu_seconds=processor_seconds() - cpu,
+    )  # fmt: skip
     if rasters is not None and found.scene is not None:
         try:
             names += write_rasters(folder, found, rasters, draft.traits)

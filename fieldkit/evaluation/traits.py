@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,7 @@ from fieldkit.clouds.canopy import (
 )
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.evaluation.plants import plants_one_by_one
+from fieldkit.reconstruction import silhouettes
 from fieldkit.reconstruction.result import Reconstruction, SparseResult
 from fieldkit.reconstruction.scale import scale_error
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -36,9 +37,11 @@ LEAST_PHOTOGRAPHS = 9
 MOST_SCALE_DOUBT = 0.10
 STILL_SCATTER_PX = 1.05
 """How far depths of still leaves scatter between views (`Reconstruction.scatter_px`). More is sway."""
-SCATTER_OF_HEIGHT_M, SCATTER_OF_AREA_M = 0.002, 0.0055
-"""What scatters beyond that, from where the errors of heights grow with it, and those of areas and volumes by its
-square; docs/traits.md says on what they were fitted."""
+SCATTER_OF_HEIGHT_M, SCATTER_OF_TIPS_M, SCATTER_OF_AREA_M = 0.002, 0.008, 0.0055
+"""What scatters beyond that, from where errors grow with it: of heights by the cloud, of those that outlines show, of
+areas and volumes; docs/traits.md says on what they were fitted."""
+_CELL_OF_SCATTER = 0.8
+"""Edge of the canopy's cells where leaves sway: finer ones stay empty by chance."""
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
 _SEEN_BY, _SEEN_SHARE = 2, 0.95
 _STEP_M, _MOST_STEPS = 0.05, 40
@@ -87,7 +90,7 @@ def outline_of(settings: ReconstructionSettings, reference: Mapping[str, Any] | 
 
 
 def plot_traits(
-    found: Reconstruction, plants: Cloud, outline: PlotOutline
+    found: Reconstruction, plants: Cloud, outline: PlotOutline, shown: Sequence[silhouettes.Outline] = ()
 ) -> tuple[TraitsEntry, tuple[PlantEntry, ...]]:
     """The traits of a plot, and its plants one by one.
 
@@ -95,6 +98,7 @@ def plot_traits(
         found: the reconstruction.
         plants: its plants, moved onto a reference where that was asked for.
         outline: of the plot; what lies beyond it is another plot's.
+        shown: the plants' outlines in the photographs; empty where there are no masks.
     """
     corners = outline.corners
     points = plants.points if corners is None else plants.points[inside_outline(plants.points, corners)]
@@ -103,13 +107,17 @@ def plot_traits(
     ground = found.sparse.frame.ground
     if ground is None or len(unknown) == len(TRAITS):
         return TraitsEntry(plot_area_m2=area, unknown=unknown), ()
-    pixel, doubt = found.pixel_m, scale_doubt(found.sparse)
+    swayed_m, doubt = _swayed_m(found), scale_doubt(found.sparse)
+    cell = max(found.pixel_m, _CELL_OF_SCATTER * swayed_m)
     heights = ground.heights(points)
-    seen = canopy(points, heights, pixel)
+    seen = canopy(points, heights, cell)
     seen = seen if corners is None else seen.within(corners)
-    height, covered, volume = highest_leaf_m(points, heights, pixel), seen.covered_m2, seen.volume_m3
+    height, covered, volume = highest_leaf_m(points, heights, cell), seen.covered_m2, seen.volume_m3
+    shown_m = silhouettes.highest_shown_m(shown, ground, points, swayed_m)
+    height = height if shown_m is None else max(height, shown_m)
     cover = None if area is None else min(100.0, 100.0 * covered / area)
-    of_height, of_area = _grown(found)
+    of_height = max(1.0, swayed_m / (SCATTER_OF_HEIGHT_M if shown_m is None else SCATTER_OF_TIPS_M))
+    of_area = max(1.0, swayed_m / SCATTER_OF_AREA_M)
     of_scale_m = NINE_IN_TEN * doubt * height
     area_error = float(np.hypot(of_area * AREA_ERROR, 2.0 * NINE_IN_TEN * doubt))
     values: dict[Trait, tuple[float | None, float]] = {
@@ -127,7 +135,7 @@ def plot_traits(
         def top_seen(points: Array, top: float) -> bool:
             return sure and not any(_tops_missed(found.sparse, ground, _columns(points), top))
 
-        each, counts, why = plants_one_by_one(plants, ground, found.sparse.frame, corners, pixel, top_seen)
+        each, counts, why = plants_one_by_one(plants, ground, found.sparse.frame, corners, cell, top_seen)
         known, unknown = {**counts}, unknown | why
     for trait, (value, error) in values.items():
         if trait not in unknown:
@@ -137,10 +145,9 @@ def plot_traits(
     return TraitsEntry(**known, plot_area_m2=area, unknown=unknown), each
 
 
-def _grown(found: Reconstruction) -> tuple[float, float]:
-    """How many times as large the errors of heights, and of areas and volumes, are since leaves swayed."""
-    swayed_m = found.pixel_m * float(np.sqrt(max(0.0, found.scatter_px**2 - STILL_SCATTER_PX**2)))
-    return max(1.0, swayed_m / SCATTER_OF_HEIGHT_M), max(1.0, (swayed_m / SCATTER_OF_AREA_M) ** 2)
+def _swayed_m(found: Reconstruction) -> float:
+    """By how much depths of leaves scatter beyond those of still ones."""
+    return found.pixel_m * float(np.sqrt(max(0.0, found.scatter_px**2 - STILL_SCATTER_PX**2)))
 
 
 def sways_m(found: Reconstruction) -> dict[str, float]:

@@ -77,7 +77,7 @@ def may_give_scale(priors: Priors) -> bool:
 
 
 def scale_error_of_model(priors: Priors, images: Sequence[ImageReport]) -> float:
-    """Of the scale that known positions gave a model, by what its poses differ from them; as stated where too few do."""
+    """Of the scale that known positions gave a model, by what its poses differ from them; as stated where few count."""
     residuals = {i.name: i.position_residual_m for i in images if i.counts and i.position_residual_m is not None}
     if len(residuals) < LEAST_POSITIONS:
         return stated_scale_error(priors)

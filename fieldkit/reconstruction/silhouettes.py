@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from fieldkit.reconstruction.dense.masks import plant_mask
 from fieldkit.reconstruction.dense.views import resized
 from fieldkit.reconstruction.guided import region_of_interest
 from fieldkit.reconstruction.result import SparseResult
+from fieldkit.results.frame import Plane
 from fieldkit.vocabulary import Mask
 
 SIDE_PX = 1600
@@ -24,6 +25,14 @@ _NEAR_PX = (3.0, 6.0)
 _CELLS, _ROUNDS = 64, 3  # along each edge of what is carved
 _OF_VIEWS = 0.8  # leaves in the shade, and stems, fall out of masks
 _MARGIN = 0.05
+ENOUGH_VIEWS = 24
+"""More photographs tell no more of the highest place."""
+_CELL_M, _LEVEL_M, _LEVELS = 0.01, 0.005, 3
+_BESIDE_CELLS = 6  # a tip that sways, or that dense stereo lost, stands so far beside the plants' other points
+_UPPER, _ABOVE = 0.7, 1.2  # of the highest point's height
+_SHOWN_BY = 0.65
+_SWAYS = 1.2
+_LARGEST_TIP_M2 = 0.01
 Array = NDArray[np.float64]
 
 
@@ -68,22 +77,20 @@ class Filled:
     """Share of the points in the pictures that lie on plants' pixels."""
 
 
-def outlines(sparse: SparseResult, mask: Mask, side_px: int = SIDE_PX) -> list[Outline]:
-    """The plants in the photographs that count; empty without masks."""
+def outlines(sparse: SparseResult, mask: Mask, side_px: int = SIDE_PX, every: int = 1) -> list[Outline]:
+    """The plants in every so many of the photographs that count; empty without masks."""
     import cv2
 
     found = []
-    for photo in sparse.capture.photos if mask != "none" else ():
-        if photo.name in sparse.poses:
-            path = find_mask(photo.path) if mask == "file" else None
-            pixels = read_image(photo, max_side=side_px)
-            size = (pixels.shape[1], pixels.shape[0])
-            image = (
-                None if path is None else cv2.resize(read_image(path, gray=True), size, interpolation=cv2.INTER_AREA)
-            )
-            plants = plant_mask(pixels, mask, image)
-            assert plants is not None
-            found.append(Outline(plants, resized(sparse.intrinsics[photo.name], *size), sparse.poses[photo.name]))
+    counting = [photo for photo in sparse.capture.photos if photo.name in sparse.poses]
+    for photo in counting[::every] if mask != "none" else ():
+        path = find_mask(photo.path) if mask == "file" else None
+        pixels = read_image(photo, max_side=side_px)
+        size = (pixels.shape[1], pixels.shape[0])
+        image = None if path is None else cv2.resize(read_image(path, gray=True), size, interpolation=cv2.INTER_AREA)
+        plants = plant_mask(pixels, mask, image)
+        assert plants is not None
+        found.append(Outline(plants, resized(sparse.intrinsics[photo.name], *size), sparse.poses[photo.name]))
     return found
 
 
@@ -105,6 +112,58 @@ def filled(found: Sequence[Outline], points: Array, volume: Volume) -> Filled:
     if not plants:
         return Filled(None, None, None)
     return Filled(float(near[0]) / plants, float(near[1]) / plants, inside / shown if shown else None)
+
+
+def highest_shown_m(found: Sequence[Outline], ground: Plane, plants: Array, sway_m: float) -> float | None:
+    """Height above ground of the highest place that two thirds of the outlines show plants at.
+
+    Outlines show tips of leaves that dense stereo loses. They are widened to the left and right by how far leaves
+    swayed, which does not raise them. None where nothing is so high, and where what is shown there is too large for a
+    tip: plants that stand behind others in most photographs.
+
+    Args:
+        plants: (n, 3) points of the plants, plot frame; at least one.
+        sway_m: RMS of how far leaves swayed.
+    """
+    import cv2
+
+    heights = ground.heights(plants)
+    top = float(heights.max())
+    columns = _columns_about(plants[heights >= _UPPER * top, :2])
+    views = []
+    for outline in found[:: 1 + len(found) // ENOUGH_VIEWS]:
+        away = float(np.linalg.norm(outline.pose.center - plants.mean(axis=0)))
+        px = round(max(0.5 * _CELL_M, _SWAYS * sway_m) * outline.camera.fx / away)
+        widened = cv2.dilate(outline.mask.astype(np.uint8), np.ones((1, 2 * px + 1), dtype=np.uint8)) > 0
+        views.append(replace(outline, mask=widened))
+    shown: list[int] = []
+    levels = np.arange(_ABOVE * top, _UPPER * top, -_LEVEL_M)
+    for level in levels:
+        cells = ground.above(columns, float(level))
+        seen, plant = np.zeros(len(cells), dtype=np.int32), np.zeros(len(cells), dtype=np.int32)
+        for view in views:
+            inside = np.flatnonzero(view.camera.sees(view.pose.to_camera(cells)))
+            seen[inside] += 1
+            plant[inside] += view.mask[view.pixels(cells[inside])]
+        shown.append(int(((plant >= _SHOWN_BY * seen) & (2 * seen > len(views))).sum()))
+        if len(shown) >= _LEVELS and all(shown[-_LEVELS:]):
+            first = len(shown) - _LEVELS
+            tip = first > 0 and shown[-1] * _CELL_M**2 <= _LARGEST_TIP_M2
+            return float(levels[first]) if tip else None
+    return None
+
+
+def _columns_about(places: Array) -> Array:
+    """Middles (m, 2) of the cells about places (n, 2)."""
+    import cv2
+
+    low = np.floor(places.min(axis=0) / _CELL_M).astype(np.int64) - _BESIDE_CELLS
+    cells = np.floor(places / _CELL_M).astype(np.int64) - low
+    taken = np.zeros(tuple(cells.max(axis=0) + 1 + _BESIDE_CELLS), dtype=np.uint8)
+    taken[cells[:, 0], cells[:, 1]] = 1
+    near = cv2.dilate(taken, np.ones((2 * _BESIDE_CELLS + 1,) * 2, dtype=np.uint8))
+    middles: Array = (np.argwhere(near) + low + 0.5) * _CELL_M
+    return middles
 
 
 def hull_volume(sparse: SparseResult, mask: Mask) -> Volume | None:

@@ -1,5 +1,6 @@
 """Outlines of a plant before a black screen: a rig whose photographs nothing ties, and how clouds fill them."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -14,14 +15,17 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.reconstruction.pipeline import place
 from fieldkit.reconstruction.result import SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.reconstruction.silhouettes import Filled, filled, hull_volume, outlines
+from fieldkit.reconstruction.silhouettes import Filled, Outline, filled, highest_shown_m, hull_volume, outlines
 from fieldkit.results.finding import POSES_STATED
+from fieldkit.results.frame import Plane
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
 from tests.reconstruction.synthetic import ring
 
 CAMERA = Intrinsics("SIMPLE_PINHOLE", 800, 600, (900.0, 400.0, 300.0))
 CENTER, HALF = np.array([0.03, -0.02, 0.05]), np.array([0.06, 0.09, 0.12])
+
+GROUND = Plane((0.0, 0.0, 1.0), 0.0, 0.005, 1.0, 0.02)
 
 
 def leaf_green(count: int = 40_000) -> np.ndarray:
@@ -91,3 +95,36 @@ def test_poses_that_are_not_stated_as_exact_do_not_count(
     (tmp_path / "poses.csv").write_text(text.replace(*changed))
     with pytest.raises(ReconstructionError):
         placed(tmp_path, tmp_path)
+
+
+def shown(parts: Sequence[np.ndarray]) -> list[Outline]:
+    """Outlines of plants; the photographs show one state of the plants after the other."""
+    found = []
+    for k, pose in enumerate(ring(10)):
+        rows, columns = (pixels := Outline(np.zeros((600, 800), bool), CAMERA, pose)).pixels(parts[k % len(parts)])
+        pixels.mask[rows, columns] = True
+        mask = cv2.dilate(pixels.mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+        found.append(Outline(mask, CAMERA, pose))
+    return found
+
+
+def stem(x_m: float = 0.0) -> np.ndarray:
+    """(n, 3) points on an upright leaf, 0.3 m high, whose tip is bent to the side."""
+    z = np.linspace(0.0, 0.3, 2000)
+    return np.column_stack([x_m * z / 0.3, np.zeros_like(z), z])
+
+
+def test_outlines_show_a_tip_that_the_cloud_has_lost() -> None:
+    kept = stem()[stem()[:, 2] < 0.26]
+    still = highest_shown_m(shown([stem()]), GROUND, kept, 0.0)
+    assert still == pytest.approx(0.3, abs=0.01)
+    swaying = shown([stem(x) for x in (-0.015, 0.0, 0.015)])
+    assert highest_shown_m(swaying, GROUND, kept, 0.012) == pytest.approx(0.3, abs=0.015)
+    assert (highest_shown_m(swaying, GROUND, kept, 0.0) or 0.0) < 0.28
+    assert highest_shown_m([], GROUND, kept, 0.0) is None
+
+
+def test_plants_before_other_plants_show_no_tip() -> None:
+    x, y = (each.ravel() for each in np.meshgrid(*[np.linspace(-0.3, 0.3, 200)] * 2))
+    canopy = np.column_stack([x, y, np.full_like(x, 0.2)])
+    assert highest_shown_m(shown([canopy]), GROUND, stem()[stem()[:, 2] < 0.2], 0.0) is None

@@ -16,7 +16,7 @@ from fieldkit.planning.score.cost_model import WEIGHTS, CostModel
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import Circle, circles
 
-_GRID, _ABOVE = 5, 1.25
+_GRID, _DOWN_DEG = 5, 40.0
 AROUND = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0))
 """The eight steps from a cell of a grid of two numbers."""
 
@@ -151,13 +151,15 @@ def circle_stages(problem: PlanningProblem) -> tuple[Sequence[Circle], Stage[Cir
 
 
 def plain_ring(problem: PlanningProblem) -> Cameras:
-    """An even ring about the plants as wide as `PlanningProblem.ranges` go, a quarter higher than they are.
+    """An even ring about the plants as wide as `PlanningProblem.ranges` go, that looks down by 40°.
 
-    On tuning-1 and -2 the best of eight rings outdoors: lower cameras see less of how leaves sway, and blow less.
+    Lower ones see less of how leaves sway, but leaves from their edge: outdoors they miss a tenth to a fifth of the
+    area (docs/benchmarks.md, "Rings and traits").
     """
     radii, altitudes, aims = problem.ranges
-    altitude = float(np.clip(_ABOVE * problem.plots[0].height_m, *altitudes))
-    return problem.nearest(Circle(radii[1], altitude, 0.5 * sum(aims)).cameras(problem))
+    aim = 0.5 * sum(aims)
+    altitude = float(np.clip(aim + radii[1] * np.tan(np.radians(_DOWN_DEG)), *altitudes))
+    return problem.nearest(Circle(radii[1], altitude, aim).cameras(problem))
 
 
 def expected_circle(problem: PlanningProblem, aims: int = 1) -> Cameras:

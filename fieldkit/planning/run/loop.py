@@ -177,17 +177,18 @@ def confirm(
     return unless_ahead(ranked(method, run, evaluate_again(evaluations, run, chosen, watch=watch)), cameras, run)
 
 
-def unless_ahead(confirmed: list[Finalist], standard: Cameras, run: RunFolder) -> list[Finalist]:
-    """The finalists with the standard one in front, unless the first is ahead of it beyond noise."""
+def unless_ahead(confirmed: list[Finalist], standard: Cameras, run: RunFolder, nearer: float = 0.0) -> list[Finalist]:
+    """The finalists with the standard one in front, unless the first is ahead of it beyond noise, and by that share."""
     known = next(finalist for finalist in confirmed if finalist.trial.cameras == standard)
     exact = run.settings.plots == 1 and unchanging(run.settings.source, run.settings.noise)
-    if confirmed[0] is known or _ahead(confirmed[0], known, 0.0 if exact else _PAIRED):
+    if confirmed[0] is known or _ahead(confirmed[0], known, 0.0 if exact else _PAIRED, nearer):
         return confirmed
     return [known, *(finalist for finalist in confirmed if finalist is not known)]
 
 
-def _ahead(finalist: Finalist, other: Finalist, noise: float) -> bool:
-    """Whether a finalist is better than another one by more than the noise of their values at the same seeds.
+def _ahead(finalist: Finalist, other: Finalist, noise: float, nearer: float = 0.0) -> bool:
+    """Whether a finalist is better than another one by more than the noise of their values at the same seeds, and by a
+    share ``nearer`` of the other's value.
 
     Args:
         noise: of a difference, as a share of a value, where there are too few to tell.
@@ -197,7 +198,8 @@ def _ahead(finalist: Finalist, other: Finalist, noise: float) -> bool:
         return True
     gains = [b.value_m - a.value_m for a, b in pairs]
     noise_m = float(np.std(gains, ddof=1)) if len(gains) > 2 else noise * pairs[0][1].value_m
-    return bool(np.mean(gains) > _CLEARLY * noise_m / np.sqrt(len(gains)))
+    least_m = nearer * float(np.mean([b.value_m for _, b in pairs]))
+    return bool(np.mean(gains) > max(_CLEARLY * noise_m / np.sqrt(len(gains)), least_m))
 
 
 def ranked(method: object, run: RunFolder, confirmed: Sequence[Finalist]) -> list[Finalist]:

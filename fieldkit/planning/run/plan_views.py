@@ -36,6 +36,9 @@ from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.renderer import RenderingError
 from fieldkit.version import __version__
 
+_NEARER = 0.1
+"""By which share of its distance an optimum has to beat the even ring, which has the better traits."""
+
 
 def plan_views(
     output: Path | str,
@@ -153,10 +156,12 @@ def _chosen(method: Chooser, run: RunFolder, setup: RunSetup, context: Context, 
             progress.note(f"the plan is not confirmed: {error.message}. {error.remedy}")
             confirming = False
     begun, cpu = time.monotonic(), processor_seconds()
-    ring = _ring(setup.problem, settings) if confirming else None
-    starts = settings.finalists - (ring is not None) if confirming else 1
-    with progress.stage("Optimising the geometric score", starts) as advance:
-        trials = method.choose(starts, context.workers, advance)
+    ring = _ring(setup.problem, settings) if confirming or settings.noise.wind_m else None
+    trials: Sequence[Trial] = [ring] if ring is not None else []
+    if confirming or ring is None:
+        starts = settings.finalists - (ring is not None) if confirming else 1
+        with progress.stage("Optimising the geometric score", starts) as advance:
+            trials = method.choose(starts, context.workers, advance)
     cost = (time.monotonic() - begun, processor_seconds() - cpu)
     confirmed = [Finalist(trial) for trial in trials]
     if confirming:
@@ -164,7 +169,7 @@ def _chosen(method: Chooser, run: RunFolder, setup: RunSetup, context: Context, 
             chosen = trials if ring is None else [*trials, ring]
             confirmed = ranked(method, run, _confirmed(evaluations, run, chosen, context, watch))
         if ring is not None:
-            confirmed = unless_ahead(confirmed, ring.cameras, run)
+            confirmed = unless_ahead(confirmed, ring.cameras, run, _NEARER)
     return write_outcome(run, setup, confirmed, Ending("exhausted"), choice_s=cost)
 
 

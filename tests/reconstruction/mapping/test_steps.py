@@ -15,8 +15,8 @@ from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.priors import PosePrior, Priors
 from fieldkit.reconstruction.cameras import CameraSet
 from fieldkit.reconstruction.colmap_model import model_poses
-from fieldkit.reconstruction.mapping.state import Belief, Inputs, Mapped
 from fieldkit.reconstruction.mapping import steps
+from fieldkit.reconstruction.mapping.state import Belief, Inputs, Mapped
 from fieldkit.reconstruction.mapping.steps import doubt_odd_orientations, map_by_priors, orient
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import KeyedFeatures
