@@ -285,8 +285,9 @@ def with_guided_ties(
         width = FIRST_BAND_SIGMAS * epipolar_sigma_px(first, second, a.camera.fx, distance)
         matches = match_guided(a, b, Band(max(4.0, width), region))
         two = verify_pair(
-            a.features, b.features, *(cameras[k] for k in pair), matches, FIRST_VERIFICATION, calibrated=True, seed=seed
-        )
+            a.features, b.features, cameras[pair[0]], cameras[pair[1]], matches, FIRST_VERIFICATION,
+            calibrated=True, seed=seed,
+        )  # fmt: skip
         length = float(np.linalg.norm(two.translation))
         if len(two.inliers) < _LEAST or length == 0.0:
             return None

@@ -31,6 +31,7 @@ _CELL_M, _LEVEL_M, _LEVELS = 0.01, 0.005, 3
 _BESIDE_CELLS = 6  # a tip that sways, or that dense stereo lost, stands so far beside the plants' other points
 _UPPER, _ABOVE = 0.7, 1.2  # of the highest point's height
 _SHOWN_BY = 0.65
+_STEEPEST, _LEAST_VIEWS = 0.65, 9  # sine of 40°: from higher up, plants are seen before other plants
 _SWAYS = 1.2
 _LARGEST_TIP_M2 = 0.01
 Array = NDArray[np.float64]
@@ -119,7 +120,8 @@ def highest_shown_m(found: Sequence[Outline], ground: Plane, plants: Array, sway
 
     Outlines show tips of leaves that dense stereo loses. They are widened to the left and right by how far leaves
     swayed, which does not raise them. None where nothing is so high, and where what is shown there is too large for a
-    tip: plants that stand behind others in most photographs.
+    tip: plants that stand behind others in most photographs. Photographs that look down at it by more than 40° do
+    not count.
 
     Args:
         plants: (n, 3) points of the plants, plot frame; at least one.
@@ -132,10 +134,15 @@ def highest_shown_m(found: Sequence[Outline], ground: Plane, plants: Array, sway
     columns = _columns_about(plants[heights >= _UPPER * top, :2])
     views = []
     for outline in found[:: 1 + len(found) // ENOUGH_VIEWS]:
-        away = float(np.linalg.norm(outline.pose.center - plants.mean(axis=0)))
+        ray = outline.pose.center - plants[int(heights.argmax())]
+        away = float(np.linalg.norm(ray))
+        if ray @ ground.normal > _STEEPEST * away:
+            continue
         px = round(max(0.5 * _CELL_M, _SWAYS * sway_m) * outline.camera.fx / away)
         widened = cv2.dilate(outline.mask.astype(np.uint8), np.ones((1, 2 * px + 1), dtype=np.uint8)) > 0
         views.append(replace(outline, mask=widened))
+    if len(views) < _LEAST_VIEWS:
+        return None
     shown: list[int] = []
     levels = np.arange(_ABOVE * top, _UPPER * top, -_LEVEL_M)
     for level in levels:
