@@ -36,7 +36,7 @@ def check_given(command: str, values: Mapping[str, Any]) -> None:
     for name, value in values.items():
         for given in value if isinstance(value, list | tuple) else (value,):
             each = given
-            if each is None:
+            if not isinstance(each, str | Path):
                 continue
             if name in ("scene", "scenes"):
                 from fieldkit.scenes.library import find_scene

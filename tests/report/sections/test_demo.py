@@ -30,6 +30,6 @@ def report(**planned_mm: float) -> DemoReport:
 )
 def test_the_verdict_claims_no_more_than_a_flight_can_tell(seen: float, unseen: float, level: str, said: str) -> None:
     many, drawn = demo_statements(report(seen=seen, unseen=unseen))
-    assert f"{MEASURED.mean:.2f} of the best circle's distance" in many.text
+    assert f"{MEASURED.plots} simulated plots that nobody planned on" in many.text
     assert drawn.level == level
     assert said in drawn.text
