@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.captures import find_mask, read_image
+from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.dense.masks import plant_mask
@@ -31,8 +32,9 @@ _CELL_M, _LEVEL_M, _LEVELS = 0.01, 0.005, 3
 _BESIDE_CELLS = 6  # a tip that sways, or that dense stereo lost, stands so far beside the plants' other points
 _UPPER, _ABOVE = 0.7, 1.2  # of the highest point's height
 _SHOWN_BY = 0.65
-_TIP_M = 0.015  # what outlines miss of a tip, which is thinner than a pixel; fitted on tuning-1, -2, -5 and -6
-_STEEPEST, _LEAST_VIEWS = 0.65, 9  # sine of 40°: from higher up, plants are seen before other plants
+_TIP_PX = 8.0  # what outlines miss of a tip that grows thinner than a pixel; fitted on tuning-1, -2, -5 and -6
+_LEAST_VIEWS = 9
+_FARTHEST_M = 0.08  # from the cloud: tips lay within 54 mm on the tuning scenes, places that only seemed plants 129
 _SWAYS = 1.2
 _LARGEST_TIP_M2 = 0.01
 Array = NDArray[np.float64]
@@ -117,12 +119,11 @@ def filled(found: Sequence[Outline], points: Array, volume: Volume) -> Filled:
 
 
 def highest_shown_m(found: Sequence[Outline], ground: Plane, plants: Array, sway_m: float) -> float | None:
-    """Height above ground of the highest place that two thirds of the outlines show plants at.
+    """Height above ground of the highest place near the plants that two thirds of the outlines show plants at.
 
     Outlines show tips of leaves that dense stereo loses. They are widened to the left and right by how far leaves
-    swayed, which does not raise them. None where nothing is so high, and where what is shown there is too large for a
-    tip: plants that stand behind others in most photographs. Photographs that look down at it by more than 40° do
-    not count.
+    swayed, which does not raise them. None with fewer than nine outlines, and where what is shown above the plants is
+    too large for a tip: plants that stand before others in most photographs.
 
     Args:
         plants: (n, 3) points of the plants, plot frame; at least one.
@@ -130,20 +131,18 @@ def highest_shown_m(found: Sequence[Outline], ground: Plane, plants: Array, sway
     """
     import cv2
 
-    heights = ground.heights(plants)
+    if len(found) < _LEAST_VIEWS:
+        return None
+    heights, index = ground.heights(plants), PointIndex(plants)
     top = float(heights.max())
     columns = _columns_about(plants[heights >= _UPPER * top, :2])
-    views = []
+    views, pixels_m = [], []
     for outline in found[:: 1 + len(found) // ENOUGH_VIEWS]:
-        ray = outline.pose.center - plants[int(heights.argmax())]
-        away = float(np.linalg.norm(ray))
-        if ray @ ground.normal > _STEEPEST * away:
-            continue
-        px = round(max(0.5 * _CELL_M, _SWAYS * sway_m) * outline.camera.fx / away)
+        away = float(np.linalg.norm(outline.pose.center - plants[int(heights.argmax())]))
+        pixels_m.append(away / outline.camera.fx)
+        px = round(max(0.5 * _CELL_M, _SWAYS * sway_m) / pixels_m[-1])
         widened = cv2.dilate(outline.mask.astype(np.uint8), np.ones((1, 2 * px + 1), dtype=np.uint8)) > 0
         views.append(replace(outline, mask=widened))
-    if len(views) < _LEAST_VIEWS:
-        return None
     shown: list[int] = []
     levels = np.arange(_ABOVE * top, _UPPER * top, -_LEVEL_M)
     for level in levels:
@@ -153,11 +152,12 @@ def highest_shown_m(found: Sequence[Outline], ground: Plane, plants: Array, sway
             inside = np.flatnonzero(view.camera.sees(view.pose.to_camera(cells)))
             seen[inside] += 1
             plant[inside] += view.mask[view.pixels(cells[inside])]
-        shown.append(int(((plant >= _SHOWN_BY * seen) & (2 * seen > len(views))).sum()))
+        places = cells[(plant >= _SHOWN_BY * seen) & (2 * seen > len(views))]
+        shown.append(int((index.nearest(places)[0] <= _FARTHEST_M).sum()) if len(places) else 0)
         if len(shown) >= _LEVELS and all(shown[-_LEVELS:]):
             first = len(shown) - _LEVELS
             tip = first > 0 and shown[-1] * _CELL_M**2 <= _LARGEST_TIP_M2
-            return float(levels[first]) + _TIP_M if tip else None
+            return float(levels[first] + _TIP_PX * np.median(pixels_m)) if tip else None
     return None
 
 
