@@ -46,7 +46,7 @@ def check_given(command: str, values: Mapping[str, Any]) -> None:
                 from fieldkit.vehicles.vehicle_file import find_vehicle
 
                 find_vehicle(each)
-            elif name == "evaluations":
+            elif name == "evaluations" and isinstance(each, str):
                 each = Path(each) if os.path.lexists(each) else Path(each.partition("=")[2] or each)  # LABEL=PATH
             kind = command.split()[0] if name == "folder" and command != "campaign init" else name
             if isinstance(each, Path) and kind in _NAMES and not os.path.lexists(each.expanduser()):
