@@ -163,12 +163,7 @@ def _cached(cache: StageCache, keys: list[str], compute: Callable[[int], Planes]
     """``compute``, except where the cache has the result of a view under its key."""
 
     def result(i: int) -> Planes:
-        arrays = cache.get(STAGE, keys[i])
-        if arrays is not None and not {"planes", "costs"} - arrays.keys():
-            return Planes(arrays["planes"], arrays["costs"])
-        found = compute(i)
-        cache.put(STAGE, keys[i], {"planes": found.planes, "costs": found.costs})
-        return found
+        return Planes(**cache.kept(STAGE, keys[i], lambda: compute(i)._asdict()))
 
     return result
 
