@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import date
 from statistics import median
 
@@ -30,7 +30,6 @@ from fieldkit.figures.content import (
 )
 from fieldkit.figures.drawings import Curve, LineChart, MappedPlot, Measure, PlotMap
 from fieldkit.figures.registry import FIGURES, TRENDS, Figure, cells
-from fieldkit.figures.style import format_length
 from fieldkit.figures.tables.scores import TRAIT_FIGURES, interval, score_columns, trait_reasons
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.report.sections.captures import without_height
@@ -135,9 +134,6 @@ def _figures(campaign: Campaign) -> Iterator[KeyFigure]:
         " to ".join(dict.fromkeys((campaign.dates[0], campaign.dates[-1]))) if visits else "",
     )
     yield KeyFigure("captures", f"{len(visits)}", f"{sum(bool(v.error) for v in visits)} without a score")
-    scores = [visit.chamfer_m for visit in visits if visit.chamfer_m is not None]
-    if scores:
-        yield KeyFigure("chamfer distance", format_length(median(scores)), "median of all captures with a reference")
 
 
 def _table(day: str, visits: Sequence[Visit], anchors: Mapping[str, str], pictures: Mapping[str, Picture]) -> Table:
@@ -258,33 +254,32 @@ def campaign_statements(result: Loaded[Campaign], results: Results) -> Iterator[
     add = f"`fieldkit evaluate CAPTURES --campaign {folder}`"
     visits, dates = campaign.visits, campaign.dates
     if not visits:
-        yield Statement(
-            "note",
-            f"The campaign “{campaign.name}” has {count(len(campaign.plots), 'plot')} and no evaluated capture yet.",
-            f"Evaluate the first: {add}",
-        )
+        yield Statement("note", f"“{campaign.name}” has no evaluated capture yet.", f"Evaluate the first: {add}")
         return
     done = [visit for visit in visits if not visit.error]
     if found := measured_agreement(campaign):
         yield Statement("fact", next(found.sentences(), ""))
-    doubtful = [visit for visit in done if visit.doubts]
-    for visit in doubtful[:_NAMED]:
-        told = next(iter(visit.notes), ", ".join(visit.doubts))
-        yield Statement("problem", f"{visit.plot}, {visit.date}: {_sentence(told)}", "Its notes in the table say more.")
-    if len(doubtful) > _NAMED:
-        yield Statement("problem", f"{count(len(doubtful) - _NAMED, 'more capture')} doubtful; the table says why.")
+    doubtful = ((next(iter(visit.notes), ", ".join(visit.doubts)), visit) for visit in done if visit.doubts)
+    for why, named in _alike(doubtful):
+        told, _, remedy = why.partition("; ")  # what people are told of findings ends in the remedy
+        yield Statement("problem", f"{named}: {told}.", _sentence(remedy or "Its notes in the table say more"))
     plan = f"`fieldkit campaign plan {folder} -o next.plan`"
     yield from without_height([(v.plot, v.traits) for v in done if v.date == dates[-1]], plan)
-    failed: dict[str, list[str]] = {}
-    for visit in visits:
-        if visit.error:
-            failed.setdefault(visit.error, []).append(f"{visit.plot}, {visit.date}")
-    for why, named in failed.items():
-        told = f"No result of {'; '.join(named[:_NAMED])}{' and more' * (len(named) > _NAMED)}: {why.rstrip('.')}."
+    for why, named in _alike((visit.error, visit) for visit in visits if visit.error):
+        told = f"No result of {named}: {why.rstrip('.')}."
         yield Statement("problem", told, f"Photograph the plot again, and add that: {add}")
     if absent := missing(campaign, dates[-1]):
         told = f"{dates[-1]}: no photographs of {listed(absent)}."
         yield Statement("note", told, f"Where they were taken, add them: {add}")
+
+
+def _alike(found: Iterable[tuple[str, Visit]]) -> Iterator[tuple[str, str]]:
+    """Each reason once, with the visits that it is of."""
+    groups: dict[str, list[str]] = {}
+    for why, visit in found:
+        groups.setdefault(why, []).append(f"{visit.plot}, {visit.date}")
+    for why, visits in groups.items():
+        yield why, "; ".join(visits[:_NAMED]) + (f" and {len(visits) - _NAMED} more" if len(visits) > _NAMED else "")
 
 
 def _sentence(text: str) -> str:
