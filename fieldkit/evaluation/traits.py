@@ -140,8 +140,9 @@ def plot_traits(
     for trait, (value, error) in values.items():
         if trait not in unknown:
             known |= {trait: value, error_column(trait): error}
-    if "height_m" in known:  # leaves that sway lose their tips; nothing is added to them
-        known["height_error_below_m"] = float(np.hypot(HEIGHT_ERROR_M, of_scale_m))
+    if "height_m" in known:  # clouds of swaying leaves lack tips and add none; outlines err both ways
+        below = 1.0 if shown_m is None else of_height
+        known["height_error_below_m"] = float(np.hypot(below * HEIGHT_ERROR_M, of_scale_m))
     return TraitsEntry(**known, plot_area_m2=area, unknown=unknown), each
 
 

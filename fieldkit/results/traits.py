@@ -50,9 +50,10 @@ class TraitsEntry(Strict):
     ] = None  # fmt: skip
     """Of the highest leaf above the ground, as by a ruler; null where ``unknown`` says why. So are the others."""
     height_error_m: Length | None = None
-    """How far above ``height_m`` the highest leaf may be: tips are lost, never added."""
+    """How far above ``height_m`` the highest leaf may be."""
     height_error_below_m: Length | None = None
-    """How far below; null in files of before, whose height_error_m is of both sides."""
+    """How far below: less, where the cloud alone tells the height, since it may lack tips and adds none; null in files
+    of before, whose height_error_m is of both sides."""
     cover_percent: Annotated[
         Percent | None,
         Described(
