@@ -20,7 +20,9 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_settings() -> None:
-    made = ReconstructionOptions("prior", "fine", "none", "-1,-2,0,1,2,3.5").settings(seed=7)
+    made = ReconstructionOptions(mapping="prior", fidelity="fine", mask="none", bounds="-1,-2,0,1,2,3.5").settings(
+        seed=7
+    )
     assert (made.mapping, made.fidelity, made.mask, made.seed) == ("prior", "fine", "none", 7)
     assert (made.bounds.lower, made.bounds.upper) == ((-1, -2, 0), (1, 2, 3.5))
     assert settings.ReconstructionSettings() == ReconstructionOptions().settings(seed=0)

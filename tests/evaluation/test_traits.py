@@ -87,7 +87,7 @@ class TestValues:
         scatter_px = float(np.hypot(STILL_SCATTER_PX, metres / result.pixel_m))
         told = traits(replace(result, scatter_px=scatter_px))
         assert told.height_error_m == pytest.approx(height * HEIGHT_ERROR_M, rel=0.02)
-        assert told.height_error_below_m == pytest.approx(HEIGHT_ERROR_M, rel=0.02)  # the cloud lacks tips, and adds none
+        assert told.height_error_below_m == pytest.approx(HEIGHT_ERROR_M, rel=0.02)  # clouds lack tips
         assert told.covered_area_error_m2 == pytest.approx(area * AREA_ERROR * told.covered_area_m2, rel=0.02)
 
     def test_depths_that_scatter_less_than_those_of_still_leaves_leave_the_errors(self) -> None:

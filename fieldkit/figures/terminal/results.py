@@ -27,12 +27,12 @@ def reference_output(report: ReferenceReport) -> Iterator[RenderableType]:
 def evaluation_output(report: EvaluationReport) -> Iterator[RenderableType]:
     """A single plot in full; for many plots a row each, then failures, and reasons for unused photographs."""
     plots = [plot for plot in report.plots if plot.error is None]
+    traits, _ = scores.counted_traits(plots, len(report.plots))
+    yield from rendered([Paragraph(f"{count(len(plots), 'plot', of=len(report.plots))}; {traits}.")])
     if len(report.plots) == 1:
         yield from rendered((block for plot in plots for block in _plot(plot)), report.plots[0].name)
     else:
-        traits, _ = scores.counted_traits(plots, len(report.plots))
-        told = f"{count(len(plots), 'plot', of=len(report.plots))}; {traits}."
-        yield from rendered([Paragraph(told), *_plots(plots)])
+        yield from rendered(_plots(plots))
     yield from rendered(table for table in [scores.failure_table(report.plots)] if table.rows)
 
 
