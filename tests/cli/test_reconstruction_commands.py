@@ -25,7 +25,7 @@ def test_settings() -> None:
     )
     assert (made.mapping, made.fidelity, made.mask, made.seed) == ("prior", "fine", "none", 7)
     assert (made.bounds.lower, made.bounds.upper) == ((-1, -2, 0), (1, 2, 3.5))
-    assert settings.ReconstructionSettings() == ReconstructionOptions().settings(seed=0)
+    assert settings.ReconstructionSettings() == ReconstructionOptions(ties="sift").settings(seed=0)
 
 
 @pytest.mark.parametrize("command", ["reference", "evaluate"])
