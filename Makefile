@@ -7,7 +7,7 @@ PAGE := fieldkit/report/html
 VIEWER := $(PAGE)/vendor/viewer.min.js
 PYTEST_ARGS ?=
 
-.PHONY: help setup browser demo test test-all check wheel bench docs clean
+.PHONY: help setup browser demo test test-all soak fuzz check wheel bench docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -33,6 +33,12 @@ test: setup browser ## run the tests that take less than ten seconds each
 
 test-all: setup browser ## run all tests
 	$(BIN)/pytest $(PYTEST_ARGS)
+
+soak: setup ## kill 200 runs, fill disks, crash workers (hours; KILLS=20 for fewer)
+	$(BIN)/python scripts/soak.py --kills $(or $(KILLS),200)
+
+fuzz: setup ## read changed files of every kind, an hour a family (SECONDS_EACH=240 for less)
+	$(BIN)/python scripts/fuzz.py --seconds $(or $(SECONDS_EACH),3600)
 
 check: $(STAMP) ## lint, check the format, the types, which way imports run, and the budget
 	$(BIN)/ruff check .

@@ -75,8 +75,11 @@ def visit_rows(campaign: Campaign) -> list[Values]:
 def plot_rows(campaign: Campaign) -> list[Values]:
     """A row of plain values per plot of the site: where it is, how often it was visited, its latest figures."""
     result = []
+    visits: dict[str, list[Visit]] = {}
+    for visit in campaign.visits:
+        visits.setdefault(visit.plot, []).append(visit)
     for plot in campaign.plots:
-        own = [visit for visit in campaign.visits if visit.plot == plot.name]
+        own = visits.get(plot.name, [])
         last = max(own, key=lambda visit: visit.date, default=None)
         result.append(
             {

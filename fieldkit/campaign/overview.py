@@ -20,6 +20,8 @@ from fieldkit.wording import count, listed
 
 _MANY_DATES = 12
 _NAMED = 5
+MOST_SHOWN = 100
+"""Rows of a table on a terminal: Rich takes milliseconds for each, and --json has all."""
 
 
 def campaign_object(campaign: Campaign) -> dict[str, Any]:

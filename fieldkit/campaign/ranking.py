@@ -130,8 +130,11 @@ def drift(visits: Sequence[Visit], plan: Plan) -> list[Drift]:
     A chamfer distance is compared with one of its own kind only: measured with measured.
     """
     found = []
+    by_plot: dict[str, list[Visit]] = {}
+    for visit in sorted(visits, key=lambda visit: visit.date):
+        by_plot.setdefault(visit.plot, []).append(visit)
     for plot in dict.fromkeys(visit.plot for visit in visits):
-        own = sorted((visit for visit in visits if visit.plot == plot), key=lambda visit: visit.date)
+        own = by_plot[plot]
         for figure in TRENDS:
             having = [(visit, value) for visit in own if (value := figure.value(visit)) is not None]
             for visit, after in having[1:]:

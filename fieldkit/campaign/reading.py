@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -97,12 +98,12 @@ class Campaign:
         file = next((file for file in files if file.is_file()), None)
         return self.carried_plan(plot) if file is None else load_plan(file)
 
-    @property
+    @cached_property
     def dates(self) -> tuple[str, ...]:
         """All dates with a visit, ascending."""
         return tuple(sorted({visit.date for visit in self.visits}))
 
-    @property
+    @cached_property
     def vanished(self) -> tuple[str, ...]:
         """Plots that have visits and are no longer among the plots."""
         known = {plot.name for plot in self.plots}

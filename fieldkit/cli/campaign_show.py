@@ -29,7 +29,7 @@ def command(
         fieldkit campaign show --json
     """
     folder = campaign_folder(folder)
-    from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks, verdict
+    from fieldkit.campaign.overview import MOST_SHOWN, campaign_object, campaign_tables, remarks, verdict
     from fieldkit.campaign.reading import read_campaign
 
     campaign = read_campaign(folder)
@@ -42,4 +42,4 @@ def command(
         return
     from fieldkit.figures.terminal.blocks import rendered
 
-    show([f"{verdict(campaign)[0]}.\n", *rendered(campaign_tables(campaign), most_rows=None)], *remarks(campaign))
+    show([f"{verdict(campaign)[0]}.\n", *rendered(campaign_tables(campaign), most_rows=MOST_SHOWN)], *remarks(campaign))

@@ -173,7 +173,7 @@ def _in_campaign(
             }
         )  # fmt: skip
     else:
-        from fieldkit.campaign.overview import campaign_tables, verdict
+        from fieldkit.campaign.overview import MOST_SHOWN, campaign_tables, verdict
         from fieldkit.figures.terminal.blocks import rendered
 
         left = f"; {count(len(done.left_out), 'file')} left out" if done.left_out else ""
@@ -181,7 +181,7 @@ def _in_campaign(
             f"{verdict(done.campaign)[0]}.",
             f"{count(len(done.evaluated), 'visit')} evaluated, {len(done.kept)} there already, {done.failed} failed"
             f"{left}",
-            rendered(campaign_tables(done.campaign), most_rows=None),
+            rendered(campaign_tables(done.campaign), most_rows=MOST_SHOWN),
         )
     return ReconstructionError.exit_code if done.failed == len(done.evaluated) + len(done.kept) else EXIT_OK
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -12,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 from fieldkit.documents.file_bytes import file_bytes
 from fieldkit.documents.mistaken import refuse_other
 from fieldkit.documents.validation_sentence import validation_sentence
-from fieldkit.errors import MetadataError
+from fieldkit.errors import InputError, MetadataError
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -56,6 +57,10 @@ def check_version(document: dict[str, Any], known: int, file: Path, remedy: str)
 
 def read_model(model: type[Model], kind: str, file: Path, remedy: str, *, max_bytes: int) -> Model:
     """A file that fieldkit wrote as a model of pydantic's, which says the version that is known."""
+    with suppress(InputError, ValidationError):  # most are right; what is wrong with the others is found below
+        made = model.model_validate_json(file_bytes(file, remedy, max_bytes, noun=kind))
+        if {"kind", "version"} <= made.model_fields_set:
+            return made
     document = read_kind(file, kind, remedy, max_bytes=max_bytes)
     check_version(document, model.model_fields["version"].default, file, remedy)
     return validated(model, document, file, remedy)

@@ -43,6 +43,7 @@ from fieldkit.wording import count, listed
 _MOST_LINES, _MOST_NAMED = 200, 5  # plots of a chart, and of one in which each has a colour
 _FARTHEST_M = 200_000.0
 _FOLLOWED = sorted(TRENDS, key=lambda figure: figure.group != "trait")  # what grows comes first
+_MOST_VISITS = 2000  # with rows of their own
 _NAMED = 5  # problems named one by one
 
 
@@ -56,9 +57,14 @@ def campaign_section(result: Loaded[Campaign], anchor: str, shown: Shown) -> Sec
             blocks.append(Charts(drawn))
         blocks += [*drift_tables(campaign), *_measured(campaign)]
         anchors = plot_anchors(campaign, anchor)
+        rows = 0
         for day in reversed(campaign.dates):
-            table = _table(day, [visit for visit in campaign.visits if visit.date == day], anchors, pictures)
-            last = day == campaign.dates[-1]
+            visits = [visit for visit in campaign.visits if visit.date == day]
+            last, rows = day == campaign.dates[-1], rows + len(visits)
+            if rows > _MOST_VISITS and not last:
+                blocks.append(Paragraph(f"Plots on {day} and before: `fieldkit campaign export` writes all dates."))
+                break
+            table = _table(day, visits, anchors, pictures)
             blocks.append(table if last else Details(f"Plots on {day}", (traits_table(campaign, day), table)))
         photographs = shown.pictures(anchor, PHOTOGRAPHS)
         blocks += [
@@ -74,7 +80,8 @@ def campaign_anchor(number: int) -> str:
 
 def plot_anchors(campaign: Campaign, anchor: str) -> dict[str, str]:
     """The place on the page that tells of each visited plot, by plot, in the order of the visits."""
-    plots = list(dict.fromkeys(visit.plot for visit in campaign.visits))[:MOST_ROWS]
+    most = min(MOST_ROWS, _MOST_VISITS // max(1, len(campaign.dates)))
+    plots = list(dict.fromkeys(visit.plot for visit in campaign.visits))[:most]
     return {plot: f"{anchor}-plot-{number}" for number, plot in enumerate(plots, 1)}
 
 
