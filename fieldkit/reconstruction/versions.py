@@ -20,7 +20,7 @@ STAGES: Mapping[str, int] = MappingProxyType(
         "learned": 1,  # features and matches of networks, where ties are weak
         "pairs": 1,  # blind matches and their verification
         "guided": 2,  # matches between known poses
-        "mapping": 16,  # poses, intrinsics, sparse points, what pairs say
+        "mapping": 17,  # poses, intrinsics, sparse points, what pairs say
         "frame": 1,  # plot frame, ground, volume of interest
         "views": 3,  # undistorted photographs and masks
         "depth": 6,  # dense stereo

@@ -114,8 +114,8 @@ class PriorMapping:
     pairs_kept: int
     """Of the first round."""
     ties: Mapping[Pair, float]
-    """What the edges of the last round's view graph say (`pair_information`): pairs of registered images, by their
-    indices."""
+    """What pairs of registered images say (`pair_information`), by their indices: the edges of the last round's view
+    graph, and others that say something."""
     refined: bool
     """Whether focal length and distortion were adjusted."""
 
@@ -213,16 +213,17 @@ def map_with_priors(
     model = _first_model(problem, matches, pairs)
     advance(1)
     scale = max(camera.width for camera in cameras) / 1600.0
+    edges: set[Pair] = set()
     for index, width in enumerate(settings.bands_px):
         band = Band(width * scale, region, region or _slab(model))
         pairs = _overlapping(problem, model, pairs)
         last = index == len(settings.bands_px) - 1
-        refined = _round(problem, model, problem.state(model)[0], pairs, band, last=last)
+        refined, edges = _round(problem, model, problem.state(model)[0], pairs, band, last=last)
         if index == 0 and _orientation_drift(problem, refined):
-            refined = _round(problem, model, problem.start, pairs, band, last=last)
+            refined, edges = _round(problem, model, problem.start, pairs, band, last=last)
         model = refined
         advance(1)
-    ties = _ties(problem, model, pairs, max(1.0, scale))
+    ties = _ties(problem, model, pairs, edges, max(1.0, scale))
     unregistered = _unsupported(problem, model, ties)
     for name in unregistered:
         model.deregister_frame(model.image(names.index(name) + 1).frame_id)
@@ -368,8 +369,8 @@ def _round(
     band: Band,
     *,
     last: bool,
-) -> pycolmap.Reconstruction:
-    """The model of a band's matches."""
+) -> tuple[pycolmap.Reconstruction, set[Pair]]:
+    """The model of a band's matches, and the edges of their view graph."""
     cameras = problem.state(model)[1]
     posed = problem.posed(poses, cameras)
     matches = {(i, j): match_guided(posed[i], posed[j], band) for i, j in pairs}
@@ -387,7 +388,7 @@ def _round(
     adjust(model, priors, loss_px=loss_px, refine_intrinsics=refine, seed=seed, rough=True)
     filter_points(model, max_error_px, _MIN_ANGLE_DEG)
     adjust(model, priors, loss_px=loss_px, refine_intrinsics=refine, seed=seed)
-    return model
+    return model, edges
 
 
 def _common_turn(poses: Sequence[Pose], priors: Sequence[PosePrior]) -> NDArray[np.float64]:
@@ -441,15 +442,17 @@ def _overlapping(problem: _Problem, model: pycolmap.Reconstruction, pairs: Seque
     return [(i, j) for i, j in pairs if shared[i, j] >= _MIN_OVERLAP * min(seen[i].sum(), seen[j].sum())]
 
 
-def _ties(problem: _Problem, model: pycolmap.Reconstruction, pairs: Sequence[Pair], scale: float) -> dict[Pair, float]:
-    """The information of pairs that have any; ``scale`` is a pixel of what features are found in."""
+def _ties(
+    problem: _Problem, model: pycolmap.Reconstruction, pairs: Sequence[Pair], edges: Collection[Pair], scale: float
+) -> dict[Pair, float]:
+    """The information of edges, and of other pairs that have any; ``scale`` is a pixel where features are found."""
     posed = problem.posed(*problem.state(model))
     band = Band(TIE_BAND_PX * scale, problem.region, problem.region or _slab(model))
     found = {}
     for i, j in pairs:
         matches = match_guided(posed[i], posed[j], band)
         found[i, j] = pair_information(epipolar_distances(posed[i], posed[j], matches) / scale)
-    return {pair: value for pair, value in found.items() if value > 0.0}
+    return {pair: value for pair, value in found.items() if value > 0.0 or pair in edges}
 
 
 def _unsupported(problem: _Problem, model: pycolmap.Reconstruction, ties: Collection[Pair]) -> dict[str, str]:

@@ -82,11 +82,6 @@ class Uncertainty:
         sigma: Floats = np.sqrt(np.maximum(own, 0.0) + (_FLOOR * self.distance) ** 2)
         return sigma
 
-    @property
-    def groups(self) -> dict[str, int]:
-        """Which group each photograph is in, by name."""
-        return dict(zip(self.names, self.part.tolist(), strict=True))
-
     def weakest(self) -> tuple[list[str], float, Floats]:
         """Which k photographs could move together against the others most easily, their root mean square error then,
         and how (k, 3).

@@ -16,7 +16,7 @@ from fieldkit.reconstruction.cameras import PARALLEL_DEG, spread_deg
 from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.mapping.state import Belief, Inputs, Mapped
 from fieldkit.reconstruction.mapping.uncertainty import Uncertainty, pose_uncertainty
-from fieldkit.reconstruction.mapping.view_graph import Pair
+from fieldkit.reconstruction.mapping.view_graph import Pair, connected_parts
 from fieldkit.results.evaluation import ImageReport, WeakestMode
 from fieldkit.results.fields import finite, vector
 from fieldkit.results.finding import WEAKLY_TIED, Finding
@@ -85,7 +85,8 @@ def judged(
         model, known if method == "prior" else {}, ties, inputs.names, loss_px=inputs.settings.prior.loss_px,
         refined=refined,
     )  # fmt: skip
-    groups = uncertainty.groups
+    row = {inputs.names.index(name): name for name in uncertainty.names}
+    groups = {row[k]: number for number, part in enumerate(connected_parts(sorted(row), ties)) for k in part}
     members = Counter(groups.values())
     held = {name for name, group in groups.items() if members[group] < min(_FIXED_BY, max(members.values()))}
     sigmas = dict(zip(uncertainty.names, uncertainty.sigma.tolist(), strict=True))
