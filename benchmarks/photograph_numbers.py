@@ -10,21 +10,22 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.result import Cell, ResultTable, StudyResult
-from benchmarks.scored_captures import settle_in_scene
+from benchmarks.scored_captures import scene_outline, settle_in_scene
 from benchmarks.true_plants import true_traits
 from fieldkit.cache import StageCache
 from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
-from fieldkit.clouds.canopy import canopy, highest_leaf_m
 from fieldkit.clouds.metrics import nearest_distances
+from fieldkit.evaluation.traits import plot_traits
 from fieldkit.planning.objective.evaluation import Rule, value_m
 from fieldkit.planning.objective.objective import FIDELITIES, Objective
 from fieldkit.planning.objective.simulated import SimulatedSource
-from fieldkit.planning.run.numbers import expected_errors, missing_shares, optima
+from fieldkit.planning.run.numbers import even_rings, expected_errors, missing_shares
 from fieldkit.planning.run.request import search_settings
 from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.reconstruction.pipeline import reconstruct
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.silhouettes import outlines
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 
@@ -59,7 +60,7 @@ def _compared(scene: str, numbers: Sequence[int], seeds: int, workers: int, prog
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
         setup = set_up_run(settings, Path(folder), context)
     objective, rows = setup.objective.on(0), []
-    found = optima(setup.problem, numbers, settings, context)
+    found = even_rings(setup.problem, numbers, settings)
     with progress.stage(scene, seeds * len(numbers)) as advance:
         for (cameras, expected_m), missing in zip(found, missing_shares(setup.problem, found), strict=True):
             errors = expected_errors(missing, setup.problem).model_dump()
@@ -72,8 +73,8 @@ def _compared(scene: str, numbers: Sequence[int], seeds: int, workers: int, prog
     return rows
 
 
-def _measured(objective: Objective, cameras: Cameras, seed: int, progress: Progress) -> dict[str, float]:
-    """Distance (m) and errors of height (m), area and volume (shares), with however few photographs."""
+def _measured(objective: Objective, cameras: Cameras, seed: int, progress: Progress) -> dict[str, float | None]:
+    """Distance (m) and errors of height (m), area and volume (shares); None where they are not to be had."""
     source = objective.source
     assert isinstance(source, SimulatedSource)
     flown = cameras if objective.stretch is None else cameras.stretched(objective.stretch)
@@ -83,18 +84,18 @@ def _measured(objective: Objective, cameras: Cameras, seed: int, progress: Progr
             photos.capture, wanted, Context(source.cache, progress), reach_m=REFERENCE_REACH_M,
             known_plot=replace(source.plot, settle=settle_in_scene),
         )  # fmt: skip
+        shown = outlines(found.sparse, wanted.mask)
     motion, _ = icp_onto_reference(found.plants, source.reference, with_scale=True)
     plants = found.moved_plants(motion, with_ground=True)
     to_reference, to_cloud = nearest_distances(source.reference, plants)
-    ground, true = found.sparse.frame.ground, true_traits(source.proxy)
-    assert ground is not None
-    points = plants.points
-    heights = ground.heights(motion.inverse().apply(points))
-    seen = canopy(points, heights, found.pixel_m)
+    true = true_traits(source.proxy)
+    traits, _ = plot_traits(found, found.plants, scene_outline(found, source.proxy), shown)
+    height, area, volume = traits.height_m, traits.covered_area_m2, traits.canopy_volume_m3
     return {
         "value_m": value_m(to_cloud, to_reference, Rule()), "right": found.sparse.right,
-        "height_m": highest_leaf_m(points, heights, found.pixel_m) - true.height_m,
-        "area": seen.covered_m2 / true.covered_area_m2 - 1.0, "volume": seen.volume_m3 / true.canopy_volume_m3 - 1.0,
+        "height_m": None if height is None else height - true.height_m,
+        "area": None if area is None else area / true.covered_area_m2 - 1.0,
+        "volume": None if volume is None else volume / true.canopy_volume_m3 - 1.0,
     }  # fmt: skip
 
 
@@ -105,7 +106,7 @@ def _table(rows: Sequence[dict[str, Any]]) -> ResultTable:
         first, expected = own[0], own[0]["expected"]
 
         def drawn(name: str, scale: float, digits: int, own: list[dict[str, Any]] = own) -> str:
-            return ", ".join(f"{scale * row[name]:+.{digits}f}" for row in own)
+            return ", ".join("–" if row[name] is None else f"{scale * row[name]:+.{digits}f}" for row in own)
 
         cells.append((
             key[0], str(key[1]), f"{1000 * first['expected_m']:.1f}", drawn("value_m", 1000, 1).replace("+", ""),
