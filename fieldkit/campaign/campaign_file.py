@@ -15,7 +15,7 @@ from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.fields import Strict
 from fieldkit.runtime.shipped import shipped_page
 from fieldkit.sites.site import Name
-from fieldkit.vocabulary import DISTANCES_M, Fidelity, MappingChoice, Mask, TiesChoice
+from fieldkit.vocabulary import DISTANCES_M, Fidelity, MappingChoice, Mask, TiesName
 
 _MAX_BYTES = 1 << 20
 _REMEDY = f"{shipped_page('docs/campaigns.md')} lists the keys of campaign.toml."
@@ -28,7 +28,7 @@ class EvaluationTable(Strict):
     """How every visit is evaluated; see `ReconstructionSettings`."""
 
     mapping: MappingChoice = "auto"
-    ties: TiesChoice = "sift"
+    ties: TiesName = "sift"
     fidelity: Fidelity = "standard"
     mask: Mask = "exg"
     bounds_m: tuple[float, float, float, float, float, float] | None = None

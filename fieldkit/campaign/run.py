@@ -26,6 +26,7 @@ from fieldkit.evaluation.rasters import require_rasters
 from fieldkit.figures.spreadsheets import TRAITS_FILE, trait_row, traits_csv
 from fieldkit.figures.style import format_length
 from fieldkit.files import check_writable, remove_if_abandoned, storage_errors, write_atomic
+from fieldkit.reconstruction.learned import ties_name
 from fieldkit.results.finding import Finding
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE, file_sha256
 from fieldkit.results.visit import VISITS_FOLDER, Visit
@@ -86,6 +87,7 @@ def evaluate_campaign(
     check_writable(folder)
     if campaign.evaluation.rasters:
         require_rasters()
+    ties_name(campaign.evaluation.ties)  # refuses what is not installed
     with campaign_lock(folder, note=progress.note):
         sweep(folder)
         campaign = read_campaign(folder)  # another run may have ended meanwhile

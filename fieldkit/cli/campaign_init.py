@@ -57,12 +57,13 @@ def command(
     from fieldkit.campaign.campaign_file import EvaluationTable
     from fieldkit.campaign.create import CampaignSources, init_campaign, split_references
     from fieldkit.documents.toml_file import sentence
+    from fieldkit.reconstruction.learned import ties_name
     from fieldkit.sites.site_file import load_site
     from fieldkit.wording import count
 
     try:
         evaluation = EvaluationTable(
-            mapping=reconstruction.mapping, ties=reconstruction.ties, fidelity=reconstruction.fidelity,
+            mapping=reconstruction.mapping, ties=ties_name(reconstruction.ties), fidelity=reconstruction.fidelity,
             mask=reconstruction.mask, bounds_m=corners, seed=seed,
             rasters=wanted is not None, gsd_m=None if wanted is None else wanted.cell_m,
         )  # fmt: skip

@@ -85,7 +85,7 @@ def test_the_rasters_cells_count_and_no_rasters_leave_digests_as_they_were(tmp_p
     tables = (EvaluationTable(), EvaluationTable(rasters=True), EvaluationTable(rasters=True, gsd_m=0.01))
     assert len({visit_inputs(replace(made, evaluation=table)) for table in tables}) == 3
     assert set(EvaluationTable().model_dump(exclude={"rasters", "gsd_m"})) == {
-        "mapping", "fidelity", "mask", "bounds_m", "refine", "distances_m", "seed",
+        "mapping", "ties", "fidelity", "mask", "bounds_m", "refine", "distances_m", "seed",
     }  # fmt: skip
 
 
