@@ -98,14 +98,14 @@ def command(
         fieldkit evaluate flight_7/ --log flight_7.tlog --plan plot_7-plan --reference plot_7-reference -o scores
         fieldkit evaluate card/DCIM --campaign season --workers 2
     """
+    distances_m = parse_distances(distances)
     cache = run.cache()
     if output is None:
         folder = _campaign_folder(context, campaign, flight, poses)
         return _in_campaign(folder, captures, cache, run, scheduler, as_json=as_json)
     if campaign is not None:
         raise UsageError("a campaign's results go into its own folder", remedy="Leave -o out, or --campaign.")
-    distances_m, wanted = parse_distances(distances), rasters.wanted()
-    settings = reconstruction.settings(run.seed)
+    wanted, settings = rasters.wanted(), reconstruction.settings(run.seed)
     given, frame = poses.given(), parse_frame("--reference-frame", reference_frame)
     if frame and reference is None:
         raise UsageError("--reference-frame is that of --reference", remedy="Give --reference with it.")
