@@ -8,77 +8,56 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from fieldkit.version import __version__
+from fieldkit.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from fieldkit.clouds.io import read_cloud
-    from fieldkit.errors import FieldkitError
-    from fieldkit.evaluation.compare import Comparison, compare_evaluations
-    from fieldkit.evaluation.evaluate import evaluate_captures
-    from fieldkit.evaluation.reference import build_reference
-    from fieldkit.missions.export_mission import export_mission
-    from fieldkit.notebook import evaluate, plan
-    from fieldkit.planning.run.outcome import Outcome
-    from fieldkit.planning.run.plan_views import plan_views, resume_plan
-    from fieldkit.planning.run.request import search_settings
-    from fieldkit.planning.settings import SearchSettings
-    from fieldkit.reconstruction.settings import ReconstructionSettings
-    from fieldkit.report.write_report import write_report
-    from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
-    from fieldkit.results.plan import Plan
-    from fieldkit.results.plan_file import load_plan
-    from fieldkit.results.report_files import load_evaluation_report, load_reference_report
-
-__all__ = [
-    "Comparison",
-    "EvaluationReport",
-    "FieldkitError",
-    "Outcome",
-    "Plan",
-    "ReconstructionSettings",
-    "ReferenceReport",
-    "SearchSettings",
-    "__version__",
-    "build_reference",
-    "compare_evaluations",
-    "evaluate",
-    "evaluate_captures",
-    "export_mission",
-    "load_evaluation_report",
-    "load_plan",
-    "load_reference_report",
-    "plan",
-    "plan_views",
-    "read_cloud",
-    "resume_plan",
-    "search_settings",
-    "write_report",
-]
+    from fieldkit.clouds.io import read_cloud as read_cloud
+    from fieldkit.errors import FieldkitError as FieldkitError
+    from fieldkit.evaluation.compare import Comparison as Comparison
+    from fieldkit.evaluation.compare import compare_evaluations as compare_evaluations
+    from fieldkit.evaluation.evaluate import evaluate_captures as evaluate_captures
+    from fieldkit.evaluation.reference import build_reference as build_reference
+    from fieldkit.missions.export_mission import export_mission as export_mission
+    from fieldkit.notebook import evaluate as evaluate
+    from fieldkit.notebook import plan as plan
+    from fieldkit.planning.run.outcome import Outcome as Outcome
+    from fieldkit.planning.run.plan_views import plan_views as plan_views
+    from fieldkit.planning.run.plan_views import resume_plan as resume_plan
+    from fieldkit.planning.run.request import search_settings as search_settings
+    from fieldkit.planning.settings import SearchSettings as SearchSettings
+    from fieldkit.reconstruction.settings import ReconstructionSettings as ReconstructionSettings
+    from fieldkit.report.write_report import write_report as write_report
+    from fieldkit.results.evaluation import EvaluationReport as EvaluationReport
+    from fieldkit.results.evaluation import ReferenceReport as ReferenceReport
+    from fieldkit.results.plan import Plan as Plan
+    from fieldkit.results.plan_file import load_plan as load_plan
+    from fieldkit.results.report_files import load_evaluation_report as load_evaluation_report
+    from fieldkit.results.report_files import load_reference_report as load_reference_report
 
 _HOMES = {
-    "Comparison": "fieldkit.evaluation.compare",
-    "EvaluationReport": "fieldkit.results.evaluation",
-    "FieldkitError": "fieldkit.errors",
-    "Outcome": "fieldkit.planning.run.outcome",
-    "Plan": "fieldkit.results.plan",
-    "ReconstructionSettings": "fieldkit.reconstruction.settings",
-    "ReferenceReport": "fieldkit.results.evaluation",
-    "SearchSettings": "fieldkit.planning.settings",
-    "build_reference": "fieldkit.evaluation.reference",
-    "compare_evaluations": "fieldkit.evaluation.compare",
-    "evaluate": "fieldkit.notebook",
-    "evaluate_captures": "fieldkit.evaluation.evaluate",
-    "export_mission": "fieldkit.missions.export_mission",
-    "load_evaluation_report": "fieldkit.results.report_files",
-    "load_plan": "fieldkit.results.plan_file",
-    "load_reference_report": "fieldkit.results.report_files",
-    "plan": "fieldkit.notebook",
-    "plan_views": "fieldkit.planning.run.plan_views",
-    "read_cloud": "fieldkit.clouds.io",
-    "resume_plan": "fieldkit.planning.run.plan_views",
-    "search_settings": "fieldkit.planning.run.request",
-    "write_report": "fieldkit.report.write_report",
+    name: f"fieldkit.{module}"
+    for module, names in (
+        ("clouds.io", "read_cloud"),
+        ("errors", "FieldkitError"),
+        ("evaluation.compare", "Comparison compare_evaluations"),
+        ("evaluation.evaluate", "evaluate_captures"),
+        ("evaluation.reference", "build_reference"),
+        ("missions.export_mission", "export_mission"),
+        ("notebook", "evaluate plan"),
+        ("planning.run.outcome", "Outcome"),
+        ("planning.run.plan_views", "plan_views resume_plan"),
+        ("planning.run.request", "search_settings"),
+        ("planning.settings", "SearchSettings"),
+        ("reconstruction.settings", "ReconstructionSettings"),
+        ("report.write_report", "write_report"),
+        ("results.evaluation", "EvaluationReport ReferenceReport"),
+        ("results.plan", "Plan"),
+        ("results.plan_file", "load_plan"),
+        ("results.report_files", "load_evaluation_report load_reference_report"),
+    )
+    for name in names.split()
 }
+__all__ = sorted([*_HOMES, "__version__"])
 
 
 def __getattr__(name: str) -> Any:

@@ -140,7 +140,7 @@ class Soak:
         """Kill a run, look at what it leaves, and run it again."""
         job, line = JOBS[name], self.line(JOBS[name], warm=warm)
         process = line.start(*job.words, by=("setsid", "-w"))
-        time.sleep(self.random.uniform(0.2, 0.95) * self.seconds[name])
+        time.sleep(self.random.uniform(0.1, 0.9) * self.seconds[name])
         with_all = psutil.Process(process.pid).children(recursive=True) if process.poll() is None else []
         for each in with_all:
             with suppress(psutil.NoSuchProcess):
@@ -152,7 +152,9 @@ class Soak:
             self.check(name, same(result, expected), "half of a result stood as a whole one")
             shutil.rmtree(result) if result.is_dir() else result.unlink()
         resumed = job.again if job.again and (result / "search.json").exists() else job.words
+        begun = time.monotonic()
         done = line.run(*resumed, *(("--overwrite",) if resumed is job.words and name == "plan" else ()))
+        self.seconds[name] = time.monotonic() - begun
         self.check(name, done.code == 0, f"exit code {done.code} after a kill: {done.err[-300:]}")
         self.check(name, same(result, expected), "another result after a kill")
         self.check(name, not partial_folders(line.folder), "a hidden folder stayed")
