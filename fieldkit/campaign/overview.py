@@ -198,15 +198,16 @@ def _scatter(score: Score) -> str | None:
 
 def _drift_table(changes: list[Drift]) -> Table:
     """A row per plot; the dates in the title where they are the same for all."""
-    last = {(change.plot, change.figure): change for change in changes}
-    spans = {(change.first_date, change.date) for change in last.values()}
-    figures = [each for each in TRENDS if any(each.key == key for _, key in last)]
+    last: dict[str, dict[str, Drift]] = {}
+    for change in changes:
+        last.setdefault(change.plot, {})[change.figure] = change
+    spans = {(change.first_date, change.date) for own in last.values() for change in own.values()}
+    figures = [each for each in TRENDS if any(each.key in own for own in last.values())]
     title, dates = "Change since each plot's first date", ["from", "to"]
     if len(spans) == 1:
         title, dates = "Change from {} to {}".format(*spans.pop()), []
     rows = []
-    for plot in dict.fromkeys(plot for plot, _ in last):
-        own = {key: change for (name, key), change in last.items() if name == plot}
+    for plot, own in last.items():
         longest = max(own.values(), key=lambda change: change.date)
         span = (longest.first_date, longest.date) if dates else ()
         rows.append((plot, *span, *(_changed(own[each.key]) if each.key in own else None for each in figures)))

@@ -67,8 +67,12 @@ def campaign_section(result: Loaded[Campaign], anchor: str, shown: Shown) -> Sec
             table = _table(day, visits, anchors, pictures)
             blocks.append(table if last else Details(f"Plots on {day}", (traits_table(campaign, day), table)))
         photographs = shown.pictures(anchor, PHOTOGRAPHS)
+        by_plot: dict[str, list[Visit]] = {}
+        for visit in campaign.visits:
+            by_plot.setdefault(visit.plot, []).append(visit)
         blocks += [
-            _plot(campaign, plot, name, pictures.get(plot), photographs.get(plot)) for plot, name in anchors.items()
+            _plot(by_plot[plot], plot, name, pictures.get(plot), photographs.get(plot))
+            for plot, name in anchors.items()
         ]
     return Section(anchor, f"Campaign: {campaign.name}", tuple(blocks))
 
@@ -159,9 +163,10 @@ def _table(day: str, visits: Sequence[Visit], anchors: Mapping[str, str], pictur
     ])  # fmt: skip
 
 
-def _plot(campaign: Campaign, plot: str, anchor: str, cloud: Picture | None, photograph: Picture | None) -> Details:
+def _plot(
+    visits: Sequence[Visit], plot: str, anchor: str, cloud: Picture | None, photograph: Picture | None
+) -> Details:
     """A plot's dates."""
-    visits = [visit for visit in campaign.visits if visit.plot == plot]
     columns = score_columns(visits)
     grown = tabulated(f"{plot} over the dates", [{"date": visit.date, **_grown(visit)} for visit in visits])
     quality = tabulated(

@@ -72,9 +72,10 @@ def _cloud(campaign: Path, visit: Visit) -> Picture | None:
 
 def _photograph(campaign: Path, visit: Visit) -> Picture | None:
     """The photograph of a visit that looks down most steeply, if it is still there and as it was."""
-    files = {Path(path).name: (campaign / path, sha256) for sha256, path in visit.photographs.items()}
     plots = load_evaluation_report(campaign / visit.folder).plots if visit.folder else ()
     used = [image for plot in plots for image in plot.image_reports if image.counts]
+    kept = visit.photographs.items() if used else ()
+    files = {Path(path).name: (campaign / path, sha256) for sha256, path in kept}
     for image in sorted(used, key=lambda image: image.pitch_deg or 0.0):
         file, sha256 = files.pop(Path(image.name).name, (None, ""))
         if file is not None and file.is_file() and file_sha256(file) == sha256:
