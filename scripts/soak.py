@@ -139,9 +139,12 @@ class Soak:
     def kill(self, name: str, *, warm: bool) -> None:
         """Kill a run, look at what it leaves, and run it again."""
         job, line = JOBS[name], self.line(JOBS[name], warm=warm)
-        process = line.start(*job.words, by=("setsid", "-w"))
+        process = line.start(*job.words)
         time.sleep(self.random.uniform(0.1, 0.9) * self.seconds[name])
-        with_all = psutil.Process(process.pid).children(recursive=True) if process.poll() is None else []
+        with_all: list[psutil.Process] = []
+        if process.poll() is None:
+            command = psutil.Process(process.pid)
+            with_all = [command, *command.children(recursive=True)]
         for each in with_all:
             with suppress(psutil.NoSuchProcess):
                 each.kill()
