@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,6 +17,7 @@ from fieldkit.documents.validation_sentence import validation_sentence
 from fieldkit.errors import InputError, MetadataError
 
 Model = TypeVar("Model", bound=BaseModel)
+_TRUE_VERSION = re.compile(rb'"version"\s*:\s*true')  # pydantic takes it for 1
 
 
 def read_json_object(file: Path, remedy: str, *, noun: str, max_bytes: int) -> dict[str, Any]:
@@ -58,8 +60,9 @@ def check_version(document: dict[str, Any], known: int, file: Path, remedy: str)
 def read_model(model: type[Model], kind: str, file: Path, remedy: str, *, max_bytes: int) -> Model:
     """A file that fieldkit wrote as a model of pydantic's, which says the version that is known."""
     with suppress(InputError, ValidationError):  # most are right; what is wrong with the others is found below
-        made = model.model_validate_json(file_bytes(file, remedy, max_bytes, noun=kind))
-        if {"kind", "version"} <= made.model_fields_set:
+        data = file_bytes(file, remedy, max_bytes, noun=kind)
+        made = model.model_validate_json(data)
+        if {"kind", "version"} <= made.model_fields_set and not _TRUE_VERSION.search(data):
             return made
     document = read_kind(file, kind, remedy, max_bytes=max_bytes)
     check_version(document, model.model_fields["version"].default, file, remedy)
