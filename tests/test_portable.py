@@ -114,6 +114,7 @@ def test_a_stream_of_few_signs_is_no_error(tmp_path: Path, encoding: str, said: 
         assert b"bug" not in done.stderr
         return done
 
+    (tmp_path / "plan").touch()
     done = run("check", "Süd → −5 ± 1", "--plan", "plan", "--json")
     assert done.returncode == 3
     assert "Süd → −5 ± 1" in json.loads(done.stdout)["error"]["path"]

@@ -93,7 +93,7 @@ def test_plots_of_a_file_of_their_own(capture, capsys, tmp_path) -> None:
 
 @pytest.mark.parametrize("option", ["--plots", "--plot-id", "--plot"])
 def test_plots_belong_to_a_site(option: str, capture: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", str(capture[0]), "--plan", str(capture[1]), option, "x"]) == 2
+    assert main(["check", str(capture[0]), "--plan", str(capture[1]), option, str(capture[1])]) == 2
     assert f"{option} goes with a site file" in capsys.readouterr().err
 
 
