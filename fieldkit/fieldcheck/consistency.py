@@ -27,9 +27,9 @@ from fieldkit.geometry.priors import PosePrior
 _TURN_DEG, _DIRECTION_DEG = 12.0, 20.0
 _DIRECTION_SIGMAS = 3.7
 _CONTRADICTS, _AGREES = 4.0, 3.0
-_CERTAIN_MATCHES, _GROSS = 25, 10.0
-"""On simulated plots ties of fewer matches called sound photographs wrong, by up to 7 standard deviations; exchanged
-ones were 24 and more off by such ties."""
+_CERTAIN_MATCHES, _GROSS = 30, 10.0
+"""On simulated plots ties of fewer matches called sound photographs wrong, by up to 8 standard deviations in wind;
+exchanged ones were 24 and more off by such ties."""
 _MOST_ROUNDS = 30
 _ROTATION_DEG, _ROTATION_PER_ROOT_DEG = 0.8, 8.0
 _DIRECTION_SIGMA_DEG, _DIRECTION_PER_ROOT_DEG = 2.0, 20.0
