@@ -40,6 +40,9 @@ STILL_SCATTER_PX = 1.05
 SCATTER_OF_HEIGHT_M, SCATTER_OF_TIPS_M, SCATTER_OF_AREA_M = 0.002, 0.005, 0.0055
 """What scatters beyond that, from where errors grow with it: of heights by the cloud, of those that outlines show, of
 areas and volumes; docs/traits.md says on what they were fitted."""
+STANDARD_PIXEL_M = 0.0021
+"""Pixels of the depth maps that the errors above were found with. Coarser ones make leaves wider, the more where these
+sway: errors of areas and volumes grow with them."""
 _CELL_OF_SCATTER = 0.8
 """Edge of the canopy's cells where leaves sway: finer ones stay empty by chance."""
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
@@ -117,7 +120,7 @@ def plot_traits(
     height = height if shown_m is None else max(height, shown_m)
     cover = None if area is None else min(100.0, 100.0 * covered / area)
     of_height = max(1.0, swayed_m / (SCATTER_OF_HEIGHT_M if shown_m is None else SCATTER_OF_TIPS_M))
-    of_area = max(1.0, swayed_m / SCATTER_OF_AREA_M)
+    of_area = max(1.0, swayed_m / SCATTER_OF_AREA_M) * max(1.0, found.pixel_m / STANDARD_PIXEL_M)
     of_scale_m = NINE_IN_TEN * doubt * height
     area_error = float(np.hypot(of_area * AREA_ERROR, 2.0 * NINE_IN_TEN * doubt))
     values: dict[Trait, tuple[float | None, float]] = {
