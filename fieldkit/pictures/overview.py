@@ -177,7 +177,7 @@ def _draw_weakest(axes: Axes, report: ReconstructionEntry, direction: Direction)
         width=0.006, zorder=6,
     )  # fmt: skip
     axes.text(
-        0.02, 0.02, f"ringed: could lie {format_length(most)} off together (arrows {times:g} times as long)", size=7,
+        0.02, 0.95, f"ringed: could lie {format_length(most)} off together (arrows {times:g} times as long)", size=7,
         color=_WEAKEST, transform=axes.transAxes, zorder=7,
     )  # fmt: skip
 
