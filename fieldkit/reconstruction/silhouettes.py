@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,24 +135,19 @@ def highest_shown_m(found: Sequence[Outline], ground: Plane, plants: Array, sway
     if len(found) < _LEAST_VIEWS:
         return None
     heights, index = ground.heights(plants), PointIndex(plants)
-    top = float(heights.max())
+    highest = int(heights.argmax())
+    top = float(heights[highest])
     columns = _columns_about(plants[heights >= _UPPER * top, :2])
-    views, pixels_m = [], []
-    for outline in found[:: 1 + len(found) // ENOUGH_VIEWS]:
-        away = float(np.linalg.norm(outline.pose.center - plants[int(heights.argmax())]))
-        pixels_m.append(away / outline.camera.fx)
+    views, away, pixels_m = found[:: 1 + len(found) // ENOUGH_VIEWS], [], []
+    for outline in views:
+        pixels_m.append(float(np.linalg.norm(outline.pose.center - plants[highest])) / outline.camera.fx)
         px = round(max(0.5 * _CELL_M, _SWAYS * sway_m) / pixels_m[-1])
-        widened = cv2.dilate(outline.mask.astype(np.uint8), np.ones((1, 2 * px + 1), dtype=np.uint8)) > 0
-        views.append(replace(outline, mask=widened))
+        away.append(cv2.dilate(outline.mask.astype(np.uint8), np.ones((1, 2 * px + 1), dtype=np.uint8)) == 0)
     shown: list[int] = []
     levels = np.arange(_ABOVE * top, _UPPER * top, -_LEVEL_M)
     for level in levels:
         cells = ground.above(columns, float(level))
-        seen, plant = np.zeros(len(cells), dtype=np.int32), np.zeros(len(cells), dtype=np.int32)
-        for view in views:
-            inside = np.flatnonzero(view.camera.sees(view.pose.to_camera(cells)))
-            seen[inside] += 1
-            plant[inside] += view.mask[view.pixels(cells[inside])]
+        seen, plant = _counted(views, away, cells, 0.0)
         places = cells[(plant >= _SHOWN_BY * seen) & (2 * seen > len(views))]
         shown.append(int((index.nearest(places)[0] <= _FARTHEST_M).sum()) if len(places) else 0)
         if len(shown) >= _LEVELS and all(shown[-_LEVELS:]):
@@ -159,6 +155,23 @@ def highest_shown_m(found: Sequence[Outline], ground: Plane, plants: Array, sway
             tip = first > 0 and shown[-1] * _CELL_M**2 <= _LARGEST_TIP_M2
             return float(levels[first] + _TIP_PX * np.median(pixels_m)) if tip else None
     return None
+
+
+def _counted(
+    views: Sequence[Outline], away: Sequence[NDArray[Any]], cells: Array, near_m: float
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """(n,) how many views have each cell (n, 3) in the picture, and how many of these show plants within ``near_m``.
+
+    Args:
+        away: (H, W) of each view, how many pixels each pixel is away from plants.
+    """
+    seen, plant = np.zeros(len(cells), dtype=np.int32), np.zeros(len(cells), dtype=np.int32)
+    for view, off in zip(views, away, strict=True):
+        shown = np.flatnonzero(view.camera.sees(view.pose.to_camera(cells)))
+        depth = (cells[shown] - view.pose.center) @ view.pose.forward
+        seen[shown] += 1
+        plant[shown] += off[view.pixels(cells[shown])] <= near_m * view.camera.fx / depth
+    return seen, plant
 
 
 def _columns_about(places: Array) -> Array:
@@ -194,13 +207,7 @@ def hull_volume(sparse: SparseResult, mask: Mask) -> Volume | None:
                 for low, high in zip(volume.lower, volume.upper, strict=True)]  # fmt: skip
         cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         half = 0.5 * volume.diagonal / _CELLS
-        seen, plant = np.zeros(len(cells), dtype=np.int32), np.zeros(len(cells), dtype=np.int32)
-        for outline, off in zip(found, away, strict=True):
-            shown = np.flatnonzero(outline.camera.sees(outline.pose.to_camera(cells)))
-            rows, columns = outline.pixels(cells[shown])
-            depth = (cells[shown] - outline.pose.center) @ outline.pose.forward
-            seen[shown] += 1
-            plant[shown] += off[rows, columns] <= half * outline.camera.fx / depth
+        seen, plant = _counted(found, away, cells, half)
         kept = cells[(plant >= _OF_VIEWS * seen) & (2 * seen >= len(found))]
         if not len(kept):
             return None

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Generic, Protocol, TypeVar
 import numpy as np
 
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
-from fieldkit.planning.score.cost_model import WEIGHTS, CostModel
+from fieldkit.planning.score.cost_model import WEIGHTS, CostModel, Weights
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import Circle, circles
 
@@ -148,6 +148,12 @@ def circle_stages(problem: PlanningProblem) -> tuple[Sequence[Circle], Stage[Cir
     """The circles of the coarse grid, and the stage of the eight about the best of them."""
     radii, altitudes, _ = problem.ranges
     return circles(problem, _GRID, _GRID), finer_grid({"radius_m": radii, "altitude_m": altitudes}, _GRID)
+
+
+def expected_ring(problem: PlanningProblem, weights: Weights) -> tuple[Cameras, float]:
+    """The plain ring, and the value in metres that the score expects of it."""
+    ring = plain_ring(problem)
+    return ring, CostModel(problem).expected_m(ring, weights, None)
 
 
 def plain_ring(problem: PlanningProblem) -> Cameras:

@@ -13,11 +13,10 @@ import numpy as np
 from fieldkit.errors import MissionError
 from fieldkit.evaluation.traits import AREA_ERROR, HEIGHT_ERROR_M, LEAST_PHOTOGRAPHS, VOLUME_ERROR
 from fieldkit.missions.export import route_plan
-from fieldkit.planning.methods.circle import plain_ring
+from fieldkit.planning.methods.circle import expected_ring
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.run.outcome import plants_of
 from fieldkit.planning.run.run_setup import RunSetup, set_up_run
-from fieldkit.planning.score.cost_model import CostModel
 from fieldkit.planning.score.geometric import GeometricScore
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.planning.space.cameras import Cameras
@@ -87,12 +86,7 @@ def even_rings(
     problem: PlanningProblem, counts: Sequence[int], settings: SearchSettings
 ) -> list[tuple[Cameras, float]]:
     """For each number of cameras the even ring, and the value in metres that the score expects of it."""
-    problems = [replace(problem, count=count) for count in counts]
-    rings = [plain_ring(each) for each in problems]
-    return [
-        (ring, CostModel(each).expected_m(ring, settings.weights, None))
-        for each, ring in zip(problems, rings, strict=True)
-    ]
+    return [expected_ring(replace(problem, count=count), settings.weights) for count in counts]
 
 
 def missing_shares(problem: PlanningProblem, found: Sequence[tuple[Cameras, float]]) -> list[float]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from fieldkit.cache import StageCache
 from fieldkit.errors import FieldkitError, ReconstructionError
-from fieldkit.planning.methods.circle import plain_ring
+from fieldkit.planning.methods.circle import expected_ring
 from fieldkit.planning.methods.registry import METHODS, MethodEntry, method_entry
 from fieldkit.planning.methods.subsets import even_subsets
 from fieldkit.planning.problem import Chooser, Limited, PlanningProblem, Trial
@@ -28,7 +28,6 @@ from fieldkit.planning.run.loop import (
 )
 from fieldkit.planning.run.outcome import Outcome, write_outcome
 from fieldkit.planning.run.run_setup import RunSetup, set_up_run
-from fieldkit.planning.score.cost_model import CostModel
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import processor_seconds
@@ -180,8 +179,7 @@ def _ring(problem: PlanningProblem, settings: SearchSettings) -> Trial | None:
     """
     if settings.plots == 1 or problem.views is not None or settings.finalists == 1:
         return None
-    cameras = plain_ring(problem)
-    expected_m = CostModel(problem).expected_m(cameras, settings.weights, None)
+    cameras, expected_m = expected_ring(problem, settings.weights)
     return Trial(settings.finalists - 1, cameras, "even ring", {"expected_m": expected_m})
 
 
