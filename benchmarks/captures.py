@@ -17,7 +17,7 @@ from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.sampling import sample_plants
+from fieldkit.scenes.sampling import sample_visible
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, camera_toml, poses_table, simulate_capture
 from fieldkit_sim.plot import build_scene
@@ -46,7 +46,7 @@ class RenderedPlot:
 def rendered_plot(split: Split, index: int) -> RenderedPlot:
     """A benchmark scene, built."""
     scene = build_scene(benchmark_scene(split, index))
-    visible = sample_plants(scene, _TRUTH_POINTS)
+    visible = sample_visible(scene, (_TRUTH_POINTS,))[0]
     truth = visible.select(visible.points[:, 2] > LOWEST_M)
     around = Volume.around(truth.points, margin_m=0.03)
     return RenderedPlot(scene, truth, Volume((around.lower[0], around.lower[1], LOWEST_M), around.upper))

@@ -66,11 +66,16 @@ def run_cost(
     )
 
 
+def stage_cpu_s(found: Evaluation, stage: str) -> float:
+    """CPU seconds of one stage; 0 if it was not run."""
+    return sum(each.cpu_s for each in found.times if each.name == stage)
+
+
 def cost_table(measured: dict[str, list[Evaluation]]) -> ResultTable:
     """Median CPU seconds by stage, a column per fidelity."""
     stages = list(dict.fromkeys(s.name for found in measured.values() for e in found for s in e.times))
     rows: list[tuple[Cell, ...]] = [
-        (stage, *(f"{np.median([e.stage_cpu_s(stage) for e in found]):.2f}" for found in measured.values()))
+        (stage, *(f"{np.median([stage_cpu_s(e, stage) for e in found]):.2f}" for found in measured.values()))
         for stage in stages
     ]
     rows.append(("everything", *(f"{np.median([e.cpu_s for e in found]):.2f}" for found in measured.values())))

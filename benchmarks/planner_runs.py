@@ -14,7 +14,7 @@ from benchmarks.result import Cell, spread
 from fieldkit import __version__
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
-from fieldkit.planning.run.folder import SETTINGS_FILE, LogEntry, read_log, read_settings, searched
+from fieldkit.planning.run.folder import LogEntry, read_log, read_settings, searched
 from fieldkit.planning.run.outcome import Outcome, best_so_far, read_outcome
 from fieldkit.planning.run.plan_views import plan_views, resume_plan
 from fieldkit.planning.run.request import KIND_CONFIRMED, KIND_METHOD, RECORDED_CONFIRMED
@@ -22,7 +22,7 @@ from fieldkit.planning.run.sources import describe_sources
 from fieldkit.planning.settings import GivenPlot, SearchSettings, lag_for
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.plan import Plan, PlanSource
-from fieldkit.results.plan_file import PLAN_FILE, load_plan
+from fieldkit.results.plan_file import PLAN_FILE, SETTINGS_FILE, load_plan
 from fieldkit.runtime.progress import Progress
 from fieldkit.vocabulary import MappingName, SearchFidelity
 

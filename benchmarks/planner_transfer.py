@@ -13,11 +13,12 @@ from benchmarks.result import Cell, ResultTable
 from fieldkit.cache import StageCache
 from fieldkit.planning.problem import Trial
 from fieldkit.planning.run.evaluations import evaluating
-from fieldkit.planning.run.folder import SETTINGS_FILE, create_run, open_run
+from fieldkit.planning.run.folder import create_run, open_run
 from fieldkit.planning.run.loop import Finalist, evaluate_again, no_watch
 from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot
+from fieldkit.results.plan_file import SETTINGS_FILE
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.sites.fitted import fitted_to_height

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from benchmarks.captures import rig_capture
+from benchmarks.objective_cost import stage_cpu_s
 from benchmarks.result import Cell, ResultTable, StudyResult, spread
 from benchmarks.rigs import load_rig
 from benchmarks.subset_plots import Subset, draw_subsets
@@ -120,7 +121,7 @@ def run_recorded(
             "against_all_views": [e.figures() for e in against_whole],
             "all_candidates": every.figures(),
             "cpu_s": [e.cpu_s for e in against_truth],
-            "stages": {s.name: [e.stage_cpu_s(s.name) for e in against_truth] for s in against_truth[0].times},
+            "stages": {s.name: [stage_cpu_s(e, s.name) for e in against_truth] for s in against_truth[0].times},
             "truth_points": len(truth),
             "truth_spearman": agreement,
             "gap_spearman": float(spearmanr([largest_gap_deg(centers[i], centers) for i in chosen], values).statistic),
@@ -197,5 +198,5 @@ def summary_table(found: dict[str, Sequence[Evaluation]], every: Evaluation) -> 
 def stage_table(found: Sequence[Evaluation]) -> ResultTable:
     """CPU seconds by stage, medians over the subsets."""
     stages = list(dict.fromkeys(s.name for e in found for s in e.times))
-    rows: list[tuple[Cell, ...]] = [(s, f"{np.median([e.stage_cpu_s(s) for e in found]):.2f}") for s in stages]
+    rows: list[tuple[Cell, ...]] = [(s, f"{np.median([stage_cpu_s(e, s) for e in found]):.2f}") for s in stages]
     return ResultTable("CPU seconds of one evaluation, warm cache", ("stage", "CPU s>"), tuple(rows))

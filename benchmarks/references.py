@@ -14,10 +14,10 @@ from benchmarks.result import Cell, ResultTable, StudyResult
 from fieldkit.cache import StageCache
 from fieldkit.clouds import Cloud, icp, read_cloud, read_las
 from fieldkit.clouds.neighbors import PointIndex
-from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, SCENE_FILE, build_reference
+from fieldkit.evaluation.reference import OVERVIEW_FILE, build_reference
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.similarity import fit_similarity
-from fieldkit.results.evaluation import ReferenceReport
+from fieldkit.results.evaluation import CLOUD_FILE, SCENE_FILE, ReferenceReport
 from fieldkit.runtime.progress import Progress
 
 SETS = ("basil_rig", "arabidopsis_rig", "drone_trees")

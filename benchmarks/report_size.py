@@ -113,10 +113,10 @@ def study(*, counts: Sequence[int] = COUNTS, seed: int = 0, progress: Progress) 
 def scenes_of(counts: Sequence[int], seed: int = 0) -> list[ViewerScene]:
     """A plot's cloud for each count: stereo-like noise, the distance to the true surface as value, and 13 cameras."""
     from benchmarks.scene_views import load_scene, ring_about_plants
-    from fieldkit.scenes.sampling import sample_plants
+    from fieldkit.scenes.sampling import sample_visible
 
     under_study = load_scene(_SCENE)
-    cloud = sample_plants(under_study.scene, min(_SAMPLES, 2 * max(counts, default=0)), seed)
+    cloud = sample_visible(under_study.scene, (min(_SAMPLES, 2 * max(counts, default=0)),), seed)[0]
     poses = ring_about_plants(under_study.description, 13)
     cameras = FrustumLayer("Cameras", poses, [f"Camera {i + 1}" for i in range(13)], 0.59, 0.44, "#27609b")
     scenes = []

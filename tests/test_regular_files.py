@@ -26,11 +26,11 @@ from fieldkit.missions.files.qgc_plan import read_plan
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.waypoints import read_waypoints
 from fieldkit.missions.files.wpml_reading import read_wpml
-from fieldkit.planning.run.folder import LOG_FILE, SETTINGS_FILE, read_log, read_settings
+from fieldkit.planning.run.folder import LOG_FILE, read_log, read_settings
 from fieldkit.planning.run.outcome import OUTCOME_FILE, read_outcome
 from fieldkit.regular_files import check_replaceable, open_regular, read_regular
 from fieldkit.results.mission import load_mission
-from fieldkit.results.plan_file import load_plan
+from fieldkit.results.plan_file import SETTINGS_FILE, load_plan
 from fieldkit.results.report_files import file_sha256, load_evaluation_report, load_reference_report
 from fieldkit.results.visit import CAMPAIGN_FILE, VISIT_FILE, load_visit
 from fieldkit.scenes.plot_description import check_mesh_file

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from fieldkit.clouds.volume import Volume
 from fieldkit.documents.toml_file import read_versioned, toml_text, validated_toml
-from fieldkit.evaluation.rasters import Rasters
-from fieldkit.reconstruction.learned import ties_name
-from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.fields import Strict
 from fieldkit.runtime.shipped import shipped_page
 from fieldkit.sites.site import Name
 from fieldkit.vocabulary import DISTANCES_M, Fidelity, MappingChoice, Mask, TiesName
+
+if TYPE_CHECKING:
+    from fieldkit.evaluation.rasters import Rasters
+    from fieldkit.reconstruction.settings import ReconstructionSettings
 
 _MAX_BYTES = 1 << 20
 _REMEDY = f"{shipped_page('docs/campaigns.md')} lists the keys of campaign.toml."
@@ -57,6 +57,10 @@ class EvaluationTable(Strict):
     @property
     def settings(self) -> ReconstructionSettings:
         """The same as the reconstruction takes it."""
+        from fieldkit.clouds.volume import Volume
+        from fieldkit.reconstruction.learned import ties_name
+        from fieldkit.reconstruction.settings import ReconstructionSettings
+
         b = self.bounds_m
         return ReconstructionSettings(
             mapping=self.mapping, ties=ties_name(self.ties), fidelity=self.fidelity, mask=self.mask,
@@ -66,6 +70,8 @@ class EvaluationTable(Strict):
     @property
     def wanted_rasters(self) -> Rasters | None:
         """The height models to write; None for none."""
+        from fieldkit.evaluation.rasters import Rasters
+
         return Rasters(self.gsd_m) if self.rasters else None
 
 

@@ -7,6 +7,7 @@ per plot and date, and ``plots`` with a feature per plot and its latest figures,
 from __future__ import annotations
 
 import importlib.util
+import io
 import json
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -117,7 +118,9 @@ def campaign_geojson(campaign: Campaign) -> str:
         {"type": "Feature", "geometry": shapes.get(row["plot"]), "properties": row} for row in visit_rows(campaign)
     ]
     document = {"type": "FeatureCollection", "name": campaign.name, "features": features}
-    return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    text = io.StringIO()  # `json.dumps` would hold every word of it at once
+    json.dump(document, text, indent=1, ensure_ascii=False, allow_nan=False)
+    return text.getvalue() + "\n"
 
 
 def campaign_geopackage(campaign: Campaign) -> bytes:

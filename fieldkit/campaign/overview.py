@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from typing import Any
 
 from fieldkit.campaign.measured import measured_agreement
@@ -25,7 +24,7 @@ MOST_SHOWN = 100
 
 
 def campaign_object(campaign: Campaign) -> dict[str, Any]:
-    """The campaign as plain values for --json."""
+    """The campaign as plain values for --json; what is a row per visit, as iterators."""
     return {
         "campaign": campaign.name,
         "folder": str(campaign.folder),
@@ -41,12 +40,12 @@ def campaign_object(campaign: Campaign) -> dict[str, Any]:
         "vanished": list(campaign.vanished),
         "missing": {date: missing(campaign, date) for date in campaign.dates},
         "noise_m": measured_noise_m(campaign.plan),
-        "visits": [visit.row() | {"current": is_current(visit)} for visit in campaign.visits],
+        "visits": (visit.row() | {"current": is_current(visit)} for visit in campaign.visits),
         "ranking": {
             date: [_ranked(entry) for entry in ranking(campaign.visits, campaign.plan, date)] for date in campaign.dates
         },
         "measured": None if (found := measured_agreement(campaign)) is None else found.plain(),
-        "drift": [asdict(change) | {"change": change.change} for change in drift(campaign.visits, campaign.plan)],
+        "drift": (vars(change) | {"change": change.change} for change in drift(campaign.visits, campaign.plan)),
     }  # fmt: skip
 
 

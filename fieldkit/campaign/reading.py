@@ -73,13 +73,6 @@ class Campaign:
     camera_file: Path | None = None
     """In the folder; the latter two None where there is none."""
 
-    def plot(self, name: str) -> CampaignPlot:
-        """The plot of a name."""
-        found = next((plot for plot in self.plots if plot.name == name), None)
-        if found is None:
-            raise KeyError(name)
-        return found
-
     def carried_plan(self, plot: str) -> Plan:
         """The campaign's plan as it is flown over a plot: fitted to it, if the plan is made for that."""
         known = [each for each in self.site.plots if each.name == plot]

@@ -253,12 +253,12 @@ def _outer(folder: Path, captures: Path) -> tuple[str, ...]:
 def _jobs(
     campaign: Campaign, captures: Path, found: FoundPhotos, sorting: Sorting, cache: StageCache
 ) -> list[VisitJob]:
-    photos = {each.place: each for each in found.photos}
+    photos, plots = {each.place: each for each in found.photos}, {plot.name: plot for plot in campaign.plots}
     jobs = []
     for visit in sorting.visits:
         chosen = tuple(photos[place] for place in visit.places)
         job = VisitJob(
-            plot=campaign.plot(visit.plot),
+            plot=plots[visit.plot],
             date=visit.date,
             photos=chosen,
             captures=_common(captures, chosen),

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from fieldkit.evaluation.prediction import prediction_model
-from fieldkit.evaluation.reference import CLOUD_FILE
 from fieldkit.reconstruction.versions import STAGES
+from fieldkit.results.evaluation import CLOUD_FILE
 from fieldkit.results.report_files import EVALUATION_FILE, load_evaluation_report
 from fieldkit.results.visit import VISIT_FILE, VISITS_FOLDER, Visit, load_visit, save_visit
 from fieldkit.sites.plot_ids import plot_file_name
@@ -37,9 +37,12 @@ def visit_files(campaign: Path, visit: Visit) -> dict[str, Path]:
 
 def read_visits(campaign: Path) -> list[Visit]:
     """All visits of a campaign's folder, by plot and date; a copy in another folder than its own is passed over."""
-    visits = []
+    visits, known, stages = [], set(Visit.model_fields), dict[str, dict[str, int]]()
     for file in (campaign / VISITS_FOLDER).glob(f"[!.]*/[!.]*/{VISIT_FILE}"):
         visit = load_visit(file.parent)
+        # What is the same in all is held once: a season may have 20,000.
+        visit.__dict__["stages"] = stages.setdefault(repr(visit.stages), visit.stages)
+        object.__setattr__(visit, "__pydantic_fields_set__", known)
         if campaign / visit_place(*visit.key) == file.parent:
             visits.append(visit)
     return sorted(visits, key=lambda visit: visit.key)

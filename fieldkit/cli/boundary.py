@@ -11,8 +11,9 @@ import sys
 import threading
 import warnings
 import weakref
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, suppress
+from itertools import chain, islice
 from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, TextIO
@@ -197,14 +198,19 @@ def finding_entry(finding: Any) -> dict[str, Any]:
 
 
 def emit_json(value: Any) -> None:
-    """Print one JSON object on stdout. Numbers that JSON does not know (NaN, infinity) become null."""
+    """Print one JSON object on stdout. Numbers that JSON does not know (NaN, infinity) become null.
+
+    Iterators within it are drawn while they are printed, so that only one of their items is held.
+    """
     import json
 
     ascii_only = not knows_every_sign(sys.stdout)  # JSON is UTF-8
+    pieces = json.JSONEncoder(ensure_ascii=ascii_only, indent=2, allow_nan=False).iterencode(_plain(value))
     with suppress(BrokenPipeError):
-        text = json.dumps(_plain(value), ensure_ascii=ascii_only, indent=2, allow_nan=False) + "\n"
-        # Paths may have bytes that are no UTF-8; as JSON's own escapes they can be written.
-        sys.stdout.write(text.encode("utf-8", "backslashreplace").decode())
+        for piece in iter(lambda: "".join(islice(pieces, 10_000)), ""):
+            # Paths may have bytes that are no UTF-8; as JSON's own escapes they can be written.
+            sys.stdout.write(piece.encode("utf-8", "backslashreplace").decode())
+        sys.stdout.write("\n")
     flush(sys.stdout)
 
 
@@ -233,11 +239,24 @@ def flush(stream: TextIO) -> None:
             os.dup2(nowhere.fileno(), stream.fileno())
 
 
+class _Drawn(list[Any]):
+    """An iterator's items, as a list to an encoder that goes through it once."""
+
+    def __init__(self, items: Iterator[Any]) -> None:
+        super().__init__(islice(items, 1))  # the first, which tells whether there is one
+        self._others = items
+
+    def __iter__(self) -> Iterator[Any]:
+        return map(_plain, chain(super().__iter__(), self._others))
+
+
 def _plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
+    if isinstance(value, Iterator):
+        return _Drawn(value)
     if isinstance(value, os.PathLike):
         return os.fspath(value)
     if hasattr(value, "tolist"):  # NumPy's scalars and arrays

@@ -23,7 +23,7 @@ from fieldkit.demo.plots import (
     photograph,
     scene_path,
 )
-from fieldkit.evaluation.reference import CLOUD_FILE, Reference
+from fieldkit.evaluation.reference import Reference
 from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.geometry import Pose
 from fieldkit.missions.export_mission import ExportedMission, export_mission
@@ -36,7 +36,7 @@ from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.planning.settings import NoiseSettings
 from fieldkit.report.write_report import REPORT_FILE, write_report
 from fieldkit.results.demo import DEMO_FILE, DemoEntry, DemoReport
-from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, ReferenceReport
+from fieldkit.results.evaluation import CLOUD_FILE, EvaluationReport, PlotEvaluation, ReferenceReport
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan
 from fieldkit.runtime.context import Context

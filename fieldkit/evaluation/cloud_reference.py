@@ -20,7 +20,7 @@ from fieldkit.clouds import Cloud, Volume, read_cloud
 from fieldkit.clouds.ground import fit_ground_plane
 from fieldkit.clouds.las import read_las
 from fieldkit.errors import CloudError, EmptyCloudError, MetadataError, ReconstructionError, UsageError
-from fieldkit.evaluation.reference import CLOUD_FILE, Reference
+from fieldkit.evaluation.reference import Reference
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.priors import SourceFrame
@@ -28,6 +28,7 @@ from fieldkit.reconstruction.dense.masks import EXG_THRESHOLD, excess_green
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.result import clearance
 from fieldkit.regular_files import open_regular
+from fieldkit.results.evaluation import CLOUD_FILE
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import Plane
 from fieldkit.results.report_files import REFERENCE_FILE

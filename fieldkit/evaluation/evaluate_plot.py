@@ -18,7 +18,7 @@ from fieldkit.evaluation.adherence import ComparedPlan, write_adherence
 from fieldkit.evaluation.cloud_reference import AnyReference, CloudReference
 from fieldkit.evaluation.conversion import failed_plot, plot_evaluation
 from fieldkit.evaluation.rasters import Rasters, coarse_place, write_rasters
-from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, Reference
+from fieldkit.evaluation.reference import OVERVIEW_FILE, Reference
 from fieldkit.evaluation.traits import PlotOutline, outline_of, scale_doubt
 from fieldkit.figures.spreadsheets import PLANTS_FILE, TRAITS_FILE, plants_csv, plot_rows, plots_csv, traits_csv
 from fieldkit.figures.style import format_length
@@ -29,7 +29,7 @@ from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.silhouettes import outlines
 from fieldkit.reconstruction.steady import steady_capture
-from fieldkit.results.evaluation import CorrectionEntry, EvaluationReport, PlotEvaluation
+from fieldkit.results.evaluation import CLOUD_FILE, CorrectionEntry, EvaluationReport, PlotEvaluation
 from fieldkit.results.fields import vector
 from fieldkit.results.finding import COARSE_RASTERS, NO_RASTERS, OTHER_PLANTS, Finding
 from fieldkit.results.report_files import EVALUATION_FILE, describe_files, save_report

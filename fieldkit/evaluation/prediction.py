@@ -8,14 +8,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from fieldkit.reconstruction.evidence import Evidence
 from fieldkit.results.evaluation import Prediction, ReconstructionEntry
 from fieldkit.results.fields import Strict
+
+if TYPE_CHECKING:
+    from fieldkit.reconstruction.evidence import Evidence
 
 MODEL_FILE = "prediction.json"
 NOTHING_METRIC = "the reconstruction has no metric scale"

@@ -8,8 +8,7 @@ from pathlib import Path
 from fieldkit.captures import read_capture
 from fieldkit.captures.decode import read_image
 from fieldkit.errors import MetadataError
-from fieldkit.evaluation.reference import CLOUD_FILE, SCENE_FILE
-from fieldkit.results.evaluation import ReferenceReport
+from fieldkit.results.evaluation import CLOUD_FILE, SCENE_FILE, ReferenceReport
 from fieldkit.results.report_files import REFERENCE_FILE, check_file, load_reference_report
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.description import Bounds

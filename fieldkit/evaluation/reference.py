@@ -25,15 +25,13 @@ from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.silhouettes import ENOUGH_VIEWS, outlines
 from fieldkit.reconstruction.steady import steady_capture
-from fieldkit.results.evaluation import ReferenceReport
+from fieldkit.results.evaluation import CLOUD_FILE, SCENE_FILE, ReferenceReport
 from fieldkit.results.fields import clean_text
 from fieldkit.results.report_files import REFERENCE_FILE, check_file, describe_files, load_reference_report, save_report
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import processor_seconds
 from fieldkit.runtime.progress import Progress
 
-CLOUD_FILE = "cloud.ply"
-SCENE_FILE = "scene.ply"
 OVERVIEW_FILE = "overview.png"
 MODEL_FOLDER = "model"
 

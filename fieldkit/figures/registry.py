@@ -132,9 +132,10 @@ def cells(plot: Scored, figures: Sequence[Figure]) -> Row:
 
 def _stored(key: str) -> Value:
     """The attribute of that name; lengths without a scale are of no use to others."""
+    of_visits, length = key in Visit.model_fields, key.endswith("_m")
 
     def value(plot: Scored) -> float | None:
-        known = not key.endswith("_m") or getattr(plot, "metric", True)
+        known = of_visits if isinstance(plot, Visit) else plot.metric or not length
         found: float | None = getattr(plot, key, None) if known else None
         return found
 

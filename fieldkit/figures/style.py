@@ -120,6 +120,8 @@ def visible(text: str) -> str:
 
     Text longer than `LONGEST` ends in an ellipsis.
     """
+    if len(text) <= LONGEST and text.isascii() and text.isprintable():
+        return text  # nearly all are, and a report has a million
     shown = _INVISIBLE.sub(_written_out, text)
     # Many combining marks would draw far beyond the line.
     shown = re.sub(

@@ -5,16 +5,19 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import font_manager, ft2font
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from fieldkit.clouds import Cloud
 from fieldkit.figures.style import format_nominal
 from fieldkit.pictures.projection import Direction, Window, draw_points
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 DPI = 150
 PAPER, INK, FAINT = "#fbfaf6", "#2b2b2b", "#8c8a82"
@@ -35,6 +38,8 @@ class Panel:
 
 def new_figure(width_in: float, height_in: float, title: str) -> Figure:
     """An empty figure, in inches, with a title at its upper left."""
+    from matplotlib.figure import Figure  # half a second, which reports can do without
+
     figure = Figure(figsize=(width_in, height_in), dpi=DPI, facecolor=PAPER)
     figure.text(
         0.3 / width_in, 1 - 0.32 / height_in, drawable(title), size=15, weight="bold", color=INK, va="center",

@@ -19,6 +19,7 @@ from fieldkit.results.frame import CameraReport, FrameEntry, VolumeEntry
 from fieldkit.results.traits import REASONS, PlantEntry, TraitsEntry, TraitTable
 from fieldkit.vocabulary import Fidelity, MappingName, Mask
 
+CLOUD_FILE, SCENE_FILE = "cloud.ply", "scene.ply"
 Seconds = Annotated[float, Field(ge=0)]
 Distance = Annotated[str, Field(pattern=r"^\d+\.\d{3,}$")]
 """A distance in metres as a key, with at least three decimals: "0.002"."""

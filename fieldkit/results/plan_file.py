@@ -13,6 +13,7 @@ from fieldkit.results.plan import Plan, Station
 from fieldkit.version import __version__
 
 PLAN_FILE = "plan.json"
+SETTINGS_FILE = "search.json"
 _MAX_BYTES = 16 << 20
 _AGAIN = "Give the plan.json of a plan, or the folder that holds it."
 

@@ -21,20 +21,15 @@ NEIGHBOUR_NAME = "neighbour-"
 _DIRECTIONS, _PIXELS = 36, 1600
 
 
-def sample_plants(scene: Scene, count: int, seed: int = 0) -> Cloud:
+def sample_visible(scene: Scene, counts: Sequence[int], seed: int = 0, *, pixels: int = _PIXELS) -> list[Cloud]:
     """Points on the plants' surfaces, uniform by area, that can be seen from outside.
 
     A point counts as visible when one of 36 directions, from straight above down to 10° below the horizon, reaches it
-    (within 3 mm) past plants and soil.
+    (within 3 mm) past plants and soil, which are drawn once for all counts, ``pixels`` wide.
 
     Returns:
-        About ``count`` points less the hidden ones, with unlit colours and normals, in the plot frame.
+        For each count about so many points less the hidden ones, with unlit colours and normals, in the plot frame.
     """
-    return sample_visible(scene, (count,), seed)[0]
-
-
-def sample_visible(scene: Scene, counts: Sequence[int], seed: int = 0, *, pixels: int = _PIXELS) -> list[Cloud]:
-    """`sample_plants` for several counts; what hides what is drawn once for all of them, ``pixels`` wide."""
     meshes = list(scene.plants)
     areas = [_areas(mesh) for mesh in meshes]
     everything = [_sample_all(meshes, areas, count, seed) for count in counts]

@@ -12,8 +12,6 @@ from typing import Literal
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
-from scipy.signal import find_peaks
 
 from fieldkit.errors import MissionError
 from fieldkit.results.plan import Plan, PlanPlants, Plans, plan_on
@@ -335,6 +333,9 @@ def row_spacing_m(points: Array) -> float | None:
 
 def _rows(along: Array, across: Array) -> tuple[float, float] | None:
     """Contrast of the rows in one direction, and their spacing."""
+    from scipy.ndimage import gaussian_filter1d  # half a second, which most commands can do without
+    from scipy.signal import find_peaks
+
     start = float(across.min()) - 4 * _SMOOTH_M
     bins = max(8, int(np.ceil((float(across.max()) + 4 * _SMOOTH_M - start) / _BIN_M)))
     counts = np.bincount(((across - start) / _BIN_M).astype(np.int64), minlength=bins).astype(np.float64)

@@ -22,6 +22,7 @@ from fieldkit.campaign.export import campaign_csv, export_campaign
 from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks, verdict
 from fieldkit.campaign.ranking import drift, ranking
 from fieldkit.campaign.visits import keep_visit
+from fieldkit.cli.boundary import emit_json
 from fieldkit.errors import FieldkitError, MetadataError, UsageError
 from fieldkit.evaluation.conversion import evaluation_report
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -244,9 +245,10 @@ class TestRanking:
 
 
 class TestShow:
-    def test_object_and_tables(self, tmp_path: Path) -> None:
+    def test_object_and_tables(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         made = campaign(tmp_path)
-        found = json.loads(json.dumps(campaign_object(made), allow_nan=False))
+        emit_json(campaign_object(made))
+        found = json.loads(capsys.readouterr().out)
         assert found["dates"] == ["2026-06-18", "2026-06-25"]
         assert found["missing"] == {"2026-06-18": ["r2c2"], "2026-06-25": ["r1c2", "r2c1"]}
         assert [entry["plot"] for entry in found["ranking"]["2026-06-18"]] == ["r1c1", "r1c2", "r2c1"]
@@ -277,9 +279,10 @@ class TestShow:
         ]
         assert ranks == [("1", ""), ("", "1")]
 
-    def test_an_empty_campaign(self, tmp_path: Path) -> None:
+    def test_an_empty_campaign(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         made = campaign(tmp_path, ())
-        assert campaign_object(made)["visits"] == []
+        emit_json(campaign_object(made))
+        assert '"visits": [],' in capsys.readouterr().out
         assert len(list(campaign_tables(made))) == 1
         assert "No photographs were evaluated yet" in next(remarks(made))
 

@@ -15,8 +15,8 @@ from fieldkit.clouds import Cloud, write_cloud
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.conversion import evaluation_report, plot_evaluation
 from fieldkit.evaluation.rasters import Rasters, write_rasters
-from fieldkit.evaluation.reference import CLOUD_FILE
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.evaluation import CLOUD_FILE
 from fieldkit.results.report_files import EVALUATION_FILE, describe_files, save_report
 from fieldkit.sites.plot_ids import plot_file_name
 from tests.campaign.examples import campaign_folder, field

@@ -9,7 +9,7 @@ from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import above_soil
 from fieldkit.scenes.renderer import RenderingError
-from fieldkit.scenes.sampling import sample_plants
+from fieldkit.scenes.sampling import sample_visible
 from fieldkit_sim.plot import build_scene
 from fieldkit_sim.simulation import ring
 from tests.scenes.conftest import SMALL_PLOT
@@ -20,7 +20,7 @@ CAMERA = Intrinsics.pinhole(640, 480, 560.0)
 def small_proxy() -> Proxy:
     """Two plants on coarse soil, 640 × 480 pixels, with the plants' own surface as the truth."""
     scene = build_scene(SMALL_PLOT)
-    return Proxy(scene, *above_soil(sample_plants(scene, 20_000, 0)), CAMERA)
+    return Proxy(scene, *above_soil(sample_visible(scene, (20_000,), 0)[0]), CAMERA)
 
 
 @pytest.fixture(scope="session")

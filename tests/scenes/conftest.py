@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fieldkit.clouds import Cloud, concatenate
 from fieldkit.scenes.plot_description import MaizeDescription, PlotDescription, SoilDescription
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.sampling import sample_plants
+from fieldkit.scenes.sampling import sample_visible
 from fieldkit.scenes.scene import Scene
 from fieldkit_sim.maize import build_maize
 from fieldkit_sim.plot import build_scene
@@ -57,6 +57,6 @@ def make_row() -> Row:
     clouds = []
     for number in range(3):
         plant = MaizeDescription(seed=number + 1, x_m=0.25 * (number - 1), yaw_deg=40.0 * number, leaves=7)
-        clouds.append(sample_plants(Scene((build_maize(plant, 0.0),)), 12_000, seed=number))
+        clouds.append(sample_visible(Scene((build_maize(plant, 0.0),)), (12_000,), seed=number)[0])
     plants = np.repeat(np.arange(1, 4, dtype=np.int32), [len(cloud) for cloud in clouds])
     return Row(concatenate(clouds), plants)

@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from benchmarks.scenes import benchmark_cameras, benchmark_scene
-from fieldkit.scenes.noise import bumps, fractal_noise
+from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.plot_description import MaizeDescription, PlotDescription, SoilDescription
-from fieldkit.scenes.sampling import sample_plants, sample_visible, visible_from
+from fieldkit.scenes.sampling import sample_visible, visible_from
 from fieldkit.scenes.scene import Light, Mesh, Scene
+from fieldkit_sim.bumps import bumps
 from fieldkit_sim.faces import vertex_normals
 from fieldkit_sim.maize import build_maize
 from fieldkit_sim.plot import bake_light, build_scene
@@ -93,26 +94,26 @@ def test_the_same_description_is_the_same_scene(small_plot: PlotDescription, sma
 
 
 def test_truth_lies_on_the_plants_and_never_on_the_soil(small_scene: Scene) -> None:
-    cloud = sample_plants(small_scene, 20_000)
+    cloud = sample_visible(small_scene, (20_000,))[0]
     assert 0.8 * 20_000 < len(cloud) <= 20_010
     vertices = np.concatenate([m.vertices for m in small_scene.plants])
     assert cKDTree(vertices).query(cloud.points)[0].max() < 0.02
     greener = cloud.colors[:, 1].astype(int) > cloud.colors[:, 0]
     assert greener.mean() > 0.8
-    again = sample_plants(small_scene, 20_000)
+    again = sample_visible(small_scene, (20_000,))[0]
     assert np.array_equal(cloud.points, again.points)
 
 
 def test_truths_of_several_sizes_are_those_of_each_size(small_scene: Scene) -> None:
     for count, cloud in zip((5_000, 20_000), sample_visible(small_scene, (5_000, 20_000), seed=3), strict=True):
-        alone = sample_plants(small_scene, count, seed=3)
+        alone = sample_visible(small_scene, (count,), seed=3)[0]
         for name in ("points", "colors", "normals"):
             assert np.array_equal(getattr(cloud, name), getattr(alone, name)), name
 
 
 def test_truth_is_uniform_by_area(small_scene: Scene) -> None:
     """Twice the points in the plant with twice the area."""
-    cloud = sample_plants(small_scene, 40_000)
+    cloud = sample_visible(small_scene, (40_000,))[0]
     areas, counts = [], []
     trees = [cKDTree(m.vertices) for m in small_scene.plants]
     nearest = np.argmin([tree.query(cloud.points)[0] for tree in trees], axis=0)

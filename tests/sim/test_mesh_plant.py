@@ -11,7 +11,7 @@ from PIL import Image
 from fieldkit.errors import SceneError
 from fieldkit.scenes import plot_description
 from fieldkit.scenes.plot_description import MeshPlantDescription, PlotDescription, SoilDescription
-from fieldkit.scenes.sampling import sample_plants
+from fieldkit.scenes.sampling import sample_visible
 from fieldkit_sim import mesh_plant
 from fieldkit_sim.mesh_plant import build_mesh_plant
 from fieldkit_sim.plot import build_scene
@@ -136,7 +136,7 @@ def test_a_real_sorghum_plant(data_folder: Path) -> None:
     assert np.ptp(mesh.vertices[:, 2]) == pytest.approx(0.7326, abs=0.001)
     soil = SoilDescription(core_m=0.5, spacing_m=0.02, texture_px=256, stones=10, residues=5)
     scene = build_scene(PlotDescription((plant,), soil))
-    truth = sample_plants(scene, 20_000)
+    truth = sample_visible(scene, (20_000,))[0]
     assert len(truth) > 8_000
     with pytest.raises(SceneError, match="SHA-256"):
         build_mesh_plant(MeshPlantDescription(file, unit_m=0.001, sha256="0" * 64))

@@ -63,10 +63,6 @@ class Evaluation:
         """CPU seconds of all stages."""
         return sum(stage.cpu_s for stage in self.times)
 
-    def stage_cpu_s(self, name: str) -> float:
-        """CPU seconds of one stage; 0 if it was not run."""
-        return sum(stage.cpu_s for stage in self.times if stage.name == name)
-
     @classmethod
     def broken(cls, images: int, reason: str, worst_m: float) -> Evaluation:
         """An evaluation that broke twice; it says nothing about z."""

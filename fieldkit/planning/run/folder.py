@@ -20,9 +20,10 @@ from fieldkit.planning.settings import SearchSettings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.regular_files import is_other_than_file, open_regular, read_regular
 from fieldkit.results.fields import Count, Length, Strict
+from fieldkit.results.plan_file import SETTINGS_FILE
 from fieldkit.vocabulary import DISTANCES_M, SearchFidelity
 
-SETTINGS_FILE, LOG_FILE = "search.json", "evaluations.jsonl"
+LOG_FILE = "evaluations.jsonl"
 _MAX_BYTES = 1 << 20
 _REMEDY = "Give the folder of a run of `fieldkit plan`."
 Stage = Literal["search", "confirmation"]

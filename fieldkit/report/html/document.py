@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import io
 import re
 from collections.abc import Iterator, Sequence
 from functools import cache
@@ -54,7 +55,9 @@ def render(page: Page) -> str:
     scripts = [_read("page.js"), *([viewer_script()] if has_views else [])]
     template = _environment().get_template("page.html.jinja")
     raw = {"styles": [_raw(text, "style") for text in styles], "scripts": [_raw(text, "script") for text in scripts]}
-    return template.render(page=page, policy=Markup(policy(styles, scripts)), **raw)
+    text = io.StringIO()  # `render` would hold every piece of it at once
+    text.writelines(template.generate(page=page, policy=Markup(policy(styles, scripts)), **raw))
+    return text.getvalue()
 
 
 def policy(styles: Sequence[str], scripts: Sequence[str]) -> str:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 from fieldkit.figures.content import Picture
-from fieldkit.figures.drawings import Corner, Measure, PlotMap, Ring
+from fieldkit.figures.drawings import Corner, MappedPlot, Measure, PlotMap, Ring
 from fieldkit.figures.style import DISTANCE_RAMP
 
 WIDTH = 640.0
@@ -19,7 +20,7 @@ _LIGHT = 0.18  # relative luminance above which black reads better than white (W
 _POINT_M = 1.0  # half the side of a plot known only as a point
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Shape:
     """A plot in the drawing on one date."""
 
@@ -83,11 +84,12 @@ def draw_map(plots: PlotMap) -> DrawnMap:
     def place(corner: Corner) -> Corner:
         return left + (corner[0] - west) * scale, top + (north - corner[1]) * scale
 
+    outlines = [_outlined(plot, place, len(plots.plots)) for plot in plots.plots]
     bar_m = _round_length(0.25 * (WIDTH - 2 * _MARGIN) / scale)
     return DrawnMap(
         plots, f"{WIDTH:.0f}", f"{drawn_height + _LEGEND:.0f}",
-        tuple(_drawn(plots, measure, place) for measure in plots.measures),
-        tuple(_photographs(plots, place)) if plots.photographs else (),
+        tuple(_drawn(plots, measure, outlines) for measure in plots.measures),
+        tuple(_photographs(plots, place, outlines)) if plots.photographs else (),
         (f"{bar_m * scale:.1f}", f"{bar_m:g} m"),
         f"{WIDTH - 20:.1f}", f"{drawn_height + 14:.1f}",
         all(_has_room(plot.name, [place(c) for ring in plot.rings for c in _outline(ring)], _NARROW_LETTER)
@@ -95,36 +97,48 @@ def draw_map(plots: PlotMap) -> DrawnMap:
     )  # fmt: skip
 
 
-def _drawn(plots: PlotMap, measure: Measure, place: Callable[[Corner], Corner]) -> DrawnMeasure:
+def _outlined(plot: MappedPlot, place: Callable[[Corner], Corner], plots: int) -> tuple[str, str, str, str]:
+    """A plot's path; where its name has room ("within" it, "below" it if plots are few, or ""); x and y of the name."""
+    rings = [[place(corner) for corner in _outline(ring)] for ring in plot.rings]
+    path = "".join("M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in ring) + "Z" for ring in rings)
+    xs, ys = zip(*(spot for ring in rings for spot in ring), strict=True)
+    where, y = "", sum(ys) / len(ys)
+    if _has_room(plot.name, [spot for ring in rings for spot in ring], _LETTER):
+        where = "within"
+    elif plots <= _MOST_LABELS_BELOW and len(plot.name) <= _LONGEST_BELOW:
+        where, y = "below", max(ys) + 2
+    return path, where, f"{sum(xs) / len(xs):.1f}", f"{y:.1f}"
+
+
+def _drawn(plots: PlotMap, measure: Measure, outlines: Sequence[tuple[str, str, str, str]]) -> DrawnMeasure:
     """One measure's plots on each date, to one scale of colours."""
     found = [value for by_plot in measure.values.values() for value in by_plot.values()]
     low, high = (min(found), max(found)) if found else (0.0, 0.0)
     dates = []
     for date in measure.values:
         shapes = []
-        for plot in plots.plots:
+        for plot, (path, where, x, y) in zip(plots.plots, outlines, strict=True):
             value = measure.values[date].get(plot.name)
             share = 0.0 if value is None or high <= low else (value - low) / (high - low)
-            spots = [[place(corner) for corner in _outline(ring)] for ring in plot.rings]
-            flat = [spot for ring in spots for spot in ring]
             why = measure.notes.get(date, {}).get(plot.name, "no value")
             said = f"{value:.3g} {measure.unit}" if value is not None else why
-            path = "".join("M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in ring) + "Z" for ring in spots)
             fill = "" if value is None else ramp_color(share, measure.ramp)
-            label_class, x, y = _label_place(plot.name, flat, fill, len(plots.plots))
-            label = plot.name if label_class else ""
+            label_class = where
+            if where == "within":
+                label_class = "on-none" if not fill else "on-light" if _lightness(fill) > _LIGHT else "on-dark"
+            label = plot.name if where else ""
             text = f"{plot.name}, {date}, {measure.label}: {said}"
             anchor = plots.anchors.get(plot.name, "")
-            shapes.append(Shape(path, fill, text, label, label_class, f"{x:.1f}", f"{y:.1f}", anchor))
+            shapes.append(Shape(path, fill, text, label, label_class, x, y, anchor))
         dates.append((date, tuple(shapes)))
     stops = tuple((f"{k / (len(measure.ramp) - 1):.2f}", color) for k, color in enumerate(measure.ramp))
     return DrawnMeasure(measure, tuple(dates), f"{low:.3g}", f"{high:.3g}", stops)
 
 
 def _photographs(
-    plots: PlotMap, place: Callable[[Corner], Corner]
+    plots: PlotMap, place: Callable[[Corner], Corner], outlines: Sequence[tuple[str, str, str, str]]
 ) -> Iterator[tuple[Shape, tuple[str, str, str, str], Picture | None]]:
-    (_, shapes), *_ = _drawn(plots, Measure("", "", {"": {}}), place).dates
+    (_, shapes), *_ = _drawn(plots, Measure("", "", {"": {}}), outlines).dates
     for plot, shape in zip(plots.plots, shapes, strict=True):
         xs, ys = zip(*(place(corner) for ring in plot.rings for corner in _outline(ring)), strict=True)
         picture = plots.photographs.get(plot.name)
@@ -138,8 +152,14 @@ def ramp_color(share: float, ramp: Sequence[str] = DISTANCE_RAMP) -> str:
     """A ramp's colour at 0 (low) to 1 (high), as "#rrggbb"."""
     at = min(max(share, 0.0), 1.0) * (len(ramp) - 1)
     first = min(int(at), len(ramp) - 2)
-    a, b = (tuple(int(color[k : k + 2], 16) for k in (1, 3, 5)) for color in ramp[first : first + 2])
+    a, b = map(_channels, ramp[first : first + 2])
     return "#" + "".join(f"{round(u + (v - u) * (at - first)):02x}" for u, v in zip(a, b, strict=True))
+
+
+@cache
+def _channels(color: str) -> tuple[int, ...]:
+    """Red, green and blue of "#rrggbb"."""
+    return tuple(int(color[k : k + 2], 16) for k in (1, 3, 5))
 
 
 def _outline(ring: Ring) -> Ring:
@@ -147,17 +167,6 @@ def _outline(ring: Ring) -> Ring:
         return ring
     x, y = ring[0]
     return tuple((x + u * _POINT_M, y + v * _POINT_M) for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
-
-
-def _label_place(name: str, spots: list[tuple[float, float]], fill: str, plots: int) -> tuple[str, float, float]:
-    """Style and place of a plot's name: within it, below it if plots are few, or none."""
-    xs, ys = [x for x, _ in spots], [y for _, y in spots]
-    x, y = sum(xs) / len(xs), sum(ys) / len(ys)
-    if _has_room(name, spots, _LETTER):
-        return ("on-none" if not fill else "on-light" if _lightness(fill) > _LIGHT else "on-dark"), x, y
-    if plots <= _MOST_LABELS_BELOW and len(name) <= _LONGEST_BELOW:
-        return "below", x, max(ys) + 2
-    return "", x, y
 
 
 def _has_room(name: str, spots: list[tuple[float, float]], letter: float) -> bool:
@@ -168,7 +177,7 @@ def _has_room(name: str, spots: list[tuple[float, float]], letter: float) -> boo
 
 def _lightness(color: str) -> float:
     """Relative luminance of "#rrggbb" (WCAG 2.2), 0 to 1."""
-    channels = (int(color[k : k + 2], 16) / 255 for k in (1, 3, 5))
+    channels = (c / 255 for c in _channels(color))
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 

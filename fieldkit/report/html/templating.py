@@ -13,6 +13,7 @@ from markupsafe import Markup, escape
 from fieldkit.figures.style import format_nominal, unbroken, visible
 
 TEMPLATES = Path(__file__).parent / "templates"
+_CODE = re.compile("`([^`]+)`")
 
 
 @cache
@@ -28,7 +29,8 @@ def environment() -> Environment:
 
 def _coded(text: str) -> Markup:
     """Text in which what stands between backticks is code: commands to copy."""
-    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(visible(unbroken(text))))))
+    shown = escape(visible(unbroken(text)))
+    return Markup(_CODE.sub(r"<code>\1</code>", str(shown))) if "`" in text else shown
 
 
 def _shown(value: Any) -> Any:

@@ -8,20 +8,17 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from pydantic import BaseModel
 
 from fieldkit.campaign.reading import Campaign, read_campaign
 from fieldkit.errors import FieldkitError, MetadataError, StorageError
-from fieldkit.planning.run.folder import LOG_FILE, SETTINGS_FILE, LogEntry, read_log, read_settings, searched
-from fieldkit.planning.run.outcome import OUTCOME_FILE, Outcome, read_outcome
-from fieldkit.planning.settings import SearchSettings
 from fieldkit.results.comparison import COMPARE_FILE, load_comparison
 from fieldkit.results.demo import DEMO_FILE, DemoReport, load_demo
 from fieldkit.results.mission import MissionFlight, MissionRecord, load_mission, records_in
 from fieldkit.results.plan import Plan
-from fieldkit.results.plan_file import PLAN_FILE, load_plan
+from fieldkit.results.plan_file import PLAN_FILE, SETTINGS_FILE, load_plan
 from fieldkit.results.report_files import (
     EVALUATION_FILE,
     REFERENCE_FILE,
@@ -29,7 +26,13 @@ from fieldkit.results.report_files import (
     load_evaluation_report,
     load_reference_report,
 )
+from fieldkit.results.traits import TraitsEntry
 from fieldkit.results.visit import CAMPAIGN_FILE
+
+if TYPE_CHECKING:
+    from fieldkit.planning.run.folder import LogEntry
+    from fieldkit.planning.run.outcome import Outcome
+    from fieldkit.planning.settings import SearchSettings
 
 DEPTH = 2
 """Levels below the folder that are searched."""
@@ -155,20 +158,15 @@ def check_plausible(values: Any, file: Path) -> None:
     """Refuse a file with numbers that would overflow in drawings; ``values`` are plain, as pydantic dumps them."""
     waiting: list[tuple[str, Any]] = [("", values)]
     while waiting:
-        key, value = waiting.pop()
-        within = True
-        if isinstance(value, Mapping):
-            waiting += [(f"{key}.{name}" if key else str(name), inner) for name, inner in value.items()]
-        elif isinstance(value, list | tuple):
-            waiting += [(f"{key}.{place}", inner) for place, inner in enumerate(value)]
-        elif isinstance(value, float):
-            within = abs(value) <= LARGEST  # not so for NaN
-        elif isinstance(value, int):
-            within = abs(value) <= LARGEST_COUNT
-        if not within:
-            raise MetadataError(
-                f"{key[:200]}: is a number that no measurement gives", path=file, remedy="Make the result again."
-            )
+        key, parts = waiting.pop()
+        for name, value in parts.items() if isinstance(parts, dict) else enumerate(parts):
+            if isinstance(value, dict | list | tuple):
+                waiting.append((f"{key}{name}.", value))
+            elif (isinstance(value, float) and not abs(value) <= LARGEST) or (  # NaN is not, either
+                isinstance(value, int) and abs(value) > LARGEST_COUNT
+            ):
+                what = f"{f'{key}{name}'[:200]}: is a number that no measurement gives"
+                raise MetadataError(what, path=file, remedy="Make the result again.")
 
 
 def _folders(root: Path) -> Iterator[Path]:
@@ -223,7 +221,8 @@ class _Reader:
         try:
             reports = read(file)
             for report in reports:
-                check_plausible(_plain(report), file)
+                for values in _plain(report):
+                    check_plausible(values, file)
             sha256 = file_sha256(file)
         except FieldkitError as error:
             self._damaged(error, file if error.path is None else Path(error.path))
@@ -248,25 +247,28 @@ def _single(read: Callable[[Path], Any], file: Path) -> list[Any]:
     return [read(file.parent)]
 
 
-def _plain(report: Any) -> Any:
-    """The numbers of a result as plain values."""
+def _plain(report: Any) -> Iterator[Any]:
+    """The numbers of a result as plain values, part by part."""
     match report:
         case BaseModel():
-            return report.model_dump()
+            yield report.model_dump()
         case Campaign():
-            return [visit.row() for visit in report.visits]
+            yield from (vars(visit) | {"traits": vars(visit.traits or TraitsEntry())} for visit in report.visits)
         case PlanRun():
             parts = {"plan": report.plan, "search": report.settings, "outcome": report.outcome}
             trials = {f"evaluations.{k}": trial for k, trial in enumerate(report.trials)}
-            return {name: part.model_dump() for name, part in (parts | trials).items() if part is not None}
+            yield from ({name: part.model_dump()} for name, part in (parts | trials).items() if part is not None)
         case _:
-            return report.record.model_dump()
+            yield report.record.model_dump()
 
 
 def _plan_run(folder: Path) -> PlanRun:
     plan = load_plan(folder / PLAN_FILE) if (folder / PLAN_FILE).is_file() else None
     if not (folder / SETTINGS_FILE).is_file():
         return PlanRun(plan)
+    from fieldkit.planning.run.folder import LOG_FILE, read_log, read_settings, searched
+    from fieldkit.planning.run.outcome import OUTCOME_FILE, read_outcome
+
     entries = read_log(folder) if (folder / LOG_FILE).is_file() else []
     outcome = read_outcome(folder) if (folder / OUTCOME_FILE).is_file() else None
     return PlanRun(plan, read_settings(folder), tuple(searched(entries)), outcome)

@@ -103,14 +103,9 @@ def find_photographs(source: str, names: Sequence[str], near: Path, root: Path) 
 
 def thumbnails(folder: Path, names: Sequence[str], most: int) -> Mapping[str, Picture]:
     """Small JPEGs of the first ``most`` photographs, without metadata, by name; unreadable ones are left out."""
-    found: dict[str, Picture] = {}
-    for name in names[:most]:
-        file = _file(folder, name)
-        if file is None:
-            continue
-        if (picture := _small(file, SIDE, f"photograph {name}")) is not None:
-            found[name] = picture
-    return found
+    files = ((name, _file(folder, name)) for name in names[:most])
+    small = ((name, _small(file, SIDE, f"photograph {name}")) for name, file in files if file is not None)
+    return {name: picture for name, picture in small if picture is not None}
 
 
 def _small(file: Path, side: int, description: str) -> Picture | None:

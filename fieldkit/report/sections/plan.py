@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from fieldkit.figures.content import (
     Block,
@@ -27,12 +28,14 @@ from fieldkit.figures.style import (
     millimetres,
 )
 from fieldkit.missions.export_record import site_frame
-from fieldkit.planning.run.outcome import Outcome, best_so_far
 from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results
 from fieldkit.report.sections.shown import Shown
 from fieldkit.results.mission import Shot
 from fieldkit.results.plan import Plan, Station, station_number
 from fieldkit.wording import count
+
+if TYPE_CHECKING:
+    from fieldkit.planning.run.outcome import Outcome
 
 _FINALISTS_NOTE = (
     "Finalists are evaluated again with new random numbers: the lowest of many noisy values is partly luck. Compare "
@@ -128,6 +131,8 @@ def _charts(result: PlanRun) -> Iterator[LineChart]:
     trials = result.trials
     if len(trials) < 2:
         return
+    from fieldkit.planning.run.outcome import best_so_far
+
     values = [(trial.number + 1.0, 1000.0 * trial.value_m if trial.measured else None) for trial in trials]
     best = [
         (trial.number + 1.0, None if b is None else 1000.0 * b)

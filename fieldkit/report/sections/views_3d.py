@@ -19,6 +19,8 @@ from fieldkit.missions.export_record import plot_frame, site_frame, way
 from fieldkit.pictures.panels import nice_length
 from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results
 from fieldkit.results.evaluation import (
+    CLOUD_FILE,
+    SCENE_FILE,
     EvaluationReport,
     ImageReport,
     PlotEvaluation,
@@ -32,7 +34,6 @@ from fieldkit.results.report_files import check_file
 MOST_VIEWS_OF_PLOTS = 4
 """An evaluation of more plots shows those with the greatest distances: browsers draw about a dozen views at once."""
 
-CLOUD_FILE, SCENE_FILE = "cloud.ply", "scene.ply"
 _ACHIEVED, _PLANNED, _WRONG = "#2f9e6e", "#3b7dd8", "#d0383f"
 _WAY, _FENCE, _ZONE = "#d9812b", "#7b61c4", "#d0383f"
 _HALF_VIEW = (0.55, 0.41)  # of an unknown camera

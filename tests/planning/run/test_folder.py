@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.planning.problem import Trial
-from fieldkit.planning.run.folder import LOG_FILE, SETTINGS_FILE, LogEntry, create_run, open_run, read_log
+from fieldkit.planning.run.folder import LOG_FILE, LogEntry, create_run, open_run, read_log
 from fieldkit.planning.space.cameras import Cameras
+from fieldkit.results.plan_file import SETTINGS_FILE
 from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
 
 numbers = st.floats(-1e3, 1e3)

@@ -10,7 +10,7 @@ from fieldkit.clouds.volume import Volume
 from fieldkit.reconstruction.dense import DenseSettings, compute_depth_maps, fuse, prepare_view, resolution
 from fieldkit.runtime.context import Context
 from fieldkit.scenes.renderer import Renderer, RenderingError
-from fieldkit.scenes.sampling import sample_plants
+from fieldkit.scenes.sampling import sample_visible
 from fieldkit_sim.plot import build_scene
 
 # The soil is bumpy: what lies lower is not counted on either side.
@@ -23,7 +23,7 @@ def test_ten_views_of_a_plot(index):
     scene = build_scene(benchmark_scene("test", index))
     poses, intrinsics = benchmark_cameras(10)
     rng = np.random.default_rng(0)
-    truth = sample_plants(scene, 200_000)
+    truth = sample_visible(scene, (200_000,))[0]
     truth = truth.select(truth.points[:, 2] > LOWEST_M)
     around = Volume.around(truth.points, margin_m=0.03)
     volume = Volume((*around.lower[:2], LOWEST_M), around.upper)
