@@ -19,7 +19,7 @@ from fieldkit.clouds import Cloud
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.agreement import align_to_positions, judge
 from fieldkit.reconstruction.colmap_model import model_poses
-from fieldkit.reconstruction.dense import DenseSettings, fuse, prepare_view, resolution
+from fieldkit.reconstruction.dense import fuse, prepare_view, resolution
 from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.stages import StageTimer
@@ -36,13 +36,10 @@ class Baseline:
         capture: with a calibrated camera and known positions.
         intrinsics: that camera.
         plot: frame, volume and ground.
-        settings: fusion rule.
     """
 
-    def __init__(
-        self, capture: Capture, intrinsics: Intrinsics, plot: KnownPlot, settings: DenseSettings, progress: Progress
-    ) -> None:
-        self._capture, self._intrinsics, self._plot, self._settings = capture, intrinsics, plot, settings
+    def __init__(self, capture: Capture, intrinsics: Intrinsics, plot: KnownPlot, progress: Progress) -> None:
+        self._capture, self._intrinsics, self._plot = capture, intrinsics, plot
         self._timer = StageTimer(progress)
         self.registered = 0
         self.right = 0
@@ -71,7 +68,7 @@ class Baseline:
 
     def cloud(self, poses: Mapping[str, Pose]) -> Cloud:
         """The cloud of SGBM's depth maps at the size of `standard`, masked and fused like ours."""
-        volume, settings = self._plot.volume, self._settings
+        volume = self._plot.volume
         with self._timer.stage("Undistortion"):
             views = [
                 prepare_view(
@@ -83,9 +80,9 @@ class Baseline:
                 for photo in self._capture.photos if photo.name in poses
             ]  # fmt: skip
         with self._timer.stage("Dense stereo"):
-            maps = sgbm_depth_maps(views, volume, settings)
+            maps = sgbm_depth_maps(views, volume)
         with self._timer.stage("Fusion"):
-            return fuse(views, maps, volume, settings)
+            return fuse(views, maps, volume)
 
     def _map(self, folder: Path) -> pycolmap.Reconstruction | None:
         database, images = folder / "database.db", self._capture.image_folder

@@ -16,7 +16,7 @@ from benchmarks.sgbm import sgbm_depth_maps
 from fieldkit.clouds import Cloud, score
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.dense import DenseSettings, View, compute_depth_maps, fuse, prepare_view, resolution
+from fieldkit.reconstruction.dense import View, compute_depth_maps, fuse, prepare_view, resolution
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.renderer import Renderer
@@ -99,18 +99,17 @@ def measure(
     truth: Cloud,
 ) -> list[DenseRun]:
     """Run both methods on the same photographs."""
-    settings = DenseSettings()
     runs = []
     for method in ("PatchMatch (fieldkit)", "SGBM (OpenCV), 3 pairs"):
         start = time.process_time()
         views = _views(photographs, poses, intrinsics, volume)
         prepared = time.process_time()
         if method.startswith("SGBM"):
-            maps = sgbm_depth_maps(views, volume, settings)
+            maps = sgbm_depth_maps(views, volume)
         else:
-            maps = compute_depth_maps(views, volume, settings, seed=0, context=Context())
+            maps = compute_depth_maps(views, volume, seed=0, context=Context())
         matched = time.process_time()
-        cloud = fuse(views, maps, volume, settings)
+        cloud = fuse(views, maps, volume)
         fused = time.process_time()
         found = score(truth, cloud, DISTANCES_M)
         runs.append(
@@ -130,9 +129,8 @@ def warm_up(
 ) -> None:
     """Compile the kernels."""
     views = _views(photographs[:3], poses[:3], intrinsics, volume)
-    settings = DenseSettings()
-    maps = compute_depth_maps(views, volume, settings, seed=0, context=Context())
-    fuse(views, maps, volume, settings)
+    maps = compute_depth_maps(views, volume, seed=0, context=Context())
+    fuse(views, maps, volume)
 
 
 def dense_table(runs: Sequence[DenseRun]) -> ResultTable:

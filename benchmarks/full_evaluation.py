@@ -23,7 +23,6 @@ from fieldkit.errors import ReconstructionError
 from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.cameras import cameras_of
-from fieldkit.reconstruction.dense import DenseSettings
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
 from fieldkit.reconstruction.result import clearance
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -179,7 +178,7 @@ def theirs(case: Case, progress: Progress, lent: Mapping[str, Pose]) -> tuple[Si
     """
     start = time.process_time()
     capture = read_capture(case.folder)
-    run = Baseline(capture, _camera(case), case.plot, DenseSettings(), progress)
+    run = Baseline(capture, _camera(case), case.plot, progress)
     poses = run.poses()
     if len(poses) >= LEAST_POSES:
         return (_densified(case, THEIRS, run, poses, start),)

@@ -25,7 +25,7 @@ from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.recorded import RecordedSource
-from fieldkit.reconstruction.dense import DenseSettings, compute_depth_maps, fuse, prepare_view, resolution
+from fieldkit.reconstruction.dense import compute_depth_maps, fuse, prepare_view, resolution
 from fieldkit.reconstruction.pipeline import KnownPlot, place
 from fieldkit.reconstruction.result import clearance
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -149,7 +149,6 @@ def witnessed_cloud(
     """
     settings = ReconstructionSettings()
     sparse, _ = place(capture, settings, [], Context(cache, StageTimer(progress)))
-    dense = DenseSettings(min_agreeing=settings.min_agreeing_views)
     views = [
         prepare_view(
             photo.name, read_image(photo), sparse.intrinsics[photo.name], sparse.poses[photo.name],
@@ -162,8 +161,8 @@ def witnessed_cloud(
         for photo in map(capture.photo, names)
         if photo.name in sparse.poses
     ]  # fmt: skip
-    maps = compute_depth_maps(views, plot.volume, dense, seed=settings.seed, context=Context(cache, progress))
-    cloud = fuse(views, maps, plot.volume, dense)
+    maps = compute_depth_maps(views, plot.volume, seed=settings.seed, context=Context(cache, progress))
+    cloud = fuse(views, maps, plot.volume)
     if plot.ground is None:
         return cloud
     return cloud.select(plot.ground.heights(cloud.points) > clearance(plot.ground))

@@ -7,13 +7,12 @@ depth map, which is fused as in fieldkit.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.clouds.volume import Volume
-from fieldkit.reconstruction.dense.settings import DenseSettings
 from fieldkit.reconstruction.dense.source_views import choose_sources
 from fieldkit.reconstruction.dense.support import gray
 from fieldkit.reconstruction.dense.views import DepthMap, View, depth_range
@@ -42,12 +41,12 @@ class Rectified:
     """Metres."""
 
 
-def sgbm_depth_maps(views: Sequence[View], volume: Volume, settings: DenseSettings) -> list[DepthMap]:
+def sgbm_depth_maps(views: Sequence[View], volume: Volume) -> list[DepthMap]:
     """Depth maps by OpenCV StereoSGBM on the `PAIRS` best pairs of each view; deterministic.
 
     Costs are 0 where there is a depth, and normals are zero, since the matcher gives neither.
     """
-    pairs = choose_sources(views, volume, replace(settings, sources=PAIRS))
+    pairs = choose_sources(views, volume, PAIRS)
     return [_depth_map(view, [views[j] for j in pairs[i]], volume) for i, view in enumerate(views)]
 
 

@@ -142,9 +142,8 @@ def _write(
         if write_georeferenced(folder / laz, cloud, found.sparse.frame, progress):
             names.append(laz)
     wall, cpu = begun
-    every = 1 + found.sparse.right // ENOUGH_VIEWS
     draft = reference_report(
-        found, settings, shown=outlines(found.sparse, settings.mask, every=every),
+        found, settings, shown=outlines(found.sparse, settings.mask, most=ENOUGH_VIEWS),
         seconds=time.perf_counter() - wall, cpu_seconds=processor_seconds() - cpu,
     )  # fmt: skip
     if rasters is not None and found.scene is not None:

@@ -33,7 +33,7 @@ class StereoQuality:
 
     best_angle_deg: float = 12.0
     """Θ₀ between two rays at which a pair is worth most: 12° in the prototype and for dense stereo's choice of
-    sources (`dense.settings.Settings`)."""
+    sources (`dense.source_views`)."""
     tail_deg: float = 20.0
     """Over which a pair's worth falls to 1/e on the far side, as guided matches fall on real plants (219, 153, 73
     and 56 above chance at 18, 27, 36 and 46° on basil_rig)."""

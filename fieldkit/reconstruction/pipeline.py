@@ -21,11 +21,11 @@ from fieldkit.geometry.priors import Priors, SourceFrame
 from fieldkit.reconstruction.agreement import bound_m
 from fieldkit.reconstruction.cameras import ASSUMED_35MM, assumed_camera, cameras_of, spread_deg
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_points, model_poses, transform_model
-from fieldkit.reconstruction.dense import DenseSettings, View, compute_depth_maps, fuse, prepare_view
+from fieldkit.reconstruction.dense import View, compute_depth_maps, fuse, prepare_view
 from fieldkit.reconstruction.dense.depth_maps import expected_cost
 from fieldkit.reconstruction.dense.fusion import depth_scatter_px, fusion_rule
-from fieldkit.reconstruction.dense.resolution import MOST_PIXELS, UNSCALED_M, Resolution, resolution
-from fieldkit.reconstruction.dense.views import view_camera
+from fieldkit.reconstruction.dense.resolution import MOST_PIXELS, UNSCALED_M, Resolution, resolution, steps_finer
+from fieldkit.reconstruction.dense.views import read_mask, view_camera
 from fieldkit.reconstruction.guided import Region
 from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.reconstruction.mapping.choose import map_capture
@@ -43,16 +43,16 @@ from fieldkit.reconstruction.quality_flags import quality_flags
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult, clearance, of_interest
 from fieldkit.reconstruction.scale import POSITIONS_TOO_COARSE, scale_by_markers, source_of_scale
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.reconstruction.silhouettes import hull_volume
+from fieldkit.reconstruction.silhouettes import hull_volume, outlines
 from fieldkit.reconstruction.stages import StageTimer, load_quality
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import Plane
 from fieldkit.runtime.context import Context
-from fieldkit.vocabulary import Mask
 from fieldkit.wording import count
 
 _MIN_DENSE_VIEWS = 2
+_COUNTED, _COUNTED_PX = 10, 800  # photographs that plants' pixels are counted in, and their longer side
 _BESIDE_M = 0.5  # photographs that look so far beside the volume are of another place
 _CALIBRATIONS = ("camera.toml", "camera.json", "reference")
 Settle = Callable[[NDArray[np.float64], Mapping[str, Pose]], tuple[Similarity, Plane | None]]
@@ -106,7 +106,7 @@ def reconstruct(
         volume = hull_volume(sparse, settings.mask)
     volume = volume or volume_of_interest(model_points(sparse.model), sparse.poses, sparse.intrinsics)
     dense = _Dense(sparse, volume.grown(reach_m), settings, timed)
-    fused, scatter_px = dense.cloud(settings.mask)
+    fused, scatter_px = dense.cloud()
     gsd_m, ground = _ground_sampling_distance(sparse, volume), sparse.frame.ground
     above = fused
     if ground is not None:
@@ -144,8 +144,8 @@ def with_scene(found: Reconstruction, settings: ReconstructionSettings, context:
     if found.scene is not None:
         return found
     timer = StageTimer(context.progress, found.times)
-    dense = _Dense(found.sparse, found.volume, settings, replace(context, progress=timer))
-    scene, _ = dense.cloud("none")
+    dense = _Dense(found.sparse, found.volume, replace(settings, mask="none"), replace(context, progress=timer))
+    scene, _ = dense.cloud()
     return replace(found, scene=scene, times=timer.times({}))
 
 
@@ -258,32 +258,33 @@ class _Dense:
     settings: ReconstructionSettings
     context: Context
 
-    @property
-    def options(self) -> DenseSettings:
-        return DenseSettings(min_agreeing=self.settings.min_agreeing_views)
-
-    def cloud(self, mask: Mask) -> tuple[Cloud, float]:
+    def cloud(self) -> tuple[Cloud, float]:
         """The fused cloud of all views that count, and how far their depths scatter (`depth_scatter_px`)."""
-        what, progress, views = "plants" if mask != "none" else "scene", self.context.progress, []
+        what, progress, views = "plants" if self.settings.mask != "none" else "scene", self.context.progress, []
         with progress.stage(f"Undistortion ({what})", len(self.sizes)) as advance:
             for photo in self.sparse.capture.photos:
                 if photo.name in self.sizes:
-                    views.append(self._view(photo, mask))
+                    views.append(self._view(photo))
                     advance(1)
         progress.note(f"{self._sizes()}; {expected_cost(views)}")
-        maps = compute_depth_maps(views, self.volume, self.options, self.context, seed=self.settings.seed)
+        maps = compute_depth_maps(views, self.volume, self.context, seed=self.settings.seed)
         with progress.stage(f"Fusion ({what})"):
-            scatter_px = depth_scatter_px(views, maps, self.volume, self.options)
-            return fuse(views, maps, self.volume, self.options, scatter_px), scatter_px
+            scatter_px = depth_scatter_px(views, maps, self.volume)
+            return fuse(views, maps, self.volume, self.settings.min_agreeing_views, scatter_px), scatter_px
 
     @cached_property
     def sizes(self) -> Mapping[str, Resolution]:
         """The working size of each photograph that counts."""
+        shown = outlines(self.sparse, self.settings.mask, _COUNTED_PX, _COUNTED)
+        shares = [float(outline.within(self.volume).mean()) for outline in shown]
+        return self._sized(steps_finer(shares, [size.size for size in self._sized(0).values()], self.settings.fidelity))
+
+    def _sized(self, finer: int) -> Mapping[str, Resolution]:
         sparse, fidelity, metric = self.sparse, self.settings.fidelity, self.sparse.frame.metric
         return {
             photo.name: resolution(
                 (photo.width, photo.height), sparse.intrinsics[photo.name], sparse.poses[photo.name], self.volume,
-                fidelity, metric=metric,
+                fidelity, metric=metric, finer=finer,
             )
             for photo in sparse.capture.photos if photo.name in sparse.poses
         }  # fmt: skip
@@ -304,7 +305,8 @@ class _Dense:
         limit = f", {count(capped, 'view', of=len(sizes))} limited to {MOST_PIXELS / 1e6:.0f} megapixels"
         return f"dense stereo at {why}{limit if capped else ''}"
 
-    def _view(self, photo: Photo, mask: Mask) -> View:
+    def _view(self, photo: Photo) -> View:
+        mask = self.settings.mask
         intrinsics, pose = self.sparse.intrinsics[photo.name], self.sparse.poses[photo.name]
         size = self.sizes[photo.name].size
         # Where a calibration is held, the same photograph gives the same view in every capture it is part of.
@@ -315,9 +317,7 @@ class _Dense:
         if arrays is not None:
             camera = view_camera(intrinsics, size)
             return View(photo.name, arrays["image"], camera, pose, arrays.get("mask"), arrays.get("inside"))
-        mask_path = find_mask(photo.path) if mask == "file" else None
-        mask_image = None if mask_path is None else read_image(mask_path, gray=True)
-        view = prepare_view(photo.name, read_image(photo), intrinsics, pose, size, mask, mask_image)
+        view = prepare_view(photo.name, read_image(photo), intrinsics, pose, size, mask, read_mask(photo, mask))
         if kept:
             masks = {"mask": view.mask, "inside": view.inside}
             self.context.cache.put(

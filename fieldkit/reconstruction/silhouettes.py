@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.captures import find_mask, read_image
+from fieldkit.captures import read_image
 from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.dense.masks import plant_mask
-from fieldkit.reconstruction.dense.views import resized
+from fieldkit.reconstruction.dense.views import prepare_view, read_mask
 from fieldkit.reconstruction.guided import region_of_interest
 from fieldkit.reconstruction.result import SparseResult
 from fieldkit.results.frame import Plane
@@ -39,6 +38,7 @@ _FARTHEST_M = 0.08  # from the cloud: tips lay within 54 mm on the tuning scenes
 _SWAYS = 1.2
 _LARGEST_TIP_M2 = 0.01
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class Outline:
     """What of a photograph shows plants."""
 
     mask: NDArray[np.bool_]
-    """(H, W), as photographed."""
+    """(H, W), without distortion."""
     camera: Intrinsics
     """Of that size."""
     pose: Pose
@@ -82,21 +82,20 @@ class Filled:
     """Share of the points in the pictures that lie on plants' pixels."""
 
 
-def outlines(sparse: SparseResult, mask: Mask, side_px: int = SIDE_PX, every: int = 1) -> list[Outline]:
-    """The plants in every so many of the photographs that count; empty without masks."""
-    import cv2
-
+def outlines(sparse: SparseResult, mask: Mask, side_px: int = SIDE_PX, most: int | None = None) -> list[Outline]:
+    """The plants in the photographs that count, or in about so many of them; empty without masks."""
     found = []
     counting = [photo for photo in sparse.capture.photos if photo.name in sparse.poses]
-    for photo in counting[::every] if mask != "none" else ():
-        path = find_mask(photo.path) if mask == "file" else None
-        pixels = read_image(photo, max_side=side_px)
-        size = (pixels.shape[1], pixels.shape[0])
-        image = None if path is None else cv2.resize(read_image(path, gray=True), size, interpolation=cv2.INTER_AREA)
-        plants = plant_mask(pixels, mask, image)
-        assert plants is not None
-        found.append(Outline(plants, resized(sparse.intrinsics[photo.name], *size), sparse.poses[photo.name]))
+    for photo in _thinned(counting, most) if mask != "none" else ():
+        of = sparse.intrinsics[photo.name], sparse.poses[photo.name]
+        view = prepare_view(photo.name, read_image(photo, max_side=side_px), *of, None, mask, read_mask(photo, mask))
+        assert view.mask is not None
+        found.append(Outline(view.mask, view.intrinsics, view.pose))
     return found
+
+
+def _thinned(found: Sequence[T], most: int | None) -> Sequence[T]:
+    return found if most is None else found[:: 1 + len(found) // most]
 
 
 def filled(found: Sequence[Outline], points: Array, volume: Volume) -> Filled:
@@ -138,7 +137,7 @@ def highest_shown_m(found: Sequence[Outline], ground: Plane, plants: Array, sway
     highest = int(heights.argmax())
     top = float(heights[highest])
     columns = _columns_about(plants[heights >= _UPPER * top, :2])
-    views, away, pixels_m = found[:: 1 + len(found) // ENOUGH_VIEWS], [], []
+    views, away, pixels_m = _thinned(found, ENOUGH_VIEWS), [], []
     for outline in views:
         pixels_m.append(float(np.linalg.norm(outline.pose.center - plants[highest])) / outline.camera.fx)
         px = round(max(0.5 * _CELL_M, _SWAYS * sway_m) / pixels_m[-1])

@@ -22,7 +22,7 @@ STAGES: Mapping[str, int] = MappingProxyType(
         "guided": 2,  # matches between known poses
         "mapping": 17,  # poses, intrinsics, sparse points, what pairs say
         "frame": 1,  # plot frame, ground, volume of interest
-        "views": 3,  # undistorted photographs and masks
+        "views": 4,  # undistorted photographs and masks
         "depth": 6,  # dense stereo
         "fusion": 4,  # depth maps into one cloud
         "plants": 1,  # what of the cloud is plant: above the ground, without strays, in the volume

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from benchmarks.sgbm import rectify, sgbm_depth_maps
-from fieldkit.reconstruction.dense import DenseSettings
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
 
 
@@ -15,7 +14,7 @@ def scene():
 
 def test_the_baseline_finds_the_plane(scene):
     views, truth = scene
-    for found, depth in zip(sgbm_depth_maps(views, VOLUME, DenseSettings()), truth, strict=True):
+    for found, depth in zip(sgbm_depth_maps(views, VOLUME), truth, strict=True):
         inner = (slice(40, -40), slice(40, -40))
         error = np.abs(found.depth - depth)[inner] / depth[inner]
         assert np.mean(error < 0.01) > 0.8

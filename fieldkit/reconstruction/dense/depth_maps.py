@@ -13,7 +13,6 @@ from fieldkit.cache import StageCache, digest
 from fieldkit.clouds.volume import Volume
 from fieldkit.reconstruction.dense.matching import UNMATCHED, Problem, Sweep, pack_view
 from fieldkit.reconstruction.dense.patchmatch import Active, Planes
-from fieldkit.reconstruction.dense.settings import DenseSettings
 from fieldkit.reconstruction.dense.source_views import choose_sources
 from fieldkit.reconstruction.dense.views import DepthMap, View, active_pixels
 from fieldkit.reconstruction.versions import STAGES
@@ -32,8 +31,11 @@ LARGE_SWEEPS, LARGE_GEOMETRIC = (Sweep(1.5, (3, 1)),), Sweep(1.0, (4, 2))
 COARSE_PASSES, GEOMETRIC_PASSES = 2, 1
 """Geometric passes, on levels of reduced views and on the last one. They take over planes of the source views and also
 ask for agreement with their depths."""
-BEYOND_UNMASKED = 4.0
-"""`DenseSettings.beyond` of views without a mask."""
+STARTS = 8
+"""Random planes per pixel."""
+BEYOND, BEYOND_UNMASKED = 0.3, 4.0
+"""How far behind the volume depths are sought, in views with a mask and without, as a share of the depth at which the
+ray leaves it. What is found there is dropped, but otherwise the background would have to match something inside."""
 _CPU_S_OF_MATCHED, _BYTES_OF_PIXEL, _BYTES_OF_MATCHED = 9e-6, 40, 50  # measured (docs/experiments/dense-stereo.md)
 _VERSION = STAGES["depth"]
 _KEPT = 32
@@ -41,15 +43,13 @@ _GEOMETRIC_SWEEP = 1.5
 """A geometric pass' sweep takes half as long again as one by the photographs alone."""
 
 
-def compute_depth_maps(
-    views: Sequence[View], volume: Volume, settings: DenseSettings, context: Context, *, seed: int
-) -> list[DepthMap]:
+def compute_depth_maps(views: Sequence[View], volume: Volume, context: Context, *, seed: int) -> list[DepthMap]:
     """The depth map of every view, by PatchMatch on the CPU, one thread per view.
 
     From coarse to fine: on every level a pass of the photographs alone, from random planes or the coarser level's, then
     geometric passes, which take over the source views' planes where they fit better and ask for agreement with their
-    depths. Each view's results are cached by the content of the view, of its source views, the volume, the
-    settings and the seed, so a repeated or extended run only computes what changed.
+    depths. Each view's results are cached by the content of the view, of its source views, the volume
+    and the seed, so a repeated or extended run only computes what changed.
 
     Args:
         views: n views at working size.
@@ -59,17 +59,14 @@ def compute_depth_maps(
     Returns:
         n depth maps, in the same order. A view without source views has no depths.
     """
-    sources = choose_sources(views, volume, settings)
+    sources = choose_sources(views, volume)
     contents = [view_digest(view) for view in views]
-    chosen = replace(settings, min_agreeing=2)  # how depths are fused is no part of the key
     count = range(len(views))
-    shared = _Shared(volume, settings)
+    shared = _Shared(volume)
     levels = _levels(views)
     weights = [work for work in _work_of_passes(levels) for _ in count]
     keys = [
-        digest(
-            STAGES["depth"], "photographs", contents[i], [contents[j] for j in sources[i]], volume, seed, chosen, levels
-        )
+        digest(STAGES["depth"], "photographs", contents[i], [contents[j] for j in sources[i]], volume, seed, levels)
         for i in count
     ]
     pixels = [digest(seed, view.image) for view in views]
@@ -171,11 +168,10 @@ def _cached(cache: StageCache, keys: list[str], compute: Callable[[int], Planes]
 class _Shared:
     """What several reference views need of a view, kept for the last `_KEPT` asked for."""
 
-    def __init__(self, volume: Volume, settings: DenseSettings) -> None:
-        self.settings = settings
+    def __init__(self, volume: Volume) -> None:
         self.reduced = lru_cache(_KEPT)(reduced)
         self.active = lru_cache(_KEPT)(
-            lambda view: active_pixels(view, volume, BEYOND_UNMASKED if view.mask is None else settings.beyond)
+            lambda view: active_pixels(view, volume, BEYOND_UNMASKED if view.mask is None else BEYOND)
         )
         self.packed = lru_cache(_KEPT)(pack_view)
 
@@ -184,14 +180,13 @@ def _match(
     view: View, sources: list[View], level: int, coarser: Planes | None, shared: _Shared, random: np.uint64
 ) -> Planes:
     """Photographs alone at a level, from random planes or the coarser level's."""
-    settings = shared.settings
     reference = shared.reduced(view, level)
     active = shared.active(reference)
     near = [shared.reduced(source, level) for source in sources]
-    problem = Problem.build(reference, active, near, settings.best_sources, shared.packed)
+    problem = Problem.build(reference, active, near, shared.packed)
     planes, fresh = problem.empty()
     if coarser is None:
-        return problem.solve(planes, fresh, random, settings.starts, COARSEST_SWEEPS)
+        return problem.solve(planes, fresh, random, STARTS, COARSEST_SWEEPS)
     coarse = shared.reduced(view, level + 1)
     factor = reference.intrinsics.width / coarse.intrinsics.width
     _carry_over(planes, fresh, active, shared.active(coarse), coarser, factor)
@@ -206,8 +201,7 @@ def _match_geometry(
     """A later pass of a level: photographs and agreement with the source views' depths."""
     reference = shared.reduced(view, level)
     near = [(shared.reduced(source, level), planes) for source, planes in sources]
-    best = shared.settings.best_sources
-    problem = Problem.build(reference, shared.active(reference), [source for source, _ in near], best, shared.packed)
+    problem = Problem.build(reference, shared.active(reference), [source for source, _ in near], shared.packed)
     wanted = LARGE_GEOMETRIC if _large(reference) else GEOMETRIC
     return problem.refine(first, [(source, shared.active(source), planes) for source, planes in near], random, wanted)
 

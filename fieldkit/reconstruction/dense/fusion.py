@@ -21,11 +21,13 @@ from fieldkit.clouds.volume import Volume, crop
 from fieldkit.reconstruction.dense.masks import inner_colors
 from fieldkit.reconstruction.dense.matching import MAX_COST
 from fieldkit.reconstruction.dense.resolution import plant_depth_m
-from fieldkit.reconstruction.dense.settings import DenseSettings
 from fieldkit.reconstruction.dense.source_views import choose_fusion_neighbors
 from fieldkit.reconstruction.dense.views import DepthMap, View
 from fieldkit.runtime.kernels import fast_kernel
 
+MIN_AGREEING = 2
+"""Other views that have to agree for a point to be kept; so many more views must have its depth at its pixel than see
+through it."""
 MAX_RELATIVE_DEPTH, MAX_REPROJECTION_PX = 0.012, 1.5
 """Largest relative difference of two depths that agree, and largest round-trip distance of their pixels, where nothing
 moves."""
@@ -44,7 +46,7 @@ def fuse(
     views: Sequence[View],
     depth_maps: Sequence[DepthMap],
     volume: Volume,
-    settings: DenseSettings,
+    min_agreeing: int = MIN_AGREEING,
     scatter_px: float | None = None,
 ) -> Cloud:
     """One cloud of the depths that several views agree on.
@@ -57,7 +59,7 @@ def fuse(
     their normals.
 
     A point is dropped unless, of all views, those that have its depth (within `MAX_RELATIVE_DEPTH`, whatever sways) at
-    its pixel are `DenseSettings.min_agreeing` more than those that see through it. A view does so where all pixels
+    its pixel are ``min_agreeing`` more than those that see through it. A view does so where all pixels
     within `SEE_THROUGH_PX` show background (off the mask, inside the photograph) or depths `SEE_THROUGH_DEPTHS` times
     as far behind as may agree.
 
@@ -69,8 +71,8 @@ def fuse(
         Points in the plot frame (metres) with colours and normals, thinned to voxels of one ground sampling distance.
     """
     if scatter_px is None:
-        scatter_px = depth_scatter_px(views, depth_maps, volume, settings)
-    cloud = agreeing_points(views, depth_maps, volume, settings, scatter_px)
+        scatter_px = depth_scatter_px(views, depth_maps, volume)
+    cloud = agreeing_points(views, depth_maps, volume, min_agreeing, scatter_px)
     return voxel_thin(cloud, ground_sampling_distance(views, volume)) if len(cloud) else cloud
 
 
@@ -84,9 +86,7 @@ def tolerances(scatter_px: float) -> tuple[float, float]:
     return MAX_RELATIVE_DEPTH * (pixels / MAX_REPROJECTION_PX), pixels
 
 
-def depth_scatter_px(
-    views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, settings: DenseSettings
-) -> float:
+def depth_scatter_px(views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume) -> float:
     """How far the views' depths of one surface lie apart, pixels: 0.9 to 1.1 of still leaves, the more the more they
     sway between photographs.
 
@@ -99,7 +99,7 @@ def depth_scatter_px(
             i, np.array(neighbors, dtype=np.int64), depths, cameras, bounds, _SCATTER_GATE_DEPTH, _SCATTER_GATE_PX,
             _SCATTER_STEP,
         )
-        for i, neighbors in enumerate(choose_fusion_neighbors(views, volume, settings))
+        for i, neighbors in enumerate(choose_fusion_neighbors(views, volume))
     ]  # fmt: skip
     every = np.concatenate(trips) if trips else np.zeros(0)
     return float(np.quantile(every, _SCATTER_QUANTILE)) if len(every) else 0.0
@@ -124,7 +124,7 @@ def agreeing_points(
     views: Sequence[View],
     depth_maps: Sequence[DepthMap],
     volume: Volume,
-    settings: DenseSettings,
+    min_agreeing: int = MIN_AGREEING,
     scatter_px: float = 0.0,
 ) -> Cloud:
     """What `fuse` thins."""
@@ -139,7 +139,7 @@ def agreeing_points(
             background[i, :rows, :columns] = ~shown
             colors[i] = inner_colors(view.image, shown)
     parts = []
-    for i, neighbors in enumerate(choose_fusion_neighbors(views, volume, settings)):
+    for i, neighbors in enumerate(choose_fusion_neighbors(views, volume)):
         limit = int(np.count_nonzero(depths[i]))
         points = np.empty((limit, 3))
         origin = np.empty((limit, 1 + len(neighbors), 3), dtype=np.int32)
@@ -152,7 +152,7 @@ def agreeing_points(
             bounds,
             relative,
             reprojection,
-            settings.min_agreeing,
+            min_agreeing,
             points,
             origin,
         )
@@ -165,7 +165,7 @@ def agreeing_points(
             MAX_RELATIVE_DEPTH,
             MAX_RELATIVE_DEPTH * SEE_THROUGH_DEPTHS,
             SEE_THROUGH_PX,
-            settings.min_agreeing,
+            min_agreeing,
         )
         parts.append(Cloud(points[:count][kept], *_appearance(colors, depth_maps, origin[:count][kept])))
     return crop(concatenate(parts), volume)

@@ -37,6 +37,8 @@ SLACK = 0.4
 one."""
 GEOMETRIC_WEIGHT, GEOMETRIC_CAP_PX = 0.2, 3.0
 """Geometric passes add weight · min(round-trip error in pixels, cap) to the cost."""
+BEST_SOURCES = 2
+"""A plane costs the mean over its best so many source views, so that the others may be occluded; 1 to 3."""
 MAX_COST = 0.6
 """A depth whose cost (1 − correlation) is not below is carried to no other view and takes no part in the fusion."""
 _ALONE = Agreement(np.zeros((1, 1, 1), dtype=np.float32), np.float32(0.0), np.float32(0.0))
@@ -68,7 +70,7 @@ class Problem:
 
     @classmethod
     def build(
-        cls, view: View, active: Active, sources: list[View], best_sources: int,
+        cls, view: View, active: Active, sources: list[View],
         packed: Callable[[View], NDArray[np.uint32]] | None = None,
     ) -> Problem:  # fmt: skip
         """The arrays of ``view``; ``packed`` gives those of a source that others share (`pack_view`)."""
@@ -97,7 +99,7 @@ class Problem:
             np.array(back, dtype=np.float32).reshape(-1, 12),
             _lens(view),
             np.float32(NOISE**2),
-            min(best_sources, len(sources)),
+            min(BEST_SOURCES, len(sources)),
             np.float32(SLACK),
         )
         return cls(view, active, stereo, _pixel_inverse_depth(view, sources))

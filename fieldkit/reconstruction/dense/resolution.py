@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,10 @@ MOST_PIXELS = 6_000_000
 bytes a pixel ten views take 2.4 GB, and at 9 CPU s a megapixel of plants minutes."""
 SMALL_M = 1.0
 """In a volume whose diagonal is shorter, of seedlings or a pot plant, the wanted GSD is shorter in proportion."""
+PLANTS_M2 = 0.1
+"""Plants that cover less in a photograph get as many pixels as if they covered so much."""
+_MOST_FINER_PIXELS = 48_000_000
+"""Of all views together, which are taken more finely for that."""
 UNSCALED_M = 2.0, 1.5
 """What a photograph is taken to cover at the plants where nothing gives the scale."""
 _STEPS = 8
@@ -36,9 +41,25 @@ class Resolution(NamedTuple):
     """Whether `MOST_PIXELS` makes it coarser than wanted."""
 
 
+def steps_finer(shares: Sequence[float], sizes: Sequence[tuple[int, int]], fidelity: Fidelity) -> int:
+    """By how many steps views are taken more finely than their fidelity asks for, since plants fill few pixels.
+
+    Args:
+        shares: of photographs, that plants fill.
+        sizes: of all views, as their fidelity asks for.
+    """
+    pixels = sum(width * height for width, height in sizes)
+    plants = float(np.median(shares)) * pixels / len(sizes) if shares else 0.0
+    if not plants or not GSD_M[fidelity]:
+        return 0
+    times = min(PLANTS_M2 / GSD_M[fidelity] ** 2 / plants, _MOST_FINER_PIXELS / pixels)
+    return max(0, math.floor(0.5 * _STEPS * math.log2(times)))
+
+
 def resolution(
-    size: tuple[int, int], camera: Intrinsics, pose: Pose, volume: Volume, fidelity: Fidelity, *, metric: bool = True
-) -> Resolution:
+    size: tuple[int, int], camera: Intrinsics, pose: Pose, volume: Volume, fidelity: Fidelity, *, metric: bool = True,
+    finer: int = 0,
+) -> Resolution:  # fmt: skip
     """The size at which dense stereo takes a photograph; never finer than the photograph itself.
 
     Args:
@@ -46,6 +67,7 @@ def resolution(
         camera: at any size of the same aspect ratio.
         volume: of interest, as `plant_depth_m` takes it.
         metric: whether lengths are metres; else every photograph is taken to cover `UNSCALED_M`.
+        finer: steps of `steps_finer`.
     """
     width, height = size
     if metric:
@@ -53,7 +75,7 @@ def resolution(
         wanted_m = GSD_M[fidelity] * min(1.0, volume.diagonal / SMALL_M)
     else:
         own_m, wanted_m = math.sqrt(math.prod(UNSCALED_M) / (width * height)), GSD_M[fidelity]
-    steps = max(0, round(_STEPS * math.log2(wanted_m / own_m))) if wanted_m else 0
+    steps = max(0, round(_STEPS * math.log2(wanted_m / own_m)) - finer) if wanted_m else 0
     least = max(0, math.ceil(0.5 * _STEPS * math.log2(width * height / MOST_PIXELS)))
     scale = 2.0 ** (-max(steps, least) / _STEPS)
     reduced = max(1, round(width * scale)), max(1, round(height * scale))

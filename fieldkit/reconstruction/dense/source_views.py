@@ -8,19 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.clouds.volume import Volume
-from fieldkit.reconstruction.dense.settings import DenseSettings
 from fieldkit.reconstruction.dense.views import View
 
 _GRID = 4
 """Points along each edge of the volume for which overlap and angle are counted."""
 BEST_ANGLE_DEG = 12.0
 """Angle between two views about the volume at which a source view is worth most."""
-MAX_ANGLE_DEG = 50.0
+MIN_ANGLE_DEG, MAX_ANGLE_DEG = 3.0, 50.0
+"""Between a reference and a source view, about the volume."""
+SOURCES = 4
+"""Source views per reference view."""
 FUSION_NEIGHBORS = 10
 """Views that each view is compared with in the fusion."""
 
 
-def pair_scores(views: Sequence[View], volume: Volume, settings: DenseSettings) -> NDArray[np.float64]:
+def pair_scores(views: Sequence[View], volume: Volume) -> NDArray[np.float64]:
     """How well each view serves as a source of each other, (n, n) in [0, 1]; rows are reference views.
 
     The mean over points of the volume seen by both of a bell in the angle between the two rays
@@ -49,24 +51,24 @@ def pair_scores(views: Sequence[View], volume: Volume, settings: DenseSettings) 
         angle = np.degrees(np.arccos(np.clip((rays * rays[i]).sum(axis=2), -1.0, 1.0)))
         width = np.where(angle < BEST_ANGLE_DEG, 8.0, 15.0)
         bell = np.exp(-0.5 * ((angle - BEST_ANGLE_DEG) / width) ** 2)
-        bell[(angle < settings.min_angle_deg) | (angle > MAX_ANGLE_DEG)] = 0.0
+        bell[(angle < MIN_ANGLE_DEG) | (angle > MAX_ANGLE_DEG)] = 0.0
         ratio = np.minimum(scale / scale[i], 1.0)
         scores[i] = np.where(both, bell * ratio, 0.0).sum(axis=1) / own
         scores[i, i] = 0.0
     return scores
 
 
-def choose_sources(views: Sequence[View], volume: Volume, settings: DenseSettings) -> list[tuple[int, ...]]:
+def choose_sources(views: Sequence[View], volume: Volume, most: int = SOURCES) -> list[tuple[int, ...]]:
     """Indices of each view's source views, best first; fewer than asked for where no more are within limits.
 
     Ties are broken by the views' order.
     """
-    return _best(pair_scores(views, volume, settings), settings.sources)
+    return _best(pair_scores(views, volume), most)
 
 
-def choose_fusion_neighbors(views: Sequence[View], volume: Volume, settings: DenseSettings) -> list[tuple[int, ...]]:
+def choose_fusion_neighbors(views: Sequence[View], volume: Volume) -> list[tuple[int, ...]]:
     """Indices of the views each view is compared with in the fusion, best first."""
-    return _best(pair_scores(views, volume, settings), FUSION_NEIGHBORS)
+    return _best(pair_scores(views, volume), FUSION_NEIGHBORS)
 
 
 def _best(scores: NDArray[np.float64], count: int) -> list[tuple[int, ...]]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.captures import Photo, find_mask, read_image
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.dense.masks import plant_mask
@@ -77,7 +78,7 @@ def prepare_view(
         image_rgb: (H, W, 3) uint8.
         intrinsics: of the photograph at any size of the same aspect ratio.
         pose: in the metric plot frame.
-        size: working size (width, height), see `resolution`; the photograph's own by default.
+        size: working size (width, height), see `resolution`; the image's own by default.
         mask_kind: `exg`, `none`, or `file` with ``mask_image``.
         mask_image: (h, w) or (h, w, 3), non-zero on the pixels to keep; any size of the photograph's aspect ratio.
     """
@@ -103,6 +104,12 @@ def prepare_view(
     if inside is not None:
         mask = inside if mask is None else mask & inside
     return View(name, image, pinhole, pose, mask, inside)
+
+
+def read_mask(photo: Photo, kind: Mask) -> NDArray[np.uint8] | None:
+    """The mask image that belongs to a photograph; None where there is none, and for other masks than `file`."""
+    path = find_mask(photo.path) if kind == "file" else None
+    return None if path is None else read_image(path, gray=True)
 
 
 def view_camera(intrinsics: Intrinsics, size: tuple[int, int]) -> Intrinsics:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fieldkit.cache import StageCache
-from fieldkit.reconstruction.dense import DenseSettings, View, compute_depth_maps, fuse
+from fieldkit.reconstruction.dense import View, compute_depth_maps, fuse
 from fieldkit.reconstruction.dense import depth_maps as module
 from fieldkit.runtime.context import Context
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
@@ -29,9 +29,8 @@ def run(seed: int = 0, cache: StageCache | None = None, given: list[View] | None
     """Digest of depths, normals, costs and the fused cloud."""
     state = hashlib.sha256()
     scene = views() if given is None else given
-    settings = DenseSettings()
-    found = compute_depth_maps(scene, VOLUME, settings, seed=seed, context=Context(cache=cache or StageCache(None)))
-    cloud = fuse(scene, found, VOLUME, settings)
+    found = compute_depth_maps(scene, VOLUME, seed=seed, context=Context(cache=cache or StageCache(None)))
+    cloud = fuse(scene, found, VOLUME)
     for depth_map in found:
         for array in (depth_map.depth, depth_map.normal, depth_map.cost):
             state.update(array.tobytes())
@@ -61,8 +60,8 @@ def test_freshly_compiled_kernels_give_the_same_bytes(tmp_path):
 
 def test_the_seed_matters_but_little():
     scene = views()
-    settings, nothing = DenseSettings(), StageCache(None)
-    maps = [compute_depth_maps(scene, VOLUME, settings, seed=s, context=Context(nothing)) for s in (0, 1)]
+    nothing = StageCache(None)
+    maps = [compute_depth_maps(scene, VOLUME, seed=s, context=Context(nothing)) for s in (0, 1)]
     first, second = (m[0].depth for m in maps)
     assert (first != second).any()
     both = (first > 0) & (second > 0)
@@ -96,14 +95,14 @@ def test_a_view_from_another_side_leaves_the_others_as_they_are(tmp_path):
     assert cache.sizes()["depth"].entries == entries + PASSES
 
 
-@pytest.mark.parametrize("change", ["pixel", "pose", "mask", "setting", "seed", "volume"])
+@pytest.mark.parametrize("change", ["pixel", "pose", "mask", "seed", "volume"])
 def test_whatever_matters_is_part_of_the_key(tmp_path, change):
     cache = StageCache(tmp_path)
     scene = views(3)
-    settings, seed, volume = DenseSettings(), 0, VOLUME
+    seed, volume = 0, VOLUME
 
     def compute() -> int:
-        compute_depth_maps(scene, volume, settings, seed=seed, context=Context(cache))
+        compute_depth_maps(scene, volume, seed=seed, context=Context(cache))
         return cache.sizes()["depth"].entries
 
     before = compute()
@@ -115,21 +114,12 @@ def test_whatever_matters_is_part_of_the_key(tmp_path, change):
         pose = type(pose)(pose.rotation, pose.center + 1e-12)
     elif change == "mask":
         mask = np.ones(image.shape[:2], dtype=bool)
-    elif change == "setting":
-        settings = DenseSettings(beyond=0.31)
     elif change == "seed":
         seed = 7
     else:
         volume = volume.grown(0.001)
     scene[0] = View(first.name, image, first.intrinsics, pose, mask)
     assert compute() == 2 * before
-
-
-def test_the_fusion_rule_is_no_part_of_the_key(tmp_path):
-    cache = StageCache(tmp_path)
-    for settings in (DenseSettings(), DenseSettings(min_agreeing=1)):
-        compute_depth_maps(views(3), VOLUME, settings, seed=0, context=Context(cache))
-    assert cache.sizes()["depth"].entries == 3 * PASSES
 
 
 def _never(*arguments: object) -> None:

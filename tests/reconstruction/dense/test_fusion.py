@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fieldkit.clouds.volume import Volume
-from fieldkit.reconstruction.dense import DenseSettings, DepthMap, View, fuse, fusion
+from fieldkit.reconstruction.dense import DepthMap, View, fuse, fusion
 from fieldkit.reconstruction.dense.fusion import (
     MAX_RELATIVE_DEPTH,
     MAX_REPROJECTION_PX,
@@ -19,7 +19,6 @@ from fieldkit.reconstruction.dense.fusion import (
 )
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
 
-RULE = DenseSettings()
 Made = tuple[list[View], list[DepthMap]]
 
 
@@ -49,7 +48,7 @@ def scaled(depth_map: DepthMap, factor: float) -> DepthMap:
 
 
 def test_exact_depths_give_points_on_the_plane(perfect):
-    cloud = agreeing_points(*perfect, VOLUME, RULE)
+    cloud = agreeing_points(*perfect, VOLUME)
     assert len(cloud) > 20_000
     # Agreeing pixels are up to 1.5 pixels apart, which on a plane seen at 16° moves the mean depth a little.
     assert np.abs(cloud.points[:, 2]).max() < 0.004
@@ -61,14 +60,14 @@ def test_exact_depths_give_points_on_the_plane(perfect):
 def test_a_pixel_is_used_once(perfect):
     views, maps = perfect
     pixels = sum((m.depth > 0).sum() for m in maps)
-    assert len(agreeing_points(views, maps, VOLUME, RULE)) < 0.6 * pixels
+    assert len(agreeing_points(views, maps, VOLUME)) < 0.6 * pixels
 
 
 @pytest.mark.parametrize(("needed", "wrong", "kept"), [(1, 2, True), (2, 1, True), (2, 2, False), (3, 1, False)])
 def test_enough_views_have_to_agree(perfect, needed, wrong, kept):
     views, maps = perfect
     maps = [scaled(m, 1.0 + 0.05 * (i + 1)) if i < wrong else m for i, m in enumerate(maps)]
-    on_plane = np.abs(agreeing_points(views, maps, VOLUME, replace(RULE, min_agreeing=needed)).points[:, 2]) < 0.01
+    on_plane = np.abs(agreeing_points(views, maps, VOLUME, needed).points[:, 2]) < 0.01
     assert bool(np.count_nonzero(on_plane) > 1000) is kept
 
 
@@ -77,8 +76,7 @@ def test_depths_agree_within_a_relative_difference(perfect, factor, kept, monkey
     views, maps = perfect
     two = ([views[0], views[1]], [maps[0], scaled(maps[1], factor)])
     monkeypatch.setattr(fusion, "MAX_REPROJECTION_PX", 10.0)
-    rule = replace(RULE, min_agreeing=1)
-    assert (len(agreeing_points(*two, VOLUME, rule)) > 1000) is kept
+    assert (len(agreeing_points(*two, VOLUME, 1)) > 1000) is kept
 
 
 def test_depths_agree_within_a_round_trip(perfect, monkeypatch):
@@ -87,7 +85,7 @@ def test_depths_agree_within_a_round_trip(perfect, monkeypatch):
     counts = []
     for limit in (0.2, 1.0, 4.0):
         monkeypatch.setattr(fusion, "MAX_REPROJECTION_PX", limit)
-        counts.append(len(agreeing_points(*two, VOLUME, replace(RULE, min_agreeing=1))))
+        counts.append(len(agreeing_points(*two, VOLUME, 1)))
     assert counts[0] < counts[1] < counts[2]
 
 
@@ -98,13 +96,13 @@ def swaying(eight: Made, share: float) -> Made:
 
 
 def test_depths_of_what_stands_still_hardly_scatter(eight):
-    assert depth_scatter_px(*eight, VOLUME, RULE) < 0.2
+    assert depth_scatter_px(*eight, VOLUME) < 0.2
     two = eight[0][:2], eight[1][:2]
-    assert depth_scatter_px(*two, VOLUME, RULE) == 0.0  # no second view
+    assert depth_scatter_px(*two, VOLUME) == 0.0  # no second view
 
 
 def test_depths_scatter_with_what_sways(eight):
-    little, much = (depth_scatter_px(*swaying(eight, share), VOLUME, RULE) for share in (0.01, 0.04))
+    little, much = (depth_scatter_px(*swaying(eight, share), VOLUME) for share in (0.01, 0.04))
     assert 0.2 < little < 0.5 * much
 
 
@@ -121,7 +119,7 @@ def test_tolerances_are_wider_where_depths_scatter_only():
 
 def test_a_surface_that_every_view_shows_elsewhere_is_fused_at_its_mean_place(eight):
     given = swaying(eight, 0.008)
-    strict, wide = (agreeing_points(*given, VOLUME, RULE, scatter_px) for scatter_px in (0.0, 3.0))
+    strict, wide = (agreeing_points(*given, VOLUME, 2, scatter_px) for scatter_px in (0.0, 3.0))
     off = [np.abs(cloud.points[:, 2]).mean() for cloud in (strict, wide)]
     assert off[1] < 0.5 * off[0]
     assert len(wide) < len(strict)  # one layer, not two
@@ -129,15 +127,15 @@ def test_a_surface_that_every_view_shows_elsewhere_is_fused_at_its_mean_place(ei
 
 def test_wide_tolerances_let_no_depth_pass_that_views_see_through(eight):
     views, maps = disputed(eight, 5)
-    assert len(agreeing_points(views, maps, VOLUME, RULE, 4.0)) < 0.05 * len(agreeing_points(*eight, VOLUME, RULE, 4.0))
+    assert len(agreeing_points(views, maps, VOLUME, 2, 4.0)) < 0.05 * len(agreeing_points(*eight, VOLUME, 2, 4.0))
 
 
 def test_dear_depths_count_nowhere(perfect):
     views, maps = perfect
     dear = [replace(m, cost=np.full_like(m.cost, 0.6)) for m in maps]
-    assert len(agreeing_points(views, dear, VOLUME, RULE)) == 0
-    assert len(agreeing_points(views, [*maps[:2], *dear[2:]], VOLUME, RULE)) == 0
-    assert len(agreeing_points(views, [*maps[:3], *dear[3:]], VOLUME, RULE)) > 1000
+    assert len(agreeing_points(views, dear, VOLUME)) == 0
+    assert len(agreeing_points(views, [*maps[:2], *dear[2:]], VOLUME)) == 0
+    assert len(agreeing_points(views, [*maps[:3], *dear[3:]], VOLUME)) > 1000
 
 
 def test_colours_are_the_mean_of_the_agreeing_pixels(perfect):
@@ -145,7 +143,7 @@ def test_colours_are_the_mean_of_the_agreeing_pixels(perfect):
     painted = []
     for i, view in enumerate(views):
         painted.append(replace(view, image=np.full_like(view.image, 10 + 20 * i)))
-    cloud = agreeing_points(painted, maps, VOLUME, RULE)
+    cloud = agreeing_points(painted, maps, VOLUME)
     all_four = (cloud.colors == 40).all(axis=1)
     assert all_four.mean() > 0.3
     assert cloud.colors.min() >= 10
@@ -162,7 +160,7 @@ def disputed(full: Made, through: int) -> Made:
 
 def found_on_the_plane(given: Made) -> bool:
     """Whether the fused cloud has points of the plane z = 0 where all views see it."""
-    cloud = agreeing_points(*given, VOLUME, RULE)
+    cloud = agreeing_points(*given, VOLUME)
     middle = (np.abs(cloud.points[:, :2]) < 0.2).all(axis=1) & (np.abs(cloud.points[:, 2]) < 0.01)
     count = int(np.count_nonzero(middle))
     assert count == 0 or count > 1000
@@ -178,11 +176,7 @@ def test_a_point_that_other_views_show_background_behind_is_dropped(eight, throu
 def test_unknown_depths_and_pixels_outside_of_the_photograph_are_no_background(eight):
     views, maps = disputed(eight, 5)
     outside = [replace(v, inside=v.mask) for v in views]
-    assert (
-        len(agreeing_points(outside, maps, VOLUME, RULE))
-        == len(agreeing_points(*disputed(eight, 0), VOLUME, RULE))
-        > 1000
-    )
+    assert len(agreeing_points(outside, maps, VOLUME)) == len(agreeing_points(*disputed(eight, 0), VOLUME)) > 1000
 
 
 def test_a_point_in_front_of_what_other_views_show_is_dropped(eight):
@@ -211,7 +205,7 @@ def test_colours_of_edges_are_those_farther_in(perfect):
     image = np.where(inner[..., None], np.uint8(200), np.uint8(20)) * np.ones(3, dtype=np.uint8)
     painted = [replace(v, image=image, mask=edge) for v in views]
     cut = [replace(m, depth=np.where(edge, m.depth, np.float32(0.0))) for m in maps]
-    cloud = agreeing_points(painted, cut, VOLUME, RULE)
+    cloud = agreeing_points(painted, cut, VOLUME)
     assert cloud.colors is not None
     assert len(cloud) > 1000
     assert (cloud.colors == 200).all()
@@ -219,7 +213,7 @@ def test_colours_of_edges_are_those_farther_in(perfect):
 
 def test_points_outside_the_volume_are_dropped(perfect):
     small = Volume((-0.1, -0.2, -0.1), (0.1, 0.2, 0.1))
-    cloud = agreeing_points(*perfect, small, RULE)
+    cloud = agreeing_points(*perfect, small)
     assert len(cloud) > 100
     assert small.contains(cloud.points).all()
 
@@ -228,6 +222,6 @@ def test_thinning_follows_the_ground_sampling_distance(perfect):
     views, _ = perfect
     gsd = ground_sampling_distance(views, VOLUME)
     assert gsd == pytest.approx(np.linalg.norm(views[0].pose.center - VOLUME.center) / 260.0, rel=0.03)
-    thin = fuse(*perfect, VOLUME, RULE)
+    thin = fuse(*perfect, VOLUME)
     assert len(np.unique(np.floor(thin.points / gsd), axis=0)) == len(thin)
-    assert 100 < len(thin) < len(agreeing_points(*perfect, VOLUME, RULE))
+    assert 100 < len(thin) < len(agreeing_points(*perfect, VOLUME))

@@ -1,21 +1,23 @@
 """Depth maps of scenes whose depths are known exactly."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 from fieldkit.cache import StageCache
 from fieldkit.geometry import Intrinsics
-from fieldkit.reconstruction.dense import DenseSettings, DepthMap, View, compute_depth_maps, fuse
+from fieldkit.reconstruction.dense import DepthMap, View, compute_depth_maps, fuse, matching
 from fieldkit.reconstruction.dense import depth_maps as module
+from fieldkit.reconstruction.dense.source_views import choose_sources
 from fieldkit.runtime.context import Context
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
 
 NOTHING_KEPT = StageCache(None)
-STANDARD = DenseSettings()
 
 
-def depth_maps(views: list[View], settings: DenseSettings = STANDARD, seed: int = 0) -> list[DepthMap]:
-    return compute_depth_maps(views, VOLUME, settings, seed=seed, context=Context(NOTHING_KEPT))
+def depth_maps(views: list[View], seed: int = 0) -> list[DepthMap]:
+    return compute_depth_maps(views, VOLUME, seed=seed, context=Context(NOTHING_KEPT))
 
 
 def relative_errors(found: DepthMap, truth: np.ndarray, margin: int = 12) -> np.ndarray:
@@ -58,7 +60,7 @@ def test_normals_are_those_of_the_plane_and_face_the_camera(slanted):
 
 def test_the_fused_cloud_lies_on_the_plane(slanted):
     views, _, found = slanted
-    cloud = fuse(views, found, VOLUME, STANDARD)
+    cloud = fuse(views, found, VOLUME)
     assert cloud.normals is not None
     height = cloud.points[:, 2] - 0.3 * cloud.points[:, 0] + 0.2 * cloud.points[:, 1]
     assert len(cloud) > 10_000
@@ -92,7 +94,7 @@ def test_what_lies_behind_the_volume_is_left_out():
     views, _ = scene_views([Plane(height=-0.8, half=3.0)], ring(5))
     found = depth_maps(views)
     assert np.mean([(f.depth > 0).mean() for f in found]) < 0.2
-    assert len(fuse(views, found, VOLUME, STANDARD)) < 500
+    assert len(fuse(views, found, VOLUME)) < 500
 
 
 def test_a_view_without_neighbours_has_no_depths():
@@ -110,7 +112,7 @@ def test_views_of_different_sizes_go_together():
     found = depth_maps([mixed[0], small, mixed[2], mixed[3]])
     assert found[1].depth.shape == (150, 200)
     assert np.median(relative_errors(found[0], truth[0])) < 0.002
-    assert len(fuse([mixed[0], small, mixed[2], mixed[3]], found, VOLUME, STANDARD)) > 5000
+    assert len(fuse([mixed[0], small, mixed[2], mixed[3]], found, VOLUME)) > 5000
 
 
 @pytest.mark.parametrize("coarsest", [10_000_000, 20_000, 5_000])
@@ -125,9 +127,8 @@ def test_every_number_of_pyramid_levels_finds_the_plane(coarsest, monkeypatch):
 @pytest.mark.parametrize(("best", "sources", "geometric"), [(1, 1, 0), (1, 3, 1), (3, 4, 1), (2, 4, 0)])
 def test_other_settings_find_the_plane_too(best, sources, geometric, monkeypatch):
     monkeypatch.setattr(module, "GEOMETRIC_PASSES", geometric)
+    monkeypatch.setattr(matching, "BEST_SOURCES", best)
+    monkeypatch.setattr(module, "choose_sources", partial(choose_sources, most=sources))
     views, truth = scene_views([Plane(slope_y=0.2)], ring(5))
-    settings = DenseSettings(best_sources=best, sources=sources)
-    errors = np.concatenate(
-        [relative_errors(f, t, 30).ravel() for f, t in zip(depth_maps(views, settings), truth, strict=True)]
-    )
+    errors = np.concatenate([relative_errors(f, t, 30).ravel() for f, t in zip(depth_maps(views), truth, strict=True)])
     assert np.mean(errors < 0.01) > 0.85

@@ -7,7 +7,7 @@ from benchmarks.scenes import benchmark_cameras, benchmark_scene
 from benchmarks.sgbm import sgbm_depth_maps
 from fieldkit.clouds.metrics import score
 from fieldkit.clouds.volume import Volume
-from fieldkit.reconstruction.dense import DenseSettings, compute_depth_maps, fuse, prepare_view, resolution
+from fieldkit.reconstruction.dense import compute_depth_maps, fuse, prepare_view, resolution
 from fieldkit.runtime.context import Context
 from fieldkit.scenes.renderer import Renderer, RenderingError
 from fieldkit.scenes.sampling import sample_visible
@@ -37,10 +37,9 @@ def test_ten_views_of_a_plot(index):
                 views.append(prepare_view(f"{i:02d}", noisy, intrinsics, pose, size))
     except RenderingError as error:
         pytest.skip(f"no picture can be rendered here: {error}")
-    settings = DenseSettings()
-    found = compute_depth_maps(views, volume, settings, seed=0, context=Context())
-    ours = score(truth, fuse(views, found, volume, settings), [0.010]).f_scores[0.010]
-    theirs = fuse(views, sgbm_depth_maps(views, volume, settings), volume, settings)
+    found = compute_depth_maps(views, volume, seed=0, context=Context())
+    ours = score(truth, fuse(views, found, volume), [0.010]).f_scores[0.010]
+    theirs = fuse(views, sgbm_depth_maps(views, volume), volume)
     baseline = score(truth, theirs, [0.010]).f_scores[0.010]
     assert ours.f_score >= 0.95
     assert ours.precision >= 0.97

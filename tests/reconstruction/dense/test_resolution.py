@@ -5,7 +5,7 @@ import pytest
 
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.dense.resolution import MOST_PIXELS, plant_depth_m, resolution
+from fieldkit.reconstruction.dense.resolution import MOST_PIXELS, plant_depth_m, resolution, steps_finer
 from fieldkit_sim.simulation import ring
 
 CAMERA = Intrinsics.pinhole(2000, 1500, 1700.0)
@@ -66,6 +66,15 @@ def test_small_plants_are_taken_more_finely():
     pot = Volume((-0.1, -0.1, 0.0), (0.1, 0.1, 0.2))
     camera = CAMERA.scaled(4000, 3000)
     assert of("standard", above(0.9), camera, pot).gsd_m == pytest.approx(0.002 * pot.diagonal, rel=0.05)
+
+
+@pytest.mark.parametrize(("share", "plants"), [(0.01, 25_000), (0.003, 48e6 / 10 * 0.003), (0.2, None), (0.0, None)])
+def test_plants_that_fill_few_pixels_are_taken_more_finely(share, plants):
+    camera = CAMERA.scaled(8000, 6000)
+    plain = of("standard", above(3.0), camera).size
+    finer = steps_finer([share], [plain] * 10, "standard")
+    width, height = resolution((8000, 6000), camera, above(3.0), PLOT, "standard", finer=finer).size
+    assert 0.8 * plants < share * width * height <= 1.01 * plants if plants else (width, height) == plain
 
 
 def test_without_a_scale_sizes_are_those_of_photographs_that_cover_two_metres():

@@ -5,7 +5,7 @@ import pytest
 
 from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.dense import DenseSettings, View, prepare_view
+from fieldkit.reconstruction.dense import View, prepare_view
 from fieldkit.reconstruction.dense.views import undistortion_grid
 from fieldkit.reconstruction.settings import ReconstructionSettings
 
@@ -100,8 +100,6 @@ def test_a_view_checks_its_parts():
 def test_settings_name_what_is_wrong_with_them():
     with pytest.raises(UsageError, match="fidelity 'best'"):
         ReconstructionSettings(fidelity="best")
-    with pytest.raises(UsageError, match="source views"):
-        DenseSettings(best_sources=4)
 
 
 def test_pixels_from_outside_the_photograph_are_told_from_background():
