@@ -216,13 +216,17 @@ def ranked(method: object, run: RunFolder, confirmed: Sequence[Finalist]) -> lis
 
 
 def evaluate_again(
-    evaluations: Evaluations, run: RunFolder, chosen: Sequence[Trial], *, watch: Watch
-) -> list[Finalist]:
+    evaluations: Evaluations, run: RunFolder, chosen: Sequence[Trial], *, watch: Watch,
+    standard: Cameras | None = None, nearer: float = 0.0,
+) -> list[Finalist]:  # fmt: skip
     """Evaluate trials at the fresh seeds of a run's settings, and log them as confirmations.
 
     If the plan is for plots of a kind, each repeat is on its own plot, one that no trial has met. The first is the
     given plot if the search took no photographs. It is a race: a trial that is clearly behind after a repeat takes part
     in no more, and where one is left the race is over.
+
+    Args:
+        standard: cameras that others have to beat by a share ``nearer``; their values race with so much taken off.
 
     Returns:
         The trials by repeats, then value, the best first; in the given order if the settings ask for no repeats.
@@ -255,7 +259,7 @@ def evaluate_again(
             entries = tuple(there[trial.cameras, s, p] for s, p in fresh[:done])
             finalists[trial.number] = _finalist(trial, entries)
         if settings.plots > 1:
-            racing = _not_behind(racing, finalists)
+            racing = _not_behind(racing, finalists, standard, nearer)
             if len(racing) == 1:
                 break
     # Those that raced on are ahead of those that were given up.
@@ -268,9 +272,14 @@ def _finalist(trial: Trial, entries: tuple[LogEntry, ...]) -> Finalist:
     return Finalist(trial, entries, float(np.mean(sorted(values, reverse=True))), spread)
 
 
-def _not_behind(racing: Sequence[Trial], finalists: Mapping[int, Finalist]) -> list[Trial]:
+def _not_behind(
+    racing: Sequence[Trial], finalists: Mapping[int, Finalist], standard: Cameras | None, nearer: float
+) -> list[Trial]:
     """The trials that noise could still put before the leader; all were evaluated on the same plots."""
-    values = {trial.number: finalists[trial.number].value_m or 0.0 for trial in racing}
+    values = {
+        trial.number: (finalists[trial.number].value_m or 0.0) * (1.0 - nearer * (trial.cameras == standard))
+        for trial in racing
+    }
     lead = min(values.values())
     rounds = len(finalists[racing[0].number].entries)
     behind_m = _CLEARLY * _PAIRED * lead / np.sqrt(rounds)

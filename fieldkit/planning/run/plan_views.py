@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from fieldkit.cache import StageCache
@@ -166,7 +167,7 @@ def _chosen(method: Chooser, run: RunFolder, setup: RunSetup, context: Context, 
     if confirming:
         with evaluating(setup.objective, context) as evaluations:
             chosen = trials if ring is None else [*trials, ring]
-            confirmed = ranked(method, run, _confirmed(evaluations, run, chosen, context, watch))
+            confirmed = ranked(method, run, _confirmed(evaluations, run, chosen, ring, context, watch))
         if ring is not None:
             confirmed = unless_ahead(confirmed, ring.cameras, run, _NEARER)
     return write_outcome(run, setup, confirmed, Ending("exhausted"), choice_s=cost)
@@ -184,9 +185,11 @@ def _ring(problem: PlanningProblem, settings: SearchSettings) -> Trial | None:
 
 
 def _confirmed(
-    evaluations: Evaluations, run: RunFolder, trials: Sequence[Trial], context: Context, watch: Watch
-) -> list[Finalist]:
+    evaluations: Evaluations, run: RunFolder, trials: Sequence[Trial], ring: Trial | None, context: Context,
+    watch: Watch,
+) -> list[Finalist]:  # fmt: skip
+    again = partial(evaluate_again, standard=None if ring is None else ring.cameras, nearer=_NEARER)
     if watch is not no_watch:
-        return evaluate_again(evaluations, run, trials, watch=watch)
+        return again(evaluations, run, trials, watch=watch)
     with context.progress.stage("Confirming", len(trials) * run.settings.repeats) as advance:
-        return evaluate_again(evaluations, run, trials, watch=lambda _: advance(1))
+        return again(evaluations, run, trials, watch=lambda _: advance(1))

@@ -226,16 +226,19 @@ def test_plans_for_a_kind_are_confirmed_on_plots_that_no_trial_has_met(tmp_path:
         assert len({entry.value_m for entry in found.entries}) == 3
 
 
-@pytest.mark.parametrize(("evaluator", "rounds"), [(Dull, [3, 3, 3]), (Bowls, [1, 1, 1])])
+@pytest.mark.parametrize(
+    ("evaluator", "nearer", "rounds"), [(Dull, 0.0, [3, 3, 3]), (Dull, 0.2, [1, 1, 1]), (Bowls, 0.0, [1, 1, 1])]
+)
 def test_finalists_of_a_kind_race_as_long_as_noise_could_change_who_leads(
-    tmp_path: Path, evaluator: type[Bowl], rounds: list[int]
+    tmp_path: Path, evaluator: type[Bowl], nearer: float, rounds: list[int]
 ) -> None:
     with create_run(tmp_path / "run", bowl_settings(plots=4, repeats=3, finalists=3)) as run:
         evaluations = here(evaluator())
         search(Random(bowl_problem()), evaluations, run, out_of_time=never, watch=ignore)
         ordered = lowest([entry.result for entry in run.entries], 100)
         chosen = ordered[:3] if evaluator is Dull else [ordered[0], *ordered[-2:]]
-        found = evaluate_again(evaluations, run, chosen, watch=ignore)
+        standard = chosen[1].cameras
+        found = evaluate_again(evaluations, run, chosen, watch=ignore, standard=standard, nearer=nearer)
     assert [len(finalist.entries) for finalist in found] == rounds
     assert found[0].trial.cameras == ordered[0].cameras or evaluator is Dull
 
