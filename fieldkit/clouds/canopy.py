@@ -1,7 +1,7 @@
 """The canopy of a plot as seen from straight above: which ground it covers, and how high it is. Pure functions.
 
 Dense stereo takes pixels that leaf and soil share as leaf, and thin parts of its plant mask are grown by a pixel. So
-leaves come out wider by a seam, about the same on every edge when counted in pixels of the depth maps.
+leaves come out wider by a seam, about the same on every edge.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ Array = NDArray[np.float64]
 Outline = tuple[tuple[float, float], ...]
 """Corners (x, y) of a plot in the plot frame, metres, the last not the first again."""
 
-SEAM_PIXELS = 1.25
-"""Width of the seam about leaves in pixels of the depth maps: ½ since a cell counts where any point lies in it, ½ for
-pixels that leaf and soil share, the rest for masks grown at thin parts; fitted on scenes tuning-1 to 6
-(docs/traits.md)."""
+SEAM_PIXELS, _SEAM_GROWTH, FITTED_PIXELS_M = 1.25, 0.6, (0.0021, 0.0042)
+"""Width of the seam about leaves in cells: ½ since a cell counts where any point lies in it, ½ for pixels that leaf and
+soil share, the rest for masks grown at thin parts. Coarser pixels leave more parts thin: it grows with this power of
+them. Fitted with pixels of this size, metres, on scenes tuning-1 to 6, and tuning-1 and -2 (docs/traits.md)."""
 MOST_CELLS = 50_000_000
 LEAF_M2 = 0.0010
 _GAP_PIXELS = 2.0
@@ -64,25 +64,36 @@ class Canopy:
         return float((self.cover * height).sum(dtype=np.float64)) * self.cell_m**2
 
 
-def canopy(points: Array, heights: Array, pixel_m: float) -> Canopy:
+def seam_cells(pixel_m: float) -> float:
+    """Width of the seam about leaves, in cells.
+
+    Args:
+        pixel_m: ground that a pixel of the depth maps covers.
+    """
+    low, high = FITTED_PIXELS_M
+    return SEAM_PIXELS * float((min(max(pixel_m, low), high) / low) ** _SEAM_GROWTH)
+
+
+def canopy(points: Array, heights: Array, cell_m: float, seam: float = SEAM_PIXELS) -> Canopy:
     """The canopy of plants' points.
 
-    A cell is as large as a pixel of the depth maps. Gaps of up to two cells are closed: a point falls into a cell by
-    chance. What lies nearer than `SEAM_PIXELS` to an empty cell is seam.
+    Gaps of up to two cells are closed: a point falls into a cell by chance. What lies nearer than the seam to an empty
+    cell is seam.
 
     Args:
         points: (n, 3) of plants, plot frame, without strays; at least one.
         heights: (n,) above the ground.
-        pixel_m: ground that a pixel of the depth maps covers.
+        cell_m: edge of the cells: what a pixel of the depth maps covers, more where leaves sway.
+        seam: `seam_cells`.
     """
     import cv2
 
     if not len(points):
         raise ValueError("a canopy needs points")
-    if not (np.isfinite(pixel_m) and pixel_m > 0):
-        raise ValueError(f"a pixel must cover a positive number of metres, not {pixel_m}")
+    if not (np.isfinite(cell_m) and cell_m > 0):
+        raise ValueError(f"a cell must have a positive number of metres, not {cell_m}")
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
-    cell = max(pixel_m, float(np.sqrt(np.prod(high - low + 6 * pixel_m) / MOST_CELLS)))
+    cell = max(cell_m, float(np.sqrt(np.prod(high - low + 6 * cell_m) / MOST_CELLS)))
     low = (np.floor(low / cell) - 3) * cell  # on a grid through the frame's origin, with empty cells all around
     columns, rows = (np.ceil((high - low) / cell) + 4).astype(int)
     column, row = np.floor((points[:, :2] - low) / cell).astype(int).T
@@ -93,7 +104,7 @@ def canopy(points: Array, heights: Array, pixel_m: float) -> Canopy:
     tops = np.where(np.isfinite(tops), tops, cv2.dilate(tops, square))
     tops = np.where((closed > 0) & np.isfinite(tops), tops, np.float32(np.nan))
     away = cv2.distanceTransform(closed, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)  # to the middle of the next empty cell
-    cover = np.where(closed > 0, np.clip(away - SEAM_PIXELS * pixel_m / cell, 0.0, 1.0), 0.0)
+    cover = np.where(closed > 0, np.clip(away - seam * cell_m / cell, 0.0, 1.0), 0.0)
     return Canopy((float(low[0]), float(low[1])), cell, tops, cover.astype(np.float32))
 
 

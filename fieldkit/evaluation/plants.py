@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 
 def plants_one_by_one(
-    plants: Cloud, ground: Plane, frame: MetricFrame, outline: Outline | None, pixel_m: float,
+    plants: Cloud, ground: Plane, frame: MetricFrame, outline: Outline | None, cells: tuple[float, float],
     top_seen: Callable[[Array, float], bool],
 ) -> tuple[tuple[PlantEntry, ...], dict[str, int], dict[Trait, str]]:  # fmt: skip
     """The plants that stand on a plot, their counts, and why counts cannot be had.
@@ -41,7 +41,7 @@ def plants_one_by_one(
         ground: below them.
         frame: the plot frame's place.
         outline: of the plot; None counts all plants.
-        pixel_m: ground that a pixel of the depth maps covers.
+        cells: of the canopy: their edge in metres, and the seam about leaves in cells.
         top_seen: whether photographs show what stands over places (n, 2) up to a height, with room above it.
     """
     if outline is not None:
@@ -63,7 +63,7 @@ def plants_one_by_one(
         ]
     own = np.flatnonzero(on_plot(feet))
     rows = find_rows(feet[own])
-    crowns = [canopy(upright[of], heights[of], pixel_m) for of in (apart.numbers == k + 1 for k in range(len(feet)))]
+    crowns = [canopy(upright[of], heights[of], *cells) for of in (apart.numbers == k + 1 for k in range(len(feet)))]
     touching = _touching(crowns)
     found = []
     order = np.lexsort((feet[own, 1], feet[own, 0]) if rows is None else (rows.in_row, rows.row))
@@ -71,7 +71,7 @@ def plants_one_by_one(
         k = int(own[i])
         row, in_row = (None, None) if rows is None else (int(rows.row[i]), int(rows.in_row[i]))
         of = apart.numbers == k + 1
-        height = max(0.0, highest_leaf_m(upright[of], heights[of], pixel_m))
+        height = max(0.0, highest_leaf_m(upright[of], heights[of], cells[0]))
         top = of & (heights > height - _TOP_M)
         certain = top_seen(upright[of], height) and float(apart.sure[top].mean()) >= _OWN
         x, y = (float(v) for v in feet[k])

@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.clouds.canopy import (
+    FITTED_PIXELS_M,
     Outline,
     canopy,
     highest_leaf_m,
     inside_outline,
     outline_area_m2,
     rectangle,
+    seam_cells,
     with_room_m,
 )
 from fieldkit.clouds.cloud import Cloud
@@ -40,9 +42,6 @@ STILL_SCATTER_PX = 1.05
 SCATTER_OF_HEIGHT_M, SCATTER_OF_TIPS_M, SCATTER_OF_AREA_M = 0.002, 0.005, 0.0055
 """What scatters beyond that, from where errors grow with it: of heights by the cloud, of those that outlines show, of
 areas and volumes; docs/traits.md says on what they were fitted."""
-STANDARD_PIXEL_M = 0.0021
-"""Pixels of the depth maps that the errors above were found with. Coarser ones make leaves wider, the more where these
-sway: errors of areas and volumes grow with them."""
 _CELL_OF_SCATTER = 0.8
 """Edge of the canopy's cells where leaves sway: finer ones stay empty by chance."""
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
@@ -113,14 +112,15 @@ def plot_traits(
     swayed_m, doubt = _swayed_m(found), scale_doubt(found.sparse)
     cell = max(found.pixel_m, _CELL_OF_SCATTER * swayed_m)
     heights = ground.heights(points)
-    seen = canopy(points, heights, cell)
+    seam = seam_cells(found.pixel_m)
+    seen = canopy(points, heights, cell, seam)
     seen = seen if corners is None else seen.within(corners)
     height, covered, volume = highest_leaf_m(points, heights, cell), seen.covered_m2, seen.volume_m3
     shown_m = silhouettes.highest_shown_m(shown, ground, points, swayed_m)
     height = height if shown_m is None else max(height, shown_m)
     cover = None if area is None else min(100.0, 100.0 * covered / area)
     of_height = max(1.0, swayed_m / (SCATTER_OF_HEIGHT_M if shown_m is None else SCATTER_OF_TIPS_M))
-    of_area = max(1.0, swayed_m / SCATTER_OF_AREA_M) * max(1.0, found.pixel_m / STANDARD_PIXEL_M)
+    of_area = max(1.0, swayed_m / SCATTER_OF_AREA_M) * max(1.0, found.pixel_m / FITTED_PIXELS_M[1])
     of_scale_m = NINE_IN_TEN * doubt * height
     area_error = float(np.hypot(of_area * AREA_ERROR, 2.0 * NINE_IN_TEN * doubt))
     values: dict[Trait, tuple[float | None, float]] = {
@@ -138,7 +138,7 @@ def plot_traits(
         def top_seen(points: Array, top: float) -> bool:
             return sure and not any(_tops_missed(found.sparse, ground, _columns(points), top))
 
-        each, counts, why = plants_one_by_one(plants, ground, found.sparse.frame, corners, cell, top_seen)
+        each, counts, why = plants_one_by_one(plants, ground, found.sparse.frame, corners, (cell, seam), top_seen)
         known, unknown = {**counts}, unknown | why
     for trait, (value, error) in values.items():
         if trait not in unknown:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fieldkit.clouds import Cloud, Volume
-from fieldkit.clouds.canopy import SEAM_PIXELS, rectangle
+from fieldkit.clouds.canopy import rectangle, seam_cells
 from fieldkit.evaluation.traits import (
     AREA_ERROR,
     HEIGHT_ERROR_M,
@@ -59,7 +59,7 @@ class TestValues:
         assert set(told.unknown) == COUNTS  # one leaf is no plant
         assert told.plot_area_m2 == pytest.approx(0.16)
         assert told.height_m == pytest.approx(0.15, abs=1e-6)
-        inner = 0.1 - (2.0 * SEAM_PIXELS - 1.0) * pixel  # less the seam, but for the half cell that the grid adds
+        inner = 0.1 - (2.0 * seam_cells(pixel) - 1.0) * pixel  # less the seam, but for the half cell that the grid adds
         assert told.covered_area_m2 == pytest.approx(inner**2, rel=0.03)
         assert told.cover_percent == pytest.approx(100 * told.covered_area_m2 / 0.16)
         assert told.canopy_volume_m3 == pytest.approx(0.15 * told.covered_area_m2, rel=1e-4)
