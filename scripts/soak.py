@@ -1,7 +1,8 @@
 """Runs that are killed, full disks, workers that crash, two runs in one folder: `make soak`; docs/reliability.md.
 
-Every command is run unbroken first. Then it is killed (SIGKILL, with all its processes) at random moments, with a cold
-cache and with a warm one; what it leaves has to be absent or whole, and the same command has to give the same result.
+Every command is run unbroken first. Then it is killed (SIGKILL, with all its processes, or alone) at random moments,
+with a cold cache and with a warm one; what it leaves has to be absent or whole, and the same command has to give the
+same result.
 """
 
 from __future__ import annotations
@@ -10,8 +11,10 @@ import argparse
 import os
 import random
 import re
+import resource
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -19,7 +22,7 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import psutil
@@ -59,6 +62,15 @@ JOBS = {
     "export": Job(("campaign", "export", "season", "-o", "season.gpkg"), "season.gpkg", "season"),
     "report": Job(("report", "scores", "-o", "report.html"), "report.html", "scores"),
 }  # fmt: skip
+JOBS["plan on Dask"] = replace(JOBS["plan"], words=(*JOBS["plan"].words, "--scheduler", "DASK"))
+_CLUSTER = (
+    "import time; from distributed import LocalCluster\n"
+    "if __name__ == '__main__':\n"
+    "    cluster = LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)\n"
+    "    print(cluster.scheduler_address, flush=True); time.sleep(1e6)\n"
+)
+_STAY_S = 20.0
+"""Within which workers notice that their command is gone."""
 
 
 def copied(job: Job, source: Path, folder: Path, before: Path) -> None:
@@ -70,9 +82,16 @@ def copied(job: Job, source: Path, folder: Path, before: Path) -> None:
 def same(a: Path, b: Path) -> bool:
     """Whether two results are alike, but for how long they took; a GeoPackage holds the time of writing."""
     if a.is_file() or b.is_file():
-        return a.is_file() and b.is_file() and (a.suffix == ".gpkg" or a.read_bytes() == b.read_bytes())
+        return a.is_file() and b.is_file() and _told(a) == _told(b)
     first, second = _comparable(a), _comparable(b)
     return first == second
+
+
+def _told(file: Path) -> object:
+    if file.suffix != ".gpkg":
+        return file.read_bytes()
+    with sqlite3.connect(file) as database:
+        return [line for line in database.iterdump() if "gpkg_contents" not in line]
 
 
 def _comparable(folder: Path) -> dict[str, bytes]:
@@ -101,6 +120,17 @@ class Soak:
         self.seconds: dict[str, float] = {}
         self.count: Counter[str] = Counter()
         self.wrong: list[str] = []
+        self.cluster: subprocess.Popen[str] | None = None
+        if "plan on Dask" in jobs:
+            script = folder / "cluster.py"
+            script.write_text(_CLUSTER, encoding="utf-8")
+            self.cluster = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
+            assert self.cluster.stdout is not None
+            self.scheduler = self.cluster.stdout.readline().strip()
+
+    def words(self, words: Sequence[str]) -> list[str]:
+        """With the cluster's address."""
+        return [self.scheduler if word == "DASK" else word for word in words]
 
     def prepare(self) -> None:
         """Run every command unbroken."""
@@ -116,7 +146,10 @@ class Soak:
         line = CommandLine(self.unbroken, self.folder / "warm")
         for name in self.jobs:
             job, begun = JOBS[name], time.monotonic()
-            done = line.run(*job.words)
+            if name == "plan on Dask" and "plan" in self.jobs:
+                self.seconds[name] = self.seconds["plan"]
+                continue
+            done = line.run(*self.words(job.words))
             self.seconds[name] = time.monotonic() - begun
             print(f"{name}: {self.seconds[name]:.0f} s unbroken, exit code {done.code}", flush=True)
             assert done.code == 0, done.err
@@ -139,24 +172,32 @@ class Soak:
     def kill(self, name: str, *, warm: bool) -> None:
         """Kill a run, look at what it leaves, and run it again."""
         job, line = JOBS[name], self.line(JOBS[name], warm=warm)
-        process = line.start(*job.words)
-        time.sleep(self.random.uniform(0.1, 0.9) * self.seconds[name])
+        process = line.start(*self.words(job.words))
+        after, alone = self.random.uniform(0.05, 0.95) * self.seconds[name], self.random.random() < 0.3
+        time.sleep(after)
         with_all: list[psutil.Process] = []
         if process.poll() is None:
             command = psutil.Process(process.pid)
             with_all = [command, *command.children(recursive=True)]
-        for each in with_all:
+        for each in with_all[:1] if alone else with_all:
             with suppress(psutil.NoSuchProcess):
                 each.kill()
         process.communicate()
-        self.count["kills" if with_all else "too late"] += 1
+        _, stay = psutil.wait_procs(with_all[1:], timeout=_STAY_S)
+        self.check(name, not stay, f"{len(stay)} workers stayed when their command was killed")
+        self.count[f"kills of {name}" if with_all else "too late"] += 1
+        print(f"{name} {'killed' if with_all else 'ended'} after {after:.1f} s{' alone' * alone}", flush=True)
         result, expected = line.folder / job.result, self.unbroken / job.result
-        if result.exists() and name not in ("plan", "campaign"):  # these grow by whole evaluations and visits
+        if (
+            result.exists() and name != "campaign" and not name.startswith("plan")
+        ):  # these grow by whole evaluations and visits
             self.check(name, same(result, expected), "half of a result stood as a whole one")
             shutil.rmtree(result) if result.is_dir() else result.unlink()
         resumed = job.again if job.again and (result / "search.json").exists() else job.words
         begun = time.monotonic()
-        done = line.run(*resumed, *(("--overwrite",) if resumed is job.words and name == "plan" else ()))
+        done = line.run(
+            *self.words(resumed), *(("--overwrite",) if resumed is job.words and name.startswith("plan") else ())
+        )
         self.seconds[name] = time.monotonic() - begun
         self.check(name, done.code == 0, f"exit code {done.code} after a kill: {done.err[-300:]}")
         self.check(name, same(result, expected), "another result after a kill")
@@ -183,8 +224,20 @@ class Soak:
             subprocess.run(["umount", "-l", str(disk)], check=True)
         shutil.rmtree(line.folder)
 
-    def crash(self) -> None:
-        """A worker of a plan ends by a segmentation fault: its call is repeated."""
+    def clock(self, name: str, years: float) -> None:
+        """Run with files of before that are from the future, or from long ago."""
+        job, line = JOBS[name], self.line(JOBS[name], warm=True)
+        then = time.time() + years * 365.25 * 86400
+        for path in line.folder.rglob("*"):
+            os.utime(path, (then, then))
+        done = line.run(*self.words(job.words))
+        self.count["clocks set"] += 1
+        self.check(name, done.code == 0, f"exit code {done.code} with files of another time: {done.err[-300:]}")
+        self.check(name, same(line.folder / job.result, self.unbroken / job.result), "another result at another time")
+        shutil.rmtree(line.folder)
+
+    def crash(self, how: signal.Signals) -> None:
+        """A worker of a plan ends by a segmentation fault, or hangs until it is killed: its call is repeated."""
         job, line = JOBS["plan"], self.line(JOBS["plan"], warm=True)
         process = line.start(*job.words)
         while process.poll() is None and not (found := children(process)):
@@ -192,8 +245,11 @@ class Soak:
         if process.poll() is None:
             time.sleep(self.random.uniform(0.0, 3.0))
             try:
-                found[0].send_signal(signal.SIGSEGV)
-                self.count["crashed workers"] += 1
+                found[0].send_signal(how)
+                self.count[f"workers with {how.name}"] += 1
+                if how == signal.SIGSTOP:
+                    time.sleep(3.0)
+                    found[0].kill()
             except psutil.NoSuchProcess:
                 self.count["too late"] += 1
         done = finish(process)
@@ -204,7 +260,7 @@ class Soak:
     def two_runs(self, name: str) -> None:
         """Two runs of one command in one folder: one is whole, the other is whole or refused."""
         job, line = JOBS[name], self.line(JOBS[name], warm=True)
-        ended = [finish(each) for each in [line.start(*job.words), line.start(*job.words)]]
+        ended = [finish(each) for each in [line.start(*self.words(job.words)) for _ in range(2)]]
         codes = sorted(each.code for each in ended)
         self.count["pairs of runs"] += 1
         self.check(name, codes in ([0, 0], [0, 2], [0, 3]), f"two runs in one folder ended with {codes}")
@@ -216,6 +272,7 @@ def main() -> int:
     """Soak, and say what came of it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--warm", type=float, default=0.75, help="share of kills with a warm cache")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", nargs="+", choices=JOBS, default=list(JOBS), help="with all that they need")
     given = parser.parse_args()
@@ -225,18 +282,24 @@ def main() -> int:
         soak = Soak(Path(folder), given.seed, given.only)
         soak.prepare()
         for k in range(given.kills):
-            soak.kill(given.only[k % len(given.only)], warm=k % 4 > 0)
-        for k in range(max(1, given.kills // 20)):
+            soak.kill(given.only[k % len(given.only)], warm=soak.random.random() < given.warm)
+        for k in range(max(2, given.kills // 20)):
             if "plan" in given.only:
-                soak.crash()
+                soak.crash((signal.SIGSEGV, signal.SIGSTOP)[k % 2])
+            soak.clock(given.only[k % len(given.only)], (-40.0, 5.0)[k % 2])
             soak.two_runs(given.only[k % len(given.only)])
         for name in given.only:
             for size in DISKS if given.kills >= 100 else DISKS[1:2]:
-                if name != "campaign":  # its folder is not made by the command
+                if name not in ("campaign", "plan on Dask"):  # the campaign's folder is not made by the command
                     soak.full_disk(name, size)
+        if soak.cluster is not None:
+            soak.cluster.terminate()
+            soak.cluster.wait()
     for what, number in sorted(soak.count.items()):
         print(f"{what}: {number}")
-    print(f"wrong: {len(soak.wrong)}; {(time.monotonic() - begun) / 60:.0f} min")
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu_s = used.ru_utime + used.ru_stime
+    print(f"wrong: {len(soak.wrong)}; {(time.monotonic() - begun) / 60:.0f} min, {cpu_s / 60:.0f} CPU min")
     return 1 if soak.wrong else 0
 
 

@@ -104,7 +104,8 @@ def _copied(campaign: Campaign, visit: Visit, folder: Path) -> tuple[RasterRow, 
     try:
         files = visit_files(campaign.folder, visit)
         if any(name not in files for name in _FILES):
-            return RasterRow(visit.plot, visit.date, no_rasters=_reason(visit), notes=notes), ()
+            reason = visit.error or visit.no_rasters or _NOT_MADE
+            return RasterRow(visit.plot, visit.date, no_rasters=reason, notes=notes), ()
         spans, tags = [], dict[str, str]()
         for name, file in zip(names, _FILES, strict=True):
             with rasterio.open(files[file]) as raster:
@@ -121,10 +122,6 @@ def _copied(campaign: Campaign, visit: Visit, folder: Path) -> tuple[RasterRow, 
     datum = "" if frame is None or frame.origin is None else frame.origin.datum
     refused = tags.get(REFUSED_TAG, "")
     return RasterRow(visit.plot, visit.date, canopy, surface, epsg, cell_m, datum, refused, notes=notes), tuple(spans)
-
-
-def _reason(visit: Visit) -> str:
-    return visit.error or visit.no_rasters or _NOT_MADE
 
 
 def _nothing(campaign: Campaign, rows: Sequence[RasterRow]) -> UsageError:

@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from fieldkit.captures.camera_file import CameraEntry, read_camera_file
@@ -41,6 +43,7 @@ from fieldkit.wording import count
 MAX_PIXELS = 150_000_000
 """More than any single camera frame that flies today (100 Mpx), and 450 MB once decoded to RGB."""
 _MAX_FILE_BYTES = 2 << 30
+_MOST_COMPARED = 400  # photographs of one shape that say no time
 
 
 def read_capture(
@@ -254,7 +257,8 @@ def _opened(candidate: Candidate, max_pixels: int) -> tuple[Photo, list[Problem]
 def distinct(photos: Sequence[Photo], located: Collection[str] = ()) -> tuple[list[Photo], list[Finding]]:
     """One photograph of each content: the first that is ``located``, else the first.
 
-    Of one that was saved again by another program, the largest counts, and of these the shortest name.
+    Of one that was saved again by another program, those that say when it was taken count, of these the largest, and
+    of these the shortest name. Where nothing says it, all of one shape are compared.
     """
     kept: dict[str, Photo] = {}
     for photo in sorted(photos, key=lambda each: each.name not in located):
@@ -263,15 +267,20 @@ def distinct(photos: Sequence[Photo], located: Collection[str] = ()) -> tuple[li
         photo.name: f"the same bytes as {kept[photo.sha256].name}"
         for photo in photos if photo is not kept[photo.sha256]
     }  # fmt: skip
-    moments: dict[tuple[object, ...], list[Photo]] = {}
+    moments, shapes = dict[tuple[object, ...], list[Photo]](), dict[float, list[Photo]]()
     for photo in kept.values():
+        shapes.setdefault(round(photo.width / photo.height, 2), []).append(photo)
         if photo.captured_at is not None:
             place = photo.geotag and (round(photo.geotag.latitude_deg, 7), round(photo.geotag.longitude_deg, 7))
             moments.setdefault((photo.captured_at, place, photo.make, photo.model, photo.serial), []).append(photo)
-    for alike in moments.values():
-        alike.sort(key=lambda each: (each.name not in located, -each.width * each.height, len(each.name)))
+    details: dict[Path, NDArray[np.float32]] = {}
+    few = (those for those in shapes.values() if len(those) <= _MOST_COMPARED)
+    for alike, timed in [*((those, True) for those in moments.values()), *((those, False) for those in few)]:
+        alike.sort(key=lambda e: (e.name not in located, e.captured_at is None, -e.width * e.height, len(e.name)))
         for k, photo in enumerate(alike):
-            first = next((e for e in alike[:k] if e.name not in why and saved_again(e.path, photo.path)), None)
+            others = (e for e in alike[:k] if timed or None in (e.captured_at, photo.captured_at))
+            others = (e for e in others if not {e.name, photo.name} & why.keys())
+            first = next((e for e in others if saved_again(e.path, photo.path, details)), None)
             if first is not None:
                 why[photo.name] = f"{first.name} again, saved by another program"
     findings = [Finding(photo.name, "duplicate", why[photo.name], True) for photo in photos if photo.name in why]

@@ -191,19 +191,22 @@ def _itxt_text(chunk: bytes) -> bytes | None:
         return None
 
 
-def saved_again(one: Path, other: Path) -> bool:
+def saved_again(one: Path, other: Path, details: dict[Path, NDArray[np.float32]]) -> bool:
     """Whether two files are one photograph that another program saved again, smaller or otherwise compressed.
 
-    Fine detail is compared: two exposures of a burst differ in it. Files that a camera has numbered on are never one.
+    Fine detail is compared, and kept in ``details``: two exposures of a burst differ in it. Files that a camera has
+    numbered on are never one.
     """
     (head, number), (other_head, other_number) = (_numbered(path.stem) for path in (one, other))
     if number and other_number and number != other_number and head == other_head:
         return False
     try:
-        details = [_detail(path) for path in (one, other)]
+        for path in (one, other):
+            if path not in details:
+                details[path] = _detail(path)
     except CaptureError:
         return False
-    return bool((details[0] * details[1]).mean() > _SAME_DETAIL)
+    return bool((details[one] * details[other]).mean() > _SAME_DETAIL)
 
 
 def _numbered(stem: str) -> tuple[str, str]:
@@ -211,11 +214,11 @@ def _numbered(stem: str) -> tuple[str, str]:
     return head, stem[len(head) :]
 
 
-def _detail(path: Path) -> NDArray[np.float64]:
+def _detail(path: Path) -> NDArray[np.float32]:
     """(n, n) of a small grey copy, without what is coarse; mean 0, variance 1."""
     small = cv2.resize(
         read_image(path, max_side=2 * _DETAIL_PX, gray=True), (_DETAIL_PX, _DETAIL_PX), interpolation=cv2.INTER_AREA
     )
-    grey = small.astype(np.float64)
+    grey = small.astype(np.float32)
     fine = grey - cv2.blur(grey, (5, 5))
-    return np.asarray(fine / max(float(fine.std()), 1e-9))
+    return np.asarray(fine / np.float32(max(float(fine.std()), 1e-9)))

@@ -141,6 +141,9 @@ def plot_traits(
         each, counts, why = plants_one_by_one(plants, ground, found.sparse.frame, corners, (cell, seam), top_seen)
         known, unknown = {**counts}, unknown | why
     for trait, (value, error) in values.items():
+        if trait != "height_m" and value and error >= value:  # shares of what is there: no lower limit is left
+            share = f"its error would be {100 * error / value:.0f} % of it"
+            unknown.setdefault(trait, f"{share}, since leaves swayed or pixels are coarse")
         if trait not in unknown:
             known |= {trait: value, error_column(trait): error}
     if "height_m" in known:  # clouds of swaying leaves lack tips and add none; outlines err both ways

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -15,7 +16,7 @@ from fieldkit.results.fields import Heading, Latitude, Longitude, Strict
 from fieldkit.results.mission import MissionHome
 from fieldkit.sites.terrain import STEEPEST_PERCENT, Gradient, gradient, with_plane
 from fieldkit.vehicles.vehicle import Positive
-from fieldkit.wording import listed
+from fieldkit.wording import count, listed
 
 Datum = Literal["home", "amsl", "ellipsoid"]
 """What a height is above: home, mean sea level, the WGS 84 ellipsoid."""
@@ -23,6 +24,7 @@ Datum = Literal["home", "amsl", "ellipsoid"]
 UNDULATION_M = 110.0
 """The geoid is nowhere farther than this from the ellipsoid (EGM96: −107 m to 86 m)."""
 _MIXED_UP_M = 10.0
+_TOLD = 5  # plots with a wrong datum
 _STEEPEST = 1.0  # no field is taken off from across such a slope
 _DRAWN_TWICE = 0.3  # of the smaller of two plots; neighbours drawn by hand share less
 _SAME_PLACE_M = 0.1
@@ -208,19 +210,14 @@ class Site(Strict):
             if plot.name in seen:
                 raise ValueError(f'plots: two of them are called "{plot.name}"')
             seen.add(plot.name)
-            self._check_datum(plot)
+        if wrong := list(self._wrong_datums()):
+            more = f"; and {count(len(wrong) - _TOLD, 'more plot')}" if len(wrong) > _TOLD else ""
+            raise ValueError("; ".join(wrong[:_TOLD]) + more)
         self._check_places()
         for name, height in (("takeoff_m", self.takeoff_m), ("transit_m", self.transit_m)):
             if self.ceiling_m is not None and height > self.ceiling_m:
                 raise ValueError(f"{name} is {height:g}, above ceiling_m, which is {self.ceiling_m:g}")
         return self
-
-    def plot(self, name: str) -> SitePlot:
-        """The plot of a name."""
-        found = next((plot for plot in self.plots if plot.name == name), None)
-        if found is None:
-            raise KeyError(name)
-        return found
 
     def ground_m(self, plot: SitePlot) -> float:
         """Height above home of the ground at a plot's origin."""
@@ -232,14 +229,18 @@ class Site(Strict):
             )
         return plot.height_m - home
 
-    def _check_datum(self, plot: SitePlot) -> None:
-        """Refuse a height that cannot be put to home, or that says its datum wrongly, as mixed-up files have it."""
-        self.ground_m(plot)
-        if plot.datum == "home" and abs(plot.height_m) > 2 * _MIXED_UP_M:
+    def _wrong_datums(self) -> Iterator[str]:
+        """Plots whose height cannot be put to home, or says its datum wrongly, as mixed-up files have it."""
+        for plot in self.plots:
+            try:
+                self.ground_m(plot)
+            except ValueError as error:
+                yield str(error)
             for datum, height in (("amsl", self.home.amsl_m), ("ellipsoid", self.home.ellipsoid_m)):
-                if height is not None and abs(plot.height_m - height) < _MIXED_UP_M:
-                    raise ValueError(
-                        f"{plot.name} is given as {plot.height_m:g} m above home, and home is {height:g} m high: "
+                given = plot.height_m if plot.datum == "home" and abs(plot.height_m) > 2 * _MIXED_UP_M else math.inf
+                if height is not None and abs(given - height) < _MIXED_UP_M:
+                    yield (
+                        f"{plot.name} is given as {given:g} m above home, and home is {height:g} m high: "
                         f'this looks like datum "{datum}"'
                     )
 

@@ -108,13 +108,16 @@ def test_photographs_that_were_saved_again_are_left_out(photo_file: MakePhoto) -
     for name, size, quality in (("DJI_0001-edited.jpg", (1200, 900), 70), ("small.jpg", (800, 600), 90)):
         with Image.open(first) as image:
             image.resize(size).save(first.with_name(name), quality=quality, exif=exif)
+    for name, quality in (("sent.jpg", 92), ("IMG-20260702-WA0007.jpg", 90)):  # messengers leave no time and place
+        with Image.open(first) as image:
+            image.resize((800, 600)).save(first.with_name(name), quality=quality)
     photo_file("other.jpg", seed=2, size=(1200, 900), exif=exif)
+    photo_file("untimed.jpg", seed=3, size=(1200, 900))
     photo_file("DJI_0002.JPG", seed=1, size=(1200, 900), exif=exif, quality=60)
     capture = read_capture(first.parent)
     said = {finding.subject: finding.message for finding in capture.findings if finding.code == "duplicate"}
-    assert said == dict.fromkeys(
-        ("DJI_0001-edited.jpg", "small.jpg"), "DJI_0001.JPG again, saved by another program"
-    )  # fmt: skip
+    again = ("DJI_0001-edited.jpg", "small.jpg", "sent.jpg", "IMG-20260702-WA0007.jpg")
+    assert said == dict.fromkeys(again, "DJI_0001.JPG again, saved by another program")
 
 
 def test_sidecars_that_are_passed_over_are_named(photo_file: MakePhoto) -> None:

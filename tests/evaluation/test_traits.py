@@ -90,6 +90,13 @@ class TestValues:
         assert told.height_error_below_m == pytest.approx(HEIGHT_ERROR_M, rel=0.02)  # clouds lack tips
         assert told.covered_area_error_m2 == pytest.approx(area * AREA_ERROR * told.covered_area_m2, rel=0.02)
 
+    def test_an_area_known_worse_than_its_own_size_is_not_given(self) -> None:
+        result = found()
+        told = traits(replace(result, scatter_px=0.06 / result.pixel_m))
+        assert set(told.unknown) - COUNTS == {"cover_percent", "covered_area_m2", "canopy_volume_m3"}
+        assert told.unknown["cover_percent"].startswith("its error would be 1")
+        assert told.height_m is not None
+
     def test_depths_that_scatter_less_than_those_of_still_leaves_leave_the_errors(self) -> None:
         assert traits(replace(found(), scatter_px=0.3)).height_error_m == pytest.approx(HEIGHT_ERROR_M, rel=0.02)
 

@@ -112,7 +112,7 @@ def test_the_nearest_pose_is_reachable_and_the_nearest(name: str, poses: list[tu
         # Neither another pitch nor another height that is reachable is nearer.
         assert abs(near.pitch_deg - shot.pitch_deg) <= max(low - shot.pitch_deg, shot.pitch_deg - high, 0.0) + 1e-6
         rise = near.place.height_m - shot.place.height_m
-        above = shot.place.height_m - SITE.ground_m(SITE.plot(shot.plot))
+        above = shot.place.height_m - SITE.ground_m(next(plot for plot in SITE.plots if plot.name == shot.plot))
         assert rise == pytest.approx(max(vehicle.min_height_m - above, 0.0), abs=2e-4)
         assert near == replace(
             shot, pitch_deg=near.pitch_deg, height_m=near.height_m

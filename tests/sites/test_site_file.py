@@ -86,7 +86,6 @@ def test_the_example() -> None:
     # Rounded to 1e-8°, the sides of 6 m are true to 0.02°. The fifth is drawn the other way round.
     assert all(abs(plot.row_heading_deg - 99.5) < 0.02 for plot in many.plots)
     assert [round(many.ground_m(plot), 9) for plot in many.plots] == [0, 0, 0, 0.1, 0.1, 0.1, 0.2, 0.2]
-    assert many.plot("maize-4") is many.plots[3]
     assert many.home == site.home
 
 
@@ -169,6 +168,8 @@ def _another(name: str, size_m: float, latitude_deg: float = 50.86501) -> str:
         ("[[plots]]", '[[plots]]\ndatum = "amsl"', 'plots 1: datum is "amsl", but height_m is missing'),
         ("[[plots]]", '[[plots]]\nheight_m = 91.4\ndatum = "home"', 'this looks like datum "amsl"'),
         ("[[plots]]", '[[plots]]\nheight_m = 141\ndatum = "ellipsoid"', "home needs ellipsoid_m"),
+        ("[[plots]]", _another("a", 1).replace("]]", ']]\nheight_m = 91\ndatum = "home"', 1)
+         + '[[plots]]\nheight_m = 141\ndatum = "ellipsoid"', 'looks like datum "amsl"; plot is given in metres above'),
         ("[[plots]]", '[[plots]]\nheight_m = 45\ndatum = "amsl"', "plot lies 47 m below home and 11 m away"),
         ("[[plots]]", '[[plots]]\nheight_m = 40\ndatum = "home"', "40 m above home and 11 m away: is one of"),
         ("[[plots]]", '[[plots]]\nname = "a"\nlatitude_deg = 50.8650\nlongitude_deg = 6.4473\n[[plots]]\nname = "a"',

@@ -111,8 +111,9 @@ def _read(name: str) -> str:
 def _environment() -> Environment:
     engine = environment()
     engine.globals.update(
-        printed_rows=_PRINTED_ROWS, stacked=_stacked, draw=draw, draw_map=draw_map, kind=_kind, data_uri=_data_uri,
-        view_html=_view_html,
+        printed_rows=_PRINTED_ROWS, stacked=_stacked, draw=draw, draw_map=draw_map, data_uri=_data_uri,
+        kind=lambda block: _KINDS[type(block)],
+        view_html=lambda view: Markup(viewer_html(view.scene, identifier=view.identifier)),
     )  # fmt: skip
     engine.filters.update(path=_path)
     engine.tests["text"] = lambda value: isinstance(value, str)
@@ -133,15 +134,7 @@ def _stacked(table: content.Table) -> bool:
     return any(isinstance(cell, str) and len(cell) > _SENTENCE for row in table.rows for cell in row[1:])
 
 
-def _kind(block: Block) -> str:
-    return _KINDS[type(block)]
-
-
 def _data_uri(picture: content.Picture) -> Markup:
     # Base64 has no special characters of HTML; marked so that it is not cut like foreign text.
     kind = "webp" if picture.data.startswith(b"RIFF") else "jpeg"
     return Markup(f"data:image/{kind};base64," + base64.b64encode(picture.data).decode())
-
-
-def _view_html(view: View3D) -> Markup:
-    return Markup(viewer_html(view.scene, identifier=view.identifier))

@@ -10,6 +10,7 @@ from functools import cache
 from fieldkit.figures.content import Picture
 from fieldkit.figures.drawings import Corner, MappedPlot, Measure, PlotMap, Ring
 from fieldkit.figures.style import DISTANCE_RAMP
+from fieldkit.pictures.panels import nice_length
 
 WIDTH = 640.0
 _MARGIN, _LEGEND = 26.0, 44.0
@@ -85,7 +86,7 @@ def draw_map(plots: PlotMap) -> DrawnMap:
         return left + (corner[0] - west) * scale, top + (north - corner[1]) * scale
 
     outlines = [_outlined(plot, place, len(plots.plots)) for plot in plots.plots]
-    bar_m = _round_length(0.25 * (WIDTH - 2 * _MARGIN) / scale)
+    bar_m = nice_length(0.25 * (WIDTH - 2 * _MARGIN) / scale)
     return DrawnMap(
         plots, f"{WIDTH:.0f}", f"{drawn_height + _LEGEND:.0f}",
         tuple(_drawn(plots, measure, outlines) for measure in plots.measures),
@@ -180,8 +181,3 @@ def _lightness(color: str) -> float:
     channels = (c / 255 for c in _channels(color))
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-
-
-def _round_length(longest_m: float) -> float:
-    step = 10.0 ** math.floor(math.log10(longest_m))
-    return max(factor * step for factor in (1.0, 2.0, 5.0) if factor * step <= longest_m)

@@ -77,11 +77,6 @@ def campaign_section(result: Loaded[Campaign], anchor: str, shown: Shown) -> Sec
     return Section(anchor, f"Campaign: {campaign.name}", tuple(blocks))
 
 
-def campaign_anchor(number: int) -> str:
-    """The anchor of the campaign of a number, from 0."""
-    return f"campaign-{number + 1}"
-
-
 def plot_anchors(campaign: Campaign, anchor: str) -> dict[str, str]:
     """The place on the page that tells of each visited plot, by plot, in the order of the visits."""
     most = min(MOST_ROWS, _MOST_VISITS // max(1, len(campaign.dates)))

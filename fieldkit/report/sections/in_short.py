@@ -10,7 +10,7 @@ from fieldkit.figures.content import Block, Details, Paragraph, Section, Stateme
 from fieldkit.figures.style import format_length, format_range, format_seconds, format_with_error
 from fieldkit.figures.tables.comparison import difference_table, leading_figures
 from fieldkit.figures.tables.scores import counted_traits, plant_tables
-from fieldkit.report.sections.campaign import campaign_anchor, plot_map, traits_table
+from fieldkit.report.sections.campaign import plot_map, traits_table
 from fieldkit.report.sections.comparison import noise_counts
 from fieldkit.report.sections.demo import demo_blocks, demo_statements
 from fieldkit.report.sections.loaded import FlownMission, PlanRun, Results
@@ -42,7 +42,7 @@ def in_short(results: Results, statements: Sequence[Statement], shown: Shown) ->
     compared = [each for demo in demos for each in demo_statements(demo)]
     blocks: list[Block] = [Statements((*compared, verdict(results, statements)))]
     blocks += [block for demo in demos for block in demo_blocks(demo)]
-    anchors = {campaign_anchor(k): result.report for k, result in enumerate(results.of(Campaign))}
+    anchors = {f"campaign-{k}": result.report for k, result in enumerate(results.of(Campaign), 1)}
     maps = [plot_map(report, anchor, shown.pictures(anchor, PHOTOGRAPHS)) for anchor, report in anchors.items()]
     drawn = [each for each in maps if each is not None]
     stills = [] if drawn else shown.first_stills(("evaluation", "reference", "plan", "mission"))

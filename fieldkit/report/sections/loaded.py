@@ -6,7 +6,6 @@ import os
 import shlex
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -204,9 +203,9 @@ class _Reader:
 
     def read_folder(self, folder: Path, only: str = "") -> None:
         """Read the folder itself as a result, or only that file of it."""
-        for name, read in _READERS.items():
+        for name in _READERS:
             if (folder / name).is_file() and only in ("", name):
-                self._try(folder / name, partial(_single, read))
+                self._try(folder / name, lambda file: [_READERS[file.name](file.parent)])
         held = [name for name in (PLAN_FILE, SETTINGS_FILE) if (folder / name).is_file()]
         # A campaign's plan is shown with the campaign.
         if held and only in ("", *held) and not (folder / CAMPAIGN_FILE).is_file():
@@ -241,10 +240,6 @@ class _Reader:
         if path == self.root or not path.is_relative_to(self.root):
             return path.name
         return path.relative_to(self.root).as_posix()
-
-
-def _single(read: Callable[[Path], Any], file: Path) -> list[Any]:
-    return [read(file.parent)]
 
 
 def _plain(report: Any) -> Iterator[Any]:
