@@ -22,6 +22,8 @@ class Cloud:
     """(n, 3) uint8 sRGB, or None."""
     normals: NDArray[np.float32] | None = None
     """(n, 3) float32 in the points' frame, unit length or zero where unknown, or None."""
+    filled: NDArray[np.bool_] | None = None
+    """(n,) whether a point fills a hole that dense stereo left (`fieldkit.reconstruction.dense.fusion`), or None."""
 
     def __post_init__(self) -> None:
         points = _rows("points", self.points, np.float64)
@@ -34,6 +36,8 @@ class Cloud:
             object.__setattr__(self, "colors", _rows("colors", self.colors, np.uint8, len(points)))
         if self.normals is not None:
             object.__setattr__(self, "normals", _rows("normals", self.normals, np.float32, len(points)))
+        if self.filled is not None and (self.filled.shape != (len(points),) or self.filled.dtype != np.bool_):
+            raise ValueError(f"filled must be bool of shape {(len(points),)}")
 
     def __len__(self) -> int:
         return len(self.points)
@@ -52,14 +56,19 @@ class Cloud:
             self.points[chosen],
             None if self.colors is None else self.colors[chosen],
             None if self.normals is None else self.normals[chosen],
+            None if self.filled is None else self.filled[chosen],
         )
+
+    def measured(self) -> Cloud:
+        """The points that fill no holes."""
+        return self if self.filled is None else self.select(~self.filled)
 
     def transformed(self, transform: Similarity) -> Cloud:
         """The same cloud in the target frame of ``transform``; normals are turned with it."""
         normals = None
         if self.normals is not None:
             normals = (self.normals @ transform.rotation.T).astype(np.float32)
-        return Cloud(transform.apply(self.points), self.colors, normals)
+        return Cloud(transform.apply(self.points), self.colors, normals, self.filled)
 
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Lowest and highest corner (3,), (3,) of the points."""
@@ -67,16 +76,20 @@ class Cloud:
 
 
 def concatenate(clouds: Sequence[Cloud]) -> Cloud:
-    """One cloud of all points in order; colours and normals are kept where every non-empty cloud has them."""
-    filled = [cloud for cloud in clouds if len(cloud)]
-    if not filled:
+    """One cloud of all points in order; what else is known is kept where every non-empty cloud has it."""
+    parts = [cloud for cloud in clouds if len(cloud)]
+    if not parts:
         return Cloud.empty()
-    colors = [cloud.colors for cloud in filled if cloud.colors is not None]
-    normals = [cloud.normals for cloud in filled if cloud.normals is not None]
+
+    def joined(arrays: list[NDArray[Any] | None]) -> Any:
+        known = [array for array in arrays if array is not None]
+        return np.concatenate(known) if len(known) == len(parts) else None
+
     return Cloud(
-        np.concatenate([cloud.points for cloud in filled]),
-        np.concatenate(colors) if len(colors) == len(filled) else None,
-        np.concatenate(normals) if len(normals) == len(filled) else None,
+        np.concatenate([cloud.points for cloud in parts]),
+        joined([cloud.colors for cloud in parts]),
+        joined([cloud.normals for cloud in parts]),
+        joined([cloud.filled for cloud in parts]),
     )
 
 

@@ -80,19 +80,22 @@ def write_ply(path: Path, cloud: Cloud) -> None:
     """Write a cloud as binary little endian PLY; equal clouds give equal bytes.
 
     Coordinates are float32 where every one of them is below 16 m (then exact to 0.5 µm), else float64; colours are
-    uchar red, green, blue; normals float nx, ny, nz.
+    uchar red, green, blue; normals float nx, ny, nz; points that fill holes uchar filled 1.
     """
     small = not len(cloud) or float(np.abs(cloud.points).max()) < _FLOAT32_LIMIT_M
     kind, code = ("float", "<f4") if small else ("double", "<f8")
     lines = ["ply", "format binary_little_endian 1.0", "comment unit: metre", f"element vertex {len(cloud)}"]
     lines += [f"property {kind} {name}" for name in "xyz"]
-    fields = [("points", code, (3,))]
+    fields: list[tuple[str, str, tuple[int, ...]]] = [("points", code, (3,))]
     if cloud.normals is not None:
         lines += [f"property float {name}" for name in _NORMAL_NAMES[0]]
         fields.append(("normals", "<f4", (3,)))
     if cloud.colors is not None:
         lines += [f"property uchar {name}" for name in _COLOR_NAMES[0]]
         fields.append(("colors", "u1", (3,)))
+    if cloud.filled is not None:
+        lines.append("property uchar filled")
+        fields.append(("filled", "u1", ()))
     rows = np.empty(len(cloud), dtype=np.dtype(fields))
     for name, _, _ in fields:
         rows[name] = getattr(cloud, name)

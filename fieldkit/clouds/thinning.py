@@ -75,7 +75,9 @@ def _means(cloud: Cloud, starts: NDArray[np.int64], size_m: float, origin: NDArr
     points = (cells[starts] + mean_step / _STEPS) * size_m
     alone = counts == 1
     points[alone] = local[starts[alone]]
-    return Cloud(points, _mean_colors(cloud.colors, starts, counts), _mean_normals(cloud.normals, starts, alone))
+    colors, normals = _mean_colors(cloud.colors, starts, counts), _mean_normals(cloud.normals, starts, alone)
+    filled = None if cloud.filled is None else np.logical_and.reduceat(cloud.filled, starts)
+    return Cloud(points, colors, normals, filled)
 
 
 def _mean_colors(

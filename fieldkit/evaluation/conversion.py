@@ -177,7 +177,9 @@ def _described(
     sparse_points = int(sparse.model.num_points3D())
     errors = [(i.observations, i.reprojection_px) for i in sparse.images if i.reprojection_px is not None]
     seen = sum(count for count, _ in errors)
-    traits, each = plot_traits(reconstruction, reconstruction.plants if plants is None else plants, outline, shown)
+    # Traits and predictions were fitted without points that fill holes.
+    own, fills = reconstruction.plants.measured(), reconstruction.plants.filled
+    traits, each = plot_traits(reconstruction, own if plants is None else plants.measured(), outline, shown)
     sways = sways_m(reconstruction)
     sway = float(np.median(list(sways.values()))) if sways else None
     if sway is not None:
@@ -218,7 +220,7 @@ def _described(
         features_per_image=float(np.mean([image.features for image in sparse.images])) if sparse.images else None,
         pairs_tried=int(sparse.pairs_tried),
         pairs_verified=int(sparse.pairs_verified),
-        points_per_plant_voxel=None if voxel is None else points_per_voxel(reconstruction.plants.points, voxel),
+        points_per_plant_voxel=None if voxel is None else points_per_voxel(own.points, voxel),
         plant_voxel_m=voxel,
         frame=_frame_entry(frame),
         volume=VolumeEntry(lower_m=reconstruction.volume.lower, upper_m=reconstruction.volume.upper),
@@ -240,6 +242,7 @@ def _described(
         plants=each,
         sway_m=sway,
         stray=float(reconstruction.stray),
+        filled=None if fills is None else float(fills.mean()),
         hidden_sides=hidden,
     )
 

@@ -167,7 +167,7 @@ class ReconstructionEntry(Strict):
     pairs_tried: Count = 0
     pairs_verified: Count = 0
     points_per_plant_voxel: Length | None = None
-    """Mean number of plants' points in a voxel that has any."""
+    """Mean number of plants' points in a voxel that has any, without those that fill holes."""
     plant_voxel_m: Length | None = None
     """Edge of these voxels: 10 mm, or 10 ground sampling distances where that is more."""
     frame: FrameEntry | None = None
@@ -192,6 +192,8 @@ class ReconstructionEntry(Strict):
     the plants, root mean square; median of the stations. Null without bursts."""
     stray: Share | None = None
     """Share of the points that were left out of the cloud: clumps smaller than leaves that touch nothing."""
+    filled: Share | None = None
+    """Share of the points that fill holes: one photograph's depths that all outlines bear out. Null without masks."""
     hidden_sides: Share | None = None
     """Share of the directions that plants' upright sides face from which no two photographs show them well enough, as
     expected from poses. Null without a cloud or a scale."""

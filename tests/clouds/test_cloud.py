@@ -19,6 +19,8 @@ def test_shapes_types_and_finiteness_are_checked() -> None:
         Cloud(np.zeros((4, 3)), colors=np.zeros((4, 3)))
     with pytest.raises(ValueError, match="normals"):
         Cloud(np.zeros((4, 3)), normals=np.zeros((4, 4)))
+    with pytest.raises(ValueError, match="filled"):
+        Cloud(np.zeros((4, 3)), filled=np.zeros(3, np.bool_))
 
 
 def test_arrays_are_read_only() -> None:

@@ -40,6 +40,15 @@ def test_what_is_written_is_read_again(tmp_path: Path, cloud: Cloud) -> None:
     assert path.read_bytes() == first
 
 
+def test_points_that_fill_holes_are_marked(tmp_path: Path) -> None:
+    path = tmp_path / "cloud.ply"
+    write_ply(path, Cloud(np.ones((2, 3)), filled=np.array([True, False])))
+    header, body = path.read_bytes().split(b"end_header\n")
+    assert b"property float z\nproperty uchar filled\n" in header
+    assert (len(body), body[12], body[25]) == (26, 1, 0)
+    np.testing.assert_array_equal(read_ply(path).points, 1.0)
+
+
 def test_ascii_with_faces_lists_comments_and_unknown_properties(tmp_path: Path) -> None:
     header = """
         comment made by hand

@@ -34,10 +34,11 @@ def test_averages_position_colour_and_normal() -> None:
     points = np.array([[0.1, 0.1, 0.1], [0.3, 0.1, 0.1], [1.5, 0.1, 0.1]])
     colors = np.array([[10, 0, 255], [20, 1, 255], [7, 8, 9]], np.uint8)
     normals = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
-    thinned = voxel_thin(Cloud(points, colors, normals), 1.0)
+    thinned = voxel_thin(Cloud(points, colors, normals, np.array([False, True, True])), 1.0)
     np.testing.assert_allclose(thinned.points, [[0.2, 0.1, 0.1], [1.5, 0.1, 0.1]], atol=2e-9)
     np.testing.assert_array_equal(thinned.colors, [[15, 1, 255], [7, 8, 9]])
     np.testing.assert_allclose(thinned.normals, [[np.sqrt(0.5), np.sqrt(0.5), 0], [0, 0, 1]], atol=1e-6)
+    np.testing.assert_array_equal(thinned.filled, [False, True])
 
 
 def test_opposite_normals_have_no_mean() -> None:

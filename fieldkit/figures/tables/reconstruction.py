@@ -50,7 +50,8 @@ def quality_rows(report: ReconstructionEntry) -> tuple[tuple[str, str], ...]:
     rows.append(("plants", _plants(report)))
     if report.near_3px is not None and report.near_6px is not None and report.inside is not None:
         filled = f"{100 * report.near_3px:.0f} and {100 * report.near_6px:.0f} % within 3 and 6 px of the cloud"
-        rows.append(("plants' pixels", f"{filled}, {100 * report.inside:.0f} % of its points on plants"))
+        holes = "" if report.filled is None else f", {100 * report.filled:.0f} % of them fill holes"
+        rows.append(("plants' pixels", f"{filled}, {100 * report.inside:.0f} % of its points on plants{holes}"))
     if isinstance(report, ReferenceReport) and report.scene_points is not None:
         rows.append(("scene", f"{report.scene_points:,} points"))
     if report.dense is not None:

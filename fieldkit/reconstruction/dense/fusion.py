@@ -11,6 +11,7 @@ order and pixels row by row, so the cloud depends on nothing but the arguments.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from fieldkit.clouds.volume import Volume, crop
 from fieldkit.reconstruction.dense.masks import inner_colors
 from fieldkit.reconstruction.dense.matching import MAX_COST
 from fieldkit.reconstruction.dense.resolution import plant_depth_m
-from fieldkit.reconstruction.dense.source_views import choose_fusion_neighbors
+from fieldkit.reconstruction.dense.source_views import FUSION_NEIGHBORS, choose_sources
 from fieldkit.reconstruction.dense.views import DepthMap, View
 from fieldkit.runtime.kernels import fast_kernel
 
@@ -37,6 +38,11 @@ the last; the relative difference is larger by the same factor. Fitted on tuning
 _SCATTER_GATE_PX, _SCATTER_GATE_DEPTH, _SCATTER_STEP = 20.0, 0.15, 4
 """Depths farther apart are of two surfaces; and which pixels are looked at, by row and column."""
 _SCATTER_QUANTILE = 0.75
+MOST_OFF = 1.0 / 3.0
+"""Share of the masks that may show background at a point's pixel: leaves in the shade, and stems, fall out of masks."""
+FILLING_AGREEING, FILLING_MASKS = 0, 5
+"""Other views that have to agree for a depth to fill a hole, and masks that have to show plants there: all, at least so
+many."""
 SEE_THROUGH_PX, SEE_THROUGH_DEPTHS = 2, 3.0
 """A view sees through a point if all of its pixels within so many are background or so many times farther behind than
 `MAX_RELATIVE_DEPTH`. Masks miss thin parts, and poses are off by a pixel."""
@@ -61,7 +67,10 @@ def fuse(
     A point is dropped unless, of all views, those that have its depth (within `MAX_RELATIVE_DEPTH`, whatever sways) at
     its pixel are ``min_agreeing`` more than those that see through it. A view does so where all pixels
     within `SEE_THROUGH_PX` show background (off the mask, inside the photograph) or depths `SEE_THROUGH_DEPTHS` times
-    as far behind as may agree.
+    as far behind as may agree. And of the masks that have it in the picture at most `MOST_OFF` may show background.
+
+    Depths that no others agree with then fill holes: with masks only, at pixels that are not used up, where no more
+    views see through the point than have it, and every mask, `FILLING_MASKS` at least, shows plants (`Cloud.filled`).
 
     Args:
         depth_maps: theirs, in the same order.
@@ -93,14 +102,11 @@ def depth_scatter_px(views: Sequence[View], depth_maps: Sequence[DepthMap], volu
     Of every depth, the round trip to the view that agrees second best (the best agrees by chance); of those of one
     surface, the upper quartile. 0 where no three views meet.
     """
-    depths, cameras, bounds = _stacked(views, depth_maps)
+    stack = _stacked(views, depth_maps)
     trips = [
-        _second_trips(
-            i, np.array(neighbors, dtype=np.int64), depths, cameras, bounds, _SCATTER_GATE_DEPTH, _SCATTER_GATE_PX,
-            _SCATTER_STEP,
-        )
-        for i, neighbors in enumerate(choose_fusion_neighbors(views, volume))
-    ]  # fmt: skip
+        _second_trips(i, np.array(near, dtype=np.int64), *stack, _SCATTER_GATE_DEPTH, _SCATTER_GATE_PX, _SCATTER_STEP)
+        for i, near in enumerate(choose_sources(views, volume, FUSION_NEIGHBORS))
+    ]
     every = np.concatenate(trips) if trips else np.zeros(0)
     return float(np.quantile(every, _SCATTER_QUANTILE)) if len(every) else 0.0
 
@@ -128,9 +134,9 @@ def agreeing_points(
     scatter_px: float = 0.0,
 ) -> Cloud:
     """What `fuse` thins."""
-    depths, cameras, bounds = _stacked(views, depth_maps)
-    relative, reprojection = tolerances(scatter_px)
-    background, used = (np.zeros(depths.shape, dtype=np.bool_) for _ in range(2))
+    stack, limits = _stacked(views, depth_maps), tolerances(scatter_px)
+    background, used = (np.zeros(stack[0].shape, dtype=np.bool_) for _ in range(2))
+    disputes = MAX_RELATIVE_DEPTH, MAX_RELATIVE_DEPTH * SEE_THROUGH_DEPTHS, SEE_THROUGH_PX
     colors = [view.image for view in views]
     for i, view in enumerate(views):
         if view.mask is not None:
@@ -138,36 +144,17 @@ def agreeing_points(
             rows, columns = shown.shape
             background[i, :rows, :columns] = ~shown
             colors[i] = inner_colors(view.image, shown)
-    parts = []
-    for i, neighbors in enumerate(choose_fusion_neighbors(views, volume)):
-        limit = int(np.count_nonzero(depths[i]))
-        points = np.empty((limit, 3))
-        origin = np.empty((limit, 1 + len(neighbors), 3), dtype=np.int32)
-        count = _fuse_view(
-            i,
-            np.array(neighbors, dtype=np.int64),
-            depths,
-            used,
-            cameras,
-            bounds,
-            relative,
-            reprojection,
-            min_agreeing,
-            points,
-            origin,
-        )
-        kept = _in_front(
-            points[:count],
-            depths,
-            background,
-            cameras,
-            bounds,
-            MAX_RELATIVE_DEPTH,
-            MAX_RELATIVE_DEPTH * SEE_THROUGH_DEPTHS,
-            SEE_THROUGH_PX,
-            min_agreeing,
-        )
-        parts.append(Cloud(points[:count][kept], *_appearance(colors, depth_maps, origin[:count][kept])))
+    parts, neighbors = [], choose_sources(views, volume, FUSION_NEIGHBORS)
+    rules = [(min_agreeing, MOST_OFF, 0)]
+    if views and all(view.mask is not None for view in views):
+        rules.append((FILLING_AGREEING, 0.0, FILLING_MASKS))
+    for rule, (i, near) in product(rules, enumerate(neighbors)):
+        limit = int(np.count_nonzero(stack[0][i]))
+        points, origin = np.empty((limit, 3)), np.empty((limit, 1 + len(near), 3), dtype=np.int32)
+        count = _fuse_view(i, np.array(near, dtype=np.int64), *stack, used, *limits, rule[0], points, origin)
+        kept = _in_front(points[:count], *stack, background, *disputes, *rule)
+        filled = np.full(np.count_nonzero(kept), rule is not rules[0]) if len(rules) > 1 else None
+        parts.append(Cloud(points[:count][kept], *_appearance(colors, depth_maps, origin[:count][kept]), filled))
     return crop(concatenate(parts), volume)
 
 
@@ -176,7 +163,8 @@ def fusion_rule(min_agreeing: int, scatter_px: float) -> str:
     relative, reprojection = tolerances(scatter_px)
     return (
         f"cost < {MAX_COST}, depths within {100 * relative:.2g} %, reprojection < {reprojection:.2g} px, at "
-        f"least {min_agreeing} agreeing views, and as many more than see through"
+        f"least {min_agreeing} agreeing views, and as many more than see through; with masks, a third of them off "
+        "at most, and holes filled from single views where all masks show plants"
     )
 
 
@@ -218,7 +206,7 @@ def _to_pixel(cameras, k, x, y, z):
 
 
 @fast_kernel
-def _fuse_view(i, neighbors, depths, used, cameras, bounds, relative, reprojection, needed, points, origin):
+def _fuse_view(i, neighbors, depths, cameras, bounds, used, relative, reprojection, needed, points, origin):
     """Write view ``i``'s points, their origins (view, row, column of every agreeing pixel; view −1: none) and ``used``.
 
     Returns how many points there are.
@@ -310,23 +298,30 @@ def _second_trips(i, neighbors, depths, cameras, bounds, relative, reprojection,
 
 
 @fast_kernel
-def _in_front(points, depths, background, cameras, bounds, agreeing, behind, reach, needed):
-    """Mask of the points with whose depth ``needed`` more views agree than see through them."""
+def _in_front(points, depths, cameras, bounds, background, agreeing, behind, reach, needed, off, masks):
+    """Mask of the points with whose depth ``needed`` more views agree than see through them.
+
+    At most a share ``off`` of the views that have a point in the picture, ``masks`` or more, show background there.
+    """
     kept = np.zeros(len(points), dtype=np.bool_)
     for i in range(len(points)):
         votes = 0
+        seen = 0
+        beside = 0
         for j in range(len(cameras)):
             u, v, expected = _to_pixel(cameras, j, points[i, 0], points[i, 1], points[i, 2])
             if expected <= 0.0 or u < -0.5 or v < -0.5 or u >= bounds[j, 1] - 0.5 or v >= bounds[j, 0] - 0.5:
                 continue
             r = int(v + 0.5)
             c = int(u + 0.5)
+            seen += 1
+            beside += background[j, r, c]
             depth = float(depths[j, r, c])
             if depth > 0.0 and abs(depth - expected) < agreeing * expected:
                 votes += 1
             elif _sees_through(depths[j], background[j], bounds[j], r, c, (1.0 + behind) * expected, reach):
                 votes -= 1
-        kept[i] = votes >= needed
+        kept[i] = votes >= needed and beside <= off * seen and seen >= masks
     return kept
 
 

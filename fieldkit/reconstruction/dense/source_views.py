@@ -63,17 +63,8 @@ def choose_sources(views: Sequence[View], volume: Volume, most: int = SOURCES) -
 
     Ties are broken by the views' order.
     """
-    return _best(pair_scores(views, volume), most)
-
-
-def choose_fusion_neighbors(views: Sequence[View], volume: Volume) -> list[tuple[int, ...]]:
-    """Indices of the views each view is compared with in the fusion, best first."""
-    return _best(pair_scores(views, volume), FUSION_NEIGHBORS)
-
-
-def _best(scores: NDArray[np.float64], count: int) -> list[tuple[int, ...]]:
     chosen = []
-    for row in scores:
+    for row in pair_scores(views, volume):
         order = np.argsort(-np.round(row, 9), kind="stable")
-        chosen.append(tuple(int(j) for j in order[:count] if row[j] > 0))
+        chosen.append(tuple(int(j) for j in order[:most] if row[j] > 0))
     return chosen

@@ -80,7 +80,7 @@ def prepare_view(
         pose: in the metric plot frame.
         size: working size (width, height), see `resolution`; the image's own by default.
         mask_kind: `exg`, `none`, or `file` with ``mask_image``.
-        mask_image: (h, w) or (h, w, 3), non-zero on the pixels to keep; any size of the photograph's aspect ratio.
+        mask_image: (h, w), non-zero on the pixels to keep; any size of the photograph's aspect ratio.
     """
     import cv2
 
@@ -89,7 +89,9 @@ def prepare_view(
     camera = resized(intrinsics, *size)
     pinhole = camera.without_distortion()
     image = image_rgb if size == (width, height) else cv2.resize(image_rgb, size, interpolation=cv2.INTER_AREA)
-    mask_file = None if mask_image is None else _resized_mask(mask_image, size)
+    mask_file = None
+    if mask_image is not None:
+        mask_file = cv2.resize((mask_image > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA) >= 0.5
     inside = None
     if camera.distorted:
         x, y = undistortion_grid(camera)
@@ -143,14 +145,6 @@ def resized(camera: Intrinsics, width: int, height: int) -> Intrinsics:
         params = (camera.fx, camera.fy, camera.cx, camera.cy, k[0], k[1] if len(k) > 1 else 0.0, 0.0, 0.0)
         camera = Intrinsics("OPENCV", camera.width, camera.height, params)
     return camera.scaled(width, height)
-
-
-def _resized_mask(mask_image: NDArray[Any], size: tuple[int, int]) -> NDArray[np.bool_]:
-    import cv2
-
-    flat = mask_image.max(axis=2) if mask_image.ndim == 3 else mask_image
-    share = cv2.resize((flat > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    return np.asarray(share >= 0.5, dtype=np.bool_)
 
 
 def depth_range(intrinsics: Intrinsics, pose: Pose, volume: Volume) -> tuple[NDArray[Any], NDArray[Any]]:

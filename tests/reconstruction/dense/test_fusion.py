@@ -188,12 +188,28 @@ def test_a_point_in_front_of_what_other_views_show_is_dropped(eight):
 
 
 def test_background_within_two_pixels_of_a_plant_proves_nothing(eight):
-    views, maps = disputed(eight, 5)
+    views, maps = disputed(eight, 2)
     stripes = np.zeros(views[0].image.shape[:2], dtype=np.bool_)
     stripes[:, ::5] = True
     thin = [v if v.mask is None or v.mask.all() else replace(v, mask=stripes) for v in views]
     assert found_on_the_plane((thin, maps))
     assert not found_on_the_plane((views, maps))
+    most = [v if i < 3 else replace(v, mask=np.roll(stripes, i, axis=1)) for i, v in enumerate(views)]
+    assert len(agreeing_points(most, maps, VOLUME)) < 0.2 * len(agreeing_points(thin, maps, VOLUME)), (
+        "but of many masks"
+    )
+
+
+@pytest.mark.parametrize(("through", "filled"), [(0, True), (1, False)])
+def test_a_hole_is_filled_from_one_view_where_all_masks_show_plants(eight, through, filled):
+    views, maps = disputed(eight, through)
+    alone = [m if i < 1 else replace(m, depth=np.zeros_like(m.depth)) for i, m in enumerate(maps)]
+    assert found_on_the_plane((views, alone)) is filled
+    cloud = fuse(views, alone, VOLUME)
+    assert cloud.filled is not None
+    assert cloud.filled.all()
+    assert not found_on_the_plane((eight[0], alone)), "without masks"
+    assert not found_on_the_plane((views[:4], alone[:4])), "with four masks"
 
 
 def test_colours_of_edges_are_those_farther_in(perfect):

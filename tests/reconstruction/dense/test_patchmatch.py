@@ -1,15 +1,12 @@
 """Depth maps of scenes whose depths are known exactly."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 
 from fieldkit.cache import StageCache
 from fieldkit.geometry import Intrinsics
-from fieldkit.reconstruction.dense import DepthMap, View, compute_depth_maps, fuse, matching
+from fieldkit.reconstruction.dense import DepthMap, View, compute_depth_maps, fuse
 from fieldkit.reconstruction.dense import depth_maps as module
-from fieldkit.reconstruction.dense.source_views import choose_sources
 from fieldkit.runtime.context import Context
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
 
@@ -122,13 +119,3 @@ def test_every_number_of_pyramid_levels_finds_the_plane(coarsest, monkeypatch):
     found = depth_maps(views)
     errors = np.concatenate([relative_errors(f, t).ravel() for f, t in zip(found, truth, strict=True)])
     assert np.mean(errors < 0.005) > 0.95
-
-
-@pytest.mark.parametrize(("best", "sources", "geometric"), [(1, 1, 0), (1, 3, 1), (3, 4, 1), (2, 4, 0)])
-def test_other_settings_find_the_plane_too(best, sources, geometric, monkeypatch):
-    monkeypatch.setattr(module, "GEOMETRIC_PASSES", geometric)
-    monkeypatch.setattr(matching, "BEST_SOURCES", best)
-    monkeypatch.setattr(module, "choose_sources", partial(choose_sources, most=sources))
-    views, truth = scene_views([Plane(slope_y=0.2)], ring(5))
-    errors = np.concatenate([relative_errors(f, t, 30).ravel() for f, t in zip(depth_maps(views), truth, strict=True)])
-    assert np.mean(errors < 0.01) > 0.85
