@@ -1,13 +1,17 @@
 """Readers of files from elsewhere, family by family, on changed files: `make fuzz`; docs/reliability.md.
 
-Missions, sites, plots and vehicles have `python -m benchmarks missions --only fuzz`. A defect is anything but a result
-or a FieldkitError, more than five seconds, or more than a gigabyte beyond what the readers' libraries hold.
+Missions, sites, plots and vehicles have `python -m benchmarks missions --only fuzz`. Each family is read in a process
+of its own that may take a gigabyte beyond what the readers' libraries hold. A defect is anything but a result or a
+FieldkitError, more than five seconds, more memory, or the end of the process; its file is kept.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import resource
+import shutil
+import signal
 import sys
 import tempfile
 import time
@@ -17,10 +21,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "sim")]
-from benchmarks.fuzzing import Target, fuzz  # noqa: E402
+from benchmarks.fuzzing import LIMIT_S, Target, fuzz  # noqa: E402
 from fieldkit.campaign.campaign_file import read_campaign_file  # noqa: E402
 from fieldkit.captures.camera_file import read_camera_file  # noqa: E402
 from fieldkit.captures.capture import read_photo  # noqa: E402
@@ -46,7 +51,8 @@ from tests.flightlogs.ulog_file import write_ulog  # noqa: E402
 
 PLOT = ROOT / "tests" / "data" / "small_plot"
 BATCH = 100
-MOST_MB = 1024
+MOST_BYTES = 1 << 30
+"""That readers may take beyond their libraries."""
 
 
 def families(folder: Path) -> dict[str, dict[str, Target]]:
@@ -151,9 +157,26 @@ def fuzz_for(targets: Mapping[str, Target], seconds: float, folder: Path, seed: 
         )
         for kind, number in defects.items():
             print(f"    DEFECT {number} × {kind}")
-        right &= not defects and not hangs and more < MOST_MB
+        right &= not defects and not hangs and slowest < LIMIT_S
         sys.stdout.flush()
     return right
+
+
+def in_a_child(targets: Mapping[str, Target], seconds: float, folder: Path, seed: int, kept: Path) -> bool:
+    """`fuzz_for` with limited memory; a file that ends the process is kept."""
+    sys.stdout.flush()
+    child = os.fork()
+    if not child:
+        held = psutil.Process().memory_info().vms
+        resource.setrlimit(resource.RLIMIT_AS, (held + MOST_BYTES, held + MOST_BYTES))
+        os._exit(not fuzz_for(targets, seconds, folder, seed))
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if code < 0:
+        kept.mkdir(parents=True, exist_ok=True)
+        last = max(folder.glob("file.*"), key=lambda file: file.stat().st_mtime)
+        shutil.copyfile(last, kept / f"seed-{seed}{last.suffix}")
+        print(f"    DEFECT the process ended by {signal.Signals(-code).name}: {kept / f'seed-{seed}{last.suffix}'}")
+    return code == 0
 
 
 def main() -> int:
@@ -161,12 +184,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=3600.0, help="CPU seconds of a family")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", nargs="+", help="families")
+    parser.add_argument("--kept", type=Path, default=Path("fuzz-kept"), help="folder of files that ended a process")
     given = parser.parse_args()
     right = True
     with tempfile.TemporaryDirectory(prefix="fieldkit-fuzz-") as folder:
         for family, targets in families(Path(folder)).items():
-            print(family, flush=True)
-            right &= fuzz_for(targets, given.seconds, Path(folder), given.seed)
+            print(family)
+            if not given.only or family in given.only:
+                right &= in_a_child(targets, given.seconds, Path(folder), given.seed, given.kept)
     return 0 if right else 1
 
 

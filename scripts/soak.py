@@ -26,10 +26,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import psutil
+from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "sim")]
 from tests.campaign.examples import campaign_folder, field  # noqa: E402
+from tests.captures.photographs import exif_block  # noqa: E402
 from tests.endtoend.commands import DRAFT, CommandLine, contents, finish, partial_folders  # noqa: E402
 
 PHOTOGRAPHS = ROOT / "tests" / "data" / "small_plot"
@@ -104,6 +106,14 @@ def _comparable(folder: Path) -> dict[str, bytes]:
     return found
 
 
+def draft_campaign(folder: Path, plots: int) -> Path:
+    """A campaign of plots side by side."""
+    made = campaign_folder(folder, field(1, plots))
+    text = (made / "campaign.toml").read_text("utf-8").replace('fidelity = "standard"', 'fidelity = "draft"')
+    (made / "campaign.toml").write_text(text, encoding="utf-8")
+    return made
+
+
 def children(process: subprocess.Popen[str]) -> list[psutil.Process]:
     """Its workers."""
     found = psutil.Process(process.pid).children(recursive=True)
@@ -138,9 +148,7 @@ class Soak:
             place.mkdir(parents=True)
         for plot in ("r1c1", "r1c2"):
             shutil.copytree(PHOTOGRAPHS, self.unbroken / "card" / plot / "2026-06-18")
-        made = campaign_folder(self.folder / "made", field(1, 2))
-        text = (made / "campaign.toml").read_text("utf-8").replace('fidelity = "standard"', 'fidelity = "draft"')
-        (made / "campaign.toml").write_text(text, encoding="utf-8")
+        made = draft_campaign(self.folder / "made", 2)
         shutil.copytree(made, self.unbroken / "season")
         shutil.copytree(made, self.before / "season")
         line = CommandLine(self.unbroken, self.folder / "warm")
@@ -257,6 +265,39 @@ class Soak:
         self.check("plan", same(line.folder / "plan", self.unbroken / "plan"), "another plan after a worker crashed")
         shutil.rmtree(line.folder)
 
+    def campaign_on_dask(self, plots: int) -> None:
+        """A campaign of two dates on a cluster, one of whose workers is killed midway, against one on processes."""
+        folders = [self.folder / name / "a" for name in ("processes", "cluster")]
+        for date in ("2026-06-18", "2026-06-25"):
+            for number in range(plots):
+                place = folders[0] / "card" / f"r1c{number + 1}" / date
+                shutil.copytree(PHOTOGRAPHS, place)
+                for k, file in enumerate(sorted(place.glob("*.jpg"))):  # others on every plot: nothing is in the cache
+                    taken = f"{date.replace('-', ':')} {9 + number // 6:02}:{number % 6 * 10:02}:{4 * k:02}"
+                    with Image.open(file) as image:
+                        image.save(file, quality=95 - number, exif=exif_block(detail={0x9003: taken}))
+        shutil.copytree(folders[0] / "card", folders[1] / "card")
+        lines = [CommandLine(folder, folder / ".cache") for folder in folders]
+        for folder in folders:
+            draft_campaign(folder, plots)
+        words = ["evaluate", "card", "--campaign", "season", *("--workers", "2")]
+        done = lines[0].run(*words)
+        self.check("campaign", done.code == 0, f"exit code {done.code} on processes: {done.err[-300:]}")
+        process = lines[1].start(*words[:-2], "--scheduler", self.scheduler)
+        visits, killed = folders[1] / "season" / "visits", False
+        while process.poll() is None:
+            if not killed and len(list(visits.glob("*/*/visit.json"))) >= plots // 2:
+                assert self.cluster is not None
+                self.random.choice(children(self.cluster)).kill()
+                killed = True
+                self.count["workers of Dask killed"] += 1
+            time.sleep(0.2)
+        done = finish(process)
+        self.check("campaign", done.code == 0 and killed, f"exit code {done.code} on Dask: {done.err[-300:]}")
+        alike = same(folders[1] / "season" / "visits", folders[0] / "season" / "visits")
+        self.check("campaign", alike, "other results on Dask")
+        self.count["visits on Dask"] += len(list(visits.glob("*/*/visit.json")))
+
     def two_runs(self, name: str) -> None:
         """Two runs of one command in one folder: one is whole, the other is whole or refused."""
         job, line = JOBS[name], self.line(JOBS[name], warm=True)
@@ -273,6 +314,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--warm", type=float, default=0.75, help="share of kills with a warm cache")
+    parser.add_argument("--plots", type=int, default=40, help="of a campaign of two dates on Dask; 0 for none")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", nargs="+", choices=JOBS, default=list(JOBS), help="with all that they need")
     given = parser.parse_args()
@@ -280,18 +322,21 @@ def main() -> int:
     begun = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="fieldkit-soak-") as folder:
         soak = Soak(Path(folder), given.seed, given.only)
-        soak.prepare()
+        if given.kills:
+            soak.prepare()
         for k in range(given.kills):
             soak.kill(given.only[k % len(given.only)], warm=soak.random.random() < given.warm)
-        for k in range(max(2, given.kills // 20)):
+        for k in range(given.kills and max(2, given.kills // 20)):
             if "plan" in given.only:
                 soak.crash((signal.SIGSEGV, signal.SIGSTOP)[k % 2])
             soak.clock(given.only[k % len(given.only)], (-40.0, 5.0)[k % 2])
             soak.two_runs(given.only[k % len(given.only)])
-        for name in given.only:
+        for name in given.only if given.kills else ():
             for size in DISKS if given.kills >= 100 else DISKS[1:2]:
                 if name not in ("campaign", "plan on Dask"):  # the campaign's folder is not made by the command
                     soak.full_disk(name, size)
+        if given.plots and soak.cluster is not None:
+            soak.campaign_on_dask(given.plots)
         if soak.cluster is not None:
             soak.cluster.terminate()
             soak.cluster.wait()

@@ -66,7 +66,10 @@ def viewer_html(scene: ViewerScene, *, identifier: str) -> str:
     data = {
         "points": [_point_data(number, block) for number, block in enumerate(packed)],
         "frusta": [_frustum_data(layer) for layer in scene.frusta],
-        "lines": [_line_data(layer) for layer in scene.lines],
+        "lines": [
+            {"lines": [plain_floats(np.reshape(line, (-1, 3))) for line in layer.lines], "color": _color(layer)}
+            for layer in scene.lines
+        ],
         "places": [{"text": visible(place.text), "at": plain_floats(np.array(place.at))} for place in scene.places],
         "metric": scene.metric,
         "north": None if scene.north is None else plain_floats(np.array(scene.north), 6),
@@ -131,10 +134,6 @@ def _frustum_data(layer: FrustumLayer) -> dict[str, Any]:
         "height": float(layer.half_height),
         "color": _color(layer),
     }
-
-
-def _line_data(layer: LineLayer) -> dict[str, Any]:
-    return {"lines": [plain_floats(np.reshape(line, (-1, 3))) for line in layer.lines], "color": _color(layer)}
 
 
 def _focus(scene: ViewerScene) -> dict[str, Any]:

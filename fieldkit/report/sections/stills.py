@@ -75,9 +75,8 @@ def still(scene: ViewerScene, *, height: int = _HEIGHT, marked: bool = True) -> 
         panels.append(panel)
     picture = _beside(panels)
     paper = (picture >= _NEARLY_PAPER).all(axis=2)
-    done, webp = cv2.imencode(
-        ".webp", np.dstack([picture[:, :, ::-1], np.where(paper, 0, 255)]), [cv2.IMWRITE_WEBP_QUALITY, _QUALITY]
-    )
+    seen_through = np.dstack([picture[:, :, ::-1], np.uint8(255) * ~paper])
+    done, webp = cv2.imencode(".webp", seen_through, [cv2.IMWRITE_WEBP_QUALITY, _QUALITY])
     if not done:
         return None
     seen = "from above" if alone else "from the front and from above"

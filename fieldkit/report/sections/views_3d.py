@@ -29,7 +29,8 @@ from fieldkit.results.evaluation import (
 )
 from fieldkit.results.frame import CameraReport
 from fieldkit.results.plan import Plan, station_number
-from fieldkit.results.report_files import check_file
+from fieldkit.results.plan_file import load_plan
+from fieldkit.results.report_files import check_file, file_sha256
 
 MOST_VIEWS_OF_PLOTS = 4
 """An evaluation of more plots shows those with the greatest distances: browsers draw about a dozen views at once."""
@@ -85,9 +86,8 @@ def plot_view(result: Loaded[EvaluationReport], plot: PlotEvaluation, results: R
     reference = next((r for r in results.of(ReferenceReport) if r.sha256 == result.report.reference_sha256), None)
     note, distances = "", None
     stations = () if plot.adherence is None else plot.adherence.stations
-    frusta = _camera_layers(
-        plot.image_reports, plot.cameras, "Cameras, achieved", {s.image: _number(s.station) for s in stations}
-    )
+    stands = {each.image: each.station.removeprefix("station ") for each in stations}
+    frusta = _camera_layers(plot.image_reports, plot.cameras, "Cameras, achieved", stands)
     layers = []
 
     if reference is not None and len(cloud):
@@ -152,21 +152,35 @@ def _plan_plants(plan: Plan, results: Results) -> tuple[list[PointLayer], str]:
     return layers, note
 
 
-def _mission_plants(result: FlownMission, results: Results) -> list[PointLayer]:
-    """The plants of the plots that one of the plans is flown on."""
-    home, flown = site_frame(result.record), result.flight.plots
-    for run in results.of(PlanRun):
-        plots = [plot for plot in result.record.plots if plot.name in flown and plot.plan.sha256 == run.sha256]
-        if run.report.plan is None or not plots:
+def _mission_plants(result: Loaded[FlownMission], results: Results) -> list[PointLayer]:
+    """The plants of the plots that are flown: by the report's plans, else by the fitted ones beside the mission."""
+    record, flown = result.report.record, result.report.flight.plots
+    home, known = site_frame(record), {run.sha256: run.report.plan for run in results.of(PlanRun)}
+    layers: dict[str, list[PointLayer]] = {}
+    for plot in record.plots:
+        plan = known.get(plot.plan.sha256) or _fitted_plan(result.folder / (plot.plan.name or ""), plot.plan.sha256)
+        if plan is None or plot.name not in flown:
             continue
-        found = []
-        for layer in _plan_plants(run.report.plan, results)[0]:
-            frames = [plot_frame(plot) for plot in plots[: max(1, _MOST_PLANTS // max(1, len(layer.points)))]]
-            points = np.concatenate([home.to_local(*frame.to_geodetic(layer.points)) for frame in frames])
-            colors = None if layer.colors is None else np.tile(layer.colors, (len(frames), 1))
-            found.append(replace(layer, points=points.astype(np.float32), colors=colors))
-        return found
-    return []
+        # A reference's plants are not as high as those of a plot that the plan is fitted to.
+        for layer in _plan_plants(plan, results if plot.plan.sha256 in known else Results(results.root))[0]:
+            before = layers.setdefault(layer.name, [])
+            if sum(len(each.points) for each in before) < _MOST_PLANTS:
+                points = home.to_local(*plot_frame(plot).to_geodetic(layer.points)).astype(np.float32)
+                before.append(replace(layer, points=points))
+    joined = []
+    for alike in layers.values():
+        colors = [layer.colors for layer in alike if layer.colors is not None]
+        points = np.concatenate([layer.points for layer in alike])
+        together = np.concatenate(colors) if len(colors) == len(alike) else None
+        joined.append(replace(alike[0], points=points, colors=together))
+    return joined
+
+
+def _fitted_plan(file: Path, sha256: str) -> Plan | None:
+    try:
+        return load_plan(file) if file_sha256(file) == sha256 else None
+    except (FieldkitError, OSError):
+        return None
 
 
 def mission_view(result: Loaded[FlownMission], results: Results) -> NotedView:
@@ -195,7 +209,7 @@ def mission_view(result: Loaded[FlownMission], results: Results) -> NotedView:
             x, y, z = frame.to_local(*plot_frame(plot).to_geodetic(np.zeros((1, 3))))[0].tolist()
             places.append(PlaceName(plot.name, (x, y, z)))
     return ViewerScene(
-        f"{flight.name}: the way and its photographs", _mission_plants(result.report, results), (frusta,), lines,
+        f"{flight.name}: the way and its photographs", _mission_plants(result, results), (frusta,), lines,
         places, north=(0.0, 1.0), subject="cameras",
     ), ""  # fmt: skip
 
@@ -295,10 +309,6 @@ def _planned_layer(plan: Plan) -> FrustumLayer:
     numbers = [f"{station_number(index)}" for index in range(len(poses))]
     labels = [f"station {number}" for number in numbers]
     return FrustumLayer("Cameras, planned", poses, labels, *half, _PLANNED, numbers=numbers)
-
-
-def _number(station: str) -> str:
-    return station.removeprefix("station ")
 
 
 def _north_of(report: ReconstructionEntry) -> tuple[float, float] | None:
