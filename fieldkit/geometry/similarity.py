@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from fieldkit.geometry.pose import Pose, cross_matrix
 
+_TURNS = np.array([-cross_matrix(axis) for axis in np.eye(3)])
+
 
 @dataclass(frozen=True, eq=False)
 class Similarity:
@@ -95,7 +97,7 @@ def fit_similarity(source: ArrayLike, target: ArrayLike, *, weights: ArrayLike |
 
 def similarity_motion(places: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n, 3, 7) derivative of places (n, 3) by a small similarity about the origin: translation, rotation, scale."""
-    turned = np.array([-cross_matrix(place) for place in places]).reshape(-1, 3, 3)
+    turned = np.tensordot(places, _TURNS, 1)
     moves = [np.broadcast_to(np.eye(3), turned.shape), turned, np.asarray(places)[:, :, None]]
     motion: NDArray[np.float64] = np.concatenate(moves, axis=2)
     return motion

@@ -33,12 +33,13 @@ def bowl_problem(count: int = 4, views: int = 0) -> PlanningProblem:
     normals = np.tile(np.array([0.0, 0.0, 1.0], dtype=np.float32), (400, 1))
     plants = Cloud(points, normals=normals)
     envelope = Envelope.around(plants, VOLUME)
-    ring = None
+    ring = matches = None
     if views:
+        matches = np.full((views, views), 100.0) * (1.0 - np.eye(views))
         turn = 2 * np.pi * np.arange(views) / views
         centers = np.stack([1.5 * np.cos(turn), 1.5 * np.sin(turn), np.full(views, 1.0)], axis=1)
         ring = Cameras.aimed(centers, (0.0, 0.0, 0.4))
-    return PlanningProblem(count, envelope, CAMERA, (Plot(plants, points),), ring)
+    return PlanningProblem(count, envelope, CAMERA, (Plot(plants, points, matches),), ring)
 
 
 class Here(Executor):

@@ -1,10 +1,13 @@
 """Small plots for planners: bent leaves as points with normals, and a dense recorded set about them."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from fieldkit.clouds import Cloud, Volume
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.problem import PlanningProblem
+from fieldkit.planning.score.matchability import Matchability, expected_matches
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
@@ -40,8 +43,9 @@ def problem(count: int = 6, *, normals: bool = True) -> PlanningProblem:
 
 def recorded(count: int = 6, views: int = 40) -> PlanningProblem:
     """The same plot with views on a ring at 1.5 m, all the way round."""
-    plot = problem(count)
-    return PlanningProblem(count, plot.envelope, CAMERA, plot.plots, around(360.0 * np.arange(views) / views))
+    plot, ring = problem(count), around(360.0 * np.arange(views) / views)
+    matches = expected_matches(ring.positions, plot.center, np.ones((views, views)), Matchability())
+    return PlanningProblem(count, plot.envelope, CAMERA, (replace(plot.plots[0], matches=matches),), ring)
 
 
 def around(azimuth_deg: np.ndarray, radius_m: float = 1.5, height_m: float = 1.2) -> Cameras:

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from fieldkit.errors import UsageError
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
-from fieldkit.planning.score.matchability import Matchability, expected_matches
-from fieldkit.planning.score.visibility import in_picture
 from fieldkit.planning.space.cameras import Array, Cameras
 
 TIES = (20.0, 40.0, 80.0)
@@ -68,11 +66,7 @@ class MatchGraph:
         self._views, self._count = _recorded(problem, self.name), problem.count
         matches = problem.plots[0].matches
         if matches is None:
-            points = problem.reference.points[:: max(1, len(problem.reference) // 500)]
-            pictured = in_picture(points, self._views, problem.camera)
-            matches = expected_matches(
-                self._views.positions, problem.center, pictured, Matchability()
-            )  # fmt: skip
+            raise UsageError("the choice needs the matches between all pairs of photographs")
         self._matches = matches
 
     def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:

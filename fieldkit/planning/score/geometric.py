@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from fieldkit.clouds.canopy import with_room_m
 from fieldkit.planning.problem import PlanningProblem
-from fieldkit.planning.score.matchability import Matchability, expected_matches, looseness_m
+from fieldkit.planning.score.matchability import GUIDED, Matchability, camera_sigmas_m, expected_matches, overlap
 from fieldkit.planning.score.visibility import POINTS, PerCamera, Surface, in_picture, look
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.planning.space.plots import Plot
@@ -22,9 +22,11 @@ from fieldkit.runtime.kernels import fast_kernel, kernel
 from fieldkit.vehicles.wash import swayed_m
 
 _STEPS = 4096
-_GRID = 12
+_GRID = 3
 _AROUND_M = 0.3
-_PICTURED = 150
+_PICTURED = 6
+_OF_PLANTS = 0.1
+"""Matches on plants as a share of those on as many points of soil seen squarely."""
 _SWAYING = 0.7
 """Sway of the highest leaves as a share of that half a metre out, and in proportion to the height below: over maize of
 four scenes 0.36 to 0.48, root mean square."""
@@ -52,15 +54,13 @@ class Geometry:
     distance_m: float
     """``gap_m`` + ``noise_m``, as a chamfer distance is completeness + accuracy."""
     tie_m: float
-    """Root of the cameras' mean squared looseness (`looseness_m`)."""
+    """Root mean square of the cameras' expected standard deviations (`camera_sigmas_m`)."""
     gap_m: float
     """Expected distance from a point of the plants to the nearest reconstructed one, mean over points."""
     noise_m: float
     """Expected error of the reconstructed points, mean over them; the cap if there are none."""
     covered: float
     """Expected share of the points that are reconstructed."""
-    loose_m: Array
-    """(n,) looseness of each camera."""
     matches: Array
     """(n, n) of each pair: counted if the problem has them, else expected."""
     lost_room: float
@@ -69,12 +69,11 @@ class Geometry:
 
 class _View(NamedTuple):
     """A camera's (p, 6) rays to points, qualities, pixel footprints in metres and variances of the points' sway, m²;
-    the same to points of the room above the plants; and which points of the plot are in its picture.
+    and the same to points that nothing hides: those that matches lie on, and those of the room above the plants.
     """
 
     points: NDArray[np.float32]
-    room: NDArray[np.float32]
-    pictured: NDArray[np.bool_]
+    free: NDArray[np.float32]
 
 
 class GeometricScore:
@@ -90,10 +89,10 @@ class GeometricScore:
     square over the views that see it, since dense stereo resolves nothing finer. A footprint is at least dense stereo's
     ground sampling distance.
 
-    *Tie.* Matches of real plants fall with the angle between views, and the model of a set with weakly tied groups
-    bends. A recorded set's counted matches, else `expected_matches`, make a graph of the views. `looseness_m` says how
-    far they can move against each other in it. The root mean square counts, not the worst, since all cameras make the
-    cloud.
+    *Tie.* Matches fall with the angle between views, and the model of a set with weakly tied groups bends. From a
+    recorded set's counted matches, else from those that prior mapping is expected to find, `camera_sigmas_m` says how
+    firmly each camera is held. Soil counts as squarely as it is seen, plants a tenth, and less where they sway. The
+    root mean square counts, not the worst, since all cameras make the cloud.
 
     *Sway.* Leaves move between photographs by wind and by the vehicle's wash (`swayed_m`), the more the higher a point
     stands. Views whose points are σ apart, root mean square, match 1 + (σ / tolerance)² times less; a depth's error has
@@ -117,13 +116,18 @@ class GeometricScore:
         plot: Plot | None = None,
         points: int = POINTS,
     ) -> None:
-        self.problem, self.matchability = problem, matchability or Matchability()
+        self.problem, self.matchability = problem, matchability or (Matchability() if problem.blind else GUIDED)
         self.settings = settings or ScoreSettings()
         self._plot = plot or problem.plots[0]
         self.surface = Surface.of(self._plot, points)
-        self._around = _plot_points(problem, self.surface)
-        self._room = room_above(self._plot.reference.points)
-        self._high = _SWAYING * np.clip(self.surface.points[:, 2] / self._plot.height_m, 0.0, 1.0)
+        around = _plot_points(problem, self.surface)
+        self._matched, self._free = len(around), np.vstack([around, room_above(self._plot.reference.points)])
+        self._soil = np.arange(len(self._free)) < _GRID**2
+        self._found = np.where(self._soil, 1.0, _OF_PLANTS)[: self._matched]
+        self._high, self._free_high = (
+            _SWAYING * np.clip(points[:, 2] / self._plot.height_m, 0.0, 1.0)
+            for points in (self.surface.points, np.where(self._soil[:, None], 0.0, self._free))
+        )
         self._worth = _pair_worth(self.settings)
         self._views = PerCamera(self._look)
         count = min(self.settings.neighbors, len(self.surface))
@@ -136,21 +140,21 @@ class GeometricScore:
         cameras = self._plot.fitted(cameras)
         views, cap = self._views(cameras), self.settings.cap_m
         p, noise = self._reconstructed([view.points for view in views])
-        room = self._reconstructed([view.room for view in views])[0]
+        hidden = 1.0 - float(self._reconstructed([view.free[self._matched :] for view in views])[0].mean())
+        matched = np.array([view.free[: self._matched] for view in views], dtype=np.float64)
         gap = float(_expected_distance(p, self._neighbors, self._distances, cap).mean())
         total = float(p.sum())
         spread = float((p * noise).sum()) / total if total > 0 else cap
+        seen = matched[:, :, 3] * self._found
         matches = self.problem.counted_matches(cameras, self._plot)
         if matches is None:
-            pictured = np.array([view.pictured for view in views])
-            matches = expected_matches(cameras.positions, self.problem.center, pictured, self.matchability)
-        loose = looseness_m(matches, prior_m=self.problem.pose_noise_m)
-        tie = float(np.sqrt((loose**2).mean()))
-        return Geometry(gap + spread, tie, gap, spread, float(p.mean()), loose, matches, 1.0 - float(room.mean()))
-
-    def probability(self, cameras: Cameras) -> Array:
-        """(p,) probability that each point of `surface` is reconstructed by a set, fitted to the plot."""
-        return self._reconstructed([view.points for view in self._views(self._plot.fitted(cameras))])[0]
+            shared = overlap(seen > 0.0) if self.problem.blind else seen @ seen.T / self._matched
+            matches = expected_matches(cameras.positions, self.problem.center, shared, self.matchability)
+        variance = (self.settings.error_px * matched[:, :, 4]) ** 2 + matched[:, :, 5]
+        points, prior_m = self._free[: self._matched], self.problem.pose_noise_m
+        sigmas = camera_sigmas_m(cameras.positions, points, seen, variance, matches, prior_m)
+        tie = float(np.sqrt((sigmas**2).mean()))
+        return Geometry(gap + spread, tie, gap, spread, float(p.mean()), matches, hidden)
 
     def _reconstructed(self, sights: list[NDArray[np.float32]]) -> tuple[Array, Array]:
         s = self.settings
@@ -161,10 +165,10 @@ class GeometricScore:
 
     def _look(self, cameras: Cameras) -> list[_View]:
         camera, air = self.problem.camera, self.problem.outdoors
-        rays = cameras.positions[:, None] - self._room
+        rays = cameras.positions[:, None] - self._free
         away = np.linalg.norm(rays, axis=2)
         rays /= np.maximum(away, 1e-9)[:, :, None]
-        squarely = np.ones(len(self._room))
+        facing = np.where(self._soil, rays[:, :, 2], 1.0)
 
         def sights(
             rays: Array, away_m: Array, seen: NDArray[np.bool_], facing: Array, high: Array
@@ -177,10 +181,10 @@ class GeometricScore:
 
         return [
             _View(sights(sight.rays, sight.distance_m, sight.seen, sight.facing, self._high),
-                  sights(to_room, room_m, shown, squarely, np.full(len(self._room), _SWAYING)), row)
-            for sight, to_room, room_m, shown, row in zip(
-                look(self.surface, cameras, camera), rays, away, in_picture(self._room, cameras, camera),
-                in_picture(self._around, cameras, camera), strict=True,
+                  sights(to_free, free_m, shown, squarely, self._free_high))
+            for sight, to_free, free_m, shown, squarely in zip(
+                look(self.surface, cameras, camera), rays, away, in_picture(self._free, cameras, camera), facing,
+                strict=True,
             )
         ]  # fmt: skip
 
@@ -192,9 +196,10 @@ def _pair_worth(settings: ScoreSettings) -> Array:
 
 
 def _plot_points(problem: PlanningProblem, surface: Surface) -> Array:
-    """(t, 3) points on the plants, and about as many on the ground up to 0.3 m beyond them: what pictures share."""
+    """(t, 3) points of the ground up to 0.3 m beyond the plants, then points of these: what matches lie on."""
     low, high = np.array(problem.envelope.target.lower), np.array(problem.envelope.target.upper)
-    axes = [np.linspace(low[k] - _AROUND_M, high[k] + _AROUND_M, _GRID) for k in (0, 1)]
+    places = (np.arange(_GRID) + 0.5) / _GRID
+    axes = [low[k] - _AROUND_M + places * (high[k] - low[k] + 2.0 * _AROUND_M) for k in (0, 1)]
     ground = np.stack([*np.meshgrid(*axes, indexing="ij"), np.zeros((_GRID, _GRID))], axis=-1).reshape(-1, 3)
     ground[:, 2] = problem.envelope.ground_m(ground)
     every = max(1, len(surface) // _PICTURED)

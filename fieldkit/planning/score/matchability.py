@@ -1,4 +1,4 @@
-"""Expected matches of pairs of views, and how firmly they tie a set of cameras together."""
+"""Expected matches of pairs of views, and how firmly they hold a set of cameras."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg.lapack import dtrtrs
 
-from fieldkit.planning.problem import POSE_NOISE_M
+from fieldkit.geometry.similarity import similarity_motion
 from fieldkit.planning.space.cameras import Array
+from fieldkit.runtime.kernels import fast_kernel
 
-MATCH_M = 0.010
-"""Standard deviation of two cameras' relative position by a single match. A pixel at 1.5 m is about 1.1 mm in a picture
-1600 wide, and turning a camera compensates about nine tenths of a move in a small plot.
-"""
 _OCTAVES = 0.5
+_FREE_RAD, _BY_CHANCE = 1.0, 12.0
+"""As in `reconstruction.mapping.uncertainty`."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,11 @@ class Matchability:
         return found
 
 
+GUIDED = Matchability(1600.0, 25.0)
+"""Of prior mapping, of views that show nothing but soil squarely from above: it matches soil as seen from above. Fitted
+to the pairs of 40 sets about tuning-1 and tuning-2 in wind, at draft (docs/experiments/score-and-planner.md)."""
+
+
 def view_angles_deg(positions: Array, center: Array) -> Array:
     """(n, n) angles between the directions from a plot's middle (3,) to cameras (n, 3), degrees."""
     direction = positions - center
@@ -45,21 +50,15 @@ def view_angles_deg(positions: Array, center: Array) -> Array:
     return angles
 
 
-def expected_matches(
-    positions: Array, center: Array, pictured: NDArray[np.bool_], matchability: Matchability
-) -> Array:  # fmt: skip
+def expected_matches(positions: Array, center: Array, shared: Array, matchability: Matchability) -> Array:
     """(n, n) expected matches of each pair of views, symmetric, 0 on the diagonal.
 
-    Matches at the pair's angle about the plot, times the pictures' overlap (points in both over those of the one with
-    more), times exp(−½ (o / 0.5)²) for o octaves between their distances: mapping takes no match beyond 0.75
-    (docs/mapping.md).
+    Matches at the pair's angle about the plot, times what their pictures share, times exp(−½ (o / 0.5)²) for o octaves
+    between their distances: mapping takes no match beyond 0.75 (docs/mapping.md).
 
     Args:
-        pictured: (n, t) whether points of the plot, ground included, lie in each picture.
+        shared: (n, n) share that each pair's pictures have in common.
     """
-    inside = pictured.astype(np.float64)
-    count = inside.sum(axis=1)
-    shared = inside @ inside.T / np.maximum(np.maximum(count[:, None], count[None]), 1.0)
     octave = np.log2(np.maximum(np.linalg.norm(positions - center, axis=1), 1e-9))
     scale = np.exp(-0.5 * ((octave[:, None] - octave[None]) / _OCTAVES) ** 2)
     found = matchability.expected(view_angles_deg(positions, center)) * shared * scale
@@ -68,21 +67,72 @@ def expected_matches(
     return symmetric
 
 
-def looseness_m(matches: Array, *, prior_m: float = POSE_NOISE_M, match_m: float = MATCH_M) -> Array:
-    """(n,) standard deviation of each camera's position against all cameras' mean, metres.
+def overlap(pictured: NDArray[np.bool_]) -> Array:
+    """(n, n) points of the plot in both pictures over those in the one with more; (n, t) says which are in each."""
+    inside = pictured.astype(np.float64)
+    count = inside.sum(axis=1)
+    shared: Array = inside @ inside.T / np.maximum(np.maximum(count[:, None], count[None]), 1.0)
+    return shared
 
-    Cameras are points on springs: each is tied to its command with ``prior_m``, and each pair with n matches to each
-    other with ``match_m`` / √n. The precision is the view graph's Laplacian, weighted by matches, plus the prior's; its
-    inverse is the covariance, without the common shift, which bends nothing. Groups tied by few matches, and long
-    chains, are loose.
+
+def camera_sigmas_m(
+    positions: Array, points: Array, seen: Array, variance: Array, matches: Array, prior_m: float
+) -> Array:  # fmt: skip
+    """(n,) standard deviation of each camera's centre against the others that prior mapping is expected to leave.
+
+    It foretells `reconstruction.mapping.uncertainty`. A pair's matches lie on points that both views show, and say how
+    far apart the two rays pass. Centres are known with ``prior_m``, rotations are free. The similarity that all centres
+    have in common is the frame's and is taken off.
+
+    Args:
+        points: (t, 3) of the plot.
+        seen: (n, t) how well each view shows them.
+        variance: (n, t) of a ray beside a point, m².
+        matches: (n, n) of pairs; those that a wrong relative pose has by chance, too, say nothing.
     """
-    count = len(matches)
-    weight = matches / match_m**2
-    precision = _laplacian(weight) + prior_m**-2 * np.eye(count)
-    middle = np.eye(count) - 1.0 / count
-    covariance = middle @ np.linalg.inv(precision) @ middle
-    loose: Array = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    return loose
+    count, arms = 3 * len(positions), points - positions[:, None]
+    shared = np.maximum(matches - _BY_CHANCE, 0.0) / np.maximum(seen @ seen.T, 1e-12)
+    each = shared[:, :, None] * seen[:, None] * seen
+    normal = _information(arms, each / (variance[:, None] + variance)).reshape(2 * count, 2 * count)
+    normal.flat[:: 2 * count + 1] += np.repeat([_FREE_RAD**-2, prior_m**-2], count)
+    # Rotations come first: of Cholesky's factor the centres' block is that of the centres' own information.
+    half = np.linalg.cholesky(normal)[count:, count:]
+    motion = similarity_motion(positions - positions.mean(axis=0)).swapaxes(0, 1).reshape(-1, 7)
+    own = np.eye(count) - motion @ np.linalg.solve(motion.T @ motion + 1e-9 * np.eye(7), motion.T)
+    sigmas: Array = np.sqrt((dtrtrs(half, own, lower=True)[0] ** 2).sum(axis=0).reshape(3, -1).sum(axis=0))
+    return sigmas
+
+
+@fast_kernel
+def _information(arms, weight):  # type: ignore[no-untyped-def]
+    """(6, n, 6, n) information of cameras' rotations, radians, and centres from how far apart rays pass.
+
+    Takes the arms (n, t, 3) from cameras to points, and what each pair's rays weigh there (n, n, t), 1/m².
+    """
+    count, points = arms.shape[:2]
+    found, rows = np.zeros((6, count, 6, count)), np.empty((2, 6, points))
+    for i in range(count):
+        for j in range(i):
+            for k in range(points):
+                (ax, ay, az), (bx, by, bz) = arms[i, k], arms[j, k]
+                x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+                size = np.sqrt(weight[i, j, k] / max(x * x + y * y + z * z, 1e-18))
+                x, y, z = size * x, size * y, size * z
+                one, other = rows[0, :, k], rows[1, :, k]
+                one[0], one[1], one[2] = ay * z - az * y, az * x - ax * z, ax * y - ay * x
+                other[0], other[1], other[2] = bz * y - by * z, bx * z - bz * x, by * x - bx * y
+                one[3], one[4], one[5], other[3], other[4], other[5] = x, y, z, -x, -y, -z
+            for a in range(6):
+                for b in range(6):
+                    first, second, both = 0.0, 0.0, 0.0
+                    for k in range(points):
+                        first += rows[0, a, k] * rows[0, b, k]
+                        second += rows[1, a, k] * rows[1, b, k]
+                        both += rows[0, a, k] * rows[1, b, k]
+                    found[a, i, b, i] += first
+                    found[a, j, b, j] += second
+                    found[a, i, b, j] = found[b, j, a, i] = both
+    return found
 
 
 def connectivity(matches: Array) -> float:
@@ -95,10 +145,4 @@ def connectivity(matches: Array) -> float:
     Args:
         matches: (n, n) symmetric, of pairs of at least two views.
     """
-    return max(0.0, float(np.linalg.eigvalsh(_laplacian(matches))[1]))
-
-
-def _laplacian(weights: Array) -> Array:
-    """(n, n) of a graph with symmetric weights (n, n), 0 on the diagonal."""
-    found: Array = np.diag(weights.sum(axis=1)) - weights
-    return found
+    return max(0.0, float(np.linalg.eigvalsh(np.diag(matches.sum(axis=1)) - matches)[1]))

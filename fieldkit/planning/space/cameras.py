@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -106,7 +107,7 @@ class Cameras:
         axes: Array = np.stack([np.sin(yaw) * np.cos(pitch), np.cos(yaw) * np.cos(pitch), np.sin(pitch)], axis=1)
         return axes
 
-    @property
+    @cached_property
     def rotations(self) -> Array:
         """(n, 3, 3) camera-from-world rotations; their rows are the cameras' right, down and forward axes."""
         yaw = np.radians(self.yaw_deg)

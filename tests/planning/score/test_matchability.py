@@ -1,4 +1,6 @@
-"""Expected matches, how firmly cameras hang together by them, and the connectivity of view graphs."""
+"""Expected matches, how firmly cameras are held by them, and the connectivity of view graphs."""
+
+import itertools
 
 import numpy as np
 import pytest
@@ -6,12 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from fieldkit.planning.score.matchability import (
     Matchability,
+    camera_sigmas_m,
     connectivity,
     expected_matches,
-    looseness_m,
+    overlap,
     view_angles_deg,
 )
 from tests.planning.leafy import around, problem
@@ -23,30 +27,54 @@ MATCHES = arrays(np.float64, (COUNT, COUNT), elements=st.floats(0.0, 500.0)).map
 )
 
 
-def test_looseness_of_two_cameras_is_known() -> None:
-    # Against their mean: half the difference, whose variance is that of two priors and a spring side by side.
-    n, prior, match = 25.0, 0.01, 0.02
-    difference = 1.0 / (1.0 / (2 * prior**2) + n / match**2)
-    found = looseness_m(np.array([[0, n], [n, 0]]), prior_m=prior, match_m=match)
-    np.testing.assert_allclose(found, 0.5 * np.sqrt(difference))
-    free = looseness_m(np.zeros((4, 4)), prior_m=0.01)
-    np.testing.assert_allclose(free, 0.01 * np.sqrt(3 / 4))
+def test_sigmas_are_those_of_all_rays_distances() -> None:
+    """The same by numerical derivatives of every distance between two rays through a point."""
+    rng, prior = np.random.default_rng(3), 0.02
+    positions, points = rng.normal((0.0, 0.0, 2.0), 1.0, (4, 3)), rng.normal(0.0, 0.2, (5, 3))
+    seen, variance = rng.uniform(0.0, 1.0, (4, 5)), rng.uniform(0.5, 2.0, (4, 5)) * 1e-6
+    matches = graph({(0, 1): 90.0, (1, 2): 40.0, (2, 3): 150.0, (0, 3): 60.0, (0, 2): 5.0}, 4)
+
+    def distances(x: np.ndarray) -> np.ndarray:
+        turned, centers = x[:12].reshape(4, 3), positions + x[12:].reshape(4, 3)
+        found = []
+        for i, j, k in itertools.product(range(4), range(4), range(5)):
+            if i < j:
+                rays = [Rotation.from_rotvec(turned[c]).apply(points[k] - positions[c]) for c in (i, j)]
+                across = np.cross(*rays) / np.linalg.norm(np.cross(*rays))
+                share = seen[i, k] * seen[j, k] / (seen[i] @ seen[j])
+                weight = np.sqrt(max(matches[i, j] - 12.0, 0.0) * share / (variance[i, k] + variance[j, k]))
+                found.append(weight * (across @ (centers[i] - centers[j])))
+        return np.array(found)
+
+    step = 1e-6 * np.eye(24)
+    by = np.stack([(distances(row) - distances(-row)) / 2e-6 for row in step], axis=1)
+    covariance = np.linalg.inv(by.T @ by + np.diag([1.0] * 12 + [prior**-2] * 12))[12:, 12:]
+    centered = positions - positions.mean(axis=0)
+    common = [np.tile(axis, 4) for axis in np.eye(3)] + [np.cross(axis, centered).ravel() for axis in np.eye(3)]
+    basis = np.linalg.qr(np.stack([*common, centered.ravel()], axis=1))[0]
+    own = np.eye(12) - basis @ basis.T
+    expected = np.sqrt(np.diag(own @ covariance @ own).reshape(4, 3).sum(axis=1))
+    np.testing.assert_allclose(camera_sigmas_m(positions, points, seen, variance, matches, prior), expected, rtol=1e-4)
+    untied = camera_sigmas_m(positions, points, seen, variance, np.zeros((4, 4)), prior)
+    assert (untied**2).sum() == pytest.approx((12 - 7) * prior**2)  # all but the common similarity
+    firmer = camera_sigmas_m(positions, points, seen, variance, 4.0 * matches, prior)
+    assert (firmer < camera_sigmas_m(positions, points, seen, variance, matches, prior)).all()
 
 
 def test_matches_fall_with_angle_overlap_and_scale() -> None:
     pictured = np.ones((3, 20), dtype=bool)
     cameras = around(np.array([0.0, 10.0, 30.0]))
-    found = expected_matches(cameras.positions, CENTER, pictured, Matchability())
+    found = expected_matches(cameras.positions, CENTER, overlap(pictured), Matchability())
     angles = view_angles_deg(cameras.positions, CENTER)
     np.testing.assert_allclose(found[0, 1], Matchability().expected(angles[0, 1]), rtol=1e-3)  # as far away but for mm
     assert found[0, 1] > found[1, 2] > found[0, 2] > 0
     np.testing.assert_array_equal(found, found.T)
     pictured[1, :10] = False
-    half = expected_matches(cameras.positions, CENTER, pictured, Matchability())
+    half = expected_matches(cameras.positions, CENTER, overlap(pictured), Matchability())
     assert half[0, 1] == pytest.approx(0.5 * found[0, 1])
     far = np.array(cameras.positions)
     far[1] = CENTER + 2 * (far[1] - CENTER)
-    assert expected_matches(far, CENTER, np.ones((3, 20), bool), Matchability())[0, 1] < 0.2 * found[0, 1]
+    assert expected_matches(far, CENTER, np.ones((3, 3)), Matchability())[0, 1] < 0.2 * found[0, 1]
 
 
 def test_the_decay_is_fitted() -> None:
