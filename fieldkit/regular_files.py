@@ -43,7 +43,8 @@ def read_regular(path: Path, max_bytes: int | None = None) -> bytes:
         max_bytes: of a larger file no more is read; it is refused.
     """
     with open_regular(path) as file:
-        data = file.read(-1 if max_bytes is None else max_bytes + 1)
+        # As much as there is: memory is reserved for what is asked for.
+        data = file.read(-1 if max_bytes is None else min(max_bytes, os.fstat(file.fileno()).st_size) + 1)
     if max_bytes is not None and len(data) > max_bytes:
         raise OSError(errno.EINVAL, f"it is larger than {_size(max_bytes)}", os.fspath(path))
     return data

@@ -138,6 +138,7 @@ class TestOpening:
         (tmp_path / "b").symlink_to("a")
         assert read_regular(tmp_path / "b") == b"abc"
         assert read_regular(tmp_path / "b", 3) == b"abc"
+        assert read_regular(tmp_path / "b", 1 << 60) == b"abc"  # no memory is reserved for more than there is
 
     def test_refuses_a_larger_one(self, tmp_path: Path) -> None:
         (tmp_path / "a").write_bytes(b"abcd")

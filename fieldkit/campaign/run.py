@@ -267,7 +267,7 @@ def _jobs(
             plan=campaign.plan_of(visit.plot, visit.date),
             evaluation=campaign.evaluation,
             camera=campaign.camera_file,
-            cache=None if cache.root is None else cache.root,
+            cache=None if cache.root is None else cache.root.absolute(),
         )
         with suppress(MetadataError):  # a malformed sidecar; evaluating says so in the visit's row
             job = replace(job, inputs=visit_inputs(job))

@@ -176,11 +176,12 @@ def _folders(root: Path, skip: Callable[[Path], bool] | None) -> list[Path]:
 
 def _with_sidecars_above(contents: FolderContents) -> FolderContents:
     """A folder called ``images`` shares the sidecars of the folder it lies in, as `read_capture` has it."""
-    folder = contents.image_folder
-    if folder.name != "images":
-        return contents
-    above = list_folder(folder.parent)
-    return contents if above.candidates and above.image_folder != folder else replace(contents, sidecars=above.sidecars)
+    folder, sidecars = contents.image_folder, contents.sidecars
+    if folder.name == "images":
+        above = list_folder(folder.parent)
+        sidecars = sidecars if above.candidates and above.image_folder != folder else above.sidecars
+    # Absolute paths: a cluster's workers are in other folders.
+    return replace(contents, sidecars={name: path.absolute() for name, path in sidecars.items()})
 
 
 def _place(path: Path, root: Path) -> str:

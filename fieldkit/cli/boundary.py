@@ -198,10 +198,7 @@ def finding_entry(finding: Any) -> dict[str, Any]:
 
 
 def emit_json(value: Any) -> None:
-    """Print one JSON object on stdout. Numbers that JSON does not know (NaN, infinity) become null.
-
-    Iterators within it are drawn while they are printed, so that only one of their items is held.
-    """
+    """Print one JSON object on stdout, iterators item by item. Numbers that JSON does not know become null."""
     import json
 
     ascii_only = not knows_every_sign(sys.stdout)  # JSON is UTF-8

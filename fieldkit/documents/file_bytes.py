@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from fieldkit.errors import InputError, MetadataError
@@ -21,7 +22,7 @@ def file_bytes(
     """The content of a file."""
     try:
         with open_regular(path) as file:
-            data = file.read(max_bytes + 1)
+            data = file.read(min(max_bytes, os.fstat(file.fileno()).st_size) + 1)
     except FileNotFoundError as caught:
         raise error(f"there is no such {name}", path=path, remedy=missing or remedy) from caught
     except OSError as caught:

@@ -115,3 +115,12 @@ def test_photographs_at_paths(photo_file: MakePhoto, tmp_path: Path) -> None:
     found = photographs_at([a, b.parent / "gone.jpg", tmp_path / "no" / "c.jpg", b.parent / "broken.jpg"])
     assert [each.photo.path for each in found] == [a]
     assert found[0].place == a.as_posix()
+
+
+def test_paths_hold_in_other_folders(photo_file: MakePhoto, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cluster's workers are in folders of their own."""
+    photo_file("a/x.jpg").with_name("poses.csv").write_text(POSES)
+    monkeypatch.chdir(tmp_path)
+    (found,) = find_photographs(Path("capture")).photos
+    assert all(path.is_absolute() for path in (found.photo.path, *found.sidecars.values()))
+    assert set(found.sidecars) == {"poses.csv"}
