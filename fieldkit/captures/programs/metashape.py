@@ -43,7 +43,7 @@ def read_metashape_xml(given: PosesFile) -> ProgramPoses:
         if not chunks:
             raise MetadataError("holds no chunk of Metashape", path=path, remedy=_REMEDY)
         return _chunk(max(chunks, key=lambda each: len(each.findall(".//camera/transform"))), len(chunks), given)
-    except (XmlError, ValueError) as error:
+    except (XmlError, ValueError, OverflowError) as error:
         raise MetadataError(f"is no export of Metashape's cameras: {error}", path=path, remedy=_REMEDY) from error
 
 

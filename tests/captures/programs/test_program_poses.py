@@ -274,3 +274,10 @@ def test_a_frame_is_not_taken_where_the_file_says_its_own(tmp_path: Path) -> Non
     for file in files:
         with pytest.raises(MetadataError, match="says what frame"):
             read_result(PosesFile(file, "EPSG:25832"))
+
+
+def test_a_resolution_beyond_all_numbers_is_told(tmp_path: Path) -> None:
+    file = write_metashape(tmp_path / "c.xml", known_poses())
+    file.write_text(file.read_text().replace('width="4000"', f'width="{"4" * 400}"'))
+    with pytest.raises(MetadataError, match="no export of Metashape's cameras"):
+        read_result(PosesFile(file))
