@@ -21,8 +21,7 @@ from benchmarks.result import ResultTable, StudyResult
 from benchmarks.rigs import RigSet, load_rig, uniform_subset
 from fieldkit.cache import StageCache
 from fieldkit.errors import ReconstructionError
-from fieldkit.files import write_atomic
-from fieldkit.pictures.panels import DPI, FAINT, INK, PAPER, drawable, png
+from fieldkit.pictures.panels import DPI, FAINT, INK, PAPER, drawable
 from fieldkit.runtime.progress import Progress
 
 
@@ -38,11 +37,6 @@ class Cost:
     """CPU seconds, all processes."""
     memory_bytes: int
     """Peak resident memory."""
-
-
-def write_cost_plot(path: Path, costs: Sequence[Cost], *, memory_limit_bytes: int | None = None) -> None:
-    """Write `draw_cost_plot` as PNG."""
-    write_atomic(path, png(draw_cost_plot(costs, memory_limit_bytes=memory_limit_bytes)))
 
 
 def draw_cost_plot(costs: Sequence[Cost], *, memory_limit_bytes: int | None = None) -> Figure:
