@@ -18,9 +18,27 @@ def fractal_noise(x: ArrayLike, y: ArrayLike, seed: int, *, octaves: int = 4, ga
     Returns:
         Array of the broadcast shape.
     """
+    return _evaluate(_fractal, x, y, seed, octaves, gain)
+
+
+def bumps(x: ArrayLike, y: ArrayLike, seed: int, *, density: float = 0.7) -> NDArray[np.float32]:
+    """A heap of rounded lumps seen as a height field, in [0, 1]: soil crumbs and clods.
+
+    One lump may sit in each unit cell, with a share ``density`` of cells occupied; place, radius (0.3 to 0.75
+    cells) and height vary, and the higher of two overlapping lumps counts.
+
+    Args:
+        x, y: coordinates that broadcast together, in cells.
+    """
+    return _evaluate(_bumps, x, y, seed, 0, density)
+
+
+def _evaluate(
+    kernel: object, x: ArrayLike, y: ArrayLike, seed: int, octaves: int, amount: float
+) -> NDArray[np.float32]:
     xs, ys = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
     out = np.empty(xs.size, np.float32)
-    _fractal(np.ascontiguousarray(xs).ravel(), np.ascontiguousarray(ys).ravel(), seed, octaves, gain, out)
+    kernel(np.ascontiguousarray(xs).ravel(), np.ascontiguousarray(ys).ravel(), seed, octaves, amount, out)  # type: ignore[operator]
     return out.reshape(xs.shape)
 
 
@@ -66,3 +84,32 @@ def _fractal(
             # An irrational step keeps the octaves' lattices from lining up.
             amplitude, x, y = amplitude * gain, x * 2.03 + 17.13, y * 2.03 - 9.71
         out[i] = total
+
+
+@kernel
+def _bumps(
+    xs: NDArray[np.float64], ys: NDArray[np.float64], seed: int, _: int, density: float, out: NDArray[np.float32]
+) -> None:
+    for i in range(xs.size):
+        x, y, best = xs[i], ys[i], 0.0
+        cx, cy = int(np.floor(x)), int(np.floor(y))
+        for jx in range(cx - 1, cx + 2):
+            for jy in range(cy - 1, cy + 2):
+                h = _hash(jx, jy, seed)
+                if (h & np.uint64(0xFF)) > density * 255.0:
+                    continue
+                dx = x - jx - ((h >> np.uint64(8)) & np.uint64(0xFFF)) / 4096.0
+                dy = y - jy - (h >> np.uint64(20)) / 4096.0
+                g = _hash(jx, jy, seed + 101)
+                size = (g & np.uint64(0xFFFF)) / 65536.0
+                radius2 = (0.3 + 0.45 * size) ** 2
+                if dx * dx + dy * dy >= radius2:
+                    continue
+                # An ellipse turned at random; a circle would look like a ball pit.
+                turn = (g >> np.uint64(16)) / 65536.0 * np.pi
+                co, si = np.cos(turn), np.sin(turn)
+                along, across = co * dx + si * dy, 1.5 * (co * dy - si * dx)
+                q = 1.0 - (along * along + across * across) / radius2
+                if q > 0.0:
+                    best = max(best, (0.35 + 0.65 * size) * np.sqrt(q))
+        out[i] = best

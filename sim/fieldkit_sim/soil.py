@@ -9,10 +9,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.scenes.noise import fractal_noise
+from fieldkit.scenes.noise import bumps, fractal_noise
 from fieldkit.scenes.plot_description import SCATTER_M, SoilDescription
 from fieldkit.scenes.scene import Mesh
-from fieldkit_sim.bumps import bumps
 from fieldkit_sim.crumbs import Crumbs, build_crumbs, scatter_crumbs
 from fieldkit_sim.faces import grid_faces, vertex_normals
 

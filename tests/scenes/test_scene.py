@@ -9,11 +9,10 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from benchmarks.scenes import benchmark_cameras, benchmark_scene
-from fieldkit.scenes.noise import fractal_noise
+from fieldkit.scenes.noise import bumps, fractal_noise
 from fieldkit.scenes.plot_description import MaizeDescription, PlotDescription, SoilDescription
 from fieldkit.scenes.sampling import sample_visible, visible_from
 from fieldkit.scenes.scene import Light, Mesh, Scene
-from fieldkit_sim.bumps import bumps
 from fieldkit_sim.faces import vertex_normals
 from fieldkit_sim.maize import build_maize
 from fieldkit_sim.plot import bake_light, build_scene
