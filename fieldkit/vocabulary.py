@@ -36,3 +36,7 @@ NINE_IN_TEN = 1.645
 """Nine in ten draws of a normal distribution lie within so many standard deviations."""
 LEAST_POSITIONS = 3
 """Fewer positions give neither a scale nor an orientation."""
+BY_CHANCE = 12.0
+"""Matches that a wrong relative pose has within half a pixel: it has five parameters, and the most of many tries."""
+FREE_RAD = 1.0
+"""Standard deviation of a camera's rotation that nothing is known of beforehand."""

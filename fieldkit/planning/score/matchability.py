@@ -11,10 +11,9 @@ from scipy.linalg.lapack import dtrtrs
 from fieldkit.geometry.similarity import similarity_motion
 from fieldkit.planning.space.cameras import Array
 from fieldkit.runtime.kernels import fast_kernel
+from fieldkit.vocabulary import BY_CHANCE, FREE_RAD
 
 _OCTAVES = 0.5
-_FREE_RAD, _BY_CHANCE = 1.0, 12.0
-"""As in `reconstruction.mapping.uncertainty`."""
 
 
 @dataclass(frozen=True)
@@ -91,10 +90,10 @@ def camera_sigmas_m(
         matches: (n, n) of pairs; those that a wrong relative pose has by chance, too, say nothing.
     """
     count, arms = 3 * len(positions), points - positions[:, None]
-    shared = np.maximum(matches - _BY_CHANCE, 0.0) / np.maximum(seen @ seen.T, 1e-12)
+    shared = np.maximum(matches - BY_CHANCE, 0.0) / np.maximum(seen @ seen.T, 1e-12)
     each = shared[:, :, None] * seen[:, None] * seen
     normal = _information(arms, each / (variance[:, None] + variance)).reshape(2 * count, 2 * count)
-    normal.flat[:: 2 * count + 1] += np.repeat([_FREE_RAD**-2, prior_m**-2], count)
+    normal.flat[:: 2 * count + 1] += np.repeat([FREE_RAD**-2, prior_m**-2], count)
     # Rotations come first: of Cholesky's factor the centres' block is that of the centres' own information.
     half = np.linalg.cholesky(normal)[count:, count:]
     motion = similarity_motion(positions - positions.mean(axis=0)).swapaxes(0, 1).reshape(-1, 7)

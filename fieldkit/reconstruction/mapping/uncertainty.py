@@ -23,6 +23,7 @@ from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.similarity import similarity_motion
 from fieldkit.reconstruction.colmap_model import pose_of
 from fieldkit.runtime.colmap import pycolmap
+from fieldkit.vocabulary import BY_CHANCE, FREE_RAD
 
 Floats = NDArray[np.float64]
 Pair = tuple[int, int]
@@ -32,14 +33,11 @@ wide."""
 _TIE_SCALE_PX = 0.75
 _TIE_NOISE_PX = 0.5
 _FAR_PX = 100.0
-_BY_CHANCE = 12.0
-"""Matches that a wrong relative pose has within half a pixel: it has five parameters, and the most of many tries."""
 _INFLATION = 1.25
 """Of observations' errors: matches of one surface err alike, and lenses are no models. Calibrated on the rigs."""
 _FLOOR = 0.0015
 """Standard deviation of a centre that nothing lowers, as a share of the distance to what is seen."""
 _LEAST_SLOPE = 0.2
-_FREE_RAD = 1.0
 _FREE_EXTENTS = 3.0
 _FOCAL_SIGMA = 0.3
 _ROUNDS = 10
@@ -56,7 +54,7 @@ def pair_information(distances_px: Floats) -> float:
     ratio = (distances_px / _TIE_SCALE_PX) ** 2
     slope = float(((1.0 - ratio) / (1.0 + ratio) ** 2).sum())
     pull = float((distances_px**2 / (1.0 + ratio) ** 2).sum())
-    return max(0.0, slope - _BY_CHANCE) ** 2 / pull if pull > 0.0 else 0.0
+    return max(0.0, slope - BY_CHANCE) ** 2 / pull if pull > 0.0 else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +143,7 @@ def pose_uncertainty(
     for k, name in enumerate(seen.names):
         known, at = priors.get(name, PosePrior()), 6 * k
         position = extent if known.position is None else known.position_sigma_m
-        normal[range(at, at + 3), range(at, at + 3)] += _FREE_RAD**-2
+        normal[range(at, at + 3), range(at, at + 3)] += FREE_RAD**-2
         normal[range(at + 3, at + 6), range(at + 3, at + 6)] += position**-2
     covariance = np.linalg.inv(normal)[: 6 * len(row), : 6 * len(row)].reshape(len(row), 6, len(row), 6)
     motion = similarity_motion(seen.centers - seen.centers.mean(axis=0)).reshape(-1, 7)
