@@ -36,12 +36,7 @@ def open_regular(path: Path) -> Iterator[BufferedReader]:
 
 
 def read_regular(path: Path, max_bytes: int | None = None) -> bytes:
-    """The content of a regular file.
-
-    Args:
-        path: to read.
-        max_bytes: of a larger file no more is read; it is refused.
-    """
+    """The content of a regular file. Of a file larger than ``max_bytes`` no more is read; it is refused."""
     with open_regular(path) as file:
         # As much as there is: memory is reserved for what is asked for.
         data = file.read(-1 if max_bytes is None else min(max_bytes, os.fstat(file.fileno()).st_size) + 1)

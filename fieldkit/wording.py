@@ -7,7 +7,6 @@ def count(number: float, noun: str, plural: str = "", *, of: float | None = None
     """``1 photograph``, ``12 photographs``; with a verb ``1 plot has``, ``3 plots have``, ``1 of 13 plots has``.
 
     Args:
-        number: whole.
         noun: for one, with what else follows from the number.
         plural: for others; "" puts an s at the end.
         of: how many there are in all.

@@ -23,9 +23,6 @@ def group_cameras(
     with globs serves the photographs it names; among several that do, one of the photograph's own size is taken first.
 
     Args:
-        photos: in order.
-        entries: of the camera file, if there is one.
-        path: that file.
         source: what the groups name as the source of intrinsics from it; the file's name where not given.
     """
     members: dict[tuple[object, ...], list[Photo]] = {}

@@ -139,12 +139,7 @@ def assembled(
 
     Args:
         folders: of the capture, and of its images.
-        photos: in order.
-        parts: of them.
-        findings: so far.
         camera: camera file of parts that have none.
-        program: another program's poses of them.
-        odd: what is odd about these.
     """
     groups, of_cameras = _cameras(photos, parts, camera, program)
     priors = _priors(photos, parts, program)

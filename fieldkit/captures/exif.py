@@ -55,7 +55,6 @@ def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) 
     """A photograph with what its EXIF and its drone's XMP say, and what is odd about that. Nothing is decoded.
 
     Args:
-        photo: without.
         image: it, opened; its header is enough.
         png: the metadata of a PNG, which is then read from there.
     """

@@ -153,7 +153,6 @@ def settled_heights(rows: Sequence[GeoRow], altitudes_m: Mapping[str, float]) ->
     drone's positions into them. Where the altitudes do not decide, they are feet, as x and y are.
 
     Args:
-        rows: of a file.
         altitudes_m: of photographs, by the rows' names, above whatever datum.
     """
     open_rows = [row for row in rows if row.assumed_unit_m != 1.0]

@@ -64,7 +64,6 @@ def one_camera(
     any the one that shows colours and all of the plot (no zoom), else the one with most.
 
     Args:
-        photos: in order.
         located: names that poses.csv or geo.txt gives a position.
         calibrated: names that the camera file gives a camera of their own: all of these are kept that show colours.
     """
@@ -173,7 +172,6 @@ def sensor_of(name: str, image_source: str | None, bands: Sequence[str], mode: s
     """The sensor of a picture: "thermal", "near infrared", "wide" and so on, "grey" of one channel; "" if not known.
 
     Args:
-        name: of the file.
         image_source: XMP ImageSource.
         bands: XMP BandName.
         mode: of the pixels (Pillow's).

@@ -119,9 +119,7 @@ def flag_set(qualities: Mapping[str, Quality]) -> dict[str, Quality]:
 def assess_quality(capture: Capture, *, measure: Callable[[Photo], Quality] | None = None) -> dict[str, Quality]:
     """Quality of every photograph, by name, judged within its camera group. Decodes every file.
 
-    Args:
-        capture: as read.
-        measure: instead of `measure_photo`, for instance one that remembers.
+    ``measure`` takes the place of `measure_photo`, for instance to remember what was measured.
     """
     measured = {photo.name: (measure or measure_photo)(photo) for photo in capture.photos}
     flagged: dict[str, Quality] = {}

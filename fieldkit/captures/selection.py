@@ -60,11 +60,8 @@ def find_photographs(
 ) -> FoundPhotos:
     """Read every photograph in a folder and below it. Symbolic links to folders are not followed.
 
-    Folders whose names begin with a dot, and those called ``masks``, are passed over.
-
-    Args:
-        root: the folder.
-        skip: says of a folder that it is passed over with all below it.
+    Folders whose names begin with a dot, and those called ``masks``, are passed over. ``skip`` says of a folder that it
+    is passed over with all below it.
     """
     root = Path(root)
     listed: list[FolderContents] = []

@@ -24,7 +24,6 @@ def open_watch(
     """What is told of every evaluation of a run, and of the number that its search can have.
 
     Args:
-        settings: of the run.
         before: what its log holds already.
         progress: shows search and confirmation as a stage each.
         as_json: write a JSON object per evaluation, a line each, to stderr.

@@ -65,11 +65,7 @@ class Canopy:
 
 
 def seam_cells(pixel_m: float) -> float:
-    """Width of the seam about leaves, in cells.
-
-    Args:
-        pixel_m: ground that a pixel of the depth maps covers.
-    """
+    """Width of the seam about leaves, in cells. ``pixel_m`` is the ground that a pixel of the depth maps covers."""
     low, high = FITTED_PIXELS_M
     return SEAM_PIXELS * float((min(max(pixel_m, low), high) / low) ** _SEAM_GROWTH)
 

@@ -40,10 +40,7 @@ def find_rows(feet: NDArray[np.float64]) -> PlantRows | None:
 
     Every direction is tried. Rows are where the plants' places across it leave gaps. Each has two plants or more, one
     at least has three; they stand near its line, and about evenly along it. Of several directions that with the fewest
-    rows counts, then that with the straightest ones.
-
-    Args:
-        feet: (k, 2) where the plants stand, metres.
+    rows counts, then that with the straightest ones. ``feet`` (k, 2) are where plants stand, metres.
     """
     if len(feet) < LEAST_PLANTS:
         return None

@@ -218,10 +218,7 @@ def _refined(
     """The cloud moved onto the reference by ICP, and by how much; as it is where ICP finds no place for it.
 
     It is scaled, too, as far as the photographs' positions leave their scale in doubt; beyond that it is the plants
-    that have another size.
-
-    Args:
-        of_reference: whether the ground is the reference's, which stays, and not the capture's own.
+    that have another size. ``of_reference``: the ground is the reference's, which stays, and not the capture's own.
     """
     motion, stats = icp_onto_reference(found.plants, reference, with_scale=True)
     if abs(stats.scale - 1.0) > _DOUBTS * scale_doubt(found.sparse):

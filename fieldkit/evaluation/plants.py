@@ -38,7 +38,6 @@ def plants_one_by_one(
 
     Args:
         plants: of the plot and its surroundings, plot frame.
-        ground: below them.
         frame: the plot frame's place.
         outline: of the plot; None counts all plants.
         cells: of the canopy: their edge in metres, and the seam about leaves in cells.

@@ -119,11 +119,7 @@ def predict(features: Mapping[str, float] | str, model: PredictionModel | None =
     """The chamfer distance that a plot's figures let expect, with its interval.
 
     Nothing is said where a figure of the sum or a guard lies outside of the fit's range, by more than 10 % of that in
-    logarithms.
-
-    Args:
-        features: from `plot_features`.
-        model: fit; fieldkit's own where not given.
+    logarithms. ``model`` is fieldkit's own where not given.
     """
     model = prediction_model() if model is None else model
     if isinstance(features, str):

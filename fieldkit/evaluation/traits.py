@@ -78,9 +78,7 @@ class PlotOutline:
 def outline_of(settings: ReconstructionSettings, reference: Mapping[str, Any] | None = None) -> PlotOutline:
     """The footprint of --bounds: of this run, else of the reference.
 
-    Args:
-        settings: of the run.
-        reference: the ``settings`` of reference.json; None without a reference.
+    ``reference`` is the ``settings`` of its reference.json, None without one.
     """
     bounds = settings.bounds
     if bounds is not None:
@@ -97,7 +95,6 @@ def plot_traits(
     """The traits of a plot, and its plants one by one.
 
     Args:
-        found: the reconstruction.
         plants: its plants, moved onto a reference where that was asked for.
         outline: of the plot; what lies beyond it is another plot's.
         shown: the plants' outlines in the photographs; empty where there are no masks.

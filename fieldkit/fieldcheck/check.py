@@ -64,7 +64,6 @@ def check_captures(
 
     Args:
         captures: folder of the photographs of one plot, or of such folders, one per plot; they are only read.
-        plan: that was flown.
         site: where the plots lie; None takes the plan's row heading, or fits by shape.
         plot: of the site, where there is one folder; None takes the one with the folder's name, or the only one.
         log: flight log whose poses count instead of the photographs' own.

@@ -109,10 +109,8 @@ def check_tags(
 
     Args:
         tags: by photograph, in the plan's frame; photographs without one are missing.
-        graph: of all photographs.
         doubts: how far tags are from what was planned, metres: of two that contradict each other, and nothing else,
             the one that is farther off is to blame.
-        settings: limits.
     """
     aside = _laid_aside(tags, graph, doubts or {})
     tried: set[frozenset[int]] = set()
@@ -230,11 +228,8 @@ def solve(
     """Adjust the poses of the photographs in ``start``.
 
     Args:
-        start: poses to begin with.
         graph: ties; those of photographs without a start are left out.
-        tags: priors by photograph.
         believed: whose tags count. The others are held so loosely that nothing stays undetermined.
-        iterations: at most.
     """
     order = sorted(start)
     index = {k: n for n, k in enumerate(order)}

@@ -104,7 +104,6 @@ def place_tags(capture: Capture, plan: Plan, site: Site | None = None, plot: Sit
 
     Args:
         capture: as read; its positions from tags, sidecars or a flight log.
-        plan: whose stations are looked for.
         site, plot: where the plan's frame lies; None fits by the plan's row heading, or by shape.
     """
     tags = _read_tags(capture)
@@ -234,11 +233,6 @@ def angles_as_meant(
 
     Where most angles are the plan's, as fieldkit reads them, the matches alone do not say otherwise of these: few and
     wide views give wrong matches, too.
-
-    Args:
-        capture: as read.
-        plan, site, plot: as `place_tags` takes them.
-        graph: of its photographs.
     """
     if all(prior.yaw_deg is None for prior in capture.priors.values()):
         return capture, []

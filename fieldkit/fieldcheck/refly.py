@@ -44,16 +44,8 @@ def write_refly(
 
     Args:
         stations: indices in the plan, from 0.
-        plan: plan.json, its folder, or a plan.
-        vehicle: a profile's name or file, or a profile.
-        site: a site file, or a site.
-        output: the mission file; its suffix may be left out.
         plot: of the site; None takes the only one.
-        format: as `fieldkit.missions.export_mission.export_mission`.
         fit: whether the plan was fitted to the plot, as of `fieldkit.missions.export_mission.export_mission`.
-        adjust: fly the nearest poses where the vehicle cannot take the plan's.
-        burst: photographs at each station.
-        overwrite: replace files that are there.
     """
     output, format = mission_file(output, format)  # noqa: A001
     loaded = plan if isinstance(plan, Plan) else load_plan(plan)

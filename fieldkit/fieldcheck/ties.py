@@ -122,8 +122,6 @@ def find_ties(
     features and pairs are those of `fieldkit evaluate`, which finds them in the cache.
 
     Args:
-        capture: as read.
-        settings: limits.
         fallback: intrinsics where the photographs say nothing of theirs and the size fits.
         positions: of the photographs, where known: of many only near ones are matched.
     """
@@ -258,10 +256,7 @@ def with_guided_ties(
 ) -> TieGraph:
     """The graph, and what guided matching adds for photographs with few matches.
 
-    Args:
-        graph: of blind matches.
-        photos: all, in order.
-        poses: believed, by photograph; nothing is added where there is none.
+    ``poses`` are those that are believed; nothing is added where there is none.
     """
     region = region_of_interest(list(poses.values()))
     if region is None:

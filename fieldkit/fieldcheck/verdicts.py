@@ -297,8 +297,6 @@ def connect(
 
     Args:
         plan: its stations say how near photographs are to each other.
-        graph: of photographs.
-        station_of: photographs to stations.
         again: stations that will be flown again; they are counted on to join their neighbours.
         poses: of photographs, where known: a tie that contradicts them joins nothing.
     """

@@ -46,11 +46,8 @@ def achieved_pose(trigger: Trigger, mount: FixedMount | None = None) -> Achieved
 
     A stabilising gimbal's pitch and roll are against the horizon and stand for themselves; its yaw counts from north or
     from the vehicle's heading, to which it is then added. CAMERA_FEEDBACK's, CAM's and vehicle_attitude's angles are
-    the vehicle's: a camera without a gimbal turns with it.
-
-    Args:
-        trigger: from a flight log.
-        mount: of a camera without a gimbal; then whatever the log says of a gimbal is not used.
+    the vehicle's: a camera without a gimbal turns with it. With the ``mount`` of a camera without a gimbal, whatever
+    the log says of a gimbal is not used.
     """
     attitude, gimbal = trigger.attitude, trigger.gimbal
     if mount is not None:

@@ -45,7 +45,6 @@ def adherence(
     Args:
         planned: poses, with distinct names.
         triggers: of one flight.
-        images: their photographs.
         datum: of the planned heights: "home", "amsl", or "none" where they are not to be compared.
     """
     if not planned or not triggers:

@@ -142,10 +142,6 @@ def flight_log(
 
     Args:
         path, kind: of the log.
-        tables: its messages.
-        layout: where they say what.
-        remarks: on the file.
-        clock: of the triggers.
         utc_offset_s: UTC less time since boot, where it is known.
         commanded: used where no gimbal reports.
     """

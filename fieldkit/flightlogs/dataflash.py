@@ -58,10 +58,6 @@ def read_dataflash(data: bytes, path: Path) -> FlightLog:
     """A dataflash log's flight: CAM, with ATT, POS, XKF1 and MNT between.
 
     SIM and SIM2, which hold a simulator's truth, are not read.
-
-    Args:
-        data: the file's bytes.
-        path: for messages.
     """
     found, skipped = read_messages(data, _LAYOUT.messages | {"GPS"})
     if not found:
@@ -99,9 +95,7 @@ class _Format:
 def read_messages(data: bytes, names: Set[str]) -> tuple[dict[str, Table], int]:
     """The messages of these names, and the number of bytes that belong to no message.
 
-    Args:
-        data: of a log.
-        names: such as "CAM"; those that the log does not hold are not in the result.
+    ``names`` are such as "CAM"; those that the log does not hold are not in the result.
     """
     sizes = [0] * 256
     sizes[_FMT] = _FMT_SIZE

@@ -198,10 +198,7 @@ def fit_to(observed: Observed, before: Fit, pairs: dict[int, int]) -> Fit:
 def assign(observed: Observed, fit: Fit, doubt: float) -> tuple[dict[int, int], set[int]]:
     """The likeliest assignment, and the photographs left out because another is nearly as likely.
 
-    Args:
-        observed: photographs and triggers.
-        fit: of their clocks and places.
-        doubt: a photograph whose next best partner costs less than this more is left out.
+    A photograph whose next best partner costs less than ``doubt`` more is left out.
     """
     extra = fit.extra_costs(observed)
     pairs: dict[int, int] = {}

@@ -86,12 +86,7 @@ Stamped = tuple[float, Any]
 
 
 def read_tlog(data: bytes, path: Path) -> FlightLog:
-    """A telemetry log's flight.
-
-    Args:
-        data: the file's bytes.
-        path: for messages.
-    """
+    """A telemetry log's flight."""
     reader = LogReader(data)
     by_name: dict[str, list[Stamped]] = {name: [] for name in _IDS.values()}
     for frame in reader:

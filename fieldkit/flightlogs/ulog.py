@@ -56,12 +56,7 @@ _KINDS = frozenset(b"BFIMPQARDLCSO")
 
 
 def read_ulog(data: bytes, path: Path) -> FlightLog:
-    """A PX4 log's flight.
-
-    Args:
-        data: the file's bytes.
-        path: for messages.
-    """
+    """A PX4 log's flight."""
     try:
         topics, skipped = read_topics(data, _LAYOUT.messages)
     except MetadataError as error:
@@ -88,9 +83,7 @@ def _table(rows: NDArray[np.void]) -> Table:
 def read_topics(data: bytes, names: Set[str]) -> tuple[dict[str, NDArray[np.void]], int]:
     """The rows of these topics' first instances, each (n,) structured, and the bytes that belong to no message.
 
-    Args:
-        data: of a log.
-        names: such as "camera_capture"; those that the log does not hold are not in the result.
+    ``names`` are such as "camera_capture"; those that the log does not hold are not in the result.
     """
     if len(data) < _HEADER_BYTES or not data.startswith(HEADER):
         raise MetadataError("is no ULog file", remedy="Copy the log again from the autopilot's card.")

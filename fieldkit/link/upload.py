@@ -85,7 +85,6 @@ def upload_mission(
     """Upload, read back, compare; clear and try again after any failure, three times in all.
 
     Args:
-        vehicle: connected.
         items: without home; jumps lead to them counted from 1.
         home: as the file has it; an ArduPilot puts its own in its place.
         dialect: that the mission was written in, "ardupilot" or "px4"; another autopilot is refused where given.

@@ -123,7 +123,6 @@ def check_on_ground(
     Args:
         ground: its plots, their plans and plants.
         compare: with the plans' photographs, as near as the vehicle comes to them; of every plot there has to be one.
-        burst: see `check_mission`.
     """
     if ground is None:
         return check_mission(read, vehicle, burst=burst)

@@ -125,8 +125,7 @@ def _begin_and_end(read: ReadMission, dialect: str) -> Iterator[Finding]:
 def place_findings(read: ReadMission, origin: Home | None) -> Iterator[Finding]:
     """Places far from home, or with latitude and longitude swapped.
 
-    Args:
-        origin: home as the site has it, which is trusted more than the file's.
+    ``origin`` is home as the site has it, which is trusted more than the file's.
     """
     home = origin or read.home
     if home is None:

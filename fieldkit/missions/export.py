@@ -120,7 +120,6 @@ def route_plan(
 
     Args:
         plan: stations in the plot frame; for all plots, or each plot's own by name.
-        vehicle: flies it.
         site: home, plots with their plants' heights, fence, zones, obstacles.
         fit: see `flown_plans`.
         adjust: fly the nearest poses where the plan's cannot be taken.

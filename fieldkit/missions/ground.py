@@ -64,13 +64,8 @@ def ground_of(
 
     Plants are the plan's, where it is given or lies beside the mission as mission.json says. Without a plan, a plot
     counts as clear where mission.json says so of this very file, of plants as high as these, here, and for as much
-    clearance; else all of its outline counts as full.
-
-    Args:
-        clearance_m: that the vehicle keeps to plants.
-        plans: flown there.
-        fit: as at the export.
-        plant_height: see `with_plant_height`; comes before what the plots and mission.json say.
+    clearance; else all of its outline counts as full. ``plant_height``, as of `with_plant_height`, comes before what
+    the plots and mission.json say.
 
     Returns:
         None where there are no plots.

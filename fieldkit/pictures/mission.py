@@ -59,7 +59,6 @@ def draw_mission(
     The view from the front shows only the first plot: others would lie before and behind it.
 
     Args:
-        title: of the figure.
         legs: (k, 3) each: the way from one stop to the next; metres, heights above home.
         cameras: of the photographs in the order they are taken, in the same frame.
         camera: intrinsics of the drawn frusta.

@@ -96,7 +96,6 @@ def view_row(
     """A figure with panels side by side.
 
     Args:
-        title: of the figure.
         views: per panel its direction and its points (n, 3), metres. Panels of the same array have one scale.
         names: of the panels; none takes the names of the directions.
     """

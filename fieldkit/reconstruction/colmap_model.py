@@ -156,10 +156,7 @@ def triangulate_tracks(
 
 
 def build_tracks(counts: list[int], matches: Mapping[tuple[int, int], NDArray[np.uint32]]) -> list[Track]:
-    """Join matches into tracks.
-
-    Args:
-        matches: (k, 2) feature indices per pair (i, j) of image indices.
+    """Join matches into tracks. ``matches`` (k, 2) are feature indices per pair (i, j) of image indices.
 
     Returns:
         Tracks of at least two images, in the order of their first observation. Where a track holds several

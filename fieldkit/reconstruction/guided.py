@@ -194,9 +194,7 @@ def epipolar_distances(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.u
 def match_guided(a: PosedFeatures, b: PosedFeatures, band: Band, *, shift_px: float = 0.0) -> NDArray[np.uint32]:
     """Mutual best matches within a band about the epipolar lines of two poses, in agreement with the poses.
 
-    Args:
-        band: where matches are looked for.
-        shift_px: displaces image b across its epipolar lines; the matches that remain are chance.
+    ``shift_px`` displaces image b across its epipolar lines; the matches that remain are chance.
 
     Returns:
         (k, 2) feature indices, sorted by the first.

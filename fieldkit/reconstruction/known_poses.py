@@ -19,11 +19,7 @@ _SMALL_M = 1000.0  # coordinates beyond (UTM, say) are shifted, for bundle adjus
 
 
 def known_poses(capture: Capture, within: SourceFrame | None = None) -> Priors:
-    """Known poses of a capture's photographs.
-
-    Args:
-        within: a reference's frame, to work in.
-    """
+    """Known poses of a capture's photographs. ``within`` is a reference's frame, to work in."""
     own = _frame_of(capture)
     if own is None and capture.program is not None:
         return _unscaled(capture.program, within)

@@ -75,7 +75,6 @@ def refine_corners(gray: NDArray[np.uint8], corners: Floats, cells: int) -> Floa
     """Corners (4, 2) as intersections of lines fitted to the edges between them, from black inside to white outside.
 
     Args:
-        gray: (h, w).
         corners: clockwise, pixels; within about a pixel of the truth.
         cells: of the marker along a side, its border counted.
 

@@ -29,8 +29,7 @@ class _BestTwo:
 def match_features(a: Features, b: Features, *, ratio: float = 0.8) -> NDArray[np.uint32]:
     """Mutual nearest neighbours that pass Lowe's ratio test in both directions.
 
-    Args:
-        ratio: largest allowed ratio of the best to the second best descriptor distance (Lowe 2004).
+    ``ratio`` is the largest of the best to the second best descriptor distance (Lowe 2004).
 
     Returns:
         (k, 2) indices into ``a`` and ``b``, sorted by the first.

@@ -63,10 +63,8 @@ def plot_from_world(
 def check_upright(poses: Mapping[str, Pose], capture: Capture) -> None:
     """Refuse a model that is upside down in a frame whose z is up.
 
-    A plane of cameras fits mirrored positions as well as right ones, from below what it looks at.
-
-    Args:
-        capture: whose angles say which cameras do look up.
+    A plane of cameras fits mirrored positions as well as right ones, from below what it looks at. The capture's angles
+    say which cameras do look up.
     """
     pitches = {name: prior.pitch_deg for name, prior in capture.priors.items()}
     up = [n for n, p in poses.items() if p.forward[2] > _LOOKING_UP and (pitches.get(n) or -90.0) < _RECORDED_UP_DEG]
@@ -102,12 +100,10 @@ def volume_of_interest(
 ) -> Volume:
     """A box about what was photographed.
 
-    Cameras that converge on a place share it: the box holds the sparse points near where their axes meet that at
-    least half of the cameras have in their frames. Cameras that look alike (a nadir survey) share all they see: the
-    box holds all sparse points. Either is trimmed of 0.5 % at each end and grown by 15 %, upwards by 35 %.
-
-    Args:
-        points: (n, 3) sparse points, plot frame.
+    Cameras that converge on a place share it: the box holds the sparse points near where their axes meet that at least
+    half of the cameras have in their frames. Cameras that look alike (a nadir survey) share all they see: the box holds
+    all sparse points. Either is trimmed of 0.5 % at each end and grown by 15 %, upwards by 35 %. ``points`` (n, 3) are
+    sparse, in the plot frame.
     """
     chosen = points
     region = region_of_interest(list(poses.values()))
@@ -140,8 +136,7 @@ def looked_beside_m(poses: Mapping[str, Pose], volume: Volume) -> float:
 def cuts_plants(plants: NDArray[np.float64], volume: Volume, gsd_m: float) -> bool:
     """Whether a plants' cloud (n, 3) goes on to the top of the volume, as plants do that are higher than it.
 
-    Args:
-        gsd_m: length that a pixel of the depth maps covers.
+    ``gsd_m`` is the length that a pixel of the depth maps covers.
     """
     layer = max(_CUT_LAYER * (volume.upper[2] - volume.lower[2]), 2.0 * gsd_m)
     return int(np.count_nonzero(plants[:, 2] > volume.upper[2] - layer)) >= _CUT_POINTS

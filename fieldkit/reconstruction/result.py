@@ -111,8 +111,7 @@ class Reconstruction:
     def moved_plants(self, motion: Similarity, *, with_ground: bool = False) -> Cloud:
         """The plants after a motion: of everything nearby, what then can be the plot's plants.
 
-        Args:
-            with_ground: the ground moves, too, since it was found in the same photographs.
+        ``with_ground``: the ground moves, too, since it was found in the same photographs.
         """
         ground = self.sparse.frame.ground
         moved = self.nearby.transformed(motion)

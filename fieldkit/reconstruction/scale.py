@@ -118,9 +118,8 @@ def scale_by_markers(
 def source_of_scale(priors: Priors, markers: MarkerScale | None, *, metric: bool) -> tuple[str, tuple[str, ...]]:
     """What a model has its scale from ("none": its lengths are not metres), and what is to be noted of it.
 
-    Args:
-        markers: the scale that they gave, if they had to.
-        metric: whether the model has the known positions' scale.
+    ``markers`` is the scale that they gave, if they had to; ``metric`` says whether the model has that of the known
+    positions.
     """
     if markers is not None:
         return "markers", markers.notes

@@ -123,11 +123,8 @@ def highest_shown_m(found: Sequence[Outline], ground: Plane, plants: Array, sway
 
     Outlines show tips of leaves that dense stereo loses. They are widened to the left and right by how far leaves
     swayed, which does not raise them. None with fewer than nine outlines, and where what is shown above the plants is
-    too large for a tip: plants that stand before others in most photographs.
-
-    Args:
-        plants: (n, 3) points of the plants, plot frame; at least one.
-        sway_m: RMS of how far leaves swayed.
+    too large for a tip: plants that stand before others in most photographs. ``plants`` (n, 3) are points in the plot
+    frame, at least one; ``sway_m`` is the RMS of how far leaves swayed.
     """
     import cv2
 
@@ -161,8 +158,7 @@ def _counted(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """(n,) how many views have each cell (n, 3) in the picture, and how many of these show plants within ``near_m``.
 
-    Args:
-        away: (H, W) of each view, how many pixels each pixel is away from plants.
+    ``away`` (H, W) of each view is how many pixels each pixel is away from plants.
     """
     seen, plant = np.zeros(len(cells), dtype=np.int32), np.zeros(len(cells), dtype=np.int32)
     for view, off in zip(views, away, strict=True):

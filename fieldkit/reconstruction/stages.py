@@ -69,9 +69,7 @@ def with_ground_features(
 ) -> list[KeyedFeatures]:
     """Features followed by those of the ground as seen from above, from the cache where they are there.
 
-    Args:
-        cameras: each photograph's.
-        rotations: each one's (3, 3) camera from world, roughly.
+    ``cameras`` and ``rotations`` (3, 3), camera from world, roughly, are each photograph's.
     """
     every = replace(settings, kept=1.0, draw=0)
     views = [view for view in zip(photos, cameras, rotations, strict=True) if is_oblique(view[2])]
@@ -237,8 +235,7 @@ def keep_matches(
 ) -> NDArray[np.uint32]:
     """Guided matches (k, 2) of images i and j from the cache, or computed and kept.
 
-    Args:
-        inputs: everything the matches depend on beside the two images' features.
+    ``inputs`` are everything the matches depend on beside the two images' features.
     """
     key = digest("guided", STAGES["guided"], features[i].key, features[j].key, inputs)
     return cache.kept("guided", key, lambda: {"matches": compute()})["matches"]

@@ -122,9 +122,7 @@ def quick_sway_px(photos: Sequence[Photo], side: int) -> float:
 def _followed(first: NDArray[np.uint8], others: Iterable[NDArray[np.uint8]]) -> tuple[Array, float, list[bool]]:
     """Mean flow (h, w, 2) from a photograph to itself and others, sway in its pixels, and who agrees.
 
-    Args:
-        first: (h, w, 3) RGB.
-        others: (h, w) grey.
+    ``first`` (h, w, 3) is RGB, ``others`` (h, w) are grey.
     """
     gray = _bytes(cv2.cvtColor(first, cv2.COLOR_RGB2GRAY))
     plants = plant_mask(first)
@@ -192,10 +190,7 @@ class _Planes:
 def _sway(rest: Array, known: NDArray[np.bool_], plants: NDArray[np.bool_]) -> float:
     """How far plants' cells moved beside the camera, root mean square, per axis.
 
-    Args:
-        rest: (k, rows, columns, 2) flows less the plane's.
-        known: (rows, columns) where all are known.
-        plants: (rows, columns) likewise.
+    ``rest`` (k, rows, columns, 2) are flows less the plane's; ``known`` (rows, columns) is where all are known.
     """
     motion, here = np.full(known.shape, np.nan, np.float32), known & plants
     if len(rest) < 2 or here.sum() < _LEAST_CELLS:

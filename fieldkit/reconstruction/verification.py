@@ -53,9 +53,8 @@ def verify_pair(
 ) -> TwoView:
     """Verify one pair by its own seeded RANSAC, so that the answer does not depend on other pairs.
 
-    Args:
-        matches: (k, 2) putative matches.
-        calibrated: the intrinsics are trusted (essential matrix); else a fundamental matrix is estimated.
+    ``matches`` (k, 2) are putative; ``calibrated``: the intrinsics are trusted (essential matrix), else a fundamental
+    matrix is estimated.
     """
     options = pycolmap.TwoViewGeometryOptions()
     options.ransac.max_error = settings.max_error_px

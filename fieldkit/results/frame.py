@@ -48,8 +48,7 @@ class Plane:
     def levelling(self, origin: ArrayLike | None = None) -> Similarity:
         """The rigid transform that turns the normal to +z by the shortest way and puts the plane at z = 0.
 
-        Args:
-            origin: (3,) point whose foot on the plane becomes (0, 0, 0); without it x and y move only by the turn.
+        ``origin`` (3,) is a point whose foot on the plane becomes (0, 0, 0); without it x and y move only by the turn.
         """
         x, y, z = self.normal
         if z > -1.0 + 1e-12:

@@ -149,13 +149,8 @@ def corner(before: Leg, after: Leg, turn_cos: float, radius_m: float) -> tuple[L
     The second curve begins T before the first one ends, and the waypoint counts as reached T/2 before that end, where
     the middle of the turn is. T is as long as the turn's middle is within the waypoint's radius and only ramps overlap,
     as in ArduPilot's SCurve::advance_target_along_track. That also bounds the acceleration there, which is not looked
-    at here.
-
-    Args:
-        before: the leg to the waypoint.
-        after: the one from it.
-        turn_cos: cosine of the angle between their directions: 1 straight on.
-        radius_m: of the waypoint (WPNAV_RADIUS).
+    at here. ``turn_cos`` is the cosine of the angle between their directions, 1 straight on; ``radius_m`` the
+    waypoint's (WPNAV_RADIUS).
     """
     low, high = 0.0, min(before.ramp_s, after.ramp_s) / 2.0
 

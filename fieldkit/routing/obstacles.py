@@ -146,10 +146,7 @@ class Obstacles:
     def corners(self, known: NDArray[np.bool_]) -> Array:
         """(n, 2) places around which a way leads past some solids, `VIA_MARGIN_M` beyond the clearance.
 
-        Where a body has many corners, they are those of an octagon about it.
-
-        Args:
-            known: (count,) the solids.
+        Where a body has many corners, they are those of an octagon about it. ``known`` (count,) are the solids.
         """
         members: dict[int, list[int]] = {}
         for index in np.flatnonzero(known).tolist():

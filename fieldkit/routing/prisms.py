@@ -66,9 +66,7 @@ class Prisms:
     def entries(self, a: Array, b: Array, active: NDArray[np.bool_] | None = None) -> Array:
         """(n,) share of legs from a to b, (n, 3) each, before they are in a solid; infinite where a leg is clear.
 
-        Args:
-            a, b: both ends.
-            active: (count,) solids that are looked at; all unless given.
+        ``active`` (count,) are the solids that are looked at; all unless given.
         """
         shares: Array = _entries(a, b, *self._arrays, self._used(active), False)
         return shares

@@ -59,9 +59,7 @@ def usual_workers() -> int:
 def cgroup_limits(proc: Path = Path("/proc/self/cgroup"), root: Path = Path("/sys/fs/cgroup")) -> Limits:
     """The tightest limits on the way from this process's control groups up to the root (cgroup v1 and v2).
 
-    Args:
-        proc: file that names the process's groups, as in cgroups(7).
-        root: where the hierarchies are mounted.
+    ``proc`` names the process's groups, as in cgroups(7); ``root`` is where the hierarchies are mounted.
     """
     try:
         lines = proc.read_text("utf-8", "replace").splitlines()

@@ -115,9 +115,7 @@ def build(description: SceneDescription) -> Scene:
 def sample_reference(description: SceneDescription, scene: Scene) -> Cloud:
     """PC_env of ``description``: points on the plants that can be seen, ground excluded, plot frame.
 
-    Args:
-        description: says how many.
-        scene: what `build` made of it.
+    ``scene`` is what `build` made of it.
     """
     return _sampled(description, scene, (description.reference.points,))[0]
 

@@ -24,11 +24,8 @@ def fractal_noise(x: ArrayLike, y: ArrayLike, seed: int, *, octaves: int = 4, ga
 def bumps(x: ArrayLike, y: ArrayLike, seed: int, *, density: float = 0.7) -> NDArray[np.float32]:
     """A heap of rounded lumps seen as a height field, in [0, 1]: soil crumbs and clods.
 
-    One lump may sit in each unit cell, with a share ``density`` of cells occupied; place, radius (0.3 to 0.75
-    cells) and height vary, and the higher of two overlapping lumps counts.
-
-    Args:
-        x, y: coordinates that broadcast together, in cells.
+    One lump may sit in each unit cell, with a share ``density`` of cells occupied; place, radius (0.3 to 0.75 cells)
+    and height vary, and the higher of two overlapping lumps counts. ``x`` and ``y`` broadcast together, in cells.
     """
     return _evaluate(_bumps, x, y, seed, 0, density)
 

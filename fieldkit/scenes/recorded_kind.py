@@ -92,12 +92,6 @@ def draw_variation(cloud: Cloud, apart: PlantsApart, seed: int, number: int) -> 
     Not told apart: the whole plot is mirrored or not and turned about its middle by any angle. If it is at least
     `LONGER` times as long as wide, it is mirrored across its long axis, turned by 180° or both. There are only three
     such plots; the fourth number is the plot itself, and then they come again.
-
-    Args:
-        cloud: the plants.
-        apart: of these points.
-        seed: of the kind.
-        number: 0 or more.
     """
     if number < 0:
         raise ValueError(f"variations are numbered from 0, not {number}")
@@ -136,13 +130,8 @@ def write_varied_scene(description: SceneDescription, apart: PlantsApart, variat
     that gives each the turn it needs. Without patches the points keep their order.
 
     The ground stays as it is. With it stay the shadows of the plants as they were photographed, and the gaps under
-    their feet. The ground's files are linked to the recorded scene's where the file system can, else copied.
-
-    Args:
-        description: the recorded scene.
-        apart: of the points of its plants (`recorded_plants`).
-        variation: what is changed.
-        output: folder.
+    their feet. The ground's files are linked to the recorded scene's where the file system can, else copied. ``apart``
+    is of the points of its plants (`recorded_plants`).
     """
     surface = description.recorded
     if surface is None:

@@ -90,10 +90,8 @@ class Renderer:
     def move(self, vertices: Mapping[str, NDArray[np.float32]]) -> None:
         """Put the vertices of some meshes elsewhere, as wind does (`fieldkit.scenes.sway`), until the next call.
 
-        Normals, colours and baked light stay. Costs an upload of these meshes and nothing else.
-
-        Args:
-            vertices: (n, 3) by mesh name, as many as the mesh has; meshes that are not named keep their place.
+        Normals, colours and baked light stay. Costs an upload of these meshes and nothing else. ``vertices`` are (n, 3)
+        by mesh name, as many as the mesh has; meshes that are not named keep their place.
         """
         if self._platform is None:
             raise RenderingError("the renderer is closed")

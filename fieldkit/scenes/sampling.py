@@ -41,11 +41,7 @@ def sample_visible(scene: Scene, counts: Sequence[int], seed: int = 0, *, pixels
 def sample_others(scene: Scene, volume: Volume, per_m2: float, seed: int = 0) -> NDArray[np.float64]:
     """(n, 3) points on the weeds and neighbour plants in a volume, uniform by area; no part of the reference.
 
-    Args:
-        scene: of `build_scene`.
-        volume: of interest, plot frame.
-        per_m2: points per square metre.
-        seed: of the sampling.
+    The volume is in the plot frame; ``per_m2`` are points per square metre.
     """
     rng = np.random.default_rng([seed, 13])
     parts = []

@@ -67,7 +67,6 @@ def scene_text(description: SceneDescription, folder: Path | None = None, *, com
     """The canonical text of a scene file.
 
     Args:
-        description: what it says.
         folder: where the file will lie; files below it are named relative to it, others by their absolute path.
         complete: also write what has its default.
     """

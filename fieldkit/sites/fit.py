@@ -112,7 +112,6 @@ def fit_report(
     Args:
         plan: for all plots, or each plot's own by name.
         site: home, plots with their plants' heights, fence, zones, obstacles.
-        vehicle: flies it.
         fit: see `flown_plans`.
         adjust: take the nearest poses where the vehicle cannot take the plan's.
     """
@@ -220,9 +219,7 @@ def _wash(stations: Array, plants: Array, plot: SitePlot, vehicle: Vehicle) -> I
 def plants_outgrown(plan: Plan, plant_height_m: float, *, plot: str = "plot") -> Finding | None:
     """What to say of plants that were measured on photographs of a plan's flight.
 
-    Args:
-        plan: that was flown.
-        plant_height_m: of the highest plants above the ground, as measured.
+    ``plant_height_m`` is that of the highest plants above the ground, as measured.
 
     Returns:
         A warning where they are higher than those that the plan keeps clear of by more than `HIGHER_M`; else None, as

@@ -67,10 +67,6 @@ def no_fly_bands(plants: PlanPlants, clearance_m: float) -> tuple[Band, ...]:
     side. So they lie within the spheres, and cameras that the planner put at just this distance are outside; what is
     outside is nearer than the distance by less than `BAND_M` and 2 cm. What is wholly surrounded by plants counts as
     plants.
-
-    Args:
-        plants: of the plan.
-        clearance_m: from the plants' points.
     """
     points: Array = np.array(plants.points_m, dtype=np.float64).reshape(-1, 3)
     if not len(points):
@@ -180,9 +176,7 @@ class PlotPlants:
     def bands(self, clearance_m: float, slope: Gradient = LEVEL) -> tuple[Band, ...]:
         """The air that the points take, as `no_fly_bands`, in a frame with z above the ground at the origin.
 
-        Args:
-            clearance_m: kept from them.
-            slope: rise of the ground along x and y; the points stand on it.
+        ``slope`` is the rise of the ground along x and y; the points stand on it.
         """
         points = self.points
         if slope != LEVEL:

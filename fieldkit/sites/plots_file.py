@@ -138,10 +138,7 @@ def _without(properties: dict[str, Any], name: str) -> dict[str, Any]:
 def _plot(feature: Feature, name: Any, towards: float | None) -> tuple[SitePlot, bool]:
     """A feature as a plot, and whether its heading is from its shape.
 
-    Args:
-        feature: of a plots file.
-        name: its id.
-        towards: heading that a shape's direction is to be near to.
+    ``towards`` is the heading that a shape's direction is to be near to.
     """
     given = feature.properties
     if len(feature.parts) > 1:

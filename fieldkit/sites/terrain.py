@@ -39,12 +39,7 @@ class Plane:
 
 
 def plane_through(latitude_deg: float, longitude_deg: float, points: Sequence[GroundPoint]) -> Plane:
-    """The plane through three points.
-
-    Args:
-        latitude_deg, longitude_deg: of the plot's origin.
-        points: three, about the plot.
-    """
+    """The plane through three points. The coordinates are those of the plot's origin; the points lie about the plot."""
     if len(points) != _POINTS:
         raise ValueError(f"ground_points holds {len(points)} points; three make a plane")
     table = np.array(points, dtype=np.float64)
@@ -78,9 +73,7 @@ def with_plane(values: Mapping[str, Any]) -> dict[str, Any]:
     """The keys of a plot with ``slope_deg`` and ``ground_points`` put as those that a plot has.
 
     ``slope_deg`` becomes ``slope_percent``; ``ground_points`` become that, ``uphill_heading_deg`` and ``height_m``.
-
-    Args:
-        values: of any types, as a file has them; what is not looked at here is left as it is.
+    What is not looked at here is left as it is, of any type.
     """
     found = dict(values)
     ways = [key for key in ("slope_percent", "slope_deg", "ground_points") if found.get(key) is not None]

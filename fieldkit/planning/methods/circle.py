@@ -102,9 +102,7 @@ class StagedSearch(Generic[D]):
 def finer_grid(limits: Mapping[str, tuple[float, float]], count: int) -> Stage[D]:
     """The eight designs about the best of a grid, half a step away in either or both of two numbers.
 
-    Args:
-        limits: ranges of the two numbers, by name.
-        count: number of the grid's values over each range.
+    ``limits`` are their ranges by name, ``count`` the grid's values over each.
     """
 
     def designs(best: D) -> list[D]:

@@ -95,10 +95,7 @@ class Candidates:
     def pool(self, turn: Turn, best: Sequence[Trial], slopes: ArrayLike, distance_m: float) -> list[Candidate]:
         """The fitted score's optimum, anywhere or about one of the best sets, structured sets, and moves from the best.
 
-        Args:
-            turn: its known sets are left out.
-            slopes: (3,) fitted weights of the score's terms.
-            distance_m: D of `SetEmbedding`.
+        The turn's known sets are left out; ``slopes`` (3,) are the fitted weights of the score's terms.
         """
         rng = turn.rng
         found = self._members(_MEMBERS, turn)

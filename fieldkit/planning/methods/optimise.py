@@ -26,10 +26,6 @@ def near(cameras: Cameras, problem: PlanningProblem, size_m: float, rng: np.rand
     down, and around the plot. Steps are normal: ``size_m`` around the plot, half of that outwards, upwards and for the
     point looked at, which stays about the same. A step that leads out of the envelope is halved up to three times,
     which is much cheaper than projecting it.
-
-    Args:
-        problem: gives the plot's middle and the feasible set.
-        size_m: standard deviation of the steps.
     """
     count = len(cameras)
     if rng.random() < _TOGETHER:

@@ -32,11 +32,7 @@ class MethodEntry:
 
 
 def method_entry(name: str, methods: Mapping[str, MethodEntry] | None = None) -> MethodEntry:
-    """The entry of a method.
-
-    Args:
-        methods: to choose from; None for fieldkit's own.
-    """
+    """The entry of a method. ``methods`` are fieldkit's own where not given."""
     methods = METHODS if methods is None else methods
     if name not in methods:
         raise UsageError(f"there is no method {name!r}", remedy=f"Choose one of {', '.join(methods)}.")

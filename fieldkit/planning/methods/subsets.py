@@ -81,8 +81,7 @@ class MatchGraph:
 def greedy_by_matches(matches: Array, count: int, tie: float) -> NDArray[np.int64]:
     """(count,) views in the order in which `MatchGraph` chooses them.
 
-    Args:
-        tie: least sum of matches with the chosen views that makes a view a candidate.
+    A view whose matches with the chosen ones sum to ``tie`` or more is a candidate.
     """
     worth = matches.copy()
     np.fill_diagonal(worth, max(float(matches.max(initial=0.0)), 1.0))

@@ -126,7 +126,6 @@ def value_m(to_estimate: ArrayLike, to_reference: ArrayLike, rule: Rule) -> floa
     Args:
         to_estimate: (n,) distances of the reference's points to the cloud; empty if the cloud is empty.
         to_reference: (m,) distances of the cloud's points to the reference.
-        rule: cap and support.
     """
     to_cloud, to_truth = np.asarray(to_estimate, dtype=np.float64), np.asarray(to_reference, dtype=np.float64)
     if not to_truth.size or not to_cloud.size:

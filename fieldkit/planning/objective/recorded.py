@@ -247,11 +247,7 @@ class RecordedKind:
         return Rehearsal(turn_deg if self._all_round(turn_deg) else 0.0, kept, number)
 
     def plot(self, number: int, matches: NDArray[np.float64] | None) -> Plot:
-        """The plot as planning knows it.
-
-        Args:
-            matches: (m, m) between the recorded views on the plot as recorded.
-        """
+        """The plot as planning knows it. ``matches`` (m, m) are between the recorded views on the plot as recorded."""
         rehearsal, cloud = self.rehearsal(number), self.recorded.cloud
         middle = self.recorded.middle
         turn = rotation_from_vector(np.array([0.0, 0.0, np.radians(rehearsal.turn_deg)]))

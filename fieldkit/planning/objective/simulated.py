@@ -69,10 +69,8 @@ class Proxy:
     def from_description(cls, description: SceneDescription, camera: Intrinsics | None = None) -> Proxy:
         """A proxy of any scene file: maize, mesh plants, or a scene made from a reference.
 
-        PC_env is the part of `sample_truth` that `of_interest` counts; the surface also has `sample_others`.
-
-        Args:
-            camera: of the photographs; None takes the description's.
+        PC_env is the part of `sample_truth` that `of_interest` counts; the surface also has `sample_others`. ``camera``
+        is the description's where not given.
         """
         check_plants(description)
         scene = build(description)
@@ -124,12 +122,8 @@ class SimulatedSource:
     ) -> SimulatedSource:  # fmt: skip
         """Photographs of a scene as its file describes them, but in still air by default.
 
-        Like the poses' noise, wind is for plans that must survive it.
-
-        Args:
-            noise: of poses and images, instead of the description's.
-            outdoors: instead of still air.
-            proxy: of the description, or of a plot that is photographed as it.
+        Like the poses' noise, wind is for plans that must survive it. ``noise`` takes the place of the description's,
+        ``outdoors`` of still air; ``proxy`` is of the description, or of a plot that is photographed as it.
         """
         proxy = proxy or Proxy.from_description(description)
         return cls(proxy, noise or description.noise, effects=description.camera_effects, outdoors=outdoors)

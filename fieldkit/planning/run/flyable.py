@@ -54,9 +54,6 @@ def vehicle_envelope(vehicle: Vehicle, given: Mapping[str, Any]) -> dict[str, An
     Cameras are at least at the vehicle's least height, at most at the usual 2.5 m or a metre above the least, and keep
     the vehicle's clearance to plants beyond the error of a station; stations are apart by three such errors. The
     gimbal's range is the mount's.
-
-    Args:
-        given: settings by the keys of `EnvelopeSettings`.
     """
     low, high = vehicle.mount.pitch_deg
     least = vehicle.min_height_m
@@ -88,11 +85,7 @@ def vehicle_envelope(vehicle: Vehicle, given: Mapping[str, Any]) -> dict[str, An
 
 
 def check_views(views: Cameras, settings: SearchSettings, progress: Progress) -> None:
-    """Report how many of a recorded set's views the run's vehicle cannot take.
-
-    Args:
-        settings: of the run; without a vehicle nothing is checked.
-    """
+    """Report how many of a recorded set's views the run's vehicle cannot take. Without a vehicle nothing is checked."""
     if settings.vehicle is None:
         return
     title, low_m, (lowest, highest) = settings.vehicle.title, settings.envelope.height_m[0], settings.envelope.pitch_deg

@@ -58,10 +58,8 @@ def search(
     """Evaluate trials until the run has its number of them or converges; logged evaluations are not repeated.
 
     The method proposes in a thread of its own while evaluations run. When it proposes trial k, it knows trials up to k
-    − lag − 1. So proposals depend only on the settings, also in an interrupted run.
-
-    Args:
-        out_of_time: from the run's seconds so far, whether no trial may start any more.
+    − lag − 1. So proposals depend only on the settings, also in an interrupted run. ``out_of_time`` says from the run's
+    seconds so far whether no trial may start any more.
 
     Returns:
         Why the search ended.
@@ -190,8 +188,7 @@ def _ahead(finalist: Finalist, other: Finalist, noise: float, nearer: float = 0.
     """Whether a finalist is better than another one by more than the noise of their values at the same seeds, and by a
     share ``nearer`` of the other's value.
 
-    Args:
-        noise: of a difference, as a share of a value, where there are too few to tell.
+    ``noise`` is of a difference, as a share of a value, where there are too few to tell.
     """
     pairs = list(zip(finalist.entries, other.entries, strict=False))
     if not pairs:

@@ -46,7 +46,6 @@ def compare_numbers(
 
     Args:
         settings: of a run for one of the numbers, on scenes or references.
-        numbers: of photographs.
         vehicle: for the time in the air; of the settings' profile.
 
     Raises:

@@ -103,8 +103,7 @@ def write_outcome(
 ) -> Outcome:  # fmt: skip
     """Write the results of a finished run; plan.json last, so that its presence means that all are there.
 
-    Args:
-        choice_s: wall and CPU seconds of a method that chose without a search.
+    ``choice_s`` are wall and CPU seconds of a method that chose without a search.
     """
     settings, chosen = run.settings, confirmed[0]
     trials = searched(run.entries)

@@ -66,9 +66,7 @@ class RunSetup:
 def set_up_run(settings: SearchSettings, folder: Path, context: Context, *, count_matches: bool = False) -> RunSetup:
     """The problem and the objective of a run.
 
-    Args:
-        folder: of the run; keeps what is made from the source (a reference's proxy, a recorded set's reference).
-        count_matches: whether to count the matches between all pairs of recorded photographs.
+    ``folder``, the run's, keeps what is made from the source: a reference's proxy, a recorded set's reference.
     """
     for plot in settings.given:
         check_unchanged(plot)

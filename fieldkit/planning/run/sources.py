@@ -23,8 +23,7 @@ def describe_sources(
 ) -> tuple[GivenPlot, ...]:
     """The plots of a run: paths, or names of scenes that come with fieldkit.
 
-    Args:
-        images: folders of the references' photographs, in the same order; none, or one for each.
+    ``images`` are the references' photographs in the same order; none, or a folder for each.
     """
     for reference in references:
         if is_cloud(reference) and reference_file(reference) == reference:

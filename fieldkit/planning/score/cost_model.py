@@ -61,8 +61,7 @@ class CostModel:
         """(3,) −ln of the score's terms gap, noise and tie in metres, on one plot or as the mean of the problem's
         plots.
 
-        Args:
-            plot: number of one of the problem's plots, or of an unmet one.
+        ``plot`` is the number of one of the problem's plots, or of an unmet one.
         """
         if plot is not None and plot >= len(self._scores):
             found_m = _terms_m(self._on_unmet(plot).score(cameras))

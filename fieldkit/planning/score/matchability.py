@@ -53,10 +53,8 @@ def expected_matches(positions: Array, center: Array, shared: Array, matchabilit
     """(n, n) expected matches of each pair of views, symmetric, 0 on the diagonal.
 
     Matches at the pair's angle about the plot, times what their pictures share, times exp(−½ (o / 0.5)²) for o octaves
-    between their distances: mapping takes no match beyond 0.75 (docs/mapping.md).
-
-    Args:
-        shared: (n, n) share that each pair's pictures have in common.
+    between their distances: mapping takes no match beyond 0.75 (docs/mapping.md). ``shared`` (n, n) is the share that
+    each pair's pictures have in common.
     """
     octave = np.log2(np.maximum(np.linalg.norm(positions - center, axis=1), 1e-9))
     scale = np.exp(-0.5 * ((octave[:, None] - octave[None]) / _OCTAVES) ** 2)
@@ -139,9 +137,7 @@ def connectivity(matches: Array) -> float:
 
     It is small if any two groups of views have few matches between them, and 0 if they have none (Fiedler, "Algebraic
     connectivity of graphs", 1973). A view tied by one strong pair is less well connected than one tied by several:
-    incremental mapping needs points that two views have triangulated.
-
-    Args:
-        matches: (n, n) symmetric, of pairs of at least two views.
+    incremental mapping needs points that two views have triangulated. ``matches`` (n, n) are symmetric, of pairs of at
+    least two views.
     """
     return max(0.0, float(np.linalg.eigvalsh(np.diag(matches.sum(axis=1)) - matches)[1]))

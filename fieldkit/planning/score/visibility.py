@@ -113,10 +113,7 @@ def look(surface: Surface, cameras: Cameras, camera: Intrinsics) -> list[Sight]:
 
     A point is hidden if an obstacle's splat lies more than two splats (10 mm) before it, so that stems hide their far
     sides. The z-buffer has 400 pixels along the picture's longer side, so a splat of 5 mm covers about one pixel at 1.5
-    m: no gaps between points remain, and leaves' edges grow by half a splat.
-
-    Args:
-        camera: intrinsics; distortion is ignored.
+    m: no gaps between points remain, and leaves' edges grow by half a splat. Distortion is ignored.
     """
     scale = _BUFFER / max(camera.width, camera.height)
     width, height = (max(1, round(scale * side)) for side in (camera.width, camera.height))

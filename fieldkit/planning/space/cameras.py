@@ -141,7 +141,6 @@ def assign(cameras: Cameras, views: Cameras, distance_m: float) -> NDArray[np.in
     assignment (Crouse 2016).
 
     Args:
-        cameras: n, plot frame.
         views: m ≥ n.
         distance_m: turns angles into lengths: about the distance from the cameras to the plants.
     """

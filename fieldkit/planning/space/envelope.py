@@ -112,13 +112,9 @@ class Envelope:
 
         Args:
             plants: the proxy's obstacles or the reference, (m, 3); thinned to one point per 2 cm.
-            target: the volume of interest.
             margin_m: how far beyond it cameras may stand, horizontally.
             height_m: band above the ground.
             ground: a, b, c of z = a·x + b·y + c.
-            clearance_m: to the plants.
-            pitch_deg: of the gimbal.
-            separation_m: between stations.
             vehicle_clearance_m: of a vehicle to the plants.
         """
         low, high = np.array(target.lower) - margin_m, np.array(target.upper) + margin_m

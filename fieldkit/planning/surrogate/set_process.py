@@ -101,7 +101,6 @@ def fit_sets(x: Array, y: Array, slopes: Array, rest_m: float, noise: float) -> 
         x: (t, COLUMNS), t ≥ 1; see `SetProcess`.
         y: (t,).
         slopes: (3,) of the prior mean.
-        rest_m: of the prior mean.
         noise: least standard deviation of an evaluation.
     """
     several = len(np.unique(x[:, _PLOT])) > 1

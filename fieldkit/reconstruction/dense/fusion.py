@@ -71,10 +71,7 @@ def fuse(
 
     Depths that no others agree with then fill holes: with masks only, at pixels that are not used up, where no more
     views see through the point than have it, and every mask, `FILLING_MASKS` at least, shows plants (`Cloud.filled`).
-
-    Args:
-        depth_maps: theirs, in the same order.
-        scatter_px: `depth_scatter_px`, where it is known already.
+    ``scatter_px`` is `depth_scatter_px`, where it is known already.
 
     Returns:
         Points in the plot frame (metres) with colours and normals, thinned to voxels of one ground sampling distance.
@@ -88,8 +85,7 @@ def fuse(
 def tolerances(scatter_px: float) -> tuple[float, float]:
     """Largest relative difference of depths that agree, and largest round-trip distance of their pixels.
 
-    Args:
-        scatter_px: how far depths scatter between views, `depth_scatter_px`.
+    ``scatter_px`` is `depth_scatter_px`.
     """
     pixels = max(MAX_REPROJECTION_PX, min(WIDEST_PX, WIDER * (scatter_px - STILL_PX)))
     return MAX_RELATIVE_DEPTH * (pixels / MAX_REPROJECTION_PX), pixels

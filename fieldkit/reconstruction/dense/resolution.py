@@ -44,9 +44,7 @@ class Resolution(NamedTuple):
 def steps_finer(shares: Sequence[float], sizes: Sequence[tuple[int, int]], fidelity: Fidelity) -> int:
     """By how many steps views are taken more finely than their fidelity asks for, since plants fill few pixels.
 
-    Args:
-        shares: of photographs, that plants fill.
-        sizes: of all views, as their fidelity asks for.
+    ``shares`` are what plants fill of photographs, ``sizes`` those of all views, as their fidelity asks for.
     """
     pixels = sum(width * height for width, height in sizes)
     plants = float(np.median(shares)) * pixels / len(sizes) if shares else 0.0

@@ -77,10 +77,8 @@ def looking_alike(found: Mapping[str, PosePrior], priors: Priors, unknown: Seque
     """Orientations for photographs without one, or with one that differs, where most look at one place alike.
 
     Cameras about a plant look at it and are held the same way up: what turns one camera into another turns the
-    direction to the place, about the mean of the cameras' own vertical axes.
-
-    Args:
-        unknown: whose orientations are not recorded.
+    direction to the place, about the mean of the cameras' own vertical axes. ``unknown`` are those whose orientations
+    are not recorded.
     """
     region = region_of_interest([prior.pose for prior in found.values()])
     if region is None or len(found) < LEAST_POSITIONS:

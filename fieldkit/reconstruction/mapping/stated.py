@@ -17,10 +17,7 @@ def with_stated_poses(inputs: Inputs, belief: Belief, mapped: Mapped | None) -> 
 
     Matches that tie all photographs together know better than a rig where its cameras are: to such a model those are
     added that it lacks. Where it falls into groups, or has not even half of them, all stand where they are stated to,
-    and it has no points.
-
-    Args:
-        mapped: by matches; None where they make no model.
+    and it has no points. ``mapped`` is the model by matches; None where they make none.
     """
     stated = {name: prior.pose for name, prior in belief.priors.by_name.items() if prior.exact}
     names, cameras = inputs.names, belief.cameras

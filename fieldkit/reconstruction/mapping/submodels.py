@@ -74,9 +74,7 @@ def moved(pose: Pose, motion: Floats, pivot: Floats) -> Pose:
 def place_submodel(poses: Sequence[Pose], part: Sequence[int], priors: Sequence[PosePrior]) -> Placed:
     """Where known poses want a sub-model (least squares), and what they leave open.
 
-    Args:
-        poses: of the sub-model's m images.
-        part: (m,) which of the n images of ``priors`` they are.
+    ``part`` (m,) says which of the n images of ``priors`` the poses are of.
     """
     pivot = np.mean([pose.center for pose in poses], axis=0)
     motion = np.zeros(7)
@@ -231,9 +229,7 @@ class Joiner:
     def join(self, images: Sequence[PosedFeatures], parts: Sequence[Sequence[int]]) -> Joined:
         """Put those two sub-models together that fit best, until no two fit.
 
-        Args:
-            images: n, at poses that are good within each sub-model.
-            parts: image indices of each sub-model.
+        ``images`` are n, at poses that are good within each sub-model; ``parts`` the image indices of each.
         """
         images, left = list(images), [sorted(part) for part in parts]
         matches: dict[Pair, NDArray[np.uint32]] = {}

@@ -47,8 +47,7 @@ _MOVING = 0.5
 def pair_information(distances_px: Floats) -> float:
     """What a pair's matches say of its relative pose, in 1/px²: Cauchy's loss as an M-estimator.
 
-    Args:
-        distances_px: (n,) of all matches in a band to their epipolar lines, pixels of what features are found in.
+    ``distances_px`` (n,) are of all matches in a band to their epipolar lines, in pixels of what features are found in.
     """
     distances_px = np.minimum(np.nan_to_num(distances_px, nan=_FAR_PX), _FAR_PX)
     ratio = (distances_px / _TIE_SCALE_PX) ** 2
@@ -222,8 +221,7 @@ def _observations(model: pycolmap.Reconstruction) -> _Observations:
 def _joined(seen: _Observations, information: Floats) -> tuple[_Observations, Floats]:
     """The observations that pairs with information join to others of their points, cut where none does; and weights.
 
-    Args:
-        information: (n, n) of pairs of images.
+    ``information`` (n, n) is of pairs of images.
 
     Returns:
         Also the share (m,) that each has of what it would have with right matches only: its best pair's.

@@ -70,10 +70,8 @@ def judged(
     """A model with the verdict on every photograph's pose.
 
     Args:
-        belief: by which it was mapped.
         model: at the optimum of its bundle adjustment.
         sizes: registered images of every model.
-        reasons: why a photograph is not registered.
         ties: what pairs say (`pair_information`), by indices of photographs.
         metric: whether the model is in the known poses' frame.
         refined: whether mapping adjusted the cameras' lenses.

@@ -173,8 +173,7 @@ def _displaced(plot: PlotEvaluation, advice: str) -> Iterator[Statement]:
 def without_height(plots: Iterable[tuple[str, TraitsEntry | None]], plan: str) -> Iterator[Statement]:
     """Plots whose plants' height cannot be had, by the reason that the table gives.
 
-    Args:
-        plan: the command that plans with room above the plants.
+    ``plan`` is the command that plans with room above the plants.
     """
     alike: dict[str, list[tuple[str, str]]] = {}
     for name, traits in plots:
