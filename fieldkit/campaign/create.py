@@ -22,7 +22,7 @@ from fieldkit.regular_files import check_regular
 from fieldkit.results.finding import Refused
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, save_plan
 from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_reference_report
-from fieldkit.results.visit import CAMPAIGN_FILE
+from fieldkit.results.visit import CAMPAIGN_FILE, find_campaign
 from fieldkit.sites.fit import other_camera
 from fieldkit.sites.plots_file import read_plots
 from fieldkit.sites.site_file import Tell, load_site, plots_file_beside
@@ -66,6 +66,10 @@ def init_campaign(
     stay where they are, named by a path relative to the folder where they share one with it.
     """
     folder = Path(folder).absolute()
+    around = find_campaign(folder.resolve())
+    if around is not None:
+        why = "is a campaign already" if around == folder.resolve() else f"lies in the campaign {around}"
+        raise UsageError(why, path=folder, remedy="Choose another folder, or evaluate captures into that campaign.")
     check_order(sources.plan, sources.site)
     plan = load_plan(sources.plan)
     site = load_site(sources.site, sources.plots, sources.plot_id, tell=tell)

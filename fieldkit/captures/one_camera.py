@@ -169,13 +169,7 @@ def _described(camera: Sequence[Photo]) -> str:
 
 
 def sensor_of(name: str, image_source: str | None, bands: Sequence[str], mode: str) -> str:
-    """The sensor of a picture: "thermal", "near infrared", "wide" and so on, "grey" of one channel; "" if not known.
-
-    Args:
-        image_source: XMP ImageSource.
-        bands: XMP BandName.
-        mode: of the pixels (Pillow's).
-    """
+    """The sensor of a picture: "thermal", "near infrared", "wide" and so on, "grey" of one channel; "" if not known."""
     path = PurePosixPath(name)
     one_channel = mode in _ONE_CHANNEL or mode.startswith("I;")
     return (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -29,7 +29,7 @@ from fieldkit.cli.reconstruction_options import NoCacheOption, open_cache, run_c
 from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from fieldkit.fieldcheck import CheckReport
     from fieldkit.figures.content import Block, Level
@@ -61,8 +61,10 @@ class AgainOptions:
 
 def command(
     captures: Annotated[Path, Argument(help="Folder of photographs of one plot, or a folder of such folders.")],
-    plan: Annotated[Path, Option("--plan", help="plan.json that was flown, or the folder that holds it.")],
     *,
+    plan: Annotated[
+        Path | None, Option("--plan", help="plan.json that was flown, or the folder that holds it; none: quality only.")
+    ] = None,
     place: SitePlotOptions,
     log: LogOption = None,
     fit: FitOption = None,
@@ -82,17 +84,18 @@ def command(
 
     Looks at every photograph's sharpness, exposure and place, and at what the photographs show of each other: tags
     that contradict it, photographs without enough matches. Takes seconds, without dense stereo. With --vehicle, --site
-    and -o it writes the mission that flies again what has to be. The exit code is 0 whatever was found: see "ok" of
-    --json.
+    and -o it writes the mission that flies again what has to be. Without --plan it tells which photographs are blurred,
+    dark or bright, and whether matches join them all. The exit code is 0 whatever was found: see "ok" of --json.
 
     Examples:
+        fieldkit check dense/
         fieldkit check flight_7/ --plan plan.json
         fieldkit check card/ --plan plan.json --site field.toml --plots plots.gpkg
         fieldkit check flight_7/ --plan plan.json --site field.toml --vehicle ardupilot-pitch -o again.plan
     """
     again.check(place.site)
     site = place.load(tell=None if as_json else say)
-    if site is not None and again.height is not None:
+    if site is not None and plan is not None and again.height is not None:
         from fieldkit.results.plan_file import load_plan
         from fieldkit.sites.plot_plants import with_plant_height
 
@@ -119,14 +122,14 @@ def command(
 
 
 def _missions(
-    reports: Sequence[CheckReport], plan: Path, site: Site | None, again: AgainOptions, *, fit: bool | None,
+    reports: Sequence[CheckReport], plan: Path | None, site: Site | None, again: AgainOptions, *, fit: bool | None,
     overwrite: bool, seed: int,
 ) -> Iterator[Path]:  # fmt: skip
     """Write the missions that are asked for, one for each plot with stations to fly again."""
     from fieldkit.fieldcheck import write_refly
 
     output, vehicle = again.output, again.vehicle
-    if output is None or site is None or vehicle is None:
+    if output is None or site is None or vehicle is None or plan is None:
         return
     for report in reports:
         if not report.fly_again:
@@ -155,8 +158,9 @@ def _tell(reports: Sequence[CheckReport]) -> None:
 def _plain(report: CheckReport) -> dict[str, Any]:
     from fieldkit.results.plan import station_number
 
-    left_out = {"folder"} if report.burst > 1 else {"folder", "burst", "sway_m"}
-    facts = {name: value for name, value in asdict(report).items() if name not in left_out}
+    facts = asdict(report)
+    if report.burst <= 1:
+        del facts["burst"], facts["sway_m"]
     facts["findings"] = [
         {"code": f.code, "station": f.station, "photograph": f.subject, "message": f.message, "remedy": f.remedy}
         for f in report.findings
@@ -167,12 +171,6 @@ def _plain(report: CheckReport) -> dict[str, Any]:
             row["neighbours"] = [station_number(each) for each in row["neighbours"]]
     again, tags = ([station_number(each) for each in some] for some in (report.fly_again, report.fix_tags))
     return facts | {"ok": report.ok, "summary": report.summary(), "fly_again": again, "fix_tags": tags}
-
-
-def _numbers(stations: Iterable[int]) -> str:
-    from fieldkit.results.plan import station_number
-
-    return ", ".join(str(station_number(station)) for station in stations)
 
 
 def check_blocks(report: CheckReport) -> list[Block]:
@@ -192,7 +190,9 @@ def check_blocks(report: CheckReport) -> list[Block]:
                 str(station_number(each.station)),
                 each.photograph or None, decimal(each.edge_px, 1), decimal(each.stops, 1),
                 decimal(each.distance_m), decimal(each.turn_deg, 1),
-                f"{each.matches}: {_numbers(each.neighbours)}" if each.neighbours else DASH,
+                f"{each.matches}: {', '.join(str(station_number(n)) for n in each.neighbours)}"
+                if each.neighbours
+                else DASH,
                 Mark(_LEVELS[each.verdict], each.verdict),
             )
             for each in report.stations
@@ -202,11 +202,12 @@ def check_blocks(report: CheckReport) -> list[Block]:
         found = tuple(
             (
                 "" if finding.station is None else str(station_number(finding.station)), finding.code,
-                f"{finding}\n→ {finding.remedy}",
+                f"{replace(finding, station=None)}" + (f"\n→ {finding.remedy}" if finding.remedy else ""),
             )
             for finding in report.findings
         )  # fmt: skip
-        blocks.append(Table("Findings", (Column("station", True), Column("finding"), Column("what was found")), found))
+        heads, first = (Column("station", True), Column("finding"), Column("what was found")), int(not report.stations)
+        blocks.append(Table("Findings", heads[first:], tuple(row[first:] for row in found)))
     if report.extra:
         extra = tuple((name,) for name in report.extra[:20])
         blocks.append(Table("Photographs of no station", (Column("photograph"),), extra))

@@ -139,7 +139,7 @@ def _tell_stations(done: ExportedMission) -> None:
 
 def _answer(done: ExportedMission) -> None:
     routed = done.routed
-    plants = _plants(routed.least_clear_m, routed.plants_m)
+    plants = _plants([*routed.clear_m.values()], routed.plants_m)
     plots = len({shot.plot for each in routed.flights for shot in each.mission.shots})
     answer(
         f"{count(routed.stations // plots, 'station')} on {count(plots, 'plot')}: "
@@ -166,11 +166,13 @@ def _show_flights(done: ExportedMission) -> None:
     show(flights, "Battery: share of its usable time, reserve left out.", *done.files)
 
 
-def _plants(clear_m: float | None, nearest_m: float | None) -> str:
-    if clear_m is None:
+def _plants(clear_m: Sequence[float | None], nearest_m: float | None) -> str:
+    heights = sorted({round(each, 2) for each in clear_m if each is not None})
+    if None in clear_m:
         return "not checked against plants"
+    each_plots = f"each plot's plants, {heights[0]:.2f}" if len(heights) > 1 else "plants up"
     nearest = "" if nearest_m is None else f", the nearest {format_length(nearest_m)} away"
-    return f"clear of plants up to {format_length(clear_m)} high{nearest}"
+    return f"clear of {each_plots} to {format_length(heights[-1])} high{nearest}"
 
 
 def _tell_fit(findings: Sequence[Finding]) -> None:

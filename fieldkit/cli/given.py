@@ -27,12 +27,7 @@ _NAMES: Mapping[str, tuple[type[InputError], str, str]] = {
 
 
 def check_given(command: str, values: Mapping[str, Any]) -> None:
-    """Raise an InputError for the first file, folder, scene or vehicle of a command that is not there.
-
-    Args:
-        command: its words, such as "campaign show".
-        values: of its parameters, by name.
-    """
+    """Raise an InputError for the first file, folder, scene or vehicle of a command that is not there."""
     for name, value in values.items():
         for given in value if isinstance(value, list | tuple) else (value,):
             each = given

@@ -178,11 +178,12 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome, found: Seque
         "exhausted": "the method has no more to try",
         "converged": f"stopped after {outcome.evaluations}: nothing left above ± {format_length(outcome.noise_m)}",
     }[outcome.stopped]  # fmt: skip
-    expected = "" if outcome.expected_m is None else f" (expected {format_length(outcome.expected_m)})"
+    known = {"": outcome.chamfer_m, "expected ": outcome.expected_m}
+    values = ", ".join(f"{what}{format_length(value)}" for what, value in known.items() if value is not None)
+    failed = f" ({outcome.failed_evaluations} without a cloud)" if outcome.failed_evaluations else ""
     told = (
-        f"{outcome.cameras} cameras by {outcome.method}: {format_length(outcome.chamfer_m)}{expected} on "
-        f"{_planned_on(settings)}, {count(outcome.evaluations, 'evaluation')} "
-        f"({outcome.failed_evaluations} without a cloud) and {count(outcome.confirmations, 'confirmation')} "
+        f"{outcome.cameras} cameras by {outcome.method}: {values} on {_planned_on(settings)}, "
+        f"{count(outcome.evaluations, 'evaluation')}{failed} and {count(outcome.confirmations, 'confirmation')} "
         f"in {format_seconds(outcome.seconds)}; {why}."
     )
     lines = [told]

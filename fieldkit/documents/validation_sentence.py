@@ -16,5 +16,8 @@ def validation_sentence(key: str, problems: Sequence[ErrorDetails], texts: Mappi
     if problem is None:
         problem = first["msg"].removeprefix("Value error, ")
         problem = problem[:1].lower() + problem[1:]
+    given = first.get("input")
+    if first["type"].startswith(("float_", "int_")) and isinstance(given, str) and len(given) < 40:
+        problem = f'should be a number and is the text "{given}"{": with a point" if "," in given else ""}'
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     return f"{key}: {problem}{more}" if key else f"{problem}{more}"

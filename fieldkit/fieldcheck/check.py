@@ -25,6 +25,7 @@ from fieldkit.fieldcheck.ties import TieGraph, find_ties, with_guided_ties
 from fieldkit.fieldcheck.verdicts import Evidence, believed_poses, judge, tag_pose
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.stations import REACH_M
+from fieldkit.reconstruction.mapping.view_graph import connected_parts
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan
@@ -35,7 +36,7 @@ from fieldkit.sites.fitted import flown_plan
 from fieldkit.sites.placement import PlotFrame
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.site_file import load_site
-from fieldkit.wording import count
+from fieldkit.wording import count, listed
 
 MAX_STATIONS = 200
 MAX_PHOTOGRAPHS = 300
@@ -49,7 +50,7 @@ Array = NDArray[np.float64]
 
 def check_captures(
     captures: Path,
-    plan: Path | Plan,
+    plan: Path | Plan | None = None,
     *,
     site: Path | Site | None = None,
     plot: str | None = None,
@@ -64,11 +65,11 @@ def check_captures(
 
     Args:
         captures: folder of the photographs of one plot, or of such folders, one per plot; they are only read.
+        plan: that was flown; None looks at sharpness, exposure and matches only.
         site: where the plots lie; None takes the plan's row heading, or fits by shape.
         plot: of the site, where there is one folder; None takes the one with the folder's name, or the only one.
         log: flight log whose poses count instead of the photographs' own.
         fit: whether the plan was fitted to each plot of the site, as of `fieldkit.missions.export_mission`.
-        settings: limits; None takes the defaults.
     """
     plots, empty = find_plots(captures)
     if empty and progress is not None:
@@ -78,11 +79,13 @@ def check_captures(
             f"--plot names one plot, and there are {len(plots)} folders of photographs", path=captures,
             remedy="Give one plot's folder, or leave it out: folders are then matched with plots by their names.",
         )  # fmt: skip
-    loaded = plan if isinstance(plan, Plan) else load_plan(plan)
-    if len(loaded.stations) > MAX_STATIONS:
+    loaded = plan if plan is None or isinstance(plan, Plan) else load_plan(plan)
+    if loaded is None and site is not None:
+        raise UsageError("a site says where a plan's stations lie, and no plan is given", remedy="Give --plan, too.")
+    if loaded is not None and len(loaded.stations) > MAX_STATIONS:
         raise UsageError(
             f"the plan has {len(loaded.stations)} stations; {MAX_STATIONS} are the most that are checked",
-            remedy="A dense capture is checked by building its reference.",
+            remedy="Leave --plan out: a dense capture is checked without one.",
         )
     place = load_site(site) if isinstance(site, Path) else site
     flight = None if log is None else LoggedFlight.read(log, plots)
@@ -93,8 +96,8 @@ def check_captures(
     reports = []
     for name, folder in plots:
         wall, cpu = time.perf_counter(), processor_seconds()
-        chosen = None if place is None else _plot_of(place, plot, name)
-        flown = loaded if chosen is None else flown_plan(loaded, chosen, fit)
+        chosen = None if place is None else plot_of(place, plot, name)
+        flown = loaded if chosen is None or loaded is None else flown_plan(loaded, chosen, fit)
         capture = by_station((None if flight is None else flight.capture(name)) or read_capture(folder))
         report = Run(flown, settings, context).check(name, folder, capture, place, chosen)
         spent = {"seconds": time.perf_counter() - wall, "cpu_seconds": processor_seconds() - cpu}
@@ -102,7 +105,8 @@ def check_captures(
     return tuple(reports)
 
 
-def _plot_of(site: Site, name: str | None, folder: str) -> SitePlot:
+def plot_of(site: Site, name: str | None, folder: str = "") -> SitePlot:
+    """A site's plot of that name or, without one, of the folder's; else its only one."""
     found = next((plot for plot in site.plots if plot.name == (folder if name is None else name)), None)
     if found is not None:
         return found
@@ -112,21 +116,23 @@ def _plot_of(site: Site, name: str | None, folder: str) -> SitePlot:
     if len(site.plots) == 1:
         return site.plots[0]
     raise UsageError(
-        f"the site has {len(site.plots)} plots and none is called {folder!r}, as the folder is",
+        f"the site has {len(site.plots)} plots"
+        + (f" and none is called {folder!r}, as the folder is" if folder else ""),
         remedy=f"Name the plot with --plot: {known}.",
     )
 
 
 class Run:
-    """The check of captures of one plan."""
+    """The check of captures of one plan, or of none."""
 
-    def __init__(self, plan: Plan, settings: CheckSettings, context: Context) -> None:
+    def __init__(self, plan: Plan | None, settings: CheckSettings, context: Context) -> None:
         self.plan, self.settings, self.context = plan, settings, context
 
     def check(
         self, name: str, folder: Path, capture: Capture, site: Site | None, plot: SitePlot | None
     ) -> CheckReport:  # fmt: skip
         """One plot's report, without what it took."""
+        plan = self.plan
         if len(capture.photos) > MAX_PHOTOGRAPHS:
             raise CaptureError(
                 f"{len(capture.photos)} photographs are too many for a check; {MAX_PHOTOGRAPHS} are the most",
@@ -136,33 +142,35 @@ class Run:
             pictures = load_pictures(capture.photos, self.context, advance)
         known = [capture.priors.get(name) for name in capture.names]
         positions = [None if p is None else p.position for p in known]
-        graph = find_ties(capture, self.settings, self.context, fallback=self.plan.camera, positions=positions)
-        capture, angles = angles_as_meant(capture, self.plan, site, plot, graph, seed=self.settings.seed)
-        placed = place_tags(capture, self.plan, site, plot)
-        consistency = _consistency(placed, self.plan, graph, self.settings)
+        camera = None if plan is None else plan.camera
+        graph = find_ties(capture, self.settings, self.context, fallback=camera, positions=positions)
         looks = judge_pictures(capture, pictures, self.settings)
         sizes = [max(1, len(photo.burst)) for photo in capture.photos]
-        report = CheckReport(
-            name, folder, sum(sizes), (), (), None if plot is None else plot.name, placement=placed.placement,
-            burst=int(np.bincount(sizes).argmax()),
-        )  # fmt: skip
+        burst, plot_name = int(np.bincount(sizes).argmax()), None if plot is None else plot.name
+        report = CheckReport(name, sum(sizes), (), (), plot_name, burst=burst)
+        if plan is None:
+            return _without_plan(report, capture, looks, graph)
+        capture, angles = angles_as_meant(capture, plan, site, plot, graph, seed=self.settings.seed)
+        placed = place_tags(capture, plan, site, plot)
+        report = replace(report, placement=placed.placement)
+        consistency = _consistency(placed, plan, graph, self.settings)
         if not placed.station_of or placed.ambiguous:
-            return _without_stations(report, capture, self.plan, looks, graph, placed)
+            return _without_stations(report, capture, plan, looks, graph, placed)
         with self.context.progress.stage("Guided matches"):
-            poses = believed_poses(placed, self.plan, consistency, looks, capture.names)
+            poses = believed_poses(placed, plan, consistency, looks, capture.names)
             full = with_guided_ties(graph, capture.photos, poses, self.context, seed=self.settings.seed)
-        moved_m = leaves_move_m(capture.photos, graph, self.plan, placed.station_of, self.context.workers)
+        moved_m = leaves_move_m(capture.photos, graph, plan, placed.station_of, self.context.workers)
         report = replace(report, sway_m=moved_m)
         bursts = burst_findings(report, capture.photos, placed.station_of)
         shift = None if not np.isfinite(placed.shift_m).all() else tuple(float(v) for v in placed.shift_m)
         report = replace(
             report,
-            findings=(*_of_capture(capture), *angles, *common_findings(placed, self.settings, site, plot), *bursts),
+            findings=(*_left_out(capture), *angles, *common_findings(placed, self.settings, site, plot), *bursts),
             shift_m=shift,  # type: ignore[arg-type]
             turn_deg=placed.turn_deg,
             unchecked=tuple(_unchecked(placed, graph, consistency)),
         )
-        return judge(report, Evidence(capture.names, self.plan, placed, looks, full, consistency, self.settings))
+        return judge(report, Evidence(capture.names, plan, placed, looks, full, consistency, self.settings))
 
 
 def _consistency(placed: Placed, plan: Plan, graph: TieGraph, settings: CheckSettings) -> Consistency:
@@ -179,23 +187,12 @@ def _consistency(placed: Placed, plan: Plan, graph: TieGraph, settings: CheckSet
     return check_tags(priors, graph, settings, doubts)
 
 
-def _of_capture(capture: Capture) -> list[Finding]:
+def _left_out(capture: Capture) -> list[Finding]:
     """Files that could not be used: their stations are missing below, and this says why."""
-    return [
-        finding_of(f.code, None, f.subject, f.message, _REMEDIES.get(f.code, "Copy it again from the camera."))
-        for f in capture.findings
-        if f.left_out
-    ]
+    return [finding for finding in capture.findings if finding.left_out]
 
 
-_REMEDIES = {
-    "other-camera": "Nothing to do where the plan is of the camera that is used.",
-    "duplicate": "Nothing to do.",
-    "unsupported-format": "Convert it to JPEG, or let the camera write JPEG.",
-    "too-large": "Convert it to a smaller one.",
-    "bad-name": "Rename it.",
-}
-"""Of files left out by kind; the others are damaged."""
+_DAMAGED = {"truncated", "unreadable", "empty-file", "not-an-image"}
 _SHIFTED = {
     "coarse": "More than such a receiver is off as a rule: look whether it is this plot that the pictures show.",
     "exact": "The base station's position, or the site file's, is wrong, or the flight was off: look whether the "
@@ -267,15 +264,40 @@ def _unchecked(placed: Placed, graph: TieGraph, consistency: Consistency) -> lis
     return said
 
 
+def _of_pictures(looks: Mapping[str, PictureVerdict], remedy: str) -> list[Finding]:
+    return [finding_of(look.problem, None, name, look.message, remedy) for name, look in looks.items() if look.problem]
+
+
+def _without_plan(
+    report: CheckReport, capture: Capture, looks: Mapping[str, PictureVerdict], graph: TieGraph
+) -> CheckReport:
+    """Of photographs that keep to no plan: which will not do as they are, and whether matches join them all."""
+    poor = _of_pictures(looks, "Take it again.")
+    damaged = [finding for finding in capture.findings if finding.code in _DAMAGED]
+    groups = sorted(connected_parts(range(len(capture.names)), graph.ties), key=len, reverse=True)
+    apart = [
+        finding_of(
+            "disconnected", None, "",
+            f"no matches join {listed([capture.names[k] for k in group])} with the {len(groups[0])} that hang together",
+            "Look whether they show the same plants; take photographs between them and the others, 10 to 20° apart.",
+        )
+        for group in groups[1:]
+    ]  # fmt: skip
+    return replace(
+        report,
+        findings=(*_left_out(capture), *apart, *poor),
+        take_again=tuple(dict.fromkeys(finding.subject for finding in (*damaged, *poor))),
+        components=tuple(map(len, groups)),
+        unchecked=("Where they were taken was not checked: no --plan.",),
+    )
+
+
 def _without_stations(
     report: CheckReport, capture: Capture, plan: Plan, looks: Mapping[str, PictureVerdict], graph: TieGraph,
     placed: Placed,
 ) -> CheckReport:  # fmt: skip
     """Where nothing says which photograph is of which station: their number and quality only."""
-    findings = _of_capture(capture)
-    for name, look in looks.items():
-        if look.problem:
-            findings.append(finding_of(look.problem, None, name, look.message, "Fly its station again."))
+    findings = [*_left_out(capture), *_of_pictures(looks, "Fly its station again.")]
     why = (
         "the photographs fit the plan in more than one way; give --site, or photographs with headings"
         if placed.ambiguous

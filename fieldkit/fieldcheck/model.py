@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import station_number
 from fieldkit.vehicles.wash import WINDY_M
+from fieldkit.wording import listed
 
 Verdict = Literal["fine", "fix tags", "fly again"]
 """Of a station: nothing to do, its photograph will do once its tags are right, or it must be photographed anew."""
@@ -81,8 +81,6 @@ class CheckReport:
 
     name: str
     """Of the plot's folder."""
-    folder: Path
-    """Of the photographs."""
     photographs: int
     """That could be read."""
     stations: tuple[StationCheck, ...]
@@ -100,6 +98,8 @@ class CheckReport:
     told. It has been taken out of the stations' distances."""
     turn_deg: float | None = None
     """By which all headings are off."""
+    take_again: tuple[str, ...] | None = None
+    """Photographs that will not do, where there is no plan; None with one."""
     components: tuple[int, ...] = ()
     """Sizes of the groups that hang together by matches, largest first."""
     unchecked: tuple[str, ...] = ()
@@ -135,11 +135,18 @@ class CheckReport:
     @property
     def ok(self) -> bool:
         """Whether nothing is left to do; never where photographs could not be told from each other."""
+        if self.take_again is not None:
+            return not self.take_again and len(self.components) == 1
         return bool(self.stations) and all(each.verdict == "fine" for each in self.stations) and not self.too_windy
 
     def summary(self) -> str:
         """What to do, in words."""
         again, tags = self.fly_again, self.fix_tags
+        if self.take_again is not None:
+            said = [f"Take {listed(list(self.take_again), 8)} again."] if self.take_again else []
+            if len(self.components) > 1:
+                said.append(f"Matches leave {len(self.components)} groups that nothing joins.")
+            return " ".join(said) or f"All {self.photographs} will do: sharp, well exposed, and joined by matches."
         if not self.stations:
             return "Which photograph is of which station could not be told."
         said = []
@@ -156,7 +163,4 @@ class CheckReport:
 
 
 def _stations(numbers: tuple[int, ...]) -> str:
-    if len(numbers) == 1:
-        return f"station {station_number(numbers[0])}"
-    *some, last = (str(station_number(number)) for number in numbers)
-    return f"stations {', '.join(some)} and {last}"
+    return f"station{'s' * (len(numbers) > 1)} {listed([str(station_number(n)) for n in numbers], len(numbers))}"

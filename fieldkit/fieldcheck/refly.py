@@ -6,15 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from fieldkit.errors import UsageError
+from fieldkit.fieldcheck.check import plot_of
 from fieldkit.missions.export import Routed
-from fieldkit.missions.export_mission import (
-    flown_plans,
-    mission_file,
-    route_for_files,
-    write_mission,
-)
-from fieldkit.results.plan import Plan, station_number
+from fieldkit.missions.export_mission import flown_plans, mission_file, route_for_files, write_mission
+from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan
 from fieldkit.routing.mission import Mission, Shot
 from fieldkit.sites.fitted import flown_plan
@@ -22,7 +17,6 @@ from fieldkit.sites.site import Site
 from fieldkit.sites.site_file import load_site, with_plots
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
-from fieldkit.wording import listed
 
 
 def write_refly(
@@ -50,43 +44,19 @@ def write_refly(
     output, format = mission_file(output, format)  # noqa: A001
     loaded = plan if isinstance(plan, Plan) else load_plan(plan)
     profile = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
-    place = _one_plot(site if isinstance(site, Site) else load_site(site), plot)
-    flown = flown_plan(loaded, place.plots[0], fit)
-    own = {} if flown is loaded else {place.plots[0].name: flown}
-    place = place.model_copy(update={"name": f"{place.name}, again"})
-    routed = route_for_files(
-        part_of_plan(flown, stations), profile, place, format, fit=False, adjust=adjust, seed=seed, burst=burst
-    )
+    whole = site if isinstance(site, Site) else load_site(site)
+    chosen = plot_of(whole, plot)
+    flown = flown_plan(loaded, chosen, fit)
+    own = {} if flown is loaded else {chosen.name: flown}
+    place = with_plots(whole, [chosen]).model_copy(update={"name": f"{whole.name}, again"})
+    numbers = sorted(set(stations))
+    part = flown.model_copy(update={"stations": tuple(flown.stations[k] for k in numbers)})
+    routed = route_for_files(part, profile, place, format, fit=False, adjust=adjust, seed=seed, burst=burst)
     return write_mission(
-        _renumbered(routed, sorted(set(stations))), profile, place, output, format,
+        _renumbered(routed, numbers), profile, place, output, format,
         plans=flown_plans(plan, loaded, place, own), overwrite=overwrite,
         profile=None if isinstance(vehicle, Vehicle) else Path(vehicle).name,
     )  # fmt: skip
-
-
-def part_of_plan(plan: Plan, stations: Sequence[int]) -> Plan:
-    """The plan with these of its stations only, in its order."""
-    chosen = sorted(set(stations))
-    if not chosen:
-        raise UsageError("there is no station to fly again", remedy="Nothing needs to be written.")
-    if chosen[0] < 0 or chosen[-1] >= len(plan.stations):
-        raise UsageError(
-            f"the plan has no station {station_number(chosen[0] if chosen[0] < 0 else chosen[-1])}",
-            remedy=f"Its stations are 1 to {len(plan.stations)}.",
-        )
-    return plan.model_copy(update={"stations": tuple(plan.stations[k] for k in chosen)})
-
-
-def _one_plot(site: Site, name: str | None) -> Site:
-    if name is None:
-        if len(site.plots) > 1:
-            raise UsageError(f"the site has {len(site.plots)} plots", remedy="Say with --plot which is flown again.")
-        return site
-    plot = next((each for each in site.plots if each.name == name), None)
-    if plot is None:
-        known = listed([each.name for each in site.plots], 40)
-        raise UsageError(f"the site has no plot {name!r}", remedy=f"Its plots are {known}.")
-    return with_plots(site, [plot])
 
 
 def _renumbered(routed: Routed, numbers: Sequence[int]) -> Routed:

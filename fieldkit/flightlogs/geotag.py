@@ -110,7 +110,7 @@ def geotag(
     matches = match([stamp(photo) for photo in photos], flight.triggers, offset_s=offset_s)
     poses = local_poses(flight, matches, frame, [p.name for p in photos], mount=mount, accuracy_m=accuracy_m)
     if not poses:
-        said = f": {matches.remarks[0]}" if matches.remarks else ""
+        said = f": {'; '.join(matches.remarks)}" if matches.remarks else ""
         raise MetadataError(
             f"of {count(len(photos), 'photograph')} none could be matched to its "
             f"{count(len(flight.triggers), 'trigger')}{said}",

@@ -120,10 +120,8 @@ def route_plan(
 
     Args:
         plan: stations in the plot frame; for all plots, or each plot's own by name.
-        site: home, plots with their plants' heights, fence, zones, obstacles.
         fit: see `flown_plans`.
         adjust: fly the nearest poses where the plan's cannot be taken.
-        seed: of the search for the order of many plots.
         burst: photographs at each station, one after the other (`Mission.interval_s`).
     """
     report = fit_report(plan, site, vehicle, fit=fit, adjust=adjust)

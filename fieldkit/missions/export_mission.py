@@ -76,8 +76,6 @@ def export_mission(
 
     Args:
         plan: plan.json, its folder, or a plan; or each plot's own plan by its name.
-        vehicle: a profile's name or file, or a profile.
-        site: a site file, or a site.
         output: the mission file; its suffix may be left out.
         format: "plan", "waypoints", "wpml", "litchi" or "kml"; None takes the one of the output's suffix, else "plan".
         plots: a file of plots that takes the place of the site's own.
@@ -90,8 +88,6 @@ def export_mission(
         burst: photographs at each station, one after the other.
         picture: draw all flights from above and from the side.
         plans: write the plans of plots that have their own.
-        overwrite: replace files that are there.
-        seed: of the search for the order of many plots.
         tell: is told where plots have their ids from, before anything is computed.
 
     Raises:

@@ -105,6 +105,8 @@ def reconstruct(
     if volume is None and any(prior.exact for prior in capture.priors.values()):
         volume = hull_volume(sparse, settings.mask)
     volume = volume or volume_of_interest(model_points(sparse.model), sparse.poses, sparse.intrinsics)
+    if not _shown(sparse, volume.grown(reach_m)):  # of another plot: dense stereo would find it out in minutes
+        raise _no_plants(sparse, 0, volume)
     dense = _Dense(sparse, volume.grown(reach_m), settings, timed)
     fused, scatter_px = dense.cloud()
     gsd_m, ground = _ground_sampling_distance(sparse, volume), sparse.frame.ground
@@ -359,12 +361,20 @@ def _too_few(sparse: SparseResult) -> ReconstructionError:
     )
 
 
+def _shown(sparse: SparseResult, volume: Volume) -> bool:
+    """Whether enough photographs for a depth have any of a volume in the picture."""
+    steps = np.linspace(0.0, 1.0, 9)
+    points = np.array(volume.lower) + volume.size * np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
+    cameras = ((sparse.intrinsics[name].without_distortion(), pose) for name, pose in sparse.poses.items())
+    return sum(bool(camera.sees(pose.to_camera(points)).any()) for camera, pose in cameras) >= _MIN_DENSE_VIEWS
+
+
 def _no_plants(sparse: SparseResult, fused: int, volume: Volume) -> ReconstructionError:
     beside_m = looked_beside_m(sparse.poses, volume) if sparse.frame.metric else 0.0
     if beside_m > _BESIDE_M:
         return _failed(
             sparse,
-            f"no plant was reconstructed: the photographs look at a place {beside_m:.1f} m beside the volume "
+            f"no plant was reconstructed: the photographs look at a place {beside_m:,.1f} m beside the volume "
             "of interest",
             "Are they of this plot? If they are, check --bounds, and the positions of these and the reference's.",
         )

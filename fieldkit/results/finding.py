@@ -83,8 +83,10 @@ class Finding:
 
     @property
     def place(self) -> str:
-        """For people: "station 4 of plot-7", or the subject."""
-        return self.subject if self.station is None else f"station {station_number(self.station)} of {self.subject}"
+        """For people: "station 4 of plot-7", "station 4", or the subject."""
+        if self.station is None:
+            return self.subject
+        return f"station {station_number(self.station)}{f' of {self.subject}' if self.subject else ''}"
 
     @property
     def kind(self) -> tuple[str, str, str]:

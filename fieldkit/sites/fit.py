@@ -107,14 +107,7 @@ class FitReport:
 def fit_report(
     plan: Plans, site: Site, vehicle: Vehicle, *, fit: bool | None = None, adjust: bool = False
 ) -> FitReport:  # fmt: skip
-    """Put a plan on every plot of a site, and say all that speaks against it there.
-
-    Args:
-        plan: for all plots, or each plot's own by name.
-        site: home, plots with their plants' heights, fence, zones, obstacles.
-        fit: see `flown_plans`.
-        adjust: take the nearest poses where the vehicle cannot take the plan's.
-    """
+    """Put a plan on every plot of a site, and say all that speaks against it there."""
     plans, findings = _flown(plan, site, fit)
     unfitted = {finding.subject for finding in findings}
     for plot, facts in zip(site.plots, facts_of(plans, site.plots), strict=True):

@@ -72,7 +72,6 @@ def plot_ids(features: Sequence[Feature], field: str | None = None) -> PlotIds:
     """The ids of a file's plots: of the first of `ID_FIELDS` that every plot has and that no two share.
 
     Args:
-        features: one or more.
         field: that holds the ids, by its name in the file (case counts only where two differ in nothing else); None
             looks for one.
     """

@@ -84,10 +84,6 @@ def read_plots(path: Path, plot_id: str | None = None) -> PlotsFile:
     takes the one from 315° over north to 135°, and all others the one nearer to the first's, so that no plot of a field
     lies the other way round. That rectangle's sides are the plot's length and width, unless ``length_m`` and
     ``width_m`` are given.
-
-    Args:
-        path: of any kind that `read_features` reads.
-        plot_id: field that holds the plots' ids; None looks for one (`plot_ids`).
     """
     path = Path(path)
     file = read_wgs84(path)

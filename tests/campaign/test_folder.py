@@ -80,8 +80,11 @@ class TestInit:
     def test_an_existing_folder_is_refused(self, tmp_path: Path) -> None:
         folder = campaign_folder(tmp_path, FIELD)
         before = (folder / "campaign.toml").read_bytes()
-        with pytest.raises(UsageError, match="exists already"):
+        with pytest.raises(UsageError, match="is a campaign already"):
             campaign_folder(tmp_path, FIELD)
+        (folder / "b").mkdir()
+        with pytest.raises(UsageError, match=f"lies in the campaign {folder.resolve()}"):
+            campaign_folder(folder / "b", FIELD)
         assert (folder / "campaign.toml").read_bytes() == before
 
     def test_plots_vehicle_and_camera(self, tmp_path: Path) -> None:

@@ -47,6 +47,12 @@ def test_json_is_one_object(capture: tuple[Path, Path], capsys: pytest.CaptureFi
     assert {"code": "missing", "station": 2}.items() <= next(f for f in found["findings"] if f["station"] == 2).items()
     assert [row["photograph"] for row in found["stations"]] == ["0.png", "", "2.png"]
     assert found["plots"][0]["summary"] == found["summary"]
+    assert main(["check", str(capture[0]), "--plan", str(capture[1])]) == 0
+    printed = capsys.readouterr().out
+    assert "it has no photograph" in printed
+    assert " of : " not in printed
+    assert main(["check", str(capture[0])]) == 0
+    assert "no --plan" in capsys.readouterr().out
 
 
 def test_a_narrow_terminal_shows_stations_names_and_verdicts() -> None:
@@ -55,7 +61,7 @@ def test_a_narrow_terminal_shows_stations_names_and_verdicts() -> None:
         for k in (10, 11)
     )
     console = Console(width=80, file=StringIO(), color_system=None)
-    for shown in rendered(check_blocks(CheckReport("plot_7", Path("plot_7"), 2, rows, ()))):
+    for shown in rendered(check_blocks(CheckReport("plot_7", 2, rows, ()))):
         console.print(shown)
     text = console.file.getvalue()
     assert max(map(len, text.splitlines())) <= 80

@@ -66,6 +66,11 @@ def two_without_overlap(photographs: Photographs) -> None:
         unlike(Path(f"photos/{seed}.jpg"), seed)
 
 
+def a_video(photographs: Photographs) -> None:
+    Path("photos").mkdir()
+    Path("photos/DJI_0001.MP4").write_bytes(b"\0\0\0\x18ftypmp42")
+
+
 def truncated(photographs: Photographs) -> None:
     photo = photographs(count=1, poses=False) / "IMG_0001.jpg"
     photo.write_bytes(photo.read_bytes()[:9000])
@@ -106,6 +111,7 @@ CASES = [
     Case(no_folder, 3, "CaptureError", "the folder does not exist", "Give the folder that holds the photographs"),
     Case(a_file, 3, "CaptureError", "this is a file, not a folder", "Give the folder that holds the photographs"),
     Case(no_images, 3, "CaptureError", "there are no photographs in this folder", ""),
+    Case(a_video, 3, "CaptureError", "there are no photographs in this folder", "DJI_0001.MP4 is a video"),
     Case(one_image, 4, "ReconstructionError", "needs at least two photographs", ""),
     Case(two_without_overlap, 4, "ReconstructionError", "no two of them match: they overlap too little", ""),
     Case(truncated, 3, "CaptureError", "IMG_0001.jpg: the file is cut short", AGAIN),

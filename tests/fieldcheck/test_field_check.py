@@ -20,7 +20,6 @@ from fieldkit.fieldcheck.consistency import Consistency, check_tags
 from fieldkit.fieldcheck.model import CheckReport
 from fieldkit.fieldcheck.pictures import DIRECTIONS, blur_ratios, edge_widths, judge_pictures, measure_picture
 from fieldkit.fieldcheck.placement import Placed, Tags, angles_as_meant, axis_turn_deg, place_tags
-from fieldkit.fieldcheck.refly import part_of_plan
 from fieldkit.fieldcheck.ties import LengthRatio, Tie, TieGraph
 from fieldkit.fieldcheck.verdicts import connect, tag_pose
 from fieldkit.geometry import Pose
@@ -509,7 +508,7 @@ class TestReport:
     )
     def test_summary(self, verdicts: list[str], said: str) -> None:
         rows = tuple(StationCheck(k, verdict=v) for k, v in enumerate(verdicts))
-        report = CheckReport("plot", Path(), 2, rows, ())
+        report = CheckReport("plot", 2, rows, ())
         assert report.summary() == said
         assert report.ok == (said == "All 2 will do.")
 
@@ -534,14 +533,6 @@ class TestRefly:
         assert [each.report.record for each in shown.of(FlownMission)] == [record]
         with pytest.raises(UsageError, match="exists already"):
             write_refly([4], plan, "px4-gimbal", self.site, tmp_path / "again.plan")
-
-    def test_what_the_plan_does_not_have(self) -> None:
-        plan = plan_from_poses(stations())
-        with pytest.raises(UsageError, match="no station 14"):
-            part_of_plan(plan, [2, 13])
-        with pytest.raises(UsageError, match="no station to fly"):
-            part_of_plan(plan, [])
-        assert part_of_plan(plan, [7, 2, 7]).stations == (plan.stations[2], plan.stations[7])
 
     def test_a_plot_that_the_site_does_not_have(self, tmp_path: Path) -> None:
         plan = plan_from_poses(stations())

@@ -98,6 +98,27 @@ def test_missing_and_blurred(rig: tuple[Path, Plan, StageCache], copy: Path) -> 
     assert report.components == (6,)
 
 
+def test_without_a_plan_photographs_are_judged_by_themselves(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
+    (sound,) = check_captures(copy, cache=rig[2], workers=1)
+    assert (sound.ok, sound.components, sound.findings) == (True, (COUNT,), ())
+    first, second, third, *_ = photographs(copy)
+    first.write_bytes(first.read_bytes()[:20000])  # half copied
+    image = cv2.imread(str(second))
+    assert image is not None
+    cv2.imwrite(str(second), cv2.blur(image, (9, 1)))
+    noise = np.random.default_rng(0).integers(0, 256, image.shape[:2], dtype=np.uint8)
+    cv2.imwrite(str(third), cv2.GaussianBlur(noise, (0, 0), 1.5))  # of another place
+    (report,) = check_captures(copy, cache=rig[2], workers=1)
+    assert not report.ok
+    assert report.take_again == (first.name, second.name)
+    assert report.components == (COUNT - 2, 1)
+    (apart,) = (finding for finding in report.findings if finding.code == "disconnected")
+    assert third.name in str(apart.message)
+    assert report.summary().startswith(f"Take {first.name} and {second.name} again. Matches leave 2 groups")
+    with pytest.raises(UsageError, match="no plan is given"):
+        check_captures(copy, site=Path(__file__))
+
+
 def test_bursts_count_as_their_stations_photographs(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
     """Three of each station, a second apart and a pixel beside each other, but one of the fourth."""
     order = [row.photograph for row in check(rig[0], rig).stations]
@@ -137,7 +158,7 @@ def test_leaves_that_move_far_are_too_windy(tmp_path: Path, rig: tuple[Path, Pla
     away = float(np.linalg.norm(down[0].center - region_of_interest(down).center))
     true_px = float(np.sqrt(np.var(SWAYS[::2], axis=0, ddof=1).mean()))
     assert moved_m == pytest.approx(4.0 * true_px * away / 800.0, rel=0.3)
-    report = CheckReport("p", tmp_path, 5, (StationCheck(0, "a"),), (), burst=5, sway_m=moved_m)
+    report = CheckReport("p", 5, (StationCheck(0, "a"),), (), burst=5, sway_m=moved_m)
     assert not report.ok
     assert report.summary().endswith(f"Leaves move by about {1000 * moved_m:.0f} mm: too windy.")
     (finding,) = burst_findings(report, [photo], {0: 0})
@@ -253,4 +274,3 @@ def test_a_second_lens_is_named_and_no_reason_to_fly(rig: tuple[Path, Plan, Stag
     (finding,) = report.findings
     assert finding.code == "other-camera"
     assert f"{COUNT} photographs" in finding.message
-    assert finding.remedy.startswith("Nothing to do")

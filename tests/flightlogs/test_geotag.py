@@ -209,7 +209,7 @@ def test_two_messages_of_one_trigger_count_once(photo_file: MakePhoto, tmp_path:
 
 def test_what_cannot_be_done(photo_file: MakePhoto, tmp_path: Path) -> None:
     folder = make(photo_file, "a.jpg", 1.7e9).parent
-    with pytest.raises(MetadataError, match="of 1 photograph none could"):
+    with pytest.raises(MetadataError, match=r"of 1 photograph none could.*at no clock offset"):
         geotag(folder, recording("mount_then_yaw.tlog"), tmp_path / "poses.csv")
     assert not (tmp_path / "poses.csv").exists()
     with pytest.raises(MetadataError, match="holds no camera trigger"):

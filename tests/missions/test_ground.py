@@ -158,7 +158,7 @@ def test_an_export_needs_the_height_of_the_plants(field: Field, vehicle: str, fo
     assert "clear of plants up to 1.20 m high" in told
     code, told = field.export(vehicle, form, unknown, "--adjust", "--plant-height", "unknown")
     assert code == 0
-    assert "clear of plants up to 0.90 m high" in told  # of the plot that says so
+    assert "clear of each plot's plants, 0.90 to 1.17 m high" in told
     record = json.loads((field.folder / "m.mission.json").read_text())
     unknown_m = pytest.approx(1.17, abs=0.01)
     assert [plot["plants"]["height_m"] for plot in record["plots"]] == [0.9, unknown_m, unknown_m]

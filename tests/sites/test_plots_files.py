@@ -347,6 +347,12 @@ def test_lengths_in_centimetres(tmp_path: Path, key: str, value: float, slip: st
         load_plots(file)
 
 
+def test_a_decimal_comma_is_told(tmp_path: Path) -> None:
+    file = geojson(tmp_path, point(row_heading_deg=0, name="a", plant_height_m="1,3"))
+    with pytest.raises(MetadataError, match='plant_height_m: should be a number and is the text "1,3": with a point'):
+        load_plots(file)
+
+
 def test_plan_and_site_in_each_others_place(tmp_path: Path) -> None:
     site, plan = site_file(tmp_path), tmp_path / "plan.json"
     plan.write_text('{"kind": "plan"}')

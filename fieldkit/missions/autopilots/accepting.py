@@ -159,9 +159,6 @@ def refusal(
     """Why an item's upload is refused; None where it is taken.
 
     Args:
-        command: MAV_CMD.
-        frame: MAV_FRAME.
-        params: the first four.
         latitude_deg, longitude_deg, altitude_m: looked at only where the command has a place.
     """
     may_be_nan = _MAY_BE_NAN.get(command, set())
