@@ -57,7 +57,7 @@ def campaign_tables(campaign: Campaign) -> Iterator[Table]:
         entries = ranking(campaign.visits, campaign.plan, ranked[-1])
         for predicted, of in ((False, "measured"), (True, "predicted")):
             own = [entry for entry in entries if entry.score.predicted is predicted]
-            if own:
+            if len(own) > 1:
                 yield _ranking_table(own, f"Ranking on {ranked[-1]} by {of} distances, the best first")
     last = [visit for visit in campaign.visits if visit.date == campaign.dates[-1]]
     if any(visit.traits is not None for visit in last):
@@ -160,7 +160,8 @@ def _grid(campaign: Campaign) -> Table:
         (plot, *(_cell(by_key.get((plot, date)), campaign) for date in dates))
         for plot in [*(plot.name for plot in campaign.plots), *campaign.vanished]
     )
-    return Table(f"Campaign {campaign.name}{more}", (Column("plot"), *map(Column, dates)), rows)
+    caption = f"Campaign {campaign.name}: distance (photographs used of all){more}"
+    return Table(caption, (Column("plot"), *map(Column, dates)), rows)
 
 
 def _cell(visit: Visit | None, campaign: Campaign) -> str | None:

@@ -38,7 +38,6 @@ def read_image(photo: Photo | Path, *, max_side: int | None = None, gray: bool =
     dropped, grey is the luma of BT.601.
 
     Args:
-        photo: a photograph of a capture, or any image file.
         max_side: shrink so that the longer side is at most this (pixels); never enlarged. JPEGs are first shrunk
             by 2, 4 or 8 while they are decoded, where that divides both sides exactly and leaves at least twice
             ``max_side``: deterministic, the pixel grid stays aligned and no sharpness is lost. The rest is area

@@ -127,7 +127,6 @@ def capture_of(photos: Sequence[FoundPhoto], *, camera: Path | None = None, with
     are left out, as `fieldkit.captures.read_capture` does.
 
     Args:
-        photos: one or more, each once.
         camera: calibration of photographs without a camera file of their own.
         without: names of sidecars that are not looked at ("poses.csv").
     """

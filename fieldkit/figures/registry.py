@@ -6,6 +6,7 @@ each is described beside its field.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -72,13 +73,11 @@ class Figure:
         found = self.value(plot)
         return None if found is None else self.factor * found
 
-    def number(self, value: float | None) -> str | None:
-        """A stored value as people read it, without its unit."""
-        if value is None:
-            return None
-        return three_digits(self.factor * value) if self.decimals is None else decimal(
-            self.factor * value, self.decimals
-        )  # fmt: skip
+    def number(self, value: float | None, more: int = 0) -> str | None:
+        """A stored value as people read it, without its unit; with so many more decimals than others."""
+        if value is None or self.decimals is None:
+            return None if value is None else three_digits(self.factor * value)
+        return decimal(self.factor * value, self.decimals + more)
 
     def amount(self, value: float | None) -> str:
         """The same with its unit; a dash for None."""
@@ -86,7 +85,10 @@ class Figure:
 
     def with_error(self, plot: Scored) -> str | None:
         """``0.81 ± 0.03`` or ``0.81 +0.12 −0.03``, without its unit; None without a value."""
-        number, above, below = (self.number(each(plot)) for each in (self.value, self.error, self.error_below))
+        found = [each(plot) for each in (self.value, self.error, self.error_below)]
+        least = min((2.0 * self.factor * error for error in found[1:] if error), default=1.0)
+        more = max(0, -math.floor(math.log10(least)) - (self.decimals or 0))  # of a potted plant: none is ± 0.000
+        number, above, below = (self.number(each, more) for each in found)
         if number is None or above is None:
             return number
         return f"{number} ± {above}" if below in (None, above) else f"{number} +{above} −{below}"

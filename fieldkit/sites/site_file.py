@@ -43,7 +43,6 @@ def load_site(
     or below it; only an absolute path may lead elsewhere.
 
     Args:
-        path: the TOML file.
         plots: a file whose plots take the place of the site's own.
         plot_id: field of the plots file that holds the plots' ids. None takes the site file's ``plot_id`` for the file
             that it names itself, and else looks for one (`plot_ids`).

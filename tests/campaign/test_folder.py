@@ -273,9 +273,7 @@ class TestShow:
     def test_measured_and_predicted_distances_are_never_ranked_together(self, tmp_path: Path) -> None:
         made = campaign(tmp_path, tuple(visit for visit in VISITS if visit.date == "2026-06-18"))
         rankings = [table for table in campaign_tables(made) if table.caption.startswith("Ranking")]
-        assert [[row[:2] for row in table.rows] for table in rankings] == [
-            [("r1c1", "1="), ("r1c2", "1=")], [("r2c1", "1")]
-        ]  # fmt: skip
+        assert [[row[:2] for row in table.rows] for table in rankings] == [[("r1c1", "1="), ("r1c2", "1=")]]
         rows = {(row["plot"], row["date"]): row for row in csv.DictReader(campaign_csv(made).splitlines())}
         ranks = [
             (rows[plot, "2026-06-18"]["rank"], rows[plot, "2026-06-18"]["predicted_rank"]) for plot in ("r1c1", "r2c1")

@@ -22,6 +22,10 @@ def test_evaluations_and_visits_have_the_same_figures() -> None:
     traits = TraitsEntry(height_m=0.81, height_error_m=0.12, height_error_below_m=0.03)
     swayed = Visit(plot="a", date="2026-07-01", traits=traits)
     assert FIGURES["height_m"].with_error(swayed) == "0.81 +0.12 −0.03"
+    potted = Visit(
+        plot="a", date="2026-07-01", traits=TraitsEntry(canopy_volume_m3=0.00126, canopy_volume_error_m3=8e-5)
+    )
+    assert FIGURES["canopy_volume_m3"].with_error(potted) == "0.0013 ± 0.0001"
     assert FIGURES["cover_percent"].amount(16.04) == "16.0 %"
     assert FIGURES["right_share"].shown(plot) == 75.0
 
