@@ -22,7 +22,7 @@ from fieldkit.reconstruction.agreement import bound_m
 from fieldkit.reconstruction.cameras import ASSUMED_35MM, assumed_camera, cameras_of, spread_deg
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_points, model_poses, transform_model
 from fieldkit.reconstruction.dense import View, compute_depth_maps, fuse, prepare_view
-from fieldkit.reconstruction.dense.depth_maps import expected_cost
+from fieldkit.reconstruction.dense.depth_maps import expected_bytes, expected_cost
 from fieldkit.reconstruction.dense.fusion import depth_scatter_px, fusion_rule
 from fieldkit.reconstruction.dense.resolution import MOST_PIXELS, UNSCALED_M, Resolution, resolution, steps_finer
 from fieldkit.reconstruction.dense.views import read_mask, view_camera
@@ -49,6 +49,7 @@ from fieldkit.reconstruction.versions import STAGES
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import Plane
 from fieldkit.runtime.context import Context
+from fieldkit.runtime.room import Room
 from fieldkit.wording import count
 
 _MIN_DENSE_VIEWS = 2
@@ -263,16 +264,20 @@ class _Dense:
     def cloud(self) -> tuple[Cloud, float]:
         """The fused cloud of all views that count, and how far their depths scatter (`depth_scatter_px`)."""
         what, progress, views = "plants" if self.settings.mask != "none" else "scene", self.context.progress, []
+        pixels = sum(size.size[0] * size.size[1] for size in self.sizes.values())
+        room = Room.for_bytes(expected_bytes(pixels, self.settings.mask != "none"), self.context.cache.root)
         with progress.stage(f"Undistortion ({what})", len(self.sizes)) as advance:
             for photo in self.sparse.capture.photos:
                 if photo.name in self.sizes:
-                    views.append(self._view(photo))
+                    view = self._view(photo)
+                    views.append(replace(view, image=room.kept(view.image)))
                     advance(1)
-        progress.note(f"{self._sizes()}; {expected_cost(views)}")
-        maps = compute_depth_maps(views, self.volume, self.context, seed=self.settings.seed)
+        filed = f", most of them in {room.folder} for want of memory" if room.folder is not None else ""
+        progress.note(f"{self._sizes()}; {expected_cost(views)}{filed}")
+        maps = compute_depth_maps(views, self.volume, self.context, seed=self.settings.seed, room=room)
         with progress.stage(f"Fusion ({what})"):
-            scatter_px = depth_scatter_px(views, maps, self.volume)
-            return fuse(views, maps, self.volume, self.settings.min_agreeing_views, scatter_px), scatter_px
+            scatter_px = depth_scatter_px(views, maps, self.volume, room)
+            return fuse(views, maps, self.volume, self.settings.min_agreeing_views, scatter_px, room), scatter_px
 
     @cached_property
     def sizes(self) -> Mapping[str, Resolution]:

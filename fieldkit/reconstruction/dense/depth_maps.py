@@ -18,6 +18,7 @@ from fieldkit.reconstruction.dense.views import DepthMap, View, active_pixels
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import map_threads
+from fieldkit.runtime.room import MEMORY, Room
 
 STAGE = "depth"
 COARSEST = 300_000
@@ -43,7 +44,9 @@ _GEOMETRIC_SWEEP = 1.5
 """A geometric pass' sweep takes half as long again as one by the photographs alone."""
 
 
-def compute_depth_maps(views: Sequence[View], volume: Volume, context: Context, *, seed: int) -> list[DepthMap]:
+def compute_depth_maps(
+    views: Sequence[View], volume: Volume, context: Context, *, seed: int, room: Room = MEMORY
+) -> list[DepthMap]:
     """The depth map of every view, by PatchMatch on the CPU, one thread per view.
 
     From coarse to fine: on every level a pass of the photographs alone, from random planes or the coarser level's, then
@@ -55,6 +58,7 @@ def compute_depth_maps(views: Sequence[View], volume: Volume, context: Context, 
         views: n views at working size.
         volume: pixels whose rays miss it are left out, and it bounds the depths.
         context: its cache keeps the hypotheses of every pass; its workers are views computed side by side.
+        room: for the hypotheses of all views, and the depth maps.
 
     Returns:
         n depth maps, in the same order. A view without source views has no depths.
@@ -82,7 +86,7 @@ def compute_depth_maps(views: Sequence[View], volume: Volume, context: Context, 
                 random = _random_key(pixels[i], level)
                 return _match(views[i], near, level, coarser[i] if coarser else None, shared, random)
 
-            results = map_threads(_cached(cache, keys, first), count, workers=workers, advance=advance)
+            results = map_threads(_cached(cache, keys, first, room), count, workers=workers, advance=advance)
             for number in range(1, 1 + _passes(level)):
                 keys = [digest(_VERSION, "geometry", keys[i], [keys[j] for j in sources[i]]) for i in count]
 
@@ -91,8 +95,18 @@ def compute_depth_maps(views: Sequence[View], volume: Volume, context: Context, 
                     random = _random_key(pixels[i], level, number)
                     return _match_geometry(views[i], before[i], near, level, shared, random)
 
-                results = map_threads(_cached(cache, keys, later), count, workers=workers, advance=advance)
-    return [to_depth_map(view, shared.active(view), planes) for view, planes in zip(views, results, strict=True)]
+                results = map_threads(_cached(cache, keys, later, room), count, workers=workers, advance=advance)
+    return [to_depth_map(view, shared.active(view), planes, room) for view, planes in zip(views, results, strict=True)]
+
+
+def expected_bytes(pixels: float, masked: bool) -> float:
+    """Memory of `compute_depth_maps` and `fuse`, before masks are known.
+
+    Args:
+        pixels: of all views together.
+        masked: whether they have masks, which are taken to show a third.
+    """
+    return pixels * (_BYTES_OF_PIXEL + _BYTES_OF_MATCHED / (3.0 if masked else 1.0))
 
 
 def expected_cost(views: Sequence[View]) -> str:
@@ -103,14 +117,13 @@ def expected_cost(views: Sequence[View]) -> str:
     return f"{sum(sizes) / 1e6:.1f} megapixels, {matched / 1e6:.1f} to match: about {cpu_s:.0f} CPU s and {gib:.1f} GiB"
 
 
-def to_depth_map(view: View, active: Active, planes: Planes) -> DepthMap:
+def to_depth_map(view: View, active: Active, planes: Planes, room: Room) -> DepthMap:
     """Depths, normals and costs as images; depths behind the volume are left out."""
     shape = active.place.shape
     inside = active.inside(planes.planes[:, 0]) & (planes.costs < UNMATCHED)
     rows, columns = active.pixels[inside, 0], active.pixels[inside, 1]
-    depth = np.zeros(shape, dtype=np.float32)
-    normal = np.zeros((*shape, 3), dtype=np.float32)
-    cost = np.full(shape, np.inf, dtype=np.float32)
+    depth, normal, cost = (room.zeros(size, np.float32) for size in (shape, (*shape, 3), shape))
+    cost[...] = np.inf
     w, g_u, g_v = np.ascontiguousarray(planes.planes[inside].T)
     depth[rows, columns] = 1.0 / w
     cost[rows, columns] = planes.costs[inside]
@@ -156,11 +169,13 @@ def _work_of_passes(levels: int) -> list[float]:
     return work
 
 
-def _cached(cache: StageCache, keys: list[str], compute: Callable[[int], Planes]) -> Callable[[int], Planes]:
+def _cached(
+    cache: StageCache, keys: list[str], compute: Callable[[int], Planes], room: Room
+) -> Callable[[int], Planes]:
     """``compute``, except where the cache has the result of a view under its key."""
 
     def result(i: int) -> Planes:
-        return Planes(**cache.kept(STAGE, keys[i], lambda: compute(i)._asdict()))
+        return Planes(**{n: room.kept(a) for n, a in cache.kept(STAGE, keys[i], lambda: compute(i)._asdict()).items()})
 
     return result
 

@@ -25,6 +25,7 @@ from fieldkit.reconstruction.dense.resolution import plant_depth_m
 from fieldkit.reconstruction.dense.source_views import FUSION_NEIGHBORS, choose_sources
 from fieldkit.reconstruction.dense.views import DepthMap, View
 from fieldkit.runtime.kernels import fast_kernel
+from fieldkit.runtime.room import MEMORY, Room
 
 MIN_AGREEING = 2
 """Other views that have to agree for a point to be kept; so many more views must have its depth at its pixel than see
@@ -54,6 +55,7 @@ def fuse(
     volume: Volume,
     min_agreeing: int = MIN_AGREEING,
     scatter_px: float | None = None,
+    room: Room = MEMORY,
 ) -> Cloud:
     """One cloud of the depths that several views agree on.
 
@@ -71,14 +73,15 @@ def fuse(
 
     Depths that no others agree with then fill holes: with masks only, at pixels that are not used up, where no more
     views see through the point than have it, and every mask, `FILLING_MASKS` at least, shows plants (`Cloud.filled`).
-    ``scatter_px`` is `depth_scatter_px`, where it is known already.
+    ``scatter_px`` is `depth_scatter_px`, where it is known already. ``room`` is for the depths of all views
+    once more.
 
     Returns:
         Points in the plot frame (metres) with colours and normals, thinned to voxels of one ground sampling distance.
     """
     if scatter_px is None:
-        scatter_px = depth_scatter_px(views, depth_maps, volume)
-    cloud = agreeing_points(views, depth_maps, volume, min_agreeing, scatter_px)
+        scatter_px = depth_scatter_px(views, depth_maps, volume, room)
+    cloud = agreeing_points(views, depth_maps, volume, min_agreeing, scatter_px, room)
     return voxel_thin(cloud, ground_sampling_distance(views, volume)) if len(cloud) else cloud
 
 
@@ -91,14 +94,16 @@ def tolerances(scatter_px: float) -> tuple[float, float]:
     return MAX_RELATIVE_DEPTH * (pixels / MAX_REPROJECTION_PX), pixels
 
 
-def depth_scatter_px(views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume) -> float:
+def depth_scatter_px(
+    views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, room: Room = MEMORY
+) -> float:
     """How far the views' depths of one surface lie apart, pixels: 0.9 to 1.1 of still leaves, the more the more they
     sway between photographs.
 
     Of every depth, the round trip to the view that agrees second best (the best agrees by chance); of those of one
     surface, the upper quartile. 0 where no three views meet.
     """
-    stack = _stacked(views, depth_maps)
+    stack = _stacked(views, depth_maps, room)
     trips = [
         _second_trips(i, np.array(near, dtype=np.int64), *stack, _SCATTER_GATE_DEPTH, _SCATTER_GATE_PX, _SCATTER_STEP)
         for i, near in enumerate(choose_sources(views, volume, FUSION_NEIGHBORS))
@@ -108,11 +113,11 @@ def depth_scatter_px(views: Sequence[View], depth_maps: Sequence[DepthMap], volu
 
 
 def _stacked(
-    views: Sequence[View], depth_maps: Sequence[DepthMap]
+    views: Sequence[View], depth_maps: Sequence[DepthMap], room: Room
 ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.int64]]:
     """Depths (views, rows, columns) that count, 0 elsewhere; the cameras (views, 16); the views' rows and columns."""
     size = (max(v.intrinsics.height for v in views), max(v.intrinsics.width for v in views)) if views else (1, 1)
-    depths = np.zeros((len(views), *size), dtype=np.float32)
+    depths = room.zeros((len(views), *size), np.float32)
     for i, depth_map in enumerate(depth_maps):
         rows, columns = depth_map.depth.shape
         good = depth_map.cost < MAX_COST
@@ -128,10 +133,11 @@ def agreeing_points(
     volume: Volume,
     min_agreeing: int = MIN_AGREEING,
     scatter_px: float = 0.0,
+    room: Room = MEMORY,
 ) -> Cloud:
     """What `fuse` thins."""
-    stack, limits = _stacked(views, depth_maps), tolerances(scatter_px)
-    background, used = (np.zeros(stack[0].shape, dtype=np.bool_) for _ in range(2))
+    stack, limits = _stacked(views, depth_maps, room), tolerances(scatter_px)
+    background, used = (room.zeros(stack[0].shape, np.bool_) for _ in range(2))
     disputes = MAX_RELATIVE_DEPTH, MAX_RELATIVE_DEPTH * SEE_THROUGH_DEPTHS, SEE_THROUGH_PX
     colors = [view.image for view in views]
     for i, view in enumerate(views):

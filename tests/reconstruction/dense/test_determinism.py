@@ -13,6 +13,7 @@ from fieldkit.cache import StageCache
 from fieldkit.reconstruction.dense import View, compute_depth_maps, fuse
 from fieldkit.reconstruction.dense import depth_maps as module
 from fieldkit.runtime.context import Context
+from fieldkit.runtime.room import MEMORY, Room
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
 
 PASSES = 1 + module.GEOMETRIC_PASSES
@@ -25,12 +26,12 @@ def views(count: int = 4) -> list[View]:
     return found
 
 
-def run(seed: int = 0, cache: StageCache | None = None, given: list[View] | None = None) -> str:
+def run(seed: int = 0, cache: StageCache | None = None, given: list[View] | None = None, room: Room = MEMORY) -> str:
     """Digest of depths, normals, costs and the fused cloud."""
     state = hashlib.sha256()
     scene = views() if given is None else given
-    found = compute_depth_maps(scene, VOLUME, seed=seed, context=Context(cache=cache or StageCache(None)))
-    cloud = fuse(scene, found, VOLUME)
+    found = compute_depth_maps(scene, VOLUME, seed=seed, context=Context(cache=cache or StageCache(None)), room=room)
+    cloud = fuse(scene, found, VOLUME, room=room)
     for depth_map in found:
         for array in (depth_map.depth, depth_map.normal, depth_map.cost):
             state.update(array.tobytes())
@@ -49,6 +50,11 @@ def in_a_new_process(**environment: str) -> str:
 
 def test_two_processes_give_the_same_bytes():
     assert in_a_new_process() == in_a_new_process() == run()
+
+
+def test_files_instead_of_memory_give_the_same_bytes(tmp_path):
+    assert run(room=Room(tmp_path)) == run()
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow
