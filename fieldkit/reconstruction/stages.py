@@ -74,7 +74,8 @@ def with_ground_features(
     every = replace(settings, kept=1.0, draw=0)
     views = [view for view in zip(photos, cameras, rotations, strict=True) if is_oblique(view[2])]
     keys = [digest("ground", STAGES["features"], photo.sha256, every, camera, turn) for photo, camera, turn in views]
-    made = _kept_or_made("features", keys, views, partial(_of_ground, settings=every), context)
+    with context.progress.stage("Features of the ground", len(views)) as advance:
+        made = _kept_or_made("features", keys, views, partial(_of_ground, settings=every), context, advance)
     found = iter(_keyed(keys, made, settings))
     return [_joined(own, next(found)) if is_oblique(turn) else own for own, turn in zip(keyed, rotations, strict=True)]
 
