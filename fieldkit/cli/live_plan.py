@@ -25,8 +25,6 @@ def open_watch(
 
     Args:
         before: what its log holds already.
-        progress: shows search and confirmation as a stage each.
-        as_json: write a JSON object per evaluation, a line each, to stderr.
     """
     with ExitStack() as stages:
         watched = _Watched(settings, before, progress, stages, as_json=as_json)

@@ -19,7 +19,7 @@ from fieldkit.evaluation.evaluate import find_plots
 from fieldkit.fieldcheck.consistency import Consistency, check_tags
 from fieldkit.fieldcheck.model import CheckReport, CheckSettings, finding_of
 from fieldkit.fieldcheck.pictures import PictureVerdict, judge_pictures, load_pictures
-from fieldkit.fieldcheck.placement import Placed, angles_as_meant, place_tags
+from fieldkit.fieldcheck.placement import Placed, angles_as_meant, place_tags, read_tags
 from fieldkit.fieldcheck.sway import burst_findings, leaves_move_m
 from fieldkit.fieldcheck.ties import TieGraph, find_ties, with_guided_ties
 from fieldkit.fieldcheck.verdicts import Evidence, believed_poses, judge, tag_pose
@@ -41,6 +41,7 @@ from fieldkit.wording import count, listed
 MAX_STATIONS = 200
 MAX_PHOTOGRAPHS = 300
 _PRIOR_M, _PRIOR_DEG = 0.05, 2.0
+_NO_DATUM_M = 120.0
 _MOVED_M, _TOLD_SIGMAS, _TOLD_TURN_DEG = 0.5, 2.0, 2.0
 _COARSE_SCATTER_M = 0.12
 _OF_THE_WAY = 0.3  # to another plot: nearer to it than that, photographs are its
@@ -149,7 +150,13 @@ class Run:
         burst, plot_name = int(np.bincount(sizes).argmax()), None if plot is None else plot.name
         report = CheckReport(name, sum(sizes), (), (), plot_name, burst=burst)
         if plan is None:
-            return _without_plan(report, capture, looks, graph)
+            with self.context.progress.stage("Guided matches"):
+                tags = read_tags(capture)
+                oriented = tags.known & np.isfinite(tags.poses.yaws)
+                sound = [k for k, name in enumerate(capture.names) if oriented[k] and not looks[name].problem]
+                poses = {k: tags.pose(k) for k in sound}
+                full = with_guided_ties(graph, capture.photos, poses, self.context, seed=self.settings.seed)
+            return _without_plan(report, capture, looks, full)
         capture, angles = angles_as_meant(capture, plan, site, plot, graph, seed=self.settings.seed)
         placed = place_tags(capture, plan, site, plot)
         report = replace(report, placement=placed.placement)
@@ -222,6 +229,10 @@ def common_findings(
                 f"{placed.shift_m[1]:+.2f} m along y), which has been taken out",
                 remedy,
             ))  # fmt: skip
+    if placed.placement == "site" and abs(placed.shift_m[2]) > _NO_DATUM_M:
+        message = f"all photographs lie {placed.shift_m[2]:+.0f} m above the plan, which has been taken out"
+        remedy = "No two datums are so far apart: is home's height in the site file right, and in metres?"
+        found.append(finding_of("shifted", None, "", message, remedy))
     if placed.turn_deg is not None and abs(placed.turn_deg) > _TOLD_TURN_DEG:
         found.append(finding_of(
             "turned", None, "", f"all headings are {placed.turn_deg:+.1f}° off the plan's, which has been taken out",
@@ -272,20 +283,16 @@ def _without_plan(
     report: CheckReport, capture: Capture, looks: Mapping[str, PictureVerdict], graph: TieGraph
 ) -> CheckReport:
     """Of photographs that keep to no plan: which will not do as they are, and whether matches join them all."""
-    poor = _of_pictures(looks, "Take it again.")
+    poor = _of_pictures(looks, "Take it again, or do without it.")
     damaged = [finding for finding in capture.findings if finding.code in _DAMAGED]
     groups = sorted(connected_parts(range(len(capture.names)), graph.ties), key=len, reverse=True)
-    apart = [
-        finding_of(
-            "disconnected", None, "",
-            f"no matches join {listed([capture.names[k] for k in group])} with the {len(groups[0])} that hang together",
-            "Look whether they show the same plants; take photographs between them and the others, 10 to 20° apart.",
-        )
-        for group in groups[1:]
-    ]  # fmt: skip
+    alone = [capture.names[k] for group in groups[1:] for k in group]
+    message = f"no matches join {listed(alone)} with the {len(groups[0])} photographs that hang together"
+    remedy = "Mapping may still join them. If they show the same plants, take photographs between, 10 to 20° apart."
+    apart = [finding_of("disconnected", None, "", message, remedy)] if alone else []
     return replace(
         report,
-        findings=(*_left_out(capture), *apart, *poor),
+        findings=(*capture.findings, *apart, *poor),
         take_again=tuple(dict.fromkeys(finding.subject for finding in (*damaged, *poor))),
         components=tuple(map(len, groups)),
         unchecked=("Where they were taken was not checked: no --plan.",),

@@ -13,6 +13,8 @@ from fieldkit.wording import listed
 Verdict = Literal["fine", "fix tags", "fly again"]
 """Of a station: nothing to do, its photograph will do once its tags are right, or it must be photographed anew."""
 
+_MOST = 0.9  # of a capture without a plan hangs together where it will do
+
 Placement = Literal["site", "poses.csv", "row heading", "shape", "none"]
 """How photographs were put into the plan's frame: by the site's plot; as poses.csv has them; by the plan's own row
 heading; turned and shifted until they fit the stations; not at all, for nothing says where they were taken."""
@@ -136,7 +138,7 @@ class CheckReport:
     def ok(self) -> bool:
         """Whether nothing is left to do; never where photographs could not be told from each other."""
         if self.take_again is not None:
-            return not self.take_again and len(self.components) == 1
+            return not self.take_again and self.components[0] >= _MOST * sum(self.components)
         return bool(self.stations) and all(each.verdict == "fine" for each in self.stations) and not self.too_windy
 
     def summary(self) -> str:
@@ -145,7 +147,7 @@ class CheckReport:
         if self.take_again is not None:
             said = [f"Take {listed(list(self.take_again), 8)} again."] if self.take_again else []
             if len(self.components) > 1:
-                said.append(f"Matches leave {len(self.components)} groups that nothing joins.")
+                said.append(f"Matches join {self.components[0]} of {sum(self.components)} photographs.")
             return " ".join(said) or f"All {self.photographs} will do: sharp, well exposed, and joined by matches."
         if not self.stations:
             return "Which photograph is of which station could not be told."

@@ -183,11 +183,7 @@ def _measured(photo: Photo) -> Picture:
 def edge_widths(gray: NDArray[np.uint8]) -> Array:
     """(DIRECTIONS,) widths σ of the sharper of the strong edges, pixels, by the direction of the gradient.
 
-    Without edges (a black picture) they are 50 px.
-
-    Args:
-        gray: (h, w), at the size whose sharpness matters. The width that comes out is never below 0.8 px or so, for the
-            noise is smoothed first.
+    Without edges (a black picture) they are 50 px. None is below 0.8 px or so, for the noise is smoothed first.
     """
     first = np.asarray(cv2.GaussianBlur(gray.astype(np.float32), (0, 0), _BEFORE_PX), np.float32)
     strength, direction = _gradient(first)

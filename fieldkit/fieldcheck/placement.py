@@ -103,10 +103,9 @@ def place_tags(capture: Capture, plan: Plan, site: Site | None = None, plot: Sit
     """Put a capture's tags into the plan's frame and assign photographs to stations.
 
     Args:
-        capture: as read; its positions from tags, sidecars or a flight log.
         site, plot: where the plan's frame lies; None fits by the plan's row heading, or by shape.
     """
-    tags = _read_tags(capture)
+    tags = read_tags(capture)
     stations = PoseArray.of([(s.position_m, s.yaw_deg, s.pitch_deg) for s in plan.stations])
     if not tags.known.any():
         return Placed(tags)
@@ -131,7 +130,8 @@ def _upright(tags: Tags, stations: PoseArray, turn_deg: float, placement: Placem
     return shape if shape.mean_cost_m < _FAR_BETTER * found.mean_cost_m else found
 
 
-def _read_tags(capture: Capture) -> Tags:
+def read_tags(capture: Capture) -> Tags:
+    """What is written of a capture's photographs, in its own frame."""
     count = len(capture.photos)
     positions, yaws, pitches = np.full((count, 3), np.nan), np.full(count, np.nan), np.full(count, np.nan)
     rolls = np.zeros(count)

@@ -38,8 +38,6 @@ def write_refly(
 
     Args:
         stations: indices in the plan, from 0.
-        plot: of the site; None takes the only one.
-        fit: whether the plan was fitted to the plot, as of `fieldkit.missions.export_mission.export_mission`.
     """
     output, format = mission_file(output, format)  # noqa: A001
     loaded = plan if isinstance(plan, Plan) else load_plan(plan)

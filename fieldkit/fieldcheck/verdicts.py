@@ -296,7 +296,6 @@ def connect(
     """Groups of stations that verified matches join.
 
     Args:
-        plan: its stations say how near photographs are to each other.
         again: stations that will be flown again; they are counted on to join their neighbours.
         poses: of photographs, where known: a tie that contradicts them joins nothing.
     """

@@ -64,7 +64,6 @@ def check_mission(
     """Everything that can be said of a mission without flying it.
 
     Args:
-        read: the file.
         vehicle: that is to fly it; its dialect says how items are understood.
         planned: photographs as they should be; nothing is compared without.
         grounds: heights above home of the ground below these; home's own height where not given.

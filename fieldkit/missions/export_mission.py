@@ -78,8 +78,6 @@ def export_mission(
         plan: plan.json, its folder, or a plan; or each plot's own plan by its name.
         output: the mission file; its suffix may be left out.
         format: "plan", "waypoints", "wpml", "litchi" or "kml"; None takes the one of the output's suffix, else "plan".
-        plots: a file of plots that takes the place of the site's own.
-        plot_id: field of the plots file that holds the plots' ids; None looks for one.
         plant_height: of the plants of all plots, metres; "unknown" for those that do not say: 30 % more than the plan's
             tallest (`with_plant_height`). Without, a plot that does not say is an error.
         fit: whether to fit the plan to each plot (`flown_plans`). Fitted plans are written as MISSION-PLOT.json:
@@ -129,7 +127,6 @@ def route_for_files(
     more than a battery, the flights are planned for so much less of one.
 
     Args:
-        plan, vehicle, site, fit, adjust, seed, burst: see `route_plan`.
         format: of the files; nothing flies some, and their flights stay as they are.
     """
     planned_for = vehicle
@@ -179,7 +176,6 @@ def write_mission(
     """Write mission files, one per flight in order, mission.json, routes, and what is added; none where one is there.
 
     Args:
-        output, format: see `mission_file`.
         plans: by plot, what is flown there.
         profile: the vehicle profile's name, or that of its file.
         more: other files that are written beside them.

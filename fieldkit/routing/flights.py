@@ -327,8 +327,9 @@ def _too_much(field: _Field, plot: int) -> Iterator[Finding]:
     if seconds > field.limit_s:
         yield Finding(
             name, "battery",
-            f"takes {seconds:.0f} s alone, {math.ceil(seconds - field.limit_s)} s more than the "
-            f"{field.limit_s:.0f} s of flight that a battery has beside its reserve",
+            f"takes {seconds:.0f} s alone, {2.0 * field.homeward[plot].seconds.min():.0f} s of it there and back, "
+            f"{math.ceil(seconds - field.limit_s)} s more than the {field.limit_s:.0f} s of flight that a battery has "
+            "beside its reserve",
             severity="error",
             remedy="Plan fewer stations, take off nearer to the plot, or use a vehicle with more endurance.",
         )  # fmt: skip

@@ -414,18 +414,19 @@ class TestAngles:
 
 class TestShift:
     @pytest.mark.parametrize(
-        ("placement", "sigma_m", "shift_m", "told"),
+        ("placement", "sigma_m", "shift_m", "up_m", "told"),
         [
-            ("poses.csv", 0.05, 0.52, False),  # its origin lies anywhere
-            ("site", 3.0, 2.5, False),  # as receivers are off
-            ("site", 3.0, 7.0, True),
-            ("site", 0.03, 0.2, False),
-            ("site", 0.03, 0.4, True),
+            ("poses.csv", 0.05, 0.52, 4.0, False),  # its origin lies anywhere
+            ("site", 3.0, 2.5, 60.0, False),  # as receivers and datums are off
+            ("site", 3.0, 7.0, 4.0, True),
+            ("site", 0.03, 0.2, 4.0, False),
+            ("site", 0.03, 0.4, 4.0, True),
+            ("site", 0.03, 0.2, -210.0, True),  # home's height in feet
         ],
     )
-    def test_is_told_where_it_matters(self, placement: str, sigma_m: float, shift_m: float, told: bool) -> None:
+    def test_is_told_where_it_matters(self, placement, sigma_m: float, shift_m: float, up_m: float, told: bool) -> None:
         tags = Tags((), PoseArray.of([]), np.zeros(0), sigma_m, 3.0)
-        placed = Placed(tags, placement, shift_m=np.array([shift_m, 0.0, 4.0]))
+        placed = Placed(tags, placement, shift_m=np.array([shift_m, 0.0, up_m]))
         found = common_findings(placed, CheckSettings())
         assert [finding.code for finding in found] == ["shifted"] * told
         assert all("nothing to do" not in finding.remedy.lower() for finding in found)

@@ -114,7 +114,9 @@ def test_without_a_plan_photographs_are_judged_by_themselves(rig: tuple[Path, Pl
     assert report.components == (COUNT - 2, 1)
     (apart,) = (finding for finding in report.findings if finding.code == "disconnected")
     assert third.name in str(apart.message)
-    assert report.summary().startswith(f"Take {first.name} and {second.name} again. Matches leave 2 groups")
+    assert report.summary().startswith(
+        f"Take {first.name} and {second.name} again. Matches join {COUNT - 2} of {COUNT - 1}"
+    )
     with pytest.raises(UsageError, match="no plan is given"):
         check_captures(copy, site=Path(__file__))
 

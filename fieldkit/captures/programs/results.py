@@ -32,8 +32,6 @@ def program_of(
     """The poses of photographs that another program found, by their names, and what is to be said of them.
 
     Args:
-        sizes: width and height of a capture's photographs, by name.
-        folders: of the capture, where a result may lie.
         given: a result that was named; it counts instead of one in the folders.
     """
     if given is not None:
