@@ -99,7 +99,7 @@ def _told(file: Path) -> object:
 def _comparable(folder: Path) -> dict[str, bytes]:
     found = {}
     for name, data in contents(folder).items():
-        if not name.endswith((".jsonl", "outcome.json", "progress.csv", "plots.csv", ".lock")):
+        if not name.endswith((".jsonl", "outcome.json", "plots.csv", ".lock")):
             timed = name.endswith(".json")  # those of plots.csv are listed there, too
             data = data.replace(str(folder.parent).encode(), b"") if timed else data  # photographs' places
             found[name] = re.sub(rb'"(bytes|cpu_s|sha256)": [^,}]+', b"", data) if timed else data

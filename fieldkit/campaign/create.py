@@ -42,7 +42,6 @@ class CampaignSources:
     plan: Path
     """Plan.json or its folder."""
     site: Path
-    """Site file."""
     plots: Path | None = None
     """File whose plots take the place of the site's; None keeps those."""
     vehicle: str | None = None

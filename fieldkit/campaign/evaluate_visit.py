@@ -39,11 +39,9 @@ class VisitJob:
     """What a worker needs to evaluate a visit."""
 
     plot: CampaignPlot
-    """Of the campaign."""
     date: str
     """ISO 8601."""
     photos: tuple[FoundPhoto, ...]
-    """Of the visit."""
     captures: str
     """Their folder, for people."""
     notes: tuple[str, ...]
@@ -53,7 +51,6 @@ class VisitJob:
     plan: Plan
     """That was flown."""
     evaluation: EvaluationTable
-    """Settings."""
     camera: Path | None
     """Calibration of photographs without one."""
     cache: Path | None

@@ -51,9 +51,7 @@ class NextPlan:
     """What is flown over one plot."""
 
     plot: str
-    """Its id."""
     plan: Plan
-    """Of it."""
     date: str | None = None
     """Of the visit whose cloud it was made of; None where the plot has none and keeps the campaign's plan."""
     expected_m: float | None = None
@@ -61,7 +59,6 @@ class NextPlan:
     carried_m: float | None = None
     """What it expects of the campaign's plan there."""
     seconds: float = 0.0
-    """That it took."""
 
 
 def next_plans(

@@ -25,11 +25,9 @@ class Score:
     """How good a visit is."""
 
     visit: Visit
-    """The row."""
     value_m: float
     """Chamfer distance: measured, else predicted."""
     predicted: bool
-    """Whether it is a prediction."""
     noise_m: float | None
     """Half the interval that holds nine in ten; None where it is not known."""
 
@@ -44,7 +42,6 @@ class Ranked:
     tied: bool
     """Whether others share it."""
     score: Score
-    """Of the visit."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +49,6 @@ class Drift:
     """How a plot's figure changed since its first date."""
 
     plot: str
-    """Id."""
     figure: str
     """Field of `Visit`."""
     first_date: str

@@ -41,7 +41,6 @@ class RasterRow:
 
     plot: str
     date: str
-    """Of the visit."""
     canopy_height: str = ""
     surface: str = ""
     """Files; "" where there are none."""
@@ -55,7 +54,6 @@ class RasterRow:
     no_rasters: str = ""
     """Why there are none."""
     notes: str = ""
-    """Of the visit."""
 
 
 def export_rasters(campaign: Campaign, output: Path, *, overwrite: bool = False) -> tuple[RasterRow, ...]:

@@ -48,7 +48,6 @@ class CampaignRun:
     campaign: Campaign
     """As it is now, with all its visits."""
     photographs: int
-    """Found."""
     evaluated: tuple[Visit, ...]
     """Visits of this run."""
     kept: tuple[Visit, ...]

@@ -44,7 +44,6 @@ class PhotoToSort:
     place: str
     """Its path below the searched folder, with "/"; unique."""
     photo: Photo
-    """As read."""
     folders: tuple[str, ...] = ()
     """Names of the folders that may say a plot or a date, the outermost first."""
     belongs: tuple[str, str] | None = None
@@ -56,11 +55,9 @@ class SortedVisit:
     """Photographs of one plot on one date."""
 
     plot: str
-    """Id."""
     date: str
     """ISO 8601."""
     places: tuple[str, ...]
-    """Of the photographs."""
     notes: tuple[str, ...] = ()
     """What contradicts."""
 

@@ -74,7 +74,6 @@ class Photo:
     orientation: int = 1
     """The EXIF orientation tag (1–8); it is not applied."""
     geotag: GeoTag | None = None
-    """Position, or None."""
     yaw_deg: float | None = None
     pitch_deg: float | None = None
     roll_deg: float | None = None

@@ -35,7 +35,6 @@ class FoundPhoto:
     sidecars: Mapping[str, Path]
     """What lies beside it, by name ("poses.csv", "camera.toml", …)."""
     findings: tuple[Finding, ...] = ()
-    """Of this file."""
 
     @property
     def folders(self) -> tuple[str, ...]:

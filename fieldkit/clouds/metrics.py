@@ -50,9 +50,7 @@ class CloudScore:
     f_scores: dict[float, FScore]
     """By distance in metres, ascending."""
     reference_points: int
-    """Points of the reference."""
     estimate_points: int
-    """Points of the estimate."""
 
 
 class ReferenceIndex:

@@ -59,7 +59,6 @@ class Demo:
     reference: ReferenceReport
     """Report of the dense capture of the plot that is planned on."""
     outcome: Outcome
-    """Of the search."""
     stations: int
     """Of the mission."""
     items: int

@@ -51,7 +51,6 @@ class Shooting:
     plot: str
     """`SEEN` or `UNSEEN`."""
     output: Path
-    """The capture's folder."""
     stations: Sequence[Pose] | Stations
     """Commanded poses, or what makes them from the scene."""
     camera: Intrinsics | None
@@ -61,7 +60,6 @@ class Shooting:
     outdoors: Outdoors
     """What moves leaves."""
     seed: int
-    """Of all noise."""
     truth_cloud: Path | None = None
     """PLY for the plants' true surfaces, or None."""
 

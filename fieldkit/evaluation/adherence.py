@@ -60,7 +60,6 @@ class LoggedFlight:
     """A flight and the photographs that were taken on it."""
 
     log: FlightLog
-    """As read."""
     matches: Matches
     """Of all plots' photographs, whose names are PLOT/IMAGE here."""
     captures: Mapping[str, Capture]

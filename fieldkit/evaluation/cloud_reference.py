@@ -62,7 +62,6 @@ class CloudReference:
     findings: tuple[Finding, ...]
     """What was found from the cloud and not stated."""
     path: Path
-    """Of the file."""
 
     def known_plot(self, capture: Capture) -> KnownPlot:
         """What the reference fixes for a capture: scale and place are those of the capture's own positions."""

@@ -79,7 +79,6 @@ class Scoring:
     refine: bool
     """Move each cloud onto the reference by ICP first."""
     distances_m: tuple[float, ...]
-    """Of precision, recall and F-score."""
 
     @classmethod
     def against(cls, reference: AnyReference | None, *, refine: bool, distances_m: tuple[float, ...]) -> Scoring:

@@ -57,11 +57,9 @@ class HeightRaster:
     north: float
     """Easting and northing of the outer corner of the first cell, metres; multiples of ``cell_m``."""
     cell_m: float
-    """Edge of the cells."""
     heights: NDArray[np.float32]
     """(rows, columns), metres; NaN where nothing was seen."""
     epsg: int
-    """Of the projection."""
 
 
 def to_utm(cloud: Cloud, frame: MetricFrame) -> tuple[Cloud, int]:

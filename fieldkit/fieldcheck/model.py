@@ -56,7 +56,6 @@ class StationCheck:
     photograph: str = ""
     """File name; empty where there is none."""
     verdict: Verdict = "fine"
-    """What to do about it."""
     edge_px: float | None = None
     """Width (σ) of the photograph's strong edges in the direction that is worst, in a picture 1600 pixels wide."""
     blur_ratio: float | None = None

@@ -44,7 +44,6 @@ class Tags:
     """What is written of n photographs."""
 
     names: tuple[str, ...]
-    """Of the photographs."""
     poses: PoseArray
     """NaN where nothing is known."""
     rolls: Array
@@ -52,7 +51,6 @@ class Tags:
     sigma_m: float
     """Of a position against the others'."""
     sigma_deg: float
-    """Of the angles."""
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -82,7 +80,6 @@ class Placed:
     tags: Tags
     """In the plan's frame, without what is common to all."""
     placement: Placement = "none"
-    """How they were put there."""
     station_of: Mapping[int, int] = field(default_factory=dict)
     """Index of a photograph to its station."""
     costs_m: Mapping[int, float] = field(default_factory=dict)

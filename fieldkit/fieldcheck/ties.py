@@ -95,7 +95,6 @@ class LengthRatio:
     log_ratio: float
     """Natural logarithm of |middle − a| / |middle − b|."""
     sigma: float
-    """Its standard deviation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,9 +106,7 @@ class TieGraph:
     ratios: tuple[LengthRatio, ...]
     """Of neighbouring baselines."""
     keyed: tuple[KeyedFeatures, ...]
-    """Features of each photograph."""
     cameras: CameraSet
-    """Of the capture."""
 
 
 def find_ties(

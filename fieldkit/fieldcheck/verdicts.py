@@ -64,7 +64,6 @@ class Evidence:
     names: Sequence[str]
     """Of the photographs, by index."""
     plan: Plan
-    """That was flown."""
     placed: Placed
     """Photographs among the stations, by tags."""
     pictures: Mapping[str, PictureVerdict]

@@ -62,7 +62,6 @@ class GeotagReport:
     origin_source: str
     """Where that is from: "home of the log", "given", "first trigger"."""
     triggers: int
-    """In the log."""
     remarks: tuple[str, ...]
     """Of the log and of the matching."""
 

@@ -41,7 +41,6 @@ class Stamp:
     """What a photograph says of when and where it was taken."""
 
     name: str
-    """Of the file."""
     time_s: float | None = None
     """On the camera's clock, seconds from any zero that all photographs share; None where it has none."""
     latitude_deg: float | None = None
@@ -84,7 +83,6 @@ class Matches:
     drift_ppm: float = 0.0
     """How much faster the camera's clock runs; 0 where the flight is too short to tell."""
     remarks: tuple[str, ...] = ()
-    """What a person should know."""
 
 
 def match(photographs: Sequence[Stamp], triggers: Sequence[Trigger], *, offset_s: float | None = None) -> Matches:

@@ -43,7 +43,6 @@ class ExportedMission:
     """What was written."""
 
     routed: Routed
-    """The flights."""
     files: tuple[Path, ...]
     """Mission files first, one per flight in order; then mission.json, routes, fitted plans, the picture."""
     plans: Mapping[str, Path] = field(default_factory=dict)

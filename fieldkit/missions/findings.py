@@ -47,7 +47,6 @@ class Deviation:
     photograph: int
     """By its place in the file, from 0."""
     planned: Shot
-    """The plan's station."""
     metres: float
     """Between the places."""
     heading_deg: float | None

@@ -165,7 +165,6 @@ class Result:
     """A trial and its evaluation."""
 
     trial: Trial
-    """As proposed."""
     value_m: float
     """The cost, metres: small is good."""
     measured: bool = True

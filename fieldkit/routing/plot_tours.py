@@ -26,7 +26,6 @@ class Group:
     """Places that are visited one after the other: a plot's stations, or the end of a flight."""
 
     name: str
-    """For people."""
     places: Array
     """(k, 3) metres east, north and above home."""
     yaw_deg: Array
@@ -64,7 +63,6 @@ class PlotTour:
     """A plot with all its tours."""
 
     group: Group
-    """Its stations."""
     ways: Ways
     """Between them."""
     seconds: Array

@@ -25,11 +25,9 @@ class Context:
     """How a run computes. No result depends on it but for the seed."""
 
     cache: StageCache = field(default_factory=_no_cache)
-    """Of stages."""
     progress: Progress = field(default_factory=Silent)
     """Told of stages and remarks."""
     workers: int = 1
-    """Processes."""
     seed: int = 0
     scheduler: str = ""
     """Address of a Dask cluster that computes instead of processes; its workers see the same files."""

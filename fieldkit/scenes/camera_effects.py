@@ -1,9 +1,8 @@
 """What a camera does to light between the lens and the file, in that order: pure functions on images.
 
-Lens: defocus, fall-off to the corners, stray light. Shutter: motion blur, exposure. Sensor: photon and read noise, in
-linear light. Then the tone curve, eight bits and the grain that a camera's processing leaves.
-The renderer's tone curve is a square root (gamma 2.0), so linear light here is the square of the grey level; photon
-noise, whose variance grows with the light, is then equal at all grey levels.
+Lens: defocus, fall-off to the corners, stray light. Shutter: motion blur, exposure. Then the tone curve, eight bits and
+the grain that a camera's processing leaves of the sensor's noise. The renderer's tone curve is a square root (gamma
+2.0), so linear light here is the square of the grey level.
 """
 
 from __future__ import annotations
@@ -17,12 +16,14 @@ from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics
 from fieldkit.runtime.kernels import fast_kernel
-from fieldkit.scenes.sensor_noise import developed_with_noise, with_grain
+from fieldkit.scenes.sensor_noise import developed, with_grain
 
 USUAL_GRAIN = 3.5
 """Of consumer cameras: between the recorded rigs' (docs/experiments/scenes.md)."""
 _MAX_TAPS = 15
-_MIDDLE_GREY = 128.0
+_DRIFT_M_S, _TURN_DEG_S = 0.15, 2.0
+"""Standard deviations of the camera's velocity per axis, and of its rate of turn about each of its axes, while it
+exposes."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +32,6 @@ class CameraEffects:
 
     exposure_s: float = 0.0
     """Exposure time. The camera moves meanwhile: this switches motion blur on."""
-    drift_m_s: float = 0.15
-    """Standard deviation of the camera's velocity per axis while it exposes."""
-    turn_deg_s: float = 2.0
-    """Standard deviation of its rate of turn about each of its axes."""
     defocus_px: float = 0.0
     """Standard deviation of the lens's blur, pixels."""
     vignetting: float = 0.0
@@ -46,10 +43,6 @@ class CameraEffects:
     """Standard deviation of a photograph's exposure, stops."""
     white_balance: float = 0.0
     """Standard deviation of a photograph's red and blue gains against green, relative."""
-    photon_noise: float = 0.0
-    """Standard deviation of photon noise, grey levels (the same at every level, see the module)."""
-    read_noise: float = 0.0
-    """Standard deviation of read noise at grey level 128, grey levels; twice that at 64."""
     grain: float = 0.0
     """Standard deviation of the noise that is left in a file after demosaicing and denoising, grey levels."""
     grain_px: float = 2.0
@@ -75,14 +68,14 @@ class CameraEffects:
     @property
     def moves(self) -> bool:
         """Whether there is motion blur, so that `photographed` needs a depth map."""
-        return self.exposure_s > 0 and max(self.drift_m_s, self.turn_deg_s) > 0
+        return self.exposure_s > 0
 
     @property
     def changes_pixels(self) -> bool:
         """Whether anything but the JPEG is on."""
         strengths = (
             self.defocus_px, self.vignetting, self.veiling_glare, self.exposure_ev, self.white_balance,
-            self.photon_noise, self.read_noise, self.grain,
+            self.grain,
         )  # fmt: skip
         return self.moves or any(strengths)
 
@@ -97,10 +90,10 @@ class Motion:
     """(3,) rotation vector over the same time, in the camera's axes."""
 
 
-def draw_motion(effects: CameraEffects, rng: np.random.Generator) -> Motion:
-    """A random motion of the size that ``effects`` states."""
-    shift = rng.normal(size=3) * effects.drift_m_s * effects.exposure_s
-    turn = rng.normal(size=3) * np.radians(effects.turn_deg_s) * effects.exposure_s
+def draw_motion(exposure_s: float, rng: np.random.Generator) -> Motion:
+    """A random motion during an exposure."""
+    shift = rng.normal(size=3) * _DRIFT_M_S * exposure_s
+    turn = rng.normal(size=3) * np.radians(_TURN_DEG_S) * exposure_s
     return Motion((float(shift[0]), float(shift[1]), float(shift[2])), (float(turn[0]), float(turn[1]), float(turn[2])))
 
 
@@ -117,9 +110,9 @@ def photographed(
         effects: which effects, how strong.
         rng: of this photograph; every effect draws from it whether it is on or not, so that switching one off leaves
             the others as they were.
-        economy: draw the sensor's noise from a table (`fieldkit.scenes.sensor_noise`): other pixels, the same look.
+        economy: the tone curve in single precision, at a fraction of its cost: 255 of 10⁹ values round otherwise.
     """
-    motion = draw_motion(effects, rng)
+    motion = draw_motion(effects.exposure_s, rng)
     gain = 2.0 ** (rng.normal() * effects.exposure_ev)
     balance = 1.0 + rng.normal(size=2) * effects.white_balance
     if not effects.changes_pixels:
@@ -137,11 +130,7 @@ def photographed(
             raise ValueError("motion blur needs the depth map")
         light = motion_blurred(light, image_motion(depth, intrinsics, motion))
     light *= np.array([gain * balance[0], gain, gain * balance[1]], np.float32)
-    if economy:
-        developed = developed_with_noise(light, *_variance(effects), rng)
-    else:
-        developed = _developed(_sensed(light, effects, rng))
-    return with_grain(developed, effects.grain, effects.grain_px, rng)
+    return with_grain((developed if economy else _developed)(light), effects.grain, effects.grain_px, rng)
 
 
 def image_motion(depth: NDArray[np.float32], intrinsics: Intrinsics, motion: Motion) -> NDArray[np.float32]:
@@ -217,23 +206,6 @@ def _linear(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     table = (np.arange(256, dtype=np.float32) / np.float32(255.0)) ** 2
     light: NDArray[np.float32] = table[image]
     return light
-
-
-def _sensed(light: NDArray[np.float32], effects: CameraEffects, rng: np.random.Generator) -> NDArray[np.float32]:
-    """Light with the sensor's noise: variance a · light + b², Gaussian, each channel of its own."""
-    a, b = _variance(effects)
-    if a == 0 and b == 0:
-        return light
-    sigma = np.sqrt(np.float32(a) * np.maximum(light, 0.0) + np.float32(b * b))
-    return np.asarray(light + sigma * rng.standard_normal(light.shape, dtype=np.float32), np.float32)
-
-
-def _variance(effects: CameraEffects) -> tuple[float, float]:
-    """The sensor's noise as (a, b): variance a · light + b²."""
-    # d(grey) = 255 / (2 √light) d(light): what gives the stated grey levels after the tone curve.
-    a = (effects.photon_noise * 2.0 / 255.0) ** 2
-    b = effects.read_noise * 2.0 * (_MIDDLE_GREY / 255.0) / 255.0
-    return a, b
 
 
 def _developed(light: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -54,11 +54,9 @@ class ReferenceFiles:
     bounds: Bounds
     """Its volume of interest."""
     camera: Intrinsics
-    """Of its photographs."""
     ground_tolerance_m: float
     """How far from z = 0 a point counts as ground."""
     name: str
-    """Of the reference."""
 
 
 @dataclass(frozen=True)

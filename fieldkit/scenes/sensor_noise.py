@@ -36,14 +36,10 @@ def with_tabled_noise(image: NDArray[np.uint8], sigma: float, rng: np.random.Gen
     return noisy
 
 
-def developed_with_noise(light: NDArray[np.float32], a: float, b: float, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """Linear light (h, w, 3), 1 being white, as grey levels of a square-root tone curve.
-
-    With noise of variance a · light + b², drawn from a table of quantiles like `with_tabled_noise`'s.
-    """
+def developed(light: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Linear light (h, w, 3), 1 being white, as grey levels of a square-root tone curve."""
     grey = np.empty(light.shape, np.uint8)
-    draws = _draws(light.size, rng) if a > 0 or b > 0 else np.empty(0, np.uint16)
-    _develop(np.ascontiguousarray(light).ravel(), np.float32(a), np.float32(b * b), _normal(), draws, grey.ravel())
+    _develop(np.ascontiguousarray(light).ravel(), grey.ravel())
     return grey
 
 
@@ -109,14 +105,7 @@ def _add_scaled(image: NDArray[np.uint8], noise: NDArray[np.float32], scale: flo
 
 
 @kernel
-def _develop(
-    light: NDArray[np.float32], a: float, b_squared: float, table: NDArray[np.float32], draws: NDArray[np.uint16],
-    grey: NDArray[np.uint8],
-) -> None:  # fmt: skip
-    noisy = draws.size > 0
+def _develop(light: NDArray[np.float32], grey: NDArray[np.uint8]) -> None:
     for k in range(light.size):
-        value = light[k]
-        if noisy:
-            value += np.sqrt(a * max(value, np.float32(0.0)) + b_squared) * table[draws[k]]
-        value = min(max(value, np.float32(0.0)), np.float32(1.0))
+        value = min(max(light[k], np.float32(0.0)), np.float32(1.0))
         grey[k] = np.uint8(np.sqrt(value) * np.float32(255.0) + np.float32(0.5))

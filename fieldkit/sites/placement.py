@@ -65,7 +65,6 @@ class SiteFrame:
     """Metres east and north of home, and above home."""
 
     home: MissionHome
-    """Of the site."""
 
     def to_local(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike, height_m: ArrayLike) -> Array:
         """Degrees, degrees and metres above home, scalars or (n,), to (n, 3) metres east, north and above home."""

@@ -118,7 +118,6 @@ class PlanFacts:
     """What a plan says of the plot that it was made on."""
 
     plan: Plan
-    """All of it."""
 
     @cached_property
     def points(self) -> Array:

@@ -1,7 +1,5 @@
 """Each effect does what it says, and nothing when off."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,7 +13,6 @@ from fieldkit_sim.simulation import ring
 
 CAMERA = Intrinsics.pinhole(200, 150, 170.0)
 GREY = np.full((150, 200, 3), 128, np.uint8)
-STILL = CameraEffects(drift_m_s=0.0, turn_deg_s=0.0)
 
 
 def rng(seed: int = 0) -> np.random.Generator:
@@ -29,25 +26,7 @@ def test_off_is_off() -> None:
 
 def test_linear_light_and_back_is_exact() -> None:
     levels = np.tile(np.arange(256, dtype=np.uint8)[:200, None], (1, 3))[None].repeat(150, axis=0)
-    np.testing.assert_array_equal(photographed(levels, None, CAMERA, replace(STILL, exposure_ev=1e-12), rng()), levels)
-
-
-@pytest.mark.parametrize(
-    ("effects", "level", "sigma"),
-    [
-        (CameraEffects(photon_noise=4.0), 128, 4.0),
-        (CameraEffects(photon_noise=4.0), 64, 4.0),
-        (CameraEffects(photon_noise=4.0), 200, 4.0),
-        (CameraEffects(read_noise=3.0), 128, 3.0),
-        (CameraEffects(read_noise=3.0), 64, 6.0),
-        (CameraEffects(read_noise=3.0, photon_noise=4.0), 128, 5.0),
-    ],
-)
-def test_noise_has_the_stated_size(effects: CameraEffects, level: int, sigma: float) -> None:
-    image = np.full((150, 200, 3), level, np.uint8)
-    noisy = photographed(image, None, CAMERA, effects, rng()).astype(float)
-    assert noisy.std() == pytest.approx(sigma, rel=0.06)
-    assert noisy.mean() == pytest.approx(level, abs=0.5)
+    np.testing.assert_array_equal(photographed(levels, None, CAMERA, CameraEffects(exposure_ev=1e-12), rng()), levels)
 
 
 def test_exposure_and_white_balance_change_between_photographs() -> None:
@@ -139,7 +118,7 @@ def test_the_order_of_switches_does_not_change_the_rest() -> None:
         {"veiling_glare": 1.0},
         {"jpeg_quality": 0},
         {"exposure_s": 2.0},
-        {"read_noise": np.nan},
+        {"grain": np.nan},
         {"grain_px": 0.5},
     ],
 )

@@ -168,9 +168,7 @@ def test_geotags_survive_exif_and_xmp(latitude, longitude, altitude, yaw, pitch,
 
 
 def test_an_economical_capture_has_its_camera_effects(tmp_path: Path, renderer: Renderer) -> None:
-    effects = CameraEffects(
-        exposure_s=0.02, defocus_px=0.5, vignetting=0.2, exposure_ev=0.3, photon_noise=3.0, read_noise=1.0
-    )
+    effects = CameraEffects(exposure_s=0.02, defocus_px=0.5, vignetting=0.2, exposure_ev=0.3, grain=3.0)
     for name, economy in (("plain", False), ("cheap", True)):
         simulate_capture(tmp_path / name, renderer, POSES, CAMERA, noise=EXACT, effects=effects, economy=economy)
     for file in sorted((tmp_path / "plain").iterdir()):

@@ -33,7 +33,7 @@ def description(small_plot: PlotDescription) -> SceneDescription:
 def test_a_capture_with_everything(tmp_path: Path, description: SceneDescription) -> None:
     done = simulate(
         description, ring_about(3), tmp_path / "flight", noise=replace(EXACT, position_m=0.02, angle_deg=0.5),
-        effects=CameraEffects(exposure_s=0.004, defocus_px=0.5, exposure_ev=0.1, photon_noise=2.0),
+        effects=CameraEffects(exposure_s=0.004, defocus_px=0.5, exposure_ev=0.1, grain=2.0),
         truth_cloud=tmp_path / "truth.ply", seed=3,
     )  # fmt: skip
     capture = read_capture(tmp_path / "flight")

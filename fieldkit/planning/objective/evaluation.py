@@ -56,7 +56,6 @@ class Evaluation:
     nothing about z.
     """
     times: tuple[StageCost, ...] = field(default=(), compare=False)
-    """Seconds by stage."""
 
     @property
     def cpu_s(self) -> float:

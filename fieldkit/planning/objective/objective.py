@@ -50,7 +50,6 @@ class Fidelity:
     features: FeatureSettings = field(default_factory=FeatureSettings)
     """Detection in rendered photographs; recorded ones always use the defaults of `FeatureSettings`."""
     dense: DenseFidelity = "standard"
-    """Fidelity of dense stereo."""
 
     def camera(self, camera: Intrinsics, cameras: Cameras, volume: Volume) -> Intrinsics:
         """The camera that photographs are rendered with: large enough for dense stereo from the farthest one."""
@@ -141,7 +140,6 @@ class ObjectiveSettings:
     rule: Rule = field(default_factory=Rule)
     """For the value of poor clouds."""
     min_agreeing_views: int = 2
-    """Setting of the fusion."""
     bands_px: tuple[float, ...] | None = None
     """Half widths of the bands that prior mapping matches in, round by round, in pixels of a photograph 1600 wide; None
     takes the default of `PriorMappingSettings`. Fewer rounds suit poses known to some millimetres.

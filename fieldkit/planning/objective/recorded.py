@@ -225,7 +225,6 @@ class RecordedKind:
     """
 
     recorded: RecordedSource
-    """The recorded photographs."""
     seed: int
 
     def prepare(self) -> None:

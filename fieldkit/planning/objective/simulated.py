@@ -53,7 +53,6 @@ class Proxy:
     """A scene with its truth."""
 
     scene: Scene
-    """The one rendered."""
     reference: Cloud
     """PC_env, points on the plants, plot frame."""
     volume: Volume

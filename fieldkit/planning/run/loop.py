@@ -41,7 +41,6 @@ class Finalist:
     """A set of cameras with its confirmations."""
 
     trial: Trial
-    """Of the search."""
     entries: tuple[LogEntry, ...] = ()
     """The confirmations."""
     value_m: float | None = None

@@ -1,4 +1,4 @@
-"""The results of a planning run: outcome.json, progress.csv, the plan and its picture."""
+"""The results of a planning run: outcome.json, the plan and its picture."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
-from fieldkit.documents.csv_text import csv_text
 from fieldkit.documents.json_file import read_json_object, schema_text, validated
 from fieldkit.figures.style import format_length
 from fieldkit.files import write_atomic
@@ -24,7 +23,7 @@ from fieldkit.results.numbers import Numbers
 from fieldkit.results.plan import Plan, PlanMethod, PlanPlants
 from fieldkit.results.plan_file import PLAN_FILE, plan_from_poses, save_plan
 
-OUTCOME_FILE, PROGRESS_FILE, PLAN_PICTURE = "outcome.json", "progress.csv", "plan.png"
+OUTCOME_FILE, PLAN_PICTURE = "outcome.json", "plan.png"
 _MAX_BYTES = 16 << 20
 _REMEDY = "Give the folder of a finished run of `fieldkit plan`."
 
@@ -143,8 +142,6 @@ def write_outcome(
         else (),
     )
     write_atomic(run.path / OUTCOME_FILE, outcome.model_dump_json(indent=2) + "\n")
-    if trials:
-        write_atomic(run.path / PROGRESS_FILE, progress_table(trials))
     cameras = chosen.trial.cameras
     like = "" if settings.plots == 1 else "plots like "
     worth = "not confirmed" if outcome.chamfer_m is None else f"chamfer distance {format_length(outcome.chamfer_m)}"
@@ -172,31 +169,6 @@ def run_schemas() -> dict[str, str]:
         "search": SearchSettings, "outcome": Outcome, "evaluations": LogEntry, "numbers": Numbers,
     }  # fmt: skip
     return {f"{n}.schema.json": schema_text(m.model_json_schema(mode="validation")) for n, m in models.items()}
-
-
-def progress_table(entries: Sequence[LogEntry]) -> str:
-    """progress.csv: per trial, from 1, its value, the best so far (the regret curve) and the models' weights."""
-    models = models_of(entries)
-    columns = ["trial", "origin", "value_m", "best_m", "right", "finished_s", *(f"weight_{m}" for m in models)]
-    rows = (
-        [entry.number + 1, entry.origin, entry.value_m, best, entry.right, round(entry.finished_s, 2)]
-        + [weights_of(entry).get(model) for model in models]
-        for entry, best in zip(entries, best_so_far(entries), strict=True)
-    )
-    return csv_text(columns, rows)
-
-
-def models_of(entries: Sequence[LogEntry]) -> list[str]:
-    """The names of all models with weights in any trial, sorted."""
-    return sorted({name for entry in entries for name in weights_of(entry)})
-
-
-def weights_of(entry: LogEntry) -> dict[str, float]:
-    """The ensemble's weights when the trial was proposed, by model; empty without an ensemble."""
-    weights = entry.notes.get("weights")
-    if not isinstance(weights, dict):
-        return {}
-    return {name: float(weight) for name, weight in weights.items() if isinstance(weight, int | float)}
 
 
 def plants_of(problem: PlanningProblem) -> PlanPlants:

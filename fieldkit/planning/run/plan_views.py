@@ -57,7 +57,7 @@ def plan_views(
 
     Args:
         output: the run's folder: search.json before the start, evaluations.jsonl during the run; at the end plan.json,
-            outcome.json, progress.csv and plan.png.
+            outcome.json and plan.png.
         settings: of the run.
         cache, progress: None takes the usual folder, and says nothing.
         scheduler: address of a Dask scheduler whose workers evaluate instead.

@@ -49,7 +49,6 @@ class RunSetup:
     """The problem and the objective of a run."""
 
     problem: PlanningProblem
-    """For the methods."""
     objective: PlotsObjective
     """Of all plots, for the executor."""
     photographs: tuple[str, ...] = ()

@@ -222,7 +222,6 @@ class Joiner:
     distance_m: float
     """From cameras to it."""
     seed: int
-    """Of the search."""
     min_agreeing: int
     """Least number of a motion's inliers."""
 

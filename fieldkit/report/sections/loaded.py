@@ -85,7 +85,6 @@ class Loaded(Generic[T]):
     report: T
     """What the file says, or the run or campaign that it belongs to."""
     sha256: str
-    """Of the file."""
 
     @property
     def folder(self) -> Path:
