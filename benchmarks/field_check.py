@@ -15,7 +15,7 @@ from benchmarks.field_faults import Fault, FaultyCapture, PlotPhotographs, draw_
 from benchmarks.result import Cell, ResultTable, StudyResult
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
-from fieldkit.fieldcheck.check import Run, check_captures
+from fieldkit.fieldcheck.check import check_capture, check_captures
 from fieldkit.fieldcheck.model import CheckReport, CheckSettings
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import this_machine
@@ -135,9 +135,11 @@ def _mistakes(tally: Tally) -> list[str]:
 
 def check_faulty(plot: PlotPhotographs, faulty: FaultyCapture, cache: StageCache, workers: int) -> Tally:
     """Check one capture and compare verdicts with faults."""
-    run = Run(plot.plan, CheckSettings(), Context(cache, workers=workers))
     site = plot.site if faulty.capture.origin is not None else None
-    report = run.check(plot.name, plot.folder, faulty.capture, site, None if site is None else site.plots[0])
+    report = check_capture(
+        plot.plan, CheckSettings(), Context(cache, workers=workers), plot.name, plot.folder, faulty.capture, site,
+        None if site is None else site.plots[0],
+    )  # fmt: skip
     return _tally(report, faulty, plot)
 
 

@@ -16,7 +16,7 @@ from fieldkit.cache import StageCache
 from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
 from fieldkit.clouds.metrics import nearest_distances
 from fieldkit.evaluation.traits import plot_traits
-from fieldkit.planning.objective.evaluation import Rule, value_m
+from fieldkit.planning.objective.evaluation import value_m
 from fieldkit.planning.objective.objective import FIDELITIES, Objective
 from fieldkit.planning.objective.simulated import SimulatedSource
 from fieldkit.planning.run.numbers import even_rings, expected_errors, missing_shares
@@ -92,7 +92,7 @@ def _measured(objective: Objective, cameras: Cameras, seed: int, progress: Progr
     traits, _ = plot_traits(found, found.plants, scene_outline(found, source.proxy), shown)
     height, area, volume = traits.height_m, traits.covered_area_m2, traits.canopy_volume_m3
     return {
-        "value_m": value_m(to_cloud, to_reference, Rule()), "right": found.sparse.right,
+        "value_m": value_m(to_cloud, to_reference), "right": found.sparse.right,
         "height_m": None if height is None else height - true.height_m,
         "area": None if area is None else area / true.covered_area_m2 - 1.0,
         "volume": None if volume is None else volume / true.canopy_volume_m3 - 1.0,

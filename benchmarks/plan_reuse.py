@@ -15,7 +15,7 @@ from fieldkit.clouds import Cloud
 from fieldkit.clouds.metrics import ReferenceIndex, nearest_distances, score_distances
 from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.errors import UsageError
-from fieldkit.planning.objective.evaluation import Evaluation, Rule, value_m
+from fieldkit.planning.objective.evaluation import Evaluation, value_m
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import Proxy
 from fieldkit.planning.problem import PlanningProblem
@@ -151,14 +151,14 @@ def carried(
             found = []
             for seed in range(repeats):
                 evaluation, cloud = objective.evaluate_cloud(sheared(cameras, variant.slope), seed=seed)
-                found.append(rescored(evaluation, cloud, proxy, objective.settings.rule))
+                found.append(rescored(evaluation, cloud, proxy))
                 advance(1)
     finally:
         objective.close()
     return found
 
 
-def rescored(evaluation: Evaluation, cloud: Cloud, proxy: Proxy, rule: Rule) -> Evaluation:
+def rescored(evaluation: Evaluation, cloud: Cloud, proxy: Proxy) -> Evaluation:
     """The evaluation with only the cloud's points that are nearer to the plot's plants than to other rows.
 
     Leaves of near rows reach into the volume of interest; the truth lacks them.
@@ -174,7 +174,7 @@ def rescored(evaluation: Evaluation, cloud: Cloud, proxy: Proxy, rule: Rule) -> 
     to_reference, to_cloud = nearest_distances(ReferenceIndex(proxy.reference), kept)
     score = score_distances(to_reference, to_cloud, DISTANCES_M)
     return replace(
-        evaluation, value_m=value_m(to_cloud, to_reference, rule), chamfer_m=score.chamfer.chamfer_m,
+        evaluation, value_m=value_m(to_cloud, to_reference), chamfer_m=score.chamfer.chamfer_m,
         accuracy_m=score.chamfer.accuracy_m, completeness_m=score.chamfer.completeness_m, points=len(kept),
         f_scores={d: score.f_scores[d].f_score for d in DISTANCES_M},
     )  # fmt: skip

@@ -100,7 +100,7 @@ def check_captures(
         chosen = None if place is None else plot_of(place, plot, name)
         flown = loaded if chosen is None or loaded is None else flown_plan(loaded, chosen, fit)
         capture = by_station((None if flight is None else flight.capture(name)) or read_capture(folder))
-        report = Run(flown, settings, context).check(name, folder, capture, place, chosen)
+        report = check_capture(flown, settings, context, name, folder, capture, place, chosen)
         spent = {"seconds": time.perf_counter() - wall, "cpu_seconds": processor_seconds() - cpu}
         reports.append(replace(report, **spent))  # type: ignore[arg-type]
     return tuple(reports)
@@ -123,61 +123,53 @@ def plot_of(site: Site, name: str | None, folder: str = "") -> SitePlot:
     )
 
 
-class Run:
-    """The check of captures of one plan, or of none."""
-
-    def __init__(self, plan: Plan | None, settings: CheckSettings, context: Context) -> None:
-        self.plan, self.settings, self.context = plan, settings, context
-
-    def check(
-        self, name: str, folder: Path, capture: Capture, site: Site | None, plot: SitePlot | None
-    ) -> CheckReport:  # fmt: skip
-        """One plot's report, without what it took."""
-        plan = self.plan
-        if len(capture.photos) > MAX_PHOTOGRAPHS:
-            raise CaptureError(
-                f"{len(capture.photos)} photographs are too many for a check; {MAX_PHOTOGRAPHS} are the most",
-                path=folder, remedy="Give the photographs of one plot.",
-            )  # fmt: skip
-        with self.context.progress.stage("Sharpness and exposure", len(capture.photos)) as advance:
-            pictures = load_pictures(capture.photos, self.context, advance)
-        known = [capture.priors.get(name) for name in capture.names]
-        positions = [None if p is None else p.position for p in known]
-        camera = None if plan is None else plan.camera
-        graph = find_ties(capture, self.settings, self.context, fallback=camera, positions=positions)
-        looks = judge_pictures(capture, pictures, self.settings)
-        sizes = [max(1, len(photo.burst)) for photo in capture.photos]
-        burst, plot_name = int(np.bincount(sizes).argmax()), None if plot is None else plot.name
-        report = CheckReport(name, sum(sizes), (), (), plot_name, burst=burst)
-        if plan is None:
-            with self.context.progress.stage("Guided matches"):
-                tags = read_tags(capture)
-                oriented = tags.known & np.isfinite(tags.poses.yaws)
-                sound = [k for k, name in enumerate(capture.names) if oriented[k] and not looks[name].problem]
-                poses = {k: tags.pose(k) for k in sound}
-                full = with_guided_ties(graph, capture.photos, poses, self.context, seed=self.settings.seed)
-            return _without_plan(report, capture, looks, full)
-        capture, angles = angles_as_meant(capture, plan, site, plot, graph, seed=self.settings.seed)
-        placed = place_tags(capture, plan, site, plot)
-        report = replace(report, placement=placed.placement)
-        consistency = _consistency(placed, plan, graph, self.settings)
-        if not placed.station_of or placed.ambiguous:
-            return _without_stations(report, capture, plan, looks, graph, placed)
-        with self.context.progress.stage("Guided matches"):
-            poses = believed_poses(placed, plan, consistency, looks, capture.names)
-            full = with_guided_ties(graph, capture.photos, poses, self.context, seed=self.settings.seed)
-        moved_m = leaves_move_m(capture.photos, graph, plan, placed.station_of, self.context.workers)
-        report = replace(report, sway_m=moved_m)
-        bursts = burst_findings(report, capture.photos, placed.station_of)
-        shift = None if not np.isfinite(placed.shift_m).all() else tuple(float(v) for v in placed.shift_m)
-        report = replace(
-            report,
-            findings=(*_left_out(capture), *angles, *common_findings(placed, self.settings, site, plot), *bursts),
-            shift_m=shift,  # type: ignore[arg-type]
-            turn_deg=placed.turn_deg,
-            unchecked=tuple(_unchecked(placed, graph, consistency)),
-        )
-        return judge(report, Evidence(capture.names, plan, placed, looks, full, consistency, self.settings))
+def check_capture(
+    plan: Plan | None, settings: CheckSettings, context: Context, name: str, folder: Path, capture: Capture,
+    site: Site | None, plot: SitePlot | None,
+) -> CheckReport:  # fmt: skip
+    """One plot's report, without what it took."""
+    if len(capture.photos) > MAX_PHOTOGRAPHS:
+        raise CaptureError(
+            f"{len(capture.photos)} photographs are too many for a check; {MAX_PHOTOGRAPHS} are the most",
+            path=folder, remedy="Give the photographs of one plot.",
+        )  # fmt: skip
+    with context.progress.stage("Sharpness and exposure", len(capture.photos)) as advance:
+        pictures = load_pictures(capture.photos, context, advance)
+    known = [capture.priors.get(name) for name in capture.names]
+    positions = [None if p is None else p.position for p in known]
+    graph = find_ties(capture, context, fallback=None if plan is None else plan.camera, positions=positions)
+    looks = judge_pictures(capture, pictures)
+    sizes = [max(1, len(photo.burst)) for photo in capture.photos]
+    burst, plot_name = int(np.bincount(sizes).argmax()), None if plot is None else plot.name
+    report = CheckReport(name, sum(sizes), (), (), plot_name, burst=burst)
+    if plan is None:
+        with context.progress.stage("Guided matches"):
+            tags = read_tags(capture)
+            oriented = tags.known & np.isfinite(tags.poses.yaws)
+            sound = [k for k, name in enumerate(capture.names) if oriented[k] and not looks[name].problem]
+            full = with_guided_ties(graph, capture.photos, {k: tags.pose(k) for k in sound}, context)
+        return _without_plan(report, capture, looks, full)
+    capture, angles = angles_as_meant(capture, plan, site, plot, graph, seed=settings.seed)
+    placed = place_tags(capture, plan, site, plot)
+    report = replace(report, placement=placed.placement)
+    consistency = _consistency(placed, plan, graph, settings)
+    if not placed.station_of or placed.ambiguous:
+        return _without_stations(report, capture, plan, looks, graph, placed)
+    with context.progress.stage("Guided matches"):
+        poses = believed_poses(placed, plan, consistency, looks, capture.names)
+        full = with_guided_ties(graph, capture.photos, poses, context)
+    moved_m = leaves_move_m(capture.photos, graph, plan, placed.station_of, context.workers)
+    report = replace(report, sway_m=moved_m)
+    bursts = burst_findings(report, capture.photos, placed.station_of)
+    shift = None if not np.isfinite(placed.shift_m).all() else tuple(float(v) for v in placed.shift_m)
+    report = replace(
+        report,
+        findings=(*_left_out(capture), *angles, *common_findings(placed, settings, site, plot), *bursts),
+        shift_m=shift,  # type: ignore[arg-type]
+        turn_deg=placed.turn_deg,
+        unchecked=tuple(_unchecked(placed, graph, consistency)),
+    )
+    return judge(report, Evidence(capture.names, plan, placed, looks, full, consistency, settings))
 
 
 def _consistency(placed: Placed, plan: Plan, graph: TieGraph, settings: CheckSettings) -> Consistency:

@@ -28,17 +28,6 @@ class CheckSettings:
     """Farthest that a photograph may be taken from its station. RTK flights keep to 5 cm per axis."""
     angle_deg: float = 8.0
     """Most that its optical axis may be turned away from the plan's."""
-    blur_ratio: float = 1.3
-    """Edges that many times as wide as in the capture's other photographs are blurred."""
-    edge_px: float = 1.75
-    """Median width (σ) of strong edges, in a picture 1600 pixels wide, that is blurred whatever the others are: twice
-    what the recorded sets have in focus."""
-    exposure_stops: float = 1.5
-    """Farthest from the capture's median brightness."""
-    clipped_share: float = 0.15
-    """Most that may be black or white beyond what the capture's median photograph has."""
-    min_matches: int = 15
-    """Verified matches of two photographs from which on they tie each other."""
     seed: int = 0
 
 

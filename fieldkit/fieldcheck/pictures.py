@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from fieldkit.cache import digest
 from fieldkit.captures import Capture, Photo, read_image
 from fieldkit.errors import CaptureError
-from fieldkit.fieldcheck.model import CheckSettings
 from fieldkit.reconstruction.versions import BESIDE
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import map_threads
@@ -38,6 +37,11 @@ _STRONGEST = 0.03
 _SHARPEST = 0.25
 _GOOD_SHARE = 0.3
 _WIDEST_PX = 50.0
+_BLUR_RATIO, _EDGE_PX = 1.3, 1.75
+"""Edges that many times as wide as in the capture's other photographs are blurred; and, whatever the others are, a
+median width (σ) of strong edges, in a picture 1600 pixels wide: twice what the recorded sets have in focus."""
+_EXPOSURE_STOPS, _CLIPPED_SHARE = 1.5, 0.15
+"""Farthest from the capture's median brightness; most that may be black or white beyond the median photograph's."""
 Array = NDArray[np.float64]
 
 
@@ -122,9 +126,7 @@ def load_pictures(photos: Sequence[Photo], context: Context, advance: Advance) -
     return {photo.name: each for photo, each in zip(photos, found, strict=True)}
 
 
-def judge_pictures(
-    capture: Capture, pictures: Mapping[str, Picture], settings: CheckSettings
-) -> dict[str, PictureVerdict]:
+def judge_pictures(capture: Capture, pictures: Mapping[str, Picture]) -> dict[str, PictureVerdict]:
     """Each photograph beside the others of its camera group."""
     verdicts: dict[str, PictureVerdict] = {}
     for group in capture.groups:
@@ -137,13 +139,11 @@ def judge_pictures(
         )
         for name in group.photos:
             usual = (None if light is None else float(light), float(dark), float(bright))
-            verdicts[name] = _judged(pictures[name], ratios.get(name, np.ones(DIRECTIONS)), usual, settings)
+            verdicts[name] = _judged(pictures[name], ratios.get(name, np.ones(DIRECTIONS)), usual)
     return verdicts
 
 
-def _judged(
-    picture: Picture, ratios: NDArray[np.float64], usual: tuple[float | None, float, float], settings: CheckSettings
-) -> PictureVerdict:
+def _judged(picture: Picture, ratios: NDArray[np.float64], usual: tuple[float | None, float, float]) -> PictureVerdict:
     light, dark, bright = usual
     stops = 0.0 if not light else float(np.log2(max(picture.light, 1e-6) / light))
     worst = int(np.argmax(ratios))
@@ -151,18 +151,18 @@ def _judged(
     problem, message = "", ""
     if not picture.readable:
         problem, message = "unreadable", "it cannot be decoded"
-    elif stops < -settings.exposure_stops or picture.dark - dark > settings.clipped_share:
+    elif stops < -_EXPOSURE_STOPS or picture.dark - dark > _CLIPPED_SHARE:
         problem = "too-dark"
         message = f"{abs(min(stops, 0.0)):.1f} stops darker than the others, {picture.dark:.0%} of it black"
-    elif stops > settings.exposure_stops or picture.bright - bright > settings.clipped_share:
+    elif stops > _EXPOSURE_STOPS or picture.bright - bright > _CLIPPED_SHARE:
         problem = "too-bright"
         message = f"{max(stops, 0.0):.1f} stops brighter than the others, {picture.bright:.0%} of it white"
     elif picture.contrast < _EMPTY_CONTRAST:
         problem, message = "empty", "nothing can be seen in it"
-    elif ratio > settings.blur_ratio:
+    elif ratio > _BLUR_RATIO:
         problem = "blurred"
         message = f"{_kind(ratios)}: its edges are {ratio:.1f} times as wide as in the others"
-    elif float(np.median(picture.widths)) > settings.edge_px:
+    elif float(np.median(picture.widths)) > _EDGE_PX:
         problem = "blurred"
         message = f"out of focus: edges {np.median(picture.widths):.1f} px wide in a picture 1600 px wide"
     return PictureVerdict(edge, ratio, stops, picture.dark + picture.bright, problem, message)

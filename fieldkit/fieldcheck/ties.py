@@ -17,7 +17,6 @@ from scipy.spatial.transform import Rotation
 from fieldkit.cache import digest
 from fieldkit.captures import Capture
 from fieldkit.captures.model import Photo
-from fieldkit.fieldcheck.model import CheckSettings
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.reconstruction.cameras import CameraSet, cameras_of
@@ -53,6 +52,8 @@ from fieldkit.runtime.executor import map_threads
 
 _FIRST_FEATURES = 2000
 _FIRST_MATCHES = 14
+_MIN_MATCHES = 15
+"""Verified matches of two photographs from which on they tie each other."""
 _ALL_PAIRS_UP_TO = 24
 _NEIGHBOURS = 14
 _LEAST_DEPTHS = 5
@@ -110,7 +111,7 @@ class TieGraph:
 
 
 def find_ties(
-    capture: Capture, settings: CheckSettings, context: Context, *,
+    capture: Capture, context: Context, *,
     fallback: Intrinsics | None = None, positions: Sequence[Array | None] = (),
 ) -> TieGraph:  # fmt: skip
     """Match all photographs with each other.
@@ -144,10 +145,10 @@ def find_ties(
     with progress.stage("Matches", len(pairs)) as advance:
         found = map_threads(count, pairs, workers=workers, advance=advance)
     alike = [pair for pair, count in zip(pairs, found, strict=True) if count >= _FIRST_MATCHES]
-    verified = _verified(features, cameras, alike, settings, context)
+    verified = _verified(features, cameras, alike, context)
     ties = {
         pair: _tie(pair, two, features, cameras) for pair, two in verified.items()
-        if len(two.inliers) >= settings.min_matches and np.linalg.norm(two.translation) > 0
+        if len(two.inliers) >= _MIN_MATCHES and np.linalg.norm(two.translation) > 0
     }  # fmt: skip
     return TieGraph(ties, tuple(_ratios(ties)), tuple(features), cameras)
 
@@ -170,15 +171,14 @@ def _scaled(wanted: Intrinsics, guessed: Intrinsics) -> Intrinsics:
 
 
 def _verified(
-    features: Sequence[KeyedFeatures], cameras: CameraSet, pairs: Sequence[Pair], settings: CheckSettings,
-    context: Context,
+    features: Sequence[KeyedFeatures], cameras: CameraSet, pairs: Sequence[Pair], context: Context,
 ) -> dict[Pair, TwoView]:  # fmt: skip
     alone = replace(context, workers=1)
 
     def verify(pair: Pair) -> dict[Pair, TwoView]:
         return load_pairs(
             features, cameras.cameras, cameras.camera_of, [pair], ReconstructionSettings().verification,
-            alone, calibrated=True, seed=settings.seed,
+            alone, calibrated=True, seed=context.seed,
         )  # fmt: skip
 
     found: dict[Pair, TwoView] = {}
@@ -248,9 +248,7 @@ def tie_errors_deg(a: Pose, b: Pose, rotation: Array, translation: Array) -> tup
     return float(np.degrees(turn)), float(np.degrees(np.arctan2(cross, dot)))
 
 
-def with_guided_ties(
-    graph: TieGraph, photos: Sequence[Photo], poses: Mapping[int, Pose], context: Context, *, seed: int
-) -> TieGraph:
+def with_guided_ties(graph: TieGraph, photos: Sequence[Photo], poses: Mapping[int, Pose], context: Context) -> TieGraph:
     """The graph, and what guided matching adds for photographs with few matches.
 
     ``poses`` are those that are believed; nothing is added where there is none.
@@ -278,7 +276,7 @@ def with_guided_ties(
         matches = match_guided(a, b, Band(max(4.0, width), region))
         two = verify_pair(
             a.features, b.features, cameras[pair[0]], cameras[pair[1]], matches, FIRST_VERIFICATION,
-            calibrated=True, seed=seed,
+            calibrated=True, seed=context.seed,
         )  # fmt: skip
         length = float(np.linalg.norm(two.translation))
         if len(two.inliers) < _LEAST or length == 0.0:

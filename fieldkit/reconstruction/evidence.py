@@ -50,7 +50,7 @@ class StereoQuality:
     """Motion of a leaf between two views at which half of their matches fail: 2 ranks sets in wind worse, 4 to 20
     about as well (docs/experiments/score-and-planner.md)."""
     cap_m: float = 0.10
-    """Of every distance, as in the objective's rule (`Rule`)."""
+    """Of every distance, as in the objective's rule (`fieldkit.planning.objective.evaluation`)."""
 
     def of_views(self, seen: NDArray[np.bool_], facing: Array, footprint_m: Array) -> Array:
         """Quality in [0, 1] of views at points: seen · incidence / (1 + (footprint / `pixel_m`)²).
@@ -75,7 +75,7 @@ class StereoQuality:
 _POINTS = 1500
 _SIDES, _OF_SIDES, _MOST_VIEWS = 36, 40, 60
 _SHOWN = 0.4
-_QUALITY = StereoQuality()
+QUALITY = StereoQuality()
 _LEVER = 100.0
 _MOVED = 100
 _LOOSE = 5.0
@@ -177,20 +177,20 @@ def _supported(
         distance = np.linalg.norm(towards, axis=1)
         ray = towards / np.maximum(distance, 1e-9)[:, None]
         seen = camera.without_distortion().sees(pose.to_camera(points))
-        pixel = np.maximum(distance / camera.fx, _QUALITY.gsd_m)
+        pixel = np.maximum(distance / camera.fx, QUALITY.gsd_m)
         rays.append(ray)
         footprint.append(pixel)
         cosine = (normals * ray).sum(axis=1)
-        quality.append(_QUALITY.of_views(seen, np.maximum(cosine, 0.0) if one_sided else np.abs(cosine), pixel))
+        quality.append(QUALITY.of_views(seen, np.maximum(cosine, 0.0) if one_sided else np.abs(cosine), pixel))
     fails = np.ones((len(poses), len(points)))
-    information = np.full(len(points), _QUALITY.cap_m**-2)
+    information = np.full(len(points), QUALITY.cap_m**-2)
     for a in range(len(poses)):
         for b in range(a + 1, len(poses)):
             cosine = np.clip((rays[a] * rays[b]).sum(axis=1), -1.0, 1.0)
-            success = _QUALITY.of_angles(np.degrees(np.arccos(cosine))) * np.minimum(quality[a], quality[b])
+            success = QUALITY.of_angles(np.degrees(np.arccos(cosine))) * np.minimum(quality[a], quality[b])
             fails[a] *= 1.0 - success
             fails[b] *= 1.0 - success
-            information += success * (1.0 - cosine**2) / (_QUALITY.error_px**2 * footprint[a] * footprint[b])
+            information += success * (1.0 - cosine**2) / (QUALITY.error_px**2 * footprint[a] * footprint[b])
     none = np.prod(fails, axis=0)
     one = sum((1.0 - fails[a]) * np.prod(np.delete(fails, a, axis=0), axis=0) for a in range(len(poses)))
     return 1.0 - none - one, 1.0 / np.sqrt(information)

@@ -32,6 +32,8 @@ _ATTEMPTS = 2
 _FAILED_STARTS = 2
 _POLL_S = 0.2
 _STOP_S = 2.0
+_START_S = 300.0
+"""Time for a worker to start: importing libraries, making its state."""
 _FINISH_S = 10.0
 """Seconds that workers have to finish writing when a map is interrupted."""
 
@@ -50,8 +52,6 @@ class Limits:
 
     seconds: float = math.inf
     """Wall time of one call; then the worker is killed."""
-    start_seconds: float = 300.0
-    """Time to start: importing libraries, making the worker's state."""
     memory_bytes: float = math.inf
     """Resident memory, polled five times a second; above it the worker is killed. Address space is not limited, since
     graphics drivers and compiled kernels reserve more than they use.
@@ -178,7 +178,7 @@ class _Worker:
         self.limits = limits
         self.ready = False
         self.doing: _Call | None = None
-        self.deadline = time.monotonic() + limits.start_seconds
+        self.deadline = time.monotonic() + _START_S
 
     def give(self, call: _Call) -> None:
         """Send a call; one that cannot be sent ends with the error."""
@@ -195,7 +195,7 @@ class _Worker:
     def excess(self) -> str:
         """Why it has to be killed; empty if it does not."""
         if (self.doing is not None or not self.ready) and time.monotonic() > self.deadline:
-            allowed = self.limits.seconds if self.ready else self.limits.start_seconds
+            allowed = self.limits.seconds if self.ready else _START_S
             return f"it took longer than {allowed:g} s"
         if math.isfinite(self.limits.memory_bytes):
             with suppress(psutil.Error):

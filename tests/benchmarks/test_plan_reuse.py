@@ -9,7 +9,7 @@ from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.planning.objective.evaluation import Evaluation, Rule
+from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.simulated import Proxy
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.progress import Silent
@@ -114,9 +114,9 @@ def test_leaves_of_other_rows_are_neither_right_nor_wrong() -> None:
         value_m=0.1, chamfer_m=None, accuracy_m=None, completeness_m=None, f_scores={}, images=13, registered=13,
         right=13, models=1, points=0, cloud_digest="", views=(),
     )  # fmt: skip
-    both = rescored(blank, Cloud(np.concatenate([good, foreign])), proxy, Rule())
-    alone = rescored(blank, Cloud(good), proxy, Rule())
+    both = rescored(blank, Cloud(np.concatenate([good, foreign])), proxy)
+    alone = rescored(blank, Cloud(good), proxy)
     assert both == alone
     assert both.points == 2000
     assert both.accuracy_m < 0.002
-    assert rescored(blank, Cloud(np.zeros((0, 3))), proxy, Rule()) is blank
+    assert rescored(blank, Cloud(np.zeros((0, 3))), proxy) is blank

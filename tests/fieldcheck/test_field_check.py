@@ -105,21 +105,19 @@ class TestPictures:
         images = {f"{k}.jpg": texture(k) for k in range(5)}
         images["2.jpg"] = change(images["2.jpg"])
         capture = capture_of([None] * 5)
-        found = judge_pictures(capture, {n: measure_picture(i) for n, i in images.items()}, CheckSettings())
+        found = judge_pictures(capture, {n: measure_picture(i) for n, i in images.items()})
         assert {n: v.problem for n, v in found.items()} == {n: problem if n == "2.jpg" else "" for n in images}
 
     def test_sky_above_the_horizon_says_nothing_of_the_exposure(self) -> None:
         images = {f"{k}.jpg": (0.4 * texture(k)).astype(np.uint8) for k in range(5)}
         images["2.jpg"][:120] = 200
-        found = judge_pictures(
-            capture_of([None] * 5), {n: measure_picture(i) for n, i in images.items()}, CheckSettings()
-        )
+        found = judge_pictures(capture_of([None] * 5), {n: measure_picture(i) for n, i in images.items()})
         assert {v.problem for v in found.values()} == {""}
         assert abs(found["2.jpg"].stops) < 0.3
 
     def test_a_capture_out_of_focus_is_blurred_without_a_sharp_one_to_compare(self) -> None:
         pictures = {f"{k}.jpg": measure_picture(defocused(texture(k), 2.5)) for k in range(4)}
-        found = judge_pictures(capture_of([None] * 4), pictures, CheckSettings())
+        found = judge_pictures(capture_of([None] * 4), pictures)
         assert {v.problem for v in found.values()} == {"blurred"}
 
 

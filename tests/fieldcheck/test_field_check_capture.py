@@ -15,7 +15,7 @@ from benchmarks.rigs import RIG_FILE, read_rig
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.errors import CaptureError, MetadataError, UsageError
-from fieldkit.fieldcheck import CheckReport, CheckSettings, StationCheck, check_captures
+from fieldkit.fieldcheck import CheckReport, StationCheck, check_captures
 from fieldkit.fieldcheck.sway import burst_findings, leaves_move_m
 from fieldkit.fieldcheck.ties import TieGraph, find_ties
 from fieldkit.geometry import Intrinsics, Pose
@@ -47,7 +47,7 @@ def rig(data_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Pa
         cv2.imwrite(str(folder / name), cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
     cache = StageCache(tmp_path_factory.mktemp("cache"))
     # The rig does not say how its camera is turned: the sound photographs do.
-    graph = find_ties(read_capture(folder), CheckSettings(), context=Context(cache))
+    graph = find_ties(read_capture(folder), Context(cache))
     empty = np.zeros((3, 3))
     pairs = {
         pair: TwoView(np.zeros((tie.matches, 2), np.uint32), 2, empty, empty, empty, tie.rotation, tie.translation)

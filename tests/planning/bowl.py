@@ -67,7 +67,7 @@ class InTurn(Evaluations):
 
 def here(objective: Objective) -> Evaluations:
     """Evaluations in this process."""
-    return InTurn(Here(objective), objective.settings.rule.worst_m)
+    return InTurn(Here(objective))
 
 
 class Bowl(Objective):

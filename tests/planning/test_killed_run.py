@@ -103,7 +103,7 @@ def test_a_dask_cluster_that_loses_a_worker_loses_nothing(tmp_path: Path) -> Non
                 killed.append(next(iter(client.run(os.getpid).values())))
                 os.kill(killed[0], signal.SIGKILL)
 
-        evaluations = Evaluations(executor, 0.2)
+        evaluations = Evaluations(executor)
         search(Greedy(bowl_problem()), evaluations, run, out_of_time=never, watch=kill_one)
         confirm(Greedy(bowl_problem()), evaluations, run, watch=ignore)
         assert killed

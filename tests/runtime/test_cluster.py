@@ -34,7 +34,7 @@ def client() -> Iterator[Any]:
 @contextmanager
 def on(client: Any, folder: Path) -> Iterator[Evaluations]:
     with Cluster(client, make=partial(Trap, folder), limits=Limits(seconds=60.0)) as cluster:
-        yield Evaluations(cluster, 0.2)
+        yield Evaluations(cluster)
 
 
 def evaluate_all(evaluations: Evaluations, cameras: Sequence[Cameras], seed: int | None = None) -> list[Evaluation]:

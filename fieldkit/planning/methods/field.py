@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from fieldkit.planning.methods.optimise import Effort, near, optimise
 from fieldkit.planning.methods.subsets import MatchGraph, Uniform
 from fieldkit.planning.problem import Gain, PlanningProblem, Result, Trial, lowest
-from fieldkit.planning.score.cost_model import CERTAINTY, DOUBT, LEAST_M, NOISE, WEIGHTS, CostModel, Weights, fit_slopes
+from fieldkit.planning.score.cost_model import DOUBT, LEAST_M, NOISE, WEIGHTS, CostModel, Weights, fit_slopes
 from fieldkit.planning.score.registration import Registration
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.planning.space.families import Circle, circles, families
@@ -29,6 +29,7 @@ _REGISTERED = 16
 _PLOTS_TRIED = 3
 """Largest number of plots that trials are spread over: each has to be built, and kept by every worker."""
 _IN_REACH = 3.0
+INITIAL = 6
 """How far a finalist may be behind the best, in standard deviations of an evaluation."""
 _MEMBERS, _MOVES = 12, 48
 _STEPS = (0.02, 0.4)
@@ -148,22 +149,6 @@ class Candidates:
         return Candidate(self.problem.nearest(cameras), origin)
 
 
-@dataclass(frozen=True)
-class FieldSettings:
-    """Settings of the method `field`; docs/planning.md has what the alternatives gave."""
-
-    initial: int = 6
-    """Trials before the surrogate. They are the geometric score's optima and its favourites among circles and other
-    structured sets; in a recorded set, uniform subsets and greedy choices by matches.
-    """
-    noise: float = NOISE
-    """Least standard deviation of an evaluation that the surrogate assumes, as a share of the value."""
-    certainty: float = CERTAINTY
-    """For blind mapping, the extra cost expected of a set per e-fold by which it is less likely to register, as a
-    share.
-    """
-
-
 @dataclass(frozen=True, eq=False)
 class Field:
     """One Gaussian process whose prior mean is the geometric score; noisy expected improvement chooses from one pool.
@@ -181,7 +166,9 @@ class Field:
     """
 
     problem: PlanningProblem
-    settings: FieldSettings = FieldSettings()
+    initial: int = INITIAL
+    """Trials before the surrogate. They are the geometric score's optima and its favourites among circles and other
+    structured sets; in a recorded set, uniform subsets and greedy choices by matches."""
     seed: int = 0
     weights: Weights = WEIGHTS
     """Of the score's terms gap, noise and tie before there are results, metres of value per metre."""
@@ -192,12 +179,12 @@ class Field:
 
     @cached_property
     def _cost_model(self) -> CostModel:
-        return CostModel(self.problem, self.settings.certainty)
+        return CostModel(self.problem)
 
     @property
     def _noise(self) -> float:
         """Least noise of an evaluation, as a share of its value."""
-        return max(self.settings.noise, _ON_ANOTHER_PLOT if len(self.problem.plots) > 1 else 0.0)
+        return max(NOISE, _ON_ANOTHER_PLOT if len(self.problem.plots) > 1 else 0.0)
 
     @cached_property
     def _embedding(self) -> SetEmbedding:
@@ -205,7 +192,7 @@ class Field:
 
     @cached_property
     def _candidates(self) -> Candidates:
-        return Candidates(self.problem, self._cost_model, self.weights, self.settings.initial)
+        return Candidates(self.problem, self._cost_model, self.weights, self.initial)
 
     def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
         """See `Method.propose`."""
@@ -216,7 +203,7 @@ class Field:
             np.random.default_rng([self.seed, _STREAM, number]),
         )
         measured = self._usable(results, number)
-        if number < self.settings.initial or len(measured) < 3:
+        if number < self.initial or len(measured) < 3:
             return self._trial(turn, self._candidates.first(turn), {})
         learnt = self.learn(measured)
         slopes = learnt.process.slopes

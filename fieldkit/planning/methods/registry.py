@@ -48,10 +48,9 @@ def method_entry(name: str, methods: Mapping[str, MethodEntry] | None = None) ->
 
 
 def _field(problem: PlanningProblem, settings: SearchSettings) -> Method:
-    from fieldkit.planning.methods.field import Field, FieldSettings
+    from fieldkit.planning.methods.field import INITIAL, Field
 
-    chosen = FieldSettings() if settings.initial is None else FieldSettings(initial=settings.initial)
-    return Field(problem, chosen, settings.seed, settings.weights)
+    return Field(problem, settings.initial or INITIAL, settings.seed, settings.weights)
 
 
 def _bosfm(problem: PlanningProblem, settings: SearchSettings) -> Method:

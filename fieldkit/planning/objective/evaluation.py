@@ -11,6 +11,13 @@ from numpy.typing import ArrayLike
 
 from fieldkit.vocabulary import DISTANCES_M
 
+CAP_M = 0.10
+"""Upper limit of every distance, metres; a reference point that the cloud does not reach counts this much."""
+SUPPORT = 0.25
+"""Share of the reference that the cloud must reach for its accuracy to count in full."""
+WORST_M = 2.0 * CAP_M
+"""The largest value, that of an empty cloud."""
+
 
 @dataclass(frozen=True)
 class StageCost:
@@ -63,10 +70,10 @@ class Evaluation:
         return sum(stage.cpu_s for stage in self.times)
 
     @classmethod
-    def broken(cls, images: int, reason: str, worst_m: float) -> Evaluation:
+    def broken(cls, images: int, reason: str) -> Evaluation:
         """An evaluation that broke twice; it says nothing about z."""
         return cls(
-            worst_m,
+            WORST_M,
             None,
             None,
             None,
@@ -91,34 +98,15 @@ class Evaluation:
         return plain
 
 
-@dataclass(frozen=True)
-class Rule:
-    """The constants of the rule."""
-
-    cap_m: float = 0.10
-    """Upper limit of every distance, metres; a reference point that the cloud does not reach counts this much."""
-    support: float = 0.25
-    """Share of the reference that the cloud must reach for its accuracy to count in full."""
-
-    def __post_init__(self) -> None:
-        if not (self.cap_m > 0 and 0 < self.support <= 1):
-            raise ValueError("the cap must be positive, and the support lie in (0, 1]")
-
-    @property
-    def worst_m(self) -> float:
-        """The largest value, that of an empty cloud."""
-        return 2.0 * self.cap_m
-
-
-def value_m(to_estimate: ArrayLike, to_reference: ArrayLike, rule: Rule) -> float:
+def value_m(to_estimate: ArrayLike, to_reference: ArrayLike) -> float:
     """The cost of a cloud in metres: small is good.
 
-    With every distance d capped at c, completeness C = mean(d of reference points), accuracy A = mean(d of the
-    cloud's points) and the share reached s = 1 − C / c,
+    With every distance d capped at c = `CAP_M`, completeness C = mean(d of reference points), accuracy A = mean(d of
+    the cloud's points) and the share reached s = 1 − C / c,
 
-        value = C + w·A + (1 − w)·c,    w = min(1, s / support).
+        value = C + w·A + (1 − w)·c,    w = min(1, s / SUPPORT).
 
-    That is the chamfer distance itself where no distance exceeds the cap and the cloud reaches ``support`` of the
+    That is the chamfer distance itself where no distance exceeds the cap and the cloud reaches `SUPPORT` of the
     reference. It lies in [0, 2c]; it is 2c for an empty cloud and continuous in every distance. Adding a point no
     farther from the reference than the cloud's mean never raises it.
 
@@ -128,8 +116,8 @@ def value_m(to_estimate: ArrayLike, to_reference: ArrayLike, rule: Rule) -> floa
     """
     to_cloud, to_truth = np.asarray(to_estimate, dtype=np.float64), np.asarray(to_reference, dtype=np.float64)
     if not to_truth.size or not to_cloud.size:
-        return rule.worst_m
-    completeness = float(np.minimum(to_cloud, rule.cap_m).mean())
-    accuracy = float(np.minimum(to_truth, rule.cap_m).mean())
-    weight = min(1.0, max(0.0, 1.0 - completeness / rule.cap_m) / rule.support)
-    return min(completeness + weight * accuracy + (1.0 - weight) * rule.cap_m, rule.worst_m)
+        return WORST_M
+    completeness = float(np.minimum(to_cloud, CAP_M).mean())
+    accuracy = float(np.minimum(to_truth, CAP_M).mean())
+    weight = min(1.0, max(0.0, 1.0 - completeness / CAP_M) / SUPPORT)
+    return min(completeness + weight * accuracy + (1.0 - weight) * CAP_M, WORST_M)

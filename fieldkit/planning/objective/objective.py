@@ -19,7 +19,7 @@ from fieldkit.clouds.metrics import ReferenceIndex, nearest_distances, score_dis
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import ReconstructionError, UsageError
 from fieldkit.geometry import Intrinsics
-from fieldkit.planning.objective.evaluation import Evaluation, Rule, StageCost, value_m
+from fieldkit.planning.objective.evaluation import WORST_M, Evaluation, StageCost, value_m
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.reconstruction.dense import resolution
 from fieldkit.reconstruction.features import FeatureSettings
@@ -45,8 +45,6 @@ class Fidelity:
     """``"draft"``, ``"standard"`` or ``"fine"``."""
     drawn_side: int = 2000
     """Least longer side of rendered photographs, pixels, at most the camera's; recorded ones keep their size."""
-    economy: bool = True
-    """Passed to `simulate_capture`; halves the cost of rendering."""
     features: FeatureSettings = field(default_factory=FeatureSettings)
     """Detection in rendered photographs; recorded ones always use the defaults of `FeatureSettings`."""
     dense: DenseFidelity = "standard"
@@ -137,9 +135,6 @@ class ObjectiveSettings:
     """``"prior"`` starts from the commanded poses, as in the field; ``"incremental"`` is the paper's. Either is real
     SfM from the photographs: camera poses are never taken as known.
     """
-    rule: Rule = field(default_factory=Rule)
-    """For the value of poor clouds."""
-    min_agreeing_views: int = 2
     bands_px: tuple[float, ...] | None = None
     """Half widths of the bands that prior mapping matches in, round by round, in pixels of a photograph 1600 wide; None
     takes the default of `PriorMappingSettings`. Fewer rounds suit poses known to some millimetres.
@@ -244,7 +239,6 @@ class Objective:
                 features=photos.features,
                 mapping=self.settings.mapping,
                 fidelity=chosen.dense,
-                min_agreeing_views=self.settings.min_agreeing_views,
                 # They are commands, or a reference's: never a camera's doubtful records.
                 trust_orientations=True,
                 prior=self.settings.prior,
@@ -269,12 +263,12 @@ class Objective:
             return found.moved_plants(motion)
 
     def _scored(self, photos: PhotoSet, cloud: Cloud, mapped: _Mapped, failure: str, timer: StageTimer) -> Evaluation:
-        value, score = self.settings.rule.worst_m, None
+        value, score = WORST_M, None
         if len(cloud):
             with timer.stage("Scoring"):
                 to_reference, to_cloud = nearest_distances(self.source.reference, cloud)
                 score = score_distances(to_reference, to_cloud, DISTANCES_M)
-                value = value_m(to_cloud, to_reference, self.settings.rule)
+                value = value_m(to_cloud, to_reference)
         return Evaluation(
             value_m=value,
             chamfer_m=None if score is None else score.chamfer.chamfer_m,

@@ -165,7 +165,7 @@ class SimulatedSource:
                 simulate_capture(
                     folder, self._renderer, cameras.poses(), camera, noise=self.noise, seed=seed,
                     effects=_reduced(self.effects, scale), outdoors=self.outdoors,
-                    sidecars=sidecars, economy=fidelity.economy, drawing=self._drawings,
+                    sidecars=sidecars, economy=True, drawing=self._drawings,
                 )  # fmt: skip
             with progress.stage("Reading photographs"):
                 capture = by_station(read_capture(folder))

@@ -11,7 +11,7 @@ from typing import Protocol
 
 from fieldkit.errors import FieldkitError
 from fieldkit.planning.objective.evaluation import Evaluation
-from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
+from fieldkit.planning.objective.objective import Objective
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import Limits, WorkerError
@@ -36,9 +36,6 @@ class Job:
 class Evaluator(Protocol):
     """An `Objective`, or the objectives of several plots. Picklable."""
 
-    @property
-    def settings(self) -> ObjectiveSettings: ...
-
     def prepare(self) -> None:
         """Do the one-off work of the first evaluation now. Raises errors that prevent any evaluation here."""
         ...
@@ -60,8 +57,6 @@ class Evaluations:
     """
 
     executor: Executor
-    worst_m: float
-    """Value of what breaks."""
 
     def submit(self, job: Job) -> Future[Evaluation]:
         """The evaluation of a job, for `outcome`."""
@@ -78,7 +73,7 @@ class Evaluations:
             raise
         except Exception as error:
             reason = f"broke: {type(error).__name__}: {error}"
-        return Evaluation.broken(len(job.cameras), reason, self.worst_m)
+        return Evaluation.broken(len(job.cameras), reason)
 
     def each(self, jobs: Iterable[Job]) -> Iterator[Evaluation]:
         """Evaluations in the jobs' order, each as soon as it and all earlier ones are done. Raises as `outcome`."""
@@ -91,7 +86,7 @@ class Evaluations:
 def evaluating(evaluator: Evaluator, context: Context, limits: Limits = _LIMITS) -> Iterator[Evaluations]:
     """Evaluations of an objective, which every worker gets and prepares once; see `open_executor`."""
     with context.executor(make=partial(_prepared, evaluator), limits=limits) as executor:
-        yield Evaluations(executor, evaluator.settings.rule.worst_m)
+        yield Evaluations(executor)
 
 
 def _prepared(evaluator: Evaluator) -> Evaluator:

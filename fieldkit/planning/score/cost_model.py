@@ -23,7 +23,7 @@ WEIGHTS: Weights = (0.55, 1.1, 0.15)
 used until a plot has its own results."""
 DOUBT = 0.1
 """Standard deviation of each weight, over plots whose values are as large as the score expects."""
-CERTAINTY = 0.15
+_CERTAINTY = 0.15
 """Extra cost expected with blind mapping per e-fold by which a set is less likely to register."""
 NOISE = 0.05
 """Least standard deviation of an evaluation, as a share of its value."""
@@ -46,13 +46,10 @@ class CostModel:
     """Expected values of sets on a problem's plots; terms and connectivity of each set are kept.
 
     With several plots it is the mean over them.
-
-    Args:
-        certainty: extra cost expected per e-fold by which a set is less likely to register, as a share.
     """
 
-    def __init__(self, problem: PlanningProblem, certainty: float = CERTAINTY) -> None:
-        self._problem, self._certainty = problem, certainty
+    def __init__(self, problem: PlanningProblem) -> None:
+        self._problem = problem
         self._scores = [GeometricScore(problem, plot=plot) for plot in problem.plots]
         self._sets: dict[Cameras, _Scored] = {}
         self._unmet: dict[int, GeometricScore] = {}
@@ -103,7 +100,7 @@ class CostModel:
 
     def _risk(self, connected: float, registration: Registration | None) -> float:
         """By how much a set's cost is raised by its risk of not registering."""
-        return 1.0 if registration is None else float(registration.probability(connected)) ** -self._certainty
+        return 1.0 if registration is None else float(registration.probability(connected)) ** -_CERTAINTY
 
     def registration(self, results: Sequence[Result]) -> Registration:
         """The probability of registering whole, learnt from results."""

@@ -17,7 +17,7 @@ from fieldkit.planning.score.matchability import GUIDED, Matchability, camera_si
 from fieldkit.planning.score.visibility import POINTS, PerCamera, Surface, in_picture, look
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.planning.space.plots import Plot
-from fieldkit.reconstruction.evidence import StereoQuality
+from fieldkit.reconstruction.evidence import QUALITY
 from fieldkit.runtime.kernels import fast_kernel, kernel
 from fieldkit.vehicles.wash import swayed_m
 
@@ -30,21 +30,10 @@ _OF_PLANTS = 0.1
 _SWAYING = 0.7
 """Sway of the highest leaves as a share of that half a metre out, and in proportion to the height below: over maize of
 four scenes 0.36 to 0.48, root mean square."""
+_AGREEING, _NEIGHBORS = 2, 24
+"""Least number of views with a right depth at a point, and number of nearest points that can replace a missing one."""
 _COLUMN_M, _MISSED_M = 0.10, 0.05
 """Columns of plants, and by how much flights miss their stations and people plants' heights."""
-
-
-@dataclass(frozen=True)
-class ScoreSettings(StereoQuality):
-    """The constants of `GeometricScore`: those of `StereoQuality`, and how views are counted.
-
-    Figures are in docs/planning.md.
-    """
-
-    agreeing: int = 2
-    """Least number of views with a right depth at a point."""
-    neighbors: int = 24
-    """Number of nearest points that can replace a missing one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,22 +91,12 @@ class GeometricScore:
     cameras close together.
 
     Args:
-        matchability: of the plot's kind of plants and soil, for pairs without counted matches.
         plot: one of the problem's; the first one by default.
         points: largest number of points of the surface.
     """
 
-    def __init__(
-        self,
-        problem: PlanningProblem,
-        matchability: Matchability | None = None,
-        settings: ScoreSettings | None = None,
-        *,
-        plot: Plot | None = None,
-        points: int = POINTS,
-    ) -> None:
-        self.problem, self.matchability = problem, matchability or (Matchability() if problem.blind else GUIDED)
-        self.settings = settings or ScoreSettings()
+    def __init__(self, problem: PlanningProblem, *, plot: Plot | None = None, points: int = POINTS) -> None:
+        self.problem, self.matchability = problem, Matchability() if problem.blind else GUIDED
         self._plot = plot or problem.plots[0]
         self.surface = Surface.of(self._plot, points)
         around = _plot_points(problem, self.surface)
@@ -128,17 +107,17 @@ class GeometricScore:
             _SWAYING * np.clip(points[:, 2] / self._plot.height_m, 0.0, 1.0)
             for points in (self.surface.points, np.where(self._soil[:, None], 0.0, self._free))
         )
-        self._worth = _pair_worth(self.settings)
+        self._worth = _pair_worth()
         self._views = PerCamera(self._look)
-        count = min(self.settings.neighbors, len(self.surface))
+        count = min(_NEIGHBORS, len(self.surface))
         distance, index = cKDTree(self.surface.points).query(self.surface.points, k=count)
         self._neighbors = np.asarray(index, dtype=np.int64).reshape(len(self.surface), count)
-        self._distances = np.minimum(np.asarray(distance).reshape(len(self.surface), count), self.settings.cap_m)
+        self._distances = np.minimum(np.asarray(distance).reshape(len(self.surface), count), QUALITY.cap_m)
 
     def score(self, cameras: Cameras) -> Geometry:
         """The terms of a set of at least one camera, fitted to the plot; the cameras' order affects only rounding."""
         cameras = self._plot.fitted(cameras)
-        views, cap = self._views(cameras), self.settings.cap_m
+        views, cap = self._views(cameras), QUALITY.cap_m
         p, noise = self._reconstructed([view.points for view in views])
         hidden = 1.0 - float(self._reconstructed([view.free[self._matched :] for view in views])[0].mean())
         matched = np.array([view.free[: self._matched] for view in views], dtype=np.float64)
@@ -150,16 +129,15 @@ class GeometricScore:
         if matches is None:
             shared = overlap(seen > 0.0) if self.problem.blind else seen @ seen.T / self._matched
             matches = expected_matches(cameras.positions, self.problem.center, shared, self.matchability)
-        variance = (self.settings.error_px * matched[:, :, 4]) ** 2 + matched[:, :, 5]
+        variance = (QUALITY.error_px * matched[:, :, 4]) ** 2 + matched[:, :, 5]
         points, prior_m = self._free[: self._matched], self.problem.pose_noise_m
         sigmas = camera_sigmas_m(cameras.positions, points, seen, variance, matches, prior_m)
         tie = float(np.sqrt((sigmas**2).mean()))
         return Geometry(gap + spread, tie, gap, spread, float(p.mean()), matches, hidden)
 
     def _reconstructed(self, sights: list[NDArray[np.float32]]) -> tuple[Array, Array]:
-        s = self.settings
         found: tuple[Array, Array] = _reconstructed(
-            np.stack(sights), s.error_px, s.tolerance_px, self._worth, s.agreeing, s.cap_m
+            np.stack(sights), QUALITY.error_px, QUALITY.tolerance_px, self._worth, _AGREEING, QUALITY.cap_m
         )
         return found
 
@@ -174,8 +152,8 @@ class GeometricScore:
             rays: Array, away_m: Array, seen: NDArray[np.bool_], facing: Array, high: Array
         ) -> NDArray[np.float32]:
             below_m = away_m * np.maximum(rays[:, 2], 0.0)
-            footprint = np.maximum(away_m / camera.fx, self.settings.gsd_m)
-            quality = self.settings.of_views(seen, facing, footprint)
+            footprint = np.maximum(away_m / camera.fx, QUALITY.gsd_m)
+            quality = QUALITY.of_views(seen, facing, footprint)
             sway = (high * swayed_m(air.wind_m, away_m, air.vehicle_kg, below_m)) ** 2
             return np.column_stack([rays, quality, footprint, sway]).astype(np.float32)
 
@@ -189,9 +167,9 @@ class GeometricScore:
         ]  # fmt: skip
 
 
-def _pair_worth(settings: ScoreSettings) -> Array:
+def _pair_worth() -> Array:
     """The worth of a pair by the sine of half its angle, in steps from 0 to 1 and one beyond."""
-    worth = settings.of_angles(np.degrees(2.0 * np.arcsin(np.linspace(0.0, 1.0, _STEPS + 1))))
+    worth = QUALITY.of_angles(np.degrees(2.0 * np.arcsin(np.linspace(0.0, 1.0, _STEPS + 1))))
     return np.append(worth, worth[-1])
 
 

@@ -83,13 +83,11 @@ class Sight:
 class PerCamera(Generic[T]):
     """Values computed per camera, kept for those used last: sets that share cameras share the work.
 
-    Args:
-        compute: gives one value for each camera.
-        kept: largest number of values, beside those of the requested set.
+    ``compute`` gives one value for each camera.
     """
 
-    def __init__(self, compute: Callable[[Cameras], Sequence[T]], kept: int = _KEPT) -> None:
-        self._compute, self._limit = compute, kept
+    def __init__(self, compute: Callable[[Cameras], Sequence[T]]) -> None:
+        self._compute = compute
         self._values: OrderedDict[bytes, T] = OrderedDict()
 
     def __call__(self, cameras: Cameras) -> list[T]:
@@ -103,7 +101,7 @@ class PerCamera(Generic[T]):
         for key in keys:
             self._values.move_to_end(key)
             found.append(self._values[key])
-        while len(self._values) > self._limit:
+        while len(self._values) > _KEPT:
             self._values.popitem(last=False)
         return found
 

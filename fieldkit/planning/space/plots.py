@@ -95,13 +95,13 @@ def of_interest(description: SceneDescription, visible: Cloud) -> tuple[Cloud, V
     return reference, Volume((bounds.lower[0], bounds.lower[1], lowest), bounds.upper)
 
 
-def above_soil(visible: Cloud, lowest_m: float = LOWEST_M) -> tuple[Cloud, Volume]:
-    """The points above ``lowest_m``, and the box about them with 3 cm around. Raises SceneError if there are none."""
-    reference = visible.select(visible.points[:, 2] > lowest_m)
+def above_soil(visible: Cloud) -> tuple[Cloud, Volume]:
+    """The points above `LOWEST_M`, and the box about them with 3 cm around. Raises SceneError if there are none."""
+    reference = visible.select(visible.points[:, 2] > LOWEST_M)
     if not len(reference):
         raise SceneError(
-            f"no part of the plants is visible above {1000 * lowest_m:.0f} mm",
+            f"no part of the plants is visible above {1000 * LOWEST_M:.0f} mm",
             remedy="Let the plants stand on the ground and be higher than that.",
         )
     around = Volume.around(reference.points, margin_m=_MARGIN_M)
-    return reference, Volume((around.lower[0], around.lower[1], lowest_m), around.upper)
+    return reference, Volume((around.lower[0], around.lower[1], LOWEST_M), around.upper)

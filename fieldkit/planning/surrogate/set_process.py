@@ -163,6 +163,7 @@ def _matern(distances: Array, lengthscale: float) -> tuple[Array, Array]:
 
 _STREAM = 53
 REACH = 0.35
+"""Length scale of κ, in D: a turn of 20° about the plot."""
 _CONFIDENCE = 1.0
 
 
@@ -170,21 +171,17 @@ class SetEmbedding:
     """Sets of cameras as points whose squared distance is their squared maximum mean discrepancy (MMD).
 
     A camera is six numbers: its position, and its optical axis times the cameras' distance D from the plot, both
-    divided by ``reach`` · D. A Gaussian kernel κ compares two cameras; the mean of κ's random Fourier features (Rahimi
+    divided by `REACH` · D. A Gaussian kernel κ compares two cameras; the mean of κ's random Fourier features (Rahimi
     and Recht 2007) over a set is a point μ, and ‖μ(S) − μ(S')‖² ≈ MMD²(S, S') (Gretton et al. 2012). So a kernel of
     this distance, such as exp(−MMD²/2ℓ²), does not depend on the cameras' order. With 160 features its error is about
-    0.08.
-
-    Args:
-        problem: its volume's middle and its envelope give D.
-        reach: length scale of κ, in D: 0.35 of it is a turn of 20° about the plot.
+    0.08. The problem's volume's middle and its envelope give D.
     """
 
-    def __init__(self, problem: PlanningProblem, reach: float = REACH) -> None:
+    def __init__(self, problem: PlanningProblem) -> None:
         envelope = problem.envelope
         half = 0.5 * np.array([np.ptp(envelope.x_m), np.ptp(envelope.y_m)])
         self.distance_m = float(half.mean()) if problem.views is None else problem.distance_m
-        self._center, self._scale = problem.center, reach * self.distance_m
+        self._center, self._scale = problem.center, REACH * self.distance_m
         rng = np.random.default_rng(_STREAM)
         self._frequencies = rng.standard_normal((6, FEATURES))
         self._phases = rng.uniform(0.0, 2.0 * np.pi, FEATURES)

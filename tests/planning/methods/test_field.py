@@ -11,7 +11,7 @@ from scipy.stats import spearmanr
 from benchmarks.planners import PLANNERS
 from benchmarks.planners.random_sets import Random
 from fieldkit.clouds import Cloud
-from fieldkit.planning.methods.field import Field, FieldSettings
+from fieldkit.planning.methods.field import Field
 from fieldkit.planning.methods.optimise import Effort, near
 from fieldkit.planning.methods.registry import METHODS
 from fieldkit.planning.methods.subsets import MatchGraph, Uniform
@@ -26,7 +26,7 @@ from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
 from tests.planning.leafy import problem as leafy
 from tests.planning.leafy import recorded
 
-QUICK = FieldSettings(initial=4)
+QUICK = 4
 
 
 @pytest.fixture(autouse=True)
@@ -192,7 +192,7 @@ def test_it_tells_when_nothing_is_left_to_gain() -> None:
 
 def test_of_a_recorded_set_the_first_are_what_a_person_would_take() -> None:
     plot = recorded(8, 40)
-    found = [Field(plot, FieldSettings(initial=7)).propose(number, [], []) for number in range(7)]
+    found = [Field(plot, 7).propose(number, [], []) for number in range(7)]
     given = [method(plot).propose(turn, (), ()) for turn in range(3) for method in (Uniform, MatchGraph)]
     assert [t.cameras for t in found[:6] if t] == [t.cameras for t in given if t]
     assert found[6].cameras not in {t.cameras for t in given if t}

@@ -8,8 +8,7 @@ import pytest
 
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.canopy import with_room_m
-from fieldkit.planning.score.geometric import GeometricScore, ScoreSettings, room_above
-from fieldkit.planning.score.matchability import Matchability
+from fieldkit.planning.score.geometric import GeometricScore, room_above
 from fieldkit.planning.score.visibility import Surface, in_picture, look
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot
@@ -177,15 +176,6 @@ def test_a_surface_is_of_the_references_own_points_and_always_of_the_same() -> N
     assert len(Surface.of(PROBLEM.plots[0], 10**6)) == len(reference) == len(leaves())
     with pytest.raises(ValueError, match="no points"):
         Surface.of(Plot(Cloud.empty(), np.zeros((0, 3))))
-
-
-def test_settings_are_used() -> None:
-    cameras = around(np.arange(6) * 30.0)
-    hard = GeometricScore(PROBLEM, settings=ScoreSettings(agreeing=3), points=400)
-    assert hard.score(cameras).distance_m > SCORE.score(cameras).distance_m
-    tight = GeometricScore(PROBLEM, Matchability(decay_deg=4.0), points=400)
-    assert tight.score(cameras).tie_m > SCORE.score(cameras).tie_m
-    assert tight.score(cameras).distance_m == SCORE.score(cameras).distance_m
 
 
 def test_sets_are_looser_where_more_noise_of_poses_is_expected() -> None:
