@@ -13,7 +13,7 @@ from fieldkit.captures.geo_txt import GeoRow, settled_heights
 from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M, choose_heights
 from fieldkit.captures.model import GeoTag, Photo
 from fieldkit.captures.poses_csv import PoseRow
-from fieldkit.captures.programs.model import ProgramPoses
+from fieldkit.captures.programs.model import ANGLE_ACCURACY_DEG, ProgramPoses
 from fieldkit.captures.tables import match_names
 from fieldkit.documents.mistaken import CENTIMETRES
 from fieldkit.errors import MetadataError
@@ -136,7 +136,7 @@ def priors_from_program(photos: Sequence[Photo], program: ProgramPoses) -> Prior
         pose = program.poses.get(photo.name)
         if pose is None:
             continue
-        prior = PosePrior(pose.center, accuracy, angle_sigma_deg=program.angle_accuracy_deg, source=program.program)
+        prior = PosePrior(pose.center, accuracy, angle_sigma_deg=ANGLE_ACCURACY_DEG, source=program.program)
         angles = None if photo.name in program.unoriented else pose.yaw_pitch_roll_deg()
         priors[photo.name] = prior.with_angles(angles)
     heights = None if program.origin is None else program.program

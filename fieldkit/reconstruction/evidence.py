@@ -1,7 +1,7 @@
 """How well a reconstruction's own geometry supports its plants' cloud, without a reference. Pure functions.
 
-`StereoQuality` has the terms and constants that the planner's geometric score (`fieldkit.planning.score.geometric`) and
-the evidence have in common: what dense stereo can be expected to make of views and pairs of views.
+The planner's geometric score (`fieldkit.planning.score.geometric`) has the same terms and constants of what dense
+stereo can be expected to make of views and pairs of views.
 """
 
 from __future__ import annotations
@@ -22,60 +22,52 @@ from fieldkit.vocabulary import GSD_M
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class StereoQuality:
-    """Constants of what views and pairs are worth.
+# What views and pairs are worth. What is from elsewhere says where. How incidence, resolution and the angle's far side
+# enter was chosen among a dozen ways by 25 evaluations of rings, arcs, chains and clumps about tuning-1 and tuning-2:
+# all milder than in the prototype, whose stereo was simpler.
+BEST_ANGLE_DEG = 12.0
+"""Θ₀ between two rays at which a pair is worth most: 12° in the prototype and for dense stereo's choice of sources
+(`dense.source_views`)."""
+_TAIL_DEG = 20.0
+"""Over which a pair's worth falls to 1/e on the far side, as guided matches fall on real plants (219, 153, 73 and 56
+above chance at 18, 27, 36 and 46° on basil_rig)."""
+_FACING = 0.1, 0.5
+"""|n·v| up to which a surface is too steep, and from which it is as good as seen squarely."""
+PIXEL_M = 0.008
+"""Footprint of a pixel at which resolution has halved what a pair is worth."""
+FINEST_M = GSD_M["standard"]
+"""Ground sampling distance of dense stereo: a pixel of a photograph that covers less is reduced to it, so nearness is
+worth nothing by itself."""
+ERROR_PX = 0.5
+"""Of a match, for the noise of depths."""
+CAP_M = 0.10
+"""Of every distance, as in the objective's rule (`fieldkit.planning.objective.evaluation`)."""
 
-    What is from elsewhere says where. How incidence, resolution and the angle's far side enter was chosen among a dozen
-    ways by 25 evaluations of rings, arcs, chains and clumps about tuning-1 and tuning-2: all milder than in the
-    prototype, whose stereo was simpler.
+
+def quality_of_views(seen: NDArray[np.bool_], facing: Array, footprint_m: Array) -> Array:
+    """Quality in [0, 1] of views at points: seen · incidence / (1 + (footprint / `PIXEL_M`)²).
+
+    Args:
+        seen: whether a view has a point in its picture, unhidden.
+        facing: |n·v| of the surface's normal and the ray, 1 where there are no normals.
+        footprint_m: of a pixel at the point, metres.
     """
+    steep, square = _FACING
+    incidence = np.clip((facing - steep) / (square - steep), 0.0, 1.0)
+    quality: Array = seen * incidence / (1.0 + (footprint_m / PIXEL_M) ** 2)
+    return quality
 
-    best_angle_deg: float = 12.0
-    """Θ₀ between two rays at which a pair is worth most: 12° in the prototype and for dense stereo's choice of
-    sources (`dense.source_views`)."""
-    tail_deg: float = 20.0
-    """Over which a pair's worth falls to 1/e on the far side, as guided matches fall on real plants (219, 153, 73
-    and 56 above chance at 18, 27, 36 and 46° on basil_rig)."""
-    facing: tuple[float, float] = (0.1, 0.5)
-    """|n·v| up to which a surface is too steep, and from which it is as good as seen squarely."""
-    pixel_m: float = 0.008
-    """Footprint of a pixel at which resolution has halved what a pair is worth."""
-    gsd_m: float = GSD_M["standard"]
-    """Ground sampling distance of dense stereo: a pixel of a photograph that covers less is reduced to it, so nearness
-    is worth nothing by itself."""
-    error_px: float = 0.5
-    """Of a match, for the noise of depths."""
-    tolerance_px: float = 6.0
-    """Motion of a leaf between two views at which half of their matches fail: 2 ranks sets in wind worse, 4 to 20
-    about as well (docs/experiments/score-and-planner.md)."""
-    cap_m: float = 0.10
-    """Of every distance, as in the objective's rule (`fieldkit.planning.objective.evaluation`)."""
 
-    def of_views(self, seen: NDArray[np.bool_], facing: Array, footprint_m: Array) -> Array:
-        """Quality in [0, 1] of views at points: seen · incidence / (1 + (footprint / `pixel_m`)²).
-
-        Args:
-            seen: whether a view has a point in its picture, unhidden.
-            facing: |n·v| of the surface's normal and the ray, 1 where there are no normals.
-            footprint_m: of a pixel at the point, metres.
-        """
-        steep, square = self.facing
-        incidence = np.clip((facing - steep) / (square - steep), 0.0, 1.0)
-        quality: Array = seen * incidence / (1.0 + (footprint_m / self.pixel_m) ** 2)
-        return quality
-
-    def of_angles(self, degrees: Array) -> Array:
-        """What pairs are worth by the angle θ between their rays: (θ/θ₀ · e^(1 − θ/θ₀)) to the power of θ₀ / tail."""
-        ratio = degrees / self.best_angle_deg
-        worth: Array = (ratio * np.exp(1.0 - ratio)) ** (self.best_angle_deg / self.tail_deg)
-        return worth
+def worth_of_angles(degrees: Array) -> Array:
+    """What pairs are worth by the angle θ between their rays: (θ/θ₀ · e^(1 − θ/θ₀)) to the power of θ₀ / tail."""
+    ratio = degrees / BEST_ANGLE_DEG
+    worth: Array = (ratio * np.exp(1.0 - ratio)) ** (BEST_ANGLE_DEG / _TAIL_DEG)
+    return worth
 
 
 _POINTS = 1500
 _SIDES, _OF_SIDES, _MOST_VIEWS = 36, 40, 60
 _SHOWN = 0.4
-QUALITY = StereoQuality()
 _LEVER = 100.0
 _MOVED = 100
 _LOOSE = 5.0
@@ -177,20 +169,20 @@ def _supported(
         distance = np.linalg.norm(towards, axis=1)
         ray = towards / np.maximum(distance, 1e-9)[:, None]
         seen = camera.without_distortion().sees(pose.to_camera(points))
-        pixel = np.maximum(distance / camera.fx, QUALITY.gsd_m)
+        pixel = np.maximum(distance / camera.fx, FINEST_M)
         rays.append(ray)
         footprint.append(pixel)
         cosine = (normals * ray).sum(axis=1)
-        quality.append(QUALITY.of_views(seen, np.maximum(cosine, 0.0) if one_sided else np.abs(cosine), pixel))
+        quality.append(quality_of_views(seen, np.maximum(cosine, 0.0) if one_sided else np.abs(cosine), pixel))
     fails = np.ones((len(poses), len(points)))
-    information = np.full(len(points), QUALITY.cap_m**-2)
+    information = np.full(len(points), CAP_M**-2)
     for a in range(len(poses)):
         for b in range(a + 1, len(poses)):
             cosine = np.clip((rays[a] * rays[b]).sum(axis=1), -1.0, 1.0)
-            success = QUALITY.of_angles(np.degrees(np.arccos(cosine))) * np.minimum(quality[a], quality[b])
+            success = worth_of_angles(np.degrees(np.arccos(cosine))) * np.minimum(quality[a], quality[b])
             fails[a] *= 1.0 - success
             fails[b] *= 1.0 - success
-            information += success * (1.0 - cosine**2) / (QUALITY.error_px**2 * footprint[a] * footprint[b])
+            information += success * (1.0 - cosine**2) / (ERROR_PX**2 * footprint[a] * footprint[b])
     none = np.prod(fails, axis=0)
     one = sum((1.0 - fails[a]) * np.prod(np.delete(fails, a, axis=0), axis=0) for a in range(len(poses)))
     return 1.0 - none - one, 1.0 / np.sqrt(information)

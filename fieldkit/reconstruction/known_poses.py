@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.captures.model import Capture
-from fieldkit.captures.programs.model import POSITION_SHARE, ProgramPoses
+from fieldkit.captures.programs.model import ANGLE_ACCURACY_DEG, POSITION_SHARE, ProgramPoses
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.priors import PosePrior, Priors, SourceFrame
@@ -87,7 +87,7 @@ def _of_program(program: ProgramPoses, motion: Similarity, sigma: float) -> dict
     return {
         name: PosePrior(
             position=pose.center, position_sigma_m=sigma,
-            rotation=None if name in program.unoriented else pose.rotation, angle_sigma_deg=program.angle_accuracy_deg,
+            rotation=None if name in program.unoriented else pose.rotation, angle_sigma_deg=ANGLE_ACCURACY_DEG,
         )
         for name, pose in moved.items()
     }  # fmt: skip

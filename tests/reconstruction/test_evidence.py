@@ -9,7 +9,16 @@ from numpy.typing import NDArray
 from fieldkit.clouds import Cloud
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.similarity import fit_similarity
-from fieldkit.reconstruction.evidence import Evidence, StereoQuality, evidence, hidden_sides, leverage
+from fieldkit.reconstruction.evidence import (
+    BEST_ANGLE_DEG,
+    PIXEL_M,
+    Evidence,
+    evidence,
+    hidden_sides,
+    leverage,
+    quality_of_views,
+    worth_of_angles,
+)
 from fieldkit_sim.simulation import ring
 
 CAMERA = Intrinsics.pinhole(2000, 1500, 1700.0)
@@ -90,12 +99,9 @@ class TestEvidence:
         assert evidence(level(leaf()), RING[:1], [CAMERA], groups_of(1), 0.01) is None
 
 
-QUALITY = StereoQuality()
-
-
 def test_a_pair_is_worth_most_at_the_best_angle() -> None:
-    angles = np.array([0.0, 6.0, QUALITY.best_angle_deg, 18.0, 40.0, 90.0])
-    worth = QUALITY.of_angles(angles)
+    angles = np.array([0.0, 6.0, BEST_ANGLE_DEG, 18.0, 40.0, 90.0])
+    worth = worth_of_angles(angles)
     assert worth[0] == 0.0
     assert worth[2] == pytest.approx(1.0)
     assert (np.diff(worth[:3]) > 0).all()
@@ -104,8 +110,8 @@ def test_a_pair_is_worth_most_at_the_best_angle() -> None:
 
 def test_steep_surfaces_and_coarse_pixels_lessen_a_view() -> None:
     seen = np.array([True, True, True, False])
-    facing, footprint = np.array([1.0, 1.0, 0.1, 1.0]), np.array([0.0, QUALITY.pixel_m, 0.0, 0.0])
-    np.testing.assert_array_equal(QUALITY.of_views(seen, facing, footprint), [1.0, 0.5, 0.0, 0.0])
+    facing, footprint = np.array([1.0, 1.0, 0.1, 1.0]), np.array([0.0, PIXEL_M, 0.0, 0.0])
+    np.testing.assert_array_equal(quality_of_views(seen, facing, footprint), [1.0, 0.5, 0.0, 0.0])
 
 
 def test_sides_that_no_two_photographs_show_are_named() -> None:

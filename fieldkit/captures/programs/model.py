@@ -52,7 +52,6 @@ class ProgramPoses:
     metric: bool
     """Whether lengths are metres; else the unit is the model's own."""
     origin: LocalFrame | None
-    angle_accuracy_deg: float = ANGLE_ACCURACY_DEG
     cameras: Sequence[CameraEntry] = ()
     """Its calibrations, each with the names of its photographs."""
     frame_said: str = ""

@@ -11,7 +11,7 @@ from pathlib import Path
 from fieldkit import wording
 from fieldkit.captures.programs.colmap import colmap_suffix, read_colmap
 from fieldkit.captures.programs.metashape import read_metashape_xml
-from fieldkit.captures.programs.model import POSITION_SHARE, PosesFile, ProgramPoses
+from fieldkit.captures.programs.model import ANGLE_ACCURACY_DEG, POSITION_SHARE, PosesFile, ProgramPoses
 from fieldkit.captures.programs.opendronemap import SHOTS, read_shots
 from fieldkit.captures.tables import match_names
 from fieldkit.errors import MetadataError
@@ -134,7 +134,7 @@ def _of_photographs(
     many = f"{len(found.poses)} of {len(sizes)}" if len(found.poses) < len(sizes) else "all"
     said = (
         f"{found.program} has poses of {many} photographs, {found.frame_said}; taken for good to "
-        f"{100 * POSITION_SHARE:g} % of the cameras' spread and {found.angle_accuracy_deg:.2g}°"
+        f"{100 * POSITION_SHARE:g} % of the cameras' spread and {ANGLE_ACCURACY_DEG:.2g}°"
     )
     findings = [Finding(found.path.name, "program-poses", said)]
     if doubtful:

@@ -23,7 +23,7 @@ WEIGHTS: Weights = (0.55, 1.1, 0.15)
 used until a plot has its own results."""
 DOUBT = 0.1
 """Standard deviation of each weight, over plots whose values are as large as the score expects."""
-_CERTAINTY = 0.15
+CERTAINTY = 0.15
 """Extra cost expected with blind mapping per e-fold by which a set is less likely to register."""
 NOISE = 0.05
 """Least standard deviation of an evaluation, as a share of its value."""
@@ -100,7 +100,7 @@ class CostModel:
 
     def _risk(self, connected: float, registration: Registration | None) -> float:
         """By how much a set's cost is raised by its risk of not registering."""
-        return 1.0 if registration is None else float(registration.probability(connected)) ** -_CERTAINTY
+        return 1.0 if registration is None else float(registration.probability(connected)) ** -CERTAINTY
 
     def registration(self, results: Sequence[Result]) -> Registration:
         """The probability of registering whole, learnt from results."""

@@ -17,7 +17,7 @@ from fieldkit.planning.score.matchability import GUIDED, Matchability, camera_si
 from fieldkit.planning.score.visibility import POINTS, PerCamera, Surface, in_picture, look
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.planning.space.plots import Plot
-from fieldkit.reconstruction.evidence import QUALITY
+from fieldkit.reconstruction.evidence import CAP_M, ERROR_PX, FINEST_M, quality_of_views, worth_of_angles
 from fieldkit.runtime.kernels import fast_kernel, kernel
 from fieldkit.vehicles.wash import swayed_m
 
@@ -30,6 +30,9 @@ _OF_PLANTS = 0.1
 _SWAYING = 0.7
 """Sway of the highest leaves as a share of that half a metre out, and in proportion to the height below: over maize of
 four scenes 0.36 to 0.48, root mean square."""
+_TOLERANCE_PX = 6.0
+"""Motion of a leaf between two views at which half of their matches fail: 2 ranks sets in wind worse, 4 to 20 about as
+well (docs/experiments/score-and-planner.md)."""
 _AGREEING, _NEIGHBORS = 2, 24
 """Least number of views with a right depth at a point, and number of nearest points that can replace a missing one."""
 _COLUMN_M, _MISSED_M = 0.10, 0.05
@@ -112,12 +115,12 @@ class GeometricScore:
         count = min(_NEIGHBORS, len(self.surface))
         distance, index = cKDTree(self.surface.points).query(self.surface.points, k=count)
         self._neighbors = np.asarray(index, dtype=np.int64).reshape(len(self.surface), count)
-        self._distances = np.minimum(np.asarray(distance).reshape(len(self.surface), count), QUALITY.cap_m)
+        self._distances = np.minimum(np.asarray(distance).reshape(len(self.surface), count), CAP_M)
 
     def score(self, cameras: Cameras) -> Geometry:
         """The terms of a set of at least one camera, fitted to the plot; the cameras' order affects only rounding."""
         cameras = self._plot.fitted(cameras)
-        views, cap = self._views(cameras), QUALITY.cap_m
+        views, cap = self._views(cameras), CAP_M
         p, noise = self._reconstructed([view.points for view in views])
         hidden = 1.0 - float(self._reconstructed([view.free[self._matched :] for view in views])[0].mean())
         matched = np.array([view.free[: self._matched] for view in views], dtype=np.float64)
@@ -129,7 +132,7 @@ class GeometricScore:
         if matches is None:
             shared = overlap(seen > 0.0) if self.problem.blind else seen @ seen.T / self._matched
             matches = expected_matches(cameras.positions, self.problem.center, shared, self.matchability)
-        variance = (QUALITY.error_px * matched[:, :, 4]) ** 2 + matched[:, :, 5]
+        variance = (ERROR_PX * matched[:, :, 4]) ** 2 + matched[:, :, 5]
         points, prior_m = self._free[: self._matched], self.problem.pose_noise_m
         sigmas = camera_sigmas_m(cameras.positions, points, seen, variance, matches, prior_m)
         tie = float(np.sqrt((sigmas**2).mean()))
@@ -137,7 +140,7 @@ class GeometricScore:
 
     def _reconstructed(self, sights: list[NDArray[np.float32]]) -> tuple[Array, Array]:
         found: tuple[Array, Array] = _reconstructed(
-            np.stack(sights), QUALITY.error_px, QUALITY.tolerance_px, self._worth, _AGREEING, QUALITY.cap_m
+            np.stack(sights), ERROR_PX, _TOLERANCE_PX, self._worth, _AGREEING, CAP_M
         )
         return found
 
@@ -152,8 +155,8 @@ class GeometricScore:
             rays: Array, away_m: Array, seen: NDArray[np.bool_], facing: Array, high: Array
         ) -> NDArray[np.float32]:
             below_m = away_m * np.maximum(rays[:, 2], 0.0)
-            footprint = np.maximum(away_m / camera.fx, QUALITY.gsd_m)
-            quality = QUALITY.of_views(seen, facing, footprint)
+            footprint = np.maximum(away_m / camera.fx, FINEST_M)
+            quality = quality_of_views(seen, facing, footprint)
             sway = (high * swayed_m(air.wind_m, away_m, air.vehicle_kg, below_m)) ** 2
             return np.column_stack([rays, quality, footprint, sway]).astype(np.float32)
 
@@ -169,7 +172,7 @@ class GeometricScore:
 
 def _pair_worth() -> Array:
     """The worth of a pair by the sine of half its angle, in steps from 0 to 1 and one beyond."""
-    worth = QUALITY.of_angles(np.degrees(2.0 * np.arcsin(np.linspace(0.0, 1.0, _STEPS + 1))))
+    worth = worth_of_angles(np.degrees(2.0 * np.arcsin(np.linspace(0.0, 1.0, _STEPS + 1))))
     return np.append(worth, worth[-1])
 
 
