@@ -134,9 +134,8 @@ def plan_for_plants(
 ) -> tuple[Plan, float]:  # fmt: skip
     """Stations for known plants by the geometric score, as many as a carried plan has.
 
-    Returns:
-        The plan, and what the score expects there of the carried one, metres; fitted to the plants' height if it is
-        made for that.
+    Also what the score expects there of the carried one, metres; the plan is fitted to the plants' height if it is made
+    for that.
     """
     with suppress(MissionError):  # too different: searched for from where the plan's cameras are
         plan = fitted_to_height(plan, float(plants.points[:, 2].max()))

@@ -60,10 +60,8 @@ def export_rasters(campaign: Campaign, output: Path, *, overwrite: bool = False)
     """Write all visits' height models into a folder, with rasters.csv and the GeoPackage of `campaign_geopackage`.
 
     The rasters are the visits' own, byte for byte. Their styles are made anew: all canopy heights have the same
-    colours, and so have all surfaces, so that plots and dates can be compared by eye.
-
-    Returns:
-        A row per visit, as rasters.csv has them.
+    colours, and so have all surfaces, so that plots and dates can be compared by eye. Returns a row per visit, as
+    rasters.csv has them.
     """
     require_rasters()
     with atomic_folder(Path(output), overwrite=overwrite, marker=RASTERS_FILE) as folder:

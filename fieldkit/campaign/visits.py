@@ -51,8 +51,7 @@ def read_visits(campaign: Path) -> list[Visit]:
 def keep_visit(campaign: Path, visit: Visit) -> bool:
     """Write a visit into its folder, beside an evaluation that may be there.
 
-    Returns:
-        Whether it could be: a folder that holds something else than a visit is somebody's other work.
+    False if it could not be: a folder that holds something else than a visit is somebody's other work.
     """
     place = campaign / visit_place(*visit.key)
     if place.is_dir() and any(place.iterdir()) and not any((place / name).is_file() for name in _OWN):

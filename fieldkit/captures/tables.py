@@ -110,10 +110,8 @@ def match_names(listed: Iterable[str], names: Iterable[str]) -> dict[str, str]:
 
     The same name; else one that ends alike, by whole folders; else so without regard to case; else, for a name without
     a photograph's suffix, so without suffixes. Unicode is compared in its composed form (NFC), since file systems
-    differ in it. Ambiguous names stay unmatched.
-
-    Returns:
-        listed name → photograph name, for those found.
+    differ in it. Ambiguous names stay unmatched. Gives the photographs' names by those of the listed ones that are
+    found.
     """
     names = list(names)
     exact = {_nfc(name): name for name in names}

@@ -370,10 +370,7 @@ def flown_noise(plots: Sequence[PlotEvaluation], path: Path) -> tuple[float, flo
     it was aimed at.
 
     Where plots know their poses from different sources (`AdherenceEntry.achieved_by`), only those by the best one
-    count: the autopilot's report, then structure from motion, then tags.
-
-    Returns:
-        Metres and degrees, to 0.01 mm and 10⁻⁵ degrees.
+    count: the autopilot's report, then structure from motion, then tags. To 0.01 mm and 10⁻⁵ degrees.
     """
     known = [plot.adherence for plot in plots if plot.adherence is not None]
     if not known:

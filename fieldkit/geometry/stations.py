@@ -118,7 +118,7 @@ def associate(
     The assignment is the one with the least sum of costs (Hungarian method); a pair that costs more than `REACH_M` is
     none, and leaving a photograph alone costs as much, so that one of each does not shift all the others. Candidates
     for the offset are 0 and the differences of all pairs; the most promising are refined in turns with the assignment,
-    and so are the error of headings and the turn of the frame.
+    and so are the error of headings and the turn of the frame. There are no pairs where none is near enough.
 
     Args:
         photographs: n poses.
@@ -126,9 +126,6 @@ def associate(
         offset_m: (3,) the offset, photographs less stations, where it is known; then nothing else is taken out.
         most_offset_m: horizontally, where it is not known.
         turned: whether the photographs' frame may be turned a little about z against that of the stations.
-
-    Returns:
-        The pairs and what they have in common; no pairs where none is near enough.
     """
     placed = np.flatnonzero(np.isfinite(photographs.positions[:, :2]).all(axis=1))
     if not len(placed) or not len(stations):

@@ -65,10 +65,7 @@ def ground_of(
     Plants are the plan's, where it is given or lies beside the mission as mission.json says. Without a plan, a plot
     counts as clear where mission.json says so of this very file, of plants as high as these, here, and for as much
     clearance; else all of its outline counts as full. ``plant_height``, as of `with_plant_height`, comes before what
-    the plots and mission.json say.
-
-    Returns:
-        None where there are no plots.
+    the plots and mission.json say. None where there are no plots.
     """
     found = None if file is None else _record_of(file)
     record, unchanged = found if found is not None else (None, False)

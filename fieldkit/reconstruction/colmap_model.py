@@ -134,8 +134,7 @@ def triangulate_tracks(
 ) -> int:
     """Add a point for every track that triangulates; observations over ``max_error_px`` are left out of it.
 
-    Returns:
-        The number of points added.
+    Returns the number of points added.
     """
     options = triangulation(max_error_px, min_angle_deg, trials=100, seed=seed)
     rigid: Mapping[int, pycolmap.Rigid3d] = {i: image.cam_from_world() for i, image in model.images.items()}

@@ -113,10 +113,8 @@ def evidence(
 def hidden_sides(plants: Array, poses: Sequence[Pose], cameras: Sequence[Intrinsics]) -> list[tuple[float, float]]:
     """Directions that plants (n, 3) have an upright side to which hardly any two photographs show well enough.
 
-    Expected from poses alone, as the planner's score does: what plants hide of one another is not counted.
-
-    Returns:
-        Each range from one azimuth to another, degrees clockwise from +y, of which the first may be the larger.
+    Expected from poses alone, as the planner's score does: what plants hide of one another is not counted. Each range
+    is from one azimuth to another, degrees clockwise from +y, of which the first may be the larger.
     """
     few = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), _MOST_VIEWS)).round().astype(int))
     some = plants[np.random.default_rng(0).permutation(len(plants))[:_OF_SIDES]]

@@ -194,10 +194,8 @@ def epipolar_distances(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.u
 def match_guided(a: PosedFeatures, b: PosedFeatures, band: Band, *, shift_px: float = 0.0) -> NDArray[np.uint32]:
     """Mutual best matches within a band about the epipolar lines of two poses, in agreement with the poses.
 
-    ``shift_px`` displaces image b across its epipolar lines; the matches that remain are chance.
-
-    Returns:
-        (k, 2) feature indices, sorted by the first.
+    ``shift_px`` displaces image b across its epipolar lines; the matches that remain are chance. Gives (k, 2) feature
+    indices, sorted by the first.
     """
     found, before = [np.zeros((0, 2), np.int64)], np.zeros(2, np.int64)
     for part_a, part_b in zip(a.indexed.parts, b.indexed.parts, strict=True):

@@ -74,12 +74,11 @@ def detect_markers(gray: NDArray[np.uint8], dictionary: str) -> list[MarkerDetec
 def refine_corners(gray: NDArray[np.uint8], corners: Floats, cells: int) -> Floats:
     """Corners (4, 2) as intersections of lines fitted to the edges between them, from black inside to white outside.
 
+    The given ones are returned where an edge has no clear contrast or the corners run away.
+
     Args:
         corners: clockwise, pixels; within about a pixel of the truth.
         cells: of the marker along a side, its border counted.
-
-    Returns:
-        The refined corners; those given, where an edge has no clear contrast or the corners run away.
     """
     current = corners
     for _ in range(_ROUNDS):

@@ -29,10 +29,8 @@ class _BestTwo:
 def match_features(a: Features, b: Features, *, ratio: float = 0.8) -> NDArray[np.uint32]:
     """Mutual nearest neighbours that pass Lowe's ratio test in both directions.
 
-    ``ratio`` is the largest of the best to the second best descriptor distance (Lowe 2004).
-
-    Returns:
-        (k, 2) indices into ``a`` and ``b``, sorted by the first.
+    ``ratio`` is the largest of the best to the second best descriptor distance (Lowe 2004). Gives (k, 2) indices into
+    ``a`` and ``b``, sorted by the first.
     """
     if len(a) == 0 or len(b) == 0:
         return np.zeros((0, 2), np.uint32)

@@ -27,18 +27,15 @@ def shortest_tour(
 ) -> tuple[int, ...]:
     """The shortest order in which to visit every place once.
 
-    Up to `EXACT_PLACES` places beside start and end it is exact (Held and Karp 1962), in ties the same every time.
-    With more it is PyVRP's iterated local search (Wouda, Lan and Kool 2024) for a number of iterations that only
-    depends on the number of places, so that a seed gives the same order on every machine.
+    Up to `EXACT_PLACES` places beside start and end it is exact (Held and Karp 1962), in ties the same every time. With
+    more it is PyVRP's iterated local search (Wouda, Lan and Kool 2024) for a number of iterations that only depends on
+    the number of places, so that a seed gives the same order on every machine. Gives the n places in order.
 
     Args:
         distances: (n, n), not negative, from row to column; not necessarily symmetric. Infinite where there is no way.
         start: place that comes first; of a closed tour 0 unless given, of an open one any unless given.
         end: place that comes last, of an open tour.
         closed: return from the last place to the first.
-
-    Returns:
-        The n places in order.
     """
     matrix = _checked(distances)
     n = len(matrix)

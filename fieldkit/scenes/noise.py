@@ -9,14 +9,11 @@ from fieldkit.runtime.kernels import inline_kernel, kernel
 
 
 def fractal_noise(x: ArrayLike, y: ArrayLike, seed: int, *, octaves: int = 4, gain: float = 0.5) -> NDArray[np.float32]:
-    """Gradient noise summed over octaves (Perlin 1985), about in [-1, 1].
+    """Gradient noise summed over octaves (Perlin 1985), about in [-1, 1]. The array has the broadcast shape.
 
     Args:
         x, y: coordinates that broadcast together, in units of the coarsest octave's cells.
         octaves: each halves the cell and scales the amplitude by ``gain``.
-
-    Returns:
-        Array of the broadcast shape.
     """
     return _evaluate(_fractal, x, y, seed, octaves, gain)
 

@@ -227,10 +227,8 @@ def _turned_order(
     """The order of the points of ``plants`` in which surfels are turned as they were on the recorded plants.
 
     The turns of the places in a file are spread evenly over the circle, and so are those that the points need. Matched
-    by size they differ by about a degree for a thousand points, less for more.
-
-    Returns:
-        The order (n,), and whether patches are to be flipped from left to right because the plot is mirrored.
+    by size they differ by about a degree for a thousand points, less for more. The order is (n,); also whether patches
+    are to be flipped from left to right because the plot is mirrored.
     """
     flipped = variation.whole is not None and variation.whole.mirror_deg is not None
     wanted = surfel_axes(recorded)[1]

@@ -25,10 +25,8 @@ def sample_visible(scene: Scene, counts: Sequence[int], seed: int = 0, *, pixels
     """Points on the plants' surfaces, uniform by area, that can be seen from outside.
 
     A point counts as visible when one of 36 directions, from straight above down to 10° below the horizon, reaches it
-    (within 3 mm) past plants and soil, which are drawn once for all counts, ``pixels`` wide.
-
-    Returns:
-        For each count about so many points less the hidden ones, with unlit colours and normals, in the plot frame.
+    (within 3 mm) past plants and soil, which are drawn once for all counts, ``pixels`` wide. Gives for each count about
+    so many points less the hidden ones, with unlit colours and normals, in the plot frame.
     """
     meshes = list(scene.plants)
     areas = [_areas(mesh) for mesh in meshes]

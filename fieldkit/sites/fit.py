@@ -212,11 +212,9 @@ def _wash(stations: Array, plants: Array, plot: SitePlot, vehicle: Vehicle) -> I
 def plants_outgrown(plan: Plan, plant_height_m: float, *, plot: str = "plot") -> Finding | None:
     """What to say of plants that were measured on photographs of a plan's flight.
 
-    ``plant_height_m`` is that of the highest plants above the ground, as measured.
-
-    Returns:
-        A warning where they are higher than those that the plan keeps clear of by more than `HIGHER_M`; else None, as
-        where the plan does not say where plants are, or the height is no number.
+    ``plant_height_m`` is that of the highest plants above the ground, as measured. A warning where they are higher than
+    those that the plan keeps clear of by more than `HIGHER_M`; else None, as where the plan does not say where plants
+    are, or the height is no number.
     """
     top = PlanFacts(plan).top_m
     if top is None or not math.isfinite(plant_height_m) or plant_height_m <= top + HIGHER_M:

@@ -72,10 +72,8 @@ def fitted(plan: Plan, plot: SitePlot) -> Plan:
     Along each axis the box about the plan's plants is stretched to the plot's: upwards to ``plant_height_m``, along and
     across the row to ``length_m`` and ``width_m`` where these are beyond the plan's plants or short of them by more
     than 0.25 m. `Stretch` says how stations are moved. Heights and pitches stay within the plan's envelope. A plan that
-    was fitted to a plot is not changed by fitting it again. The plan has plants, in the plot frame.
-
-    Returns:
-        The plan itself where the plot is the plan's as far as is known: it says no height and no size, or the same.
+    was fitted to a plot is not changed by fitting it again. The plan has plants, in the plot frame. The plan itself
+    where the plot is the plan's as far as is known: it says no height and no size, or the same.
     """
     facts = PlanFacts(plan)
     if plot.plant_height_m is None and plot.size_m is None:

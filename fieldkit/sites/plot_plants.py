@@ -239,8 +239,7 @@ def plants_on(facts: PlanFacts | None, plot: SitePlot) -> PlotPlants | None:
     - Where a plot of known size and plant height reaches beyond the plan's plants, what lies beyond counts as full.
     - Where no plan says where plants are, all of a plot of known size and plant height counts as full.
 
-    Returns:
-        None where neither the plan nor the site says where plants are.
+    None where neither the plan nor the site says where plants are.
     """
     if facts is None or facts.plan.plants is None or facts.top_m is None or facts.box is None:
         return _full(plot)
@@ -298,13 +297,10 @@ def row_spacing_m(points: Array) -> float | None:
 
     Points of the lower part of the plants are counted across the rows, in directions within 12° of x, and rows are
     evenly spaced peaks with gaps between them. Each row has to be longer than the spacing, or single plants beside each
-    other would be taken for rows.
+    other would be taken for rows. None where there are fewer than two rows, or they cannot be told apart.
 
     Args:
         points: (n, 3) of the plants, plot frame, z above the ground; about one per cell of a grid.
-
-    Returns:
-        Metres; None where there are fewer than two rows, or they cannot be told apart.
     """
     if len(points) < _LEAST_POINTS or not np.isfinite(points).all():
         return None

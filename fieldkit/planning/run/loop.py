@@ -58,10 +58,7 @@ def search(
 
     The method proposes in a thread of its own while evaluations run. When it proposes trial k, it knows trials up to k
     − lag − 1. So proposals depend only on the settings, also in an interrupted run. ``out_of_time`` says from the run's
-    seconds so far whether no trial may start any more.
-
-    Returns:
-        Why the search ended.
+    seconds so far whether no trial may start any more. Returns why the search ended.
     """
     with ThreadPoolExecutor(1) as thread:
         going = _Search(method, evaluations, run, out_of_time, watch, thread)
@@ -153,14 +150,12 @@ def confirm(
     """Evaluate the search's best sets again at fresh seeds.
 
     A `Judge` chooses the sets; else they are those of the lowest values. The lowest of many noisy values is partly
-    luck, so the winner is chosen by values that had no part in finding it.
+    luck, so the winner is chosen by values that had no part in finding it. The finalists are in the order of `ranked`;
+    none if no trial was measured.
 
     Args:
         even: the even subsets of a recorded set. The best of them is always a finalist, and the plan unless another one
             is ahead of it beyond noise.
-
-    Returns:
-        The finalists in the order of `ranked`; empty if no trial was measured.
     """
     results = [entry.result for entry in searched(run.entries)]
     judge = method.favourites if isinstance(method, Judge) else lowest
@@ -219,13 +214,11 @@ def evaluate_again(
 
     If the plan is for plots of a kind, each repeat is on its own plot, one that no trial has met. The first is the
     given plot if the search took no photographs. It is a race: a trial that is clearly behind after a repeat takes part
-    in no more, and where one is left the race is over.
+    in no more, and where one is left the race is over. The trials come by repeats, then value, the best first; in the
+    given order if the settings ask for no repeats.
 
     Args:
         standard: cameras that others have to beat by a share ``nearer``; their values race with so much taken off.
-
-    Returns:
-        The trials by repeats, then value, the best first; in the given order if the settings ask for no repeats.
     """
     settings = run.settings
     if not settings.repeats:

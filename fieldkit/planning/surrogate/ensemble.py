@@ -73,13 +73,12 @@ def noise_model(least: float, usual: float = 0.0) -> Any:
 def fit(model: SingleTaskGP, seed: int, *, starts: int = 1) -> tuple[str, ...]:
     """Fit a process's hyperparameters by L-BFGS: maximum of the marginal likelihood times their priors.
 
+    Returns problems in words; if every start fails, the first start's hyperparameters are used.
+
     Args:
         model: at its first start; fitted in place and left in evaluation mode.
         seed: of the other starts, which are drawn from the priors.
         starts: number of starts; the best one counts.
-
-    Returns:
-        Problems, in words. If every start fails, the first start's hyperparameters are used.
     """
     mll = ExactMarginalLogLikelihood(model.likelihood, model)
     with manual_seed(seed), warnings.catch_warnings(record=True) as caught:

@@ -51,17 +51,14 @@ def compute_depth_maps(
 
     From coarse to fine: on every level a pass of the photographs alone, from random planes or the coarser level's, then
     geometric passes, which take over the source views' planes where they fit better and ask for agreement with their
-    depths. Each view's results are cached by the content of the view, of its source views, the volume
-    and the seed, so a repeated or extended run only computes what changed.
+    depths. Each view's results are cached by the content of the view, of its source views, the volume and the seed, so
+    a repeated or extended run only computes what changed. A view without source views has no depths.
 
     Args:
         views: n views at working size.
         volume: pixels whose rays miss it are left out, and it bounds the depths.
         context: its cache keeps the hypotheses of every pass; its workers are views computed side by side.
         room: for the hypotheses of all views, and the depth maps.
-
-    Returns:
-        n depth maps, in the same order. A view without source views has no depths.
     """
     sources = choose_sources(views, volume)
     contents = [view_digest(view) for view in views]

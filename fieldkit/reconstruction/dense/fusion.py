@@ -73,11 +73,8 @@ def fuse(
 
     Depths that no others agree with then fill holes: with masks only, at pixels that are not used up, where no more
     views see through the point than have it, and every mask, `FILLING_MASKS` at least, shows plants (`Cloud.filled`).
-    ``scatter_px`` is `depth_scatter_px`, where it is known already. ``room`` is for the depths of all views
-    once more.
-
-    Returns:
-        Points in the plot frame (metres) with colours and normals, thinned to voxels of one ground sampling distance.
+    ``scatter_px`` is `depth_scatter_px`, where it is known already; ``room`` is for the depths of all views once more.
+    The cloud is in the plot frame (metres) with colours and normals, thinned to voxels of one ground sampling distance.
     """
     if scatter_px is None:
         scatter_px = depth_scatter_px(views, depth_maps, volume, room)

@@ -129,14 +129,13 @@ class Problem:
     def refine(self, first: Planes, sources: list[tuple[View, Active, Planes]], key: np.uint64, last: Sweep) -> Planes:
         """The second pass: take over the source views' planes, and ask for agreement with their depths.
 
+        The planes' costs are those of the photographs alone.
+
         Args:
             first: the first pass's planes of this view.
             sources: the source views with theirs.
             key: everything random starts from it.
             last: the round after that.
-
-        Returns:
-            The planes; their costs are those of the photographs alone.
         """
         found = Planes(first.planes.copy(), first.costs.copy())
         if not len(found.planes) or not self.stereo.best:

@@ -150,10 +150,8 @@ def resized(camera: Intrinsics, width: int, height: int) -> Intrinsics:
 def depth_range(intrinsics: Intrinsics, pose: Pose, volume: Volume) -> tuple[NDArray[Any], NDArray[Any]]:
     """Depth along the optical axis at which each pixel's ray enters and leaves the volume.
 
-    A camera inside the volume starts at 5 % of the depth at which the ray leaves.
-
-    Returns:
-        near, far: (H, W) float64 metres; far ≤ near where the ray misses the volume or meets it behind the camera.
+    A camera inside the volume starts at 5 % of the depth at which the ray leaves. Both are (H, W) float64 metres; far ≤
+    near where the ray misses the volume or meets it behind the camera.
     """
     columns, rows = np.meshgrid(np.arange(intrinsics.width), np.arange(intrinsics.height))
     return _range_of(rows, columns, intrinsics, pose, volume)

@@ -182,15 +182,14 @@ def map_blindly(
 ) -> list[pycolmap.Reconstruction]:
     """Run COLMAP's incremental or global mapper on verified pairs, on one thread.
 
+    The models are in COLMAP's arbitrary frame and scale, the largest first (most registered images, then most points).
+
     Args:
         method: ``"incremental"`` or ``"global"``.
         names: of n images; image i has COLMAP id i + 1.
         camera_of: each image's index into ``cameras``.
         pairs: verified pairs by image indices.
         fixed_intrinsics: hold the cameras as given, else focal length and distortion are refined.
-
-    Returns:
-        The models in COLMAP's arbitrary frame and scale: the largest first (most registered images, then most points).
     """
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
         database = Path(folder) / "database.db"

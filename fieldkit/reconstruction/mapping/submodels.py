@@ -129,15 +129,13 @@ def best_motion(
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """The small similarity about ``pivot`` that is likeliest after what is known and the matches that agree.
 
-    A match that agrees says ln(band / width) more for a motion than one that is anywhere in the band.
+    A match that agrees says ln(band / width) more for a motion than one that is anywhere in the band. Gives the motion
+    (7,) as `moved` takes it, and which matches agree (n,).
 
     Args:
         pivot: (3,).
         covariance: (7, 7) of the motion, known before.
         band: half width of what the matches were looked for in, radians.
-
-    Returns:
-        The motion (7,) as `moved` takes it, and which matches agree (n,).
     """
     motions = rng.multivariate_normal(np.zeros(7), covariance, _STARTS)
     motions[0] = 0.0

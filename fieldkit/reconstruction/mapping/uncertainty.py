@@ -221,10 +221,8 @@ def _observations(model: pycolmap.Reconstruction) -> _Observations:
 def _joined(seen: _Observations, information: Floats) -> tuple[_Observations, Floats]:
     """The observations that pairs with information join to others of their points, cut where none does; and weights.
 
-    ``information`` (n, n) is of pairs of images.
-
-    Returns:
-        Also the share (m,) that each has of what it would have with right matches only: its best pair's.
+    ``information`` (n, n) is of pairs of images. Also the share (m,) that each has of what it would have with right
+    matches only: its best pair's.
     """
     order = np.argsort(seen.point, kind="stable")
     image, point = seen.image[order], seen.point[order]
