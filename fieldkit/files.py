@@ -90,9 +90,7 @@ def check_writable(path: Path) -> None:
 def file_beside(name: Path, owner: Path) -> Path | None:
     """A file named in another file: in that file's folder or below, unless the path is absolute.
 
-    Args:
-        name: path as written there.
-        owner: the file that names it.
+    ``name`` is as written in ``owner``.
 
     Returns:
         The file, with links followed unless the path is absolute; None if it leads out of the folder.

@@ -21,9 +21,7 @@ def group_cameras(
 
     Intrinsics come from the camera file, else from EXIF (a SIMPLE_RADIAL start value), else from nothing. A file entry
     with globs serves the photographs it names; among several that do, one of the photograph's own size is taken first.
-
-    Args:
-        source: what the groups name as the source of intrinsics from it; the file's name where not given.
+    ``source`` is what the groups name as that of intrinsics from the file, its name where not given.
     """
     members: dict[tuple[object, ...], list[Photo]] = {}
     for photo in photos:

@@ -136,9 +136,7 @@ def assembled(
 ) -> Capture:  # fmt: skip
     """A capture of photographs, with what their sidecars or another program say of them.
 
-    Args:
-        folders: of the capture, and of its images.
-        camera: camera file of parts that have none.
+    ``folders`` are the capture's and that of its images; ``camera`` is a camera file for parts without one.
     """
     groups, of_cameras = _cameras(photos, parts, camera, program)
     priors = _priors(photos, parts, program)

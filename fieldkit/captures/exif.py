@@ -54,9 +54,7 @@ def focal_in_pixels(focal_35mm: float, width: int, height: int) -> float:
 def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) -> tuple[Photo, list[Problem]]:
     """A photograph with what its EXIF and its drone's XMP say, and what is odd about that. Nothing is decoded.
 
-    Args:
-        image: it, opened; its header is enough.
-        png: the metadata of a PNG, which is then read from there.
+    Of ``image`` the header is enough; of a PNG the metadata are read from ``png``.
     """
     problems: list[Problem] = []
     base, detail, gps = _directories(image, png, problems)

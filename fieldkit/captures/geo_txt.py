@@ -150,10 +150,8 @@ def settled_heights(rows: Sequence[GeoRow], altitudes_m: Mapping[str, float]) ->
     """Rows whose heights' unit the file leaves open, in the unit that the photographs' own altitudes speak for.
 
     State plane coordinates in feet come with heights in feet from surveyors, and in metres from those who turned a
-    drone's positions into them. Where the altitudes do not decide, they are feet, as x and y are.
-
-    Args:
-        altitudes_m: of photographs, by the rows' names, above whatever datum.
+    drone's positions into them. Where the altitudes do not decide, they are feet, as x and y are. ``altitudes_m`` are
+    the photographs', by the rows' names, above whatever datum.
     """
     open_rows = [row for row in rows if row.assumed_unit_m != 1.0]
     if not open_rows:

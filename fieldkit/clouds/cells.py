@@ -25,9 +25,8 @@ _BESIDE_M = 0.25
 def cell_keys(cells: NDArray[np.int64], limits: NDArray[np.int64] | None = None) -> NDArray[np.int64] | None:
     """(n,) whole numbers that sort as integer cells (n, d) do, first axis first; None where they span too much.
 
-    Args:
-        cells: to number.
-        limits: (2, d) lowest and highest cell of all that are to be comparable; those of ``cells`` where not given.
+    ``limits`` (2, d) are the lowest and highest cell of all that are to be comparable; those of ``cells`` where not
+    given.
     """
     lower, upper = np.stack([cells.min(axis=0), cells.max(axis=0)]) if limits is None else limits
     spans = [int(v) for v in upper - lower + 1]

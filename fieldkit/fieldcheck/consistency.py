@@ -227,9 +227,8 @@ def solve(
 ) -> Solution:  # fmt: skip
     """Adjust the poses of the photographs in ``start``.
 
-    Args:
-        graph: ties; those of photographs without a start are left out.
-        believed: whose tags count. The others are held so loosely that nothing stays undetermined.
+    Ties of photographs without a start are left out. Tags that are not ``believed`` are held so loosely that nothing
+    stays undetermined.
     """
     order = sorted(start)
     index = {k: n for n, k in enumerate(order)}

@@ -99,8 +99,7 @@ class Placed:
 def place_tags(capture: Capture, plan: Plan, site: Site | None = None, plot: SitePlot | None = None) -> Placed:
     """Put a capture's tags into the plan's frame and assign photographs to stations.
 
-    Args:
-        site, plot: where the plan's frame lies; None fits by the plan's row heading, or by shape.
+    ``site`` and ``plot`` say where the plan's frame lies; None fits by the plan's row heading, or by shape.
     """
     tags = read_tags(capture)
     stations = PoseArray.of([(s.position_m, s.yaw_deg, s.pitch_deg) for s in plan.stations])

@@ -117,11 +117,9 @@ def find_ties(
     """Match all photographs with each other.
 
     The largest 2000 features of each are compared first; pairs that look alike are matched with all of theirs. These
-    features and pairs are those of `fieldkit evaluate`, which finds them in the cache.
-
-    Args:
-        fallback: intrinsics where the photographs say nothing of theirs and the size fits.
-        positions: of the photographs, where known: of many only near ones are matched.
+    features and pairs are those of `fieldkit evaluate`, which finds them in the cache. ``fallback`` are intrinsics
+    where the photographs say nothing of theirs and the size fits. With many photographs only near ones are matched,
+    where ``positions`` are known.
     """
     photos, cameras = capture.photos, _cameras(capture, fallback)
     cache, progress, workers, alone = context.cache, context.progress, context.workers, replace(context, workers=1)

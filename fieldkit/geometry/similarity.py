@@ -75,9 +75,7 @@ class Similarity:
 def fit_similarity(source: ArrayLike, target: ArrayLike, *, weights: ArrayLike | None = None) -> Similarity:
     """Least-squares similarity from ``source`` (n, 3) to ``target`` (n, 3) (Umeyama 1991).
 
-    Args:
-        source, target: pairs of points.
-        weights: (n,) positive, of the squared errors; equal where None.
+    ``weights`` (n,) are positive, of the squared errors; equal where None.
     """
     s, t = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
     if len(s) < 3 or s.shape != t.shape:

@@ -119,9 +119,8 @@ def check_on_ground(
 ) -> Report:
     """`check_mission` on plots, as far as they are known.
 
-    Args:
-        ground: its plots, their plans and plants.
-        compare: with the plans' photographs, as near as the vehicle comes to them; of every plot there has to be one.
+    ``compare`` does so with the plans' photographs, as near as the vehicle comes to them; of every plot there has to be
+    one.
     """
     if ground is None:
         return check_mission(read, vehicle, burst=burst)
@@ -271,10 +270,7 @@ def findings_by_dialect(
     """What speaks against flying a mission, by the autopilot that it may be for.
 
     Without a vehicle, what only its profile says is not looked at: its mount, its least height and battery, its times.
-
-    Args:
-        read: the file; its items count from 1 (`ReadMission.behind_home`).
-        vehicle: that it is for; the autopilot that the file names, or all, where not given.
+    The file's items count from 1 (`ReadMission.behind_home`).
     """
     if vehicle is not None:
         return {vehicle.dialect: _findings(read, vehicle, site, file)}

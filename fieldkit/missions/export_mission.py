@@ -123,10 +123,8 @@ def route_for_files(
     """As `route_plan`, with the time that the files take and the length of their way, as check-mission tells them.
 
     Files take some seconds more than the flights that are planned: holds in whole seconds and the like. Where that is
-    more than a battery, the flights are planned for so much less of one.
-
-    Args:
-        format: of the files; nothing flies some, and their flights stay as they are.
+    more than a battery, the flights are planned for so much less of one. Nothing flies some formats; their flights stay
+    as they are.
     """
     planned_for = vehicle
     while True:

@@ -71,9 +71,7 @@ def ties_name(choice: TiesChoice) -> TiesName:
 def extract_learned(image: NDArray[np.uint8], size: tuple[int, int]) -> LearnedFeatures:
     """The features of a photograph.
 
-    Args:
-        image: (h, w, 3) RGB, reduced to `WORKING_SIDE`.
-        size: width and height of the photograph.
+    The image (h, w, 3) is RGB, reduced to `WORKING_SIDE`; ``size`` is that of the photograph.
     """
     import torch
 

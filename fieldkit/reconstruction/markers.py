@@ -74,11 +74,8 @@ def detect_markers(gray: NDArray[np.uint8], dictionary: str) -> list[MarkerDetec
 def refine_corners(gray: NDArray[np.uint8], corners: Floats, cells: int) -> Floats:
     """Corners (4, 2) as intersections of lines fitted to the edges between them, from black inside to white outside.
 
-    The given ones are returned where an edge has no clear contrast or the corners run away.
-
-    Args:
-        corners: clockwise, pixels; within about a pixel of the truth.
-        cells: of the marker along a side, its border counted.
+    The given ones are returned where an edge has no clear contrast or the corners run away. ``corners`` are clockwise,
+    within about a pixel of the truth; ``cells`` those of the marker along a side with its border.
     """
     current = corners
     for _ in range(_ROUNDS):

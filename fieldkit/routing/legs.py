@@ -240,10 +240,7 @@ def ways_around(a: Array, b: Array, height_m: float, obstacles: Obstacles, speed
     Nodes are the places and the corners of the solids met so far, edges what is clear of these solids; solids that the
     quickest ways meet join, until the ways meet none. As no edge comes back between nodes that were there before, the
     last ways are the quickest past all solids. Gives per pair (k, 2) places from a to b; None where there is no way.
-
-    Args:
-        a, b: (n, 2) metres east and north.
-        height_m: solids whose top is not above it are flown over.
+    Solids whose top is not above ``height_m`` are flown over.
     """
     if not len(a):
         return []

@@ -193,10 +193,8 @@ class Split:
 def split(costs: Costs, limit_s: float, allowed: Callable[[int, int], bool]) -> Split | None:
     """The fewest flights over plots in order, of these the quickest (Beasley 1983: route first, cluster second).
 
-    None where a plot alone is over the limit or not allowed.
-
-    Args:
-        allowed: whether a flight over plots first…last can be flown at all; with it one over fewer of them can, too.
+    None where a plot alone is over the limit or not allowed. ``allowed`` says whether a flight over plots first…last
+    can be flown at all; with it one over fewer of them can, too.
     """
     count = len(costs.within)
     best: list[tuple[int, float]] = [(0, 0.0)] + [(count + 1, np.inf)] * count

@@ -11,9 +11,8 @@ from fieldkit.runtime.kernels import inline_kernel, kernel
 def fractal_noise(x: ArrayLike, y: ArrayLike, seed: int, *, octaves: int = 4, gain: float = 0.5) -> NDArray[np.float32]:
     """Gradient noise summed over octaves (Perlin 1985), about in [-1, 1]. The array has the broadcast shape.
 
-    Args:
-        x, y: coordinates that broadcast together, in units of the coarsest octave's cells.
-        octaves: each halves the cell and scales the amplitude by ``gain``.
+    ``x`` and ``y`` broadcast, in units of the coarsest octave's cells; each octave halves the cell and scales by
+    ``gain``.
     """
     return _evaluate(_fractal, x, y, seed, octaves, gain)
 

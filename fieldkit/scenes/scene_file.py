@@ -66,9 +66,7 @@ def read_scene(path: Path) -> SceneDescription:
 def scene_text(description: SceneDescription, folder: Path | None = None, *, complete: bool = False) -> str:
     """The canonical text of a scene file.
 
-    Args:
-        folder: where the file will lie; files below it are named relative to it, others by their absolute path.
-        complete: also write what has its default.
+    Files below ``folder``, where it will lie, are named relative to it. ``complete`` also writes what has its default.
     """
     document = _plain(description, folder, complete)
     return toml_text({"format": FORMAT, **document})

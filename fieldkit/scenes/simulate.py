@@ -222,9 +222,7 @@ def poses_table(
 ) -> str:
     """The text of a poses.csv: metres and degrees, one line per photograph.
 
-    Args:
-        accuracy_m: standard deviation of the positions, written into every line.
-        roll: also write the roll, which commanded poses do not have.
+    ``accuracy_m`` is of the positions, in every line; ``roll`` also writes the roll, which commanded poses do not have.
     """
     tail = [] if accuracy_m is None else [f"{accuracy_m:g}"]
     header = ["image", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", *["roll_deg"] * roll]

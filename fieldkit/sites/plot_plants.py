@@ -297,10 +297,8 @@ def row_spacing_m(points: Array) -> float | None:
 
     Points of the lower part of the plants are counted across the rows, in directions within 12° of x, and rows are
     evenly spaced peaks with gaps between them. Each row has to be longer than the spacing, or single plants beside each
-    other would be taken for rows. None where there are fewer than two rows, or they cannot be told apart.
-
-    Args:
-        points: (n, 3) of the plants, plot frame, z above the ground; about one per cell of a grid.
+    other would be taken for rows. None where there are fewer than two rows, or they cannot be told apart. ``points``
+    (n, 3) are in the plot frame, z above the ground, about one per cell of a grid.
     """
     if len(points) < _LEAST_POINTS or not np.isfinite(points).all():
         return None

@@ -75,9 +75,7 @@ def unreachable(
 ) -> tuple[Unreachable, ...]:
     """The poses that a vehicle cannot take, in their order.
 
-    Args:
-        site: whose plots say where the ground is, on slopes that below each station.
-        obstacles: whose plants are kept clear of, site frame; none are looked at without.
+    Slopes are looked at below each station; plants are kept clear of where there are ``obstacles``.
     """
     points = SiteFrame(site.home).points(shot.place for shot in shots)
     clear = [-math.inf if obstacles is None else obstacles.plants_top_m(point) for point in points]

@@ -215,10 +215,8 @@ def evaluate_again(
     If the plan is for plots of a kind, each repeat is on its own plot, one that no trial has met. The first is the
     given plot if the search took no photographs. It is a race: a trial that is clearly behind after a repeat takes part
     in no more, and where one is left the race is over. The trials come by repeats, then value, the best first; in the
-    given order if the settings ask for no repeats.
-
-    Args:
-        standard: cameras that others have to beat by a share ``nearer``; their values race with so much taken off.
+    given order if the settings ask for no repeats. ``standard`` are cameras that others have to beat by a share
+    ``nearer``; their values race with so much taken off.
     """
     settings = run.settings
     if not settings.repeats:

@@ -44,9 +44,7 @@ def compare_numbers(
 ) -> Numbers:
     """What is expected of an even ring for each number of photographs.
 
-    Args:
-        settings: of a run for one of the numbers, on scenes or references.
-        vehicle: for the time in the air; of the settings' profile.
+    The settings are of a run for one of the numbers, on scenes or references; the vehicle is for the time in the air.
 
     Raises:
         FieldkitError: as `plan_views`.

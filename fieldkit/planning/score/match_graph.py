@@ -29,11 +29,9 @@ def match_graph(source: RecordedSource, features: FeatureSettings, context: Cont
     """(m, m) matches above chance of each pair of recorded views, symmetric, 0 on the diagonal.
 
     Matches are guided by the known poses; those found in a displaced band are chance and are subtracted. Pairs more
-    than 60° apart about the plot count as without matches. The result is kept in the source's cache.
-
-    Args:
-        features: detection; the same as in evaluations, which then find them in the cache.
-        context: its workers are processes that detect features, then threads that match.
+    than 60° apart about the plot count as without matches. The result is kept in the source's cache. ``features`` are
+    detected as in evaluations, which then find them in the cache; workers are processes that detect, then threads that
+    match.
     """
     workers, progress = context.workers, context.progress
     names = [view.name for view in source.views]

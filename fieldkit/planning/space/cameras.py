@@ -138,11 +138,7 @@ def assign(cameras: Cameras, views: Cameras, distance_m: float) -> NDArray[np.in
     """The recorded view (n,) that stands for each camera; no view stands for two.
 
     The choice minimises the sum of ‖Δposition‖ + ``distance_m`` · Δangle (of the optical axes, radians) by linear
-    assignment (Crouse 2016).
-
-    Args:
-        views: m ≥ n.
-        distance_m: turns angles into lengths: about the distance from the cameras to the plants.
+    assignment (Crouse 2016). ``distance_m``, about that from the cameras to the plants, turns angles into lengths.
     """
     if len(cameras) > len(views):
         raise UsageError(

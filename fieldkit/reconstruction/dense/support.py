@@ -25,8 +25,7 @@ def gray(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def pack_source(image: NDArray[np.uint8]) -> NDArray[np.uint32]:
     """Each pixel with its right, lower and lower right neighbours in one word, so that bilinear sampling reads once.
 
-    Args:
-        image: (H, W) grey levels.
+    Of an image (H, W) of grey levels.
 
     Returns:
         (H, W) uint32: pixel | right << 8 | below << 16 | below right << 24; the border repeats itself.

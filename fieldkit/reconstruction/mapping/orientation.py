@@ -135,9 +135,7 @@ def orient_cameras(
 ) -> dict[int, Matrix]:
     """Camera-from-world rotations (3, 3) by image index, for the images that pairs connect without contradiction.
 
-    Args:
-        positions: (3,) metres per image, or None.
-        pairs: verified pairs with relative poses, by image indices.
+    ``positions`` are (3,) metres per image, or None; ``pairs`` are verified, with relative poses.
 
     Images that no agreeing pair reaches, and components whose baselines are all parallel, are missing.
     """
