@@ -50,7 +50,6 @@ class Tags:
     """(n,) degrees about the optical axes."""
     sigma_m: float
     """Of a position against the others'."""
-    sigma_deg: float
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -131,7 +130,7 @@ def read_tags(capture: Capture) -> Tags:
     count = len(capture.photos)
     positions, yaws, pitches = np.full((count, 3), np.nan), np.full(count, np.nan), np.full(count, np.nan)
     rolls = np.zeros(count)
-    sigmas, angles = [], []
+    sigmas = []
     for k, name in enumerate(capture.names):
         prior = capture.priors.get(name)
         if prior is None:
@@ -141,11 +140,7 @@ def read_tags(capture: Capture) -> Tags:
             sigmas.append(prior.position_sigma_m)
         if prior.yaw_deg is not None and prior.pitch_deg is not None:
             yaws[k], pitches[k], rolls[k] = prior.yaw_deg, prior.pitch_deg, prior.roll_deg
-            angles.append(prior.angle_sigma_deg)
-    return Tags(
-        capture.names, PoseArray(positions, yaws, pitches), rolls, float(np.median(sigmas)) if sigmas else 0.0,
-        float(np.median(angles)) if angles else 0.0,
-    )  # fmt: skip
+    return Tags(capture.names, PoseArray(positions, yaws, pitches), rolls, float(np.median(sigmas)) if sigmas else 0.0)
 
 
 def _in_plot(tags: Tags, capture: Capture, site: Site, plot: SitePlot) -> Tags:

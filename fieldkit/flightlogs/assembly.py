@@ -293,7 +293,6 @@ def _completed(trigger: Trigger, stamp: float, track: Track, commanded: Commande
         speed_mps=None if velocity is None else float((velocity @ velocity) ** 0.5),
         accuracy_m=None if accuracy is None or accuracy[0] <= 0.0 else float(accuracy[0]),
         turning_dps=_turning(track, time),
-        interpolated=trigger.place is None or trigger.attitude is None,
     )
 
 

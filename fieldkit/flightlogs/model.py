@@ -90,8 +90,6 @@ class Trigger:
     turning_dps: float | None = None
     """How fast the camera turned, with the vehicle or on its gimbal, degrees per second; a gimbal that reports its
     targets seems to jump. None where the log does not say."""
-    interpolated: bool = False
-    """Whether place and attitude are the track's at that time and not the trigger message's own."""
 
 
 def doubled(triggers: Sequence[Trigger], photographs: int) -> tuple[int, ...]:

@@ -423,7 +423,7 @@ class TestShift:
         ],
     )
     def test_is_told_where_it_matters(self, placement, sigma_m: float, shift_m: float, up_m: float, told: bool) -> None:
-        tags = Tags((), PoseArray.of([]), np.zeros(0), sigma_m, 3.0)
+        tags = Tags((), PoseArray.of([]), np.zeros(0), sigma_m)
         placed = Placed(tags, placement, shift_m=np.array([shift_m, 0.0, up_m]))
         found = common_findings(placed, CheckSettings())
         assert [finding.code for finding in found] == ["shifted"] * told
@@ -434,7 +434,7 @@ class TestShift:
         latitudes = (50.0, 50.0 + 4.0 / 111_229.0)
         plots = [SitePlot(name=n, latitude_deg=lat, longitude_deg=6.0) for n, lat in zip("AB", latitudes, strict=True)]
         site = Site(name="trial", home=SiteHome(latitude_deg=50.0, longitude_deg=6.0, amsl_m=90.0), plots=tuple(plots))
-        tags = Tags((), PoseArray.of([]), np.zeros(0), 0.03, 3.0)
+        tags = Tags((), PoseArray.of([]), np.zeros(0), 0.03)
         shift = np.array([0.0, north_m, 0.0])  # across the row, which leads east
         (found,) = common_findings(Placed(tags, "site", shift_m=shift), CheckSettings(), site, plots[0])
         assert found.code == "shifted"

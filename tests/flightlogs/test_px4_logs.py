@@ -92,7 +92,6 @@ def test_triggers_without_a_place_take_the_tracks(tmp_path: Path) -> None:
     log = read_flight_log(path)
     assert [t.source for t in log.triggers] == ["camera_trigger"] * 5
     for k, trigger in enumerate(log.triggers):
-        assert trigger.interpolated
         assert trigger.place.latitude_deg == pytest.approx(50.0 + 2.0 * (5.03 + 10.0 * k) / 111_240.0, abs=1e-8)
         assert trigger.utc_s == pytest.approx(UTC_US * 1e-6 + trigger.time_s, abs=1e-4)
 
