@@ -175,10 +175,7 @@ def _problem(plan: Plan, vehicle: Vehicle | None, plants: Cloud, plot: SitePlot 
     limits = _limits(plan) if vehicle is None else EnvelopeSettings(**vehicle_envelope(vehicle, {}))
     volume = Volume.around(plants.points, margin_m=_MARGIN_M)
     kept_clear = plants if plot is None else Cloud(np.vstack([plants.points, _beyond(plan, plants, plot)]))
-    envelope = Envelope.around(
-        kept_clear, volume, margin_m=limits.margin_m, height_m=limits.height_m, clearance_m=limits.clearance_m,
-        pitch_deg=limits.pitch_deg, separation_m=limits.separation_m, vehicle_clearance_m=limits.vehicle_clearance_m,
-    )  # fmt: skip
+    envelope = Envelope.around(kept_clear, volume, **limits.model_dump())
     camera = plan.camera.without_distortion()
     return PlanningProblem(len(plan.stations), envelope, camera, (Plot.without_others(plants),))
 

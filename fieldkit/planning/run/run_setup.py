@@ -125,11 +125,7 @@ def _envelope(found: Sequence[tuple[Plot, Volume]], height_m: float, limits: Env
     points = [plot.points * scale for (plot, _), scale in zip(found, scales, strict=True)]
     corners = [np.array(corner) * scale for (_, volume), scale in zip(found, scales, strict=True)
                for corner in (volume.lower, volume.upper)]  # fmt: skip
-    return Envelope.around(
-        Cloud(np.concatenate(points)), Volume.around(corners), margin_m=limits.margin_m,
-        height_m=limits.height_m, clearance_m=limits.clearance_m, pitch_deg=limits.pitch_deg,
-        separation_m=limits.separation_m, vehicle_clearance_m=limits.vehicle_clearance_m,
-    )  # fmt: skip
+    return Envelope.around(Cloud(np.concatenate(points)), Volume.around(corners), **limits.model_dump())
 
 
 def _height_errors(count: int) -> list[float]:
