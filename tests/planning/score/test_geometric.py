@@ -12,6 +12,7 @@ from fieldkit.planning.score.geometric import GeometricScore, room_above
 from fieldkit.planning.score.visibility import Surface, in_picture, look
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot
+from fieldkit.reconstruction.evidence import CAP_M, FINEST_M
 from tests.planning.leafy import CAMERA, around, leaves, problem
 
 PROBLEM = problem()
@@ -20,14 +21,14 @@ SCORE = GeometricScore(PROBLEM, points=400)
 
 def slow_distance(score: GeometricScore, cameras: Cameras) -> tuple[float, float]:
     """`GeometricScore`'s first term as its docstring has it, gap and noise, by loops and enumeration."""
-    settings, surface = score.settings, score.surface
+    surface = score.surface
     sights = look(surface, cameras, CAMERA)
     p, noise = np.zeros(len(surface)), np.zeros(len(surface))
     for k in range(len(surface)):
-        foot = [max(s.distance_m[k] / CAMERA.fx, settings.gsd_m) for s in sights]
+        foot = [max(s.distance_m[k] / CAMERA.fx, FINEST_M) for s in sights]
         steep = [min(1.0, max(0.0, (s.facing[k] - 0.1) / 0.4)) for s in sights]
         u = [s.seen[k] * i / (1 + (f / 0.008) ** 2) for s, i, f in zip(sights, steep, foot, strict=True)]
-        q, information = [], 1 / settings.cap_m**2
+        q, information = [], 1 / CAP_M**2
         for i in range(len(cameras)):
             fails = 1.0
             for j in range(len(cameras)):
@@ -47,8 +48,8 @@ def slow_distance(score: GeometricScore, cameras: Cameras) -> tuple[float, float
     expected = []
     for point in surface.points:
         away = np.linalg.norm(surface.points - point, axis=1)
-        nearest = np.argsort(away, kind="stable")[: settings.neighbors]
-        distances = np.append(np.minimum(away[nearest], settings.cap_m), settings.cap_m)
+        nearest = np.argsort(away, kind="stable")[:24]
+        distances = np.append(np.minimum(away[nearest], CAP_M), CAP_M)
         missing = np.cumprod(1 - p[nearest])
         expected.append((missing * np.diff(distances)).sum())
     return float(np.mean(expected)), float((p * noise).sum() / p.sum())
