@@ -91,7 +91,7 @@ def setting(*path: str | int, value: Any) -> Callable[[dict[str, Any]], Any]:
         (setting("kind", value="plan"), "is not a fieldkit reference: its \"kind\" is 'plan'"),
         (setting("version", value=2), "has version 2 of the format; this fieldkit reads 1"),
         (setting("version", value=True), "has version True of the format; this fieldkit reads 1"),
-        (setting("images", value="8"), "images: input should be a valid integer"),
+        (setting("images", value="8"), "images: should be a number and is the text"),
         (setting("images", value=-1), "images: input should be greater than or equal to 0"),
         (setting("colour", value="green"), "colour: is not known to this version of the format"),
         (setting("volume", "upper_m", value=[1, 2]), "volume.upper_m.2: is missing"),
