@@ -54,7 +54,7 @@ def test_dictionaries_have_one_name(name: str) -> None:
         (BOOK + "side_m = 0\n", "side_m: input should be"),
         (BOOK + "side_m = -0.1\n", "side_m: input should be"),
         (BOOK + "side_m = nan\n", "side_m: input should be"),
-        (BOOK + 'side_m = "12 cm"\n', "side_m: input should be"),
+        (BOOK + 'side_m = "12 cm"\n', 'side_m: should be a number and is the text "12 cm"'),
         (BOOK + "side_m = true\n", "side_m: input should be"),
         (SIDE + "distance = 1.25\n", "distance: input should be a valid array"),
         (SIDE + "[distance]\na = 3\nb = 7\ndistance_m = 1\n", "distance: input should be a valid array"),
