@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -73,6 +73,7 @@ FIRST_FEATURES = 2500
 FIRST_VERIFICATION = VerificationSettings(max_error_px=2.0, min_inliers=10)
 """Of the first round's pairs."""
 _FIRST_NEIGHBOURS = 8  # per image, the nearest cameras that the first round tries
+_KEPT = 128  # photographs whose sorted features are kept: some megabytes each
 _LEAST_BAND_PX = 4.0
 _MAX_VIEW_ANGLE_DEG = 75.0  # pairs whose viewing directions differ more are not tried
 _MIN_ANGLE_DEG = 1.0  # smallest triangulation angle of a point
@@ -121,6 +122,21 @@ class PriorMapping:
 
 
 @dataclass(frozen=True, eq=False)
+class _Posed(Sequence[PosedFeatures]):
+    """Images' features at their poses, made when they are asked for: sorted, those of a photograph take megabytes."""
+
+    indexed: Callable[[int, Intrinsics], IndexedFeatures]
+    cameras: Sequence[Intrinsics]
+    poses: Sequence[Pose]
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def __getitem__(self, k: int) -> PosedFeatures:  # type: ignore[override]
+        return PosedFeatures(self.indexed(k, self.cameras[k]), self.poses[k])
+
+
+@dataclass(frozen=True, eq=False)
 class _Problem:
     """What every round starts from."""
 
@@ -135,7 +151,7 @@ class _Problem:
     region: Region | None
     keep: KeepPair | None
     indexed: Callable[[int, Intrinsics], IndexedFeatures]
-    """An image's features for a camera, made once."""
+    """An image's features for a camera; the last `_KEPT` are at hand."""
     largest: Callable[[int], tuple[NDArray[np.int64], PosedFeatures]]
     """Which of an image's features the first round matches, and those at their prior pose; made once."""
 
@@ -152,8 +168,8 @@ class _Problem:
         """Image ``k``'s, as given."""
         return self.cameras[self.camera_of[k]]
 
-    def posed(self, poses: Sequence[Pose], cameras: Sequence[Intrinsics]) -> list[PosedFeatures]:
-        return [PosedFeatures(self.indexed(k, cameras[self.camera_of[k]]), pose) for k, pose in enumerate(poses)]
+    def posed(self, poses: Sequence[Pose], cameras: Sequence[Intrinsics]) -> Sequence[PosedFeatures]:
+        return _Posed(self.indexed, [cameras[k] for k in self.camera_of], poses)
 
     def state(self, model: pycolmap.Reconstruction) -> tuple[list[Pose], list[Intrinsics]]:
         """A model's poses and cameras, in the problem's order."""
@@ -198,7 +214,7 @@ def map_with_priors(
     """
     region = region or region_of_interest([prior.pose for prior in priors])
 
-    @cache
+    @lru_cache(_KEPT)
     def largest(k: int) -> tuple[NDArray[np.int64], PosedFeatures]:
         chosen = features[k].largest(FIRST_FEATURES)
         indexed = IndexedFeatures.of(features[k].subset(chosen), cameras[camera_of[k]])
@@ -206,7 +222,7 @@ def map_with_priors(
 
     problem = _Problem(
         names, features, cameras, camera_of, priors, settings, fixed_intrinsics, seed, region, keep,
-        cache(lambda k, camera: IndexedFeatures.of(features[k], camera)), largest,
+        lru_cache(_KEPT)(lambda k, camera: IndexedFeatures.of(features[k], camera)), largest,
     )  # fmt: skip
     pairs = _candidate_pairs(problem.start, settings.max_neighbours)
     matches = _first_matches(problem)
