@@ -49,7 +49,7 @@ def read_scene(path: Path) -> SceneDescription:
     _check_format(document.pop("format", None), path)
     for place, plant in _plants(document):
         kind = plant.setdefault("kind", "mesh" if "file" in plant else "maize")
-        if kind not in _KINDS:
+        if kind not in tuple(_KINDS):  # a list has no place in a mapping
             raise SceneError(
                 f"{place}.kind: {kind!r} is no kind of plant", path=path, remedy=f"It is one of {', '.join(_KINDS)}."
             )

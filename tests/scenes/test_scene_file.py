@@ -108,6 +108,7 @@ def test_anything_else_is_an_error_for_people(document: dict[str, object]) -> No
         ("format = 1\n[[plot.plants]]\nscale = 1.0", "plot.plants 1.seed: is missing"),
         ("format = 1\n[[plot.plants]]\nseed = 1\n[[plot.plants]]\nseed = 'a'", "plot.plants 2.seed: should be a"),
         ("format = 1\n[[plot.plants]]\nkind = 'rye'", "plot.plants 1.kind: 'rye' is no kind of plant"),
+        ("format = 1\n[[plot.plants]]\nkind = ['maize']", "plot.plants 1.kind: ['maize'] is no kind of plant"),
         ("format = 1\n[[plot.plants]]\nseed = 1\nleaves = 40", "5 to 12 leaves, not 40"),
         ("format = 1\n[camera_effects]\njpeg_quality = 0", "camera_effects: jpeg_quality is 1 to 100, not 0"),
         ("format = 1\n[plot.soil]\ncore_m = nan", "plot.soil.core_m: input should be a finite number"),
