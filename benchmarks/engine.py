@@ -147,12 +147,5 @@ SPEED = ("help", "clouds", "dense", "evaluation", "scaling")
 def run_engine(
     output: Path, names: Sequence[str], options: EngineOptions, *, progress: Progress, overwrite: bool = False
 ) -> list[StudyResult]:
-    """Run studies one after the other and write results.json, results.md and their pictures.
-
-    Args:
-        output: folder of the result.
-        names: of `STUDIES`; empty takes `SPEED`.
-        options: for all of them.
-        overwrite: replace an earlier result in ``output``.
-    """
+    """Run studies one after the other and write results.json, results.md and their pictures."""
     return run_studies(output, names, STUDIES, SPEED, options, progress=progress, overwrite=overwrite)

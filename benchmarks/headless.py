@@ -38,9 +38,6 @@ def headless_browser(*arguments: str) -> Iterator[Browser]:
     """A browser, closed at the end of the block.
 
     Playwright keeps an asyncio loop running in this thread until then, so ``asyncio.run`` fails inside the block.
-
-    Args:
-        arguments: more of Chromium's switches.
     """
     try:
         from playwright.sync_api import sync_playwright

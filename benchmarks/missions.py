@@ -229,12 +229,5 @@ STUDIES: dict[str, Callable[[MissionOptions, Progress], StudyResult]] = {
 def run_missions(
     output: Path, names: Sequence[str], options: MissionOptions, *, progress: Progress, overwrite: bool = False
 ) -> list[StudyResult]:
-    """Run studies one after the other and write results.json and results.md.
-
-    Args:
-        output: folder of the result.
-        names: of `STUDIES`; empty takes ``poses`` and ``routes``.
-        options: for all of them.
-        overwrite: replace an earlier result in ``output``.
-    """
+    """Run studies one after the other and write results.json and results.md."""
     return run_studies(output, names, STUDIES, ["poses", "routes"], options, progress=progress, overwrite=overwrite)

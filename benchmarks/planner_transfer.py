@@ -53,14 +53,6 @@ def carry(
 
     Infeasible cameras, such as those among taller plants, are moved as little as needed. Evaluations are kept in a run
     folder and not repeated.
-
-    Args:
-        plans: of the first plot.
-        origin: that plot's name.
-        place: the other plot.
-        folder: of all runs.
-        fidelity: of the plans' searches; here they are evaluated at fine.
-        cameras, mapping, repeats, workers, cache, progress: as `planner_runs.run_all`.
     """
     output = folder / f"{place.name}-{cameras}-{mapping}-{fidelity}-from-{origin}"
     settings = place.settings(

@@ -113,15 +113,7 @@ def _stations(width_px: int, seed: int) -> Sequence[Pose]:
 
 
 def make_campaign(campaign: Path, work: Path, plots: int, width_px: int, seed: int) -> None:
-    """Make a campaign of a ring of 13 stations over plots of known place and heading.
-
-    Args:
-        campaign: its folder.
-        work: gets plan.json, site.toml and plots.geojson.
-        plots: number of plots.
-        width_px: of the photographs.
-        seed: of the plots.
-    """
+    """Make a campaign of a ring of 13 stations over plots of known place and heading."""
     plants = PlanPlants(points_m=((-0.6, -0.4, 0.1), (0.6, 0.4, 0.9)), cell_m=0.05)
     save_plan(work / "plan.json", plan_from_poses(_stations(width_px, seed), _camera(width_px), plants=plants))
     features = []

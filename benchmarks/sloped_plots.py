@@ -39,13 +39,7 @@ class SlopedSource(SimulatedSource):
 
 
 def sloped_proxy(description: SceneDescription, slope: Gradient, level: Scene | None = None) -> Proxy:
-    """A scene on a slope with its truth: each plant is moved upright as one piece, the ground is sheared.
-
-    Args:
-        description: of the scene.
-        slope: rise along x and y.
-        level: the description's built scene, if there is one.
-    """
+    """A scene on a slope with its truth: each plant is moved upright as one piece, the ground is sheared."""
     scene = sloped(build(description) if level is None else level, slope)
     visible = sample_reference(description, scene)
     normal = np.array([-slope[0], -slope[1], 1.0])

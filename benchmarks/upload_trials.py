@@ -109,16 +109,7 @@ class CutTrials:
 def cut_trials(
     count: int, seed: int, *, items: Sequence[MissionItem], recording: Path, loss: float = 0.02, speed: float = 16.0
 ) -> CutTrials:
-    """Break the link after a random number of packets, check the report, restore the link and repeat the upload.
-
-    Args:
-        count: links.
-        seed: of the random numbers.
-        items: of the mission, without home.
-        recording: of a vehicle, for its telemetry.
-        loss: share of lost packets, each way, before the link breaks and after.
-        speed: vehicle seconds per second.
-    """
+    """Break the link after a random number of packets, check the report, restore the link and repeat the upload."""
     source = read_recording(recording)
     generator = random.Random(seed)
     old = tuple(items[: max(1, len(items) // 2)])
