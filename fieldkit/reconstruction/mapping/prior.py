@@ -73,7 +73,7 @@ FIRST_FEATURES = 2500
 FIRST_VERIFICATION = VerificationSettings(max_error_px=2.0, min_inliers=10)
 """Of the first round's pairs."""
 _FIRST_NEIGHBOURS = 8  # per image, the nearest cameras that the first round tries
-_KEPT = 128  # photographs whose sorted features are kept: some megabytes each
+_KEPT = 64  # photographs whose sorted features are kept: some megabytes each
 _LEAST_BAND_PX = 4.0
 _MAX_VIEW_ANGLE_DEG = 75.0  # pairs whose viewing directions differ more are not tried
 _MIN_ANGLE_DEG = 1.0  # smallest triangulation angle of a point
@@ -121,6 +121,10 @@ class PriorMapping:
     """Whether focal length and distortion were adjusted."""
 
 
+_Largest = tuple[NDArray[np.int64], PosedFeatures]
+"""Which of an image's features the first round matches, and those at their prior pose."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Posed(Sequence[PosedFeatures]):
     """Images' features at their poses, made when they are asked for: sorted, those of a photograph take megabytes."""
@@ -152,8 +156,6 @@ class _Problem:
     keep: KeepPair | None
     indexed: Callable[[int, Intrinsics], IndexedFeatures]
     """An image's features for a camera; the last `_KEPT` are at hand."""
-    largest: Callable[[int], tuple[NDArray[np.int64], PosedFeatures]]
-    """Which of an image's features the first round matches, and those at their prior pose; made once."""
 
     @property
     def start(self) -> list[Pose]:
@@ -214,15 +216,9 @@ def map_with_priors(
     """
     region = region or region_of_interest([prior.pose for prior in priors])
 
-    @lru_cache(_KEPT)
-    def largest(k: int) -> tuple[NDArray[np.int64], PosedFeatures]:
-        chosen = features[k].largest(FIRST_FEATURES)
-        indexed = IndexedFeatures.of(features[k].subset(chosen), cameras[camera_of[k]])
-        return chosen, PosedFeatures(indexed, priors[k].pose)
-
     problem = _Problem(
         names, features, cameras, camera_of, priors, settings, fixed_intrinsics, seed, region, keep,
-        lru_cache(_KEPT)(lambda k, camera: IndexedFeatures.of(features[k], camera)), largest,
+        lru_cache(_KEPT)(lambda k, camera: IndexedFeatures.of(features[k], camera)),
     )  # fmt: skip
     pairs = _candidate_pairs(problem.start, settings.max_neighbours)
     matches = _first_matches(problem)
@@ -273,9 +269,16 @@ def _candidate_pairs(poses: Sequence[Pose], neighbours: int) -> list[Pair]:
 
 def _first_matches(problem: _Problem) -> Matches:
     """Verified matches of the pairs whose relative pose agrees with the priors; feature indices of the whole images."""
+
+    @lru_cache(_KEPT)
+    def largest(k: int) -> _Largest:
+        chosen = problem.features[k].largest(FIRST_FEATURES)
+        indexed = IndexedFeatures.of(problem.features[k].subset(chosen), problem.camera(k))
+        return chosen, PosedFeatures(indexed, problem.priors[k].pose)
+
     matches = {}
     for i, j in _candidate_pairs(problem.start, _FIRST_NEIGHBOURS):
-        compute = partial(_first_pair, problem, i, j)
+        compute = partial(_first_pair, problem, i, j, largest)
         found = compute() if problem.keep is None else problem.keep(i, j, _first_inputs(problem, i, j), compute)
         if len(found):
             matches[i, j] = found
@@ -289,12 +292,12 @@ def _first_inputs(problem: _Problem, i: int, j: int) -> tuple[Any, ...]:
     return (priors, (problem.camera(i), problem.camera(j)), problem.region, problem.seed)
 
 
-def _first_pair(problem: _Problem, i: int, j: int) -> NDArray[np.uint32]:
+def _first_pair(problem: _Problem, i: int, j: int, largest: Callable[[int], _Largest]) -> NDArray[np.uint32]:
     """(k, 2) verified matches of two images, or none where their relative pose contradicts the priors."""
     a, b = problem.priors[i], problem.priors[j]
     camera_a, camera_b = problem.camera(i), problem.camera(j)
-    chosen_a, posed_a = problem.largest(i)
-    chosen_b, posed_b = problem.largest(j)
+    chosen_a, posed_a = largest(i)
+    chosen_b, posed_b = largest(j)
     found = verify_pair(
         posed_a.features, posed_b.features, camera_a, camera_b,
         match_guided(posed_a, posed_b, problem.first_band(a, b, camera_a.fx)), FIRST_VERIFICATION, calibrated=True,
