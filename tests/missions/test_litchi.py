@@ -73,6 +73,7 @@ def test_what_litchi_cannot_hold_is_not_written() -> None:
         ('latitude,longitude,altitude(m)\n"1' + 200_000 * "0" + '",2,3\n', "not CSV"),
         ("latitude,longitude,altitude(m)\nnan,2,3\n", "latitude is not a number"),
         ("latitude,longitude,altitude(m)\n1e400,2,3\n", "latitude is not a number"),
+        ("latitude,longitude,altitude(m)\n350,2,3\n", "latitude 350 is outside"),
     ],
 )
 def test_errors(tmp_path: Path, text: str, message: str) -> None:

@@ -128,10 +128,13 @@ def _stop(row: _Row, index: int, refused: list[tuple[int, str]]) -> ReadStop:
     latitude, longitude, height = row.value("latitude"), row.value("longitude"), row.metres("altitude")
     if latitude is None or longitude is None or height is None:
         raise _error(row.path, f"line {row.line} lacks a latitude, longitude or altitude")
+    east, north = row.value("poi_longitude") or 0.0, row.value("poi_latitude") or 0.0
+    for name, degrees in (("latitude", latitude), ("poi_latitude", north)):
+        if abs(degrees) > 90.0:
+            raise _error(row.path, f"line {row.line}: {name} {degrees:g} is outside −90…90")
     place, above = GeoPoint(latitude, longitude, height), "ground" if row.value("altitudemode") == 1 else "home"
     mode, heading = row.value("gimbalmode"), row.value("heading(deg)", "heading")
     pitch = row.value("gimbalpitchangle") if mode == _INTERPOLATE else None
-    east, north = row.value("poi_longitude") or 0.0, row.value("poi_latitude") or 0.0
     focused = mode == _FOCUS
     if north or east:
         heading, steep = aim(place, GeoPoint(north, east, row.metres("poi_altitude") or 0.0))
