@@ -139,7 +139,7 @@ def test_why_there_is_no_way() -> None:
     [
         (
             (0, 0, 2),
-            r"station 2 of : is 0.98 m too low over the plants of plot-1, which are kept clear of up to 2.98 m",
+            r"station 2: is 0.98 m too low over the plants of plot-1, which are kept clear of up to 2.98 m",
         ),
         ((2.3, 0, 2), "0.98 m too low over the plants of plot-1"),
         ((6, 0, 2), "is in mast"),
