@@ -38,6 +38,8 @@ _INFLATION = 1.25
 _FLOOR = 0.0015
 """Standard deviation of a centre that nothing lowers, as a share of the distance to what is seen."""
 _LEAST_SLOPE = 0.2
+_MOST_OBSERVATIONS = 400_000
+"""Of more, those of every k-th point stand for all and count k times: those of 500 photographs would take gigabytes."""
 _FREE_EXTENTS = 3.0
 _FOCAL_SIGMA = 0.3
 _ROUNDS = 10
@@ -137,7 +139,7 @@ def pose_uncertainty(
     total = np.bincount(seen.image, np.sqrt(squares), len(row))
     mean = total / np.maximum(1, np.bincount(seen.image, minlength=len(row)))
     variance = _variance(squares[joined.chosen], loss_px, joined.points, len(row))
-    normal = _normal_equations(joined, weight / (_INFLATION**2 * variance), refined=refined)
+    normal = _normal_equations(joined, seen.every * weight / (_INFLATION**2 * variance), refined=refined)
     extent = _FREE_EXTENTS * float(np.linalg.norm(np.ptp(seen.centers, axis=0)))
     for k, name in enumerate(seen.names):
         known, at = priors.get(name, PosePrior()), 6 * k
@@ -174,12 +176,15 @@ class _Observations:
     """(m, 2, 3)."""
     by_lens: Floats
     """(m, 2, 2): relative focal length, and one coefficient of radial distortion."""
+    every: int
+    """How many of the model's points each stands for."""
 
 
 def _observations(model: pycolmap.Reconstruction) -> _Observations:
     images = sorted((model.image(i) for i in model.reg_image_ids()), key=lambda image: str(image.name))
     row = {image.image_id: k for k, image in enumerate(images)}
-    keys = sorted(model.point3D_ids())
+    every = max(1, -(-model.compute_num_observations() // _MOST_OBSERVATIONS))
+    keys = sorted(model.point3D_ids())[::every]
     places = np.array([model.points3D[key].xyz for key in keys]).reshape(-1, 3)
     tracks = [
         (k, row[element.image_id], element.point2D_idx)
@@ -214,7 +219,7 @@ def _observations(model: pycolmap.Reconstruction) -> _Observations:
     return _Observations(
         tuple(str(each.name) for each in images), np.array([pose.center for pose in poses]),
         float(np.median(depths)) if depths else 0.0, np.arange(int(seen.sum())), image[seen], point[seen], len(keys),
-        residual[seen], by_pose[seen], by_point[seen], by_lens[seen],
+        residual[seen], by_pose[seen], by_point[seen], by_lens[seen], every,
     )  # fmt: skip
 
 
@@ -235,7 +240,7 @@ def _joined(seen: _Observations, information: Floats) -> tuple[_Observations, Fl
     one, other = one[tied], other[tied]
     shared = np.zeros_like(information)
     np.add.at(shared, (image[one], image[other]), 1.0)
-    shared = shared + shared.T
+    shared = seen.every * (shared + shared.T)
     share = np.minimum(1.0, _TIE_NOISE_PX**2 * information / np.maximum(shared, 1.0))
     weight = np.zeros(len(point))
     for mine, theirs in ((one, other), (other, one)):
@@ -247,7 +252,7 @@ def _joined(seen: _Observations, information: Floats) -> tuple[_Observations, Fl
     points, new = np.unique(label[kept], return_inverse=True)
     return _Observations(
         seen.names, seen.centers, seen.distance, chosen, seen.image[chosen], new.astype(np.int64), len(points),
-        seen.residual[chosen], seen.by_pose[chosen], seen.by_point[chosen], seen.by_lens[chosen],
+        seen.residual[chosen], seen.by_pose[chosen], seen.by_point[chosen], seen.by_lens[chosen], seen.every,
     ), weight[kept]  # fmt: skip
 
 

@@ -9,6 +9,7 @@ import pytest
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.colmap_model import new_model, triangulate_tracks
+from fieldkit.reconstruction.mapping import uncertainty
 from fieldkit.reconstruction.mapping.bundle import adjust
 from fieldkit.reconstruction.mapping.uncertainty import Uncertainty, pair_information, pose_uncertainty
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, ring
@@ -86,6 +87,14 @@ def test_a_lone_photograph_is_told(scene: FeatureScene) -> None:
     assert found.weakest()[0] == [scene.names[2]]
     assert found.sigma[2] == found.sigma.max() > 5 * np.median(found.sigma) / 3
     assert found.names == tuple(scene.names)
+
+
+def test_of_too_many_observations_every_third_point_tells_the_same(monkeypatch) -> None:
+    scene = feature_scene(ring(COUNT), points=500, clutter=0, seed=3)
+    model = modelled(scene, 0.5, draw=0)
+    whole = known(scene, model, ties())
+    monkeypatch.setattr(uncertainty, "_MOST_OBSERVATIONS", -(-model.compute_num_observations() // 3))
+    assert known(scene, model, ties()).sigma == pytest.approx(whole.sigma, rel=0.1)
 
 
 def test_what_all_have_in_common_is_the_frames(scene: FeatureScene) -> None:
