@@ -225,7 +225,8 @@ class Soak:
             self.count["full disks" if done.code else "disks that sufficed"] += 1
             self.check(name, done.code in (0, 3), f"exit code {done.code} on a disk of {size}: {done.err[-300:]}")
             if done.code == 0:
-                self.check(name, same(disk / job.result, self.unbroken / job.result), f"another result on {size}")
+                shutil.move(disk / job.result, line.folder / job.result)  # results name what they were made of
+                self.check(name, same(line.folder / job.result, self.unbroken / job.result), f"another one on {size}")
             elif name != "plan":
                 self.check(name, not contents(disk), f"files stayed on a disk of {size}")
         finally:

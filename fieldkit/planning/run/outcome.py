@@ -151,8 +151,8 @@ def write_outcome(
         title, cameras.positions, cameras.forward, setup.problem.reference,
         None if views is None else views.positions,
     )  # fmt: skip
-    write_atomic(run.path / PLAN_PICTURE, png(figure))
     save_plan(run.path / PLAN_FILE, _plan(run, setup, chosen, outcome))
+    write_atomic(run.path / PLAN_PICTURE, png(figure))
     return outcome
 
 
