@@ -11,6 +11,7 @@ import ctypes
 import os
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -76,7 +77,8 @@ class Renderer:
     def __del__(self) -> None:
         # One that was forgotten must not leave its clean-up to pyrender, which ends all other contexts.
         if not sys.is_finalizing():
-            self.close()
+            with suppress(Exception):  # in another thread than its own a context cannot be ended
+                self.close()
 
     def close(self) -> None:
         """Free the OpenGL context. A second call does nothing."""
