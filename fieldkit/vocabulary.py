@@ -36,6 +36,8 @@ NINE_IN_TEN = 1.645
 """Nine in ten draws of a normal distribution lie within so many standard deviations."""
 LEAST_POSITIONS = 3
 """Fewer positions give neither a scale nor an orientation."""
+CAP_M = 0.10
+"""Upper limit of distances that plans are judged by, metres; a reference point out of reach counts this much."""
 BY_CHANCE = 12.0
 """Matches that a wrong relative pose has within half a pixel: it has five parameters, and the most of many tries."""
 FREE_RAD = 1.0

@@ -17,7 +17,7 @@ from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.similarity import similarity_motion
-from fieldkit.vocabulary import GSD_M
+from fieldkit.vocabulary import CAP_M, GSD_M
 
 Array = NDArray[np.float64]
 
@@ -40,8 +40,6 @@ FINEST_M = GSD_M["standard"]
 worth nothing by itself."""
 ERROR_PX = 0.5
 """Of a match, for the noise of depths."""
-CAP_M = 0.10
-"""Of every distance, as in the objective's rule (`fieldkit.planning.objective.evaluation`)."""
 
 
 def quality_of_views(seen: NDArray[np.bool_], facing: Array, footprint_m: Array) -> Array:

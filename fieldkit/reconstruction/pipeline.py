@@ -54,6 +54,7 @@ from fieldkit.wording import count
 
 _MIN_DENSE_VIEWS = 2
 _COUNTED, _COUNTED_PX = 10, 800  # photographs that plants' pixels are counted in, and their longer side
+_SHOWN_BY_MASKS = 1.0 / 3.0  # of the pixels, supposed before masks are there
 _BESIDE_M = 0.5  # photographs that look so far beside the volume are of another place
 _CALIBRATIONS = ("camera.toml", "camera.json", "reference")
 Settle = Callable[[NDArray[np.float64], Mapping[str, Pose]], tuple[Similarity, Plane | None]]
@@ -265,7 +266,8 @@ class _Dense:
         """The fused cloud of all views that count, and how far their depths scatter (`depth_scatter_px`)."""
         what, progress, views = "plants" if self.settings.mask != "none" else "scene", self.context.progress, []
         pixels = sum(size.size[0] * size.size[1] for size in self.sizes.values())
-        room = Room.for_bytes(expected_bytes(pixels, self.settings.mask != "none"), self.context.cache.root)
+        matched = pixels * (_SHOWN_BY_MASKS if self.settings.mask != "none" else 1.0)
+        room = Room.for_bytes(expected_bytes(pixels, matched), self.context.cache.root)
         with progress.stage(f"Undistortion ({what})", len(self.sizes)) as advance:
             for photo in self.sparse.capture.photos:
                 if photo.name in self.sizes:

@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fieldkit.vocabulary import DISTANCES_M
+from fieldkit.vocabulary import CAP_M, DISTANCES_M
 
-CAP_M = 0.10
-"""Upper limit of every distance, metres; a reference point that the cloud does not reach counts this much."""
 SUPPORT = 0.25
 """Share of the reference that the cloud must reach for its accuracy to count in full."""
 WORST_M = 2.0 * CAP_M

@@ -17,9 +17,10 @@ from fieldkit.planning.score.matchability import GUIDED, Matchability, camera_si
 from fieldkit.planning.score.visibility import POINTS, PerCamera, Surface, in_picture, look
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.planning.space.plots import Plot
-from fieldkit.reconstruction.evidence import CAP_M, ERROR_PX, FINEST_M, quality_of_views, worth_of_angles
+from fieldkit.reconstruction.evidence import ERROR_PX, FINEST_M, quality_of_views, worth_of_angles
 from fieldkit.runtime.kernels import fast_kernel, kernel
 from fieldkit.vehicles.wash import swayed_m
+from fieldkit.vocabulary import CAP_M
 
 _STEPS = 4096
 _GRID = 3

@@ -96,21 +96,16 @@ def compute_depth_maps(
     return [to_depth_map(view, shared.active(view), planes, room) for view, planes in zip(views, results, strict=True)]
 
 
-def expected_bytes(pixels: float, masked: bool) -> float:
-    """Memory of `compute_depth_maps` and `fuse`, before masks are known.
-
-    Args:
-        pixels: of all views together.
-        masked: whether they have masks, which are taken to show a third.
-    """
-    return pixels * (_BYTES_OF_PIXEL + _BYTES_OF_MATCHED / (3.0 if masked else 1.0))
+def expected_bytes(pixels: float, matched: float) -> float:
+    """Memory of `compute_depth_maps` and `fuse`, by all views' pixels and those that masks show."""
+    return pixels * _BYTES_OF_PIXEL + matched * _BYTES_OF_MATCHED
 
 
 def expected_cost(views: Sequence[View]) -> str:
     """What `compute_depth_maps` and `fuse` will take where nothing is cached, in words."""
     sizes = [view.intrinsics.width * view.intrinsics.height for view in views]
     matched = sum(size if view.mask is None else int(view.mask.sum()) for size, view in zip(sizes, views, strict=True))
-    cpu_s, gib = matched * _CPU_S_OF_MATCHED, (sum(sizes) * _BYTES_OF_PIXEL + matched * _BYTES_OF_MATCHED) / 2**30
+    cpu_s, gib = matched * _CPU_S_OF_MATCHED, expected_bytes(sum(sizes), matched) / 2**30
     return f"{sum(sizes) / 1e6:.1f} megapixels, {matched / 1e6:.1f} to match: about {cpu_s:.0f} CPU s and {gib:.1f} GiB"
 
 

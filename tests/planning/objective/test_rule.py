@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from fieldkit.clouds import Cloud, chamfer_distance, nearest_distances
-from fieldkit.planning.objective.evaluation import CAP_M, SUPPORT, WORST_M, value_m
+from fieldkit.planning.objective.evaluation import SUPPORT, WORST_M, value_m
+from fieldkit.vocabulary import CAP_M
 
 some = st.integers(1, 40)
 distances = some.flatmap(lambda n: arrays(np.float64, n, elements=st.floats(0, 5)))

@@ -12,7 +12,8 @@ from fieldkit.planning.score.geometric import GeometricScore, room_above
 from fieldkit.planning.score.visibility import Surface, in_picture, look
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot
-from fieldkit.reconstruction.evidence import CAP_M, FINEST_M
+from fieldkit.reconstruction.evidence import FINEST_M
+from fieldkit.vocabulary import CAP_M
 from tests.planning.leafy import CAMERA, around, leaves, problem
 
 PROBLEM = problem()
