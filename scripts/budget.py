@@ -1,6 +1,6 @@
-"""Hold `[tool.budget]` in pyproject.toml: one total of Python tokens per top folder, one of words for the documentation.
+"""Hold `[tool.budget]` in pyproject.toml: totals of Python tokens per top folder, and of words of documentation.
 
-python scripts/budget.py            fail where a total is exceeded; name the files that grew most since totals were last set
+python scripts/budget.py            fail where a total is exceeded; name the files that grew most
 python scripts/budget.py --table    print the totals, and what grew and fell by package
 python scripts/budget.py --lower    lower every total to what is there; nothing is ever raised
 """
@@ -99,9 +99,7 @@ def main() -> int:
     if "--lower" in sys.argv:
         text = SETTINGS.read_text("utf-8")
         for total, allowed in budget.items():
-            text = re.sub(
-                rf'(?m)^"{re.escape(total)}" = {allowed}$', f'"{total}" = {min(sizes[total], allowed)}', text
-            )
+            text = re.sub(rf'(?m)^"{re.escape(total)}" = {allowed}$', f'"{total}" = {min(sizes[total], allowed)}', text)
         SETTINGS.write_text(text, "utf-8")
         return 0
     over = [total for total, allowed in budget.items() if sizes[total] > allowed]
