@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from fieldkit.evaluation.evaluate import evaluate_captures
+from fieldkit.planning.methods.registry import METHODS, MethodEntry
 from fieldkit.planning.run.plan_views import plan_views
 from fieldkit.planning.run.request import search_settings
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -18,7 +19,7 @@ from fieldkit.results.plan_file import load_plan
 from fieldkit.runtime.machine import usual_workers
 from fieldkit.runtime.threads import limit_threads
 
-_OF_RUN = ("cache", "progress", "overwrite", "scheduler", "watch", "expect", "methods")
+_OF_RUN = ("cache", "progress", "overwrite", "scheduler", "watch", "expect")
 
 
 def evaluate(
@@ -51,12 +52,19 @@ def evaluate(
         )
 
 
-def plan(output: Path | str | None = None, *, workers: int | None = None, **more: Any) -> Plan:
+def plan(
+    output: Path | str | None = None,
+    *,
+    workers: int | None = None,
+    methods: Mapping[str, MethodEntry] = METHODS,
+    **more: Any,
+) -> Plan:
     """Find the best camera poses, as `fieldkit plan` does.
 
     Args:
         output: the plan's folder; None keeps the plan alone.
         workers: processes; None takes as many as cores and memory allow.
+        methods: by name; other planners plug in here.
         more: arguments of `search_settings` (scene, reference, cameras …) and of `plan_views`.
 
     Raises:
@@ -70,7 +78,9 @@ def plan(output: Path | str | None = None, *, workers: int | None = None, **more
     workers = workers or usual_workers()
     run = {name: more.pop(name) for name in _OF_RUN if name in more}
     with _folder(output) as folder:
-        plan_views(folder, search_settings(workers=workers, **more), workers=workers, **run)
+        plan_views(
+            folder, search_settings(workers=workers, methods=methods, **more), workers=workers, methods=methods, **run
+        )
         return load_plan(folder)
 
 

@@ -50,7 +50,7 @@ class Drift:
 
     plot: str
     figure: str
-    """Field of `Visit`."""
+    """Field of `Visit`, or of its traits."""
     first_date: str
     date: str
     """Compared."""

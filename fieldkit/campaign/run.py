@@ -116,6 +116,8 @@ def _evaluated(
 ) -> tuple[Visit, ...]:
     """The visits, each kept in the campaign's folder and told of as it is done."""
     evaluated = []
+    if not todo:  # then neither processes nor a cluster are needed
+        return ()
     with context.executor() as executor:
         jobs = {executor.submit(evaluate_visit, job): job for job in todo}
         for future in as_completed(jobs):

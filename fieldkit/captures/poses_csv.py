@@ -2,7 +2,7 @@
 
     image,x_m,y_m,z_m[,yaw_deg,pitch_deg[,roll_deg]][,accuracy_m]
 
-Columns may stand in any order and have the names that Metashape and Pix4D give them (`pose_columns`). Fields are
+Columns may stand in any order and have the names that Metashape and Pix4D give them (`read_columns`). Fields are
 separated by commas, semicolons or tabs, or by blanks where there is none of these. Where commas do not separate fields,
 they are decimal marks or stand between thousands.
 """

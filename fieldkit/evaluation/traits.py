@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -48,6 +49,8 @@ NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot a
 _SEEN_BY, _SEEN_SHARE = 2, 0.95
 _STEP_M, _MOST_STEPS = 0.05, 40
 _MATCH_DEG, _MATCH_FARTHER, _PARTNERS = (3.0, 36.0), 1.6, 2
+_MOST_ANGLES = 2_000_000
+"""Angles between rays that are held at once: 16 MB an array, for 9,600 places and 150 photographs had 1.7 GB."""
 _MATCH_AT, _MATCH_SHARE = (0.3, 0.8), 0.9
 _OF_HEIGHT: tuple[Trait, ...] = ("height_m", "canopy_volume_m3")
 _OF_AREA: tuple[Trait, ...] = ("cover_percent", "covered_area_m2", "canopy_volume_m3", "plants", "row_gaps")
@@ -249,15 +252,18 @@ def matched_share(sparse: SparseResult, points: Array) -> float:
     has two others from 3 to 36 degrees beside it, about as far away, that have it, too.
     """
     centers = np.array([pose.center for pose in sparse.poses.values()])
-    seen = _in_pictures(sparse, points)
-    rays = points[:, None] - centers
-    away = np.linalg.norm(rays, axis=2)
-    rays /= away[:, :, None]
-    angles = np.degrees(np.arccos(np.clip(np.einsum("nid,njd->nij", rays, rays), -1.0, 1.0)))
-    farther = np.maximum(away[:, :, None] / away[:, None, :], away[:, None, :] / away[:, :, None])
-    partners = (angles >= _MATCH_DEG[0]) & (angles <= _MATCH_DEG[1]) & (farther <= _MATCH_FARTHER)
-    partners &= seen[:, :, None] & seen[:, None, :]
-    return float(np.mean((partners.sum(axis=2) >= _PARTNERS).any(axis=1)))
+    matched = 0
+    for block in np.array_split(points, math.ceil(len(points) * len(centers) ** 2 / _MOST_ANGLES)):
+        seen = _in_pictures(sparse, block)
+        rays = block[:, None] - centers
+        away = np.linalg.norm(rays, axis=2)
+        rays /= away[:, :, None]
+        angles = np.degrees(np.arccos(np.clip(np.einsum("nid,njd->nij", rays, rays), -1.0, 1.0)))
+        farther = np.maximum(away[:, :, None] / away[:, None, :], away[:, None, :] / away[:, :, None])
+        partners = (angles >= _MATCH_DEG[0]) & (angles <= _MATCH_DEG[1]) & (farther <= _MATCH_FARTHER)
+        partners &= seen[:, :, None] & seen[:, None, :]
+        matched += int((partners.sum(axis=2) >= _PARTNERS).any(axis=1).sum())
+    return matched / len(points)
 
 
 def _in_pictures(sparse: SparseResult, points: Array) -> NDArray[np.bool_]:

@@ -99,7 +99,7 @@ def map_parallel(
     ``advance`` is called with 1 after each item. The first error of an item is raised: items in progress may finish
     first, no others are started.
     """
-    if not scheduler and min(workers, len(items)) <= 1:
+    if not items or (not scheduler and min(workers, len(items)) == 1):
         return _in_turn(function, items, advance)
     with open_executor(min(workers, len(items)), scheduler, limits=Limits(finish_seconds=_FINISH_S)) as executor:
         return _gathered([executor.submit(function, item) for item in items], advance)

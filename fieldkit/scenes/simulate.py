@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -186,7 +187,10 @@ def simulate_capture(
         atomic_folder(folder, overwrite=overwrite, marker=names[0]) as partial,
         storage_errors(folder),
         (progress or Silent()).stage("photographs", len(true)) as advance,
+        ExitStack() as afterwards,
     ):
+        if motion is not None:
+            afterwards.callback(renderer.rest)
         for i, (name, pose) in enumerate(zip(names, true, strict=True)):
             time_s = outdoors.time_s(i)
             if motion is not None:
@@ -210,8 +214,6 @@ def simulate_capture(
             (partial / "poses.csv").write_text(poses_table(names, commanded, accuracy_m=stated), encoding="utf-8")
         if sidecars.camera:
             (partial / "camera.toml").write_text(camera_toml(intrinsics), encoding="utf-8")
-    if motion is not None:
-        renderer.rest()
     if truth is not None:
         write_atomic(truth, poses_table(names, true, roll=True))
     return true

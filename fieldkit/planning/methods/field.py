@@ -29,8 +29,9 @@ _REGISTERED = 16
 _PLOTS_TRIED = 3
 """Largest number of plots that trials are spread over: each has to be built, and kept by every worker."""
 _IN_REACH = 3.0
-INITIAL = 6
 """How far a finalist may be behind the best, in standard deviations of an evaluation."""
+INITIAL = 6
+"""Number of trials before the surrogate is used."""
 _MEMBERS, _MOVES = 12, 48
 _STEPS = (0.02, 0.4)
 """Least and largest step of moves, in D of `SetEmbedding`."""

@@ -13,7 +13,7 @@ from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.documents.json_file import first_problem
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.geometry import Intrinsics
-from fieldkit.planning.methods.registry import METHODS
+from fieldkit.planning.methods.registry import METHODS, MethodEntry, method_entry
 from fieldkit.planning.run.flyable import OUTDOORS_ENVELOPE, flight_noise, read_vehicle, vehicle_envelope
 from fieldkit.planning.run.sources import describe_sources
 from fieldkit.planning.settings import (
@@ -69,13 +69,15 @@ class PlanRequest:
     """The plots that the plan is for: "kind" or "this-plot"."""
     preset: Preset = "outdoors"
     """Conditions that a plan for a kind expects where ``noise`` and ``envelope`` say nothing."""
+    methods: Mapping[str, MethodEntry] | None = None
+    """By name; None for fieldkit's own."""
 
 
 def search_settings(
     *, scene: Paths = (), reference: Paths = (), captures: Path | str | None = None, images: Paths = (),
     vehicle: str | Path | None = None, camera: Path | str | None = None, purpose: str | None = None,
     noise: Mapping[str, Any] | None = None, envelope: Mapping[str, Any] | None = None,
-    preset: Preset = "outdoors", workers: int = 1, **more: Any,
+    preset: Preset = "outdoors", methods: Mapping[str, MethodEntry] | None = None, workers: int = 1, **more: Any,
 ) -> SearchSettings:  # fmt: skip
     """The settings of a new run, for `plan_views`.
 
@@ -92,6 +94,7 @@ def search_settings(
         envelope: fields of `EnvelopeSettings`.
         preset: what plans for a kind take where these say nothing: "outdoors" (a flight's noise of poses, wind and the
             vehicle's wash; stations as a vehicle can keep them) or "paper" (exact poses, still air, nearer stations).
+        methods: by name, as `plan_views` takes them.
         more: fields of `SearchSettings`: cameras, evaluations, method, seed and others.
 
     Raises:
@@ -104,7 +107,7 @@ def search_settings(
     request = PlanRequest(
         more, noise or {}, envelope or {}, _paths(scene), _paths(reference),
         None if captures is None else Path(captures), _paths(images), vehicle, None if camera is None else Path(camera),
-        purpose, preset,
+        purpose, preset, methods,
     )  # fmt: skip
     return new_settings(request, workers)
 
@@ -115,8 +118,9 @@ def new_settings(request: PlanRequest, workers: int) -> SearchSettings:
     first, *others = plots_given
     recorded, given = first.source.kind == "captures", _given(request.settings)
     method = KIND_METHOD if _chooses(request, given, first.source.kind) else given.get("method", _METHOD)
-    plots = _plots(request.purpose, given.get("plots"), method, len(plots_given))
-    if "weights" in given and not METHODS[method].weights:
+    entry = method_entry(method, request.methods)
+    plots = _plots(request.purpose, given.get("plots"), method, len(plots_given), for_a_kind=entry.for_a_kind)
+    if "weights" in given and not entry.weights:
         raise UsageError(
             f"weights would change nothing: {method} does not go by the geometric score",
             remedy=f"Leave them out, or choose one of {', '.join(n for n in METHODS if METHODS[n].weights)}.",
@@ -185,7 +189,7 @@ def _chooses(request: PlanRequest, given: Mapping[str, Any], source: str) -> boo
     return source != "captures" and request.purpose != "this-plot" and given.get("plots", 2) > 1 and not searched
 
 
-def _plots(purpose: str | None, plots: int | None, method: str, given: int) -> int:
+def _plots(purpose: str | None, plots: int | None, method: str, given: int, *, for_a_kind: bool) -> int:
     """Number of plots that a plan is for."""
     if purpose == "this-plot":
         if given > 1:
@@ -193,14 +197,14 @@ def _plots(purpose: str | None, plots: int | None, method: str, given: int) -> i
         if (plots or 1) > 1:
             raise UsageError(f"--vary {plots} plans for more than this plot", remedy="Give --for or --vary.")
         return 1
-    if given > 1 and not METHODS[method].for_a_kind:
+    if given > 1 and not for_a_kind:
         raise UsageError(
             f"{method} plans for one plot, and {given} are given",
             remedy=f"Give one, or choose one of {', '.join(name for name in METHODS if METHODS[name].for_a_kind)}.",
         )
     if plots is not None:
         return plots
-    return max(given, KIND_PLOTS if purpose == "kind" or METHODS[method].for_a_kind else 1)
+    return max(given, KIND_PLOTS if purpose == "kind" or for_a_kind else 1)
 
 
 def resumed_settings(settings: SearchSettings, request: PlanRequest) -> SearchSettings:

@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from fieldkit.errors import UsageError
+from fieldkit.planning.methods.registry import METHODS, MethodEntry
 from fieldkit.planning.run.outcome import plants_of, run_schemas
 from fieldkit.planning.run.request import PlanRequest, resumed_settings, search_settings
 from tests.planning.bowl import bowl_problem
@@ -30,9 +31,12 @@ def test_settings_without_a_command_line() -> None:
     for wrong, words in (
         ({"cameras": 1}, "cameras"), ({"weights": (0.0, 0.0, 0.0)}, "one of them must be above 0"),
         ({"method": "circle", "weights": (1.0, 1.0, 1.0)}, "would change nothing"),
+        ({"method": "cirlce"}, "no method 'cirlce'"),
     ):  # fmt: skip
         with pytest.raises(UsageError, match=words):
             search_settings(scene=Path("case-1"), **wrong)
+    own = {"mine": MethodEntry(METHODS["circle"].make, weights=True)}
+    assert search_settings(scene=Path("case-1"), method="mine", methods=own, weights=(1.0, 1.0, 1.0)).plots == 1
 
 
 @pytest.mark.parametrize(
