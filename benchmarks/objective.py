@@ -77,12 +77,6 @@ def _proxy(options: ObjectiveOptions, progress: Progress) -> StudyResult:
     return run_proxy(options.data, cache=options.cache, progress=progress)
 
 
-def _numbers(options: ObjectiveOptions, progress: Progress) -> StudyResult:
-    from benchmarks.photograph_numbers import run_numbers
-
-    return run_numbers(seeds=options.seeds, workers=options.workers, progress=progress)
-
-
 STUDIES: dict[str, Callable[[ObjectiveOptions, Progress], StudyResult]] = {
     "cost": _cost,
     "throughput": _throughput,
@@ -90,7 +84,6 @@ STUDIES: dict[str, Callable[[ObjectiveOptions, Progress], StudyResult]] = {
     "noise": _noise,
     "recorded": _recorded,
     "proxy": _proxy,
-    "numbers": _numbers,
 }
 
 

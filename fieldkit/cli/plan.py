@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from typer import Option
+from typing import TYPE_CHECKING
 
 from fieldkit.cli.boundary import finding_entry
-from fieldkit.cli.common import JsonOption, emit_json, show, table
+from fieldkit.cli.common import JsonOption, OutputOption, emit_json, show
 from fieldkit.cli.plan_options import (
     EnvelopeOptions,
     PlanRunOptions,
     PlotOptions,
     SearchOptions,
-    check_compared,
     plan_request,
 )
 from fieldkit.cli.reconstruction_options import processes, run_context
@@ -29,15 +25,14 @@ if TYPE_CHECKING:
     from fieldkit.planning.run.request import PlanRequest
     from fieldkit.planning.settings import SearchSettings
     from fieldkit.results.finding import Finding
-    from fieldkit.results.numbers import Numbers, TraitErrors
 
 
 def command(
+    output: OutputOption,
     plot: PlotOptions,
     search: SearchOptions,
     envelope: EnvelopeOptions,
     run: PlanRunOptions,
-    output: Annotated[Path | None, Option("--output", "-o", help="The plan's folder; needed for a plan.")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Find the camera poses that reconstruct a plot best.
@@ -45,24 +40,16 @@ def command(
     Photographs of every trial are taken (rendered, or looked up in a recorded set), reconstructed by real structure
     from motion and scored against the reference. The result holds plan.json, pictures and every evaluation. --resume
     goes on with an interrupted run, and with more --evaluations a finished one. With --json a line per evaluation goes
-    to stderr. Several numbers after -n are compared by the score alone, in under a minute: expected distance and errors
-    of traits, minutes in the air, and the least numbers that keep the errors that traits are stated with.
+    to stderr.
 
     Examples:
         fieldkit plan --reference plot_7-reference --images plot_7/ -n 12 -o trial-plan
         fieldkit plan --reference plot_7-reference --vehicle ardupilot-pitch --pose-noise from:flight_1 -o plot_7-plan
-        fieldkit plan --reference plot_7-reference --vehicle ardupilot-pitch -n 8,10,13,16,20
         fieldkit plan --captures plot_7/ --reference plot_7-reference -n 13 -o plot_7-best-views
         fieldkit plan --scene case-1 --for this-plot -o case-1-plan
         fieldkit plan --scene case-1 --method bosfm --evaluations 200 -o case-1-bosfm
         fieldkit plan --resume --evaluations 150 -o plot_7-plan
     """
-    if len(search.numbers) > 1:
-        check_compared(plot, search, run, output)
-        _compare(plan_request(plot, search, envelope, run), search.numbers, run, as_json=as_json)
-        return
-    if output is None:
-        raise UsageError("Missing option '--output' / '-o'", remedy="'fieldkit plan --help' explains the command.")
     request = plan_request(plot, search, envelope, run)
     if run.resume and run.overwrite:
         raise UsageError("--resume goes on with what --overwrite would replace", remedy="Give one of them.")
@@ -73,58 +60,6 @@ def command(
         emit_json({"output": output, **outcome.model_dump(), **fit})
     else:
         _show(output, settings, outcome, found)
-
-
-def _compare(request: PlanRequest, numbers: Sequence[int], options: PlanRunOptions, *, as_json: bool) -> None:
-    """Compare numbers of photographs."""
-    from fieldkit.cache import StageCache, default_cache_root
-    from fieldkit.planning.run.flyable import read_vehicle
-    from fieldkit.planning.run.numbers import compare_numbers
-    from fieldkit.planning.run.request import new_settings
-    from fieldkit.runtime.context import Context
-
-    workers = processes(options.workers)
-    settings = new_settings(replace(request, settings={**request.settings, "method": "score"}), workers)
-    vehicle = None if request.vehicle is None else read_vehicle(request.vehicle)[0]
-    with run_context(as_json=as_json) as progress:
-        context = Context(StageCache(default_cache_root()), progress, workers, settings.seed)
-        found = compare_numbers(settings, numbers, vehicle=vehicle, context=context)
-    if as_json:
-        emit_json(found.model_dump())
-    else:
-        _show_numbers(found, settings)
-
-
-def _show_numbers(found: Numbers, settings: SearchSettings) -> None:
-    from fieldkit.figures.style import format_length, format_seconds
-
-    def told(errors: TraitErrors) -> tuple[str, ...]:
-        shares = (f"± {100 * share:.0f} %" for share in (errors.area, errors.volume))
-        return f"± {1000 * errors.height_m:.0f} mm", *shares
-
-    rows = [
-        (
-            str(each.cameras), format_length(each.expected_m),
-            *(("none",) * 3 if each.errors is None else told(each.errors)),
-            "–" if each.flight_s is None else format_seconds(each.flight_s),
-        )
-        for each in found.numbers
-    ]  # fmt: skip
-    least = found.least
-    kept = (
-        f"{trait} {number or 'none of these'} ({error})"
-        for trait, number, error in zip(
-            ("height", "area", "volume"), (least.height_m, least.area, least.volume), told(found.stated), strict=True
-        )
-    )
-    where = settings.source.name if settings.plots == 1 else f"{settings.plots} plots like {settings.source.name}"
-    columns = ["photographs>", "distance>", "height>", "area>", "volume>", "in the air>"]
-    show(
-        f"Least that keep the errors that traits are stated with: {', '.join(kept)}.",
-        table(f"Expected on {where}", columns, rows),
-        "Nine in ten plots are expected within a row's errors. Nothing was planned or photographed; this took "
-        f"{format_seconds(found.seconds)}.",
-    )
 
 
 def _planned(

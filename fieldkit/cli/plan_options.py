@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from fieldkit.planning.run.request import PlanRequest
 
 _FROM = "from:"
-FEWEST, MOST = 3, 200
 Purpose = Literal["kind", "this-plot"]
 
 
@@ -77,15 +76,9 @@ class SearchOptions:
     panel: ClassVar[str] = "Search"
 
     cameras: Annotated[
-        str,
-        Option(
-            "--cameras",
-            "-n",
-            rich_help_panel="Options",
-            metavar="N[,N…]",
-            help="N; 10 where not given. Several are compared, and nothing is planned.",
-        ),
-    ] = ""
+        int | None,
+        Option("--cameras", "-n", rich_help_panel="Options", min=3, max=200, help="10 where not given."),
+    ] = None
     method: Annotated[
         PlanningMethod | None,
         Option("--method", help="score where plans are for a kind and nothing of a search is given, else field."),
@@ -114,24 +107,7 @@ class SearchOptions:
 
     def values(self) -> dict[str, Any]:
         """By the keys of `SearchSettings`; None where nothing is given."""
-        given = {name: value for name, value in asdict(self).items() if name not in ("pose_noise", "preset")}
-        return given | {"cameras": self.numbers[0] if self.cameras else None}
-
-    @property
-    def numbers(self) -> tuple[int, ...]:
-        """Numbers of photographs."""
-        parts = [part.strip() for part in self.cameras.split(",")] if self.cameras else []
-        if not all(part.isascii() and part.isdecimal() for part in parts):
-            raise UsageError(f"--cameras: cannot be {self.cameras}", remedy="Write a number, or several like 6,8,10.")
-        found = tuple(map(int, parts))
-        for number in found:
-            if not FEWEST <= number <= MOST:
-                raise UsageError(
-                    f"--cameras: {number} is not in the range {FEWEST} to {MOST}", remedy="Give another number."
-                )
-            if found.count(number) > 1:
-                raise UsageError(f"--cameras: {number} is given twice", remedy="Give every number once.")
-        return found
+        return {name: value for name, value in asdict(self).items() if name not in ("pose_noise", "preset")}
 
 
 @dataclass(frozen=True)
@@ -171,21 +147,6 @@ class PlanRunOptions:
     scheduler: SchedulerOption = ""
     resume: ResumeOption = False
     overwrite: OverwriteOption = False
-
-
-def check_compared(plot: PlotOptions, search: SearchOptions, run: PlanRunOptions, output: Path | None) -> None:
-    """Refuse what changes nothing, or cannot be had, where several numbers of photographs are compared."""
-    for option, given in (
-        ("--output", output is not None), ("--resume", run.resume), ("--overwrite", run.overwrite),
-        ("--scheduler", bool(run.scheduler)), ("--evaluations", search.evaluations is not None),
-        ("--fidelity", search.fidelity is not None), ("--repeats", search.repeats is not None),
-        ("--method", search.method not in (None, "score")), ("--captures", plot.captures is not None),
-    ):  # fmt: skip
-        if given:
-            raise UsageError(
-                f"several numbers of photographs are compared by the score, without {option}: nothing is planned",
-                remedy="Leave it out; then plan with the number that you choose. Or give one number.",
-            )
 
 
 def plan_request(

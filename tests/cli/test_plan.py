@@ -18,7 +18,6 @@ from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.planning.score.cost_model import WEIGHTS
 from fieldkit.planning.settings import NoiseSettings
 from fieldkit.reconstruction.known_poses import known_poses
-from fieldkit.results.numbers import Numbers
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import save_report
 from fieldkit.runtime.context import Context
@@ -46,10 +45,6 @@ SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
         (["--scene", "case-1", "--height", "3,2"], 2, "height_m: 3 is above 2"),
         (["--scene", "case-1", "--height", "75,150"], 2, "in centimetres?"),
         (["--scene", "case-1", "-n", "1300"], 2, "cameras"),
-        (["--scene", "case-1", "-n", "6,,x"], 2, "--cameras: cannot be 6,,x"),
-        (["--scene", "case-1", "-n", "2,6"], 2, "2 is not in the range 3 to 200"),
-        (["--scene", "case-1", "-n", "6,8,6"], 2, "6 is given twice"),
-        (["--scene", "case-1", "-n", "6,8"], 2, "without --output: nothing is planned"),
         (["--scene", "case-1", "--pose-noise", "20,1"], 2, "in centimetres?"),
         (["--captures", str(SMALL_PLOT), "--clearance", "0.5"], 2, "--clearance would not change the choice"),
         (["--scene", "case-1", "--for", "this-plot", "--vary", "4"], 2, "--vary 4 plans for more than this plot"),
@@ -69,43 +64,6 @@ def test_wrong_calls_are_told_in_words(tmp_path, capsys, arguments, code, words)
     assert words in told
     assert "Traceback" not in told
     assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["-n", "6"], "Missing option '--output'"), (["-n", "6,8", "--method", "circle"], "without --method"),
-        (["-n", "6,8", "--repeats", "0"], "without --repeats"),
-        (["-n", "6,8", "--captures", "."], "without --captures"),
-    ],
-)  # fmt: skip
-def test_without_a_folder_numbers_are_compared_by_the_score_alone(capsys, arguments, words) -> None:
-    assert main(["plan", "--scene", "case-1", *arguments]) == 2
-    assert words in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_numbers_of_photographs_are_compared_without_a_photograph(tmp_path, capsys, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "tiny.toml").write_text(TINY)
-    asked = ["plan", "--scene", "tiny.toml", "--vary", "2", "--vehicle", "ardupilot-pitch", "-n", "12,4,9"]
-    assert main([*asked, "--workers", "1", "--json"]) == 0
-    found = Numbers.model_validate_json(capsys.readouterr().out)
-    assert [each.cameras for each in found.numbers] == [4, 9, 12]
-    few, more, most = found.numbers
-    assert few.expected_m > more.expected_m > most.expected_m
-    assert few.missing > more.missing > most.missing
-    assert few.errors is None  # traits need nine
-    assert most.errors.area < more.errors.area
-    assert 60.0 < few.flight_s < more.flight_s < most.flight_s < 400.0
-    for trait, least in found.least.model_dump().items():
-        kept = [n.cameras for n in (more, most) if getattr(n.errors, trait) <= getattr(found.stated, trait)]
-        assert least == (kept or [None])[0]
-    assert [file.name for file in tmp_path.iterdir()] == ["tiny.toml"]
-    assert main([*asked[:5], "-n", "4,9", "--workers", "1"]) == 0
-    told = capsys.readouterr().out
-    assert "Expected on 2 plots like tiny.toml" in told
-    assert "traits are stated with: height 9 (± 30 mm), area " in told
 
 
 @pytest.mark.parametrize("more", [[], ["--resume"]])  # as a run says that was interrupted before its folder was there

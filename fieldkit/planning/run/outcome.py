@@ -19,7 +19,6 @@ from fieldkit.planning.run.loop import Ending, Finalist, Stopped
 from fieldkit.planning.run.run_setup import RunSetup
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.results.fields import Count, Length, Strict
-from fieldkit.results.numbers import Numbers
 from fieldkit.results.plan import Plan, PlanMethod, PlanPlants
 from fieldkit.results.plan_file import PLAN_FILE, plan_from_poses, save_plan
 
@@ -164,10 +163,8 @@ def read_outcome(path: Path) -> Outcome:
 
 
 def run_schemas() -> dict[str, str]:
-    """JSON Schemas (2020-12) by file: of search.json, outcome.json, a line of evaluations.jsonl, compared numbers."""
-    models: dict[str, type[BaseModel]] = {
-        "search": SearchSettings, "outcome": Outcome, "evaluations": LogEntry, "numbers": Numbers,
-    }  # fmt: skip
+    """JSON Schemas (2020-12) by file: of search.json, outcome.json and a line of evaluations.jsonl."""
+    models: dict[str, type[BaseModel]] = {"search": SearchSettings, "outcome": Outcome, "evaluations": LogEntry}
     return {f"{n}.schema.json": schema_text(m.model_json_schema(mode="validation")) for n, m in models.items()}
 
 
