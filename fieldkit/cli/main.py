@@ -37,22 +37,10 @@ STAGES: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 COMMANDS: dict[str, str] = {name: stage for stage, names in STAGES.items() for name in names}
 """Every command, and the stage it stands under."""
-FIRST: dict[str, str] = {
-    "reference": "--output --fidelity --mask --bounds --poses --rasters --no-scene --workers --resume --overwrite",
-    "plan": "--reference --scene --vehicle --cameras --output --for --height --clearance --pose-noise --resume",
-    "export-mission": "--vehicle --site --output --plots --plant-height --format --fit --adjust --burst --overwrite",
-    "geotag": "--log --output --site --plots --plot --origin --mount --camera-offset --accuracy --overwrite",
-    "check": "--plan --site --plots --plot --log --plant-height --vehicle --output --adjust --overwrite",
-    "evaluate": "--output --campaign --reference --plan --log --fidelity --mask --rasters --workers --overwrite",
-    "campaign init": "--plan --site --plots --vehicle --reference --camera-file --fidelity --mask --rasters --bounds",
-    "simulate": "--output --plan --plant-height --ring --dense --size --vehicle --pose-noise --no-poses --overwrite",
-}
-"""The ten options that help begins with, of commands that have more; `--help-all` has all of them under headings."""
 _GROUPS = {
     "scene": "Scenes of simulated plots: new ones, those of fieldkit, and those made from a reference.",
     "campaign": "One plan over many plots and dates: make it, plan the next visit, look at it, export it.",
 }
-_ALL = "fieldkit.help-all"
 _HELP = {"help_option_names": ["--help", "-h"]}
 
 
@@ -62,23 +50,6 @@ _KEYWORD = inspect.Parameter.KEYWORD_ONLY
 
 class Parser(TyperCommand):
     """A command that runs with its libraries' threads limited and a temporary folder of its own."""
-
-    first: tuple[str, ...] = ()
-    """Options that help shows; none for all."""
-
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        if not self.first or ctx.meta.get(_ALL):
-            super().format_help(ctx, formatter)
-            return
-        whole = self.params
-        options = {each.opts[0]: copy(each) for each in whole if each.param_type_name == "option"}
-        shown: list[Any] = [options.pop(name) for name in self.first]
-        for option in shown:
-            option.rich_help_panel = None
-        self.params = [each for each in whole if each.param_type_name == "argument"] + shown
-        self.epilog = f"More, with --help-all: {', '.join(name for name in options if name != '--help-all')}."
-        super().format_help(ctx, formatter)
-        self.params, self.epilog = whole, None
 
     def invoke(self, ctx: Any) -> Any:
         from fieldkit.runtime.temporary import temporary_folder
@@ -128,9 +99,7 @@ def program() -> Any:
 
 def command_of(name: str) -> Parser:
     """The parser of a command and its options; imports the command's file."""
-    parser = parser_of(import_module(f"fieldkit.cli.{module_name(name)}").command, name.split()[-1], COMMANDS[name])
-    parser.first = tuple(FIRST.get(name, "").split())
-    return parser
+    return parser_of(import_module(f"fieldkit.cli.{module_name(name)}").command, name.split()[-1], COMMANDS[name])
 
 
 def parser_of(command: Callable[..., int | None], name: str | None = None, stage: str | None = None) -> Parser:
@@ -141,18 +110,6 @@ def parser_of(command: Callable[..., int | None], name: str | None = None, stage
     parser = typer.main.get_command(app)
     assert isinstance(parser, Parser)
     return parser
-
-
-def _help_all(context: typer.Context, asked: bool) -> None:
-    if asked:
-        context.meta[_ALL] = True
-        typer.echo(context.get_help())
-        raise typer.Exit
-
-
-_HelpAllOption = Annotated[
-    bool, typer.Option("--help-all", callback=_help_all, is_eager=True, hidden=True, help="Show all options.")
-]
 
 
 def grouped(command: Callable[..., _Result]) -> Callable[..., _Result]:
@@ -176,14 +133,13 @@ def grouped(command: Callable[..., _Result]) -> Callable[..., _Result]:
             for each in fields(group)
         ]
     parameters.append(inspect.Parameter("debug", _KEYWORD, default=False, annotation=DebugOption))
-    parameters.append(inspect.Parameter("help_all", _KEYWORD, default=False, annotation=_HelpAllOption))
     signature = inspect.Signature(parameters)
 
     def flat(*args: Any, **options: Any) -> _Result:
         given = signature.bind(*args, **options)
         given.apply_defaults()
         values = given.arguments
-        del values["debug"], values["help_all"]  # the boundary looks for the one, its callback does the other
+        del values["debug"]  # the boundary looks for it
         made = {
             name: group(**{each.name: values.pop(each.name) for each in fields(group)})
             for name, group in groups.items()
