@@ -47,13 +47,13 @@ SeedOption = Annotated[int, SEED]
 CampaignArgument = Annotated[
     Path | None, Argument(help="The campaign's folder; the one about the current folder where not given.")
 ]
-MissionFormat = Literal["plan", "waypoints", "wpml", "litchi", "kml"]
+MissionFormat = Literal["plan", "waypoints", "wpml", "litchi"]
 MissionFormatOption = Annotated[
     MissionFormat | None,
     Option(
         "--format",
-        help="QGroundControl, MAVLink waypoints, DJI WPML, Litchi, or KML to look at. Without: by the file's suffix "
-        "(.plan, .waypoints, .kmz, .csv, .kml), else plan.",
+        help="QGroundControl, MAVLink waypoints, DJI WPML, or Litchi. Without: by the file's suffix "
+        "(.plan, .waypoints, .kmz, .csv), else plan.",
     ),
 ]
 FitOption = Annotated[

@@ -17,7 +17,8 @@ from fieldkit.files import write_atomic
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.export import Routed, route_plan
 from fieldkit.missions.export_record import mission_record
-from fieldkit.missions.files.reading import READERS, read_mission_bytes
+from fieldkit.missions.files.maps import geojson_bytes
+from fieldkit.missions.files.reading import read_mission_bytes
 from fieldkit.missions.files.writing import FORMATS, mission_bytes
 from fieldkit.regular_files import check_replaceable, read_regular
 from fieldkit.results.mission import FlownPlan, record_bytes, record_path
@@ -76,7 +77,7 @@ def export_mission(
     Args:
         plan: plan.json, its folder, or a plan; or each plot's own plan by its name.
         output: the mission file; its suffix may be left out.
-        format: "plan", "waypoints", "wpml", "litchi" or "kml"; None takes the one of the output's suffix, else "plan".
+        format: "plan", "waypoints", "wpml" or "litchi"; None takes the one of the output's suffix, else "plan".
         plant_height: of the plants of all plots, metres; "unknown" for those that do not say: 30 % more than the plan's
             tallest (`with_plant_height`). Without, a plot that does not say is an error.
         fit: whether to fit the plan to each plot (`flown_plans`). Fitted plans are written as MISSION-PLOT.json:
@@ -123,8 +124,7 @@ def route_for_files(
     """As `route_plan`, with the time that the files take and the length of their way, as check-mission tells them.
 
     Files take some seconds more than the flights that are planned: holds in whole seconds and the like. Where that is
-    more than a battery, the flights are planned for so much less of one. Nothing flies some formats; their flights stay
-    as they are.
+    more than a battery, the flights are planned for so much less of one.
     """
     planned_for = vehicle
     while True:
@@ -139,12 +139,9 @@ def route_for_files(
 
 def _timed(routed: Routed, vehicle: Vehicle, format: str) -> Routed:  # noqa: A002
     """The flights with the times and lengths of their files, carried out as they are read."""
-    suffix = FORMATS[format][0]
-    if suffix not in READERS:
-        return routed
     flights = []
     for each in routed.flights:
-        read = read_mission_bytes(mission_bytes(format, each.mission, vehicle), suffix)
+        read = read_mission_bytes(mission_bytes(format, each.mission, vehicle), FORMATS[format][0])
         flown = interpret(replace(read, home=read.home or each.mission.home), vehicle, vehicle.dialect)
         time = each.flight.time.lasting(flown.seconds, vehicle)
         flight = replace(each.flight, time=time, length_m=flown.length_m)
@@ -154,7 +151,7 @@ def _timed(routed: Routed, vehicle: Vehicle, format: str) -> Routed:  # noqa: A0
 
 def mission_file(output: Path, format: str | None) -> tuple[Path, str]:  # noqa: A002
     """The mission file, also given without its suffix, and its format: what is asked for, the suffix's, or "plan"."""
-    suffixes = {suffix: name for name, (suffix, _) in FORMATS.items() if name != "geojson"}  # which no one asks for
+    suffixes = {suffix: name for name, (suffix, _) in FORMATS.items()}
     form = format or suffixes.get(output.suffix.lower(), "plan")
     if form not in FORMATS:
         raise UsageError(f"no such format: {form}", remedy=f"Choose one of {', '.join(FORMATS)}.")
@@ -180,7 +177,7 @@ def write_mission(
     names = _names(output, len(routed.flights))
     flown = [(file, each.mission) for file, each in zip(names, routed.flights, strict=True)]
     missions = {file: mission_bytes(format, mission, vehicle) for file, mission in flown}
-    others = {file.with_suffix(".geojson"): mission_bytes("geojson", mission, vehicle) for file, mission in flown}
+    others = {file.with_suffix(".geojson"): geojson_bytes(mission) for file, mission in flown}
     others |= more or {}
     described = {file.name: content for file, content in (missions | others).items()}
     record = mission_record(routed, site, vehicle, profile, [file.name for file in names], plans, described)

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.missions.autopilots.writing import render
 from fieldkit.missions.files.litchi import litchi_bytes
-from fieldkit.missions.files.maps import geojson_bytes, kml_bytes
 from fieldkit.missions.files.qgc_plan import plan_bytes
 from fieldkit.missions.files.waypoints import waypoints_bytes
 from fieldkit.missions.files.wpml import wpml_bytes
@@ -46,8 +45,6 @@ FORMATS: dict[str, tuple[str, Callable[[Mission, Vehicle], bytes]]] = {
     "waypoints": (".waypoints", _waypoints),
     "wpml": (".kmz", _for_dji(wpml_bytes, "DJI WPML")),
     "litchi": (".csv", _for_dji(litchi_bytes, "Litchi missions")),
-    "kml": (".kml", lambda mission, _: kml_bytes(mission)),
-    "geojson": (".geojson", lambda mission, _: geojson_bytes(mission)),
 }
 """By the name of --format: the suffix of its files, and the writer."""
 
