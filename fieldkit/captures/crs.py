@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,18 @@ from numpy.typing import NDArray
 
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Pose
-from fieldkit.geometry.geodesy import LocalFrame, ecef_to_geodetic, geodetic_to_ecef
+from fieldkit.geometry.geodesy import SEMI_MAJOR_M, LocalFrame, ecef_to_geodetic, geodetic_to_ecef
+from fieldkit.results.finding import Finding
 
 _REMEDY = "Name a system that EPSG knows, like EPSG:32633, or metres where the coordinates have no place."
+_GRID_REMEDY = (
+    "Fetch it: pyproj sync {}, or let PROJ do so: PROJ_NETWORK=ON. Else export as WGS 84 from a GIS that has it."
+)
 _STEP_M = 10.0
+_AREA_DEG = 1e-3
+"""About the points' middle, where transformations are compared: a plot's neighbourhood."""
+_SATELLITE_M = 0.5
+"""Semi-major axes of datums that satellites gave differ from that by less."""
 
 
 def parse_crs(text: str, path: Path | None, *, said: str = "") -> Any:
@@ -52,24 +61,68 @@ def to_geodetic(points: NDArray[np.float64], crs: Any, path: Path | None) -> NDA
     """WGS 84 latitude, longitude (degrees) and height (metres, above the system's own datum) of points (n, 3).
 
     x is east or the longitude. Heights are in the system's unit for them, else in that of x and y; beside degrees in
-    metres.
+    metres. Raises MetadataError as `to_wgs84` does.
     """
-    from pyproj import Transformer
-
+    transformer, _ = to_wgs84(points, crs, path)
     if crs.is_geocentric:
-        transformer = Transformer.from_crs(crs, "EPSG:4979", always_xy=True)
         longitude, latitude, height = (np.asarray(v) for v in transformer.transform(*points.T))
     else:
-        flat = crs.sub_crs_list[0] if crs.is_compound else crs.to_2d()
-        longitude, latitude = Transformer.from_crs(flat, "EPSG:4326", always_xy=True).transform(*points[:, :2].T)
+        longitude, latitude = transformer.transform(*points[:, :2].T)
         height = points[:, 2] * height_unit_m(crs)[0]
-    found = np.stack([np.asarray(latitude), np.asarray(longitude), height], axis=1).astype(np.float64)
-    if not np.isfinite(found).all() or np.abs(found[:, 0]).max() > 90.0:
+    return np.stack([np.asarray(latitude), np.asarray(longitude), height], axis=1).astype(np.float64)
+
+
+def to_wgs84(points: NDArray[np.float64], crs: Any, path: Path | None) -> tuple[Any, str]:
+    """Pyproj's best transformation to WGS 84 where points (n, 2 or 3) lie, and its accuracy in words.
+
+    x is east or the longitude. The words are empty where the datum is WGS 84. Datums of satellites' ellipsoid (GDA94,
+    NAD83, ETRS89) lie at most metres from it and do not distort: receivers that are corrected in one fit all that is
+    in it. Those on other ellipsoids lie up to hundreds of metres away.
+
+    Raises:
+        MetadataError: the points do not lie in the system, or its ellipsoid is another and PROJ lacks the grid of the
+            best transformation there, or knows none.
+    """
+    from pyproj.transformer import AreaOfInterest, Transformer, TransformerGroup
+
+    flat = crs if crs.is_geocentric else crs.sub_crs_list[0] if crs.is_compound else crs.to_2d()
+    target = "EPSG:4979" if crs.is_geocentric else "EPSG:4326"
+    about = np.array(Transformer.from_crs(flat, target, always_xy=True).transform(*points.T[: len(flat.axis_info)]))
+    if not np.isfinite(about).all() or np.abs(about[1]).max(initial=0.0) > 90.0:
         raise MetadataError(
             f"coordinates such as {', '.join(f'{v:.6g}' for v in points[0])} do not lie in {crs.name}",
             path=path, remedy="Check which coordinate system they are in; x is east or the longitude.",
         )  # fmt: skip
-    return found
+    (west, south), (east, north) = (np.median(about[:2], axis=1) + side for side in (-_AREA_DEG, _AREA_DEG))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of what is missing, which is looked at here
+        group = TransformerGroup(
+            flat,
+            target,
+            always_xy=True,
+            area_of_interest=AreaOfInterest(max(west, -180), max(south, -90), min(east, 180), min(north, 90)),
+        )
+    best = group.transformers[0]
+    if best.accuracy == 0.0:
+        return best, ""
+    good_to = f"to {best.accuracy:g} m" if best.accuracy > 0.0 else "with an accuracy that it does not know"
+    datum = flat.geodetic_crs
+    if abs(datum.ellipsoid.semi_major_metre - SEMI_MAJOR_M) > _SATELLITE_M:
+        grids = sorted({grid.short_name for way in group.unavailable_operations[:1] for grid in way.grids})
+        if not group.best_available:
+            raise MetadataError(
+                f"is in {crs.name}; without the grid {' and '.join(grids)} PROJ takes that to WGS 84 only {good_to}",
+                path=path, remedy=_GRID_REMEDY.format(" ".join(f"--file {grid}" for grid in grids)),
+            )  # fmt: skip
+        if best.accuracy < 0.0:
+            raise MetadataError(
+                f"is in {crs.name}, whose datum PROJ cannot take to WGS 84", path=path,
+                remedy="Name the system by its EPSG code, or export the coordinates as WGS 84 (EPSG:4326).",
+            )  # fmt: skip
+    return best, (
+        f"PROJ takes {crs.name} to WGS 84 {good_to}: positions that drones and photographs get from corrections in the "
+        f"datum {datum.name} fit it, others may lie that far beside"
+    )
 
 
 def frame_about(geodetic: NDArray[np.float64], datum: str) -> LocalFrame:
@@ -79,16 +132,26 @@ def frame_about(geodetic: NDArray[np.float64], datum: str) -> LocalFrame:
     return LocalFrame(float(latitude), float(longitude), float(geodetic[:, 2].mean()), datum)
 
 
-def local_from_crs(poses: Mapping[str, Pose], crs: Any, path: Path | None) -> tuple[LocalFrame, dict[str, Pose]]:
-    """A local frame, and poses in it whose centres are a system's coordinates.
+def datum_findings(points: NDArray[np.float64], crs: Any, path: Path) -> list[Finding]:
+    """What is to be known of points (n, 3) whose system's datum is not WGS 84."""
+    said = to_wgs84(points, crs, path)[1]
+    return [Finding(path.name, "gps-datum", said)] if said else []
+
+
+def local_from_crs(
+    poses: Mapping[str, Pose], crs: Any, path: Path
+) -> tuple[LocalFrame, dict[str, Pose], list[Finding]]:
+    """A local frame, poses in it whose centres are a system's coordinates, and what is to be known of these.
 
     Orientations are of a geocentric system in its axes, else against the grid's east, north and up at each camera.
     """
     centers = np.array([pose.center for pose in poses.values()])
     geodetic = to_geodetic(centers, crs, path)
     if crs.is_geocentric:
-        return _local_from_axes(poses, geodetic, height_datum(crs))
-    return local_from_geodetic(poses, geodetic, _grid_headings(centers, crs, path), height_datum(crs))
+        origin, local = _local_from_axes(poses, geodetic, height_datum(crs))
+    else:
+        origin, local = local_from_geodetic(poses, geodetic, _grid_headings(centers, crs, path), height_datum(crs))
+    return origin, local, datum_findings(centers, crs, path)
 
 
 def local_from_geocentric(poses: Mapping[str, Pose]) -> tuple[LocalFrame, dict[str, Pose]]:

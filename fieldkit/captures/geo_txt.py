@@ -17,7 +17,7 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from fieldkit.captures.crs import height_unit_m, parse_crs, to_geodetic
+from fieldkit.captures.crs import datum_findings, height_unit_m, parse_crs, to_geodetic
 from fieldkit.captures.folder import PHOTO_SUFFIXES
 from fieldkit.captures.model import GeoTag
 from fieldkit.captures.tables import keep_row, parse_number, read_text
@@ -32,7 +32,7 @@ _HEADER_REMEDY = "The first line names the projection: EPSG:4326, WGS84 UTM 33N 
 _GEOGRAPHIC_EPSG = frozenset({4326, 4979})
 _UTM = re.compile(r"WGS\s*84[\s/]+UTM\s*(?:ZONE)?\s*([0-9]{1,2})\s*([NS])", re.IGNORECASE)
 _CLEARLY = 0.3  # times the other reading's difference: what makes heights' unit certain
-_GEOGRAPHIC = re.compile(r"(WGS\s*84|\+proj=(longlat|latlong)\b.*)", re.IGNORECASE)
+_GEOGRAPHIC = re.compile(r"(WGS\s*84|\+proj=(longlat|latlong)\b.*=WGS84\b.*)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +77,7 @@ def parse_geo_txt(text: str, path: Path | None = None) -> tuple[list[GeoRow], li
         raise MetadataError("no photograph is listed", path=path, remedy=f"Expected lines of {_LAYOUT}.")
     numbered = list(kept.values())
     if projection is not None:
-        numbered = _to_geographic(numbered, projection, header, path)
+        numbered = _to_geographic(numbered, projection, header, path, findings)
     for number, row in numbered:
         if not on_earth(row.latitude_deg, row.longitude_deg):
             swapped = look_swapped(row.latitude_deg, row.longitude_deg)
@@ -170,7 +170,7 @@ def settled_heights(rows: Sequence[GeoRow], altitudes_m: Mapping[str, float]) ->
 
 
 def _to_geographic(
-    numbered: list[tuple[int, GeoRow]], projection: str, header: str, path: Path | None
+    numbered: list[tuple[int, GeoRow]], projection: str, header: str, path: Path | None, findings: list[Finding]
 ) -> list[tuple[int, GeoRow]]:
     crs = parse_crs(projection, path, said=f"line 1: {header[:60]!r}")
     low = next((number for number, row in numbered if row.altitude_m is None), None)
@@ -182,6 +182,7 @@ def _to_geographic(
         message = f"x and y are of {header[:60]}, in metres or feet, and {DEGREES.looks_like}"
         raise MetadataError(message, path=path, remedy=DEGREES.remedy)
     geodetic = to_geodetic(points, crs, path)
+    findings += datum_findings(points, crs, path or Path("geo.txt"))
     unit, stated = height_unit_m(crs)
     found = []
     for (number, row), (latitude, longitude, height) in zip(numbered, geodetic.tolist(), strict=True):

@@ -6,7 +6,7 @@ or a person names the frame; volume and ground are found from the points.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.captures import Capture
-from fieldkit.captures.crs import frame_about, height_datum, parse_crs, to_geodetic
+from fieldkit.captures.crs import datum_findings, frame_about, height_datum, parse_crs, to_geodetic
 from fieldkit.captures.programs import METRES
 from fieldkit.clouds import Cloud, Volume, read_cloud
 from fieldkit.clouds.ground import fit_ground_plane
@@ -146,15 +146,16 @@ def _cloud_reference(path: Path, frame: str, bounds: Volume | None) -> CloudRefe
     if not _is_las(path):
         _check_steps(cloud.points, path)
     if crs is None:
-        origin, placed, said = None, cloud, "in the frame of the photographs' positions"
+        origin, placed, said, odd = None, cloud, "in the frame of the photographs' positions", list[Finding]()
         middle = 0.5 * np.sum(cloud.bounds(), axis=0)
         shift = -np.round(middle) if np.abs(middle).max() > _FAR_M else np.zeros(3)
     else:
-        origin, placed = _local(cloud, crs, units, path)
+        origin, placed, odd = _local(cloud, crs, units, path)
         said, shift = f"in {crs.name}", np.zeros(3)
     to_plot = Similarity(1.0, np.eye(3), shift)
     said += f", without {noise:,} points that it marks as noise or withheld" if noise else ""
-    return _with_volume(placed.transformed(to_plot), origin, to_plot, bounds, path, said)
+    reference = _with_volume(placed.transformed(to_plot), origin, to_plot, bounds, path, said)
+    return replace(reference, findings=(*reference.findings, *odd))
 
 
 def _is_las(path: Path) -> bool:
@@ -186,8 +187,13 @@ def _check_steps(points: NDArray[np.float64], path: Path) -> None:
         )  # fmt: skip
 
 
-def _local(cloud: Cloud, crs: Any, units: NDArray[np.float64] | None, path: Path) -> tuple[LocalFrame, Cloud]:
-    """The cloud in a local east-north-up frame in its middle. Normals are left out: their frame is seldom known."""
+def _local(
+    cloud: Cloud, crs: Any, units: NDArray[np.float64] | None, path: Path
+) -> tuple[LocalFrame, Cloud, list[Finding]]:
+    """The cloud in a local east-north-up frame in its middle, and what is to be known of its datum.
+
+    Normals are left out: their frame is seldom known.
+    """
     points = cloud.points if units is None else cloud.points / units
     ends = range(0, len(points), _CHUNK)
     geodetic = np.concatenate([to_geodetic(points[k : k + _CHUNK], crs, path) for k in ends])
@@ -195,7 +201,7 @@ def _local(cloud: Cloud, crs: Any, units: NDArray[np.float64] | None, path: Path
         geodetic[:, 2] = cloud.points[:, 2]  # a file knows more than its system: heights in metres beside feet
     origin = frame_about(geodetic[:: max(1, len(geodetic) // _CHUNK)], height_datum(crs))
     local = np.concatenate([origin.to_local(*geodetic[k : k + _CHUNK].T) for k in ends])
-    return origin, Cloud(local, cloud.colors)
+    return origin, Cloud(local, cloud.colors), datum_findings(points[:_CHUNK], crs, path)
 
 
 def _ground(cloud: Cloud) -> Plane | None:

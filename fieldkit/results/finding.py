@@ -46,6 +46,7 @@ TOLD = DOUBTFUL | {
     "several-take-offs",
     "mixed-cameras",
     "altitude-zero",
+    "gps-datum",
     "heights-joined",
     "other-camera",
     "scale-uncertain",

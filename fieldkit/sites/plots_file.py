@@ -53,7 +53,8 @@ class PlotsFile:
     def told(self) -> list[str]:
         """For people, before anything is computed: where the ids are from, and what is passed over."""
         unused = f"Columns that are not used: {listed(list(self.unused), _MOST_COLUMNS)}."
-        return [f"{self.ids.sentence()}.", *([unused] if self.unused else [])]
+        datum = f"{self.file.datum}."
+        return [f"{self.ids.sentence()}.", *([unused] if self.unused else []), *([datum] if self.file.datum else [])]
 
     def geojson(self) -> bytes | None:
         """The plots as GeoJSON in WGS 84 that gives the same plots to any reader, its ids under "plot_id".

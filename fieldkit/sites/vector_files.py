@@ -18,6 +18,7 @@ from typing import Any, Literal, NoReturn
 import numpy as np
 import shapely
 
+from fieldkit.captures.crs import to_wgs84
 from fieldkit.documents.file_bytes import file_bytes
 from fieldkit.documents.json_file import json_number, read_json_object
 from fieldkit.documents.mistaken import DEGREES, PROJECTED, SWAPPED, look_like_degrees, look_swapped, refuse_other
@@ -73,6 +74,8 @@ class VectorFile:
     document: Mapping[str, Any]
     as_is: bool
     """Whether the file itself is that document."""
+    datum: str = ""
+    """What is to be known of coordinates whose datum is not WGS 84."""
 
 
 def read_features(path: Path) -> tuple[Feature, ...]:
@@ -86,14 +89,14 @@ def read_wgs84(path: Path) -> VectorFile:
     data = file_bytes(path, _REMEDY, MAX_BYTES, noun=_NOUN)
     found = _for_gdal(data, path)
     if found is not None:
-        return VectorFile(_converted(path, *found), as_is=False)
+        return _converted(path, *found)
     if not data.removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"{", b"[")) and path.suffix != ".geojson":
         _refuse(path)
     document = read_json_object(path, _REMEDY, noun="GeoJSON file", max_bytes=MAX_BYTES)
     crs = _reference_system(document)
     if crs is None:
         return VectorFile(document, as_is=True)
-    return VectorFile(_converted(path, f"GeoJSON in {crs}", str(path.absolute())), as_is=False)
+    return _converted(path, f"GeoJSON in {crs}", str(path.absolute()))
 
 
 def parts_of(path: Path) -> list[Path]:
@@ -147,12 +150,12 @@ def _require_parts(suffixes: set[str], path: Path) -> None:
         raise MetadataError(f"is a Shapefile without its {' and '.join(missing)}", path=path, remedy=_REMEDY)
 
 
-def _converted(path: Path, kind: str, source: str) -> dict[str, Any]:
+def _converted(path: Path, kind: str, source: str) -> VectorFile:
     """What pyogrio reads of a source, as GeoJSON in WGS 84."""
     try:
         import pyogrio
         from pyogrio.raw import read
-        from pyproj import CRS, Transformer
+        from pyproj import CRS
         from pyproj.exceptions import ProjError
     except ImportError as error:
         raise MetadataError(
@@ -160,6 +163,7 @@ def _converted(path: Path, kind: str, source: str) -> dict[str, Any]:
             remedy="pip install 'fieldkit[geo]', or give GeoJSON in WGS 84 (EPSG:4326).",
         ) from error  # fmt: skip
     rows: list[dict[str, Any]] = []
+    datum = ""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # pyogrio's, of geometries with measures and the like
@@ -167,8 +171,11 @@ def _converted(path: Path, kind: str, source: str) -> dict[str, Any]:
                 meta, numbers, wkb, values = read(source, layer=layer, return_fids=True, max_features=MAX_FEATURES + 1)
                 shapes = shapely.from_wkb(wkb)
                 crs = None if not meta["crs"] else CRS.from_user_input(meta["crs"])
-                _check_units(shapely.get_coordinates(shapes), crs, path)
-                shapes = _moved(shapes, Transformer.from_crs(crs, 4326, always_xy=True))
+                corners = shapely.get_coordinates(shapes)
+                _check_units(corners, crs, path)
+                if len(corners):
+                    transformer, datum = to_wgs84(corners, crs, path)
+                    shapes = _moved(shapes, transformer)
                 fields = {str(name): column for name, column in zip(meta["fields"], values, strict=True)}
                 if kind == "a GeoPackage" and "fid" not in map(str.casefold, fields):
                     fields["fid"] = numbers
@@ -176,7 +183,7 @@ def _converted(path: Path, kind: str, source: str) -> dict[str, Any]:
     except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, ProjError, shapely.GEOSException) as error:
         why = re.sub(r"\s+", " ", str(error))[:200]
         raise MetadataError(f"is {kind} that cannot be read: {why}", path=path, remedy=_REMEDY) from error
-    return {"type": "FeatureCollection", "features": rows}
+    return VectorFile({"type": "FeatureCollection", "features": rows}, as_is=False, datum=datum)
 
 
 def _layers(found: Any, kind: str, path: Path) -> list[str]:

@@ -63,7 +63,8 @@ def read_colmap(given: PosesFile) -> ProgramPoses:
     said = "in metres, as was said" if frame else "without metric scale, since COLMAP's files have none"
     if frame and frame != METRES:
         crs = parse_crs(frame, folder)
-        origin, poses = local_from_crs(poses, crs, folder)
+        origin, poses, odd = local_from_crs(poses, crs, folder)
+        findings += odd
         said = f"in {crs.name}, as was said"
     return ProgramPoses(
         "COLMAP", folder, poses, metric=bool(frame), origin=origin, cameras=tuple(cameras), frame_said=said,

@@ -17,20 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.captures.camera_file import CameraEntry
-from fieldkit.captures.crs import local_from_crs, local_from_geocentric, parse_crs
+from fieldkit.captures.crs import datum_findings, local_from_crs, local_from_geocentric, parse_crs
 from fieldkit.captures.programs.model import METRES, PosesFile, ProgramPoses
 from fieldkit.documents.file_bytes import file_bytes
 from fieldkit.documents.xml_tree import XmlError, parse_local
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.geodesy import SEMI_MAJOR_M, LocalFrame, ecef_to_geodetic
 from fieldkit.results.finding import Finding
 from fieldkit.wording import count
 
 _REMEDY = "Export the cameras again: File > Export > Export Cameras, Agisoft XML."
 _MAX_BYTES = 128 << 20
 _EARTH_M = (6.3e6, 6.45e6)  # distances of places near the ground from the Earth's centre
-_SEMI_MAJOR_M = 6378137.0  # of WGS 84 and GRS 80
 _LARGEST = 1e12
 
 
@@ -82,11 +81,11 @@ def _chunk(chunk: Element, chunks: int, given: PosesFile) -> ProgramPoses:
     component = next((c for c in chunk.findall("components/component") if c.get("id") == main), None)
     motion = None if component is None else _motion(component.find("transform"))
     motion = motion or _motion(chunk.find("transform"))
-    poses, metric, origin, frame_said = _placed(poses, motion, chunk.findtext("reference") or "", given)
+    poses, metric, origin, frame_said, of_datum = _placed(poses, motion, chunk.findtext("reference") or "", given)
     cameras, odd = _cameras(chunk, {label: sensor for label, (sensor, _, _) in aligned.items() if label in poses})
     return ProgramPoses(
         "Metashape", given.path, poses, metric=metric, origin=origin, cameras=cameras, frame_said=frame_said,
-        findings=(*findings, *odd),
+        findings=(*findings, *of_datum, *odd),
     )  # fmt: skip
 
 
@@ -107,30 +106,34 @@ def _motion(element: Element | None) -> tuple[Similarity, bool] | None:
 
 def _placed(
     poses: dict[str, Pose], motion: tuple[Similarity, bool] | None, reference: str, given: PosesFile
-) -> tuple[dict[str, Pose], bool, LocalFrame | None, str]:
-    """Poses of a chunk in a local frame, whether it is metric, where it lies, and that in words."""
+) -> tuple[dict[str, Pose], bool, LocalFrame | None, str, list[Finding]]:
+    """Poses of a chunk in a local frame, whether it is metric, where it lies, that in words, and what of its datum."""
     if motion is not None:
         poses = {name: motion[0].apply_pose(pose) for name, pose in poses.items()}
         distance = float(np.median([np.linalg.norm(pose.center) for pose in poses.values()]))
         if _EARTH_M[0] < distance < _EARTH_M[1] and "LOCAL_CS" not in reference:
             given.check_open()
+            odd: list[Finding] = []
             if reference and "WGS 84" not in reference:
                 datum = parse_crs(reference, given.path).geodetic_crs
-                if datum is None or datum.ellipsoid.semi_major_metre != _SEMI_MAJOR_M:
+                if datum is None or datum.ellipsoid.semi_major_metre != SEMI_MAJOR_M:
                     message = "is in the coordinates of another ellipsoid than that of WGS 84"
                     remedy = "Set the chunk's coordinate system to WGS 84, and export the cameras again."
                     raise MetadataError(message, path=given.path, remedy=remedy)
+                centers = np.array([pose.center for pose in poses.values()])
+                points = centers if datum.is_geocentric else np.stack(ecef_to_geodetic(centers), axis=1)[:, [1, 0, 2]]
+                odd = datum_findings(points, datum, given.path)
             origin, local = local_from_geocentric(poses)
-            return local, True, origin, "in metres about the place it gives"
+            return local, True, origin, "in metres about the place it gives", odd
     if given.frame == METRES:
-        return poses, True, None, "in metres, as was said"
+        return poses, True, None, "in metres, as was said", []
     if given.frame:
         crs = parse_crs(given.frame, given.path)
-        origin, local = local_from_crs(poses, crs, given.path)
-        return local, True, origin, f"in {crs.name}, as was said"
+        origin, local, odd = local_from_crs(poses, crs, given.path)
+        return local, True, origin, f"in {crs.name}, as was said", odd
     if motion is not None and motion[1] and "LOCAL_CS" in reference:
-        return poses, True, None, "in metres of its local coordinates"
-    return poses, False, None, "without metric scale, since the chunk has no reference"
+        return poses, True, None, "in metres of its local coordinates", []
+    return poses, False, None, "without metric scale, since the chunk has no reference", []
 
 
 def _cameras(chunk: Element, sensor_of: dict[str, str | None]) -> tuple[list[CameraEntry], list[Finding]]:
