@@ -30,6 +30,8 @@ PlanningMethod = Literal["score", "field", "bosfm", "circle", "uniform"]
 Mask = Literal["exg", "none", "file"]
 """What counts as plants: what is green (excess green index), everything, or what masks show."""
 
+DRAWN_BY = "fieldkit"
+"""What pictures of results name as their program: they are no photographs."""
 DISTANCES_M = (0.002, 0.005, 0.010, 0.020)
 """Distances of precision, recall and F-score."""
 NINE_IN_TEN = 1.645

@@ -38,6 +38,7 @@ from fieldkit.captures.programs import PosesFile, ProgramPoses, program_of
 from fieldkit.captures.tables import match_names
 from fieldkit.errors import CaptureError, MetadataError
 from fieldkit.results.finding import Finding
+from fieldkit.vocabulary import DRAWN_BY
 from fieldkit.wording import count
 
 MAX_PIXELS = 150_000_000
@@ -226,6 +227,8 @@ def _opened(candidate: Candidate, max_pixels: int) -> tuple[Photo, list[Problem]
         warnings.simplefilter("ignore")
         with Image.open(candidate.path, formats=[candidate.format]) as image:
             width, height = image.size
+            if image.info.get("Software") == DRAWN_BY:
+                raise _LeaveOut("other-camera", "a picture that fieldkit drew, no photograph")
             if width * height > max_pixels:
                 raise _LeaveOut("too-large", _too_large(f"{width}×{height} pixels", max_pixels))
             if candidate.path.stat().st_size > _MAX_FILE_BYTES:

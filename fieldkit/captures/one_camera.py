@@ -50,6 +50,7 @@ _THERMAL_NAME = re.compile(r"IRX_[0-9]+|.*[0-9]_8b", re.IGNORECASE)
 """Autel's EVO II Dual, beside MAX_0001, and FLIR's Duo Pro R."""
 _MICASENSE_NAME = re.compile(r"IMG_[0-9]{4}_([0-9]{1,2})", re.IGNORECASE)
 _MICASENSE_BANDS = ("blue", "green", "red", "near infrared", "red edge")
+_DRAWN = "it says nothing of a camera, as the photographs do, and has another shape or format: a drawing or a copy"
 _ONE_CHANNEL = ("1", "L", "LA", "La", "I", "F")
 
 
@@ -61,15 +62,19 @@ def one_camera(
     Cameras differ in sensor (lens or band of a payload), model or lens. Two drones of one model are one camera here,
     and so are sizes and digital zooms of one lens; `group_cameras` calibrates them apart. Taken is the camera that the
     camera file names, else one that poses.csv or geo.txt names, else of those with at least half as many photographs as
-    any the one that shows colours and all of the plot (no zoom), else the one with most.
+    any the one that shows colours and all of the plot (no zoom), else the one with most. Pictures of no camera are left
+    out before.
 
     Args:
         located: names that poses.csv or geo.txt gives a position.
         calibrated: names that the camera file gives a camera of their own: all of these are kept that show colours.
     """
+    drawn = _drawn(photos, {*located, *calibrated})
+    findings = [Finding(photo.name, "other-camera", _DRAWN, True) for photo in drawn]
+    photos = [photo for photo in photos if photo not in drawn]
     cameras = _cameras(photos)
     if len(cameras) < 2:
-        return list(photos), []
+        return photos, findings
     most = max(_places(camera) for camera in cameras)
 
     def worth(camera: Sequence[Photo]) -> tuple[bool, bool, bool, int, int]:
@@ -81,7 +86,6 @@ def one_camera(
     main = max(cameras, key=worth)
     colours = _sensor(main) in COLOUR
     kept: set[str] = {photo.name for photo in main}
-    findings = []
     for camera in cameras:
         if colours and _sensor(camera) in COLOUR:
             kept |= {photo.name for photo in camera if photo.name in calibrated}
@@ -89,6 +93,19 @@ def one_camera(
         if rest:
             findings.append(_finding(rest, main))
     return [photo for photo in photos if photo.name in kept], findings
+
+
+def _drawn(photos: Sequence[Photo], listed: Collection[str]) -> list[Photo]:
+    """Pictures that say nothing of a camera and have another shape or format than most photographs, which do."""
+    taken = [p for p in photos if p.make or p.model or p.captured_at or p.geotag or p.sensor not in ("", "grey")]
+    forms = {_form(photo) for photo in taken}
+    if 2 * len(taken) <= len(photos):
+        return []
+    return [p for p in photos if p not in taken and p.name not in listed and _form(p) not in forms]
+
+
+def _form(photo: Photo) -> tuple[str, float]:
+    return photo.format, round(max(photo.width, photo.height) / min(photo.width, photo.height), 2)
 
 
 def _cameras(photos: Sequence[Photo]) -> list[list[Photo]]:

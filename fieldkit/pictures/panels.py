@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fieldkit.clouds import Cloud
 from fieldkit.figures.style import format_nominal
 from fieldkit.pictures.projection import Direction, Window, draw_points
+from fieldkit.vocabulary import DRAWN_BY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,7 +52,7 @@ def new_figure(width_in: float, height_in: float, title: str) -> Figure:
 def png(figure: Figure) -> bytes:
     """The figure as bytes of a PNG file, equal for equal figures."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", facecolor=figure.get_facecolor(), metadata={"Software": None})
+    figure.savefig(buffer, format="png", facecolor=figure.get_facecolor(), metadata={"Software": DRAWN_BY})
     return buffer.getvalue()
 
 

@@ -12,6 +12,7 @@ from PIL import Image
 from fieldkit.captures import Capture, read_capture
 from fieldkit.captures.one_camera import sensor_of
 from fieldkit.captures.selection import capture_of, find_photographs
+from fieldkit.pictures.panels import new_figure, png
 from fieldkit.results.finding import Finding
 from tests.captures.photographs import MakePhoto, dji_xmp, exif_block
 
@@ -232,6 +233,7 @@ def test_band_names_in_xmp(photo_file: MakePhoto) -> None:
         ({"exif": dji("FC6310")}, False),  # another model
         ({"exif": dji(focal=29.9)}, False),  # another lens of the same
         ({"exif": None, "size": (32, 24)}, False),  # a preview, or a camera that says nothing
+        ({"exif": None, "size": (160, 90)}, False),  # a drawing
         ({"exif": dji(serial="2")}, True),  # another drone of the model
         ({"exif": dji(), "size": WIDE[::-1]}, True),  # turned
         ({"exif": dji(), "size": (100, 75)}, True),  # smaller
@@ -248,6 +250,14 @@ def test_cameras_differ_in_model_and_lens(photo_file: MakePhoto, options: dict[s
     capture = read_capture(photo_file("d.jpg", **options).parent)
     assert ("d.jpg" in capture.names) is kept
     assert bool(others(capture)) is not kept
+
+
+def test_pictures_of_results_are_no_photographs(photo_file: MakePhoto) -> None:
+    folder = photo_file("a.jpg", size=WIDE).parent
+    (folder / "mission.png").write_bytes(png(new_figure(1.6, 1.2, "mission")))
+    capture = read_capture(folder)
+    assert capture.names == ("a.jpg",)
+    assert [finding.subject for finding in others(capture)] == ["mission.png"]
 
 
 def test_most_photographs_count_where_few_show_colours(photo_file: MakePhoto) -> None:
