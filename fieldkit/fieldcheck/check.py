@@ -17,7 +17,7 @@ from fieldkit.errors import CaptureError, UsageError
 from fieldkit.evaluation.adherence import LoggedFlight
 from fieldkit.evaluation.evaluate import find_plots
 from fieldkit.fieldcheck.consistency import Consistency, check_tags
-from fieldkit.fieldcheck.model import CheckReport, CheckSettings, finding_of
+from fieldkit.fieldcheck.model import OTHER_PLOT, CheckReport, CheckSettings, finding_of
 from fieldkit.fieldcheck.pictures import PictureVerdict, judge_pictures, load_pictures
 from fieldkit.fieldcheck.placement import Placed, angles_as_meant, place_tags, read_tags
 from fieldkit.fieldcheck.sway import burst_findings, leaves_move_m
@@ -211,12 +211,12 @@ def common_findings(
     if placed.placement == "site" and np.isfinite(placed.shift_m).all():
         level, sigma = float(np.hypot(*placed.shift_m[:2])), placed.tags.sigma_m
         if level > max(settings.position_m, _TOLD_SIGMAS * sigma):
-            remedy = _SHIFTED["coarse" if sigma > _MOVED_M else "exact"]
+            code, remedy = "shifted", _SHIFTED["coarse" if sigma > _MOVED_M else "exact"]
             there = None if site is None or plot is None else _plot_there(site, plot, placed.shift_m)
             if there is not None:
-                remedy = f"{there} lies there: are these its photographs? Check them with --plot {there}."
+                code, remedy = OTHER_PLOT, f"{there} lies there: check them with --plot {there}."
             found.append(finding_of(
-                "shifted", None, "",
+                code, None, "",
                 f"all photographs lie {level:.2f} m beside the plan ({placed.shift_m[0]:+.2f} m along x, "
                 f"{placed.shift_m[1]:+.2f} m along y), which has been taken out",
                 remedy,

@@ -13,6 +13,10 @@ from fieldkit.wording import listed
 Verdict = Literal["fine", "fix tags", "fly again"]
 """Of a station: nothing to do, its photograph will do once its tags are right, or it must be photographed anew."""
 
+OTHER_PLOT = "other-plot"
+"""All photographs lie where the site has another plot."""
+_ASTRAY = 0.75
+"""Share of the stations without a photograph there with which a flight is hardly the plan's."""
 _MOST = 0.9  # of a capture without a plan hangs together where it will do
 
 Placement = Literal["site", "poses.csv", "row heading", "shape", "none"]
@@ -127,7 +131,16 @@ class CheckReport:
         """Whether nothing is left to do; never where photographs could not be told from each other."""
         if self.take_again is not None:
             return not self.take_again and self.components[0] >= _MOST * sum(self.components)
-        return bool(self.stations) and all(each.verdict == "fine" for each in self.stations) and not self.too_windy
+        fine = all(each.verdict == "fine" for each in self.stations)
+        return bool(self.stations) and fine and not self.too_windy and self._elsewhere() != OTHER_PLOT
+
+    def _elsewhere(self) -> str:
+        """The code of what says that the whole flight was elsewhere; empty if nothing does."""
+        codes = [finding.code for finding in self.findings]
+        astray = codes.count("displaced") + codes.count("missing")
+        if OTHER_PLOT not in codes and self.photographs >= astray > _ASTRAY * len(self.stations):
+            return "displaced"
+        return next((code for code in codes if code in (OTHER_PLOT, "shifted")), "")
 
     def summary(self) -> str:
         """What to do, in words."""
@@ -139,12 +152,19 @@ class CheckReport:
             return " ".join(said) or f"All {self.photographs} will do: sharp, well exposed, and joined by matches."
         if not self.stations:
             return "Which photograph is of which station could not be told."
-        said = []
+        elsewhere, said = self._elsewhere(), []
+        if elsewhere == "displaced":
+            said.append("Hardly a photograph was taken at a station: are they of this plot, and is this its plan?")
+        elif elsewhere:
+            finding = next(finding for finding in self.findings if finding.code == elsewhere)
+            said.append(f"{finding.message[0].upper()}{finding.message[1:]}. {finding.remedy}")
+        if elsewhere == OTHER_PLOT:
+            return said[0]
         if again:
             said.append(f"Fly {_stations(again)} again.")
         if tags:
             said.append(f"Put the tags of {_stations(tags)} right; the photograph{'s' * (len(tags) > 1)} will do.")
-        if not said:
+        if not again and not tags:
             count = len(self.stations)
             said.append(f"All {count} will do." if count > 1 else "It will do.")
         if self.sway_m is not None:

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from fieldkit.errors import UsageError
 from fieldkit.fieldcheck import CheckSettings, StationCheck, write_refly
 from fieldkit.fieldcheck.check import common_findings
 from fieldkit.fieldcheck.consistency import Consistency, check_tags
-from fieldkit.fieldcheck.model import CheckReport
+from fieldkit.fieldcheck.model import CheckReport, finding_of
 from fieldkit.fieldcheck.pictures import DIRECTIONS, blur_ratios, edge_widths, judge_pictures, measure_picture
 from fieldkit.fieldcheck.placement import Placed, Tags, angles_as_meant, axis_turn_deg, place_tags
 from fieldkit.fieldcheck.ties import LengthRatio, Tie, TieGraph
@@ -437,7 +438,7 @@ class TestShift:
         tags = Tags((), PoseArray.of([]), np.zeros(0), 0.03)
         shift = np.array([0.0, north_m, 0.0])  # across the row, which leads east
         (found,) = common_findings(Placed(tags, "site", shift_m=shift), CheckSettings(), site, plots[0])
-        assert found.code == "shifted"
+        assert found.code == ("other-plot" if there else "shifted")
         assert ("--plot B" in found.remedy) is there
 
 
@@ -510,6 +511,21 @@ class TestReport:
         report = CheckReport("plot", 2, rows, ())
         assert report.summary() == said
         assert report.ok == (said == "All 2 will do.")
+
+    @pytest.mark.parametrize(
+        ("code", "station", "verdict", "said"),
+        [
+            ("other-plot", None, "fly again", "All lie there. Do it."),  # nothing is to be flown again
+            ("other-plot", None, "fine", "All lie there. Do it."),
+            ("shifted", None, "fine", "All lie there. Do it. It will do."),
+            ("displaced", 0, "fly again", r"Hardly a photograph .* is this its plan\? Fly station 1 again."),
+        ],
+    )
+    def test_that_all_were_taken_elsewhere_is_said_first(self, code: str, station: int | None, verdict, said) -> None:
+        found = finding_of(code, station, "", "all lie there", "Do it.")
+        report = CheckReport("plot", 1, (StationCheck(0, verdict=verdict),), (found,))
+        assert re.fullmatch(said, report.summary())
+        assert report.ok == (code == "shifted")
 
 
 class TestRefly:
