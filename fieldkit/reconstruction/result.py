@@ -70,7 +70,7 @@ class SparseResult:
     findings: tuple[Finding, ...]
     """Of the capture and of this reconstruction."""
     groups: Mapping[str, int]
-    """Which group each registered photograph is in: no pair of them joins two groups."""
+    """Which group each photograph with a pose is in: no pair of them joins two groups."""
     weakest: WeakestMode | None = None
 
     @property

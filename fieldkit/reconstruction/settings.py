@@ -31,7 +31,7 @@ class ReconstructionSettings:
     ties: TiesName = "sift"
     """Whose matches tie photographs."""
     fidelity: Fidelity = "standard"
-    """Ground sampling distance of dense stereo, see `dense.resolution.GSD_M`."""
+    """Ground sampling distance of dense stereo, see `fieldkit.vocabulary.GSD_M`."""
     mask: Mask = "exg"
     """Which pixels are plant."""
     bounds: Volume | None = None

@@ -64,6 +64,7 @@ def test_photographs_of_a_rig_count_by_stated_poses_and_are_not_called_registere
     sparse = placed(photographed, tmp_path)
     assert (sparse.registered, sparse.right) == (0, 8)
     assert all(image.stated and image.right is None for image in sparse.images)
+    assert set(sparse.groups) == set(sparse.poses)
     assert [finding.code for finding in sparse.findings].count(POSES_STATED) == 1
     hull = hull_volume(sparse, "exg")
     assert hull is not None

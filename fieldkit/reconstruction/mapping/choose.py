@@ -12,11 +12,12 @@ from fieldkit.documents.mistaken import refuse_other
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry.priors import Priors
 from fieldkit.reconstruction.cameras import CameraSet
-from fieldkit.reconstruction.colmap_model import model_poses, new_model, to_rigid
+from fieldkit.reconstruction.colmap_model import model_points, model_poses, new_model, to_rigid
 from fieldkit.reconstruction.guided import Region
 from fieldkit.reconstruction.mapping.blind import map_without_priors
 from fieldkit.reconstruction.mapping.state import Belief, Inputs, Mapped
 from fieldkit.reconstruction.mapping.steps import map_by_priors
+from fieldkit.reconstruction.mapping.verdicts import KNOWN_TO_M, wanted_m
 from fieldkit.reconstruction.scale import (
     LARGEST_SCALE_ERROR,
     may_give_scale,
@@ -201,31 +202,37 @@ def with_stated_poses(inputs: Inputs, belief: Belief, mapped: Mapped | None) -> 
     """A model with photographs at their stated poses, where these are exact (`PosePrior.exact`): of calibrated rigs.
 
     Matches that tie all photographs together know better than a rig where its cameras are: to such a model those are
-    added that it lacks. Where it falls into groups, or has not even half of them, all stand where they are stated to,
-    and it has no points. ``mapped`` is the model by matches; None where they make none.
+    added that it lacks, also where its own photographs show how good stated poses are (`_confirmed`). Where it falls
+    into groups, or has not even half of them, all stand where they are stated to, and it has no points. ``mapped`` is
+    the model by matches; None where they make none.
     """
-    stated = {name: prior.pose for name, prior in belief.priors.by_name.items() if prior.exact}
-    names, cameras = inputs.names, belief.cameras
-    if len(stated) < 2 or not cameras.known:
+    names, cameras, known = inputs.names, belief.cameras, belief.priors.by_name
+    tied = mapped is not None and _tied(mapped)
+    exact = {name for name, prior in known.items() if prior.exact}
+    stated = exact if len(exact) >= 2 else set()
+    if mapped is not None and tied:
+        stated = stated | _confirmed(mapped, belief.priors)
+    if not stated or not cameras.known:
         return mapped
-    if mapped is None or not _tied(mapped):
+    if mapped is None or not tied:
         images = [
             ImageReport(name=name, features=len(keyed.features), registered=False, reason="its pose is not stated")
             for name, keyed in zip(names, inputs.keyed, strict=True)
         ]
         kept = replace(mapped or _none(belief), model=new_model((), cameras.cameras, (), (), ()), model_sizes=(),
-                       metric=True, images=tuple(images), findings=(), weakest=None, flat=False)  # fmt: skip
+                       metric=True, images=tuple(images), findings=(), weakest=None, flat=False, groups={})  # fmt: skip
     else:
         kept = mapped
     missing = {image.name for image in kept.images if not image.registered and image.name in stated}
     if not missing:
         return kept
-    free = max((int(i) for i in kept.model.images), default=0) + 1
+    model = pycolmap.Reconstruction(kept.model)
+    free = max((int(i) for i in model.images), default=0) + 1
     for k, name in enumerate(names):
         if name in missing:
             camera, keypoints = cameras.camera_of[k] + 1, inputs.keyed[k].features.points
             image = pycolmap.Image(name=name, camera_id=camera, image_id=free + k, keypoints=keypoints)
-            kept.model.add_image_with_trivial_frame(image, to_rigid(stated[name]))
+            model.add_image_with_trivial_frame(image, to_rigid(known[name].pose))
     update = {"stated": True, "reason": ""}
     message = (
         f"{count(len(missing), 'photograph counts', 'photographs count', of=len(names))} by stated poses: nothing in "
@@ -234,14 +241,32 @@ def with_stated_poses(inputs: Inputs, belief: Belief, mapped: Mapped | None) -> 
     )
     return replace(
         kept,
+        model=model,
         images=tuple(image.model_copy(update=update) if image.name in missing else image for image in kept.images),
         findings=(*kept.findings, Finding(inputs.capture.folder.name, POSES_STATED, message)),
+        groups={**kept.groups, **dict.fromkeys(missing, min(kept.groups.values(), default=0))},
     )
+
+
+def _confirmed(mapped: Mapped, priors: Priors) -> set[str]:
+    """Photographs with full poses that are stated, and shown by those that matches tie, to be as good as wanted."""
+    right = [image for image in mapped.images if image.right and image.angle_residual_deg is not None]
+    points, poses = model_points(mapped.model), model_poses(mapped.model)
+    if len(right) < LEAST_POSITIONS or not len(points):
+        return set()
+    away_m = float(np.median([np.linalg.norm(points - poses[i.name].center, axis=1) for i in right]))
+    off = [(i.position_residual_m or 0.0, np.radians(i.angle_residual_deg or 0.0) * away_m) for i in right]
+    if 2.0 * np.sqrt(np.square(off).sum(axis=1).mean()) > wanted_m(away_m):
+        return set()
+    return {
+        name for name, prior in priors.by_name.items()
+        if prior.position is not None and prior.rotation is not None and 2.0 * prior.position_sigma_m <= KNOWN_TO_M
+    }  # fmt: skip
 
 
 def _tied(mapped: Mapped) -> bool:
     """Whether a model by matches is one group of half of the photographs or more, in the frame of what is known."""
-    half = 2 * sum(image.registered for image in mapped.images) >= len(mapped.images)
+    half = 2 * sum(image.counts for image in mapped.images) >= len(mapped.images)
     return mapped.metric and half and len(set(mapped.groups.values())) == 1
 
 

@@ -145,7 +145,7 @@ class Mapped:
     weakest: WeakestMode | None = None
     """Where it is metric."""
     groups: Mapping[str, int] = field(default_factory=dict)
-    """Which group each photograph of the model is in: no pair joins two groups."""
+    """Which group each photograph of the model is in: no pair joins two groups. Stated poses join the first."""
     features_cached: int = 0
 
     @property

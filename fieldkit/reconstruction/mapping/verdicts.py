@@ -27,8 +27,15 @@ _FIXED_BY = 3
 """Photographs whose known positions fix a group's place, scale and rotation: two turn about the line between them."""
 _NAMED = 6
 _FIRST_METRE = 0.5
-_KNOWN_TO_M, _KNOWN_TO = 0.010, 0.0075
-"""A pose is right that two standard deviations tell to 10 mm, or to this share of the distance to what is seen."""
+KNOWN_TO_M = 0.010
+"""Two standard deviations of a pose that is as good as wanted, metres."""
+_KNOWN_TO = 0.0075
+"""The same as a share of the distance to what is seen, where that is more."""
+
+
+def wanted_m(distance: float, *, metric: bool = True) -> float:
+    """Two standard deviations of a pose that counts as right, in the unit of the distance to what is seen."""
+    return max(KNOWN_TO_M * metric, _KNOWN_TO * distance)
 
 
 def weakly_tied(
@@ -86,10 +93,10 @@ def judged(
     row = {inputs.names.index(name): name for name in uncertainty.names}
     groups = {row[k]: number for number, part in enumerate(connected_parts(sorted(row), ties)) for k in part}
     members = Counter(groups.values())
-    held = {name for name, group in groups.items() if members[group] < min(_FIXED_BY, max(members.values()))}
+    held = {name for name, group in groups.items() if members[group] < _FIXED_BY}
     sigmas = dict(zip(uncertainty.names, uncertainty.sigma.tolist(), strict=True))
     errors = dict(zip(uncertainty.names, uncertainty.reprojection_px.tolist(), strict=True))
-    bound = max(_KNOWN_TO_M * metric, _KNOWN_TO * uncertainty.distance)
+    bound = wanted_m(uncertainty.distance, metric=metric)
     loose = []
     together, sigma, moves = uncertainty.weakest()
     trusted = metric or not belief.priors.positioned
@@ -103,7 +110,7 @@ def judged(
         agreement = judge(poses[name], known.get(name) if metric else None)
         right, reason = agreement.right, agreement.reason
         if right and name in held:
-            right, reason = False, "only its known position holds it: too few matches"
+            right, reason = False, "only known positions hold it, and fewer than three place no model: too few matches"
         if not trusted:
             right, reason = False, "wrong pose: the model does not fit the known positions"
         if right is not False and 2.0 * sigmas[name] > bound:

@@ -3,6 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from benchmarks.rigs import uniform_subset
 from benchmarks.weak_ties import with_gaps
@@ -21,7 +22,7 @@ LOW_M = 3.0
 BASIL = Intrinsics("SIMPLE_RADIAL", 2304, 1296, (1718.6, 1152.0, 648.0, 0.0257))
 
 
-def flown(folder: Path, corners: list[tuple[float, float]]) -> Capture:
+def flown(folder: Path, corners: list[tuple[float, float]], accuracy_m: float = 0.02) -> Capture:
     """Four photographs with known poses about each of the places, which see nothing of the others'."""
     offsets = [(0.0, 0.0), (1.2, 0.0), (0.0, 1.0), (1.2, 1.0)]
     poses = [
@@ -31,7 +32,7 @@ def flown(folder: Path, corners: list[tuple[float, float]]) -> Capture:
     photographed(folder, poses, equivalent=20)
     lines = ["image,x_m,y_m,z_m,yaw_deg,pitch_deg,roll_deg,accuracy_m"]
     for k, pose in enumerate(poses):
-        values = [*pose.center, *pose.yaw_pitch_roll_deg(), 0.02]
+        values = [*pose.center, *pose.yaw_pitch_roll_deg(), accuracy_m]
         lines.append(f"{k}.jpg,{','.join(repr(float(value)) for value in values)}")
     (folder / "poses.csv").write_text("\n".join(lines))
     return read_capture(folder)
@@ -50,6 +51,34 @@ def test_groups_without_a_pair_across_are_named(tmp_path, corners, told) -> None
         message = next(finding.message for finding in result.findings if finding.code == "weakly-tied")
         assert "4.jpg, 5.jpg, 6.jpg and 7.jpg could lie" in message
         assert "take photographs between them and the others" in message
+
+
+def with_blank(capture: Capture, names: list[str]) -> Capture:
+    """The same where these photographs show nothing, and no roll is stated."""
+    folder = capture.folder
+    for name in names:
+        with Image.open(folder / name) as photo:
+            Image.new("RGB", photo.size, "gray").save(folder / name, exif=photo.getexif())
+    poses = folder / "poses.csv"
+    poses.write_text(poses.read_text().replace("roll_deg", "note"))
+    return read_capture(folder)
+
+
+@pytest.mark.parametrize(("accuracy_m", "stated"), [(0.003, ["3.jpg"]), (0.02, [])])
+def test_without_matches_a_stated_pose_counts_that_the_others_show_to_be_good(
+    tmp_path: Path, accuracy_m: float, stated: list[str]
+) -> None:
+    capture = with_blank(flown(tmp_path / "flight", [(0.0, 0.0)], accuracy_m), ["3.jpg"])
+    result = mapped(capture, ReconstructionSettings())
+    assert [image.name for image in result.images if image.stated] == stated
+    assert result.right == 3 + len(stated)
+    assert set(result.groups) >= set(result.poses)
+
+
+def test_two_positions_place_no_model(tmp_path: Path) -> None:
+    capture = with_blank(flown(tmp_path / "flight", [(0.0, 0.0)]), ["2.jpg", "3.jpg"])
+    result = mapped(capture, ReconstructionSettings())
+    assert (result.registered, result.right) == (2, 0)
 
 
 def basil(data_folder: Path, names: tuple[str, ...], kept: float, draw: int) -> SparseResult:
