@@ -19,7 +19,7 @@ from fieldkit.runtime.kernels import fast_kernel
 from fieldkit.scenes.sensor_noise import developed, with_grain
 
 USUAL_GRAIN = 3.5
-"""Of consumer cameras: between the recorded rigs' (docs/experiments/scenes.md)."""
+"""Of consumer cameras: between the recorded rigs' (docs/decisions.md)."""
 _MAX_TAPS = 15
 _DRIFT_M_S, _TURN_DEG_S = 0.15, 2.0
 """Standard deviations of the camera's velocity per axis, and of its rate of turn about each of its axes, while it

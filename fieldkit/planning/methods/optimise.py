@@ -76,7 +76,7 @@ Cost = Callable[[Cameras, Sequence[int]], Array]
 
 _LOOKS = (2, 4)
 """After so many plots, in a random order, a move that is worse on them is given up, and designs are compared on the
-first so many: a few plots of a kind tell most (docs/experiments/score-and-planner.md)."""
+first so many: a few plots of a kind tell most (docs/decisions.md)."""
 
 _STREAM = 41
 

@@ -176,7 +176,7 @@ def _chosen(method: Chooser, run: RunFolder, setup: RunSetup, context: Context, 
 def _ring(problem: PlanningProblem, settings: SearchSettings) -> Trial | None:
     """The even ring that optima for plots of a kind have to beat; None for one plot or among recorded views.
 
-    The score's order of good sets outdoors is not that of evaluations (docs/experiments/score-and-planner.md).
+    The score's order of good sets outdoors is not that of evaluations (docs/decisions.md).
     """
     if settings.plots == 1 or problem.views is not None or settings.finalists == 1:
         return None

@@ -33,7 +33,7 @@ _SWAYING = 0.7
 four scenes 0.36 to 0.48, root mean square."""
 _TOLERANCE_PX = 6.0
 """Motion of a leaf between two views at which half of their matches fail: 2 ranks sets in wind worse, 4 to 20 about as
-well (docs/experiments/score-and-planner.md)."""
+well (docs/decisions.md)."""
 _AGREEING, _NEIGHBORS = 2, 24
 """Least number of views with a right depth at a point, and number of nearest points that can replace a missing one."""
 _COLUMN_M, _MISSED_M = 0.10, 0.05

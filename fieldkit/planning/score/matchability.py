@@ -38,7 +38,7 @@ class Matchability:
 
 GUIDED = Matchability(1600.0, 25.0)
 """Of prior mapping, of views that show nothing but soil squarely from above: it matches soil as seen from above. Fitted
-to the pairs of 40 sets about tuning-1 and tuning-2 in wind, at draft (docs/experiments/score-and-planner.md)."""
+to the pairs of 40 sets about tuning-1 and tuning-2 in wind, at draft (docs/decisions.md)."""
 
 
 def view_angles_deg(positions: Array, center: Array) -> Array:

@@ -23,7 +23,7 @@ class Registration:
     """The connectivity c that mapping needs: P(whole | c) = 1 / (1 + (c₀ / c)^(1/w)).
 
     Both constants are unknown. Their posterior is kept on a grid; the prior has c₀ of 23 matches times or divided by
-    e^½, and w from 0.2 to 0.45 (65 sets about tuning-1 and tuning-2, docs/experiments/score-and-planner.md). While
+    e^½, and w from 0.2 to 0.45 (65 sets about tuning-1 and tuning-2, docs/decisions.md). While
     every set fails, c₀ rises above what was tried.
     """
 

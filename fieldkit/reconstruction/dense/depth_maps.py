@@ -37,7 +37,7 @@ STARTS = 8
 BEYOND, BEYOND_UNMASKED = 0.3, 4.0
 """How far behind the volume depths are sought, in views with a mask and without, as a share of the depth at which the
 ray leaves it. What is found there is dropped, but otherwise the background would have to match something inside."""
-_CPU_S_OF_MATCHED, _BYTES_OF_PIXEL, _BYTES_OF_MATCHED = 9e-6, 40, 50  # measured (docs/experiments/dense-stereo.md)
+_CPU_S_OF_MATCHED, _BYTES_OF_PIXEL, _BYTES_OF_MATCHED = 9e-6, 40, 50  # measured (docs/decisions.md)
 _VERSION = STAGES["depth"]
 _KEPT = 32
 _GEOMETRIC_SWEEP = 1.5

@@ -35,7 +35,7 @@ MAX_RELATIVE_DEPTH, MAX_REPROJECTION_PX = 0.012, 1.5
 moves."""
 STILL_PX, WIDER, WIDEST_PX = 0.6, 3.0, 12.0
 """Where leaves sway, the round-trip distance may be so many times what `depth_scatter_px` has above the first, at most
-the last; the relative difference is larger by the same factor. Fitted on tuning-1 and -2 (docs/experiments)."""
+the last; the relative difference is larger by the same factor. Fitted on tuning-1 and -2 (docs/decisions.md)."""
 _SCATTER_GATE_PX, _SCATTER_GATE_DEPTH, _SCATTER_STEP = 20.0, 0.15, 4
 """Depths farther apart are of two surfaces; and which pixels are looked at, by row and column."""
 _SCATTER_QUANTILE = 0.75
