@@ -24,7 +24,7 @@ from fieldkit.missions.check_photographs import (
     plan_findings,
     usual_burst,
 )
-from fieldkit.missions.files.limits import LEAST_WAYPOINTS, LONGEST_STAY_S, MOST_WAYPOINTS
+from fieldkit.missions.files.limits import APPS, LEAST_WAYPOINTS, LONGEST_STAY_S, MOST_WAYPOINTS
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.wpml import dji_model
 from fieldkit.missions.findings import Report, error, warning
@@ -175,7 +175,7 @@ def _drone_findings(drone: tuple[int, int], vehicle: Vehicle) -> Iterator[Findin
 
 
 def _stop_findings(read: ReadMission) -> Iterator[Finding]:
-    count, app = len(read.stops), "Litchi" if read.format == "litchi" else "DJI"
+    count, app = len(read.stops), APPS.get(read.format, "DJI")
     if count and count < LEAST_WAYPOINTS.get(read.format, 0):
         least = LEAST_WAYPOINTS[read.format]
         yield error("too-few-waypoints", f"{app} takes missions of at least {least} waypoints; this one has {count}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fieldkit.geometry import Pose
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan, Plans
-from fieldkit.routing.flights import ITEMS_A_FLIGHT, ITEMS_A_STOP, Flight, Stop, plan_flights
+from fieldkit.routing.flights import Flight, Room, plan_flights
 from fieldkit.routing.mission import Fence, GeoPoint, Mission, Shot, Via, burst_s
 from fieldkit.sites.fit import fit_report
 from fieldkit.sites.placement import PlotFrame, SiteFrame, grounds_m, home_of, landing_of
@@ -19,6 +19,9 @@ from fieldkit.sites.plot_plants import PlotPlants, facts_of, plants_on
 from fieldkit.sites.reach import Unreachable
 from fieldkit.sites.site import Site
 from fieldkit.vehicles.vehicle import Vehicle
+
+_BEYOND = 1.002
+"""By what more flights are cut than they are too long, so that one more attempt is mostly enough."""
 
 Array = NDArray[np.float64]
 
@@ -110,7 +113,7 @@ class Routed:
 
 def route_plan(
     plan: Plans, vehicle: Vehicle, site: Site, *, fit: bool | None = None, adjust: bool = False, seed: int = 0,
-    burst: int = 1,
+    burst: int = 1, room: Room | None = None, timed: Callable[[RoutedFlight], RoutedFlight] | None = None,
 ) -> Routed:  # fmt: skip
     """Put a plan on every plot of a site and find the flights over it.
 
@@ -123,23 +126,34 @@ def route_plan(
         fit: see `flown_plans`.
         adjust: fly the nearest poses where the plan's cannot be taken.
         burst: photographs at each station, one after the other (`Mission.interval_s`).
+        room: of each flight's mission, see `plan_flights`.
+        timed: gives a flight the time that its file takes. Where that is more than a battery, the flights are planned
+            for so much less of one.
     """
     report = fit_report(plan, site, vehicle, fit=fit, adjust=adjust)
     report.require()
     plans, shots, frame = report.plans, report.shots, SiteFrame(site.home)
-    stops, flown_by = _with_bursts(report.stops, vehicle, burst)
-    flights = plan_flights(
-        stops, (0.0, 0.0, 0.0), landing_of(site), report.obstacles, flown_by,
-        takeoff_m=site.takeoff_m, transit_m=site.transit_m, seed=seed,
-    )  # fmt: skip
+    more_s, planned_for = burst_s(burst, vehicle.trigger.exposure_s), vehicle
+    stops = tuple(replace(stop, pause_s=stop.pause_s + more_s) for stop in report.stops)
+    while True:
+        flights = plan_flights(
+            stops, (0.0, 0.0, 0.0), landing_of(site), report.obstacles, planned_for,
+            takeoff_m=site.takeoff_m, transit_m=site.transit_m, seed=seed, room=room,
+        )  # fmt: skip
+        routed = tuple(
+            RoutedFlight(replace(_mission(flight, k, len(flights), shots, frame, site, vehicle), burst=burst), flight)
+            for k, flight in enumerate(flights, 1)
+        )
+        routed = routed if timed is None else tuple(timed(each) for each in routed)
+        most = max(each.flight.time.battery for each in routed)
+        if timed is None or most <= 1.0:
+            break
+        less = {"endurance_s": planned_for.battery.endurance_s / (_BEYOND * most)}
+        planned_for = planned_for.model_copy(update={"battery": planned_for.battery.model_copy(update=less)})
     facts = facts_of(plans, site.plots)
     on_plots = {plot.name: plants_on(each, plot) for plot, each in zip(site.plots, facts, strict=True)}
     plants = placed(on_plots, site)
     heights = [shot.place.height_m for shot in shots] - grounds_m(site, shots)
-    routed = tuple(
-        RoutedFlight(replace(_mission(flight, number, len(flights), shots, frame, site, vehicle), burst=burst), flight)
-        for number, flight in enumerate(flights, 1)
-    )
     return Routed(
         flights=routed,
         moved=report.moved,
@@ -150,15 +164,6 @@ def route_plan(
         fit=report.findings,
         own={} if isinstance(plans, Plan) else {name: each for name, each in plans.items() if each is not plan},
     )
-
-
-def _with_bursts(stops: Sequence[Stop], vehicle: Vehicle, burst: int) -> tuple[tuple[Stop, ...], Vehicle]:
-    """Stops that take as long as a burst, and the vehicle with room for so many stops as bursts leave items for."""
-    more_s, most = burst_s(burst, vehicle.trigger.exposure_s), vehicle.max_items
-    if burst > 1 and most is not None:
-        room = (most - ITEMS_A_FLIGHT) * ITEMS_A_STOP // (ITEMS_A_STOP + 2 * (burst - 1))
-        vehicle = vehicle.model_copy(update={"max_items": ITEMS_A_FLIGHT + room})
-    return tuple(replace(stop, pause_s=stop.pause_s + more_s) for stop in stops), vehicle
 
 
 def _mission(

@@ -15,8 +15,9 @@ from fieldkit.errors import UsageError
 from fieldkit.figures.style import format_length, format_seconds
 from fieldkit.files import write_atomic
 from fieldkit.missions.autopilots.interpret import interpret
-from fieldkit.missions.export import Routed, route_plan
+from fieldkit.missions.export import Routed, RoutedFlight, route_plan
 from fieldkit.missions.export_record import mission_record
+from fieldkit.missions.files.limits import APPS, MOST_WAYPOINTS
 from fieldkit.missions.files.maps import geojson_bytes
 from fieldkit.missions.files.reading import read_mission_bytes
 from fieldkit.missions.files.writing import FORMATS, mission_bytes
@@ -24,6 +25,7 @@ from fieldkit.regular_files import check_replaceable, read_regular
 from fieldkit.results.mission import FlownPlan, record_bytes, record_path
 from fieldkit.results.plan import Plan, Plans, station_number
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, plan_bytes
+from fieldkit.routing.flights import Room
 from fieldkit.sites.placement import SiteFrame
 from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.sites.plot_plants import PlantHeight, with_plant_height
@@ -34,9 +36,6 @@ from fieldkit.sites.site_obstacles import site_obstacles
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from fieldkit.wording import count
-
-_BEYOND = 1.002
-"""By what more flights are cut than they are too long, so that one more attempt is mostly enough."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,30 +122,23 @@ def route_for_files(
 ) -> Routed:  # fmt: skip
     """As `route_plan`, with the time that the files take and the length of their way, as check-mission tells them.
 
-    Files take some seconds more than the flights that are planned: holds in whole seconds and the like. Where that is
-    more than a battery, the flights are planned for so much less of one.
+    Files take some seconds more than the flights that are planned: holds in whole seconds and the like.
     """
-    planned_for = vehicle
-    while True:
-        routed = route_plan(plan, planned_for, site, fit=fit, adjust=adjust, seed=seed, burst=burst)
-        routed = _timed(routed, vehicle, format)
-        most = max(each.flight.time.battery for each in routed.flights)
-        if most <= 1.0:
-            return routed
-        less = {"endurance_s": planned_for.battery.endurance_s / (_BEYOND * most)}
-        planned_for = planned_for.model_copy(update={"battery": planned_for.battery.model_copy(update=less)})
+    suffix = FORMATS[format][0]
 
-
-def _timed(routed: Routed, vehicle: Vehicle, format: str) -> Routed:  # noqa: A002
-    """The flights with the times and lengths of their files, carried out as they are read."""
-    flights = []
-    for each in routed.flights:
-        read = read_mission_bytes(mission_bytes(format, each.mission, vehicle), FORMATS[format][0])
+    def timed(each: RoutedFlight) -> RoutedFlight:
+        """A flight with the time and length of its file, carried out as it is read."""
+        read = read_mission_bytes(mission_bytes(format, each.mission, vehicle), suffix)
         flown = interpret(replace(read, home=read.home or each.mission.home), vehicle, vehicle.dialect)
         time = each.flight.time.lasting(flown.seconds, vehicle)
-        flight = replace(each.flight, time=time, length_m=flown.length_m)
-        flights.append(replace(each, flight=flight))
-    return replace(routed, flights=tuple(flights))
+        return replace(each, flight=replace(each.flight, time=time, length_m=flown.length_m))
+
+    if format in MOST_WAYPOINTS:
+        most = min(MOST_WAYPOINTS[format], vehicle.max_items or MOST_WAYPOINTS[format])
+        room = Room(most, f"waypoints that {APPS[format]} takes", a_stop=1, a_flight=2)
+    else:
+        room = Room(vehicle.max_items, a_stop=Room(None).a_stop + 2 * (burst - 1))
+    return route_plan(plan, vehicle, site, fit=fit, adjust=adjust, seed=seed, burst=burst, room=room, timed=timed)
 
 
 def mission_file(output: Path, format: str | None) -> tuple[Path, str]:  # noqa: A002

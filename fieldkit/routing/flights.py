@@ -41,13 +41,28 @@ from fieldkit.vehicles.vehicle import Vehicle
 
 AMONG_PLANTS = "among-plants"
 """Code of a stop that is among plants or nearer to them than the clearance."""
-ITEMS_A_STOP = 5
-ITEMS_A_FLIGHT = 10
-"""Mission items: a photograph's (gimbal, heading, waypoint, shutter, delay), and at most of take-off, home, landing."""
 
 Array = NDArray[np.float64]
 Given = TypeVar("Given")
 Made = TypeVar("Made")
+
+
+@dataclass(frozen=True)
+class Room:
+    """What the mission of one flight may hold."""
+
+    most: int | None
+    """Of what is counted; None for no limit."""
+    what: str = "mission items that the vehicle stores"
+    """For people."""
+    a_stop: int = 5
+    """Counted for a photograph; items are gimbal, heading, waypoint, shutter and delay. A place that is passed is 1."""
+    a_flight: int = 10
+    """Counted for take-off, home and landing, at most."""
+
+    def spare(self, stops: int) -> float:
+        """How many places may be passed in a flight over so many stops; negative where they alone are too many."""
+        return math.inf if self.most is None else self.most - self.a_flight - self.a_stop * stops
 
 
 @dataclass(frozen=True)
@@ -81,11 +96,6 @@ class Flight:
     time: FlightTime
     """Its parts and the share of a battery that it takes."""
 
-    @property
-    def items(self) -> int:
-        """Mission items that it takes, at most: see `ITEMS_A_STOP`."""
-        return ITEMS_A_FLIGHT + ITEMS_A_STOP * len(self.stops) + sum(len(leg.via) for leg in self.legs)
-
 
 def plan_flights(
     stops: Sequence[Stop],
@@ -97,8 +107,9 @@ def plan_flights(
     takeoff_m: float,
     transit_m: float,
     seed: int = 0,
+    room: Room | None = None,
 ) -> tuple[Flight, ...]:
-    """The flights over all stops: as few as the battery allows, of these short ones.
+    """The flights over all stops: as few as battery and mission allow, of these short ones.
 
     Deterministic for a seed. Every stretch of every leg, and the ways straight up at home and down at the landing, are
     checked once more at the end, however they came about.
@@ -108,10 +119,11 @@ def plan_flights(
         home: on the ground; legs start ``takeoff_m`` above it.
         landing: on the ground; legs end ``transit_m`` above it.
         obstacles: every leg is clear of them.
-        vehicle: its speeds, battery, and how many mission items it stores.
+        vehicle: its speeds and battery.
         takeoff_m: height above home that is climbed to before anything else.
         transit_m: least height above home of the ways between plots and to and from them.
         seed: of the search for the order of plots.
+        room: of each flight's mission; None for the items that the vehicle stores.
     """
     if not stops:
         raise MissionError("there are no stations to fly to", remedy="Give a plan with stations.")
@@ -127,7 +139,7 @@ def plan_flights(
     groups = [_group(plot, [stops[k] for k in rows], [names[k] for k in rows]) for plot, rows in members.items()]
     plots = _each(lambda group: plot_tour(group, obstacles, vehicle.speeds, seed=seed), groups)
     ends = (_end("take-off", start), _end("landing", finish))
-    field = _Field(plots, ends, obstacles, vehicle, transit_m)
+    field = _Field(plots, ends, obstacles, vehicle, transit_m, room or Room(vehicle.max_items))
     flights = [_flight(field, order, list(members.values()), stops) for order in _flights_of_plots(field, seed)]
     _check(flights, obstacles)
     return tuple(flights)
@@ -212,8 +224,10 @@ class _Field:
         obstacles: Obstacles,
         vehicle: Vehicle,
         transit_m: float,
+        room: Room,
     ) -> None:
         self.plots, self.ends, self.obstacles, self.vehicle, self.transit_m = plots, ends, obstacles, vehicle, transit_m
+        self.room = room
         self._between: dict[tuple[int, int], Ways] = {}
         self.outward = _each(lambda plot: self._ways(ends[0], plot.group), plots)
         self.homeward = _each(lambda plot: self._ways(plot.group, ends[1]), plots)
@@ -251,14 +265,12 @@ class _Field:
             steps.extend((self.plots[plot].ways, a, b, plot) for a, b in pairwise(inner))
         return [*steps, (self.homeward[order[-1]], doors[-1][1], 0, -1)]
 
-    def fits_items(self, order: Sequence[int]) -> bool:
-        """Whether the vehicle stores the mission of a flight over these plots."""
-        most = self.vehicle.max_items
-        if most is None:
-            return True
+    def has_room(self, order: Sequence[int]) -> bool:
+        """Whether there is room for the mission of a flight over these plots."""
         plots = [self.plots[plot] for plot in order]
-        stops = sum(len(plot.group) for plot in plots)
-        spare = most - ITEMS_A_FLIGHT - ITEMS_A_STOP * stops
+        spare = self.room.spare(sum(len(plot.group) for plot in plots))
+        if spare < 0 or math.isinf(spare):
+            return spare > 0
         outer = [self.outward[order[0]], self.homeward[order[-1]], *(self.between(a, b) for a, b in pairwise(order))]
         inner = sum((len(plot.group) - 1) * plot.ways.most_vias for plot in plots)
         if spare >= inner + sum(ways.most_vias for ways in outer):
@@ -289,7 +301,7 @@ def _flights_of_plots(field: _Field, seed: int) -> list[list[int]]:
 
 
 def _cut(field: _Field, order: list[int]) -> tuple[Split, list[int]]:
-    cut = split(field.costs(order), field.limit_s, lambda first, last: field.fits_items(order[first : last + 1]))
+    cut = split(field.costs(order), field.limit_s, lambda first, last: field.has_room(order[first : last + 1]))
     if cut is None:
         raise MissionError("no plot fits into a battery")
     return cut, order
@@ -303,7 +315,7 @@ def _improved(field: _Field, order: list[int], matrix: Array) -> list[int]:
     again = [order[k] for k in ordered(matrix[0, rows], matrix[np.ix_(rows, rows)], matrix[rows, 0])]
     last = len(order) - 1
     quicker = field.costs(again).ends(0, last)[0] < field.costs(order).ends(0, last)[0]
-    return again if quicker and field.fits_items(again) else order
+    return again if quicker and field.has_room(again) else order
 
 
 def _plot_matrix(field: _Field) -> Array:
@@ -333,9 +345,9 @@ def _too_much(field: _Field, plot: int) -> Iterator[Finding]:
             severity="error",
             remedy="Plan fewer stations, take off nearer to the plot, or use a vehicle with more endurance.",
         )  # fmt: skip
-    if not field.fits_items([plot]):
+    if not field.has_room([plot]):
         yield Finding(
-            name, "items", f"takes more than the {field.vehicle.max_items} mission items that the vehicle stores alone",
+            name, "items", f"takes more than the {field.room.most} {field.room.what} alone",
             severity="error", remedy="Plan fewer stations.",
         )  # fmt: skip
 

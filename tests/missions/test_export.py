@@ -164,17 +164,20 @@ def test_a_station_that_lost_photographs_is_named_and_so_are_hasty_ones(tmp_path
     assert not single.findings
 
 
-def test_flights_of_bursts_fit_what_the_vehicle_stores(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("vehicle", "form", "burst", "flights"), [
+    ("ardupilot-pitch", "plan", 1, 1), ("ardupilot-pitch", "plan", 5, 2), ("dji-mini-4-pro", "litchi", 1, 2),
+])  # fmt: skip
+def test_files_hold_what_vehicle_and_app_take(
+    tmp_path: Path, vehicle: str, form: str, burst: int, flights: int
+) -> None:
     field = site(SITES / "plots.geojson", LOW_M)
-    flown_by = VEHICLE.model_copy(update={"max_items": 300})
-    single, several = (
-        export_mission(planned(5), flown_by, field, tmp_path / f"m{burst}", picture=False, burst=burst)
-        for burst in (1, 5)
-    )
-    assert len(single.routed.flights) == 1
-    assert len(several.routed.flights) == 2
-    for file, each in zip(several.files, several.routed.flights, strict=False):
-        assert len(read_mission(file).items) < 300
+    flown_by = load_vehicle(vehicle).model_copy(update={"max_items": 300 if form == "plan" else None})
+    plan = planned(5 if form == "plan" else 13, height_m=3.0)
+    done = export_mission(plan, flown_by, field, tmp_path / "m", format=form, picture=False, burst=burst, adjust=True)
+    assert len(done.routed.flights) == flights
+    for file, each in zip(done.files, done.routed.flights, strict=False):
+        read = read_mission(file)
+        assert (len(read.items) < 300) if read.items else (len(read.stops) <= 99)
         assert each.flight.time.battery < 1.0
 
 

@@ -17,6 +17,8 @@ MAX_POINTS = 5_000
 MOST_WAYPOINTS = {"litchi": 99, "wpml": 200}
 """By format, where the apps that fly it have a limit. Litchi's: its forum's list, "DJI SDK limits". WPML's: not in the
 documentation, whose index goes to 65535, but what DJI's apps are said to take."""
+APPS = {"litchi": "Litchi", "wpml": "DJI WPML"}
+"""What these formats are called for people."""
 LEAST_WAYPOINTS = {"litchi": 2, "wpml": 2}
 """DJI's waypoint missions have at least two."""
 LONGEST_STAY_S = {"litchi": 32.0}

@@ -14,7 +14,7 @@ from fieldkit.errors import MetadataError, MissionError
 from fieldkit.missions.autopilots.effects import LITCHI, Effect, Shoot, Stay, cannot_say, effects_of
 from fieldkit.missions.autopilots.execution import aim
 from fieldkit.missions.autopilots.writing import LEAST_EXPOSURE_S
-from fieldkit.missions.files.limits import LONGEST_STAY_S, MAX_ITEMS, MOST_WAYPOINTS, number, read_text
+from fieldkit.missions.files.limits import LONGEST_STAY_S, MAX_ITEMS, number, read_text
 from fieldkit.missions.files.read_mission import Facing, ReadMission, ReadStop, in_passing
 from fieldkit.missions.files.route import RoutePoint, route_points
 from fieldkit.missions.findings import warning
@@ -51,7 +51,7 @@ def litchi_bytes(mission: Mission, vehicle: Vehicle) -> bytes:
             remedy=f"Give --burst {most} or less, or --format wpml.",
         )
     lines = [",".join(COLUMNS)]
-    lines += [_row(mission, point) for point in route_points(mission, vehicle, MOST_WAYPOINTS["litchi"], "Litchi")]
+    lines += [_row(mission, point) for point in route_points(mission, vehicle, "litchi")]
     return ("\n".join(lines) + "\n").encode("ascii")
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from fieldkit.errors import MissionError
 from fieldkit.missions.autopilots.writing import check_shot
+from fieldkit.missions.files.limits import APPS, MOST_WAYPOINTS
 from fieldkit.routing.mission import GeoPoint, Mission, Shot
 from fieldkit.vehicles.vehicle import Vehicle
 
@@ -20,18 +21,19 @@ class RoutePoint:
     shot: Shot | None  # the photograph taken there
 
 
-def route_points(mission: Mission, vehicle: Vehicle, most: int, what: str) -> list[RoutePoint]:
+def route_points(mission: Mission, vehicle: Vehicle, form: str) -> list[RoutePoint]:
     """Every place that is flown to: above home at take-off height, the stops, above the landing place.
 
-    Where nothing is photographed, heading and pitch are already those of the next photograph. The format's readers take
-    ``most`` waypoints.
+    Where nothing is photographed, heading and pitch are already those of the next photograph. ``form`` is the
+    format, whose app takes so many waypoints.
     """
     home = GeoPoint(mission.home.latitude_deg, mission.home.longitude_deg, mission.takeoff_m)
     places = [home, *(stop.place for stop in mission.stops), mission.landing]
     shots = [None, *(stop if isinstance(stop, Shot) else None for stop in mission.stops), None]
-    if len(places) > most:
+    if len(places) > (most := MOST_WAYPOINTS[form]):
         raise MissionError(
-            f"the mission has {len(places)} waypoints; {what} takes at most {most}", remedy="Fly fewer plots at once."
+            f"the mission has {len(places)} waypoints; {APPS[form]} takes at most {most}",
+            remedy="Fly fewer plots at once.",
         )
     taken = [shot for shot in shots if shot is not None]
     for shot in taken:

@@ -19,7 +19,6 @@ from fieldkit.errors import MissionError
 from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.missions.autopilots.writing import LEAST_EXPOSURE_S
 from fieldkit.missions.files.archive import zip_bytes
-from fieldkit.missions.files.limits import MOST_WAYPOINTS
 from fieldkit.missions.files.route import RoutePoint, route_points
 from fieldkit.results.plan import station_number
 from fieldkit.routing.mission import Mission
@@ -85,7 +84,7 @@ def wpml_bytes(mission: Mission, vehicle: Vehicle) -> bytes:
     lands at the last waypoint, which is above the mission's landing place.
     """
     model = dji_model(vehicle)
-    points = route_points(mission, vehicle, MOST_WAYPOINTS["wpml"], "DJI WPML")
+    points = route_points(mission, vehicle, "wpml")
     config = _config(mission, model)
     actions = _all_actions(mission, points, model)
     template = _document(config + _template_folder(mission, points, actions))
