@@ -31,6 +31,8 @@ _GIMBAL_REACH_S = 2.0
 _FASTEST_GIMBAL_DPS = 100.0
 """Camera gimbals on multicopters turn at 30 to 100 °/s when they are told to."""
 _ACCURACY_REACH_S = 10.0
+_FIXED_M = 0.1
+"""Of a height: a fixed solution of RTK is good to some centimetres, a float one to decimetres, like the barometer."""
 _MOST_LISTED = 8
 _YAW_LOCK, _YAW_VEHICLE, _YAW_NORTH = 16, 32, 64
 _UTC_RANGE = (1.0e9, 4.2e9)
@@ -123,13 +125,18 @@ class Layout:
     """Message, columns of roll, pitch and yaw, and "vehicle", "north" or the column of flags that says from where the
     yaw counts (`gimbal_yaw_frame`)."""
     accuracy: tuple[Source, ...]
+    """Of the receiver's place, horizontal."""
+    vertical: tuple[Source, ...]
+    height: tuple[Source, ...]
+    """Of the receiver, above sea level, and its accuracy."""
     home: Source
     """Latitude, longitude, height above sea level."""
 
     @property
     def messages(self) -> frozenset[str]:
         """Names of all that it reads."""
-        sources = (self.position, *self.velocity, self.attitude, *self.accuracy, self.home)
+        gnss = (*self.accuracy, *self.vertical, *self.height)
+        sources = (self.position, *self.velocity, self.attitude, *gnss, self.home)
         names = [*(each.message for each in self.triggers), *(each[0] for each in self.gimbals)]
         return frozenset([*names, *(name for name, _ in sources)])
 
@@ -159,7 +166,8 @@ def flight_log(
     once: dict[tuple[float, int | None], tuple[float, Trigger]] = {}  # a message that was recorded twice counts once
     for stamp, trigger in sorted(found, key=lambda entry: entry[1].time_s):
         once.setdefault((trigger.time_s, trigger.image), (stamp, trigger))
-    triggers = tuple(_completed(trigger, stamp, track, commanded) for stamp, trigger in once.values())
+    estimated = [_completed(trigger, stamp, track, commanded) for stamp, trigger in once.values()]
+    triggers = _at_receivers_heights(estimated, track, told)
     return FlightLog(path, kind, clock, home, triggers, track, (*told, *_missing_numbers(triggers, failed)))
 
 
@@ -240,6 +248,8 @@ def _track(tables: Tables, layout: Layout, home: Place | None) -> Track:
         gimbal_vehicle=vehicle,
         gimbal_north=north,
         accuracy=_series(tables, layout.accuracy),
+        vertical_accuracy=_series(tables, layout.vertical),
+        receiver_height=_series(tables, layout.height),
     )
 
 
@@ -293,6 +303,42 @@ def _completed(trigger: Trigger, stamp: float, track: Track, commanded: Commande
         speed_mps=None if velocity is None else float((velocity @ velocity) ** 0.5),
         accuracy_m=None if accuracy is None or accuracy[0] <= 0.0 else float(accuracy[0]),
         turning_dps=_turning(track, time),
+    )
+
+
+def _at_receivers_heights(triggers: Sequence[Trigger], track: Track, told: list[str]) -> tuple[Trigger, ...]:
+    """With the receiver's heights in place of the estimate's where it had a fixed solution, and the others beside them.
+
+    The estimate's come from the barometer, unless ArduPilot's EK3_SRC1_POSZ or PX4's EKF2_HGT_REF say otherwise, and
+    drift by decimetres within a flight.
+    """
+    known: dict[float, tuple[float, float]] = {}
+    for trigger in triggers:
+        accuracy = track.vertical_accuracy.at(trigger.time_s, _ACCURACY_REACH_S)
+        height = track.receiver_height.at(trigger.time_s)
+        own = None if trigger.place is None else trigger.place.amsl_m
+        if own is not None and height is not None and accuracy is not None and 0.0 < accuracy[0] <= _FIXED_M:
+            known[trigger.time_s] = float(height[0]) - own, float(accuracy[0])
+    if not known:
+        return tuple(triggers)
+    shifts = [shift for shift, _ in known.values()]
+    if (most := max(map(abs, shifts))) > _FIXED_M:
+        told.append(
+            "heights are the receiver's, which had a fixed solution; the autopilot's estimate, from the barometer as a "
+            f"rule, is up to {most:.2f} m away"
+        )
+    return tuple(
+        trigger
+        if trigger.place is None or trigger.place.amsl_m is None
+        else replace(
+            trigger,
+            place=replace(
+                trigger.place,
+                amsl_m=trigger.place.amsl_m + float(np.interp(trigger.time_s, list(known), shifts)),
+            ),
+            height_accuracy_m=known[trigger.time_s][1] if trigger.time_s in known else None,
+        )
+        for trigger in triggers
     )
 
 

@@ -32,6 +32,8 @@ _LAYOUT = Layout(
     attitude=("ATT", ("Roll", "Pitch", "Yaw")),
     gimbals=(("MNT", ("Roll", "Pitch", "YawB"), "vehicle"), ("MNT", ("Roll", "Pitch", "YawE"), "north")),
     accuracy=(("GPA", ("HAcc",)),),
+    vertical=(("GPA", ("VAcc",)),),
+    height=(("GPS", ("Alt",)),),
     home=("ORGN", ("Lat", "Lng", "Alt")),
 )
 _HOME = 1
@@ -59,7 +61,7 @@ def read_dataflash(data: bytes, path: Path) -> FlightLog:
 
     SIM and SIM2, which hold a simulator's truth, are not read.
     """
-    found, skipped = read_messages(data, _LAYOUT.messages | {"GPS"})
+    found, skipped = read_messages(data, _LAYOUT.messages)
     if not found:
         raise MetadataError("holds no messages of a flight", path=path, remedy=_REMEDY)
     remarks = []

@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from fieldkit.captures.capture import read_capture
-from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M
+from fieldkit.captures.heights import BAROMETER_ACCURACY_M, GPS_ACCURACY_M, RTK_ACCURACY_M
 from fieldkit.captures.model import Photo
 from fieldkit.documents.csv_text import on_one_line
 from fieldkit.errors import MetadataError
 from fieldkit.files import check_writable, write_atomic
 from fieldkit.flightlogs.achieved import FixedMount, achieved_pose
 from fieldkit.flightlogs.matching import Matches, Stamp, match
-from fieldkit.flightlogs.model import FlightLog, bursts_of
+from fieldkit.flightlogs.model import FlightLog, Trigger, bursts_of
 from fieldkit.flightlogs.reading import read_flight_log
 from fieldkit.geometry.geodesy import EAST_DEG, LocalFrame, plot_from_enu
 from fieldkit.regular_files import check_replaceable
@@ -180,10 +180,17 @@ def local_poses(
         if place is None or place.amsl_m is None:
             continue
         x, y, z = frame.to_local(place.latitude_deg, place.longitude_deg, place.amsl_m)[0].tolist()
-        stated = GPS_ACCURACY_M if trigger.accuracy_m is None else max(trigger.accuracy_m, RTK_ACCURACY_M)
-        accuracy = stated if accuracy_m is None else accuracy_m
+        accuracy = _accuracy_m(trigger) if accuracy_m is None else accuracy_m
         poses.append(PhotoPose(name, (x, y, z), pose.yaw_deg, pose.pitch_deg, accuracy, by_name[name], pose.source))
     return poses
+
+
+def _accuracy_m(trigger: Trigger) -> float:
+    """What the worse of a trigger's place and height is good to; an estimate's height is the barometer's, as a rule."""
+    if trigger.accuracy_m is None:
+        return GPS_ACCURACY_M
+    height = BAROMETER_ACCURACY_M if trigger.height_accuracy_m is None else trigger.height_accuracy_m
+    return max(trigger.accuracy_m, height, RTK_ACCURACY_M)
 
 
 def turned(pose: PhotoPose, heading_deg: float) -> PhotoPose:

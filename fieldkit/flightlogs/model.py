@@ -90,6 +90,9 @@ class Trigger:
     turning_dps: float | None = None
     """How fast the camera turned, with the vehicle or on its gimbal, degrees per second; a gimbal that reports its
     targets seems to jump. None where the log does not say."""
+    height_accuracy_m: float | None = None
+    """Standard deviation of ``place.amsl_m`` where that is the receiver's, which is good to centimetres; None where it
+    is the autopilot's estimate, which leans on the barometer."""
 
 
 def doubled(triggers: Sequence[Trigger], photographs: int) -> tuple[int, ...]:
@@ -189,6 +192,9 @@ class Track:
     """Roll, pitch, yaw of the camera, by the frame of their yaw."""
     accuracy: Series = field(default_factory=lambda: Series.empty(1))
     """Horizontal position accuracy that the GNSS receiver states, m."""
+    vertical_accuracy: Series = field(default_factory=lambda: Series.empty(1))
+    receiver_height: Series = field(default_factory=lambda: Series.empty(1))
+    """The receiver's height above sea level, and its accuracy, m."""
 
 
 @dataclass(frozen=True, eq=False)

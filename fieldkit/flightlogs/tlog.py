@@ -29,7 +29,7 @@ from fieldkit.flightlogs.model import Clock, FlightLog, Gimbal
 _DEG = 180.0 / math.pi
 _MESSAGES: dict[int, tuple[str, dict[str, float]]] = {
     2: ("SYSTEM_TIME", {"time_unix_usec": 1e-6, "time_boot_ms": 1e-3}),
-    24: ("GPS_RAW_INT", {"time_usec": 1e-6, "h_acc": 1e-3}),
+    24: ("GPS_RAW_INT", {"time_usec": 1e-6, "alt": 1e-3, "h_acc": 1e-3, "v_acc": 1e-3}),
     30: ("ATTITUDE", {"time_boot_ms": 1e-3, **dict.fromkeys(("roll", "pitch", "yaw"), _DEG)}),
     33: ("GLOBAL_POSITION_INT", {
         "time_boot_ms": 1e-3, "lat": 1e-7, "lon": 1e-7, "alt": 1e-3, "relative_alt": 1e-3, "vx": 0.01, "vy": 0.01,
@@ -71,6 +71,8 @@ _LAYOUT = Layout(
         ("MOUNT_STATUS", ("pointing_b", "pointing_a", "pointing_c"), "vehicle"),
     ),
     accuracy=(("GPS_RAW_INT", ("h_acc",)),),
+    vertical=(("GPS_RAW_INT", ("v_acc",)),),
+    height=(("GPS_RAW_INT", ("alt",)),),
     home=("HOME_POSITION", ("latitude", "longitude", "altitude")),
 )  # fmt: skip
 _STATION_SYSTEMS = (255,)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterator, Set
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,9 +34,13 @@ _LAYOUT = Layout(
     attitude=("vehicle_attitude", ("q",)),
     gimbals=(("gimbal_device_attitude_status", ("q",), "device_flags"),),
     accuracy=tuple((name, ("eph",)) for name in _GNSS),
+    vertical=tuple((name, ("epv",)) for name in _GNSS),
+    height=tuple((name, ("altitude_msl_m|alt",)) for name in _GNSS),
     home=("home_position", _PLACE),
 )
 _SCALES = dict.fromkeys(("timestamp", "timestamp_sample", "timestamp_utc", "time_utc_usec"), 1e-6)
+_GNSS_SCALES = {**_SCALES, "alt": 1e-3}
+"""Millimetres, until PX4 1.14 wrote altitude_msl_m."""
 _LAST_MESSAGE = 512
 """Bytes: power is cut while the last one is written."""
 _REMEDY = "Copy the log again from the autopilot's card."
@@ -67,15 +71,15 @@ def read_ulog(data: bytes, path: Path) -> FlightLog:
     remarks = []
     if skipped > _LAST_MESSAGE:
         remarks.append(f"damaged or cut short: {skipped} of {len(data)} bytes belong to no message")
-    tables = {name: _table(rows) for name, rows in topics.items()}
+    tables = {name: _table(rows, _GNSS_SCALES if name in _GNSS else _SCALES) for name, rows in topics.items()}
     offsets = [median_offset(t.column("time_utc_usec"), t.stamps_s) for n in _GNSS if (t := tables.get(n)) is not None]
     offset = next((each for each in offsets if each is not None), None)
     return flight_log(path, "ulog", tables, _LAYOUT, remarks, utc_offset_s=offset)
 
 
-def _table(rows: NDArray[np.void]) -> Table:
+def _table(rows: NDArray[np.void], scales: Mapping[str, float]) -> Table:
     """Times are when the values were measured, where the topic says so, else when they were published."""
-    table = Table.of(rows, _SCALES, "timestamp")
+    table = Table.of(rows, scales, "timestamp")
     sampled = table.column("timestamp_sample")
     return replace(table, times_s=np.where(sampled > 0, sampled, table.stamps_s))
 

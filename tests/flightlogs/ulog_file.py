@@ -4,7 +4,16 @@ import struct
 from collections.abc import Mapping, Sequence
 
 HEADER = b"ULog\x01\x12\x35\x01"
-_CODES = {"uint64_t": "Q", "uint32_t": "I", "uint16_t": "H", "uint8_t": "B", "int8_t": "b", "float": "f", "double": "d"}
+_CODES = {
+    "uint64_t": "Q",
+    "uint32_t": "I",
+    "uint16_t": "H",
+    "uint8_t": "B",
+    "int8_t": "b",
+    "int32_t": "i",
+    "float": "f",
+    "double": "d",
+}
 
 Row = Sequence[float | Sequence[float]]
 Topic = tuple[str, Sequence[Row]]
