@@ -65,6 +65,9 @@ def command(
     camera_offset: Annotated[
         float | None, Option("--camera-offset", metavar="S", help="Camera's clock less UTC, where several offsets fit.")
     ] = None,
+    camera: Annotated[
+        int | None, Option("--camera", metavar="N", help="Whose triggers, of several cameras'. Without: what fits.")
+    ] = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -83,7 +86,7 @@ def command(
 
     report = geotag(
         images, log, output, origin=origin, heading_deg=heading_deg, mount=fixed, accuracy_m=accuracy,
-        offset_s=camera_offset, overwrite=overwrite,
+        offset_s=camera_offset, camera=camera, overwrite=overwrite,
     )  # fmt: skip
     if as_json:
         emit_json({"output": output, **_facts(report), "x_heading_deg": heading_deg})

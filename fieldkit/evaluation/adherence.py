@@ -14,7 +14,7 @@ from fieldkit.errors import FieldkitError, MetadataError, UsageError
 from fieldkit.evaluation.recorded_angles import read_angles
 from fieldkit.figures.spreadsheets import adherence_csv
 from fieldkit.files import write_atomic
-from fieldkit.flightlogs import FlightLog, Matches, match, read_flight_log
+from fieldkit.flightlogs import FlightLog, Matches, match_log, read_flight_log
 from fieldkit.flightlogs.adherence import PlannedPose, adherence
 from fieldkit.flightlogs.geotag import frame_of, local_poses, stamp
 from fieldkit.geometry import Pose
@@ -83,7 +83,7 @@ class LoggedFlight:
             for name, capture in captures.items()
             for photo in capture.photos
         ]
-        return cls(flight, match(stamps, flight.triggers), captures)
+        return cls(*match_log(stamps, flight), captures)
 
     def capture(self, plot: str) -> Capture | None:
         """A plot's capture with the poses that the log gives; None where it could not be read."""

@@ -152,32 +152,37 @@ def flight_log(
         utc_offset_s: UTC less time since boot, where it is known.
         commanded: used where no gimbal reports.
     """
-    told, home, found, failed = list(remarks), _home(tables, layout.home, float("inf")), [], set[int]()
     source = next((each for each in layout.triggers if each.message in tables), None)
-    if source is not None:
-        shots = _one_camera(tables[source.message], source.camera, told)
+    if source is None:
+        home = _home(tables, layout.home, float("inf"))
+        return FlightLog(path, kind, clock, home, (), _track(tables, layout, home), tuple(remarks))
+
+    def of_camera(number: int | None, shots: Table, told: list[str]) -> FlightLog:
         home = _home(tables, layout.home, float(np.min(shots.stamps_s, initial=np.inf)))
-        shots, failed = _taken(shots, source, told)
-        found = _triggers(shots, source, clock, utc_offset_s, home)
-        if len(found) < len(shots):
-            untimed = count(len(shots) - len(found), "trigger message has", "trigger messages have")
+        taken, failed = _taken(shots, source, told)
+        found = _triggers(taken, source, clock, utc_offset_s, home)
+        if len(found) < len(taken):
+            untimed = count(len(taken) - len(found), "trigger message has", "trigger messages have")
             told.append(f"{untimed} no time that makes sense; not used")
-    track = _track(tables, layout, home)
-    once: dict[tuple[float, int | None], tuple[float, Trigger]] = {}  # a message that was recorded twice counts once
-    for stamp, trigger in sorted(found, key=lambda entry: entry[1].time_s):
-        once.setdefault((trigger.time_s, trigger.image), (stamp, trigger))
-    estimated = [_completed(trigger, stamp, track, commanded) for stamp, trigger in once.values()]
-    triggers = _at_receivers_heights(estimated, track, told)
-    return FlightLog(path, kind, clock, home, triggers, track, (*told, *_missing_numbers(triggers, failed)))
+        track = _track(tables, layout, home)
+        once: dict[tuple[float, int | None], tuple[float, Trigger]] = {}  # one that was recorded twice counts once
+        for stamp, trigger in sorted(found, key=lambda entry: entry[1].time_s):
+            once.setdefault((trigger.time_s, trigger.image), (stamp, trigger))
+        estimated = [_completed(trigger, stamp, track, commanded) for stamp, trigger in once.values()]
+        triggers = _at_receivers_heights(estimated, track, told)
+        said = (*told, *_missing_numbers(triggers, failed))
+        return FlightLog(path, kind, clock, home, triggers, track, said, number)
 
-
-def _one_camera(shots: Table, column: str, told: list[str]) -> Table:
-    cameras = shots.column(column)
-    known = np.unique(cameras[np.isfinite(cameras)])
+    shots = tables[source.message]
+    cameras = shots.column(source.camera)
+    known = np.unique(cameras[np.isfinite(cameras)]).astype(int).tolist()
     if len(known) < 2:
-        return shots
-    told.append(f"the log has triggers of {len(known)} cameras; camera {known[0]:.0f} is used")
-    return shots.select(cameras == known[0])
+        return of_camera(None, shots, list(remarks))
+    several = f"the log has triggers of {len(known)} cameras; those of camera {{}} are used"
+    first, *others = (
+        of_camera(number, shots.select(cameras == number), [*remarks, several.format(number)]) for number in known
+    )
+    return replace(first, others=tuple(others))
 
 
 def _taken(shots: Table, source: TriggerSource, told: list[str]) -> tuple[Table, set[int]]:

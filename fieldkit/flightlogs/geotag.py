@@ -18,7 +18,7 @@ from fieldkit.documents.csv_text import on_one_line
 from fieldkit.errors import MetadataError
 from fieldkit.files import check_writable, write_atomic
 from fieldkit.flightlogs.achieved import FixedMount, achieved_pose
-from fieldkit.flightlogs.matching import Matches, Stamp, match
+from fieldkit.flightlogs.matching import Matches, Stamp, match_log
 from fieldkit.flightlogs.model import FlightLog, Trigger, bursts_of
 from fieldkit.flightlogs.reading import read_flight_log
 from fieldkit.geometry.geodesy import EAST_DEG, LocalFrame, plot_from_enu
@@ -76,6 +76,7 @@ def geotag(
     mount: FixedMount | None = None,
     accuracy_m: float | None = None,
     offset_s: float | None = None,
+    camera: int | None = None,
     overwrite: bool = False,
 ) -> GeotagReport:
     """Write a poses.csv for the photographs of a flight.
@@ -91,22 +92,23 @@ def geotag(
         mount: of a camera without a gimbal.
         accuracy_m: of the positions; None takes what the log's GNSS receiver states.
         offset_s: camera's clock less UTC, where it is known.
+        camera: number of the camera in a log with triggers of several; None takes the one that fits.
         overwrite: replace ``output``.
     """
     output = Path(output)
     check_replaceable(output, overwrite=overwrite)
     check_writable(output.parent)
     flight = read_flight_log(log)
-    capture = read_capture(images, sidecars=False)
-    photos = capture.photos
-    frame, source = frame_of(flight, origin)
     if not flight.triggers:
         raise MetadataError(
             "holds no camera trigger",
             path=flight.path,
-            remedy="Let the autopilot release the shutter (CAM1_TYPE, TRIG_INTERFACE), and log CAMERA_FEEDBACK or CAM.",
+            remedy="Let the autopilot release the shutter (CAM1_TYPE, TRIG_INTERFACE), and log CAMERA_FEEDBACK, CAM or camera_capture.",
         )
-    matches = match([stamp(photo) for photo in photos], flight.triggers, offset_s=offset_s)
+    capture = read_capture(images, sidecars=False)
+    photos = capture.photos
+    frame, source = frame_of(flight, origin)
+    flight, matches = match_log([stamp(photo) for photo in photos], flight, offset_s=offset_s, camera=camera)
     poses = local_poses(flight, matches, frame, [p.name for p in photos], mount=mount, accuracy_m=accuracy_m)
     if not poses:
         said = f": {'; '.join(matches.remarks)}" if matches.remarks else ""
@@ -154,9 +156,8 @@ def frame_of(flight: FlightLog, origin: LocalFrame | None = None) -> tuple[Local
     for place, source in ((flight.home, "home of the log"), (first, "first trigger")):
         if place is not None and place.amsl_m is not None:
             return LocalFrame(place.latitude_deg, place.longitude_deg, place.amsl_m, "sea level"), source
-    raise MetadataError(
-        "says of no trigger where it was", path=flight.path, remedy="Give the autopilot's own log (.BIN, .ulg)."
-    )
+    own = "another log of the flight" if flight.kind != "tlog" else "the autopilot's own log (.BIN, .ulg)"
+    raise MetadataError("says of no trigger where it was", path=flight.path, remedy=f"Give {own}.")
 
 
 def local_poses(

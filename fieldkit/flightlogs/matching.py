@@ -20,8 +20,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.errors import UsageError
 from fieldkit.flightlogs.likelihood import Fit, Observed, assign, fit_to
-from fieldkit.flightlogs.model import Trigger, bursts_of, doubled
+from fieldkit.flightlogs.model import FlightLog, Trigger, bursts_of, doubled
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.wording import count
 
@@ -30,6 +31,8 @@ _VOTES = 4_000_000
 _ROUNDS = 5
 _LEAST_PAIRS = 3
 _OFFSET_TOLERANCE_S = 2.0
+_SAME_M = 0.05
+"""Between two cameras' triggers: that they fire together or hover makes no difference."""
 _DOUBT = 3.0
 _OFFSET_DOUBT = 5.0
 """Natural logarithms of how many times likelier an assignment must be than the next one, at one clock offset and at
@@ -80,6 +83,8 @@ class Matches:
     offset_s: float | None = None
     """Camera's clock less the triggers' (UTC where the log knows it, else the log's clock), at the first pair; None
     where no times were compared."""
+    cost: float = math.inf
+    """Negative log-likelihood of the match by times; infinite without one."""
     drift_ppm: float = 0.0
     """How much faster the camera's clock runs; 0 where the flight is too short to tell."""
     remarks: tuple[str, ...] = ()
@@ -125,6 +130,64 @@ def match(photographs: Sequence[Stamp], triggers: Sequence[Trigger], *, offset_s
     if ambiguous and fit is not None:
         remarks.append(f"{count(len(ambiguous), 'photograph')} could belong to more than one trigger")
     return _matches(photographs, observed, pairs, ambiguous, fit, remarks)
+
+
+def match_log(
+    photographs: Sequence[Stamp], flight: FlightLog, *, offset_s: float | None = None, camera: int | None = None
+) -> tuple[FlightLog, Matches]:
+    """The flight with the triggers of the camera that took the photographs, and how the two belong together.
+
+    Of several cameras it is the one whose triggers fit clearly best. Nothing is matched where those of two fit alike
+    and lie apart.
+
+    Args:
+        photographs: with distinct names, in any order.
+        flight: a log.
+        offset_s: as for `match`.
+        camera: the log's number of the camera, where it is known.
+
+    Raises:
+        UsageError: the log has no triggers of that camera.
+    """
+    logs = [replace(flight, others=()), *flight.others]
+    numbers = " and ".join(str(each.camera) for each in logs if each.camera is not None)
+    if camera is not None:
+        logs = [each for each in logs if each.camera in (camera, None)]
+        if not logs:
+            raise UsageError(f"--camera {camera}: the log has triggers of the cameras {numbers}", path=flight.path)
+    tried = [(each, match(photographs, each.triggers, offset_s=offset_s)) for each in logs]
+    tried.sort(key=lambda entry: (-len(entry[1].pairs), entry[1].cost))
+    log, best = tried[0]
+    for other, matches in tried[1:]:
+        alike = len(matches.pairs) == len(best.pairs) > 0 and not matches.cost - best.cost > _OFFSET_DOUBT
+        if alike and _apart_m(log, best, other, matches) > _SAME_M:
+            said = (
+                f"the photographs fit the triggers of cameras {numbers} alike: {len(best.pairs)} pairs each, at "
+                f"{_offset_text(log, best)} and {_offset_text(other, matches)}; the --camera of fieldkit geotag says "
+                "whose they are"
+            )
+            return log, Matches((), tuple(p.name for p in photographs), tuple(range(len(log.triggers))),
+                                ambiguous=tuple(p.name for p in photographs), remarks=(said,))  # fmt: skip
+    return log, best
+
+
+def _offset_text(log: FlightLog, matches: Matches) -> str:
+    offset = "any clock offset" if matches.offset_s is None else f"a clock offset of {matches.offset_s:.1f} s"
+    return f"{offset} (camera {log.camera})"
+
+
+def _apart_m(log: FlightLog, matches: Matches, other: FlightLog, others: Matches) -> float:
+    """How far apart two matches put a photograph at most; infinite where one does not say."""
+    theirs = {pair.photograph: other.triggers[pair.trigger].place for pair in others.pairs}
+    apart = 0.0
+    for pair in matches.pairs:
+        one, two = log.triggers[pair.trigger].place, theirs.get(pair.photograph)
+        if one is None or two is None:
+            return math.inf
+        away = LocalFrame(one.latitude_deg, one.longitude_deg, one.amsl_m or 0.0)
+        step = away.to_local(two.latitude_deg, two.longitude_deg, two.amsl_m or 0.0)
+        apart = max(apart, float(np.linalg.norm(step)))
+    return apart
 
 
 def _observed(photographs: Sequence[Stamp], triggers: Sequence[Trigger]) -> Observed:
@@ -266,6 +329,7 @@ def _matches(
         triggers=tuple(j for j in range(len(observed.trigger_time)) if j not in used),
         ambiguous=tuple(photographs[i].name for i in sorted(ambiguous)),
         offset_s=None if fit is None else fit.offset_s,
+        cost=math.inf if fit is None else fit.cost(observed, pairs),
         drift_ppm=0.0 if fit is None else fit.rate * 1e6,
         remarks=tuple(remarks),
     )

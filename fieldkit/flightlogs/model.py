@@ -212,3 +212,7 @@ class FlightLog:
     track: Track
     remarks: tuple[str, ...] = ()
     """What a person should know: gaps, damage, other cameras."""
+    camera: int | None = None
+    """Whose triggers these are, by the log's number; None where it holds those of one."""
+    others: tuple[FlightLog, ...] = ()
+    """The same flight with the other cameras' triggers."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.flightlogs import FlightLog, dataflash, read_flight_log, tlog, ulog
+from fieldkit.flightlogs import FlightLog, Stamp, dataflash, match_log, read_flight_log, tlog, ulog
 from fieldkit.flightlogs.assembly import Layout, Table, flight_log
 from fieldkit.flightlogs.geotag import _accuracy_m
 from tests.flightlogs.test_px4_logs import flight
@@ -59,6 +59,38 @@ def test_a_fixed_receivers_height_counts_more_than_the_estimates(module, fixed, 
     assert [t.place.amsl_m for t in log.triggers] == pytest.approx(heights)
     assert [_accuracy_m(t) for t in log.triggers] == pytest.approx(accuracies)
     assert any("is up to 0.80 m away" in remark for remark in log.remarks) == any(fixed)
+
+
+SHOTS = np.cumsum([20.0, 9.1, 13.7, 10.2, 9.8, 12.9, 11.4, 13.1])
+
+
+def two_cameras(speed_mps: float, shots: int) -> FlightLog:
+    """Camera 1 photographs four seconds after camera 0, at the first of its shots only."""
+    times = np.concatenate([SHOTS, SHOTS[:shots] + 4.0])
+    latitudes = 50.0 + speed_mps * times / 111_240.0
+    camera = [0] * len(SHOTS) + [1] * shots
+    columns = [times, camera, latitudes, np.full(len(times), 7.0), np.full(len(times), 90.0)]
+    table = Table.of(np.rec.fromarrays(columns, names=["TimeUS", "I", "Lat", "Lng", "Alt"]), {}, "TimeUS")
+    return flight_log(Path("a"), "dataflash", {"CAM": table}, dataflash._LAYOUT, ())
+
+
+@pytest.mark.parametrize(
+    ("speed", "shots", "known", "camera", "pairs"),
+    [
+        (5.0, 8, {"offset_s": 0.0}, 1, 8),
+        (5.0, 8, {"camera": 1}, 1, 8),
+        (5.0, 8, {"camera": 0}, 0, 8),  # the camera's clock is four seconds off
+        (5.0, 8, {}, 0, 0),  # both fit, 20 m apart
+        (0.0, 8, {}, 0, 8),  # both fit, at one place
+        (5.0, 5, {}, 0, 8),  # the other has too few
+    ],
+)
+def test_photographs_are_of_the_camera_whose_triggers_they_fit(speed, shots, known, camera, pairs) -> None:
+    photographs = [Stamp(f"{k}.jpg", float(time) + 4.0) for k, time in enumerate(SHOTS)]
+    log, matches = match_log(photographs, two_cameras(speed, shots), **known)
+    assert (log.camera, len(matches.pairs)) == (camera, pairs)
+    assert any("fit the triggers of cameras 0 and 1 alike" in text for text in matches.remarks) == (pairs == 0)
+    assert any("2 cameras" in text for text in log.remarks)
 
 
 def test_px4s_height_in_millimetres(tmp_path: Path) -> None:
