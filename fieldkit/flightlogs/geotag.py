@@ -103,7 +103,8 @@ def geotag(
         raise MetadataError(
             "holds no camera trigger",
             path=flight.path,
-            remedy="Let the autopilot release the shutter (CAM1_TYPE, TRIG_INTERFACE), and log CAMERA_FEEDBACK, CAM or camera_capture.",
+            remedy="Let the autopilot release the shutter (CAM1_TYPE, TRIG_INTERFACE), and log CAMERA_FEEDBACK, CAM or "
+            "camera_capture.",
         )
     capture = read_capture(images, sidecars=False)
     photos = capture.photos
