@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fieldkit.errors import MissionError
 from fieldkit.figures.style import format_seconds
-from fieldkit.missions.autopilots.effects import Stay
+from fieldkit.missions.autopilots.effects import Shoot, Stay, cannot_say
 from fieldkit.missions.autopilots.execution import Execution, distance
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.check_items import FAR_M, item_findings, place_findings
@@ -43,6 +43,10 @@ _PROFILES: dict[str, str] = {"ardupilot": "ardupilot-pitch", "px4": "px4-gimbal"
 _OF_A_PROFILE = frozenset({"too-low"})
 """Codes that say nothing without one, beside those that the limits of `_any_vehicle` leave out."""
 _MOST_LEG_FINDINGS = 50
+_FILM_MM = 43.27
+"""Diagonal of 35 mm film."""
+_ZOOMED = 1.2
+"""A focal length of so many times the camera's own is a zoom's: makers round theirs."""
 _CORNERS = 64
 """Of the polygon that a circle of a fence is checked as."""
 
@@ -97,7 +101,7 @@ def check_mission(
     below |= {d.item: above[d.planned.name] for d in matched if d.planned.name in above}
     findings += photograph_findings(flown, vehicle, places, below)
     findings += burst_findings(flown.photographs, matched, burst, vehicle)
-    findings += _stop_findings(read)
+    findings += _stop_findings(read, vehicle)
     findings += _leg_findings(read, flown, obstacles, home)
     findings += _rtk_findings(flown, home, plants, vehicle)
     usable = vehicle.battery.usable_s
@@ -174,7 +178,7 @@ def _drone_findings(drone: tuple[int, int], vehicle: Vehicle) -> Iterator[Findin
         yield warning("wrong-vehicle", message)
 
 
-def _stop_findings(read: ReadMission) -> Iterator[Finding]:
+def _stop_findings(read: ReadMission, vehicle: Vehicle) -> Iterator[Finding]:
     count, app = len(read.stops), APPS.get(read.format, "DJI")
     if count and count < LEAST_WAYPOINTS.get(read.format, 0):
         least = LEAST_WAYPOINTS[read.format]
@@ -188,6 +192,13 @@ def _stop_findings(read: ReadMission) -> Iterator[Finding]:
             yield error(
                 "long-stay", f"stays for {stay.seconds:g} s; {app} pauses for at most {longest:g} s", stop.number
             )
+    camera = vehicle.camera
+    own_mm = _FILM_MM * camera.fx / math.hypot(camera.width, camera.height)
+    for stop in read.stops:
+        for shot in (action for action in stop.actions if isinstance(action, Shoot)):
+            if shot.focal_mm > _ZOOMED * own_mm:
+                what = f"a photograph at {shot.focal_mm:g} mm, and the profile's camera has {own_mm:.0f} mm"
+                yield error("unknown-item", cannot_say(f"waypoint {stop.number} has {what}"), stop.number)
     for stop in read.stops:
         if stop.height_from != "home":
             what = f"its height is above the {stop.height_from}, not above take-off: what it comes to is not known"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 
 from fieldkit.documents.mistaken import look_swapped
 from fieldkit.figures.style import format_length
 from fieldkit.geometry.geodesy import great_circle_m, on_earth
 from fieldkit.missions.autopilots.acceptance import dropped, refusal
-from fieldkit.missions.autopilots.effects import GOING, INTERVALS, LANDINGS, TAKEOFFS
+from fieldkit.missions.autopilots.effects import AUTOPILOTS, GOING, INTERVALS, LANDINGS, TAKEOFFS
 from fieldkit.missions.autopilots.jumps import course
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.findings import error, warning
@@ -35,17 +35,16 @@ def item_findings(read: ReadMission, vehicle: Vehicle, dialect: str) -> Iterator
     for number, item in enumerate(read.items, read.first_number):
         if not (lost and number == 0):
             yield from _one(number, item, dialect, vehicle)
-        if item.command == Command.NAV_LOITER_UNLIM and number < read.first_number + len(read.items) - 1:
-            yield error("stops-there", f"{item.name} has no end: nothing behind it is carried out", number)
-    trouble = course(read, dialect).trouble
-    if trouble is not None:
-        code, number, message = trouble
+    followed = course(read, dialect)
+    if followed.trouble is not None:
+        code, number, message = followed.trouble
         yield error(code, message, number)
     yield from _datums(read)
     count = len(read.items) + int(dialect == "ardupilot" and read.home is not None)
     if vehicle.max_items is not None and count > vehicle.max_items:
         yield error("too-many-items", f"{count} items are more than the {vehicle.max_items} that the vehicle stores")
-    yield from _begin_and_end(read, dialect)
+    if read.items:
+        yield from _begin_and_end({item.command for _, item in followed.numbered}, dialect)
 
 
 def _one(number: int, item: MissionItem, dialect: str, vehicle: Vehicle) -> Iterator[Finding]:
@@ -56,6 +55,10 @@ def _one(number: int, item: MissionItem, dialect: str, vehicle: Vehicle) -> Iter
     for what in dropped(item, dialect):
         yield warning("value-dropped", f"{item.name}: the autopilot drops the {what}", number)
     p1, p2, p3 = item.params[:3]
+    autopilot = AUTOPILOTS[dialect]
+    if whose := autopilot.other(item):
+        yield warning("other-camera", f"{item.name} is for {whose}, and the profile's is the first", number)
+        return
     if item.command in INTERVALS and p1 > 0.0:
         yield error("photo-interval", f"{item.name} photographs on the way, at intervals, wherever that is", number)
     elif item.command == Command.NAV_DELAY and (p1 < 0.0 or (p1 == 0.0 and dialect == "ardupilot")):
@@ -72,8 +75,8 @@ def _one(number: int, item: MissionItem, dialect: str, vehicle: Vehicle) -> Iter
         yield warning("mount-mode", message, number)
     elif item.command == Command.SET_CAMERA_MODE and p2 == 1.0:
         yield warning("camera-mode", "the camera is set to video: photographs behind it may not be taken", number)
-    elif item.command in TAKEOFFS and 0.0 < item.params[6] < 1.0 and dialect == "ardupilot":
-        yield warning("takeoff-raised", "a take-off below 1 m is raised to 1 m", number)
+    elif item.command in TAKEOFFS and 0.0 < item.params[6] < (least := autopilot.takeoff_m):
+        yield warning("takeoff-raised", f"a take-off below {least:g} m is raised to {least:g} m", number)
     if not item.autocontinue and dialect == "px4":
         yield error("stops-there", f"{item.name} does not continue by itself: the mission waits there", number)
     if item.command in (Command.DO_MOUNT_CONTROL, Command.DO_GIMBAL_MANAGER_PITCHYAW) and vehicle.mount.kind == "fixed":
@@ -109,15 +112,12 @@ def _datums(read: ReadMission) -> Iterator[Finding]:
         yield warning("datum", "altitudes of this mission are above different things", max(frames.values()))
 
 
-def _begin_and_end(read: ReadMission, dialect: str) -> Iterator[Finding]:
-    if not read.items:
-        return
-    commands = {item.command for item in read.items[1 if dialect == "ardupilot" and read.first_number == 0 else 0 :]}
+def _begin_and_end(commands: Set[int], dialect: str) -> Iterator[Finding]:
     if not commands & TAKEOFFS:
         yield error("no-takeoff", "there is no take-off: the mission cannot begin on the ground")
     if Command.NAV_RETURN_TO_LAUNCH in commands:
-        height = "15 m" if dialect == "ardupilot" else "its return height"
-        yield warning("return-climbs", f"RETURN_TO_LAUNCH climbs to {height} first, unless set otherwise")
+        height = AUTOPILOTS[dialect].return_m
+        yield warning("return-climbs", f"RETURN_TO_LAUNCH climbs to {height:g} m first, unless set otherwise")
     elif not commands & LANDINGS:
         yield warning("no-landing", "the mission ends in the air")
 

@@ -108,7 +108,7 @@ def _pose(shot: Photograph, vehicle: Vehicle, ground_m: float | None) -> Iterato
         yield warning("pitch-unknown", f"its pitch cannot be told for sure: {shot.pitch_why}", *where)
     if shot.pitch_deg is None:
         if not shot.pitch_why:
-            yield error("no-pitch", "nothing turns the gimbal before it", *where)
+            yield error("no-pitch", "nothing turns the gimbal to a pitch before it", *where)
     # ArduPilot's gimbal manager cuts to whole degrees, towards the horizon: within the mount all the same.
     elif not vehicle.mount.reaches(shot.pitch_deg):
         message = f"pitch {shot.pitch_deg:.1f}° is beyond the mount ({vehicle.mount.range_text})"

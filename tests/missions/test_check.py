@@ -129,6 +129,16 @@ def inserted(item: MissionItem) -> Any:
     return lambda items: [*items[:1], item, *items[1:]]
 
 
+def behind(command: int, item: MissionItem) -> Any:
+    """With one more item behind each of a command's."""
+    return lambda items: [each for one in items for each in ((one, item) if one.command == command else (one,))]
+
+
+def pitch_yaw(flags: float = 0.0, gimbal: float = 0.0) -> MissionItem:
+    """A command of the gimbal's manager to look down by 60°."""
+    return MissionItem(Command.DO_GIMBAL_MANAGER_PITCHYAW, 2, (-60.0, 0.0, 0.0, 0.0, flags, 0.0, gimbal))
+
+
 def without(command: int) -> Any:
     return lambda items: [item for item in items if item.command != command]
 
@@ -173,6 +183,13 @@ def swapped(items: list[MissionItem]) -> list[MissionItem]:
         (with_items(lambda items: 50 * items), "too-many-items"),
         (with_items(inserted(MissionItem(206, 2, (2.0, 0, 0, 0, 0, 0, 0)))), "photo-interval"),
         (with_items(inserted(MissionItem(17, 3, (0.0, 0, 0, 0, 50.865, 6.4473, 3.0)))), "stops-there"),
+        (with_items(inserted(MissionItem(21, 3, (0.0,) * 7))), "photo-never"),
+        (with_items(inserted(MissionItem(20, 2, (0.0,) * 7))), "stops-there"),
+        (with_items(behind(Command.DO_MOUNT_CONTROL, pitch_yaw(flags=1.0))), "no-pitch"),
+        (with_items(behind(Command.DO_MOUNT_CONTROL, pitch_yaw(flags=2.0 + 16.0))), "no-pitch"),
+        (with_items(changed(Command.IMAGE_START_CAPTURE, p1=2.0)), "no-photographs"),
+        (with_items(inserted(MissionItem(203, 2, (0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0)))), "unknown-item"),
+        (with_items(inserted(MissionItem(534, 2, (1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0)))), "unknown-item"),
         (with_items(inserted(MissionItem(2003, 2, (1.0, 0, 0, 0, 0, 0, 0)))), "item-rejected"),
         (with_items(inserted(MissionItem(82, 3, (1.0, 0, 0, 0, 50.865, 6.4473, 3.0)))), "unknown-item"),
         (ReadMission("plan"), "empty"),
@@ -218,6 +235,8 @@ def test_what_nobody_can_say_the_photographs_of_is_refused_by_name(dialect: Any,
         (with_items(changed(Command.DO_MOUNT_CONTROL, p7=0.0)), "mount-mode"),
         (with_items(without(Command.NAV_LAND)), "no-landing"),
         (with_items(changed(Command.NAV_WAYPOINT, frame=10)), "datum"),
+        (with_items(changed(Command.IMAGE_START_CAPTURE, p1=2.0)), "other-camera"),
+        (with_items(behind(Command.DO_MOUNT_CONTROL, pitch_yaw(gimbal=2.0))), "other-camera"),
         (replace(with_items(lambda _: None), firmware="px4"), "wrong-vehicle"),
     ],
 )  # fmt: skip
@@ -234,6 +253,25 @@ def test_a_mission_that_photographs_at_intervals_takes_photographs(dialect: Any,
     items = tuple(there if item.command == Command.IMAGE_START_CAPTURE else item for item in ITEMS)
     found = counted(check_mission(ReadMission("plan", items, home=HOME), vehicle(dialect)))
     assert (found["no-photographs"], found["photo-interval"]) == (0, 3)
+
+
+@pytest.mark.parametrize(
+    ("item", "pitch"),
+    [
+        (pitch_yaw(), -60.0),
+        (pitch_yaw(gimbal=154.0), -60.0),
+        (pitch_yaw(gimbal=2.0), None),
+        (pitch_yaw(flags=1.0), None),
+        (MissionItem(Command.DO_MOUNT_CONTROL, 2, (-60.0, 0, 0, 0, 0, 0, 2.0)), -60.0),
+        (MissionItem(Command.DO_MOUNT_CONTROL, 2, (-60.0, 0, 0, 0, 0, 0, 1.0)), None),
+    ],
+)
+def test_what_turns_the_first_gimbal_of_a_px4(item: MissionItem, pitch: float | None) -> None:
+    items = [i for i in render(small_mission(), vehicle("px4")) if i.command != Command.DO_GIMBAL_MANAGER_PITCHYAW]
+    read = ReadMission("plan", (*items[:1], item, *items[1:]), home=HOME)
+    report = check_mission(read, vehicle("px4"))
+    assert {shot.pitch_deg for shot in report.taken} == {pitch}
+    assert report.ok == (pitch is not None)
 
 
 def test_the_cameras_mode_on_px4() -> None:

@@ -11,6 +11,7 @@ from fieldkit.missions.files.wpml import TEMPLATE, WAYLINES
 from fieldkit.missions.files.wpml_reading import read_wpml
 from fieldkit.missions.findings import Report
 from fieldkit.routing.flight_time import landing_s, takeoff_s
+from fieldkit.routing.mission import Home
 from fieldkit.vehicles.vehicle import Mount
 from tests.missions.vehicles import vehicle
 
@@ -65,6 +66,8 @@ def checked(
     start: str = "",
     by: object = DJI,
     pitch: float | None = None,
+    config: str = "",
+    home: Home | None = None,
 ) -> Report:
     """The check of waypoints one after the other to the north, each given by what it holds besides its place.
 
@@ -81,12 +84,73 @@ def checked(
         for k, inner in enumerate(waypoints)
     )
     head = '<kml xmlns:wpml="http://www.dji.com/wpmz/1.0.6"><Document>'
+    head += f"<wpml:missionConfig>{config}</wpml:missionConfig>"
     members = [(WAYLINES, f"{head}<Folder>{shared}{own}{placemarks}</Folder></Document></kml>".encode())]
     if template is not None:
         members.append((TEMPLATE, f"{head}<Folder>{template}</Folder></Document></kml>".encode()))
     (folder / "a.kmz").write_bytes(zip_bytes(members))
-    report = check_mission(read_wpml(folder / "a.kmz"), by)
+    report = check_mission(read_wpml(folder / "a.kmz"), by, origin=home)
     return replace(report, findings=tuple(f for f in report.findings if f.code != "too-few-waypoints"))
+
+
+HOME = Home(50.865 - 1e-4, 6.4473, None)
+
+
+@pytest.mark.parametrize(
+    ("config", "length_m", "warned"),
+    [
+        ({}, 5.0 + STEP_M + STEP_M + 5.0, set()),
+        ({"takeOffSecurityHeight": 3, "finishAction": "autoLand"}, 5.0 + 2 * STEP_M + 5.0, set()),
+        ({"takeOffSecurityHeight": 3, "flyToWaylineMode": "pointToPoint"}, 3.0 + 11.3 + STEP_M + 5.0, set()),
+        ({"takeOffSecurityHeight": 40}, 40.0 + STEP_M + 35.0 + STEP_M + 5.0, set()),
+        ({"takeOffSecurityHeight": 40, "flyToWaylineMode": "pointToPoint"}, 80.0 + 2 * STEP_M, set()),
+        ({"finishAction": "goHome"}, 5.0 + 4 * STEP_M + 5.0, {"return-climbs"}),
+        ({"finishAction": "goHome", "globalRTHHeight": 30}, 5.0 + 4 * STEP_M + 25.0 + 30.0, set()),
+        ({"finishAction": "noAction"}, 5.0 + 2 * STEP_M, {"no-landing"}),
+        ({"finishAction": "gotoFirstWaypoint"}, 5.0 + 3 * STEP_M, {"no-landing"}),
+    ],
+)
+def test_the_whole_flight_counts(tmp_path: Path, config: dict[str, object], length_m: float, warned: set[str]) -> None:
+    shot = EAST + group(1, 1, tilt(-30), HOVER, PHOTO)
+    report = checked(tmp_path, EAST, shot, config=tags(**config), home=HOME)
+    assert report.length_m == pytest.approx(length_m, abs=0.1)
+    assert codes(report) == warned
+    assert report.photographs[0].after_s == pytest.approx(1.0)
+
+
+def lens(index: str, use_global: int = 0, function: str = "takePhoto", **values: object) -> str:
+    return action(function, payloadLensIndex=index, useGlobalPayloadLensIndex=use_global, **values)
+
+
+@pytest.mark.parametrize(
+    ("actions", "stored", "photographs", "found"),
+    [
+        (lens("wide"), "ir", 1, set()),
+        (lens("ir,visable"), "", 1, set()),
+        (lens("ir"), "wide", 0, {"other-camera", "no-photographs"}),
+        (lens("ir", use_global=1), "wide,ir", 1, set()),
+        (lens("", use_global=1), "zoom", 0, {"other-camera", "no-photographs"}),
+        (lens("zoom", function="orientedShoot", focalLength=240), "", 0, {"other-camera", "no-photographs"}),
+        (lens("wide", function="orientedShoot", focalLength=240), "", 1, {"unknown-item", "not-modelled"}),
+        (lens("wide", function="orientedShoot", focalLength=24), "", 1, {"not-modelled"}),
+        (lens("wide", payloadPositionIndex=1), "", 0, {"other-camera", "no-photographs"}),
+        (tilt(-80, payloadPositionIndex=1) + HOVER + lens("wide"), "", 1, {"other-camera"}),
+        (action("zoom", focalLength=48, payloadPositionIndex=1) + lens("wide"), "", 1, {"other-camera"}),
+        (action("zoom", focalLength=48) + lens("wide"), "", 1, {"unknown-item"}),
+    ],
+)
+def test_whose_photograph_it_is(tmp_path: Path, actions: str, stored: str, photographs: int, found: set[str]) -> None:
+    template = f"<wpml:payloadParam>{tags(imageFormat=stored)}</wpml:payloadParam>" if stored else None
+    shot = EAST + group(1, 1, HOVER, actions, action("hover", hoverTime=1))
+    report = checked(tmp_path, shot, template=template, pitch=-30)
+    assert [shot.pitch_deg for shot in report.photographs] == photographs * [-30.0]
+    assert codes(report) == found
+
+
+def test_a_series_of_another_lens_is_no_photograph_of_ours(tmp_path: Path) -> None:
+    series = group(0, 1, lens("ir"), trigger="multipleTiming", every=5)
+    report = checked(tmp_path, EAST + series, EAST + group(1, 1, HOVER, PHOTO), pitch=-30)
+    assert codes(report) == {"other-camera"}
 
 
 def poses(report: Report) -> list[tuple[float | None, float | None]]:

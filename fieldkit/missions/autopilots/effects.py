@@ -27,6 +27,8 @@ INTERVALS = frozenset({
 })  # fmt: skip
 LANDINGS = frozenset({Command.NAV_LAND, Command.NAV_VTOL_LAND, Command.NAV_PAYLOAD_PLACE})
 TAKEOFFS = frozenset({Command.NAV_TAKEOFF, Command.NAV_VTOL_TAKEOFF})
+ENDINGS = (LANDINGS - {Command.NAV_PAYLOAD_PLACE}) | {Command.NAV_RETURN_TO_LAUNCH, Command.NAV_LOITER_UNLIM}
+"""Commands that nothing is carried out behind."""
 GOING = frozenset({
     Command.NAV_WAYPOINT, Command.NAV_SPLINE_WAYPOINT, Command.NAV_LOITER_TO_ALT, Command.NAV_LOITER_TIME,
     Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TURNS, *LANDINGS, *TAKEOFFS,
@@ -59,6 +61,7 @@ class Shoot:
 
     settles: bool = False
     never: str = ""
+    focal_mm: float = 0.0  # that is set for it, as of 35 mm film; 0 where none is
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,7 @@ class Face:
 class Tilt:
     """Turn the gimbal to a pitch, or by one where ``relative``, within so many seconds."""
 
-    pitch_deg: float
+    pitch_deg: float | None  # None: to one that is the mount's own, neutral or stowed
     relative: bool = False
     seconds: float = 0.0
 
@@ -134,9 +137,25 @@ class Autopilot:
     """What tells autopilots apart."""
 
     commands: Mapping[int, ItemRow]
-    in_order: bool  # items run strictly one after the other; else those behind a NAV item run during the next one
-    return_m: float  # least height of a return to home
-    pause_s: float  # that it stands there before it lands
+    in_order: bool = True  # items run strictly one after the other; else those behind a NAV item during the next one
+    firsts: frozenset[float] = frozenset()  # numbers above 0 that stand for the first camera or gimbal; 0: all of them
+    takeoff_m: float = 0.0  # least height of a take-off
+    return_m: float = 0.0  # least height of a return to home
+    pause_s: float = 0.0  # that it stands there before it lands
+    cone: tuple[float, float] = (0.0, 0.0)  # a return from no farther than so many metres climbs so many times as far
+
+    def kept(self, item: MissionItem) -> MissionItem:
+        """What it keeps of an item's numbers."""
+        if self.in_order:
+            return item
+        p1, p2, p3, p4, p5, p6, p7 = item.params
+        return replace(item, params=(*kept_params(item.command, (p1, p2, p3, p4)), p5, p6, p7))
+
+    def other(self, item: MissionItem) -> str:
+        """Whose an item of another camera or gimbal is; empty for the first one's, which is the profile's."""
+        noun, index = _SELECTORS.get(item.command, ("", 0))
+        number = self.kept(item).params[index]
+        return f"{noun} {number:g}" if noun and number > 0.0 and number not in self.firsts else ""
 
 
 @dataclass(frozen=True)
@@ -157,8 +176,22 @@ class Craft:
 
     def effects(self, item: MissionItem) -> Effects | None:
         """Of an item; None where nobody can say."""
-        return effects_of(self.autopilot.commands, item.command, item, self)
+        if self.autopilot.other(item):
+            return ()
+        return effects_of(self.autopilot.commands, item.command, self.autopilot.kept(item), self)
 
+
+_SELECTORS: Mapping[int, tuple[str, int]] = {
+    **dict.fromkeys((Command.IMAGE_START_CAPTURE, Command.IMAGE_STOP_CAPTURE, Command.SET_CAMERA_MODE), ("camera", 0)),
+    Command.SET_CAMERA_SOURCE: ("camera", 0),
+    **dict.fromkeys(
+        (Command.SET_CAMERA_ZOOM, Command.SET_CAMERA_FOCUS, Command.DO_SET_CAM_TRIGG_INTERVAL), ("camera", 2)
+    ),
+    Command.DO_SET_CAM_TRIGG_DIST: ("camera", 3),
+    **dict.fromkeys((Command.DO_SET_ROI_LOCATION, Command.DO_SET_ROI_NONE), ("gimbal", 0)),
+    Command.DO_GIMBAL_MANAGER_PITCHYAW: ("gimbal", 6),
+}
+"""Commands of one camera or gimbal, and the index of the parameter that says which (MAVLink common.xml)."""
 
 ItemRow = Effects | Callable[[MissionItem, Craft], Effects | None]
 
@@ -198,18 +231,36 @@ def _intervals(item: MissionItem, _craft: Craft) -> Effects:
     return (ShootOnTheWay(),) if item.params[0] > 0.0 else ()
 
 
-def _mount(item: MissionItem, _craft: Craft) -> Effects:
-    return (Tilt(item.params[0]), Pan(item.params[2], "nose"))
+def _mount(item: MissionItem, craft: Craft) -> Effects | None:
+    """As PX4's InputMavlinkCmdMount; an ArduPilot keeps no mode (measured)."""
+    mode = item.params[6] if craft.autopilot.in_order else _TARGETING
+    if mode in (_RETRACT, _NEUTRAL):
+        return (Tilt(None),)
+    return (Tilt(item.params[0]), Pan(item.params[2], "nose")) if mode == _TARGETING else None
 
 
-_YAW_LOCK = 16  # GIMBAL_MANAGER_FLAGS_YAW_LOCK (MAVLink common.xml): the gimbal's yaw is from north
+# MAV_MOUNT_MODE (MAVLink common.xml).
+_RETRACT, _NEUTRAL, _TARGETING = 0.0, 1.0, 2.0
+
+_AWAY = 1 | 2
+"""GIMBAL_MANAGER_FLAGS_RETRACT and _NEUTRAL (MAVLink common.xml): whatever the angles are."""
+_YAW_LOCK = 16
+"""GIMBAL_MANAGER_FLAGS_YAW_LOCK: the gimbal's yaw is from north."""
 
 
 def _pitch_yaw(item: MissionItem, _craft: Craft) -> Effects:
-    pitch, yaw, flags = item.params[0], item.params[1], item.params[4]
-    locked = math.isfinite(flags) and bool(int(flags) & _YAW_LOCK)
-    pan = (Pan(yaw, "lock" if locked else "nose"),) if math.isfinite(yaw) else ()
+    """As ArduPilot's AP_Mission::start_command_do_gimbal_manager_pitchyaw and PX4's InputMavlinkGimbalV2."""
+    pitch, yaw, rate = item.params[:3]
+    flags = int(item.params[4]) if math.isfinite(item.params[4]) else 0
+    if flags & _AWAY or (math.isnan(pitch) and rate and math.isfinite(rate)):
+        return (Tilt(None),)
+    pan = (Pan(yaw, "lock" if flags & _YAW_LOCK else "nose"),) if math.isfinite(yaw) else ()
     return (Tilt(pitch), *pan) if math.isfinite(pitch) else ()
+
+
+def _digicam(item: MissionItem, _craft: Craft) -> Effects | None:
+    zooms = any(value and math.isfinite(value) for value in item.params[1:3])
+    return None if zooms else (Shoot(),) if item.params[4] == 1.0 else (_NEVER,)
 
 
 _NEVER = Shoot(never="DO_DIGICAM_CONTROL shoots only with parameter 5 = 1")
@@ -228,7 +279,7 @@ _BOTH: Mapping[int, ItemRow] = {
     Command.DO_MOUNT_CONTROL: _mount,
     Command.DO_GIMBAL_MANAGER_PITCHYAW: _pitch_yaw,
     Command.IMAGE_START_CAPTURE: (Shoot(),),
-    Command.DO_DIGICAM_CONTROL: lambda item, _craft: (Shoot() if item.params[4] == 1.0 else _NEVER,),
+    Command.DO_DIGICAM_CONTROL: _digicam,
     **dict.fromkeys(INTERVALS, _intervals),
     Command.DO_MOUNT_CONFIGURE: lambda item, _craft: () if item.params[0] == 2.0 else None,  # 2: by such commands
     **dict.fromkeys((
@@ -237,16 +288,6 @@ _BOTH: Mapping[int, ItemRow] = {
         Command.VIDEO_STOP_CAPTURE, Command.DO_GIMBAL_MANAGER_CONFIGURE, Command.JUMP_TAG, Command.DO_JUMP,
     ), ()),
 }  # fmt: skip
-
-
-def _kept(row: Callable[[MissionItem, Craft], Effects]) -> ItemRow:
-    """The row of what ArduPilot keeps of an item's numbers."""
-
-    def of(item: MissionItem, craft: Craft) -> Effects:
-        p1, p2, p3, p4, p5, p6, p7 = item.params
-        return row(replace(item, params=(*kept_params(item.command, (p1, p2, p3, p4)), p5, p6, p7)), craft)
-
-    return of
 
 
 def _condition_yaw(item: MissionItem, _craft: Craft) -> Effects:
@@ -258,7 +299,7 @@ def _condition_yaw(item: MissionItem, _craft: Craft) -> Effects:
     return (Face(angle, way, rate_dps=rate),)
 
 
-def _mount_or_nose(item: MissionItem, craft: Craft) -> Effects:
+def _mount_or_nose(item: MissionItem, craft: Craft) -> Effects | None:
     """On a mount without an axis of its own, the yaw turns the copter (measured)."""
     if craft.vehicle.mount.kind != "pitch":
         return _mount(item, craft)
@@ -267,17 +308,17 @@ def _mount_or_nose(item: MissionItem, craft: Craft) -> Effects:
 
 ARDUPILOT: Mapping[int, ItemRow] = {
     **_BOTH,
-    **dict.fromkeys((Command.NAV_WAYPOINT, Command.NAV_LOITER_TIME), _kept(_go(dwells=True))),
-    Command.CONDITION_YAW: _kept(_condition_yaw),
+    Command.CONDITION_YAW: _condition_yaw,
     Command.DO_MOUNT_CONTROL: _mount_or_nose,
-    Command.DO_GIMBAL_MANAGER_PITCHYAW: _kept(_pitch_yaw),
 }
 
-# RTL_ALT and RTL_LOIT_TIME as they come (measured; read from mount_then_yaw.BIN), and RTL_RETURN_ALT as it comes: near
-# home a PX4 may stay lower.
 AUTOPILOTS: Mapping[str, Autopilot] = {
-    "ardupilot": Autopilot(ARDUPILOT, in_order=False, return_m=15.0, pause_s=5.0),
-    "px4": Autopilot(_BOTH, in_order=True, return_m=30.0, pause_s=0.0),
+    # RTL_ALT and RTL_LOIT_TIME as they come (measured; read from mount_then_yaw.BIN), and RTL_CONE_SLOPE.
+    "ardupilot": Autopilot(ARDUPILOT, False, frozenset({1.0}), 1.0, 15.0, 5.0, cone=(math.inf, 3.0)),
+    # MIS_TAKEOFF_ALT, RTL_RETURN_ALT, RTL_LAND_DELAY, RTL_MIN_DIST and RTL_CONE_ANG (45°) as they come; 100 and 154 are
+    # MAVLink's components of the first camera and gimbal.
+    "px4": Autopilot(_BOTH, True, frozenset({1.0, 100.0, 154.0}), 2.5, 60.0, cone=(10.0, 1.0)),
+    "dji": Autopilot({}),  # a return's height is the controller's, unless the file has it
 }
 
 
@@ -326,7 +367,8 @@ def _oriented_shoot(values: Values) -> Effects | None:
         "aircraftHeading": Face, "gimbalPitchRotateAngle": Tilt, "gimbalYawRotateAngle": lambda yaw: Pan(yaw, "north"),
     }  # fmt: skip
     given = ((turn, _number(values, name)) for name, turn in turns.items())
-    return (*(turn(angle) for turn, angle in given if angle is not None), Shoot(settles=True))
+    shoot = Shoot(settles=True, focal_mm=_number(values, "focalLength") or 0.0)
+    return (*(turn(angle) for turn, angle in given if angle is not None), shoot)
 
 
 WPML: Mapping[str, Row[[Values]]] = {

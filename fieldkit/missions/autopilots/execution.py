@@ -53,12 +53,11 @@ class Execution:
     skipped: tuple[tuple[int, str], ...] = ()  # not carried out although the autopilot has them: number and why
     refused: tuple[tuple[int, str], ...] = ()  # nobody can say the photographs of: number, and words that name it
     uncounted: bool = False  # photographs are taken that are not among these
-    upright_m: float = 0.0  # of a climb and a descent that are none of the legs, for waypoints do not say them
 
     @property
     def length_m(self) -> float:
         """Of the way from the take-off's ground to the landing's."""
-        return self.upright_m + sum(math.hypot(*distance(leg.start, leg.end)) for leg in self.legs)
+        return sum(math.hypot(*distance(leg.start, leg.end)) for leg in self.legs)
 
 
 def distance(a: GeoPoint, b: GeoPoint) -> tuple[float, float]:

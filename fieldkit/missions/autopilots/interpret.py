@@ -9,7 +9,6 @@ actions of a waypoint in order; a pitch or heading that was commanded stays unti
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -31,10 +30,9 @@ from fieldkit.missions.autopilots.effects import (
 from fieldkit.missions.autopilots.execution import Execution, FlownLeg, Photograph, aim, along, distance
 from fieldkit.missions.autopilots.jumps import Numbered, course
 from fieldkit.missions.autopilots.state import State, Turn, begun, camera_moves, carried_out, gone, photograph
-from fieldkit.missions.files.read_mission import FREE, ReadMission, ReadStop
+from fieldkit.missions.files.read_mission import FREE, LAND, ReadMission, ReadStop
 from fieldkit.missions.items import Command, MissionItem
-from fieldkit.routing.flight_time import landing_s, takeoff_s
-from fieldkit.routing.mission import GeoPoint
+from fieldkit.routing.mission import GeoPoint, Home
 from fieldkit.routing.motion import Leg, Way, leg
 from fieldkit.vehicles.vehicle import Vehicle
 
@@ -54,13 +52,16 @@ _REFUSED = "the autopilot refuses the item"
 def interpret(read: ReadMission, vehicle: Vehicle, dialect: str) -> Execution:
     """Carry a mission out as a vehicle of a dialect does; the dialect is of no matter for a file without items."""
     log = _Log(refused=dict(read.refused))
-    craft = Craft(vehicle, read.home, AUTOPILOTS.get(dialect, AUTOPILOTS["ardupilot"]))
     if read.stops:
-        return _with_ends(log.ended(_fly_stops(craft, log, read.stops)), read, vehicle)
+        return log.ended(_fly_stops(log, read, vehicle))
+    craft = Craft(vehicle, read.home, AUTOPILOTS.get(dialect, AUTOPILOTS["ardupilot"]))
     followed = course(read, dialect)
     state = (_fly_in_order if craft.autopilot.in_order else _fly_in_queues)(craft, log, followed.numbered)
     for number, item in followed.unreached:
-        state = _do(craft, log, state, number, *log.effects(craft, number, item, "the mission never comes to it"))
+        lost, end = "the mission never comes to it", followed.end
+        if behind := end is not None and number > end[0]:
+            lost = f"item {end[0]} ({end[1].name}) ends the mission"
+        state = _do(craft, log, state, number, *log.effects(craft, number, item, lost, told=behind))
     return log.ended(state)
 
 
@@ -75,11 +76,14 @@ class _Log:
     uncounted: bool = False
     still: list[tuple[int, float]] = field(default_factory=list)
 
-    def effects(self, craft: Craft, number: int, item: MissionItem, lost: str = "") -> Effects:
-        """Of an item; where ``lost`` says why it is not carried out, photographs that are never taken."""
+    def effects(self, craft: Craft, number: int, item: MissionItem, lost: str = "", *, told: bool = False) -> Effects:
+        """Of an item; where ``lost`` says why it is not carried out, photographs that are never taken.
+
+        ``told``: that is said of all such items together.
+        """
         effects = craft.effects(item)
         if lost:
-            self.skipped.append((number, lost))
+            self.skipped += [] if told else [(number, lost)]
             return (Shoot(never=lost),) if any(isinstance(effect, Shoot) for effect in effects or ()) else ()
         if effects is None:
             self.refused.setdefault(number, cannot_say(f"item {number} is {item.name}"))
@@ -235,29 +239,40 @@ def _is_nav(item: MissionItem) -> bool:
     return item.command <= _LAST_NAV or item.command in _OTHER_NAV
 
 
-def _fly_stops(craft: Craft, log: _Log, stops: Sequence[ReadStop]) -> State:
-    """DJI's apps and Litchi: waypoints with their actions."""
-    state = begun(craft, commanded=True)
-    if state.here is not None and stops[0].height_from == "home":  # it climbs first
-        above = replace(state.here, height_m=stops[0].place.height_m)
-        log.fly(stops[0].number, state.here, (above,), 0.0)
-        state = replace(state, here=above)
-    for before, stop in zip((None, *stops[:-1]), stops, strict=True):
+def _fly_stops(log: _Log, read: ReadMission, vehicle: Vehicle) -> State:
+    """DJI's apps and Litchi: waypoints with their actions, from take-off to whatever ends them.
+
+    Without a home it lies below the first waypoint. Heights that are not above home count as 0.
+    """
+    ends, (first, *_), last = read.ends, read.stops, read.stops[-1]
+    home = read.home or Home(first.place.latitude_deg, first.place.longitude_deg, None)
+    craft = Craft(vehicle, home, replace(AUTOPILOTS["dji"], return_m=ends.return_m))
+    known_m = first.place.height_m if first.height_from == "home" else 0.0
+    top_m = max(ends.climb_m, 0.0 if ends.direct else known_m)
+    climb = replace(LAND.item, command=Command.NAV_TAKEOFF, params=(*LAND.item.params[:6], top_m))
+    state = _do(craft, log, begun(craft), first.number, Go(climb, "takeoff"))
+    state = replace(state, commanded=True)
+    for before, stop in zip((None, *read.stops[:-1]), read.stops, strict=True):
         state = _do(craft, log, state, stop.number, *stop.before)
-        state = _at_stop(craft, log, state, before, stop)
+        state = _at_stop(craft, log, state, before, stop, ends.speed_mps)
         state = _do(craft, log, state, stop.number, *stop.actions)
-    return state
+    return _do(craft, log, state, last.number, *ends.finish)
 
 
-def _at_stop(craft: Craft, log: _Log, state: State, before: ReadStop | None, stop: ReadStop) -> State:
-    """Fly from a waypoint to the next."""
+def _at_stop(
+    craft: Craft, log: _Log, state: State, before: ReadStop | None, stop: ReadStop, first_mps: float | None
+) -> State:
+    """Fly from a waypoint to the next; to the first one level, then down where it is lower."""
     height = stop.place.height_m if stop.height_from == "home" else math.nan
     place, start, gimbal = replace(stop.place, height_m=height), state.here, state.gimbal
-    horizontal, up = (0.0, 0.0) if start is None else distance(start, place)
-    log.fly(stop.number, start, (place,), state.clock_s)
-    speed = (before or stop).speed_mps
+    path: tuple[GeoPoint, ...] = (place,)
+    if before is None and start is not None and start.height_m > height:
+        path = (replace(place, height_m=start.height_m), place)
+    log.fly(stop.number, start, path, state.clock_s)
+    speed = (before or stop).speed_mps if before is not None or first_mps is None else first_mps
     speed = speed if speed is not None and speed > _SLOWEST_MPS else None
-    clock = state.clock_s + leg(horizontal, up, craft.vehicle.speeds, speed).seconds
+    ways = [] if start is None else [distance(a, b) for a, b in pairwise((start, *path))]
+    clock = state.clock_s + sum(leg(*way, craft.vehicle.speeds, speed).seconds for way in ways)
     if stop.pitch_deg is not None and craft.vehicle.mount.kind != "fixed":
         gimbal = replace(gimbal, pitch_deg=stop.pitch_deg, pitch_why="")
     turn = _arrival_turn(state, before, stop, place)
@@ -282,12 +297,3 @@ def _arrival_turn(state: State, before: ReadStop | None, stop: ReadStop, place: 
     elif own.mode == "poi" and own.poi is not None and distance(place, own.poi)[0] > _NO_WAY_M:
         heading = aim(place, own.poi)[0]
     return Turn(heading, heading)
-
-
-def _with_ends(flown: Execution, read: ReadMission, vehicle: Vehicle) -> Execution:
-    """The flight with take-off and landing, which waypoints do not have; heights that are not above home count as 0."""
-    ends = (read.stops[0], read.stops[-1])
-    first, last = (max(stop.place.height_m, 0.0) if stop.height_from == "home" else 0.0 for stop in ends)
-    ends_s = takeoff_s(first, vehicle.speeds) + landing_s(last, vehicle.speeds)
-    climbs_m = first if read.home is None else 0.0  # with a home the way up from there is the first leg
-    return replace(flown, seconds=flown.seconds + ends_s, upright_m=climbs_m + last)

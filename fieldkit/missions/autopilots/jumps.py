@@ -1,8 +1,12 @@
-"""Jumps followed: the items of a mission in the order that the autopilot comes to them.
+"""Jumps followed: the items of a mission in the order that the autopilot comes to them, up to the one that ends it.
+
+Landing and returning end it: the motors stop, and nothing takes off again by itself (ArduCopter's verify_land, unless
+MIS_OPTIONS says otherwise and a take-off follows; PX4 disarms). So does waiting without end.
 
 A jump counts its repeats over the whole flight, so that an inner one of two is not begun anew (ArduPilot's AP_Mission,
 PX4's mission.cpp). One that leads nowhere ends an ArduPilot's mission, and PX4 does not fly it. A negative count is
-taken to be without end.
+taken to be without end. A landing or return ends the mission: the motors stop, and nothing takes off again by itself
+(ArduCopter's ModeAuto::verify_land, where MIS_OPTIONS is as it comes; PX4 disarms). So does waiting without end.
 """
 
 from __future__ import annotations
@@ -11,12 +15,17 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 
 from fieldkit.missions.autopilots.acceptance import refusal
+from fieldkit.missions.autopilots.effects import ENDINGS, GOING, INTERVALS, LANDINGS
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.items import Command, MissionItem
 
 Numbered = Sequence[tuple[int, MissionItem]]
+
+_WANTED = (GOING - LANDINGS) | INTERVALS | {Command.IMAGE_START_CAPTURE, Command.DO_DIGICAM_CONTROL}
+"""Items that nobody puts behind the end of a mission on purpose, unless for another landing (DO_LAND_START)."""
 
 MOST_AGAIN = 4000  # items that are come to again, jumps counted; no battery lasts for more
 
@@ -27,7 +36,8 @@ class Course:
 
     numbered: Numbered  # with their numbers in the file, as they are carried out
     unreached: Numbered = ()  # never come to, jumps left out
-    trouble: tuple[str, int, str] | None = None  # code, number of the jump and words, where it does not end by itself
+    trouble: tuple[str, int, str] | None = None  # code, number of an item and words: no end by itself, or one too early
+    end: tuple[int, MissionItem] | None = None  # the item that ends it, where one does
 
 
 def course(read: ReadMission, dialect: str) -> Course:
@@ -35,12 +45,21 @@ def course(read: ReadMission, dialect: str) -> Course:
     lost = dialect == "ardupilot" and read.first_number == 0  # the first item is overwritten by home
     numbered = list(enumerate(read.items, read.first_number))[int(lost) :]
     jumps = {k for k, item in numbered if item.command == Command.DO_JUMP and refusal(item, dialect) is None}
-    order, trouble = _follow(numbered, jumps)
+    ends = {k for k, item in numbered if item.command in ENDINGS and refusal(item, dialect) is None}
+    order, trouble = _follow(numbered, jumps, ends)
     met = {number for number, _ in order}
-    return Course(order, [entry for entry in numbered if entry[0] not in met | jumps], trouble)
+    unreached = [entry for entry in numbered if entry[0] not in met | jumps]
+    if trouble is not None or not order or order[-1][0] not in ends:
+        return Course(order, unreached, trouble)
+    number, item = order[-1]
+    behind = takewhile(lambda entry: entry[1].command != Command.DO_LAND_START, numbered)
+    if any(k > number and other.command in _WANTED for k, other in behind):
+        message = f"{item.name} ends the mission: what stands behind it is never carried out"
+        trouble = ("stops-there", number, message)
+    return Course(order, unreached, trouble, (number, item))
 
 
-def _follow(numbered: Numbered, jumps: set[int]) -> tuple[Numbered, tuple[str, int, str] | None]:
+def _follow(numbered: Numbered, jumps: set[int], ends: set[int]) -> tuple[Numbered, tuple[str, int, str] | None]:
     places = {number: k for k, (number, _) in enumerate(numbered)}
     order: list[tuple[int, MissionItem]] = []
     done: Counter[int] = Counter()
@@ -54,6 +73,8 @@ def _follow(numbered: Numbered, jumps: set[int]) -> tuple[Numbered, tuple[str, i
             return order, ("jump-long", number, message)
         if number not in jumps:
             order.append((number, item))
+            if number in ends:
+                break
             continue
         target, repeats = (int(value) if math.isfinite(value) else 0 for value in item.params[:2])
         if 0 <= repeats <= done[number]:

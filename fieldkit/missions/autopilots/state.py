@@ -32,6 +32,8 @@ from fieldkit.vehicles.vehicle import Speeds, Vehicle
 _NO_TURN_DEG = 1e-3
 _OFF_NOSE_DEG = 1.0
 """A gimbal without an axis of its own for yaw may be asked for so much: headings are rounded."""
+_RETURN_M = 2.0
+"""Least height of a return in the cone: ArduPilot's RTL_ALT_MIN, and about twice a PX4's acceptance radius."""
 _RELATIVE = "it is turned relative to a {} that nobody knows"
 
 
@@ -120,12 +122,12 @@ class State:
     ahead_s: float = 0.0  # flown of the next leg before that place counted as reached
 
 
-def begun(craft: Craft, *, commanded: bool = False) -> State:
+def begun(craft: Craft) -> State:
     """On the ground at home."""
     mount, home = craft.vehicle.mount, craft.home
     here = None if home is None else GeoPoint(home.latitude_deg, home.longitude_deg, 0.0)
     gimbal = Gimbal(mount.pitch_deg[0] if mount.kind == "fixed" else None)
-    return State(0.0, here, Turn(), commanded, gimbal, craft.vehicle.speeds)
+    return State(0.0, here, Turn(), False, gimbal, craft.vehicle.speeds)
 
 
 def carried_out(state: State, effect: Effect, vehicle: Vehicle) -> State:
@@ -153,7 +155,7 @@ def carried_out(state: State, effect: Effect, vehicle: Vehicle) -> State:
 def _tilted(state: State, tilt: Tilt) -> State:
     gimbal, why = state.gimbal, ""
     target: float | None = tilt.pitch_deg
-    if tilt.relative:
+    if tilt.relative and tilt.pitch_deg is not None:
         why = gimbal.pitch_why or ("" if gimbal.pitch_deg is not None else _RELATIVE.format("pitch"))
         target = None if gimbal.pitch_deg is None else gimbal.pitch_deg + tilt.pitch_deg
     gimbal = replace(gimbal, pitch_deg=target, pitch_why=why, at=None)
@@ -235,8 +237,9 @@ def gone(craft: Craft, state: State, go: Go, following: MissionItem | None = Non
         horizontal, up = distance(here, place)
     if go.how == "takeoff":
         climb = Even(max(up, 0.0), takeoff_s(max(up, 0.0), vehicle.speeds))
-        level = (leg(horizontal, 0.0, state.speeds),) if horizontal > vehicle.acceptance_m else ()
-        return there, Way((climb, *level)), (place,)
+        if here is None or horizontal <= vehicle.acceptance_m:
+            return there, Way((climb,)), (place,)
+        return there, Way((climb, leg(horizontal, 0.0, state.speeds))), (replace(here, height_m=place.height_m), place)
     way = replace(leg(horizontal, up, state.speeds), ahead_s=ahead)
     next_place = None if following is None or here is None else _place(craft, following, place)
     if next_place is None or here is None:
@@ -253,10 +256,11 @@ def _returned(craft: Craft, state: State) -> Flown:
     here, vehicle, autopilot = state.here, craft.vehicle, craft.autopilot
     if here is None or craft.home is None:
         return state, leg(0.0, 0.0, vehicle.speeds), ()
-    height = max(autopilot.return_m, here.height_m) if math.isfinite(here.height_m) else autopilot.return_m
-    top = replace(here, height_m=height)
-    above = GeoPoint(craft.home.latitude_deg, craft.home.longitude_deg, height)
-    ground = replace(above, height_m=0.0)
+    ground = GeoPoint(craft.home.latitude_deg, craft.home.longitude_deg, 0.0)
+    away, (near_m, slope) = distance(here, ground)[0], autopilot.cone
+    height = max(min(autopilot.return_m, slope * away if away <= near_m else math.inf), _RETURN_M)
+    height = max(height, here.height_m) if math.isfinite(here.height_m) else height
+    top, above = replace(here, height_m=height), replace(ground, height_m=height)
     climb, back = (leg(*distance(a, b), vehicle.speeds) for a, b in ((here, top), (top, above)))
     if not autopilot.in_order:  # an ArduPilot passes the corner
         climb, back = corner(climb, back, 0.0, vehicle.acceptance_m)
@@ -274,13 +278,17 @@ def _place(craft: Craft, item: MissionItem, here: GeoPoint | None) -> GeoPoint |
     if item.command not in GOING:
         return None
     latitude, longitude, altitude = item.params[4:]
-    if math.isnan(latitude) or math.isnan(longitude) or (latitude == 0.0 and longitude == 0.0):
+    rises = item.command in TAKEOFFS
+    upright = rises and not craft.autopilot.in_order and here is not None  # an ArduPilot's has no place
+    if upright or math.isnan(latitude) or math.isnan(longitude) or (latitude == 0.0 and longitude == 0.0):
         if here is None:
             return None
         latitude, longitude = here.latitude_deg, here.longitude_deg
     if not on_earth(latitude, longitude):
         return None
     height = craft.height_m(item.frame, altitude)
-    if altitude == 0.0 and here is not None and item.command not in (*LANDINGS, *TAKEOFFS):
+    if rises:
+        height = max(height, craft.autopilot.takeoff_m)
+    elif altitude == 0.0 and here is not None and item.command not in LANDINGS:
         height = here.height_m
     return GeoPoint(latitude, longitude, height)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from fieldkit.missions.autopilots.effects import Effects, ShootOnTheWay
+from fieldkit.missions.autopilots.effects import Effects, Go, ShootOnTheWay
 from fieldkit.missions.findings import error
-from fieldkit.missions.items import MissionItem, with_jump_moved
+from fieldkit.missions.items import Command, Frame, MissionItem, with_jump_moved
 from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import Fence, GeoPoint, Home
 
@@ -50,6 +51,27 @@ def in_passing(stops: list[ReadStop], every: float, unit: str, start: int, end: 
     return error("photo-interval", message, start)
 
 
+LAND = Go(MissionItem(Command.NAV_LAND, Frame.GLOBAL_RELATIVE_ALT, (0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 0.0)), "land")
+"""Land below the last waypoint."""
+RETURN = Go(replace(LAND.item, command=Command.NAV_RETURN_TO_LAUNCH), "return")
+
+
+@dataclass(frozen=True)
+class Ends:
+    """How waypoints are begun and ended."""
+
+    climb_m: float = 0.0
+    """Height above take-off that is climbed to before anything else."""
+    direct: bool = False
+    """Straight from there to a first waypoint that is higher; else upright to its height first."""
+    speed_mps: float | None = None
+    """To the first waypoint; None: that waypoint's own."""
+    finish: Effects = (LAND,)
+    """Behind the last waypoint."""
+    return_m: float = 0.0
+    """Height above take-off that a return climbs to, at least."""
+
+
 @dataclass(frozen=True)
 class ReadMission:
     """A mission file, read back, whichever format it was in."""
@@ -57,6 +79,7 @@ class ReadMission:
     format: str  # "plan", "waypoints", "wpml" or "litchi"
     items: tuple[MissionItem, ...] = ()  # without home; empty in formats without items
     stops: tuple[ReadStop, ...] = ()  # of formats without items
+    ends: Ends = Ends()  # of stops
     home: Home | None = None
     firmware: str | None = None  # dialect that the file names
     fence: Fence | None = None

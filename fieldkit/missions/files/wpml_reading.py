@@ -1,12 +1,16 @@
 """DJI's WPML read back: the waylines, which the aircraft flies, with what is done at each waypoint.
 
-Semantics as in DJI's Cloud API documentation ("DJI WPML": waylines.wpml, common elements). Of the template only the
-gimbal's pitch by waypoint is looked at, which says whether the waylines' own one is more than a placeholder: Pilot 2
-and DJI Fly write 0 there whatever the gimbal does.
+Semantics as in DJI's Cloud API documentation ("DJI WPML": waylines.wpml, common elements). Of the template two things
+are looked at: the lenses whose pictures are stored, and the gimbal's pitch by waypoint, which says whether the
+waylines' own one is more than a placeholder: Pilot 2 and DJI Fly write 0 there whatever the gimbal does.
+
+The profile's camera is the colour lens of the payload that the file names first. What is done with another lens or
+payload is told, and counts for nothing.
 """
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -16,17 +20,20 @@ from xml.etree.ElementTree import Element
 from fieldkit.documents.xml_tree import XmlError, parse_local
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import on_earth
-from fieldkit.missions.autopilots.effects import WPML, Effect, Effects, Shoot, cannot_say, effects_of
+from fieldkit.missions.autopilots.effects import WPML, Effect, Effects, Face, Go, Shoot, Values, cannot_say, effects_of
 from fieldkit.missions.files.archive import read_members
 from fieldkit.missions.files.limits import MAX_ITEMS, number, read_bytes
-from fieldkit.missions.files.read_mission import Facing, ReadMission, ReadStop, in_passing
+from fieldkit.missions.files.read_mission import LAND, RETURN, Ends, Facing, ReadMission, ReadStop, in_passing
 from fieldkit.missions.files.wpml import TEMPLATE, WAYLINES
 from fieldkit.missions.findings import warning
+from fieldkit.missions.items import Command, Frame, MissionItem
 from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import GeoPoint, Home
 
 _REMEDY = "Save it again with DJI Pilot 2, or export it with `fieldkit export-mission --format wpml`."
 _SAME_DEG = 0.05
+_COLOUR = frozenset({"wide", "visable", "visible"})
+"""payloadLensIndex of a colour camera; the second is DJI's spelling. Others are "zoom", "ir" and "narrow_band"."""
 _INTERVALS = {"multipleTiming": "s", "multipleDistance": "m"}
 
 
@@ -43,27 +50,43 @@ def read_wpml(path: Path) -> ReadMission:
     folders = list(root.iter("Folder"))
     if not folders:
         raise MetadataError(f"{WAYLINES} has no Folder with a wayline", path=path, remedy=_REMEDY)
-    reader = _Reader(path, _set_pitches(data, path))
+    config = root.find("Document/missionConfig")
+    config = Element("missionConfig") if config is None else config
+    template = _template(data, path)
+    payload = config.findtext("payloadInfo/payloadPositionIndex") or "0"
+    reader = _Reader(path, _set_pitches(template), _stored_lenses(template), payload)
     for folder in folders:
         reader.read_folder(folder)
     return ReadMission(
         "wpml",
         stops=reader.read(),
-        home=_read_home(root),
+        ends=_read_ends(config, reader),
+        home=_read_home(config),
         firmware="dji",
         remarks=tuple(reader.remarks),
         refused=tuple(reader.refused),
         first_number=0,
-        drone=_read_drone(root),
+        drone=_read_drone(config),
     )
 
 
-def _set_pitches(data: bytes, path: Path) -> dict[tuple[str, str], float | None]:
-    """The template's pitches by template and waypoint: None where they are left to the pilot."""
+def _template(data: bytes, path: Path) -> Element:
     try:
-        root = parse_local(read_members(data, [TEMPLATE], path)[TEMPLATE])
+        return parse_local(read_members(data, [TEMPLATE], path)[TEMPLATE])
     except (XmlError, MetadataError, KeyError):  # the waylines count
-        return {}
+        return Element("kml")
+
+
+def _stored_lenses(root: Element) -> dict[str, str]:
+    """By template."""
+    return {
+        folder.findtext("templateId", "0"): folder.findtext("payloadParam/imageFormat", "")
+        for folder in root.iter("Folder")
+    }
+
+
+def _set_pitches(root: Element) -> dict[tuple[str, str], float | None]:
+    """The template's pitches by template and waypoint: None where they are left to the pilot."""
     found: dict[tuple[str, str], float | None] = {}
     for folder in root.iter("Folder"):
         mode, template = folder.findtext("gimbalPitchMode"), folder.findtext("templateId", "0")
@@ -74,15 +97,41 @@ def _set_pitches(data: bytes, path: Path) -> dict[tuple[str, str], float | None]
     return found
 
 
-def _read_drone(root: Element) -> tuple[int, int] | None:
-    drone, variant = (
-        number(root.findtext(f"Document/missionConfig/droneInfo/drone{name}Value", "")) for name in ("Enum", "SubEnum")
-    )
+def _read_drone(config: Element) -> tuple[int, int] | None:
+    drone, variant = (number(config.findtext(f"droneInfo/drone{name}Value", "")) for name in ("Enum", "SubEnum"))
     return None if drone is None else (int(drone), int(variant or 0))
 
 
-def _read_home(root: Element) -> Home | None:
-    place = _pair(root.findtext("Document/missionConfig/takeOffRefPoint", ""))
+def _read_ends(config: Element, reader: _Reader) -> Ends:
+    """How the first waypoint is come to, and what is done behind the last one."""
+    finish, return_m = config.findtext("finishAction", ""), number(config.findtext("globalRTHHeight", ""))
+    ended: Effects = (LAND,)
+    if finish == "goHome":
+        ended = (RETURN,)
+        if return_m is None:
+            message = "goHome climbs to the controller's return height first, which the file does not have"
+            reader.remarks.append(warning("return-climbs", message))
+    elif finish in ("noAction", "gotoFirstWaypoint"):
+        ended = _to(reader.stops[0]) if finish == "gotoFirstWaypoint" and reader.stops else ()
+        reader.remarks.append(warning("no-landing", f"the mission ends in the air ({finish})"))
+    return Ends(
+        climb_m=max(number(config.findtext("takeOffSecurityHeight", "")) or 0.0, 0.0),
+        direct=config.findtext("flyToWaylineMode") == "pointToPoint",
+        speed_mps=number(config.findtext("globalTransitionalSpeed", "")),
+        finish=ended,
+        return_m=return_m or 0.0,
+    )
+
+
+def _to(stop: ReadStop) -> Effects:
+    """Straight to a waypoint."""
+    frame = Frame.GLOBAL_RELATIVE_ALT if stop.height_from == "home" else Frame.GLOBAL_TERRAIN_ALT
+    there = (stop.place.latitude_deg, stop.place.longitude_deg, stop.place.height_m)
+    return (Go(MissionItem(Command.NAV_WAYPOINT, frame, (0.0, 0.0, 0.0, math.nan, *there))),)
+
+
+def _read_home(config: Element) -> Home | None:
+    place = _pair(config.findtext("takeOffRefPoint", ""))
     return Home(*place, None) if place is not None and on_earth(*place) else None
 
 
@@ -99,6 +148,11 @@ def _own(placemark: Element, folder: Element, switch: str, own: str, everybodys:
     return shared if shared is not None and (on or found is None) else found
 
 
+def _values(action: Element) -> Values:
+    parameters = action.find("actionActuatorFuncParam")
+    return {} if parameters is None else {value.tag: (value.text or "").strip() for value in parameters}
+
+
 def _text(element: Element | None) -> str:
     return "" if element is None else element.text or ""
 
@@ -109,6 +163,9 @@ class _Reader:
 
     path: Path
     set_pitches: dict[tuple[str, str], float | None]
+    lenses: dict[str, str]
+    payload: str
+    stored: str = ""  # of the wayline that is read: lenses whose pictures are stored
     stops: list[ReadStop] = field(default_factory=list)
     actions: dict[int, list[Effect]] = field(default_factory=lambda: defaultdict(list))
     remarks: list[Finding] = field(default_factory=list)
@@ -123,14 +180,15 @@ class _Reader:
 
     def read_folder(self, folder: Element) -> None:
         """One wayline: its waypoints first, then what is done at them."""
-        first = len(self.stops)
+        first, template = len(self.stops), folder.findtext("templateId", "0")
+        self.stored = folder.findtext("payloadParam/imageFormat") or self.lenses.get(template, "")
         places: dict[int, int] = {}
         groups: list[tuple[Element, int, int]] = []
         for placemark in folder.iter("Placemark"):
             here = len(self.stops)
             if here >= MAX_ITEMS:
                 raise MetadataError(f"has more than {MAX_ITEMS} waypoints", path=self.path, remedy=_REMEDY)
-            self.stops.append(self._read_placemark(placemark, folder))
+            self.stops.append(self._read_placemark(placemark, folder, template))
             index = number(placemark.findtext("index", ""))
             own = here - first if index is None else int(index)
             places.setdefault(own, here)
@@ -145,7 +203,7 @@ class _Reader:
         for element, own, here in groups:  # in the order of the file; those of one waypoint run one after the other
             self._place(element, own, here, places)
 
-    def _read_placemark(self, placemark: Element, folder: Element) -> ReadStop:
+    def _read_placemark(self, placemark: Element, folder: Element, template: str) -> ReadStop:
         index = len(self.stops)
         place = _pair(placemark.findtext("Point/coordinates") or "")
         height = number(placemark.findtext("executeHeight") or placemark.findtext("height") or "")
@@ -159,7 +217,7 @@ class _Reader:
             GeoPoint(place[1], place[0], height),
             height_from={"relativeToStartPoint": "home", "WGS84": "ellipsoid"}.get(mode, "ground"),
             facing=self._facing(heading, index),
-            pitch_deg=self._pitch(placemark, index, folder.findtext("templateId", "0")),
+            pitch_deg=self._pitch(placemark, index, template),
             stops=_text(turn).startswith("toPointAndStop"),
             speed_mps=number(_text(_own(placemark, folder, "Speed", "waypointSpeed", "autoFlightSpeed"))),
         )
@@ -223,12 +281,16 @@ class _Reader:
         elif trigger == "reachPoint" and group.findtext("actionGroupMode") in (None, "", "sequence") and end <= start:
             self.actions[start] += self._effects(elements, here)
         elif trigger == "betweenAdjacentPoints" and functions == ["gimbalEvenlyRotate"] and end == start + 1:
-            pitch = number(elements[0].findtext("actionActuatorFuncParam/gimbalPitchRotateAngle", ""))
+            values = _values(elements[0])
+            pitch = number(values.get("gimbalPitchRotateAngle", ""))
+            if self._is_other(functions[0], values, here):
+                return
             if pitch is None:
                 self._refuse(here, "a gimbalEvenlyRotate without an angle")
             self.stops[end] = replace(self.stops[end], pitch_deg=pitch)
         elif trigger in _INTERVALS and functions == ["takePhoto"] and every and every > 0.0 and end > start:
-            self.remarks.append(in_passing(self.stops, every, _INTERVALS[trigger], start, end))
+            if self._effects(elements, here):
+                self.remarks.append(in_passing(self.stops, every, _INTERVALS[trigger], start, end))
         elif functions:
             several = f"waypoints {start} to {end}" if trigger == "reachPoint" and end > start else ""
             how = ", ".join(text[:30] for text in (trigger, group.findtext("actionGroupMode", ""), several) if text)
@@ -239,14 +301,34 @@ class _Reader:
         """Actions in the order of the file."""
         effects: list[Effect] = []
         for element in elements:
-            function = element.findtext("actionActuatorFunc", "")
-            parameters = element.find("actionActuatorFuncParam")
-            values = {} if parameters is None else {each.tag: each.text or "" for each in parameters}
-            found = effects_of(WPML, function, values)
-            if found is None:
+            function, values = element.findtext("actionActuatorFunc", ""), _values(element)
+            done = effects_of(WPML, function, values)
+            if self._is_other(function, values, here):
+                done = tuple(effect for effect in done or () if isinstance(effect, Face))
+            elif done is None:
                 self._refuse(here, f"the action {function[:40]!r}")
-            effects += found or ()
+            elif any(isinstance(effect, Shoot) for effect in done) and self._is_other_lens(function, values, here):
+                done = tuple(effect for effect in done if not isinstance(effect, Shoot))
+            effects += done or ()
         return tuple(effects)
+
+    def _is_other(self, function: str, values: Values, here: int) -> bool:
+        """Whether an action is another payload's, which is told."""
+        payload = values.get("payloadPositionIndex") or self.payload
+        return payload != self.payload and self._tell_other(function, f"payload {payload[:9]}", here)
+
+    def _is_other_lens(self, function: str, values: Values, here: int) -> bool:
+        """Whether another lens alone takes a photograph, which is told."""
+        lens = values.get("payloadLensIndex", "")
+        if self.stored and (not lens or values.get("useGlobalPayloadLensIndex") in ("1", "true")):
+            lens = self.stored
+        names = {name.strip() for name in lens.split(",")}
+        return bool(lens) and not names & _COLOUR and self._tell_other(function, f"the lens {lens[:40]}", here)
+
+    def _tell_other(self, function: str, whose: str, here: int) -> bool:
+        message = f"{function} is for {whose}, and the profile's camera is payload {self.payload}'s colour lens"
+        self.remarks.append(warning("other-camera", message, here))
+        return True
 
     def _refuse(self, here: int, what: str) -> None:
         self.refused.append((here, cannot_say(f"waypoint {here} has {what}")))
