@@ -31,8 +31,8 @@ demo: setup ## run the whole loop on two small simulated plots, in demo-output/
 test: setup browser ## run the tests that take less than ten seconds each
 	$(BIN)/pytest -m "not slow" -n auto --dist loadfile $(PYTEST_ARGS)
 
-test-all: setup browser ## run all tests
-	$(BIN)/pytest $(PYTEST_ARGS)
+test-all: setup browser ## run all tests, with more examples
+	HYPOTHESIS_PROFILE=thorough $(BIN)/pytest $(PYTEST_ARGS)
 
 soak: setup ## kill 200 runs, fill disks, crash workers (hours; KILLS=20 for fewer)
 	$(BIN)/python scripts/soak.py --kills $(or $(KILLS),200)

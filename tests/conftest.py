@@ -9,11 +9,12 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-# The same examples in every run, and no deadline, for a busy machine is no failure. HYPOTHESIS_PROFILE=explore looks
-# further.
-settings.register_profile("fieldkit", deadline=None, derandomize=True)
+# The same examples in every run, and no deadline, for a busy machine is no failure. `make test-all` takes more of them
+# (thorough); HYPOTHESIS_PROFILE=explore looks further.
+settings.register_profile("fast", deadline=None, derandomize=True, max_examples=20)
+settings.register_profile("thorough", deadline=None, derandomize=True, max_examples=100)
 settings.register_profile("explore", deadline=None, max_examples=1000)
-settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fieldkit"))
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 
 # A shell's background jobs ignore Ctrl-C, and so would the commands that tests start and interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

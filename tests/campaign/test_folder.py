@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pyogrio import list_layers
 from pyogrio.raw import read
@@ -171,7 +171,6 @@ class TestReading:
         folder = campaign_folder(tmp_path, FIELD[:1])
         intact = (folder / "campaign.toml").read_bytes()
 
-        @settings(max_examples=100)
         @given(st.lists(st.tuples(st.integers(0, 400), st.binary(max_size=6)), min_size=1, max_size=4))
         def check(changes: list[tuple[int, bytes]]) -> None:
             data = bytearray(intact)

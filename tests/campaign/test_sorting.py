@@ -4,7 +4,7 @@ from dataclasses import replace
 from datetime import datetime, timedelta
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.campaign.sorting import PhotoToSort, Sorting, folder_date, sort_photographs
@@ -161,7 +161,6 @@ def test_folder_dates(name: str, date: str | None) -> None:
     assert folder_date(name) == date
 
 
-@settings(max_examples=60)
 @given(
     st.lists(
         st.tuples(

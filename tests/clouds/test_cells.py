@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -56,7 +56,6 @@ def test_nothing_but_strays() -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.01, 0.03]))
-@settings(max_examples=20, deadline=None)
 def test_properties(seed: int, voxel_m: float) -> None:
     """The order of the points does not matter, and what was kept is kept again, and all of it."""
     rng = np.random.default_rng(seed)

@@ -16,7 +16,7 @@ one_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture
 
 
 @given(clouds(), st.sampled_from(["cloud.las", "cloud.laz"]))
-@settings(one_folder, max_examples=40)
+@settings(one_folder)
 def test_what_is_written_is_read_again(tmp_path: Path, cloud: Cloud, name: str) -> None:
     path = tmp_path / name
     write_las(path, cloud)
@@ -101,7 +101,7 @@ def test_a_damaged_chunk_table_does_not_take_the_process_with_it(tmp_path: Path)
 
 
 @given(st.lists(st.tuples(st.integers(0, 700), st.integers(0, 255)), min_size=1, max_size=4))
-@settings(one_folder, max_examples=150)
+@settings(one_folder)
 def test_damaged_las_gives_a_cloud_or_a_cloud_error(tmp_path: Path, edits) -> None:
     path = tmp_path / "cloud.las"
     if not (tmp_path / "whole").exists():

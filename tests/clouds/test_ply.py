@@ -209,7 +209,7 @@ BINARY_EXAMPLE = (
 FRAGMENTS = [b"", b"0", b"-1", b"99999999999", b"\n", b"\r", b"vertex", b"list", b"ascii", b"\xff" * 8, b"nan", b"\x00"]
 
 
-@settings(max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.sampled_from([ASCII_EXAMPLE, BINARY_EXAMPLE]),
     st.lists(st.tuples(st.integers(0, 500), st.integers(0, 12), st.sampled_from(FRAGMENTS) | st.binary(max_size=4))),

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.evaluation.adherence import PoseRow, kept
@@ -134,7 +134,6 @@ def offset_of(size: float, towards: float, up: float) -> np.ndarray:
     return np.array([size * np.sin(angle), size * np.cos(angle), up])
 
 
-@settings(max_examples=40, deadline=None)
 @given(
     layout=st.sampled_from(["grid 4×3", "grid 5×2", "ring 9", "ring 13"]),
     size=st.one_of(st.sampled_from([0.0, 0.5, 1.0, 1.5, MOST_OFFSET_M - 0.1]), st.floats(0.0, MOST_OFFSET_M - 0.1)),

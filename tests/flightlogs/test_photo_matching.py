@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.flightlogs import Matches, Place, Stamp, Trigger, match, read_flight_log
@@ -72,7 +72,6 @@ def series(count: int, seed: int, low: float = 4.0, high: float = 14.0) -> list[
     drift=st.floats(-1e-4, 1e-4),
     kind=st.sampled_from([(False, False), (True, True), (False, True)]),
 )
-@settings(max_examples=40)
 def test_one_missing_and_one_extra_anywhere(seed, plots, drop, extra, offset, drift, kind) -> None:
     """Fractions of seconds, or whole ones with GPS (5 cm): every photograph finds its own trigger."""
     whole, gps = kind
@@ -105,7 +104,6 @@ def test_one_missing_and_one_extra_anywhere(seed, plots, drop, extra, offset, dr
 
 
 @given(seed=st.integers(0, 10_000), drop=st.integers(0, 12), phase=st.floats(0, 1), rhythm=st.sampled_from([0.1, 2.0]))
-@settings(max_examples=40)
 def test_whole_seconds_without_gps_are_right_or_ambiguous(seed: int, drop: int, phase: float, rhythm: float) -> None:
     """The less the intervals differ, the less whole seconds say: then it is reported, and never guessed."""
     rng = np.random.default_rng(seed)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.geometry.stations import PoseArray, associate
@@ -15,7 +15,6 @@ def ring(count: int, radius: float = 1.5) -> PoseArray:
     return PoseArray(positions, yaws, np.full(count, -35.0))
 
 
-@settings(deadline=None, max_examples=25)
 @given(
     seed=st.integers(0, 10_000),
     shift=st.tuples(st.floats(-4, 4), st.floats(-4, 4), st.floats(-60, 60)),

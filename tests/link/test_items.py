@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.errors import MissionError
@@ -53,7 +53,6 @@ def test_other_autopilots_keep_nan_and_have_no_home() -> None:
     assert differences(items, (replace(items[0], x=5),), PX4)
 
 
-@settings(max_examples=200, deadline=None)
 @given(
     st.floats(-90, 90),
     st.floats(-180, 180),
@@ -137,7 +136,6 @@ def test_the_highest_altitude_is_the_sources() -> None:
     assert stored(replace(item, z=MAX_ALTITUDE_M)) is Result.INVALID_PARAM7
 
 
-@settings(max_examples=300, deadline=None)
 @given(
     st.sampled_from([16, 18, 19, 21, 31, 85, 93, 94, 115, 177, 201, 203, 205, 1000, 2000, 42600, 42703, 65535]),
     st.integers(0, 255),

@@ -257,7 +257,7 @@ def importers() -> Iterator[dict[str, Any]]:
         yield {"ardupilot": ardupilot, "px4": px4}
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(mission=missions())
 def test_mavsdk_and_fieldkit_read_what_was_written(importers: dict[str, Any], tmp_path: Path, mission: Mission) -> None:
     for dialect in ("ardupilot", "px4"):

@@ -119,7 +119,7 @@ VALUES = st.one_of(
 )  # fmt: skip
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_plans_with_any_value_anywhere(tmp_path: Path, data: st.DataObject) -> None:
     document = json.loads(FILES[".plan"])

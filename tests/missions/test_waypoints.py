@@ -33,7 +33,7 @@ def test_rows_and_columns() -> None:
     assert rows[1][3] == str(int(Command.NAV_TAKEOFF))
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(mission=missions())
 def test_pymavlink_and_fieldkit_read_what_was_written(tmp_path: Path, mission: Mission) -> None:
     path = tmp_path / "random.waypoints"

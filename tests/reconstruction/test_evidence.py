@@ -49,7 +49,7 @@ def found(points: NDArray[np.float64], poses: list[Pose] | None = None, groups: 
 
 class TestLeverage:
     @given(st.integers(0, 1000), st.integers(6, 13))
-    @settings(max_examples=8, deadline=None)
+    @settings(max_examples=8)
     def test_as_similarities_fitted_to_noise(self, seed: int, count: int) -> None:
         rng = np.random.default_rng(seed)
         centers, points = rng.normal(0, 1.0, (count, 3)), rng.normal(0, 0.3, (60, 3))

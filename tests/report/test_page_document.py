@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.figures.content import (
@@ -119,7 +119,6 @@ def test_hostile_texts_are_inert(text: str) -> None:
     assert "7 * 7" in parsed.text or text != "{{ 7 * 7 }}"
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.text(st.characters(codec=None), min_size=1, max_size=60) | st.text("<>\"'&/-=!;{}%script", min_size=1))
 def test_no_text_makes_an_element(text: str) -> None:
     plain, parsed = checked(render(page_of("x"))), checked(render(page_of(text)))
@@ -130,7 +129,6 @@ def test_no_text_makes_an_element(text: str) -> None:
 
 
 @given(st.text(st.characters(codec=None), max_size=200))
-@settings(deadline=None)
 def test_what_is_visible_stays_and_what_is_not_is_written_out(text: str) -> None:
     shown = visible(text)
     assert visible(shown) == shown

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -78,7 +78,6 @@ def test_every_layer_has_its_switch() -> None:
         assert name in words
 
 
-@settings(max_examples=60)
 @given(st.text(max_size=60))
 def test_any_name_stays_text(name: str) -> None:
     html = viewer.viewer_html(

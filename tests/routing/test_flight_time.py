@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.missions.autopilots.interpret import interpret
@@ -49,7 +49,6 @@ def searched(length: float, top_speed: float, acceleration: float) -> float:
     return length / low + ramp_s(low, acceleration)
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.floats(0.01, 60), st.floats(-40, 40), st.sampled_from([0.3, 1.0, 1.3, 2.5]))
 def test_is_the_same_curve_for_one_leg_and_for_many(level: float, rise: float, acceleration: float) -> None:
     speeds = SPEEDS.model_copy(update={"acceleration_mps2": acceleration})
@@ -62,7 +61,6 @@ def test_is_the_same_curve_for_one_leg_and_for_many(level: float, rise: float, a
     assert found == pytest.approx(expected, rel=1e-9)
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.floats(0.05, 60), st.floats(-40, 40))
 def test_the_curve_stays_within_speed_acceleration_and_jerk(level: float, rise: float) -> None:
     way = leg(level, rise, SPEEDS)
@@ -77,7 +75,6 @@ def test_the_curve_stays_within_speed_acceleration_and_jerk(level: float, rise: 
     assert np.abs(np.diff(speed)).max() / step <= math.pi / 2 * SPEEDS.acceleration_mps2 * 1.01 + 1e-6
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.floats(0.05, 30), st.floats(0.05, 30), st.floats(-1, 1), st.floats(0.05, 2))
 def test_a_passed_corner_saves_time_and_keeps_within_the_radius(a, b, cosine, radius) -> None:
     before, after = corner(leg(a, 0.0, SPEEDS), leg(b, 0.0, SPEEDS), cosine, radius)

@@ -77,7 +77,7 @@ def check(flights: tuple[Flight, ...], stops: list[Stop], obstacles: Obstacles, 
         assert again.total_s == pytest.approx(flight.time.total_s)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(st.integers(0, 10**6), st.integers(1, 7), st.integers(1, 6), st.sampled_from([250.0, 400.0, 1200.0]))
 def test_flights_keep_everything(seed: int, plots: int, stations: int, endurance: float) -> None:
     stops, volumes = trial(seed, plots, stations)
@@ -184,7 +184,6 @@ def test_a_fence_between_plots_is_flown_around() -> None:
     assert min(y for _, y, _ in between.points) < 3.0
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 6), st.floats(20, 80))
 def test_splitting_is_the_best_of_all_splittings(seed: int, plots: int, limit: float) -> None:
     rng = np.random.default_rng(seed)

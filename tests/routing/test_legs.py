@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.errors import MissionError
@@ -35,7 +35,6 @@ def field(seed: int) -> Obstacles:
     return Obstacles(tuple(volumes), fence, 0.5, ceiling_m=float(rng.uniform(6, 30)))
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10**6), st.one_of(st.none(), st.floats(0, 8)))
 def test_every_leg_is_clear_by_sampling(seed: int, level: float | None) -> None:
     obstacles = field(seed)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.errors import MissionError
@@ -27,7 +27,6 @@ def star(seed: int, corners: int, centre: tuple[float, float] = (0.0, 0.0)) -> t
     )
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6), st.integers(5, 14), st.floats(0.0, 1.0), st.booleans())
 def test_agrees_with_shapely_on_any_polygon(seed: int, corners: int, clearance: float, fenced: bool) -> None:
     footprint = star(seed, corners)
@@ -57,7 +56,6 @@ def test_agrees_with_shapely_on_any_polygon(seed: int, corners: int, clearance: 
         assert bool(obstacles.leg_problems(start, stop)) == blocked
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 10**6))
 def test_clear_legs_have_no_sample_inside_and_problems_are_where_they_begin(seed: int) -> None:
     rng = np.random.default_rng(seed)

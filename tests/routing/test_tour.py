@@ -4,7 +4,7 @@ from itertools import pairwise, permutations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -28,7 +28,6 @@ def any_matrix(seed: int, n: int, holes: float = 0.0) -> Array:
     return matrix
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 7), st.booleans(), st.integers(-1, 6), st.integers(-1, 6), st.booleans())
 def test_is_the_best_of_all_orders(seed: int, n: int, closed: bool, first: int, last: int, holes: bool) -> None:
     matrix = any_matrix(seed, n, 0.3 if holes else 0.0)
@@ -49,7 +48,6 @@ def test_is_the_best_of_all_orders(seed: int, n: int, closed: bool, first: int, 
     assert length(matrix, found, closed=closed) == pytest.approx(best)
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 6), st.booleans())
 def test_path_lengths_between_all_ends(seed: int, n: int, holes: bool) -> None:
     matrix = any_matrix(seed, n, 0.2 if holes else 0.0)

@@ -9,7 +9,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.documents.toml_file import toml_text
@@ -78,7 +78,6 @@ def test_toml_text_reads_back(table: dict[str, object]) -> None:
     assert tomllib.loads(toml_text(table)) == table
 
 
-@settings(max_examples=200)
 @given(st.dictionaries(st.sampled_from([*(f.name for f in fields(SceneDescription)), "x"]), json_like))
 def test_anything_else_is_an_error_for_people(document: dict[str, object]) -> None:
     try:

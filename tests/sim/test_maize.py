@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.scenes.plot_description import STAGES, MaizeDescription, Stage
@@ -36,7 +36,6 @@ def test_the_same_seed_is_the_same_plant_and_no_two_leaves_are_alike() -> None:
 
 
 @given(st.sampled_from(STAGES), st.integers(0, 10_000))
-@settings(max_examples=60, deadline=None)
 def test_architecture_at_every_stage(stage: Stage, seed: int) -> None:
     plant = grow(stage, np.random.default_rng(seed))
     heights = [leaf.collar[2] for leaf in plant.leaves]

@@ -116,7 +116,7 @@ def test_higher_plants_are_flown_clear_of_or_refused() -> None:
     assert "--fit, or plan again" in caught.value.remedy
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.floats(0.9, 2.5))
 def test_what_is_flown_keeps_clear_of_plants_as_high_as_said(height: float) -> None:
     plan = planned(5, height_m=2.2)
@@ -204,7 +204,6 @@ def test_stations_over_a_plot_that_is_larger_than_the_plans() -> None:
     assert min(leg[:, 2].min() for leg in routed.legs()[1:-1]) > 0.9 + VEHICLE.clearance_m - 0.03
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.floats(0.2, 20), st.floats(0.2, 20))
 def test_what_lies_beyond_the_plans_plants_counts_as_full(length: float, width: float) -> None:
     facts = PlanFacts(planned())

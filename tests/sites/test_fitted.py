@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -201,7 +201,6 @@ def drawn(
     return inside(no_fly_bands(plants, clearance), places), np.linalg.norm(apart, axis=2), below
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10_000), st.integers(1, 60), st.floats(0.2, 1.5))
 def test_what_is_near_or_below_a_plant_is_inside(seed: int, count: int, clearance: float) -> None:
     found, apart, below = drawn(seed, count, clearance)
@@ -209,7 +208,6 @@ def test_what_is_near_or_below_a_plant_is_inside(seed: int, count: int, clearanc
     assert found[(apart < near).any(axis=1) | (below < near).any(axis=1)].all()
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10_000), st.integers(1, 2), st.floats(0.2, 1.5))  # more could surround a place
 def test_what_keeps_the_distance_is_outside(seed: int, count: int, clearance: float) -> None:
     found, apart, below = drawn(seed, count, clearance)

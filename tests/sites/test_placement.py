@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -120,7 +120,6 @@ def test_a_plot_far_from_home_is_as_high_as_its_ground() -> None:
     assert shot.place.height_m == pytest.approx(4.5, abs=1e-6)
 
 
-@settings(max_examples=100, deadline=None)
 @given(
     st.sampled_from(sorted(PLACES)), st.floats(-360, 360), st.floats(-360, 360),
     st.tuples(st.floats(-500, 500), st.floats(-500, 500), st.floats(0, 100)), st.floats(-10, 10),

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.results.plan import Plan, Station
@@ -97,7 +97,6 @@ def test_stations_that_become_one_photograph_are_named() -> None:
     assert told((a, replace(b, station=1))) == []
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     st.sampled_from(vehicle_names()), st.lists(st.tuples(st.floats(-2, 6), st.floats(-90, 90)), min_size=1, max_size=4)
 )

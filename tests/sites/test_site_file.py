@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel
 
@@ -291,7 +291,6 @@ def test_reference_systems(tmp_path: Path) -> None:
         read_features(bad)
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     st.sampled_from([(50.8, 6.4), (-33.4, 179.99999), (89.99, 20.0), (-89.9, -100.0), (0.0, 0.0)]),
     st.floats(0, 180, exclude_max=True), st.floats(2.0, 80.0), st.floats(0.05, 0.9), st.integers(0, 3), st.booleans(),

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pydantic import ValidationError
@@ -49,7 +49,6 @@ def uphill(east: NDArray[np.float64], north: NDArray[np.float64], percent: float
     return 0.01 * percent * (east * math.sin(angle) + north * math.cos(angle))
 
 
-@settings(max_examples=60, deadline=None)
 @given(HEADINGS, SLOPES, HEADINGS, st.lists(st.tuples(*[st.floats(-20, 20)] * 2, st.floats(0.5, 5)), min_size=1))
 def test_stations_keep_their_height_above_the_plane_and_their_place(row, percent, heading, points) -> None:
     plan = plan_of(*((*point, 30.0, -40.0) for point in points))
@@ -68,7 +67,6 @@ def test_stations_keep_their_height_above_the_plane_and_their_place(row, percent
     np.testing.assert_allclose(heights, [point[2] for point in points], atol=1e-4)  # d²/2R
 
 
-@settings(max_examples=60, deadline=None)
 @given(HEADINGS, SLOPES, HEADINGS, st.floats(0, 359), st.floats(-89, 20), st.floats(0.2, 8))
 def test_a_camera_looks_at_the_same_place_of_the_slope(row, percent, heading, yaw, pitch, reach) -> None:
     """What the optical axis meets on the level plot, it meets at the same height above the ground on the slope."""
@@ -84,7 +82,6 @@ def test_a_camera_looks_at_the_same_place_of_the_slope(row, percent, heading, ya
     assert frame.planned_pitches(yaw, turned)[0] == pytest.approx(pitch, abs=1e-9)
 
 
-@settings(max_examples=40, deadline=None)
 @given(HEADINGS, HEADINGS, st.floats(-50, 50), st.floats(-90, 30))
 def test_no_slope_is_todays_result_bit_for_bit(row: float, heading: float, x: float, pitch: float) -> None:
     plan = plan_of((x, 1.0, 1.5, 20.0, pitch), (-3.0, x, 2.5, 200.0, -90.0))
@@ -95,7 +92,6 @@ def test_no_slope_is_todays_result_bit_for_bit(row: float, heading: float, x: fl
     assert unreachable(place(plan, plain), plain, VEHICLE) == unreachable(place(plan, level), level, VEHICLE)
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.floats(-360, 0), SLOPES, st.floats(-360, 0))
 def test_a_whole_turn_changes_nothing(row: float, percent: float, heading: float) -> None:
     plan = plan_of((3.0, -2.0, 1.5, 20.0, -30.0), (0.0, 4.0, 2.0, 250.0, 10.0))
@@ -109,7 +105,6 @@ def test_a_whole_turn_changes_nothing(row: float, percent: float, heading: float
         assert abs((a.yaw_deg - b.yaw_deg + 180) % 360 - 180) < 1e-9
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     SLOPES, st.floats(0, 359.9), st.floats(-50, 50), st.floats(0, 359), st.floats(5, 80), st.floats(40, 140),
     st.floats(5, 80),
@@ -206,7 +201,6 @@ def rectangle(length: float, width: float, heading: float) -> dict[str, Any]:
     return {"type": "Polygon", "coordinates": [[*ring, ring[0]]]}
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.floats(1, 40), st.floats(0.3, 0.9), st.floats(0, 359), st.floats(-30, 30))
 def test_a_polygons_size_is_that_of_its_own_rectangle(tmp_path_factory, length, share, heading, off) -> None:
     folder = tmp_path_factory.mktemp("plots")

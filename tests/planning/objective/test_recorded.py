@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.cache import StageCache, digest
@@ -43,7 +43,6 @@ poses = st.tuples(*[st.floats(-2, 2)] * 3, st.floats(-180, 179), st.floats(-89, 
 
 
 @given(st.lists(poses, min_size=2, max_size=4), st.lists(poses, min_size=4, max_size=6), st.floats(0.1, 3))
-@settings(max_examples=60)
 def test_no_other_assignment_is_cheaper(wanted: list, there: list, distance: float) -> None:
     cameras = Cameras.from_vector(np.array(wanted).reshape(-1))
     views = Cameras.from_vector(np.array(there).reshape(-1))

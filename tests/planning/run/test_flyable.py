@@ -62,7 +62,6 @@ def plan_of(cameras: Cameras, envelope: Envelope) -> Plan:
 
 
 @given(PROFILES, st.integers(0, 2**32))
-@settings(max_examples=25, deadline=None)
 def test_samples_are_within_the_vehicles_reach(name: str, seed: int) -> None:
     envelope = envelope_of(name)
     plan = plan_of(envelope.sample(8, seed), envelope)
@@ -71,7 +70,7 @@ def test_samples_are_within_the_vehicles_reach(name: str, seed: int) -> None:
 
 @pytest.mark.slow
 @given(PROFILES, st.integers(0, 2**32))
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 def test_samples_are_routed_as_they_are(name: str, seed: int) -> None:
     envelope = envelope_of(name)
     drawn = envelope.sample(5, seed)

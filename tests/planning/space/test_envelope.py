@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.clouds import Cloud, Volume
@@ -35,7 +35,6 @@ wild = st.integers(2, 12).flatmap(
 
 
 @given(envelopes, wild)
-@settings(max_examples=40)
 def test_a_projection_is_inside_and_projects_onto_itself(envelope: Envelope, cameras: Cameras) -> None:
     inside = project(cameras, envelope)
     assert envelope.contains(inside)
@@ -44,7 +43,6 @@ def test_a_projection_is_inside_and_projects_onto_itself(envelope: Envelope, cam
 
 
 @given(envelopes, st.integers(2, 12), st.integers(0, 2**32))
-@settings(max_examples=40)
 def test_samples_are_inside_and_repeatable(envelope: Envelope, count: int, seed: int) -> None:
     drawn = envelope.sample(count, seed)
     assert len(drawn) == count

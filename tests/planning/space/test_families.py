@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.planning.space.envelope import fill_distance_m, reach_m
@@ -22,7 +22,6 @@ def azimuths_deg(positions: np.ndarray) -> np.ndarray:
 
 
 @given(designs)
-@settings(max_examples=60)
 def test_cameras_look_at_the_plot_and_become_feasible(design: tuple) -> None:
     found, unit = design
     cameras = found.decode(unit)

@@ -43,7 +43,7 @@ def leaves(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_changed_values(season: Path, tmp_path: Path, data: st.DataObject) -> None:
     name = data.draw(st.sampled_from(FILES))
@@ -71,7 +71,7 @@ def test_changed_values(season: Path, tmp_path: Path, data: st.DataObject) -> No
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.sampled_from(FILES[:6]), st.integers(0, 10**6), st.binary(min_size=1, max_size=6), st.booleans())
 def test_changed_bytes(season: Path, tmp_path: Path, name: str, place: int, junk: bytes, cut: bool) -> None:
     file = season / name

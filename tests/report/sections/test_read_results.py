@@ -196,7 +196,7 @@ class TestMissions:
         (part.folder / "low.json").unlink()
         assert mission_view(results.of(FlownMission)[0], results)[0].points == []
 
-    @settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+    @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
     @given(st.data())
     def test_damaged_fields_are_errors_for_people(self, tmp_path: Path, data: st.DataObject) -> None:
         file = tmp_path / "mission" / "field.mission.json"

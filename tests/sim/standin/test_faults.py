@@ -1,7 +1,7 @@
 """Bad links."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.errors import UsageError
@@ -26,7 +26,6 @@ def test_shares_are_kept() -> None:
     assert len(channel.arrived(0.0)) == 20_000 - channel.lost + channel.doubled
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.floats(0, 1), st.floats(0, 1), st.floats(0, 5), st.integers(0, 1000))
 def test_the_same_seed_is_the_same_link(loss: float, duplicate: float, delay_s: float, seed: int) -> None:
     def run() -> list[bytes]:

@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.errors import MetadataError
@@ -40,7 +40,6 @@ def test_messages_are_those_that_mavutil_reads(sitl: Path) -> None:
     assert sum(name == "CAMERA_FEEDBACK" for name, _, _ in ours) == len(photographs)
 
 
-@settings(max_examples=150, deadline=None)
 @given(st.data())
 def test_damaged_logs_never_fail_but_cleanly(data: st.DataObject) -> None:
     whole = (Path(__file__).parents[3] / "sim/sitl/probe_items.tlog").read_bytes()
