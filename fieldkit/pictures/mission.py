@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
@@ -34,8 +35,9 @@ def draw_plan(title: str, positions: Array, forward: Array, plants: Cloud, other
         axes.plot(
             others[:, direction.right], others[:, direction.up], "o", color=INK, alpha=0.35, markersize=2, zorder=3
         )
-        for number, (spot, axis) in enumerate(zip(positions, forward, strict=True), 1):
-            _draw_camera(axes, np.array([spot, spot + arrow * axis]), direction, linewidth=0.9, size=4.0)
+        arrows = np.stack([positions, positions + arrow * forward], axis=1)
+        _draw_cameras(axes, list(arrows), direction, linewidth=0.9, size=4.0)
+        for number, spot in enumerate(positions, 1):
             _annotate(axes, str(number), direction.flat(spot))
     return figure
 
@@ -83,14 +85,15 @@ def draw_mission(
         shown = plants if of_all else near_plants
         if len(shown):
             draw_cloud(axes, shown, direction, window)
-        for leg in legs if of_all else legs[: near + 1]:
-            axes.plot(leg[:, direction.right], leg[:, direction.up], color=_LEG, linewidth=0.9, alpha=0.8, zorder=3)
+        _draw_lines(axes, legs if of_all else legs[: near + 1], direction, _LEG, linewidth=0.9, zorder=3)
         if of_all:
             _draw_surroundings(axes, outlines, home)
         if k == 0:
             _name_plots(axes, centers, plots)
-        for number, corners in zip(stations, frusta if of_all else frusta[:near], strict=False):
-            _draw_camera(axes, corners[[0, 1, 2, 0, 3, 4, 0, 1, 4, 3, 2]], direction, linewidth=0.6, size=2.5)
+        of_view = frusta if of_all else frusta[:near]
+        edges = [corners[[0, 1, 2, 0, 3, 4, 0, 1, 4, 3, 2]] for corners in of_view]
+        _draw_cameras(axes, edges, direction, linewidth=0.6, size=2.5)
+        for number, corners in zip(stations, of_view, strict=False):
             x, y = direction.flat(corners[0])
             if k and window.left < x < window.right and window.bottom < y < window.top:
                 _annotate(axes, drawable(number), (x, y))
@@ -135,7 +138,18 @@ def _annotate(axes: Axes, text: str, at: tuple[float, float], shift: tuple[float
     )
 
 
-def _draw_camera(axes: Axes, line: Array, direction: Direction, *, linewidth: float, size: float) -> None:
-    """A line that begins at the camera, which is a dot."""
-    axes.plot(line[:, direction.right], line[:, direction.up], color=_CAMERA, linewidth=linewidth, alpha=0.8, zorder=4)
-    axes.plot(*direction.flat(line[0]), "o", color=_CAMERA, markersize=size, zorder=5)
+def _draw_cameras(
+    axes: Axes, lines: Sequence[Array], direction: Direction, *, linewidth: float, size: float
+) -> None:  # fmt: skip
+    """Lines (k, 3) that begin at cameras, which are dots."""
+    _draw_lines(axes, lines, direction, _CAMERA, linewidth=linewidth, zorder=4)
+    spots = np.array([direction.flat(line[0]) for line in lines]).reshape(-1, 2)
+    axes.plot(*spots.T, "o", color=_CAMERA, markersize=size, zorder=5)
+
+
+def _draw_lines(
+    axes: Axes, lines: Sequence[Array], direction: Direction, color: str, *, linewidth: float, zorder: int
+) -> None:
+    """Lines (k, 3) in one piece: single ones of a whole field take seconds."""
+    flat = [line[:, [direction.right, direction.up]] for line in lines]
+    axes.add_collection(LineCollection(flat, colors=color, linewidths=linewidth, alpha=0.8, zorder=zorder))
