@@ -17,6 +17,7 @@ FieldkitError
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 EXIT_OK = 0
 EXIT_INTERRUPTED = 130
@@ -32,6 +33,8 @@ class FieldkitError(Exception):
     """
 
     exit_code = 1
+    findings: tuple[Any, ...] = ()
+    """What else was noticed up to then (`fieldkit.results.finding.Finding`)."""
 
     def __init__(self, message: str, *, path: Path | str | None = None, remedy: str = "") -> None:
         super().__init__(message)

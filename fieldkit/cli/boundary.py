@@ -18,7 +18,7 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, TextIO
 
-from fieldkit.errors import EXIT_INTERRUPTED, FieldkitError, UsageError
+from fieldkit.errors import EXIT_INTERRUPTED, FieldkitError, MissionError, UsageError
 
 EXIT_BUG = 1
 EXIT_TERMINATED = 143
@@ -102,8 +102,13 @@ class Boundary:
 
             traceback.print_exception(error)
         if isinstance(error, FieldkitError):
-            found = getattr(error, "findings", ())  # of a plan that is refused
-            self._tell(type(error).__name__, error.message, str(error.path or "") or None, error.remedy, found)
+            told: list[str] = []
+            found = [finding_entry(finding) for finding in error.findings]
+            if error.findings and not isinstance(error, MissionError):  # whose message they are
+                from fieldkit.results.finding import finding_lines
+
+                told, found = finding_lines(error.findings), [finding.stored() for finding in error.findings]
+            self._tell(type(error).__name__, error.message, str(error.path or "") or None, error.remedy, found, told)
             return error.exit_code
         if isinstance(error, MemoryError):
             remedy = "Close other programs, or choose a lower --fidelity."
@@ -164,11 +169,14 @@ class Boundary:
         remedy = "The same command with --resume goes on from here." if self.resumable else ""
         self._tell(kind, message, None, remedy)
 
-    def _tell(self, kind: str, message: str, path: str | None, remedy: str, findings: Sequence[Any] = ()) -> None:
+    def _tell(
+        self, kind: str, message: str, path: str | None, remedy: str, findings: Sequence[dict[str, Any]] = (),
+        told: Sequence[str] = (),
+    ) -> None:  # fmt: skip
         where = f"{path}: " if path else ""
-        say(f"Error: {where}{message}" + (f"\n  {remedy}" if remedy else ""))
+        say("\n  ".join([f"Error: {where}{message}", *filter(None, (remedy, *told))]))
         if self._json:
-            more = {"findings": [finding_entry(finding) for finding in findings]} if findings else {}
+            more = {"findings": findings} if findings else {}
             emit_json({"error": {"type": kind, "message": message, "path": path, "remedy": remedy, **more}})
 
     def _show_warning(

@@ -107,7 +107,9 @@ def failed_plot(
 ) -> PlotEvaluation:
     """What evaluation.json says of a plot that could not be reconstructed or scored, of so many photographs."""
     why = ErrorEntry(type=type(error).__name__, message=str(error), remedy=error.remedy)
-    return PlotEvaluation(name=name, error=why, images=photographs, seconds=seconds, cpu_seconds=cpu_seconds)
+    return PlotEvaluation(
+        name=name, error=why, images=photographs, findings=error.findings, seconds=seconds, cpu_seconds=cpu_seconds
+    )
 
 
 def evaluation_report(

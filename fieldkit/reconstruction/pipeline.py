@@ -15,7 +15,7 @@ from fieldkit.captures.model import Capture, Photo
 from fieldkit.clouds.cells import voxel_edge_m, without_strays
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
-from fieldkit.errors import MetadataError, ReconstructionError
+from fieldkit.errors import FieldkitError, MetadataError, ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.priors import Priors, SourceFrame
 from fieldkit.reconstruction.agreement import bound_m
@@ -28,6 +28,7 @@ from fieldkit.reconstruction.dense.resolution import MOST_PIXELS, UNSCALED_M, Re
 from fieldkit.reconstruction.dense.views import read_mask, view_camera
 from fieldkit.reconstruction.guided import Region
 from fieldkit.reconstruction.known_poses import known_poses
+from fieldkit.reconstruction.mapping.blind import nearer_views
 from fieldkit.reconstruction.mapping.choose import map_capture
 from fieldkit.reconstruction.mapping.state import Mapped
 from fieldkit.reconstruction.markers import MarkerScale
@@ -50,12 +51,19 @@ from fieldkit.results.finding import Finding
 from fieldkit.results.frame import Plane
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.room import Room
+from fieldkit.vocabulary import Mask
 from fieldkit.wording import count
 
 _MIN_DENSE_VIEWS = 2
 _COUNTED, _COUNTED_PX = 10, 800  # photographs that plants' pixels are counted in, and their longer side
 _SHOWN_BY_MASKS = 1.0 / 3.0  # of the pixels, supposed before masks are there
 _BESIDE_M = 0.5  # photographs that look so far beside the volume are of another place
+_MASKS: Mapping[Mask, str] = {
+    "exg": "; for plants that are not green use --mask none or file.",
+    "none": ".",
+    "file": "; do the masks show plants?",
+}
+"""What else to do where no plant was reconstructed."""
 _CALIBRATIONS = ("camera.toml", "camera.json", "reference")
 Settle = Callable[[NDArray[np.float64], Mapping[str, Pose]], tuple[Similarity, Plane | None]]
 
@@ -93,13 +101,33 @@ def reconstruct(
         context: a run goes on where a former one with the same cache stopped.
         known_plot: of a reference, to reconstruct in its frame and volume.
         reach_m: how far `Reconstruction.nearby` goes beyond what is of interest.
+
+    Raises:
+        FieldkitError: it does not reconstruct; with the findings up to then.
     """
+    findings = list(capture.findings)
+    try:
+        return _reconstructed(capture, settings, findings, context, known_plot, reach_m)
+    except FieldkitError as error:
+        error.findings = tuple(findings)
+        raise
+
+
+def _reconstructed(
+    capture: Capture,
+    settings: ReconstructionSettings,
+    findings: list[Finding],
+    context: Context,
+    known_plot: KnownPlot | None,
+    reach_m: float,
+) -> Reconstruction:
+    """See `reconstruct`; ``findings`` grow."""
     timer = StageTimer(context.progress)
     timed = replace(context, progress=timer)
     if settings.mask == "file":
         _require_masks(capture)
     with timer.stage("Reading photographs"):
-        findings = [*capture.findings, *quality_findings(load_quality(capture, context.cache))]
+        findings += quality_findings(load_quality(capture, context.cache))
     sparse, cached = place(capture, settings, findings, timed, known_plot)
     if sparse.right < _MIN_DENSE_VIEWS:
         raise _too_few(sparse)
@@ -108,7 +136,7 @@ def reconstruct(
         volume = hull_volume(sparse, settings.mask)
     volume = volume or volume_of_interest(model_points(sparse.model), sparse.poses, sparse.intrinsics)
     if not _shown(sparse, volume.grown(reach_m)):  # of another plot: dense stereo would find it out in minutes
-        raise _no_plants(sparse, 0, volume)
+        raise _no_plants(sparse, 0, volume, settings.mask)
     dense = _Dense(sparse, volume.grown(reach_m), settings, timed)
     fused, scatter_px = dense.cloud()
     gsd_m, ground = _ground_sampling_distance(sparse, volume), sparse.frame.ground
@@ -120,7 +148,7 @@ def reconstruct(
         nearby = above.select(without_strays(above.points, voxel_edge_m(gsd_m)))
     plants = nearby.select(of_interest(nearby.points, volume, ground))
     if len(plants) == 0:
-        raise _no_plants(sparse, len(above), volume)
+        raise _no_plants(sparse, len(above), volume, settings.mask)
     flags = quality_flags(
         capture.folder.name, plants, volume, gsd_m, sparse.frame, sparse.poses,
         own_ground=known_plot is None or known_plot.ground is None,
@@ -160,17 +188,20 @@ def place(
     context: Context,
     known_plot: KnownPlot | None = None,
 ) -> tuple[SparseResult, dict[str, int]]:
-    """Map a capture and put it into the plot frame; also how many items of which stage were cached."""
+    """Map a capture and put it into the plot frame; also how many items of which stage were cached.
+
+    To ``findings`` those are added that mapping makes.
+    """
     progress = context.progress
     priors = known_poses(capture, known_plot.source if known_plot is not None else None)
     cameras = cameras_of(capture, known_plot.calibrated if known_plot is not None else None)
     region = known_plot.region if known_plot is not None else None
     mapped = map_capture(capture, cameras, priors, settings, context, region)
+    findings += mapped.findings
     if priors.frame is not None and not priors.frame.scaled:
         mapped = mapped.without_scale(priors.frame.source)
     if known_plot is not None and not mapped.metric:
         raise _not_in_frame(capture, mapped)
-    findings = [*findings, *mapped.findings]
     scale = None
     if not mapped.metric and capture.markers is not None:
         with progress.stage("Markers", len(capture.photos)) as advance:
@@ -182,13 +213,14 @@ def place(
     poses = {name: pose for name, pose in model_poses(mapped.model).items() if name in counting}
     intrinsics = {name: found for name, found in model_intrinsics(mapped.model).items() if name in counting}
     undetermined = _undetermined(capture, mapped, poses, intrinsics)
+    findings += undetermined
     for note in (*frame.notes, *(finding.message for finding in (*mapped.findings, *undetermined))):
         progress.note(note)
     if known_plot is not None or frame.origin is not None:
         check_upright(poses, capture)
     result = SparseResult(
         capture, mapped.method, mapped.model, mapped.model_sizes, images, poses, intrinsics,
-        mapped.intrinsics_source, frame, mapped.pairs_tried, mapped.pairs_verified, (*findings, *undetermined),
+        mapped.intrinsics_source, frame, mapped.pairs_tried, mapped.pairs_verified, tuple(findings),
         mapped.groups, mapped.weakest and mapped.weakest.turned(motion.rotation),
     )  # fmt: skip
     return result, {"Features": mapped.features_cached}
@@ -364,7 +396,7 @@ def _too_few(sparse: SparseResult) -> ReconstructionError:
         sparse,
         f"only {count(sparse.right, 'photographs has', 'photographs have', of=len(sparse.images))} a usable pose{said} "
         f"({'; '.join(reasons[:3])})",
-        "Take views closer together, or give their rough poses in poses.csv so that prior mapping can be used.",
+        nearer_views(sparse.capture),
     )
 
 
@@ -376,7 +408,7 @@ def _shown(sparse: SparseResult, volume: Volume) -> bool:
     return sum(bool(camera.sees(pose.to_camera(points)).any()) for camera, pose in cameras) >= _MIN_DENSE_VIEWS
 
 
-def _no_plants(sparse: SparseResult, fused: int, volume: Volume) -> ReconstructionError:
+def _no_plants(sparse: SparseResult, fused: int, volume: Volume, mask: Mask) -> ReconstructionError:
     beside_m = looked_beside_m(sparse.poses, volume) if sparse.frame.metric else 0.0
     if beside_m > _BESIDE_M:
         return _failed(
@@ -387,11 +419,11 @@ def _no_plants(sparse: SparseResult, fused: int, volume: Volume) -> Reconstructi
         )
     why = f"the {fused} points that views agree on lie in clumps smaller than a leaf"
     if not fused:
-        why = "no two views agree on a depth of anything green above the ground"
+        why = f"no two views agree on a depth of anything{' green' * (mask == 'exg')} above the ground"
     return _failed(
         sparse,
         f"no plant was reconstructed: {why}",
-        "Check the overview picture and --bounds; for plants that are not green use --mask none or file.",
+        "Check --bounds, and the camera's calibration if one is given" + _MASKS[mask],
     )
 
 

@@ -26,6 +26,9 @@ PLANTS_APART = "plants-apart"
 POSES_STATED = "poses-stated"
 """Photographs count by stated poses that nothing in the pictures confirms."""
 
+POSITIONS_LAG = "positions-lag"
+"""Recorded positions are those of a moment before or after the photographs."""
+
 WEAKLY_TIED = "weakly-tied"
 """Photographs' places are known too poorly, by their matches and positions."""
 
@@ -37,7 +40,7 @@ NO_RASTERS, COARSE_RASTERS = "no-rasters", "coarse-rasters"
 
 DOUBTFUL = frozenset({
     OTHER_PLANTS, "few-plant-points", "volume-below-ground", "weak-ground", "cameras-off-level", "steep-ground",
-    "volume-cuts-plants", "refinement-not-converged", WEAKLY_TIED,
+    "volume-cuts-plants", "refinement-not-converged", WEAKLY_TIED, POSITIONS_LAG,
 })  # fmt: skip
 """Codes of findings with which a result must not be taken as it is."""
 
@@ -123,6 +126,14 @@ def places_text(findings: Sequence[Finding]) -> str:
     return f"{count(len(findings), 'photograph')} (station {numbers} of {listed(plots, 4)})"
 
 
+def finding_lines(findings: Iterable[Finding]) -> list[str]:
+    """For people, findings by what they say, up to six kinds of them."""
+    groups = grouped(findings)
+    rest = len(groups) - _MOST_KINDS
+    more = [f"and {count(rest, 'more kind')}; --json lists each of them"] if rest > 0 else []
+    return [*map(_line, groups[:_MOST_KINDS]), *more]
+
+
 def _line(group: Sequence[Finding]) -> str:
     place, alike = places_text(group), len({finding.message for finding in group}) == 1
     return f"{place}{'' if alike else ', the first'}: {group[0].message}" if place else group[0].message
@@ -132,11 +143,9 @@ class Refused(MissionError):
     """All that speaks against flying a plan."""
 
     def __init__(self, findings: Sequence[Finding]) -> None:
-        groups = grouped(finding for finding in findings if finding.severity == "error")
-        lines = [_line(group) for group in groups[:_MOST_KINDS]]
-        if len(groups) > _MOST_KINDS:
-            lines.append(f"and {count(len(groups) - _MOST_KINDS, 'more kind')} of errors; --json lists each of them")
-        remedies = dict.fromkeys(group[0].remedy for group in groups[:_MOST_KINDS] if group[0].remedy)
+        errors = [finding for finding in findings if finding.severity == "error"]
+        lines = finding_lines(errors)
+        remedies = dict.fromkeys(group[0].remedy for group in grouped(errors)[:_MOST_KINDS] if group[0].remedy)
         super().__init__(
             "the plan cannot be flown" + (f": {lines[0]}" if len(lines) == 1 else "".join(f"\n- {x}" for x in lines)),
             remedy="\n  ".join(remedies),

@@ -58,6 +58,7 @@ def no_images(photographs: Photographs) -> None:
 
 def one_image(photographs: Photographs) -> None:
     photographs(count=1)
+    Path("photos/zero.jpg").touch()
 
 
 def two_without_overlap(photographs: Photographs) -> None:
@@ -135,7 +136,7 @@ class TestNothingUsable:
         found = json.loads(output.out)
         if command == "evaluate" and code == 4:  # a plot that does not reconstruct is a result
             (plot,) = found["plots"]
-            error = plot["error"]
+            error = plot["error"] | {"findings": plot["findings"]}
             assert "photos" in error["message"]
         else:
             error = found["error"]
@@ -145,6 +146,8 @@ class TestNothingUsable:
         assert case.message in error["message"]
         assert error["remedy"]
         assert case.remedy in error["remedy"]
+        names = [finding["name"] for finding in error.get("findings", [])]
+        assert ("zero.jpg" in names) == (case.make is one_image)
         assert partial_folders(place) == []
 
     def test_for_people(self, case: Case, photographs: Photographs, capsys: pytest.CaptureFixture[str]) -> None:

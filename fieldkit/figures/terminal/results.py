@@ -34,6 +34,9 @@ def evaluation_output(report: EvaluationReport) -> Iterator[RenderableType]:
     else:
         yield from rendered(_plots(plots))
     yield from rendered(table for table in [scores.failure_table(report.plots)] if table.rows)
+    for plot in report.plots:
+        if plot.error is not None and plot.findings:
+            yield from rendered([reconstruction.finding_table(plot.findings, _MOST_NAMES)], plot.name)
 
 
 def comparison_output(report: ComparisonReport) -> Iterator[RenderableType]:

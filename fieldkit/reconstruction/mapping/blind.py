@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 
 from fieldkit.cache import digest
+from fieldkit.captures.model import Capture
 from fieldkit.errors import ReconstructionError
-from fieldkit.geometry import Intrinsics
+from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.agreement import align_to_positions
 from fieldkit.reconstruction.colmap_model import (
     arrays_to_model,
@@ -24,6 +26,7 @@ from fieldkit.reconstruction.colmap_model import (
 from fieldkit.reconstruction.features import Features
 from fieldkit.reconstruction.guided import epipolar_distance, fundamental_matrix
 from fieldkit.reconstruction.mapping.angle_conventions import adopt_convention
+from fieldkit.reconstruction.mapping.lag import find_lag
 from fieldkit.reconstruction.mapping.state import FOCAL_CHANGE, Belief, Inputs, Mapped
 from fieldkit.reconstruction.mapping.uncertainty import pair_information
 from fieldkit.reconstruction.mapping.verdicts import judged
@@ -31,7 +34,9 @@ from fieldkit.reconstruction.mapping.view_graph import Pair
 from fieldkit.reconstruction.stages import exhaustive_pairs, load_pairs
 from fieldkit.reconstruction.verification import TwoView
 from fieldkit.reconstruction.versions import STAGES
+from fieldkit.results.finding import POSITIONS_LAG, Finding
 from fieldkit.runtime.colmap import pycolmap
+from fieldkit.vocabulary import LEAST_POSITIONS
 from fieldkit.wording import count
 
 MAX_NEIGHBOURS = 40
@@ -112,11 +117,33 @@ def map_without_priors(inputs: Inputs, belief: Belief, methods: Sequence[str]) -
             reasons[name] = "other component"
         else:
             reasons[name] = "not registered by the mapper" if index in matched else "no matches"
-    return judged(
+    found = judged(
         inputs, belief, method, model, tuple(m.num_reg_images() for m in models), reasons,
         _ties(inputs, model, pairs), metric=similarity is not None,
         refined=not (belief.cameras.all_fixed or belief.held), pairs_tried=len(wanted), pairs_verified=len(pairs),
     )  # fmt: skip
+    return replace(found, findings=(*found.findings, *_lagging(inputs, belief, model_poses(model))))
+
+
+def _lagging(inputs: Inputs, belief: Belief, poses: Mapping[str, Pose]) -> Iterator[Finding]:
+    """That the known positions fit a model of matches only where they are moved along the flight."""
+    photos = [
+        photo for photo in inputs.capture.photos if photo.name in poses and belief.position(photo.name) is not None
+    ]
+    if all(photo.captured_at for photo in photos):
+        photos.sort(key=lambda photo: photo.captured_at or datetime.max)
+    names = [photo.name for photo in photos]
+    positions = np.array([belief.position(name) for name in names])
+    lag = find_lag(np.array([poses[name].center for name in names]), positions)
+    if lag is not None and lag.metres > 2.0 * belief.priors.sigma_m:
+        yield Finding(
+            inputs.capture.folder.name, POSITIONS_LAG,
+            f"the recorded positions do not fit the photographs' matches: all lie {lag.metres:.3g} m "
+            f"{'behind' if lag.photographs > 0 else 'ahead'} along the flight, {abs(lag.photographs):.1f} photographs "
+            f"{'late' if lag.photographs > 0 else 'early'}. They are {lag.before_m:.2g} m off the model by matches, "
+            f"{lag.after_m:.2g} m once moved (medians); take positions from the flight log (`fieldkit geotag`), or put "
+            "poses.csv right",
+        )  # fmt: skip
 
 
 def _recalibrated(
@@ -152,20 +179,32 @@ def _ties(inputs: Inputs, model: pycolmap.Reconstruction, pairs: Mapping[Pair, T
     return ties
 
 
-def no_model(inputs: Inputs, pairs: Collection[Pair]) -> ReconstructionError:
-    """What is wrong with photographs that make no model."""
+def no_model(inputs: Inputs, pairs: Collection[Pair], why: str = "", remedy: str = "") -> ReconstructionError:
+    """What is wrong with photographs that make no model; ``why`` and ``remedy`` where more is known."""
     few = [n for n, f in zip(inputs.names, inputs.keyed, strict=True) if len(f.features) < _FEW_FEATURES]
     if few:
         poor = count(len(few), "has", "have", of=len(inputs.names))
         why = f"{poor} hardly any features (for one {few[0]}): blurred, dark or empty"
     elif pairs:
         why = f"{count(len(pairs), 'pair matches', 'pairs match')}, too weakly to build on"
-    else:
+    elif not why:
         why = "no two of them match: they overlap too little, or show different things"
     return ReconstructionError(
         f"the {len(inputs.names)} photographs do not reconstruct; {why}",
         path=inputs.capture.folder,
-        remedy="Take views at most 20° apart, or give their poses (poses.csv, GPS) so that prior mapping can be used.",
+        remedy=remedy or nearer_views(inputs.capture),
+    )
+
+
+def nearer_views(capture: Capture) -> str:
+    """What to do where photographs hang together too little, by what is known of their poses already."""
+    known = [prior for prior in capture.priors.values() if prior.position is not None]
+    if len(known) < LEAST_POSITIONS:
+        return "Take views at most 20° apart, or give their poses (poses.csv, GPS) so that prior mapping can be used."
+    angles = "" if any(prior.rotation is not None for prior in known) else ", and give angles with them"
+    return (
+        f"Their positions ({known[0].source}) were used. Take views at most 20° apart, or along passes that overlap by "
+        f"80 %; if these do overlap so, check the positions{angles}."
     )
 
 

@@ -14,7 +14,7 @@ from fieldkit.geometry.priors import Priors
 from fieldkit.reconstruction.cameras import CameraSet
 from fieldkit.reconstruction.colmap_model import model_points, model_poses, new_model, to_rigid
 from fieldkit.reconstruction.guided import Region
-from fieldkit.reconstruction.mapping.blind import map_without_priors
+from fieldkit.reconstruction.mapping.blind import map_without_priors, no_model
 from fieldkit.reconstruction.mapping.state import Belief, Inputs, Mapped
 from fieldkit.reconstruction.mapping.steps import map_by_priors
 from fieldkit.reconstruction.mapping.verdicts import KNOWN_TO_M, wanted_m
@@ -28,13 +28,14 @@ from fieldkit.reconstruction.scale import (
 from fieldkit.reconstruction.settings import BLIND_METHODS, ReconstructionSettings, mapping_methods
 from fieldkit.reconstruction.stages import load_features, with_learned_features
 from fieldkit.results.evaluation import ImageReport
-from fieldkit.results.finding import POSES_STATED, Finding
+from fieldkit.results.finding import POSES_STATED, POSITIONS_LAG, WEAKLY_TIED, Finding
 from fieldkit.runtime.colmap import pycolmap
 from fieldkit.runtime.context import Context
 from fieldkit.vocabulary import LEAST_POSITIONS
 from fieldkit.wording import count
 
 _NEAREST = 3
+_MISFIT = "Are the positions those of these photographs, in metres, and x, y and z in this order?"
 
 
 def map_capture(
@@ -177,8 +178,10 @@ def _better(inputs: Inputs, belief: Belief) -> Mapped:
     right = 0 if mapped is None else mapped.right
     if mapped is not None and (inputs.loses_few(right) or not _positions_tell(belief.priors)):
         return mapped
+    lag: tuple[Finding, ...] = ()
     with suppress(ReconstructionError):
         blind = map_without_priors(inputs, belief, BLIND_METHODS)
+        lag = tuple(finding for finding in blind.findings if finding.code == POSITIONS_LAG)
         if blind.metric and blind.right > right:
             why = "failed" if mapped is None else f"had {right} of {len(inputs.names)} photographs right"
             note = (
@@ -186,10 +189,28 @@ def _better(inputs: Inputs, belief: Belief) -> Mapped:
                 "agree with them, and is used"
             )
             return replace(blind, notes=(*blind.notes, note))
+        if failure is not None and lag:
+            said, advice = lag[0].message.rsplit("; ", 1)
+            failure = no_model(inputs, (), said, f"{advice.capitalize()}.")
+        elif failure is not None and not blind.metric:
+            joined = count(sum(image.registered for image in blind.images), "photograph", of=len(inputs.names))
+            why = f"without their known positions {joined} make a model, whose camera centres do not fit these"
+            failure = no_model(inputs, (), why, _MISFIT)
     if mapped is None:
         assert failure is not None
         raise failure
-    return mapped
+    return _because_of(lag, mapped) if lag else mapped
+
+
+def _because_of(lag: tuple[Finding, ...], mapped: Mapped) -> Mapped:
+    """A model whose photographs hang together badly because positions lag: more photographs would not help."""
+    weak = (
+        replace(finding, message=f"{finding.message.rpartition('; ')[0]}; put the positions right first")
+        if finding.code == WEAKLY_TIED
+        else finding
+        for finding in mapped.findings
+    )
+    return replace(mapped, findings=(*lag, *weak))
 
 
 def _positions_tell(priors: Priors) -> bool:

@@ -53,6 +53,7 @@ _FOCALS = (0.6, 0.67, 0.74, 0.82, 0.91, 1.0, 1.2, 1.5)
 """Of the longer side: focal lengths of lenses between 22 and 55 mm on 35 mm film."""
 _CONVERGED = 0.02  # of the focal length, where orientations come from matches
 _OFF_DEG = 15.0
+_NO_PAIR = "no two of them have more matches than chance gives where their known poses let them be looked for"
 
 
 def map_by_priors(inputs: Inputs, belief: Belief) -> Mapped:
@@ -65,7 +66,7 @@ def map_by_priors(inputs: Inputs, belief: Belief) -> Mapped:
     reasons |= found.unregistered
     registered = found.model.num_reg_images()
     if registered < 2:
-        raise no_model(inputs, {})
+        raise no_model(inputs, {}, _NO_PAIR)
     return judged(
         inputs, belief, "prior", found.model, (registered,), reasons, found.ties,
         metric=True, refined=found.refined, pairs_tried=found.pairs_tried, pairs_verified=found.pairs_kept,

@@ -81,6 +81,7 @@ def _plots_blocks(plots: tuple[PlotEvaluation, ...], anchor: str, shown: Shown) 
 def _plot_blocks(plot: PlotEvaluation, anchor: str, shown: Shown) -> Iterator[Block]:
     if plot.error is not None:
         yield Paragraph(f"No result: {plot.error.message}. {plot.error.remedy}")
+        yield from _findings(plot)
         return
     photographs, points = _key_figures(plot)
     yield KeyFigures((photographs, *scores.score_figures(plot), points))
@@ -112,6 +113,10 @@ def _reconstruction_blocks(report: ReconstructionEntry, pictures: Mapping[str, P
         yield Details(f"All {count(len(report.image_reports), 'photograph')}", (table,)) if many else table
     times = (stage_table(report),) if report.times else ()
     yield Details("How the reconstruction went", (Terms(quality_rows(report)), *times))
+    yield from _findings(report)
+
+
+def _findings(report: ReconstructionEntry) -> Iterator[Block]:
     if report.findings:
         findings = finding_table(report.findings, _MOST_NAMES)
         yield Details(count(len(report.findings), "finding"), (findings,))
