@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
-from scipy.spatial.distance import cdist
+from scipy.spatial.distance import cdist, pdist
 
 from fieldkit.captures.model import Photo
 from fieldkit.documents.mistaken import CENTIMETRES, SWAPPED
@@ -87,25 +87,33 @@ def several_places(photos: Sequence[Photo], priors: Mapping[str, PosePrior]) -> 
     the members of any; without heights above take-off, 5 times.
     """
     known = [(p, q.position) for p in photos if (q := priors.get(p.name)) and q.position is not None]
-    if len(known) < 2 * _A_PLACE:
-        return []
     places = np.array([position[:2] for _, position in known])
     heights = [p.geotag.relative_altitude_m for p, _ in known if p.geotag and p.geotag.relative_altitude_m]
-    tree = minimum_spanning_tree(cdist(places, places) + 1e-9)
-    gaps, least_m = np.sort(tree.data)[::-1], max(_GAP_M, 2.0 * float(np.median(heights)) if heights else 0.0)
+    least_m = max(_GAP_M, 2.0 * float(np.median(heights)) if heights else 0.0)
+    middles = groups_apart(places.reshape(-1, 2), least_m, _GAPS if heights else _GAPS_BLIND)
+    if len(middles) < 2:
+        return []
+    message = (
+        f"the photographs are of {len(middles)} places, {pdist(middles).min():.0f} m apart and more. Evaluate each by "
+        "itself, or let `fieldkit campaign init` and `evaluate --campaign` sort them"
+    )
+    return [Finding(known[0][0].name, "several-places", message)]
+
+
+def groups_apart(places: Array, least_m: float, times: float = _GAPS) -> Array:
+    """The middles (k, 2) of groups of four and more that places (n, 2) fall into; none where they do not.
+
+    What lies between groups is ``least_m`` at least, and so many ``times`` what lies between the members of any.
+    """
+    if len(places) < 2 * _A_PLACE:
+        return places[:0]
+    tree = minimum_spanning_tree(cdist(places, places) + 1e-6)  # SciPy takes less for no edge
+    gaps = np.sort(tree.data)[::-1]
     steps = np.where(gaps[:-1] >= least_m, gaps[:-1] / gaps[1:], 0.0)
     cut = int(np.argmax(steps))
-    if steps[cut] < (_GAPS if heights else _GAPS_BLIND):
-        return []
     tree.data[tree.data >= gaps[cut]] = 0.0
     tree.eliminate_zeros()
     number, of = connected_components(tree, directed=False)
-    if np.bincount(of).min() < _A_PLACE:
-        return []
-    middles = np.array([np.median(places[of == k], axis=0) for k in range(number)])
-    apart = cdist(middles, middles) + np.diag(np.full(number, np.inf))
-    message = (
-        f"the photographs are of {number} places, {apart.min():.0f} m apart and more. Evaluate each by itself, or let "
-        "`fieldkit campaign init` and `evaluate --campaign` sort them"
-    )
-    return [Finding(known[0][0].name, "several-places", message)]
+    if steps[cut] < times or np.bincount(of).min() < _A_PLACE:
+        return places[:0]
+    return np.array([np.median(places[of == k], axis=0) for k in range(number)])

@@ -27,6 +27,7 @@ from fieldkit.reconstruction import silhouettes
 from fieldkit.reconstruction.result import Reconstruction, SparseResult
 from fieldkit.reconstruction.scale import scale_error
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.finding import PLOTS_TOGETHER
 from fieldkit.results.frame import Plane
 from fieldkit.results.traits import TRAITS, PlantEntry, Trait, TraitsEntry, error_column
 from fieldkit.vocabulary import LEAST_POSITIONS, NINE_IN_TEN
@@ -56,6 +57,7 @@ _OF_HEIGHT: tuple[Trait, ...] = ("height_m", "canopy_volume_m3")
 _OF_AREA: tuple[Trait, ...] = ("cover_percent", "covered_area_m2", "canopy_volume_m3", "plants", "row_gaps")
 _CODES: Mapping[str, tuple[Trait, ...]] = {
     "few-plant-points": TRAITS,
+    PLOTS_TOGETHER: TRAITS,
     "height-undetermined": _OF_HEIGHT,
     "volume-cuts-plants": _OF_HEIGHT,
     "volume-below-ground": _OF_HEIGHT,

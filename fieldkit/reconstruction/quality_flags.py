@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
+from scipy.spatial.distance import pdist
 
+from fieldkit.captures.compared import groups_apart
 from fieldkit.clouds.cells import find_stand
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Pose
 from fieldkit.reconstruction.plot_frame import cuts_plants
 from fieldkit.reconstruction.result import MetricFrame
-from fieldkit.results.finding import Finding
+from fieldkit.results.finding import PLOTS_TOGETHER, Finding
 from fieldkit.results.frame import Plane
 from fieldkit.wording import count
 
@@ -21,6 +23,9 @@ _STEEP_DEG = 8.0
 """Fields that are worked by machines are rarely steeper than 15 %."""
 _OFF_LEVEL_DEG = 15.0
 _WEAK_SHARE = 0.05
+_WHERE = ("center", "forward")
+_LEAST_DOWN = 0.1
+"""Of an optical axis along the vertical: flatter ones meet the ground anywhere."""
 _SIDEWAYS_DEG = 70.0
 """Pitch below which a camera's roll is hardly determined: it looks down."""
 _LEAST_CAMERAS = 3
@@ -41,6 +46,7 @@ def quality_flags(
     """
     flags = [*_of_plants(plants, volume, gsd_m, own_volume=own_volume and frame.metric)]
     if frame.ground is not None:
+        flags += _of_places(frame.ground, plants, poses) if own_volume and frame.metric else ()
         flags += _of_ground(frame.ground, volume, poses, own=own_ground, level=frame.origin is not None)
     return [Finding(name, code, message) for code, message in flags]
 
@@ -73,6 +79,25 @@ def _of_plants(plants: Cloud, volume: Volume, gsd_m: float, *, own_volume: bool)
                 f"{100 * (1 - stand.apart):.1f} % of the plants stand on {x1 - x0:.1f} × {y1 - y0:.1f} m, the rest "
                 f"apart on {stand.reach[0]:.1f} × {stand.reach[1]:.1f} m: if those are weeds or neighbours, leave them "
                 f"out of the plot and of plans for it with --bounds {low},{high}"
+            ),
+        )
+
+
+def _of_places(ground: Plane, plants: Cloud, poses: Mapping[str, Pose]) -> Iterator[tuple[str, str]]:
+    """That cameras look at places, halfway up the plants, which are farther apart than they are from these."""
+    centers, axes = (np.array([getattr(p, what) for p in poses.values()]).reshape(-1, 3) for what in _WHERE)
+    down = axes @ np.negative(ground.normal)
+    above = ground.heights(centers) - np.median(ground.heights(plants.points))
+    away = above[down > _LEAST_DOWN] / down[down > _LEAST_DOWN]
+    looked_at = centers[down > _LEAST_DOWN] + away[:, None] * axes[down > _LEAST_DOWN]
+    middles = groups_apart(looked_at[:, :2], float(np.median(away)) if len(away) else 0.0)
+    if len(middles):
+        yield (
+            PLOTS_TOGETHER,
+            (
+                f"the photographs look at {len(middles)} places, {pdist(middles).min():.1f} m apart and more, as of so "
+                "many plots, and were reconstructed as one; give each plot's --bounds, or let `fieldkit campaign init` "
+                "and `evaluate --campaign` sort them"
             ),
         )
 

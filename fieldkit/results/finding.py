@@ -23,6 +23,9 @@ OTHER_PLANTS = "other-plants"
 PLANTS_APART = "plants-apart"
 """Some plants stand far from the others: weeds or neighbours, perhaps."""
 
+PLOTS_TOGETHER = "plots-together"
+"""Photographs of several plots were reconstructed as one."""
+
 POSES_STATED = "poses-stated"
 """Photographs count by stated poses that nothing in the pictures confirms."""
 
@@ -41,6 +44,7 @@ NO_RASTERS, COARSE_RASTERS = "no-rasters", "coarse-rasters"
 DOUBTFUL = frozenset({
     OTHER_PLANTS, "few-plant-points", "volume-below-ground", "weak-ground", "cameras-off-level", "steep-ground",
     "volume-cuts-plants", "refinement-not-converged", WEAKLY_TIED, POSITIONS_LAG,
+    PLOTS_TOGETHER,
 })  # fmt: skip
 """Codes of findings with which a result must not be taken as it is."""
 

@@ -57,6 +57,16 @@ def test_a_references_ground_is_not_doubted() -> None:
     assert codes(ground=replace(GROUND, inlier_share=0.01), roll_deg=29.0, own=False) == set()
 
 
+@pytest.mark.parametrize(("apart_m", "told"), [(5.6, True), (1.0, False)])
+def test_two_plots_in_one_folder_are_told(apart_m: float, told: bool) -> None:
+    shift = np.array([apart_m, 0.0, 0.0])
+    poses = {f"{k}": pose for k, pose in enumerate(ring(6, 2.0, 1.5, (0.0, 0.0, 0.45)))}
+    poses |= {f"{k} of the other": Pose(pose.rotation, pose.center + shift) for k, pose in poses.items()}
+    found = quality_flags("plot", PLANTS, VOLUME, 0.001, frame(GROUND), poses, own_ground=True, own_volume=True)
+    assert [f.code for f in found] == ["plots-together"] * told
+    assert all("2 places, 5.6 m apart" in f.message for f in found)
+
+
 def test_weeds_far_from_the_stand_are_said_with_the_bounds_without_them() -> None:
     weed = Cloud(np.random.default_rng(1).uniform((0.9, 0.9, 0.0), (0.94, 0.94, 0.05), (50, 3)))
     both = Cloud(np.concatenate([PLANTS.points, weed.points]))
