@@ -15,7 +15,6 @@ from fieldkit.cli.boundary import Boundary
 from fieldkit.cli.common import JsonOption, OverwriteOption, emit_json, show, table
 from fieldkit.cli.main import parser_of
 from fieldkit.cli.reconstruction_options import open_cache, run_context
-from fieldkit.errors import UsageError
 from fieldkit.runtime.threads import set_memory_environment, set_thread_environment
 
 
@@ -46,13 +45,8 @@ class Study(StrEnum):
     REFERENCES = "references"
     MATCH_DECAY = "match-decay"
     SUBSET_SCORES = "subset-scores"
-    COST = "cost"
-    THROUGHPUT = "throughput"
-    RANKS = "ranks"
-    NOISE = "noise"
     RECORDED = "recorded"
     PROXY = "proxy"
-    NUMBERS = "numbers"
     SIMULATED = "simulated"
     TRANSFER = "transfer"
     CHOSEN = "chosen"
@@ -71,7 +65,6 @@ class Study(StrEnum):
     PLANT_FIGURES = "plant-figures"
     PLANT_COUNTS = "plant-counts"
     SCORE_PREDICTION = "score-prediction"
-    PLAN_REUSE = "plan-reuse"
     NEXT_VISIT = "next-visit"
     REPORT_SIZE = "report-size"
 
@@ -95,12 +88,8 @@ def command(
     whole_grid: Annotated[
         bool, typer.Option("--whole-grid", help="In few-views: every accuracy of the priors on every subset.")
     ] = False,
-    evaluations: Annotated[
-        int, typer.Option("--evaluations", min=2, help="In throughput, and of each search of planner.")
-    ] = 100,
-    configurations: Annotated[
-        int, typer.Option("--configurations", min=5, help="In ranks, per scene; in recorded: subsets.")
-    ] = 20,
+    evaluations: Annotated[int, typer.Option("--evaluations", min=2, help="Of each search of planner.")] = 100,
+    configurations: Annotated[int, typer.Option("--configurations", min=5, help="In recorded: subsets.")] = 20,
     scene: Annotated[
         list[str] | None,
         typer.Option(
@@ -110,11 +99,8 @@ def command(
             "fieldkit's. The tuning scenes where not given. In chosen: a recorded set. In field-check: those held out.",
         ),
     ] = None,
-    scenes: Annotated[int, typer.Option("--scenes", min=1, max=3, help="In ranks.")] = 3,
-    seeds: Annotated[
-        int, typer.Option("--seeds", min=1, help="In ranks and noise (two at least), planner and paper.")
-    ] = 5,
-    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes of ranks, noise, planner and paper.")] = 1,
+    seeds: Annotated[int, typer.Option("--seeds", min=1, help="In planner and paper.")] = 5,
+    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes of planner and paper.")] = 1,
     runs: Annotated[
         Path,
         typer.Option(
@@ -159,12 +145,11 @@ def command(
     """Measure speed and accuracy on this machine, fieldkit's and an alternative's in the same run.
 
     The engine's studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
-    subset-scores and match-decay (quality); the objective's are cost (speed), throughput, ranks, noise, recorded,
-    proxy and numbers; the planner's are simulated, transfer and chosen (of recorded sets); those of missions are trips,
-    poses, uploads, routes and fuzz; campaign's are season, field-check, plant-figures, plant-counts,
-    score-prediction, plan-reuse, next-visit and report-size; paper's are tables, pose-noise, image-noise, new-plots
-    and new-traits, all by default. FIELDKIT_DATA names the recorded image sets; studies that need them are skipped
-    without it. The result holds results.json, results.md and pictures.
+    subset-scores and match-decay (quality); the objective's are recorded and proxy; the planner's are simulated,
+    transfer and chosen (of recorded sets); those of missions are trips, poses, uploads, routes and fuzz; campaign's
+    are season, field-check, plant-figures, plant-counts, score-prediction, next-visit and report-size; paper's are
+    tables, pose-noise, image-noise, new-plots and new-traits, all by default. FIELDKIT_DATA names the recorded image
+    sets; studies that need them are skipped without it. The result holds results.json, results.md and pictures.
 
     Examples:
         python -m benchmarks engine --only dense -o benchmark-results
@@ -211,9 +196,7 @@ def command(
             campaign = CampaignOptions(data, cache, tuple(scene or ()), count, width, workers=workers, work=work)
             results = run_campaign(output, names, campaign, progress=progress, overwrite=overwrite)
         else:
-            if seeds < 2:
-                raise UsageError("noise takes two seeds at least", remedy="Give --seeds 2 or more.")
-            objective = ObjectiveOptions(data, cache, evaluations, configurations, scenes, seeds, workers)
+            objective = ObjectiveOptions(data, cache, configurations)
             results = run_objective(output, names, objective, progress=progress, overwrite=overwrite)
     if as_json:
         emit_json({"output": output, **report(results)})

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from benchmarks.field_check import run_field_check
 from benchmarks.next_visit import run_next_visit
-from benchmarks.plan_reuse import run_plan_reuse
 from benchmarks.plant_counts import run_plant_counts
 from benchmarks.plant_figures import run_plant_figures
 from benchmarks.report_size import study as run_report_size
@@ -35,7 +34,7 @@ class CampaignOptions:
     cache: StageCache = field(default_factory=lambda: StageCache(None))
     """The stage cache."""
     scenes: tuple[str, ...] = ()
-    """Of ``field-check``, by default the held-out ones; ``plan-reuse`` takes the first."""
+    """Of ``field-check``, by default the held-out ones."""
     count: int | None = None
     """Captures of ``field-check`` (80), plots of ``season`` (40) and of each scene in ``next-visit`` (1)."""
     width_px: int = 2000
@@ -87,10 +86,6 @@ def _score_prediction(options: CampaignOptions, progress: Progress) -> StudyResu
         return run_score_prediction(folder, data=options.data, cache=options.cache, progress=progress)
 
 
-def _plan_reuse(options: CampaignOptions, progress: Progress) -> StudyResult:
-    return run_plan_reuse(scene=(options.scenes or ("tuning-1",))[0], progress=progress)
-
-
 def _next_visit(options: CampaignOptions, progress: Progress) -> StudyResult:
     return run_next_visit(options.scenes, options.count or 1, progress=progress)
 
@@ -105,7 +100,6 @@ STUDIES: dict[str, Callable[[CampaignOptions, Progress], StudyResult]] = {
     "plant-figures": _plant_figures,
     "plant-counts": _plant_counts,
     "score-prediction": _score_prediction,
-    "plan-reuse": _plan_reuse,
     "next-visit": _next_visit,
     "report-size": _report_size,
 }

@@ -1,4 +1,4 @@
-"""`python -m benchmarks objective`: the cost and the reliability of evaluations of r(z)."""
+"""`python -m benchmarks objective`: r(z) on recorded photographs, and by the proxy of their reference."""
 
 from __future__ import annotations
 
@@ -22,43 +22,8 @@ class ObjectiveOptions:
     """Folder of the recorded sets, or None."""
     cache: StageCache
     """Of features and views of recorded photographs."""
-    evaluations: int = 100
-    """Of `throughput`."""
     configurations: int = 20
-    """Of `ranks`, per scene, and subsets of `recorded`."""
-    scenes: int = 3
-    """Of `ranks`."""
-    seeds: int = 5
-    """Of `ranks`, `noise` and `numbers`."""
-    workers: int = 1
-    """Number of processes of `ranks` and `noise`."""
-
-
-def _cost(_: ObjectiveOptions, progress: Progress) -> StudyResult:
-    from benchmarks.objective_cost import run_cost
-
-    return run_cost(progress=progress)
-
-
-def _throughput(options: ObjectiveOptions, progress: Progress) -> StudyResult:
-    from benchmarks.objective_cost import run_throughput
-
-    return run_throughput(evaluations=options.evaluations, progress=progress)
-
-
-def _ranks(options: ObjectiveOptions, progress: Progress) -> StudyResult:
-    from benchmarks.objective_ranks import run_ranks
-
-    return run_ranks(
-        configurations=options.configurations, seeds=options.seeds, scenes=options.scenes, workers=options.workers,
-        progress=progress,
-    )  # fmt: skip
-
-
-def _noise(options: ObjectiveOptions, progress: Progress) -> StudyResult:
-    from benchmarks.objective_noise import run_noise
-
-    return run_noise(seeds=options.seeds, workers=options.workers, progress=progress)
+    """Subsets of `recorded`."""
 
 
 def _recorded(options: ObjectiveOptions, progress: Progress) -> StudyResult:
@@ -78,10 +43,6 @@ def _proxy(options: ObjectiveOptions, progress: Progress) -> StudyResult:
 
 
 STUDIES: dict[str, Callable[[ObjectiveOptions, Progress], StudyResult]] = {
-    "cost": _cost,
-    "throughput": _throughput,
-    "ranks": _ranks,
-    "noise": _noise,
     "recorded": _recorded,
     "proxy": _proxy,
 }
@@ -94,8 +55,8 @@ def run_objective(
 
     Args:
         output: folder of the result.
-        names: of `STUDIES`; empty takes ``cost``.
+        names: of `STUDIES`; empty takes ``recorded``.
         options: for all of them.
         overwrite: replace an earlier result in ``output``.
     """
-    return run_studies(output, names, STUDIES, ["cost"], options, progress=progress, overwrite=overwrite)
+    return run_studies(output, names, STUDIES, ["recorded"], options, progress=progress, overwrite=overwrite)

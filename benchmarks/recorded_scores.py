@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from benchmarks.captures import rig_capture
-from benchmarks.objective_cost import stage_cpu_s
 from benchmarks.result import Cell, ResultTable, StudyResult, spread
 from benchmarks.rigs import load_rig
 from benchmarks.subset_plots import Subset, draw_subsets
@@ -38,6 +37,11 @@ RIG, VIEWS = "basil_rig", 13
 LIMIT_S = 5.0
 BANDS_PX = (10.0, 3.0)
 """A rig's poses are known to some millimetres, so two rounds of guided matching suffice."""
+
+
+def stage_cpu_s(evaluation: Evaluation, stage: str) -> float:
+    """CPU seconds of one stage; 0 if it was not run."""
+    return sum(cost.cpu_s for cost in evaluation.times if cost.name == stage)
 
 
 def run_recorded(

@@ -172,11 +172,6 @@ class SimulatedSource:
             with steady_capture(capture, Context(self.cache, progress)) as steady:
                 yield PhotoSet(steady, steady.names, fidelity.features)
 
-    def forget_drawings(self) -> None:
-        """Draw everything anew."""
-        if self._drawings is not None and self.outdoors.still:
-            self._drawings = KeptDrawings()
-
     def close(self) -> None:
         if self._renderer is not None:
             self._renderer.close()

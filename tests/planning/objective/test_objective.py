@@ -11,18 +11,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.objective_scenes import tuning_plot
 from fieldkit.captures import read_image
+from fieldkit.clouds.cloud import Cloud
 from fieldkit.errors import UsageError
 from fieldkit.planning.objective.objective import FIDELITIES, Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.planning.run.evaluations import Job, evaluating
 from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.envelope import Envelope
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription
+from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.renderer import RenderingError
+from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise
 from tests.scenes.conftest import SMALL_PLOT
 
@@ -156,13 +159,14 @@ def test_without_a_renderer_the_error_names_the_remedy(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_loosely_tied_photographs_repeat() -> None:
     # Two of ten share few matches with the others; where all pairs hold the model alike they end 5 to 20 mm off.
-    plot = tuning_plot("tuning-3")
+    source = SimulatedSource.from_description(read_scene(find_scene("tuning-3")))
+    envelope = Envelope.around(Cloud(source.proxy.plot.points), source.proxy.volume)
     try:
-        objective = Objective(plot.source, DRAFT)
-        values = [objective.evaluate(plot.envelope.sample(10, 3), seed=seed).value_m for seed in range(3)]
+        objective = Objective(source, DRAFT)
+        values = [objective.evaluate(envelope.sample(10, 3), seed=seed).value_m for seed in range(3)]
     except RenderingError as error:
         pytest.skip(f"no picture can be rendered here: {error}")
     finally:
-        plot.source.close()
+        source.close()
     assert max(values) - min(values) < 0.001
     assert max(values) < 0.0115
