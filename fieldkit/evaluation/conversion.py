@@ -91,14 +91,13 @@ def plot_evaluation(
     found = _described(
         reconstruction, settings, seconds, cpu_seconds, outline or outline_of(settings), shown, plants, findings
     )
-    fill = filled(shown, reconstruction.plants.points, reconstruction.volume)
     return PlotEvaluation(
         name=name,
         unregistered=_reasons(found.image_reports),
         **_scores(score),
         correction=correction,
         prediction=None if score is not None else predict(reconstruction_features(reconstruction, found)),
-        **dict(found) | dataclasses.asdict(fill),
+        **dict(found),
     )
 
 
@@ -246,6 +245,7 @@ def _described(
         stray=float(reconstruction.stray),
         filled=None if fills is None else float(fills.mean()),
         hidden_sides=hidden,
+        **dataclasses.asdict(filled(shown, reconstruction.plants.points, reconstruction.volume)),
     )
 
 

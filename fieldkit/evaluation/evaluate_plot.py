@@ -25,16 +25,17 @@ from fieldkit.figures.style import format_length
 from fieldkit.files import storage_errors, write_atomic
 from fieldkit.pictures.overview import write_overview
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
-from fieldkit.reconstruction.result import Reconstruction
+from fieldkit.reconstruction.result import Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.silhouettes import outlines
 from fieldkit.reconstruction.steady import steady_capture
 from fieldkit.results.evaluation import CLOUD_FILE, CorrectionEntry, EvaluationReport, PlotEvaluation
 from fieldkit.results.fields import vector
-from fieldkit.results.finding import COARSE_RASTERS, NO_RASTERS, OTHER_PLANTS, Finding
+from fieldkit.results.finding import COARSE_RASTERS, NO_RASTERS, OTHER_PLANTS, POSITIONS_LAG, WEAKLY_TIED, Finding
 from fieldkit.results.report_files import EVALUATION_FILE, describe_files, save_report
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import processor_seconds
+from fieldkit.wording import count
 
 PLOTS_FILE = "plots.csv"
 RESERVED = (EVALUATION_FILE, PLOTS_FILE, TRAITS_FILE)
@@ -44,6 +45,8 @@ _OTHER_SHARE = 0.04
 """Chamfer distance of what is taken for other plants, as a share of the diagonal of the reference's box. Others, and
 the same ones turned, have 5 % and more on simulated plots, the reference's own 1 % even where a capture is poor.
 """
+_BENT = (WEAKLY_TIED, POSITIONS_LAG, "height-undetermined", "cameras-off-level")
+"""Findings of models whose shape is hardly known."""
 
 
 @dataclass(frozen=True)
@@ -177,7 +180,7 @@ def _evaluated(
             if scoring.refine:
                 plants, correction, findings = _refined(found, scoring.index, name, of_reference=of_reference)
             result = score(scoring.index, plants, scoring.distances_m)
-            findings += _other_plants(name, result, reference.cloud)
+            findings += _other_plants(name, result, reference.cloud, found.sparse)
         (folder / place).mkdir(parents=True)
         write_cloud(folder / place / CLOUD_FILE, plants)
         names = [CLOUD_FILE, OVERVIEW_FILE]
@@ -238,13 +241,21 @@ def _refined(
     return found.moved_plants(motion, with_ground=not of_reference), correction, []
 
 
-def _other_plants(name: str, found: CloudScore, reference: Cloud) -> list[Finding]:
-    """That a cloud is hardly of the reference's plants."""
+def _other_plants(name: str, found: CloudScore, reference: Cloud, sparse: SparseResult) -> list[Finding]:
+    """That a cloud is hardly of the reference's plants; or of them, and bent, where that can be as well."""
     distance_m = found.chamfer.chamfer_m
     if distance_m <= _OTHER_SHARE * float(np.linalg.norm(np.ptp(reference.points, axis=0))):
         return []
+    away = f"the cloud is {format_length(distance_m)} from the reference"
+    unsure = sum(image.counts and image.right is not True for image in sparse.images)
+    if 2 * unsure > len(sparse.poses) or any(finding.code in _BENT for finding in sparse.findings):
+        message = (
+            f"{away}, as far as other plants would be; but nothing confirms {count(unsure, 'photograph')} of "
+            f"{len(sparse.poses)}, so it may be its plants in a model that is bent; put positions and calibration right"
+        )
+        return [Finding(name, "far-from-reference", message)]
     message = (
-        f"the cloud is {format_length(distance_m)} from the reference: these are hardly its plants, and how good the "
-        "reconstruction is cannot be told; check which plot was photographed, and when"
+        f"{away}: these are hardly its plants, and how good the reconstruction is cannot be told; check which plot was "
+        "photographed, and when"
     )
     return [Finding(name, OTHER_PLANTS, message)]

@@ -44,7 +44,7 @@ NO_RASTERS, COARSE_RASTERS = "no-rasters", "coarse-rasters"
 DOUBTFUL = frozenset({
     OTHER_PLANTS, "few-plant-points", "volume-below-ground", "weak-ground", "cameras-off-level", "steep-ground",
     "volume-cuts-plants", "refinement-not-converged", WEAKLY_TIED, POSITIONS_LAG,
-    PLOTS_TOGETHER,
+    PLOTS_TOGETHER, "far-from-reference",
 })  # fmt: skip
 """Codes of findings with which a result must not be taken as it is."""
 

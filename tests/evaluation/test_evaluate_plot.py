@@ -9,6 +9,7 @@ from fieldkit.clouds import Cloud, Volume, score
 from fieldkit.evaluation.evaluate_plot import _other_plants, _refined, scale_doubt
 from fieldkit.geometry import Similarity
 from fieldkit.reconstruction.result import Reconstruction
+from fieldkit.results.finding import Finding
 from fieldkit.results.frame import Plane
 from tests.evaluation.examples import reconstruction
 from tests.evaluation.test_compare import leaves
@@ -66,9 +67,13 @@ def test_a_ground_of_the_capture_s_own_moves_with_its_plants() -> None:
 def test_other_plants_are_not_scored_without_a_word() -> None:
     reference = leaves(0, noise_m=0.0)
     sparse, moved = leaves(0, noise_m=0.01, points=300), Cloud(reference.points[:, [1, 0, 2]] + [0.2, 0.0, 0.1])
-    assert _other_plants("plot", score(reference, sparse), reference) == []
-    (finding,) = _other_plants("plot", score(reference, moved), reference)
-    assert finding.code == "other-plants"
+    firm = reconstruction().sparse
+    loose = replace(firm, images=tuple(image.model_copy(update={"right": None}) for image in firm.images))
+    lagging = replace(firm, findings=(Finding("plot", "positions-lag", "all lie behind"),))
+    assert _other_plants("plot", score(reference, sparse), reference, firm) == []
+    for capture, code in ((firm, "other-plants"), (loose, "far-from-reference"), (lagging, "far-from-reference")):
+        (finding,) = _other_plants("plot", score(reference, moved), reference, capture)
+        assert finding.code == code
     far, correction, findings = _refined(
         found_with(Cloud(reference.points + np.array([5.0, 0.0, 0.0])), None), reference, "plot", of_reference=True
     )
