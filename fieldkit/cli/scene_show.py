@@ -12,6 +12,7 @@ from fieldkit.errors import UsageError
 from fieldkit.wording import count
 
 if TYPE_CHECKING:
+    from fieldkit.runtime.progress import Progress
     from fieldkit.scenes.description import SceneDescription
 
 
@@ -43,6 +44,7 @@ def command(
         check_replaceable(output, overwrite=overwrite)
     if output is not None and output.suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise UsageError("is neither .png nor .jpg", path=output, remedy="Name a picture, such as scene.png.")
+    from fieldkit.cli.progress import open_progress
     from fieldkit.scenes.library import find_scene
     from fieldkit.scenes.scene_file import read_scene, scene_text
 
@@ -50,7 +52,8 @@ def command(
     description = read_scene(found)
     facts: dict[str, object] = {"scene": found, **_facts(description)}
     if output is not None:
-        facts |= {"output": output, **_draw(description, output)}
+        with open_progress(as_json=as_json) as progress:
+            facts |= {"output": output, **_draw(description, output, progress)}
     if as_json:
         emit_json(facts)
         return
@@ -84,7 +87,7 @@ def _facts(description: SceneDescription) -> dict[str, object]:
     }
 
 
-def _draw(description: SceneDescription, output: Path) -> dict[str, object]:
+def _draw(description: SceneDescription, output: Path, progress: Progress) -> dict[str, object]:
     from io import BytesIO
 
     from PIL import Image
@@ -95,7 +98,8 @@ def _draw(description: SceneDescription, output: Path) -> dict[str, object]:
     from fieldkit.scenes.renderer import Renderer
     from fieldkit_sim.simulation import ring_about
 
-    scene = build(description)
+    with progress.stage("Growing the plants", len(description.plot.plants) or None) as advance:
+        scene = build(description, advance)
     camera = Intrinsics.pinhole(1600, 1200, 1360.0)
     with Renderer(scene) as renderer:
         image = renderer.photograph(ring_about(16)(scene, camera)[7], camera)

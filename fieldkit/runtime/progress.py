@@ -34,11 +34,11 @@ class Silent:
         self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None
     ) -> Iterator[Advance]:
         """A stage that is not shown."""
-        yield _ignore
+        yield ignore
 
     def note(self, message: str) -> None:
         """Drop the message."""
 
 
-def _ignore(steps: int) -> None:
-    pass
+def ignore(steps: int) -> None:
+    """Steps that nobody is told of."""

@@ -12,6 +12,7 @@ from fieldkit.cache import digest
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics
+from fieldkit.runtime.progress import Advance, ignore
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.plot_description import PlotDescription
 from fieldkit.scenes.recorded import RecordedSurface, build_recorded, recorded_plants
@@ -105,11 +106,11 @@ class SceneDescription:
             raise ValueError("a scene is either made from a reference (recorded) or has plants of its own")
 
 
-def build(description: SceneDescription) -> Scene:
-    """The scene that ``description`` means."""
+def build(description: SceneDescription, advance: Advance = ignore) -> Scene:
+    """The scene that ``description`` means; ``advance`` is told of its own plants, one after the other."""
     if description.recorded is not None:
         return build_recorded(description.recorded)
-    return build_scene(description.plot)
+    return build_scene(description.plot, advance)
 
 
 def sample_reference(description: SceneDescription, scene: Scene) -> Cloud:

@@ -6,13 +6,14 @@ from importlib import import_module
 from typing import Any, cast
 
 from fieldkit.errors import SceneError
+from fieldkit.runtime.progress import Advance, ignore
 from fieldkit.scenes.plot_description import PlotDescription
 from fieldkit.scenes.scene import Scene
 
 
-def build_scene(plot: PlotDescription) -> Scene:
+def build_scene(plot: PlotDescription, advance: Advance = ignore) -> Scene:
     """The plot's meshes with baked light, and the sky."""
-    return cast(Scene, simulated_field("plot").build_scene(plot))
+    return cast(Scene, simulated_field("plot").build_scene(plot, advance))
 
 
 def build_plants(plot: PlotDescription) -> Scene:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.runtime.progress import Advance, ignore
 from fieldkit.scenes.plot_description import (
     MaizeDescription,
     MeshPlantDescription,
@@ -131,9 +132,9 @@ _GROUND: dict[str, Material] = {"soil": (0.0, 0.012), "stones": (0.0, 0.03), "re
 _CRUMB: Material = (0.0, 0.012)
 
 
-def build_scene(plot: PlotDescription) -> Scene:
+def build_scene(plot: PlotDescription, advance: Advance = ignore) -> Scene:
     """The plot's meshes with baked light, and the sky."""
-    surfaces = build_surfaces(plot)
+    surfaces = build_surfaces(plot, advance)
     effects = plot.effects
     gloss = [(t if effects.translucency else 0.0, g if effects.gloss else 0.0) for _, (t, g) in surfaces]
     lit = bake_light(
@@ -144,13 +145,13 @@ def build_scene(plot: PlotDescription) -> Scene:
     return Scene((*lit, _sky()), plot.light)
 
 
-def build_surfaces(plot: PlotDescription) -> list[tuple[Mesh, Material]]:
+def build_surfaces(plot: PlotDescription, advance: Advance = ignore) -> list[tuple[Mesh, Material]]:
     """The plot's meshes, unlit, and what they are made of; without the sky."""
 
     def height(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
         return soil_height(plot.soil, x, y)
 
-    surfaces = _plants(plot, coarse=False)
+    surfaces = _plants(plot, coarse=False, advance=advance)
     surfaces += [(mesh, _GROUND.get(mesh.name, _CRUMB)) for mesh in build_soil(plot.soil)]
     surfaces += [(mesh, _WEED) for mesh in build_weeds(plot.weeds, height)]
     return surfaces
@@ -161,7 +162,7 @@ def build_plants(plot: PlotDescription) -> Scene:
     return Scene(tuple(mesh for mesh, _ in _plants(plot, coarse=True)))
 
 
-def _plants(plot: PlotDescription, *, coarse: bool) -> list[tuple[Mesh, Material]]:
+def _plants(plot: PlotDescription, *, coarse: bool, advance: Advance = ignore) -> list[tuple[Mesh, Material]]:
     def height(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
         return soil_height(plot.soil, x, y)
 
@@ -171,6 +172,7 @@ def _plants(plot: PlotDescription, *, coarse: bool) -> list[tuple[Mesh, Material
         plain = isinstance(plant, MaizeDescription) and plant.leaves is not None
         leaf = _PLAIN_LEAF if plain else _LEAF
         surfaces.append((replace(_build_plant(plant, ground, coarse), name=f"plant-{i + 1}"), leaf))
+        advance(1)
     if plot.neighbours.rows:
         x, y = [p.x_m for p in plot.plants] or [0.0], [p.y_m for p in plot.plants] or [0.0]
         meshes = build_neighbours(plot.neighbours, (min(x), min(y)), (max(x), max(y)), height, textured=not coarse)

@@ -78,10 +78,9 @@ def simulate(
             raise UsageError("the truth must not lie in the capture's folder", path=file)
         if file is not None and not output.exists():  # else it is the folder that is spoken of
             check_replaceable(file, overwrite=overwrite)
-    with progress.stage("scene") as advance:
-        scene = build(description)
+    with progress.stage("scene", len(description.plot.plants) or None) as advance:
+        scene = build(description, advance)
         poses = list(stations(scene, camera) if callable(stations) else stations)
-        advance(1)
     with Renderer(scene) as renderer:
         true = simulate_capture(
             output, renderer, poses, camera, noise=noise, seed=seed, effects=effects, outdoors=outdoors,
