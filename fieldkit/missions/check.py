@@ -162,20 +162,23 @@ def _fit(read: ReadMission, vehicle: Vehicle) -> Iterator[Finding]:
     elif read.firmware not in (None, vehicle.dialect):
         yield warning("wrong-vehicle", f"the file was made for {read.firmware}, the vehicle is {vehicle.dialect}")
     if read.drone is not None and vehicle.dialect == "dji":
-        yield from _drone_findings(read.drone, vehicle)
+        yield from _drone_findings(read.drone, read.payload, vehicle)
 
 
-def _drone_findings(drone: tuple[int, int], vehicle: Vehicle) -> Iterator[Finding]:
-    """Whether a file is for the profile's model, where WPML has a number for that."""
+def _drone_findings(drone: tuple[int, int], payload: int | None, vehicle: Vehicle) -> Iterator[Finding]:
+    """Whether a file is for the profile's model and camera, where WPML has a number for that."""
     try:
-        own = dji_model(vehicle).drone
+        own = dji_model(vehicle)
     except MissionError:
         return
-    message = "the file is for DJI's model {}-{}, {} is {}-{}".format(*drone, vehicle.title, *own)
-    if drone[0] != own[0]:
+    message = "the file is for DJI's model {}-{}, {} is {}-{}".format(*drone, vehicle.title, *own.drone)
+    if drone[0] != own.drone[0]:
         yield error("wrong-vehicle", message)
-    elif drone != own:
+    elif drone != own.drone:
         yield warning("wrong-vehicle", message)
+    elif payload is not None and payload != own.payload:
+        message = f"the file is for DJI's payload {payload}, {vehicle.title} has {own.payload or 'none'}"
+        yield (error if own.carries else warning)("wrong-vehicle", message)
 
 
 def _stop_findings(read: ReadMission, vehicle: Vehicle) -> Iterator[Finding]:

@@ -333,6 +333,9 @@ def test_the_files_own_model_against_the_profile(tmp_path: Path) -> None:
     assert counted(thermal, "warning") == {"wrong-vehicle": 1}
     assert check_mission(read, by("a drone without a number")).findings == ()
     assert check_mission(replace(read, drone=None), by("DJI Matrice 4E")).findings == ()
+    assert counted(check_mission(replace(read, payload=68), by("Mavic 3 E")), "warning") == {"wrong-vehicle": 1}
+    other = replace(read, drone=(89, 0), payload=50)
+    assert counted(check_mission(other, by("DJI Matrice 350 with H20T"))) == {"wrong-vehicle": 1}
 
 
 def test_legs_are_tested_along_their_length_not_at_waypoints() -> None:

@@ -160,11 +160,12 @@ class Autopilot:
 
 @dataclass(frozen=True)
 class Craft:
-    """A vehicle with its autopilot, and home, where the file has one: the zero of heights."""
+    """A vehicle with its autopilot; home, where the file has one: the zero of heights; and where else returns lead."""
 
     vehicle: Vehicle
     home: Home | None
     autopilot: Autopilot
+    rally: tuple[GeoPoint, ...] = ()
 
     def height_m(self, frame: int, altitude: float) -> float:
         """Above home; NaN where that cannot be said."""
@@ -231,16 +232,19 @@ def _intervals(item: MissionItem, _craft: Craft) -> Effects:
     return (ShootOnTheWay(),) if item.params[0] > 0.0 else ()
 
 
+_MOUNT_AWAY = (0.0, 1.0)
+"""MAV_MOUNT_MODE_RETRACT and _NEUTRAL (MAVLink common.xml)."""
+_TARGETING = 2.0
+"""MAV_MOUNT_MODE_MAVLINK_TARGETING: by such commands' angles."""
+
+
 def _mount(item: MissionItem, craft: Craft) -> Effects | None:
     """As PX4's InputMavlinkCmdMount; an ArduPilot keeps no mode (measured)."""
     mode = item.params[6] if craft.autopilot.in_order else _TARGETING
-    if mode in (_RETRACT, _NEUTRAL):
+    if mode in _MOUNT_AWAY:
         return (Tilt(None),)
     return (Tilt(item.params[0]), Pan(item.params[2], "nose")) if mode == _TARGETING else None
 
-
-# MAV_MOUNT_MODE (MAVLink common.xml).
-_RETRACT, _NEUTRAL, _TARGETING = 0.0, 1.0, 2.0
 
 _AWAY = 1 | 2
 """GIMBAL_MANAGER_FLAGS_RETRACT and _NEUTRAL (MAVLink common.xml): whatever the angles are."""
@@ -281,7 +285,7 @@ _BOTH: Mapping[int, ItemRow] = {
     Command.IMAGE_START_CAPTURE: (Shoot(),),
     Command.DO_DIGICAM_CONTROL: _digicam,
     **dict.fromkeys(INTERVALS, _intervals),
-    Command.DO_MOUNT_CONFIGURE: lambda item, _craft: () if item.params[0] == 2.0 else None,  # 2: by such commands
+    Command.DO_MOUNT_CONFIGURE: lambda item, _craft: () if item.params[0] == _TARGETING else None,
     **dict.fromkeys((
         Command.DO_LAND_START, Command.DO_FENCE_ENABLE, Command.DO_SET_RESUME_REPEAT_DIST,
         Command.DO_DIGICAM_CONFIGURE, Command.SET_CAMERA_MODE, Command.SET_CAMERA_FOCUS, Command.IMAGE_STOP_CAPTURE,

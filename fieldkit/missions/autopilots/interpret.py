@@ -54,7 +54,7 @@ def interpret(read: ReadMission, vehicle: Vehicle, dialect: str) -> Execution:
     log = _Log(refused=dict(read.refused))
     if read.stops:
         return log.ended(_fly_stops(log, read, vehicle))
-    craft = Craft(vehicle, read.home, AUTOPILOTS.get(dialect, AUTOPILOTS["ardupilot"]))
+    craft = Craft(vehicle, read.home, AUTOPILOTS.get(dialect, AUTOPILOTS["ardupilot"]), read.rally)
     followed = course(read, dialect)
     state = (_fly_in_order if craft.autopilot.in_order else _fly_in_queues)(craft, log, followed.numbered)
     for number, item in followed.unreached:

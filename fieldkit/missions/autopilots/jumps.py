@@ -1,8 +1,5 @@
 """Jumps followed: the items of a mission in the order that the autopilot comes to them, up to the one that ends it.
 
-Landing and returning end it: the motors stop, and nothing takes off again by itself (ArduCopter's verify_land, unless
-MIS_OPTIONS says otherwise and a take-off follows; PX4 disarms). So does waiting without end.
-
 A jump counts its repeats over the whole flight, so that an inner one of two is not begun anew (ArduPilot's AP_Mission,
 PX4's mission.cpp). One that leads nowhere ends an ArduPilot's mission, and PX4 does not fly it. A negative count is
 taken to be without end. A landing or return ends the mission: the motors stop, and nothing takes off again by itself
@@ -36,7 +33,7 @@ class Course:
 
     numbered: Numbered  # with their numbers in the file, as they are carried out
     unreached: Numbered = ()  # never come to, jumps left out
-    trouble: tuple[str, int, str] | None = None  # code, number of an item and words: no end by itself, or one too early
+    trouble: tuple[str, int, str] | None = None  # code, number of an item, words: no end by itself, or one too early
     end: tuple[int, MissionItem] | None = None  # the item that ends it, where one does
 
 

@@ -252,11 +252,15 @@ def gone(craft: Craft, state: State, go: Go, following: MissionItem | None = Non
 
 
 def _returned(craft: Craft, state: State) -> Flown:
-    """Up, home and down, at the profile's speeds: DO_CHANGE_SPEED does not count here (ArduCopter's ModeRTL)."""
+    """Up, to home or a nearer rally point, and down.
+
+    At the profile's speeds: DO_CHANGE_SPEED does not count here (ArduCopter's ModeRTL).
+    """
     here, vehicle, autopilot = state.here, craft.vehicle, craft.autopilot
     if here is None or craft.home is None:
         return state, leg(0.0, 0.0, vehicle.speeds), ()
     ground = GeoPoint(craft.home.latitude_deg, craft.home.longitude_deg, 0.0)
+    ground = min((ground, *craft.rally), key=lambda goal: distance(here, goal)[0])
     away, (near_m, slope) = distance(here, ground)[0], autopilot.cone
     height = max(min(autopilot.return_m, slope * away if away <= near_m else math.inf), _RETURN_M)
     height = max(height, here.height_m) if math.isfinite(here.height_m) else height

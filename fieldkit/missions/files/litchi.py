@@ -87,8 +87,8 @@ def read_litchi(path: Path) -> ReadMission:
     cells = [_Row(path, names, row, line) for line, row in filled]
     refused: list[tuple[int, str]] = []
     stops = [_stop(row, k, refused) for k, row in enumerate(cells)]
-    custom = "headings count only with Litchi's Heading Mode set to Custom, which no file can hold"
-    remarks = [warning("heading-mode", custom)]
+    custom = "headings count only with Litchi's Heading Mode set to Custom, and it lands only with Finish Action Land"
+    remarks = [warning("heading-mode", f"{custom}: no file can hold these")]
     for k, row in enumerate(cells[:-1]):  # behind the last one there is no way
         for name, unit in (("photo_timeinterval", "s"), ("photo_distinterval", "m")):
             if (every := row.value(name) or 0.0) > 0.0:

@@ -117,7 +117,7 @@ class _Wrong(Exception):
 
 
 def read_plan(path: Path) -> ReadMission:
-    """Read a .plan file, also one of QGroundControl's own: unknown keys and rally points are passed over.
+    """Read a .plan file, also one of QGroundControl's own: unknown keys are passed over.
 
     Complex items stand for the items that they carry; one that carries none is reported as an error.
     """
@@ -150,7 +150,11 @@ def _read(document: dict[str, Any]) -> ReadMission:
     dialect = _DIALECT.get(firmware) if isinstance(firmware, int) and not isinstance(firmware, bool) else None
     fence = _read_fence(document.get("geoFence"), remarks)
     moved = tuple(_with_place_of_jump(item, number, ids) for number, item in enumerate(items, 1))
-    return ReadMission("plan", items=moved, home=home, firmware=dialect, fence=fence, remarks=tuple(remarks))
+    rally = document.get("rallyPoints")
+    points = rally.get("points") if isinstance(rally, dict) else None
+    places = (_numbers(point) for point in points) if isinstance(points, list) else ()
+    goals = tuple(GeoPoint(place[0], place[1], 0.0) for place in places if place is not None)
+    return ReadMission("plan", moved, home=home, firmware=dialect, fence=fence, rally=goals, remarks=tuple(remarks))
 
 
 def _check_version(entry: dict[str, Any], wanted: int, what: str, remarks: list[Finding]) -> None:

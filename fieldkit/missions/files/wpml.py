@@ -35,6 +35,7 @@ class DjiModel:
     drone: tuple[int, int]  # droneEnumValue and droneSubEnumValue
     payload: int | None  # payloadEnumValue; None where the aircraft's own app writes none
     lens: str = "wide"  # payloadLensIndex of its colour camera
+    carries: bool = False  # different cameras
 
 
 # What a profile's title may hold. Numbers: Cloud API, "Product support" (type, sub_type; type of the camera). The Minis
@@ -66,7 +67,7 @@ def dji_model(vehicle: Vehicle) -> DjiModel:
         if re.search(pattern, title):
             payload = next((number for name, number in _CAMERAS if re.search(name, title)), None)
             if payload is not None:
-                return DjiModel(drone, payload)
+                return DjiModel(drone, payload, carries=True)
             raise MissionError(
                 f"{vehicle.title!r} does not name the camera, and WPML needs its number",
                 remedy="Name it in the profile's title, such as DJI Matrice 350 with H20T.",

@@ -53,10 +53,11 @@ def read_wpml(path: Path) -> ReadMission:
     config = root.find("Document/missionConfig")
     config = Element("missionConfig") if config is None else config
     template = _template(data, path)
-    payload = config.findtext("payloadInfo/payloadPositionIndex") or "0"
-    reader = _Reader(path, _set_pitches(template), _stored_lenses(template), payload)
+    position = config.findtext("payloadInfo/payloadPositionIndex") or "0"
+    reader = _Reader(path, _set_pitches(template), _stored_lenses(template), position)
     for folder in folders:
         reader.read_folder(folder)
+    drone = _whole(config, "droneInfo/droneEnumValue")
     return ReadMission(
         "wpml",
         stops=reader.read(),
@@ -66,7 +67,8 @@ def read_wpml(path: Path) -> ReadMission:
         remarks=tuple(reader.remarks),
         refused=tuple(reader.refused),
         first_number=0,
-        drone=_read_drone(config),
+        drone=None if drone is None else (drone, _whole(config, "droneInfo/droneSubEnumValue") or 0),
+        payload=_whole(config, "payloadInfo/payloadEnumValue"),
     )
 
 
@@ -97,9 +99,9 @@ def _set_pitches(root: Element) -> dict[tuple[str, str], float | None]:
     return found
 
 
-def _read_drone(config: Element) -> tuple[int, int] | None:
-    drone, variant = (number(config.findtext(f"droneInfo/drone{name}Value", "")) for name in ("Enum", "SubEnum"))
-    return None if drone is None else (int(drone), int(variant or 0))
+def _whole(config: Element, path: str) -> int | None:
+    value = number(config.findtext(path, ""))
+    return None if value is None else int(value)
 
 
 def _read_ends(config: Element, reader: _Reader) -> Ends:

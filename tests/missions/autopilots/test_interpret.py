@@ -106,24 +106,30 @@ def test_without_a_home_row_the_first_item_is_lost() -> None:
 
 
 @pytest.mark.parametrize(
-    ("dialect", "north_m", "height_m", "top_m"),
+    ("dialect", "north_m", "height_m", "rally_m", "top_m"),
     [
-        ("ardupilot", 100.0, 5.0, 15.0),
-        ("ardupilot", 100.0, 20.0, 20.0),
-        ("ardupilot", 3.0, 5.0, 9.0),  # three times as high as far from home
-        ("ardupilot", 0.5, 1.0, 2.0),
-        ("px4", 100.0, 5.0, 60.0),
-        ("px4", 8.0, 5.0, 8.0),
+        ("ardupilot", 100.0, 5.0, 0.0, 15.0),
+        ("ardupilot", 100.0, 20.0, 0.0, 20.0),
+        ("ardupilot", 3.0, 5.0, 0.0, 9.0),  # three times as high as far from home
+        ("ardupilot", 0.5, 1.0, 0.0, 2.0),
+        ("ardupilot", 100.0, 5.0, 98.0, 6.0),
+        ("px4", 100.0, 5.0, 0.0, 60.0),
+        ("px4", 8.0, 5.0, 0.0, 8.0),
     ],
 )
-def test_a_return_climbs_first(dialect: str, north_m: float, height_m: float, top_m: float) -> None:
-    there = (HOME.latitude_deg + north_m / 111_240.0, HOME.longitude_deg, height_m)
+def test_a_return_climbs_first(dialect: str, north_m: float, height_m: float, rally_m: float, top_m: float) -> None:
+    there, rally = (
+        (HOME.latitude_deg + north / 111_240.0, HOME.longitude_deg, height)
+        for north, height in ((north_m, height_m), (rally_m, 0.0))
+    )
     items = (
         MissionItem(Command.NAV_TAKEOFF, 3, (0, 0, 0, math.nan, *there)),
         MissionItem(Command.NAV_WAYPOINT, 3, (4.0, 0, 0, math.nan, *there)),
         MissionItem(Command.NAV_RETURN_TO_LAUNCH, 2, (0,) * 7),
     )
-    legs = interpret(ReadMission("plan", items, home=HOME), vehicle(dialect), dialect).legs
+    read = ReadMission("plan", items, home=HOME, rally=(GeoPoint(*rally),))
+    legs = interpret(read, vehicle(dialect), dialect).legs
+    assert metres(legs[-1].end, GeoPoint(*rally)) < 0.01
     assert legs[-1].start.height_m == pytest.approx(top_m, abs=0.05)
     assert metres(legs[0].start, legs[0].end) == 0.0  # take-offs are upright, wherever they lead to
     assert legs[0].end.height_m == max(height_m, 2.5 if dialect == "px4" else 1.0)
