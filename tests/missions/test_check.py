@@ -264,11 +264,15 @@ def test_a_mission_that_photographs_at_intervals_takes_photographs(dialect: Any,
         (pitch_yaw(flags=1.0), None),
         (MissionItem(Command.DO_MOUNT_CONTROL, 2, (-60.0, 0, 0, 0, 0, 0, 2.0)), -60.0),
         (MissionItem(Command.DO_MOUNT_CONTROL, 2, (-60.0, 0, 0, 0, 0, 0, 1.0)), None),
+        (MissionItem(Command.DO_MOUNT_CONTROL, 2, (-60.0, 5.0, 0, 0, 0, 0, 2.0)), None),
     ],
 )
 def test_what_turns_the_first_gimbal_of_a_px4(item: MissionItem, pitch: float | None) -> None:
     items = [i for i in render(small_mission(), vehicle("px4")) if i.command != Command.DO_GIMBAL_MANAGER_PITCHYAW]
-    read = ReadMission("plan", (*items[:1], item, *items[1:]), home=HOME)
+    configured = [i.command for i in items].index(Command.DO_GIMBAL_MANAGER_CONFIGURE) + 1
+    denied = check_mission(ReadMission("plan", (*items[:1], item, *items[configured:]), home=HOME), vehicle("px4"))
+    assert denied.ok == (pitch is not None and item.command == Command.DO_MOUNT_CONTROL)
+    read = ReadMission("plan", (*items[:configured], item, *items[configured:]), home=HOME)
     report = check_mission(read, vehicle("px4"))
     assert {shot.pitch_deg for shot in report.taken} == {pitch}
     assert report.ok == (pitch is not None)

@@ -232,6 +232,8 @@ def _intervals(item: MissionItem, _craft: Craft) -> Effects:
     return (ShootOnTheWay(),) if item.params[0] > 0.0 else ()
 
 
+_UPRIGHT_DEG = 1.0
+"""A gimbal may be asked for so much of roll; what more does to a photograph is not said anywhere."""
 _MOUNT_AWAY = (0.0, 1.0)
 """MAV_MOUNT_MODE_RETRACT and _NEUTRAL (MAVLink common.xml)."""
 _TARGETING = 2.0
@@ -240,10 +242,10 @@ _TARGETING = 2.0
 
 def _mount(item: MissionItem, craft: Craft) -> Effects | None:
     """As PX4's InputMavlinkCmdMount; an ArduPilot keeps no mode (measured)."""
-    mode = item.params[6] if craft.autopilot.in_order else _TARGETING
+    (pitch, roll, yaw), mode = item.params[:3], item.params[6] if craft.autopilot.in_order else _TARGETING
     if mode in _MOUNT_AWAY:
         return (Tilt(None),)
-    return (Tilt(item.params[0]), Pan(item.params[2], "nose")) if mode == _TARGETING else None
+    return (Tilt(pitch), Pan(yaw, "nose")) if mode == _TARGETING and not abs(roll) > _UPRIGHT_DEG else None
 
 
 _AWAY = 1 | 2

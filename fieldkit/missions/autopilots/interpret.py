@@ -43,6 +43,10 @@ _PASSED_FOR = frozenset({
     Command.NAV_WAYPOINT, Command.NAV_SPLINE_WAYPOINT, Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TIME,
 })  # fmt: skip
 """A waypoint without a hold is passed if one of these follows (ArduCopter's ModeAuto::set_next_wp)."""
+_CONTROL = (Command.DO_GIMBAL_MANAGER_CONFIGURE, Command.DO_MOUNT_CONTROL)
+"""Commands that give a PX4's mission control of the gimbal (mission_block.cpp)."""
+_RELEASE = -3.0
+"""Of DO_GIMBAL_MANAGER_CONFIGURE: control is given up (MAVLink common.xml)."""
 _SLOWEST_MPS = 0.01
 """Of a waypoint's own speed; with less, 0 above all, the app's counts."""
 _NO_WAY_M = 0.01
@@ -212,10 +216,17 @@ def _shoot(log: _Log, state: State, number: int, nav: _Nav, effect: Shoot) -> No
 
 
 def _fly_in_order(craft: Craft, log: _Log, numbered: Numbered) -> State:
-    """A PX4: items strictly one after the other."""
-    state = begun(craft)
+    """A PX4: items strictly one after the other.
+
+    Its gimbal denies a mission that is not in control (InputMavlinkGimbalV2), which older commands bring along.
+    """
+    state, controls = begun(craft), False
     for number, item in numbered:
         lost = "" if refusal(item, "px4") is None else _REFUSED
+        if item.command in _CONTROL and not lost:
+            controls = item.command != Command.DO_GIMBAL_MANAGER_CONFIGURE or item.params[0] != _RELEASE
+        elif item.command == Command.DO_GIMBAL_MANAGER_PITCHYAW and not controls:
+            lost = lost or "no DO_GIMBAL_MANAGER_CONFIGURE before it gives the mission control of the gimbal"
         state = _do(craft, log, state, number, *log.effects(craft, number, item, lost))
     return state
 
