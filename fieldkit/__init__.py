@@ -64,8 +64,15 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'fieldkit' has no attribute {name!r}")
     from importlib import import_module
+    from inspect import isfunction
 
-    return getattr(import_module(_HOMES[name]), name)
+    value = getattr(import_module(_HOMES[name]), name)
+    if isfunction(value):
+        from fieldkit.documents.mistaken import checked_call
+
+        value = checked_call(value)
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:

@@ -42,9 +42,14 @@ class FieldkitError(Exception):
         self.path = None if path is None else Path(path)
         self.remedy = remedy
 
+    @property
+    def problem(self) -> str:
+        """The message after the path."""
+        return self.message if self.path is None else f"{self.path}: {self.message}"
+
     def __str__(self) -> str:
-        where = f"{self.path}: " if self.path is not None else ""
-        return f"{where}{self.message}"
+        """The problem and the remedy: all that a script or a notebook shows."""
+        return f"{self.problem.removesuffix('.')}. {self.remedy}" if self.remedy else self.problem
 
 
 class UsageError(FieldkitError):

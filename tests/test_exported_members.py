@@ -20,7 +20,7 @@ def test_all_is_complete_and_sorted() -> None:
 @pytest.mark.parametrize("name", sorted(fieldkit._HOMES))
 def test_member_is_there_and_documented(name: str) -> None:
     member = getattr(fieldkit, name)
-    assert member.__module__ == fieldkit._HOMES[name]
+    assert inspect.unwrap(member).__module__ == fieldkit._HOMES[name]
     assert inspect.getdoc(member)
 
 

@@ -11,7 +11,7 @@ from fieldkit.errors import CloudError, UsageError
 from fieldkit.regular_files import open_regular
 
 
-def read_cloud(path: Path) -> Cloud:
+def read_cloud(path: Path | str) -> Cloud:
     """Read a PLY, LAS or LAZ file, whatever its name ends in."""
     path = Path(path)
     try:

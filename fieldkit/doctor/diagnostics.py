@@ -157,7 +157,7 @@ def check_cache(root: Path | None = None) -> Check:
     except StorageError as error:
         values["writable"] = False
         remedy = f"{error.remedy} FIELDKIT_CACHE chooses another folder; without a cache every run starts anew."
-        return Check("cache", "warn", str(error), remedy, values)
+        return Check("cache", "warn", error.problem, remedy, values)
     existing = next(folder for folder in (root.absolute(), *root.absolute().parents) if folder.exists())
     values["free_bytes"] = shutil.disk_usage(existing).free
     detail = f"{root}: {values['bytes'] / _GIB:.2f} GiB kept, {values['free_bytes'] / _GIB:.1f} GiB free on the disk"

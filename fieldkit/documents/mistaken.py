@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import inspect
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from difflib import get_close_matches
+from functools import wraps
 from itertools import islice
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +18,9 @@ from fieldkit.documents.toml_file import parse_toml
 from fieldkit.errors import InputError, MetadataError, UsageError
 from fieldkit.geometry.geodesy import great_circle_m, on_earth
 from fieldkit.regular_files import open_regular, read_regular
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 class Slip(NamedTuple):
@@ -81,6 +86,33 @@ def did_you_mean(given: str, known: Iterable[str], otherwise: str) -> str:
     """A remedy: the nearest name that is known, or ``otherwise``."""
     near = nearest(given, known)
     return otherwise if near is None else MISSPELT.looks_like.format(near)
+
+
+def check_names(where: str, given: Iterable[str], known: Iterable[str]) -> None:
+    """Raise UsageError for the first argument or field that is not known, with the nearest one that is."""
+    names = list(known)
+    for name in given:
+        if name not in names:
+            raise UsageError(f"{where} has no {name}", remedy=did_you_mean(name, names, f"It has {', '.join(names)}."))
+
+
+def checked_call(function: Callable[P, T]) -> Callable[P, T]:
+    """The function, whose wrong arguments are a UsageError."""
+    signature = inspect.signature(function)
+    open_ended = any(each.kind is each.VAR_KEYWORD for each in signature.parameters.values())
+
+    @wraps(function)
+    def called(*arguments: P.args, **keywords: P.kwargs) -> T:
+        if not open_ended:
+            check_names(function.__name__, keywords, signature.parameters)
+        try:
+            signature.bind(*arguments, **keywords)
+        except TypeError as error:
+            raise UsageError(f"{function.__name__}: {error}", remedy=f"It takes {signature}.") from None
+        return function(*arguments, **keywords)
+
+    called.__module__ = "fieldkit"  # where it is found by its name
+    return called
 
 
 def check_order(plan: Path, site: Path) -> None:

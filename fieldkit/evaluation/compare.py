@@ -64,7 +64,7 @@ class Comparison:
 
 def compare_evaluations(
     evaluations: Sequence[Path | str],
-    output: Path | None = None,
+    output: Path | str | None = None,
     *,
     overwrite: bool = False,
     progress: Progress | None = None,
@@ -84,6 +84,8 @@ def compare_evaluations(
         MetadataError: an evaluation cannot be used.
         StorageError: ``output`` cannot be written.
     """
+    if isinstance(evaluations, str | Path):
+        evaluations = [evaluations]
     runs = _read(evaluations)
     if len({run.label for run in runs}) < 2:
         raise UsageError("there is nothing to compare", remedy="Give two evaluations or more, of different labels.")
@@ -91,10 +93,11 @@ def compare_evaluations(
         report = comparison_of(runs)
     if output is None:
         return Comparison(report, None)
+    output = Path(output)
     with atomic_folder(output, overwrite=overwrite, marker=COMPARE_FILE) as folder:
         write_atomic(folder / TABLE_FILE, compare_csv(report))
         write_atomic(folder / COMPARE_FILE, report.model_dump_json(indent=2) + "\n")
-    return Comparison(report, Path(output))
+    return Comparison(report, output)
 
 
 def comparison_of(runs: Sequence[Labelled]) -> ComparisonReport:

@@ -105,7 +105,7 @@ def failed_plot(
     name: str, error: FieldkitError, *, seconds: float, cpu_seconds: float, photographs: int = 0
 ) -> PlotEvaluation:
     """What evaluation.json says of a plot that could not be reconstructed or scored, of so many photographs."""
-    why = ErrorEntry(type=type(error).__name__, message=str(error), remedy=error.remedy)
+    why = ErrorEntry(type=type(error).__name__, message=error.problem, remedy=error.remedy)
     return PlotEvaluation(
         name=name, error=why, images=photographs, findings=error.findings, seconds=seconds, cpu_seconds=cpu_seconds
     )

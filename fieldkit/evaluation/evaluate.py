@@ -31,6 +31,7 @@ from fieldkit.results.fields import clean_text
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import EVALUATION_FILE, file_sha256
 from fieldkit.runtime.context import Context
+from fieldkit.runtime.executor import NoWorkersError
 from fieldkit.runtime.progress import Progress
 from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.vocabulary import DISTANCES_M
@@ -115,7 +116,7 @@ def evaluate_captures(
                     context, alone=alone,
                 )  # fmt: skip
             except Exception as error:
-                if alone or isinstance(error, StorageError):
+                if alone or isinstance(error, StorageError | NoWorkersError):
                     raise
                 failure = _unexpected(error)
                 progress.note(f"{name}: {failure}")

@@ -13,7 +13,7 @@ import numpy as np
 from fieldkit.captures import Capture
 from fieldkit.clouds import Cloud, CloudScore, ReferenceIndex, score, write_cloud
 from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
-from fieldkit.errors import FieldkitError, InputError, StorageError, UsageError
+from fieldkit.errors import FieldkitError, ReconstructionError, StorageError, UsageError
 from fieldkit.evaluation.adherence import ComparedPlan, write_adherence
 from fieldkit.evaluation.cloud_reference import AnyReference, CloudReference
 from fieldkit.evaluation.conversion import failed_plot, plot_evaluation
@@ -34,6 +34,7 @@ from fieldkit.results.fields import vector
 from fieldkit.results.finding import COARSE_RASTERS, NO_RASTERS, OTHER_PLANTS, POSITIONS_LAG, WEAKLY_TIED, Finding
 from fieldkit.results.report_files import EVALUATION_FILE, describe_files, save_report
 from fieldkit.runtime.context import Context
+from fieldkit.runtime.executor import NoWorkersError
 from fieldkit.runtime.machine import processor_seconds
 from fieldkit.wording import count
 
@@ -132,10 +133,10 @@ def evaluate_plot(
                 return _evaluated(plot, replace(given, capture=capture), folder, place, settings, spent, context)
     except Exception as error:
         shutil.rmtree(folder / place, ignore_errors=True)
-        if not isinstance(error, FieldkitError) or isinstance(error, StorageError):
+        if not isinstance(error, FieldkitError) or isinstance(error, StorageError | NoWorkersError):
             raise
         # One bad folder among many must not cost the others; alone, its own exit code says more.
-        if alone and isinstance(error, InputError):
+        if alone and not isinstance(error, ReconstructionError):
             raise
         context.progress.note(f"{plot}: {error}")
         return failed_plot(

@@ -50,13 +50,13 @@ class ExportedMission:
 
 
 def export_mission(
-    plan: Path | Plans,
+    plan: Path | str | Plans,
     vehicle: str | Path | Vehicle,
-    site: Path | Site,
-    output: Path,
+    site: Path | str | Site,
+    output: Path | str,
     *,
     format: str | None = None,  # noqa: A002
-    plots: Path | None = None,
+    plots: Path | str | None = None,
     plot_id: str | None = None,
     plant_height: PlantHeight | None = None,
     fit: bool | None = None,
@@ -93,7 +93,10 @@ def export_mission(
         MissionError: see `route_plan`; or the vehicle's dialect or the format does not take the mission.
         StorageError: the place is full or not writable.
     """
-    output, format = mission_file(output, format)  # noqa: A001
+    plan = Path(plan) if isinstance(plan, str) else plan
+    site = Path(site) if isinstance(site, str) else site
+    plots = None if plots is None else Path(plots)
+    output, format = mission_file(Path(output), format)  # noqa: A001
     if isinstance(plan, Path) and isinstance(site, Path):
         check_order(plan, site)
     loaded = load_plan(plan) if isinstance(plan, Path) else plan

@@ -45,8 +45,8 @@ class ReportSummary:
 
 
 def write_report(
-    folder: Path,
-    output: Path | None = None,
+    folder: Path | str,
+    output: Path | str | None = None,
     *,
     points: int = POINTS,
     title: str = "",

@@ -38,7 +38,7 @@ def plan_bytes(plan: Plan) -> bytes:
     return (plan.model_dump_json(indent=2) + "\n").encode("utf-8")
 
 
-def load_plan(path: Path) -> Plan:
+def load_plan(path: Path | str) -> Plan:
     """Read plan.json; ``path`` is the file or the folder that holds it.
 
     Raises:

@@ -39,7 +39,7 @@ def save_report(path: Path, report: ReferenceReport | EvaluationReport) -> None:
     write_atomic(path, report.model_dump_json(indent=2) + "\n")
 
 
-def load_reference_report(path: Path) -> ReferenceReport:
+def load_reference_report(path: Path | str) -> ReferenceReport:
     """Read reference.json; ``path`` is the file or the folder that holds it.
 
     Raises:
@@ -48,7 +48,7 @@ def load_reference_report(path: Path) -> ReferenceReport:
     return _load(path, REFERENCE_FILE, ReferenceReport, "reference")
 
 
-def load_evaluation_report(path: Path) -> EvaluationReport:
+def load_evaluation_report(path: Path | str) -> EvaluationReport:
     """Read evaluation.json; ``path`` is the file or the folder that holds it.
 
     Raises:
@@ -89,7 +89,7 @@ def json_schema(model: type[BaseModel]) -> str:
     return schema_text(model.model_json_schema(mode="validation"))
 
 
-def _load(path: Path, name: str, model: type[_Report], kind: str) -> _Report:
+def _load(path: Path | str, name: str, model: type[_Report], kind: str) -> _Report:
     path = Path(path)
     file = path / name if path.is_dir() else path
     command = "fieldkit reference" if kind == "reference" else "fieldkit evaluate"

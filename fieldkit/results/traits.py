@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args
 
+import numpy as np
 from pydantic import Field
 
 from fieldkit.errors import UsageError
@@ -137,12 +138,13 @@ class TraitTable(tuple[Mapping[str, Any], ...]):
     __slots__ = ()
 
     def to_dataframe(self) -> Any:
-        """A pandas DataFrame. Raises UsageError: pandas is not installed."""
+        """A pandas DataFrame, its figures as floats. Raises UsageError: pandas is not installed."""
         try:
             import pandas as pd  # type: ignore[import-untyped,import-not-found,unused-ignore]
         except ImportError as error:
             raise UsageError("pandas is not installed", remedy="Run: pip install pandas") from error
-        return pd.DataFrame(list(self), columns=["plot", "date", *COLUMNS])
+        kinds = {"plot": object, "date": object} | dict.fromkeys(VALUES, float) | {REASONS: object}
+        return pd.DataFrame({name: np.array([row[name] for row in self], kind) for name, kind in kinds.items()})
 
     def __repr__(self) -> str:
         return f"<traits of {count(len(self), 'plot')}>"

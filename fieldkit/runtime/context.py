@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from fieldkit.cache import StageCache, default_cache_root
-from fieldkit.runtime.executor import Limits, map_parallel, open_executor
+from fieldkit.runtime.executor import Limits, check_main_guard, map_parallel, open_executor
 from fieldkit.runtime.progress import Progress, Silent
 
 Item = TypeVar("Item")
@@ -22,7 +22,10 @@ def _no_cache() -> StageCache:
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """How a run computes. No result depends on it but for the seed."""
+    """How a run computes. No result depends on it but for the seed.
+
+    Raises UsageError: workers are wanted where none can be started (`check_main_guard`).
+    """
 
     cache: StageCache = field(default_factory=_no_cache)
     progress: Progress = field(default_factory=Silent)
@@ -31,6 +34,10 @@ class Context:
     seed: int = 0
     scheduler: str = ""
     """Address of a Dask cluster that computes instead of processes; its workers see the same files."""
+
+    def __post_init__(self) -> None:
+        if self.workers > 1 and not self.scheduler:
+            check_main_guard()
 
     @classmethod
     def usual(

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import math
 import multiprocessing
 import pickle
 import signal
+import sys
 import threading
 import time
 import warnings
@@ -17,12 +19,13 @@ from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
+from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
 
 import psutil
 
-from fieldkit.errors import FieldkitError
+from fieldkit.errors import FieldkitError, UsageError
 from fieldkit.runtime.threads import set_memory_environment, set_thread_environment
 from fieldkit.runtime.worker import Answer, work
 
@@ -44,6 +47,41 @@ class WorkerError(FieldkitError):
 
 class NoWorkersError(FieldkitError):
     """Workers do not start, or cannot be reached."""
+
+
+def lacks_main_guard() -> bool:
+    """Whether the call comes from a script's top level, which a spawned process would run again.
+
+    What is typed in, given by ``-c`` or in a notebook, and what ``python -m PACKAGE`` starts, is not run again.
+    """
+    if getattr(multiprocessing.current_process(), "_inheriting", False):  # it is being run again
+        return True
+    main = sys.modules["__main__"]
+    file, spec = getattr(main, "__file__", None), getattr(main, "__spec__", None)
+    if file is None or (spec is not None and spec.name.endswith("__main__")):
+        return False
+    frame = sys._getframe()
+    while not (frame.f_globals is main.__dict__ and frame.f_code.co_name == "<module>"):
+        if frame.f_back is None:
+            return False
+        frame = frame.f_back
+    try:
+        blocks = [node for node in ast.walk(ast.parse(Path(file).read_bytes())) if isinstance(node, ast.If)]
+    except (OSError, SyntaxError, ValueError):  # from standard input
+        return True
+    return not any(
+        node.lineno <= frame.f_lineno <= (node.end_lineno or 0) and "__name__" in ast.dump(node.test) for node in blocks
+    )
+
+
+def check_main_guard() -> None:
+    """Raise UsageError where `lacks_main_guard`, before any work is done."""
+    if lacks_main_guard():
+        raise UsageError(
+            "worker processes run a script's top level again, and this call stands there",
+            path=getattr(sys.modules["__main__"], "__file__", None),
+            remedy='Put it below `if __name__ == "__main__":`, or give workers=1.',
+        )
 
 
 @dataclass(frozen=True)
@@ -219,13 +257,13 @@ class Processes(Executor):
 
     Workers are spawned when there are calls and reused; dead ones are replaced. They end within a second or two if
     their parent is killed. A call whose worker died is repeated when no other one waits or runs, since several at once
-    may have been too much for the memory. As with every use of `multiprocessing`, a script that opens an executor needs
-    ``if __name__ == "__main__":``.
+    may have been too much for the memory. Raises as `check_main_guard`.
     """
 
     def __init__(self, workers: int, *, make: Callable[[], Any] | None = None, limits: Limits | None = None) -> None:
         if workers < 1:
             raise ValueError("an executor needs at least one worker")
+        check_main_guard()
         self._make, self._count, self._limits = make, workers, limits or Limits()
         self._waiting: deque[_Call] = deque()
         self._again: deque[_Call] = deque()
@@ -345,8 +383,8 @@ class Processes(Executor):
             self._failed_starts += 1
             if self._failed_starts > _FAILED_STARTS * self._count:
                 self._failed_starts = 0
-                remedy = 'Run `fieldkit doctor`; a script that opens an executor needs `if __name__ == "__main__":`.'
-                self._fail_waiting(NoWorkersError(f"worker processes do not start: {reason}", remedy=remedy))
+                error = NoWorkersError(f"worker processes do not start: {reason}", remedy="Run `fieldkit doctor`.")
+                self._fail_waiting(error)
 
     def _settle(self, call: _Call, error: Exception) -> None:
         """Repeat a call whose worker died, or end it."""

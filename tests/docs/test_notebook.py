@@ -1,8 +1,10 @@
 """The notebook of the documentation runs as it stands; and what a notebook shows is short."""
 
 import json
+import re
 import shutil
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,36 +12,84 @@ from typing import Any
 import pytest
 
 import fieldkit
+from fieldkit.results.traits import TraitsEntry, TraitTable
 from tests.cli.test_scene_commands import TINY
 
 ROOT = Path(__file__).parents[2]
 
 
+NOTEBOOK = ROOT / "docs" / "notebook.ipynb"
+
+
 @pytest.fixture
 def _frames(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """In a folder of its own; rows in the place of a DataFrame, whether or not pandas is there."""
+    """In a folder of its own; columns in the place of a DataFrame, whether or not pandas is there."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("FIELDKIT_CACHE", str(tmp_path / "cache"))
-    frames = SimpleNamespace(DataFrame=lambda rows, columns: [{name: row[name] for name in columns} for row in rows])
-    monkeypatch.setitem(sys.modules, "pandas", frames)
+    monkeypatch.setitem(sys.modules, "pandas", SimpleNamespace(DataFrame=dict))
 
 
 @pytest.mark.usefixtures("_frames")
-def test_every_cell_runs(tmp_path: Path) -> None:
-    shutil.copytree(ROOT / "tests" / "data" / "small_plot", tmp_path / "small_plot")
-    cells = json.loads((ROOT / "docs" / "notebook.ipynb").read_text("utf-8"))["cells"]
+def test_every_cell_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copytree(ROOT / "docs" / "plot_7", tmp_path / "plot_7")
     known: dict[str, Any] = {}
-    for cell in cells:
+    for cell in json.loads(NOTEBOOK.read_text("utf-8"))["cells"]:
         if cell["cell_type"] == "code":
             exec("".join(cell["source"]), known)
-    (row,) = known["traits"]
-    assert row["plot"] == "small_plot"
-    assert row["height_m"] or row["no_trait"]
+    assert known["traits"]["plot"] == ["plot_7"]
+    assert known["traits"]["height_m"] == pytest.approx([0.80], abs=0.03)
     assert len(known["cloud"]) > 100
     assert known["report"].output.stat().st_size > 1000
+    assert "Features: done in" in capsys.readouterr().err
     shown = [repr(known["result"]), repr(known["result"].plots[0]), repr(known["result"].traits)]
     assert max(map(len, shown)) < 2000, shown
     assert shown[2] == "<traits of 1 plot>"
+
+
+def test_it_is_stored_as_it_ran_with_a_picture_and_without_this_machines_folders() -> None:
+    outputs = [cell["outputs"] for cell in json.loads(NOTEBOOK.read_text("utf-8"))["cells"] if "outputs" in cell]
+    assert all(outputs)
+    assert any("image/png" in output.get("data", {}) for cell in outputs for output in cell)
+    assert not re.search(r"/(home|root|tmp|work|Users)/", NOTEBOOK.read_text("utf-8"))
+
+
+@pytest.mark.usefixtures("_frames")
+def test_figures_are_floats_even_where_there_are_none() -> None:
+    columns = TraitTable([{"plot": "a", "date": None, **TraitsEntry().row()}]).to_dataframe()
+    kinds = {name: values.dtype.kind for name, values in columns.items()}
+    assert {name for name, kind in kinds.items() if kind != "f"} == {"plot", "date", "no_trait"}
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: fieldkit.evaluate("photos", fidelty="draft"), "evaluate has no fidelty. Did you mean fidelity?"),
+        (lambda: fieldkit.plan(scen="case-1"), "plan has no scen. Did you mean scene?"),
+        (lambda: fieldkit.search_settings(scene="case-1", camras=4), "no camras. Did you mean cameras?"),
+        (lambda: fieldkit.search_settings(scene="case-1", noise={"pose": 1}), "no pose. Did you mean pose_m?"),
+        (lambda: fieldkit.export_mission("p", "v", "s", "m", adjst=True), "no adjst. Did you mean adjust?"),
+        (lambda: fieldkit.export_mission("plan"), "missing a required argument: 'vehicle'. It takes"),
+    ],
+)  # fmt: skip
+def test_wrong_arguments_are_named_with_the_right_ones(call: Callable[[], Any], words: str) -> None:
+    with pytest.raises(fieldkit.FieldkitError, match=re.escape(words)) as caught:
+        call()
+    assert caught.value.exit_code == 2
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda file: fieldkit.compare_evaluations([file, file], f"{file}/compared"),
+        lambda file: fieldkit.export_mission(file, "ardupilot-pitch", file, file),
+        lambda file: fieldkit.write_report(file, f"{file}/report.html"),
+        fieldkit.load_plan, fieldkit.load_evaluation_report, fieldkit.load_reference_report, fieldkit.read_cloud,
+    ],
+)  # fmt: skip
+def test_paths_may_be_text(tmp_path: Path, call: Callable[[str], Any]) -> None:
+    with pytest.raises(fieldkit.FieldkitError, match=r"(?i)no such") as caught:
+        call(str(tmp_path / "nowhere"))
+    assert caught.value.remedy in str(caught.value)
 
 
 @pytest.mark.slow
@@ -53,8 +103,6 @@ def test_a_plan_needs_a_scene_alone(tmp_path: Path) -> None:
 
 
 def test_without_pandas_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    from fieldkit.results.traits import TraitTable
-
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(fieldkit.FieldkitError, match="pandas is not installed"):
         TraitTable().to_dataframe()

@@ -49,6 +49,25 @@ def threads_of(_: int) -> list[int]:
     return [pool["num_threads"] for pool in threadpool_info()]
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("print(map_parallel(abs, [1, -2], workers=2))", "UsageError"),
+        ("Context(workers=2)", "UsageError"),
+        ("print(map_parallel(abs, [1, -2], workers=1))", "[1, 2]"),
+        ("if __name__ == '__main__':\n    print(map_parallel(abs, [1, -2], workers=2))", "[1, 2]"),
+    ],
+)
+def test_a_script_without_a_main_guard_is_told_at_once(tmp_path: Path, text: str, said: str) -> None:
+    file = tmp_path / "script.py"
+    head = "from fieldkit.runtime.context import Context\nfrom fieldkit.runtime.executor import map_parallel\n"
+    file.write_text(f"{head}{text}\n")
+    done = subprocess.run([sys.executable, str(file)], capture_output=True, text=True, timeout=LIMIT_S)
+    assert said in done.stdout + done.stderr
+    assert done.stderr.count("Traceback") == (said == "UsageError")  # no worker was started
+    assert ("or give workers=1" in done.stderr) == (said == "UsageError")
+
+
 @pytest.mark.parametrize("mapper", [map_parallel, map_threads])
 @pytest.mark.parametrize("workers", [1, 2, 5])
 def test_results_keep_the_order_of_the_items_whatever_the_workers(mapper, workers) -> None:

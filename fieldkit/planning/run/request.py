@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.documents.json_file import first_problem
+from fieldkit.documents.mistaken import check_names
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.methods.registry import METHODS, MethodEntry, method_entry
@@ -104,6 +106,10 @@ def search_settings(
     Example:
         >>> settings = search_settings(scene="case-1", cameras=10, evaluations=60)
     """
+    known = [*SearchSettings.model_fields, *inspect.signature(search_settings).parameters]
+    check_names("search_settings", more, known)
+    check_names("noise", noise or {}, NoiseSettings.model_fields)
+    check_names("envelope", envelope or {}, EnvelopeSettings.model_fields)
     request = PlanRequest(
         more, noise or {}, envelope or {}, _paths(scene), _paths(reference),
         None if captures is None else Path(captures), _paths(images), vehicle, None if camera is None else Path(camera),
