@@ -34,7 +34,6 @@ from fieldkit.figures.tables.scores import TRAIT_FIGURES, interval, score_column
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.report.sections.captures import without_height
 from fieldkit.report.sections.loaded import Loaded, Results
-from fieldkit.report.sections.photographs import PHOTOGRAPHS
 from fieldkit.report.sections.shown import Shown
 from fieldkit.results.finding import OTHER_PLANTS
 from fieldkit.results.visit import Visit
@@ -66,14 +65,10 @@ def campaign_section(result: Loaded[Campaign], anchor: str, shown: Shown) -> Sec
                 break
             table = _table(day, visits, anchors, pictures)
             blocks.append(table if last else Details(f"Plots on {day}", (traits_table(campaign, day), table)))
-        photographs = shown.pictures(anchor, PHOTOGRAPHS)
         by_plot: dict[str, list[Visit]] = {}
         for visit in campaign.visits:
             by_plot.setdefault(visit.plot, []).append(visit)
-        blocks += [
-            _plot(by_plot[plot], plot, name, pictures.get(plot), photographs.get(plot))
-            for plot, name in anchors.items()
-        ]
+        blocks += [_plot(by_plot[plot], plot, name, pictures.get(plot)) for plot, name in anchors.items()]
     return Section(anchor, f"Campaign: {campaign.name}", tuple(blocks))
 
 
@@ -158,9 +153,7 @@ def _table(day: str, visits: Sequence[Visit], anchors: Mapping[str, str], pictur
     ])  # fmt: skip
 
 
-def _plot(
-    visits: Sequence[Visit], plot: str, anchor: str, cloud: Picture | None, photograph: Picture | None
-) -> Details:
+def _plot(visits: Sequence[Visit], plot: str, anchor: str, photograph: Picture | None) -> Details:
     """A plot's dates."""
     columns = score_columns(visits)
     grown = tabulated(f"{plot} over the dates", [{"date": visit.date, **_grown(visit)} for visit in visits])
@@ -169,8 +162,6 @@ def _plot(
     )
     drawn = tuple(charts(visits, plot))
     blocks: list[Block] = [grown, *([Charts(drawn)] if drawn else []), quality]
-    if cloud is not None:
-        blocks.insert(0, Still(cloud, f"{plot}: its last cloud, from the front and from above"))
     if photograph is not None:
         blocks.insert(0, Still(photograph, photograph.description))
     return Details(f"Plot {plot}", tuple(blocks), anchor=anchor)

@@ -14,7 +14,6 @@ from fieldkit.report.sections.campaign import plot_map, traits_table
 from fieldkit.report.sections.comparison import noise_counts
 from fieldkit.report.sections.demo import demo_blocks, demo_statements
 from fieldkit.report.sections.loaded import FlownMission, PlanRun, Results
-from fieldkit.report.sections.photographs import PHOTOGRAPHS
 from fieldkit.report.sections.shown import Shown
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.demo import DemoReport
@@ -34,7 +33,7 @@ _AFTER_EVALUATION = (
 
 
 def in_short(results: Results, statements: Sequence[Statement], shown: Shown) -> Section:
-    """The first section of a report, of all that is said of its results: with maps of campaigns, else with stills."""
+    """The first section of a report, of all that is said of its results: first with a map or a picture, then traits."""
     to_do = tuple(each for each in statements if each.level in ("problem", "note") and each.advice)
     grouped = tuple(_grouped(to_do))
     rest = tuple(each for each in statements if each not in grouped)
@@ -43,7 +42,7 @@ def in_short(results: Results, statements: Sequence[Statement], shown: Shown) ->
     blocks: list[Block] = [Statements((*compared, verdict(results, statements)))]
     blocks += [block for demo in demos for block in demo_blocks(demo)]
     anchors = {f"campaign-{k}": result.report for k, result in enumerate(results.of(Campaign), 1)}
-    maps = [plot_map(report, anchor, shown.pictures(anchor, PHOTOGRAPHS)) for anchor, report in anchors.items()]
+    maps = [plot_map(report, anchor, shown.pictures(anchor)) for anchor, report in anchors.items()]
     drawn = [each for each in maps if each is not None]
     stills = [] if drawn else shown.first_stills(("evaluation", "reference", "plan", "mission"))
     blocks += [*drawn, *(Still(picture, caption) for caption, picture in stills)]

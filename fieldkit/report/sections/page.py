@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Generic
 
 from fieldkit.campaign.reading import Campaign
@@ -19,7 +20,7 @@ from fieldkit.report.sections.comparison import comparison_section, comparison_s
 from fieldkit.report.sections.glossary import meanings, terms_of
 from fieldkit.report.sections.in_short import in_short
 from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results, T
-from fieldkit.report.sections.photographs import add_campaign_pictures, add_photographs
+from fieldkit.report.sections.photographs import add_campaign_pictures, add_photographs, overview
 from fieldkit.report.sections.plan import mission_section, mission_statements, plan_section, plan_statements
 from fieldkit.report.sections.provenance import provenance_section
 from fieldkit.report.sections.shown import Seen, Shown
@@ -69,7 +70,7 @@ def build_page(
     shown = Shown()
     with progress.stage("Reading clouds and comparing them"):
         for kind, loaded, anchor in _each(results):
-            shown.add_views(anchor, kind.views(loaded, results))
+            shown.add_views(anchor, kind.views(loaded, results), partial(overview, loaded))
         shown.thin(most_points)
     with progress.stage("Reading photographs"):
         for kind, loaded, anchor in _each(results):

@@ -1,20 +1,21 @@
-"""Small pictures of results: thumbnails of photographs, if their folder can be found, and of campaigns' last clouds."""
+"""Pictures of results: their overviews, and small ones of photographs, if their folder can be found."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
+
+import cv2
 
 from fieldkit.campaign.reading import Campaign
-from fieldkit.campaign.visits import visit_cloud
 from fieldkit.captures.decode import read_image
-from fieldkit.clouds import read_cloud
 from fieldkit.errors import FieldkitError
 from fieldkit.figures.content import Picture
 from fieldkit.files import file_beside
-from fieldkit.report.sections.loaded import Loaded, Results
+from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results
 from fieldkit.report.sections.shown import MOST_THUMBNAILS, Shown
-from fieldkit.report.sections.stills import as_jpeg, cloud_still
 from fieldkit.results.evaluation import EvaluationReport, ReconstructionEntry, ReferenceReport
 from fieldkit.results.report_files import file_sha256, load_evaluation_report
 from fieldkit.results.visit import Visit
@@ -23,8 +24,8 @@ SIDE = 160
 """Longer side of a thumbnail, pixels; shown at half the size."""
 MAP_SIDE = 480
 """The same of a photograph on a map."""
-PHOTOGRAPHS = "photographs"
-"""What a campaign's photographs are kept under, by plot."""
+OVERVIEW_SIDE = 1400
+"""The same of a result's overview, shown at its size."""
 
 _QUALITY = 72
 _LARGEST_BYTES = 64 << 20
@@ -50,24 +51,28 @@ def add_photographs(
 
 
 def add_campaign_pictures(shown: Shown, anchor: str, result: Loaded[Campaign], _: Results) -> None:
-    """Of each plot a photograph and a still of its cloud, the last there are."""
-    for of, picture_of in ((PHOTOGRAPHS, _photograph), ("", _cloud)):
-        found: dict[str, Picture] = {}
-        for visit in sorted(result.report.visits, key=lambda visit: visit.date, reverse=True):
-            if visit.plot in found or shown.thumbnails + len(found) >= MOST_THUMBNAILS:
-                continue
-            try:
-                picture = picture_of(result.folder, visit)
-            except (FieldkitError, OSError):
-                continue
-            if picture is not None:
-                found[visit.plot] = picture
-        shown.add_pictures(anchor, of, found)
+    """Of each plot the last photograph that there is."""
+    pictures: dict[str, Picture] = {}
+    for visit in sorted(result.report.visits, key=lambda visit: visit.date, reverse=True):
+        if visit.plot in pictures or shown.thumbnails + len(pictures) >= MOST_THUMBNAILS:
+            continue
+        with suppress(FieldkitError, OSError):
+            if (picture := _photograph(result.folder, visit)) is not None:
+                pictures[visit.plot] = picture
+    shown.add_pictures(anchor, "", pictures)
 
 
-def _cloud(campaign: Path, visit: Visit) -> Picture | None:
-    file = visit_cloud(campaign, visit)
-    return None if file is None else cloud_still(read_cloud(file), visit.plot)
+def overview(result: Loaded[Any], plot: str) -> Picture | None:
+    """The picture that was written with a result; None where it is not there any more."""
+    report = result.report
+    if isinstance(report, EvaluationReport):
+        names = [entry.name for each in report.plots if each.name == plot for entry in each.files]
+    elif isinstance(report, PlanRun):
+        names = ["plan.png"]
+    else:
+        names = [entry.name for entry in (report.record if isinstance(report, FlownMission) else report).files]
+    file = _file(result.folder, next((name for name in names if name.endswith(".png")), ""))
+    return None if file is None else _small(file, OVERVIEW_SIDE, f"{plot or result.name}: all of it", shown=1)
 
 
 def _photograph(campaign: Path, visit: Visit) -> Picture | None:
@@ -108,17 +113,17 @@ def thumbnails(folder: Path, names: Sequence[str], most: int) -> Mapping[str, Pi
     return {name: picture for name, picture in small if picture is not None}
 
 
-def _small(file: Path, side: int, description: str) -> Picture | None:
-    """A photograph without metadata, shown at half its pixels; None where it cannot be read."""
+def _small(file: Path, side: int, description: str, *, shown: int = 2) -> Picture | None:
+    """A picture without metadata, a pixel of the page from so many of its own; None where it cannot be read."""
     try:
         pixels = read_image(file, max_side=side) if file.stat().st_size <= _LARGEST_BYTES else None
     except (FieldkitError, OSError, MemoryError):
         return None
-    jpeg = None if pixels is None else as_jpeg(pixels, _QUALITY)
-    if pixels is None or jpeg is None:
+    if pixels is None:
         return None
+    done, jpeg = cv2.imencode(".jpg", pixels[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
     height, width = pixels.shape[:2]
-    return Picture(jpeg, max(1, width // 2), max(1, height // 2), description)
+    return Picture(jpeg.tobytes(), max(1, width // shown), max(1, height // shown), description) if done else None
 
 
 def _places(near: Path, root: Path) -> Iterator[Path]:

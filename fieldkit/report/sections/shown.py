@@ -1,13 +1,12 @@
-"""What a report's results look like: their 3D views with stills, and thumbnails of their photographs."""
+"""What a report's results look like: their 3D views and overviews, and thumbnails of their photographs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import islice
 
 from fieldkit.figures.content import Block, Paragraph, Picture, View3D
 from fieldkit.figures.drawings import ViewerScene
-from fieldkit.report.sections.stills import still
 from fieldkit.report.sections.views_3d import points_of, within_budget
 
 MOST_THUMBNAILS = 300
@@ -46,13 +45,14 @@ class Shown:
         """Number of photographs and clouds shown small."""
         return sum(map(len, self._pictures.values()))
 
-    def add_views(self, anchor: str, seen: Seen) -> None:
-        """Take in views of a result, as long as there is room for more."""
+    def add_views(self, anchor: str, seen: Seen, overview: Callable[[str], Picture | None]) -> None:
+        """Take in views of a result and the ``overview`` of each plot, as long as there is room for more."""
         for plot, scene, note in islice(seen, MOST_VIEWS - len(self._scenes)):
             self._notes[anchor, plot] = note
             if scene is not None:
-                self._places[anchor, plot] = len(self._scenes)
+                place = self._places[anchor, plot] = len(self._scenes)
                 self._scenes.append(scene)
+                self._stills[place] = overview(plot)
 
     def add_pictures(self, anchor: str, plot: str, pictures: Mapping[str, Picture]) -> None:
         """Take in small pictures of a result, by name."""
@@ -72,7 +72,7 @@ class Shown:
         note = self._notes.get((anchor, plot), "")
         place = self._places.get((anchor, plot))
         if place is not None:
-            yield View3D(f"view-{place + 1}", self._scenes[place], note, self._still(place))
+            yield View3D(f"view-{place + 1}", self._scenes[place], note, self._stills[place])
         elif note:
             yield Paragraph(note, faint=True)
 
@@ -81,15 +81,10 @@ class Shown:
         return self._pictures.get((anchor, plot), {})
 
     def first_stills(self, nouns: Iterable[str]) -> Iterator[tuple[str, Picture]]:
-        """Captioned stills of the first kind of result that has any, to begin a report with."""
+        """Captioned overviews of the first kind of result that has any, to begin a report with."""
         for noun in nouns:
             places = [place for (anchor, _), place in self._places.items() if anchor.startswith(f"{noun}-")]
-            found = [(self._scenes[k].title, told) for k in places[:_MOST_PICTURES] if (told := self._still(k))]
+            found = [(self._scenes[k].title, told) for k in places[:_MOST_PICTURES] if (told := self._stills[k])]
             if found:
                 yield from found
                 return
-
-    def _still(self, place: int) -> Picture | None:
-        if place not in self._stills:
-            self._stills[place] = still(self._scenes[place])
-        return self._stills[place]
