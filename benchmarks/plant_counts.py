@@ -13,8 +13,8 @@ import numpy as np
 
 from benchmarks.result import ResultTable, StudyResult
 from benchmarks.scored_captures import FITTED, HELD_OUT, scene_outline
-from benchmarks.true_plants import PIXEL_M, height_map
 from fieldkit.captures import read_capture
+from fieldkit.demo.truth import PIXEL_M, height_map
 from fieldkit.evaluation.conversion import plot_evaluation
 from fieldkit.planning.objective.simulated import Proxy
 from fieldkit.reconstruction.pipeline import reconstruct

@@ -16,10 +16,10 @@ from benchmarks.planner_runs import Place
 from benchmarks.plant_figures import error_table
 from benchmarks.result import Cell, ResultTable, StudyResult
 from benchmarks.scored_captures import scene_outline, settle_in_scene
-from benchmarks.true_plants import true_traits
 from fieldkit.cache import StageCache, digest
 from fieldkit.captures import read_capture
 from fieldkit.captures.bursts import by_station
+from fieldkit.demo.truth import true_traits
 from fieldkit.errors import ReconstructionError
 from fieldkit.evaluation.conversion import failed_plot, plot_evaluation
 from fieldkit.files import write_atomic
@@ -278,7 +278,7 @@ def _traits(
             )  # fmt: skip
             renderer.close()
             plot = _evaluated(file.stem, Path(temporary) / "capture", proxy, Context(StageCache(None), progress))
-        truth = true_traits(proxy)
+        truth = true_traits(proxy.scene.meshes, proxy.volume)
         found = {
             "scene": file.stem, "sway_m": plot.sway_m, "error": plot.error,
             "found": (plot.traits or TraitsEntry()).model_dump(mode="json"),

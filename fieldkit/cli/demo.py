@@ -39,14 +39,13 @@ def command(output: OutputOption, run: RunOptions, as_json: JsonOption = False) 
         return
     from fieldkit.figures.content import Statements
     from fieldkit.figures.style import format_seconds
-    from fieldkit.figures.tables.scores import plant_tables
     from fieldkit.figures.terminal.blocks import rendered
-    from fieldkit.report.sections.demo import demo_blocks, demo_statements
+    from fieldkit.report.sections.demo import demo_blocks, demo_statements, demo_traits
 
-    grown = (table for plot, plots in demo.evaluations.items() for table in plant_tables(plots, f"the {plot} plot"))
     end = f"In {format_seconds(demo.seconds)}. Open the report in a browser:"
     first = Statements(demo_statements(demo.compared))
-    show(rendered([first, *_story(demo), *demo_blocks(demo.compared), *grown]), end, demo.report)
+    grown = demo_traits(demo.compared, demo.evaluations)
+    show(rendered([first, *_story(demo), grown, *demo_blocks(demo.compared)]), end, demo.report)
 
 
 def _story(demo: Demo) -> Iterator[Paragraph]:

@@ -22,6 +22,7 @@ from fieldkit.demo.plots import (
     measured_height_m,
     photograph,
     scene_path,
+    truth,
 )
 from fieldkit.evaluation.reference import Reference
 from fieldkit.files import atomic_folder, write_atomic
@@ -211,6 +212,7 @@ def _compared(folder: Path, evaluations: Mapping[str, EvaluationReport], noise: 
         vehicle_kg=noise.vehicle_kg,
         reference_to_true_plants_m=_against(plants[SEEN], reference_folder(folder, SEEN)).chamfer.chamfer_m,
         scores=tuple(DemoEntry.model_validate(score) for score in scores),
+        truth={"seen": truth(SEEN), "unseen": truth(UNSEEN)},
     )
 
 

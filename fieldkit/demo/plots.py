@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from fieldkit.cache import StageCache
+from fieldkit.demo.truth import true_traits
 from fieldkit.evaluation.evaluate import evaluate_captures
 from fieldkit.evaluation.reference import build_reference
 from fieldkit.geometry import Intrinsics, Pose
@@ -15,7 +16,9 @@ from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.mapping.prior import PriorMappingSettings
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
+from fieldkit.results.traits import TraitsEntry
 from fieldkit.runtime.progress import Silent
+from fieldkit.scenes.description import build as build_scene
 from fieldkit.scenes.library import scenes_folder
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import Outdoors
@@ -42,6 +45,13 @@ def measured_height_m(plot: str) -> float:
     """The plants' height as a person measures it before a flight."""
     known, _ = Plot.of(read_scene(scene_path(plot)))
     return known.measured_height_m
+
+
+def truth(plot: str) -> TraitsEntry:
+    """Of the rendered plants, within the box that `evaluate` takes for the plot."""
+    scene = read_scene(scene_path(plot))
+    known = true_traits(build_scene(scene).meshes, scene.bounds.volume)
+    return TraitsEntry(**asdict(known), cover_percent=known.cover_percent)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from typing import Literal
 
 from fieldkit.documents.json_file import read_model
 from fieldkit.results.fields import Count, Length, Strict
+from fieldkit.results.traits import TraitsEntry
 
 DEMO_FILE = "demo.json"
 _MAX_BYTES = 1 << 20
@@ -36,7 +37,7 @@ class DemoReport(Strict):
     """demo.json: what planned views are worth beside the best circle."""
 
     kind: Literal["demo"] = "demo"
-    version: Literal[4] = 4
+    version: Literal[5] = 5
     seed: int
     pose_noise: tuple[float, float]
     """Standard deviations of the flights over both plots: metres and degrees."""
@@ -47,6 +48,8 @@ class DemoReport(Strict):
     reference_to_true_plants_m: Length
     """Chamfer distance of the seen plot's reference to the rendered plants, after ICP."""
     scores: tuple[DemoEntry, ...]
+    truth: dict[PlotName, TraitsEntry]
+    """Of the rendered plants, within the plot's outline."""
 
     def score(self, plot: PlotName, views: Views) -> DemoEntry | None:
         """The capture of a plot from these views, or None."""

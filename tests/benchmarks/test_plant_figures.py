@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.true_plants import height_map, kept_truth, true_traits
+from benchmarks.true_plants import kept_truth
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
+from fieldkit.demo.truth import height_map, true_traits
 from fieldkit.scenes.scene import Mesh
 
 
@@ -25,7 +26,8 @@ def square(size: float, z: float) -> Any:
 
 
 def test_of_a_leaf() -> None:
-    found = true_traits(square(0.3, 0.5))
+    leaf = square(0.3, 0.5)
+    found = true_traits(leaf.scene.meshes, leaf.volume)
     assert found.covered_area_m2 == pytest.approx(0.09, rel=0.01)
     assert found.height_m == 0.5
     assert found.canopy_volume_m3 == pytest.approx(0.045, rel=0.01)
@@ -33,7 +35,8 @@ def test_of_a_leaf() -> None:
 
 
 def test_only_what_lies_within_the_volume_is_covered() -> None:
-    assert true_traits(square(1.5, 0.5)).covered_area_m2 == pytest.approx(1.0, rel=0.01)
+    leaf = square(1.5, 0.5)
+    assert true_traits(leaf.scene.meshes, leaf.volume).covered_area_m2 == pytest.approx(1.0, rel=0.01)
 
 
 def test_a_height_map_has_the_upper_surface() -> None:

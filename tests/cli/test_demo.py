@@ -10,6 +10,7 @@ import pytest
 
 from fieldkit import load_evaluation_report, load_reference_report
 from fieldkit.clouds import read_cloud
+from fieldkit.results.demo import load_demo
 
 pytestmark = pytest.mark.slow
 
@@ -52,6 +53,14 @@ def test_figures(demo: tuple[Path, dict]) -> None:
         assert score["chamfer_m"] == pytest.approx(score["accuracy_m"] + score["completeness_m"])
         assert score["f_score"]["0.010"] > 0.7
         assert 0.002 < score["to_true_plants_m"] < 0.02
+
+
+def test_the_true_traits_are_told(demo: tuple[Path, dict]) -> None:
+    compared = load_demo(demo[0] / "out")
+    for plot, truth in compared.truth.items():
+        for each in load_evaluation_report(demo[0] / "out" / f"evaluation-{plot}").plots:
+            assert each.traits.height_m == pytest.approx(truth.height_m, abs=0.08)
+            assert each.traits.cover_percent == pytest.approx(truth.cover_percent, rel=0.2)
 
 
 def test_files(demo: tuple[Path, dict]) -> None:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from fieldkit.figures.content import Block, Cell, Column, Level, Mark, Paragraph, Statement, Table
+from fieldkit.figures.content import Block, Cell, Column, Level, Mark, Paragraph, Row, Statement, Table, tabulated
+from fieldkit.figures.registry import FIGURES
 from fieldkit.figures.style import format_length, millimetres
 from fieldkit.wording import listed
 
 if TYPE_CHECKING:
     from fieldkit.results.demo import DemoReport, PlotName
+    from fieldkit.results.evaluation import PlotEvaluation
+    from fieldkit.results.traits import Trait
 
 TITLE = "Planned views against the best circle"
 
@@ -36,6 +39,10 @@ _LEVEL = 0.05
 _PLOTS: tuple[tuple[PlotName, str], ...] = (("seen", "the plot that was planned on"), ("unseen", "a plot never seen"))
 
 
+_TRUE: tuple[Trait, ...] = ("height_m", "cover_percent", "covered_area_m2")
+"""Traits whose truth is told."""
+
+
 def demo_statements(report: DemoReport) -> tuple[Statement, Statement]:
     """What plans are worth by the benchmark, and what this run drew."""
     many = (
@@ -44,6 +51,19 @@ def demo_statements(report: DemoReport) -> tuple[Statement, Statement]:
         f"{100 * MEASURED.volume:.1f} % (RMSE); the clouds' distance to the true plants is {MEASURED.distance}."
     )
     return Statement("good", many), _drawn(report)
+
+
+def demo_traits(report: DemoReport, evaluations: Mapping[str, Sequence[PlotEvaluation]]) -> Table:
+    """Traits of each plot by each kind of views, beside the true ones; ``evaluations`` are by plot."""
+    rows = []
+    for plot, name in _PLOTS:
+        for each in evaluations.get(plot, ()):
+            row: Row = {"plot": name, "views": each.name}
+            for figure in (FIGURES[key] for key in _TRUE):
+                known = getattr(report.truth.get(plot), figure.key, None)
+                row |= {figure.column: figure.cell(each), Column(f"true, {figure.unit}", True): figure.number(known)}
+            rows.append(row)
+    return tabulated("Plants, measured and true", rows)
 
 
 def demo_blocks(report: DemoReport) -> tuple[Block, ...]:

@@ -12,7 +12,7 @@ from fieldkit.figures.tables.comparison import difference_table, leading_figures
 from fieldkit.figures.tables.scores import counted_traits, plant_tables
 from fieldkit.report.sections.campaign import plot_map, traits_table
 from fieldkit.report.sections.comparison import noise_counts
-from fieldkit.report.sections.demo import demo_blocks, demo_statements
+from fieldkit.report.sections.demo import demo_blocks, demo_statements, demo_traits
 from fieldkit.report.sections.loaded import FlownMission, PlanRun, Results
 from fieldkit.report.sections.shown import Shown
 from fieldkit.results.comparison import ComparisonReport
@@ -40,20 +40,24 @@ def in_short(results: Results, statements: Sequence[Statement], shown: Shown) ->
     demos = [each.report for each in results.of(DemoReport)]
     compared = [each for demo in demos for each in demo_statements(demo)]
     blocks: list[Block] = [Statements((*compared, verdict(results, statements)))]
-    blocks += [block for demo in demos for block in demo_blocks(demo)]
     anchors = {f"campaign-{k}": result.report for k, result in enumerate(results.of(Campaign), 1)}
     maps = [plot_map(report, anchor, shown.pictures(anchor)) for anchor, report in anchors.items()]
     drawn = [each for each in maps if each is not None]
     stills = [] if drawn else shown.first_stills(("evaluation", "reference", "plan", "mission"))
     blocks += [*drawn, *(Still(picture, caption) for caption, picture in stills)]
-    tables = list(_plants(results))
+    tables: list[Block] = list(_plants(results))
+    if demos:
+        plots = {
+            each.folder.name.removeprefix("evaluation-"): each.report.plots for each in results.of(EvaluationReport)
+        }
+        tables = [block for demo in demos for block in (demo_traits(demo, plots), *demo_blocks(demo))]
     ordered = sorted(grouped, key=lambda each: each.level != "problem")
     todo: list[Block] = [Statements(tuple(ordered))] if ordered else []
     if step := next_step(results):
         todo.append(Paragraph(step))
     next_block = [Details("What to do next", tuple(todo), is_open=True)] if todo else []
     # Nobody looks for it below long tables.
-    long = sum(len(table.rows) for table in tables) > _LONG
+    long = sum(len(each.rows) for each in tables if isinstance(each, Table)) > _LONG
     blocks += [*next_block, *tables] if long else [*tables, *next_block]
     if rest:
         blocks.append(Details("Everything that was found", (Statements(rest),)))

@@ -64,7 +64,9 @@ def write_evaluation(
         if (folder / name).resolve().is_relative_to(folder.resolve()) and "\0" not in name:
             (folder / name).mkdir(parents=True)
             write_cloud(folder / name / "cloud.ply", cloud)
-            plot = plot.model_copy(update={"files": describe_files(folder, [f"{name}/cloud.ply"])})
+            Image.new("RGB", (300, 200), (60, 120, 60)).save(folder / name / "overview.png")
+            files = describe_files(folder, [f"{name}/cloud.ply", f"{name}/overview.png"])
+            plot = plot.model_copy(update={"files": files})
         if adherence:
             plot = plot.model_copy(update={"adherence": _adherence(name)})
         entries.append(plot)

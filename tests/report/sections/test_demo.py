@@ -2,8 +2,10 @@
 
 import pytest
 
-from fieldkit.report.sections.demo import MEASURED, demo_statements
+from fieldkit.report.sections.demo import MEASURED, demo_statements, demo_traits
 from fieldkit.results.demo import DemoEntry, DemoReport
+from fieldkit.results.evaluation import PlotEvaluation
+from fieldkit.results.traits import TraitsEntry
 
 
 def report(**planned_mm: float) -> DemoReport:
@@ -15,8 +17,20 @@ def report(**planned_mm: float) -> DemoReport:
     ]  # fmt: skip
     return DemoReport(
         seed=0, pose_noise=(0.02, 1.0), wind_m=0.01, vehicle_kg=1.5, reference_to_true_plants_m=0.004,
-        scores=tuple(entries),
+        scores=tuple(entries), truth={},
     )  # fmt: skip
+
+
+def test_measured_traits_stand_beside_true_ones() -> None:
+    truth = TraitsEntry(height_m=0.801, cover_percent=5.3, covered_area_m2=0.081)
+    told = report(seen=3.6).model_copy(update={"truth": {"seen": truth}})
+    known = TraitsEntry(height_m=0.82, height_error_m=0.03, covered_area_m2=0.078, unknown={"cover_percent": "why"})
+    plot = PlotEvaluation(name="planned", images=10, seconds=1.0, cpu_seconds=1.0, traits=known)
+    table = demo_traits(told, {"seen": [plot]})
+    assert [column.label for column in table.columns][2:] == [
+        "height, m", "true, m", "true, %", "covered area, m²", "true, m²"
+    ]  # fmt: skip
+    assert table.rows == (("the plot that was planned on", "planned", "0.82 ± 0.03", "0.80", "5.3", "0.078", "0.081"),)
 
 
 @pytest.mark.parametrize(
