@@ -12,7 +12,7 @@ import pytest
 from fieldkit.cli.check_mission import command as check_mission_command
 from fieldkit.cli.main import grouped
 from fieldkit.errors import UsageError
-from fieldkit.missions.autopilots.writing import render
+from fieldkit.missions.autopilots.writing import action, render
 from fieldkit.missions.check import check_mission, findings_by_dialect
 from fieldkit.missions.files.qgc_plan import plan_bytes
 from fieldkit.missions.files.read_mission import ReadMission
@@ -136,7 +136,7 @@ def behind(command: int, item: MissionItem) -> Any:
 
 def pitch_yaw(flags: float = 0.0, gimbal: float = 0.0) -> MissionItem:
     """A command of the gimbal's manager to look down by 60°."""
-    return MissionItem(Command.DO_GIMBAL_MANAGER_PITCHYAW, 2, (-60.0, 0.0, 0.0, 0.0, flags, 0.0, gimbal))
+    return action(Command.DO_GIMBAL_MANAGER_PITCHYAW, -60.0, p5=flags, p7=gimbal)
 
 
 def without(command: int) -> Any:
@@ -145,7 +145,7 @@ def without(command: int) -> Any:
 
 def as_digicam(items: list[MissionItem]) -> list[MissionItem]:
     """With a shutter command that does nothing."""
-    shutter = MissionItem(Command.DO_DIGICAM_CONTROL, 2, (0.0,) * 7)
+    shutter = action(Command.DO_DIGICAM_CONTROL)
     return [shutter if item.command == Command.IMAGE_START_CAPTURE else item for item in items]
 
 
@@ -169,7 +169,7 @@ def swapped(items: list[MissionItem]) -> list[MissionItem]:
         (with_items(changed(Command.NAV_DELAY, p1=-1.0, p2=14.0, p3=30.0)), "delay-until"),
         (with_items(changed(Command.NAV_DELAY, p1=0.0)), "delay-until"),
         (with_items(as_digicam), "photo-never"),
-        (with_items(lambda items: [*items, MissionItem(1001, 2, (-2.0, -2.0, 0, 0, 0, 0, 0))]), "item-rejected"),
+        (with_items(lambda items: [*items, action(Command.DO_GIMBAL_MANAGER_CONFIGURE, -2.0, -2.0)]), "item-rejected"),
         (with_items(changed(Command.NAV_WAYPOINT, frame=0)), "datum"),
         (with_items(changed(Command.NAV_WAYPOINT, p7=94.0)), "datum"),
         (with_items(changed(Command.NAV_WAYPOINT, p7=-5000.0)), "datum"),
@@ -181,16 +181,16 @@ def swapped(items: list[MissionItem]) -> list[MissionItem]:
         (with_items(changed(Command.NAV_WAYPOINT, p5=51.5)), "far-from-home"),
         (with_items(lambda _: None, home=None, first=0), "first-item-lost"),
         (with_items(lambda items: 50 * items), "too-many-items"),
-        (with_items(inserted(MissionItem(206, 2, (2.0, 0, 0, 0, 0, 0, 0)))), "photo-interval"),
+        (with_items(inserted(action(206, 2.0))), "photo-interval"),
         (with_items(inserted(MissionItem(17, 3, (0.0, 0, 0, 0, 50.865, 6.4473, 3.0)))), "stops-there"),
         (with_items(inserted(MissionItem(21, 3, (0.0,) * 7))), "photo-never"),
-        (with_items(inserted(MissionItem(20, 2, (0.0,) * 7))), "stops-there"),
+        (with_items(inserted(action(20))), "stops-there"),
         (with_items(behind(Command.DO_MOUNT_CONTROL, pitch_yaw(flags=1.0))), "no-pitch"),
         (with_items(behind(Command.DO_MOUNT_CONTROL, pitch_yaw(flags=2.0 + 16.0))), "no-pitch"),
         (with_items(changed(Command.IMAGE_START_CAPTURE, p1=2.0)), "no-photographs"),
-        (with_items(inserted(MissionItem(203, 2, (0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0)))), "unknown-item"),
-        (with_items(inserted(MissionItem(534, 2, (1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0)))), "unknown-item"),
-        (with_items(inserted(MissionItem(2003, 2, (1.0, 0, 0, 0, 0, 0, 0)))), "item-rejected"),
+        (with_items(inserted(action(203, 0.0, 0.0, 1.0, p5=1.0))), "unknown-item"),
+        (with_items(inserted(action(534, 1.0, 2.0))), "unknown-item"),
+        (with_items(inserted(action(2003, 1.0))), "item-rejected"),
         (with_items(inserted(MissionItem(82, 3, (1.0, 0, 0, 0, 50.865, 6.4473, 3.0)))), "unknown-item"),
         (ReadMission("plan"), "empty"),
         (ReadMission("plan", ITEMS, home=HOME, firmware="dji"), "wrong-vehicle"),
@@ -249,7 +249,7 @@ def test_what_is_worth_knowing_is_said(read: ReadMission, warning: str) -> None:
     [("ardupilot", 206), ("px4", 206), ("px4", 214)],  # ArduPilot does not know the last one
 )
 def test_a_mission_that_photographs_at_intervals_takes_photographs(dialect: Any, trigger: int) -> None:
-    there = MissionItem(trigger, 2, (2.0, 0, 0, 0, 0, 0, 0))
+    there = action(trigger, 2.0)
     items = tuple(there if item.command == Command.IMAGE_START_CAPTURE else item for item in ITEMS)
     found = counted(check_mission(ReadMission("plan", items, home=HOME), vehicle(dialect)))
     assert (found["no-photographs"], found["photo-interval"]) == (0, 3)
@@ -262,9 +262,9 @@ def test_a_mission_that_photographs_at_intervals_takes_photographs(dialect: Any,
         (pitch_yaw(gimbal=154.0), -60.0),
         (pitch_yaw(gimbal=2.0), None),
         (pitch_yaw(flags=1.0), None),
-        (MissionItem(Command.DO_MOUNT_CONTROL, 2, (-60.0, 0, 0, 0, 0, 0, 2.0)), -60.0),
-        (MissionItem(Command.DO_MOUNT_CONTROL, 2, (-60.0, 0, 0, 0, 0, 0, 1.0)), None),
-        (MissionItem(Command.DO_MOUNT_CONTROL, 2, (-60.0, 5.0, 0, 0, 0, 0, 2.0)), None),
+        (action(Command.DO_MOUNT_CONTROL, -60.0, p7=2.0), -60.0),
+        (action(Command.DO_MOUNT_CONTROL, -60.0, p7=1.0), None),
+        (action(Command.DO_MOUNT_CONTROL, -60.0, 5.0, p7=2.0), None),
     ],
 )
 def test_what_turns_the_first_gimbal_of_a_px4(item: MissionItem, pitch: float | None) -> None:
@@ -282,7 +282,7 @@ def test_the_cameras_mode_on_px4() -> None:
     items = render(small_mission(), vehicle("px4"))
 
     def with_mode(mode: float) -> ReadMission:
-        camera = MissionItem(Command.SET_CAMERA_MODE, 2, (0.0, mode, NAN, NAN, NAN, NAN, NAN))
+        camera = action(Command.SET_CAMERA_MODE, 0.0, mode, NAN, NAN)
         return ReadMission("plan", (items[0], camera, *items[1:]), home=HOME, firmware="px4")
 
     assert check_mission(with_mode(0.0), vehicle("px4")).findings == ()

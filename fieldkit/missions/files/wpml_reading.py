@@ -20,7 +20,18 @@ from xml.etree.ElementTree import Element
 from fieldkit.documents.xml_tree import XmlError, parse_local
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import on_earth
-from fieldkit.missions.autopilots.effects import WPML, Effect, Effects, Face, Go, Shoot, Values, cannot_say, effects_of
+from fieldkit.missions.autopilots.effects import (
+    WPML,
+    Effect,
+    Effects,
+    Go,
+    Pan,
+    Shoot,
+    Tilt,
+    Values,
+    cannot_say,
+    effects_of,
+)
 from fieldkit.missions.files.archive import read_members
 from fieldkit.missions.files.limits import MAX_ITEMS, number, read_bytes
 from fieldkit.missions.files.read_mission import LAND, RETURN, Ends, Facing, ReadMission, ReadStop, in_passing
@@ -93,20 +104,24 @@ def _set_pitches(root: Element) -> dict[tuple[str, str], float | None]:
     for folder in root.iter("Folder"):
         mode, template = folder.findtext("gimbalPitchMode"), folder.findtext("templateId", "0")
         for placemark in folder.iter("Placemark"):
-            pitch = number(placemark.findtext("gimbalPitchAngle", ""))
+            pitch = _number(placemark, "gimbalPitchAngle")
             if mode == "manual" or (mode == "usePointSetting" and pitch is not None):
                 found[template, placemark.findtext("index", "")] = None if mode == "manual" else pitch
     return found
 
 
-def _whole(config: Element, path: str) -> int | None:
-    value = number(config.findtext(path, ""))
+def _number(element: Element, path: str) -> float | None:
+    return number(element.findtext(path, ""))
+
+
+def _whole(element: Element, path: str) -> int | None:
+    value = _number(element, path)
     return None if value is None else int(value)
 
 
 def _read_ends(config: Element, reader: _Reader) -> Ends:
     """How the first waypoint is come to, and what is done behind the last one."""
-    finish, return_m = config.findtext("finishAction", ""), number(config.findtext("globalRTHHeight", ""))
+    finish, return_m = config.findtext("finishAction", ""), _number(config, "globalRTHHeight")
     ended: Effects = (LAND,)
     if finish == "goHome":
         ended = (RETURN,)
@@ -117,9 +132,9 @@ def _read_ends(config: Element, reader: _Reader) -> Ends:
         ended = _to(reader.stops[0]) if finish == "gotoFirstWaypoint" and reader.stops else ()
         reader.remarks.append(warning("no-landing", f"the mission ends in the air ({finish})"))
     return Ends(
-        climb_m=max(number(config.findtext("takeOffSecurityHeight", "")) or 0.0, 0.0),
+        climb_m=max(_number(config, "takeOffSecurityHeight") or 0.0, 0.0),
         direct=config.findtext("flyToWaylineMode") == "pointToPoint",
-        speed_mps=number(config.findtext("globalTransitionalSpeed", "")),
+        speed_mps=_number(config, "globalTransitionalSpeed"),
         finish=ended,
         return_m=return_m or 0.0,
     )
@@ -191,8 +206,8 @@ class _Reader:
             if here >= MAX_ITEMS:
                 raise MetadataError(f"has more than {MAX_ITEMS} waypoints", path=self.path, remedy=_REMEDY)
             self.stops.append(self._read_placemark(placemark, folder, template))
-            index = number(placemark.findtext("index", ""))
-            own = here - first if index is None else int(index)
+            index = _whole(placemark, "index")
+            own = here - first if index is None else index
             places.setdefault(own, here)
             groups += [(element, own, here) for element in placemark.findall("actionGroup")]
         start = folder.find("startActionGroup")
@@ -250,10 +265,10 @@ class _Reader:
     def _pitch(self, placemark: Element, index: int, template: str) -> float | None:
         """The waypoint's own pitch, where it is more than a placeholder."""
         parameters = placemark.find("waypointGimbalHeadingParam")
-        pitch = None if parameters is None else number(parameters.findtext("waypointGimbalPitchAngle", ""))
+        pitch = None if parameters is None else _number(parameters, "waypointGimbalPitchAngle")
         if parameters is None or pitch is None:
             return None
-        yaw = number(parameters.findtext("waypointGimbalYawAngle", ""))
+        yaw = _number(parameters, "waypointGimbalYawAngle")
         if yaw:
             self._refuse(index, f"a waypointGimbalYawAngle of {yaw:g}°")
         mode = parameters.findtext("waypointGimbalHeadingMode")
@@ -270,14 +285,14 @@ class _Reader:
 
     def _place(self, group: Element, own: int, here: int, places: dict[int, int]) -> None:
         """Give a group's actions to the waypoints that it is for."""
-        given = [number(group.findtext(f"actionGroup{end}Index", "")) for end in ("Start", "End")]
-        first = own if given[0] is None else int(given[0])
-        last = first if given[1] is None else int(given[1])
+        first, last = (_whole(group, f"actionGroup{end}Index") for end in ("Start", "End"))
+        first = own if first is None else first
+        last = first if last is None else last
         start, end = places.get(first), places.get(last, len(self.stops) - 1)
         trigger = group.findtext("actionTrigger/actionTriggerType", "")
         elements = group.findall("action")
         functions = [element.findtext("actionActuatorFunc", "") for element in elements]
-        every = number(group.findtext("actionTrigger/actionTriggerParam", ""))
+        every = _number(group, "actionTrigger/actionTriggerParam")
         if start is None:
             self._refuse(here, f"an action group for waypoint {first}, which the wayline has not")
         elif trigger == "reachPoint" and group.findtext("actionGroupMode") in (None, "", "sequence") and end <= start:
@@ -285,7 +300,8 @@ class _Reader:
         elif trigger == "betweenAdjacentPoints" and functions == ["gimbalEvenlyRotate"] and end == start + 1:
             values = _values(elements[0])
             pitch = number(values.get("gimbalPitchRotateAngle", ""))
-            if self._is_other(functions[0], values, here):
+            if whose := self._other(values)[0]:
+                self._tell_other(functions[0], whose, here)
                 return
             if pitch is None:
                 self._refuse(here, "a gimbalEvenlyRotate without an angle")
@@ -305,32 +321,27 @@ class _Reader:
         for element in elements:
             function, values = element.findtext("actionActuatorFunc", ""), _values(element)
             done = effects_of(WPML, function, values)
-            if self._is_other(function, values, here):
-                done = tuple(effect for effect in done or () if isinstance(effect, Face))
+            whose, lost = self._other(values, shoots=any(isinstance(effect, Shoot) for effect in done or ()))
+            if whose:
+                self._tell_other(function, whose, here)
             elif done is None:
                 self._refuse(here, f"the action {function[:40]!r}")
-            elif any(isinstance(effect, Shoot) for effect in done) and self._is_other_lens(function, values, here):
-                done = tuple(effect for effect in done if not isinstance(effect, Shoot))
-            effects += done or ()
+            effects += [effect for effect in done or () if not isinstance(effect, lost)]
         return tuple(effects)
 
-    def _is_other(self, function: str, values: Values, here: int) -> bool:
-        """Whether an action is another payload's, which is told."""
-        payload = values.get("payloadPositionIndex") or self.payload
-        return payload != self.payload and self._tell_other(function, f"payload {payload[:9]}", here)
-
-    def _is_other_lens(self, function: str, values: Values, here: int) -> bool:
-        """Whether another lens alone takes a photograph, which is told."""
-        lens = values.get("payloadLensIndex", "")
+    def _other(self, values: Values, *, shoots: bool = False) -> tuple[str, tuple[type, ...]]:
+        """What else than the profile's camera an action is for, in words, and which effects count for nothing then."""
+        payload, lens = values.get("payloadPositionIndex") or self.payload, values.get("payloadLensIndex", "")
+        if payload != self.payload:
+            return f"payload {payload[:9]}", (Shoot, Tilt, Pan)
         if self.stored and (not lens or values.get("useGlobalPayloadLensIndex") in ("1", "true")):
             lens = self.stored
-        names = {name.strip() for name in lens.split(",")}
-        return bool(lens) and not names & _COLOUR and self._tell_other(function, f"the lens {lens[:40]}", here)
+        own = not shoots or not lens or not _COLOUR.isdisjoint(map(str.strip, lens.split(",")))
+        return ("", ()) if own else (f"the lens {lens[:40]}", (Shoot,))
 
-    def _tell_other(self, function: str, whose: str, here: int) -> bool:
+    def _tell_other(self, function: str, whose: str, here: int) -> None:
         message = f"{function} is for {whose}, and the profile's camera is payload {self.payload}'s colour lens"
         self.remarks.append(warning("other-camera", message, here))
-        return True
 
     def _refuse(self, here: int, what: str) -> None:
         self.refused.append((here, cannot_say(f"waypoint {here} has {what}")))

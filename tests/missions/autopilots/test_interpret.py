@@ -9,13 +9,15 @@ from fieldkit.missions.autopilots.effects import Face
 from fieldkit.missions.autopilots.execution import Execution, Photograph, along
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.autopilots.state import Turn
-from fieldkit.missions.autopilots.writing import render
+from fieldkit.missions.autopilots.writing import action, delay, render
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.items import Command, MissionItem
 from fieldkit.routing.mission import GeoPoint
 from fieldkit.routing.motion import leg, turn_deg
 from fieldkit.vehicles.vehicle import Mount
 from tests.missions.vehicles import HOME, metres, recorded_items, recording, small_mission, vehicle
+
+SHOT = (action(Command.IMAGE_START_CAPTURE, 0.0, 0.0, 1.0), delay(1.0))
 
 
 def flown(name: str) -> Execution:
@@ -44,7 +46,7 @@ def test_only_speeds_along_the_ground_are_the_cruise(dialect: str) -> None:
     rest = [item for item in rest if item.command != Command.DO_CHANGE_SPEED]
 
     def seconds(kind: float, speed: float) -> float:
-        change = MissionItem(Command.DO_CHANGE_SPEED, 2, (kind, speed, 0.0, 0.0, 0.0, 0.0, 0.0))
+        change = action(Command.DO_CHANGE_SPEED, kind, speed)
         read = ReadMission("plan", (first, change, *rest), home=HOME)
         return interpret(read, by, dialect).seconds
 
@@ -88,7 +90,7 @@ def test_a_refused_item_and_one_that_comes_too_late_are_never_carried_out() -> N
     items[first] = replace(items[first], params=(0.0, 0.0, 1.0, math.nan, 0.0, 0.0, 0.0))
     second = next(k for k in range(first + 1, len(items)) if items[k].command == Command.IMAGE_START_CAPTURE)
     # A turn of 5 s behind the shutter's waypoint, and a delay of 1 s: the shutter behind the turn is skipped.
-    items.insert(second, MissionItem(Command.CONDITION_DELAY, 2, (5.0, 0, 0, 0, 0, 0, 0)))
+    items.insert(second, action(Command.CONDITION_DELAY, 5.0))
     execution = interpret(ReadMission("plan", tuple(items), home=HOME), vehicle(), "ardupilot")
     assert [bool(shot.never) for shot in execution.photographs] == [True, True, False]
     assert "refuses" in execution.photographs[0].never
@@ -125,7 +127,7 @@ def test_a_return_climbs_first(dialect: str, north_m: float, height_m: float, ra
     items = (
         MissionItem(Command.NAV_TAKEOFF, 3, (0, 0, 0, math.nan, *there)),
         MissionItem(Command.NAV_WAYPOINT, 3, (4.0, 0, 0, math.nan, *there)),
-        MissionItem(Command.NAV_RETURN_TO_LAUNCH, 2, (0,) * 7),
+        action(Command.NAV_RETURN_TO_LAUNCH),
     )
     read = ReadMission("plan", items, home=HOME, rally=(GeoPoint(*rally),))
     legs = interpret(read, vehicle(dialect), dialect).legs
@@ -146,8 +148,7 @@ def flown_roi() -> Photograph:
         MissionItem(Command.NAV_TAKEOFF, 3, (0, 0, 0, 0, 0, 0, 3.0)),
         MissionItem(Command.DO_SET_ROI, 3, (0, 0, 0, 0, 50.865, 6.4473, 0.5)),
         MissionItem(Command.NAV_WAYPOINT, 3, (4.0, 0, 0, 0, 50.8650225, 6.4473, 1.5)),
-        MissionItem(Command.IMAGE_START_CAPTURE, 2, (0, 0, 1.0, 0, 0, 0, 0)),
-        MissionItem(Command.NAV_DELAY, 2, (1.0, -1, -1, -1, 0, 0, 0)),
+        *SHOT,
     )
     return interpret(ReadMission("plan", items, home=HOME), vehicle(), "ardupilot").photographs[0]
 
@@ -196,10 +197,9 @@ def turned(*yaws: tuple[float, float, float, float], hold: float = 4.0) -> Execu
     items = [MissionItem(Command.NAV_TAKEOFF, 3, (0, 0, 0, 0, 0, 0, 3.0))]
     for k, yaw in enumerate(yaws):
         items += [
-            MissionItem(Command.CONDITION_YAW, 2, (*yaw, 0, 0, 0)),
+            action(Command.CONDITION_YAW, *yaw),
             MissionItem(Command.NAV_WAYPOINT, 3, (hold, 0, 0, 0, 50.865 + 1e-4 * k, 6.4473, 3.0)),
-            MissionItem(Command.IMAGE_START_CAPTURE, 2, (0, 0, 1.0, 0, 0, 0, 0)),
-            MissionItem(Command.NAV_DELAY, 2, (1.0, -1, -1, -1, 0, 0, 0)),
+            *SHOT,
         ]
     return interpret(ReadMission("plan", tuple(items), home=HOME), vehicle(), "ardupilot")
 
@@ -239,15 +239,14 @@ def test_a_turn_relative_to_a_heading_of_the_autopilots_own_leads_nobody_knows_w
     assert (second.heading_why, third.heading_why) == ("", "")
     # A leg without a turn of its own: ArduCopter looks where it flies.
     items = [
-        MissionItem(Command.CONDITION_YAW, 2, (30.0, 0, 0, 0, 0, 0, 0)),
+        action(Command.CONDITION_YAW, 30.0),
         *(
             MissionItem(Command.NAV_WAYPOINT, 3, (1.0, 0, 0, 0, latitude, 6.4473, 3.0))
             for latitude in (50.865, 50.8651)
         ),
-        MissionItem(Command.CONDITION_YAW, 2, (*relative, 0, 0, 0)),
+        action(Command.CONDITION_YAW, *relative),
         MissionItem(Command.NAV_WAYPOINT, 3, (4.0, 0, 0, 0, 50.865, 6.4473, 3.0)),
-        MissionItem(Command.IMAGE_START_CAPTURE, 2, (0, 0, 1.0, 0, 0, 0, 0)),
-        MissionItem(Command.NAV_DELAY, 2, (1.0, -1, -1, -1, 0, 0, 0)),
+        *SHOT,
     ]
     shot = interpret(ReadMission("plan", tuple(items), home=HOME), vehicle(), "ardupilot").photographs[0]
     assert (shot.heading_deg, bool(shot.heading_why)) == (None, True)
@@ -266,11 +265,10 @@ def test_the_mounts_own_yaw_in_front_of_a_relative_turn_is_told_of() -> None:
 def test_a_pan_gimbals_yaw_is_off_the_nose_unless_it_is_locked_to_north(flags: float, heading: float) -> None:
     pan = vehicle(mount=Mount(kind="pitch-yaw", pitch_deg=(-90.0, 30.0), yaw_deg=(-160.0, 160.0)))
     items = (
-        MissionItem(Command.CONDITION_YAW, 2, (10.0, 0, 0, 0, 0, 0, 0)),
+        action(Command.CONDITION_YAW, 10.0),
         MissionItem(Command.NAV_WAYPOINT, 3, (4.0, 0, 0, 0, 50.865, 6.4473, 3.0)),
-        MissionItem(Command.DO_GIMBAL_MANAGER_PITCHYAW, 2, (-45.0, 30.0, 0, 0, flags, 0, 0)),
-        MissionItem(Command.IMAGE_START_CAPTURE, 2, (0, 0, 1.0, 0, 0, 0, 0)),
-        MissionItem(Command.NAV_DELAY, 2, (1.0, -1, -1, -1, 0, 0, 0)),
+        action(Command.DO_GIMBAL_MANAGER_PITCHYAW, -45.0, 30.0, p5=flags),
+        *SHOT,
     )
     shot = interpret(ReadMission("plan", items, home=HOME), pan, "ardupilot").photographs[0]
     assert (shot.heading_deg, shot.pitch_deg) == (pytest.approx(heading), -45.0)
