@@ -176,6 +176,7 @@ def visit_inputs(job: VisitJob) -> str:
         job.plan.model_dump_json(), evaluation,
         (plot.latitude_deg, plot.longitude_deg, plot.row_heading_deg, plot.shape, plot.size_m), plot.reference_sha256,
         plot.reference_sha256_now(), *(() if rasters is None else (rasters,)),
+        *((capture.to_take_off_m,) if capture.to_take_off_m else ()),
     )  # fmt: skip
 
 

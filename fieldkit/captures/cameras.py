@@ -19,14 +19,18 @@ def group_cameras(
 ) -> tuple[list[CameraGroup], list[Finding]]:
     """One group for each camera (make, model, serial, focal length) and size.
 
-    Intrinsics come from the camera file, else from EXIF (a SIMPLE_RADIAL start value), else from nothing. A file entry
+    Intrinsics come from the camera file, else from the maker's calibration in the XMP, else from EXIF (a SIMPLE_RADIAL
+    start value), else from nothing. A file entry
     with globs serves the photographs it names; among several that do, one of the photograph's own size is taken first.
     ``source`` is what the groups name as that of intrinsics from the file, its name where not given.
     """
     members: dict[tuple[object, ...], list[Photo]] = {}
     for photo in photos:
         entry = _choose_entry(photo, entries, path)
-        identity = (photo.make, photo.model, photo.serial, photo.focal_35mm, photo.focal_mm, photo.digital_zoom)
+        identity = (
+            photo.make, photo.model, photo.serial, photo.focal_35mm, photo.focal_mm, photo.digital_zoom,
+            photo.calibration,
+        )  # fmt: skip
         members.setdefault((entry, *identity, photo.width, photo.height), []).append(photo)
     groups: list[CameraGroup] = []
     findings: list[Finding] = []
@@ -87,6 +91,8 @@ def _make_group(
             findings.append(Finding(first.name, "camera-scaled", message))
         return CameraGroup(key, names, intrinsics, path.name.lower(), entry.fixed), findings
     focal = first.focal_px
+    if first.calibration is not None:
+        return CameraGroup(key, names, first.calibration, "XMP", False), []
     if focal is None:
         return CameraGroup(key, names, None, "self-calibrated", False), []
     zoomed: list[Finding] = []

@@ -152,6 +152,7 @@ def assembled(
         metric_source=priors.metric_source,
         origin=priors.origin,
         height_source=priors.height_source,
+        to_take_off_m=priors.to_take_off_m,
         markers=None if marker is None else read_markers_file(marker),
         program=None if program is None or priors.metric_source == program.program else program,
     )
@@ -181,6 +182,8 @@ def _no_photographs(folder: Path, findings: list[Finding]) -> CaptureError:
         remedy=(
             "Convert them to JPEG or TIFF, or copy the JPEG files that the camera took beside them."
             if all(finding.code == "unsupported-format" for finding in left_out)
+            else "Give the folder of the photographs themselves."
+            if all(finding.code == "other-camera" for finding in left_out)
             else "Copy the photographs again from the camera."
         ),
     )
@@ -239,6 +242,8 @@ def _opened(candidate: Candidate, max_pixels: int) -> tuple[Photo, list[Problem]
             sha256 = hashlib.sha256(data).hexdigest()
             bare = Photo(candidate.path.absolute(), candidate.name, width, height, candidate.format, sha256)
             photo, problems = with_exif(bare, image, png)
+            if photo.projection.lower() not in ("", "perspective", "rectilinear"):
+                raise _LeaveOut("other-camera", f"a panorama ({photo.projection[:40]}), no photograph of one view")
             if candidate.format == "TIFF":
                 image.load()
                 refusal = dark_refusal(image)

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import io
+import os
 import re
+import tempfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +26,7 @@ _SCAN_MARKER = re.compile(rb"\xff+[^\x00\xd0-\xd7\xff]")
 _MAX_XMP_BYTES = 1 << 20
 _LEAST_DEEP_VALUE = 1 << 12  # what uses fewer than 13 of 16 bits leaves less than 16 grey levels
 _DETAIL_PX, _SAME_DETAIL = 256, 0.9
+_COMPLAINT = re.compile(r"Corrupt JPEG data|Premature end of JPEG|Inconsistent progression|libpng error")
 _STANDALONE = frozenset({0x01, *range(0xD0, 0xD9)})
 _REDUCED = {
     2: (cv2.IMREAD_REDUCED_COLOR_2, cv2.IMREAD_REDUCED_GRAYSCALE_2),
@@ -70,6 +75,33 @@ def read_image(photo: Photo | Path, *, max_side: int | None = None, gray: bool =
     if not gray:
         image = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
     return np.ascontiguousarray(image, dtype=np.uint8)
+
+
+@contextmanager
+def decoders_complaints() -> Iterator[list[str]]:
+    """What libjpeg and libpng say of damage meanwhile: they write it to the process's stderr and go on.
+
+    What else is written there meanwhile is passed on. Not for two threads at once.
+    """
+    lines: list[str] = []
+    try:
+        usual = os.dup(2)
+    except OSError:  # no stderr
+        yield lines
+        return
+    with tempfile.TemporaryFile() as caught:
+        os.dup2(caught.fileno(), 2)
+        try:
+            yield lines
+        finally:
+            os.dup2(usual, 2)
+            os.close(usual)
+            caught.seek(0)
+            for line in caught.read().decode("utf-8", "replace").splitlines(keepends=True):
+                if _COMPLAINT.search(line):
+                    lines.append(line.strip())
+                else:
+                    os.write(2, line.encode())
 
 
 def _reduction(size: tuple[int, int], max_side: int) -> int:

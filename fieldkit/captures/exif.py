@@ -15,6 +15,7 @@ from fieldkit.captures.decode import PngMetadata
 from fieldkit.captures.gps_tags import Problem, geotag_of
 from fieldkit.captures.gps_tags import number as _number
 from fieldkit.captures.gps_tags import text as _text
+from fieldkit.captures.maker_calibration import calibration_of
 from fieldkit.captures.model import Photo
 from fieldkit.captures.one_camera import sensor_of
 from fieldkit.captures.xmp import XmpData, parse_xmp
@@ -76,6 +77,8 @@ def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) 
         focal_mm=focal_mm,
         focal_35mm=focal_35mm,
         digital_zoom=zoom,
+        projection=xmp.projection or "",
+        calibration=None if zoom > 1.0 else calibration_of(xmp.calibration, photo.width, photo.height),
         focal_px=_focal_px(detail, photo, focal_mm, focal_35mm, zoom, problems),
         captured_at=taken,
         clock_ahead=_clock_ahead(taken, detail, gps),

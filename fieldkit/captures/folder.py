@@ -23,8 +23,8 @@ SIDECARS = ("poses.csv", "geo.txt", "camera.toml", "camera.json", "markers.toml"
 CONTROL_POINTS = ("gcp_list.txt", "gcp.txt")
 """ODM's files of ground control points, which are not read."""
 
-_UNREAD_NAMES = frozenset({"transforms.json", "reconstruction.json"})
-_UNREAD_SUFFIXES = frozenset({".srt", ".yaml", ".yml", ".mrk", ".gpx", ".nvm"})
+_UNREAD_NAMES = frozenset({"transforms.json", "reconstruction.json", "geolocation.csv", "reference.txt"})
+_UNREAD_SUFFIXES = frozenset({".srt", ".yaml", ".yml", ".mrk", ".gpx", ".nvm", ".xmp"})
 _NOT_READ = (
     "not read: positions come from poses.csv, geo.txt, other programs' results or GPS, calibrations from camera.toml"
 )

@@ -8,7 +8,7 @@ but it drifts, and it knows no datum.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -43,6 +43,9 @@ class Heights:
     """"ellipsoid", "sea level" or "unknown"."""
     findings: tuple[Finding, ...] = ()
     """What is odd, and what was joined."""
+    to_take_off_m: Mapping[str, float] = field(default_factory=dict)
+    """What absolute altitudes lack to be the heights above take-off, where the two fall apart by several take-off
+    places or by a receiver whose height jumped between flights, which tags alone do not tell."""
 
 
 def choose_heights(tags: Mapping[str, GeoTag]) -> Heights:
@@ -211,9 +214,14 @@ def _above_take_off(
         shift = float(np.median(offsets))
         heights = {n: r + shift for n, r in relative.items()}
         return Heights(heights, accuracies, "relative altitude", _datum(tags, alike), tuple(findings))
-    message = f"take-off heights differ by {np.ptp(offsets):.1f} m, so absolute altitudes are used"
+    message = (
+        f"take-off heights differ by {np.ptp(offsets):.1f} m: of several places, or of a receiver whose height jumped; "
+        "absolute altitudes are used unless the photographs' matches fit heights above take-off better"
+    )
     findings.append(Finding(next(iter(tags)), "several-take-offs", message))
-    return _absolute(tags, absolute, findings)
+    shift = float(np.median(offsets))
+    to_take_off = {n: relative[n] + shift - a for n, a in alike.items()} if len(alike) == len(tags) else {}
+    return replace(_absolute(tags, absolute, findings), to_take_off_m=to_take_off)
 
 
 def _datum(tags: Mapping[str, GeoTag], names: Mapping[str, float]) -> str:

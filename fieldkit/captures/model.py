@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -67,6 +67,10 @@ class Photo:
     """How many times the picture is enlarged from the middle of the sensor's, 1 without."""
     focal_px: float | None = None
     """Focal length in pixels from the EXIF (`fieldkit.captures.exif.focal_in_pixels`), digital zoom included."""
+    projection: str = ""
+    """Of a panorama, e.g. "equirectangular"; "" of a photograph."""
+    calibration: Intrinsics | None = None
+    """The maker's (`fieldkit.captures.maker_calibration`), at this size."""
     captured_at: datetime | None = None
     """Time of exposure by the camera's clock, without a time zone; UTC where only the GPS gives one."""
     clock_ahead: timedelta | None = None
@@ -109,7 +113,8 @@ class CameraGroup:
     intrinsics: Intrinsics | None
     """Start value or calibration at the photographs' size; None when nothing is known."""
     source: str
-    """``"camera.toml"``, ``"camera.json"``, another program's name, ``"EXIF"`` or ``"self-calibrated"``."""
+    """``"camera.toml"``, ``"camera.json"``, another program's name, ``"XMP"`` (of the maker's calibration), ``"EXIF"``
+    or ``"self-calibrated"``."""
     fixed: bool
     """Whether the intrinsics are a calibration to be held fixed."""
 
@@ -137,6 +142,9 @@ class Capture:
     """Of that frame, when it is georeferenced (then x is east, y north, z up), else None."""
     height_source: str | None = None
     """What the priors' z is made of, e.g. ``"relative altitude"``; None without a georeference."""
+    to_take_off_m: Mapping[str, float] = field(default_factory=dict)
+    """By photograph, metres to add to the priors' z for heights above take-off, where it is open which of the two fit
+    (`fieldkit.captures.heights.Heights`)."""
     markers: MarkersFile | None = None
     """What markers.toml says of printed markers, or None."""
     program: ProgramPoses | None = None

@@ -74,7 +74,7 @@ def one_camera(
     photos = [photo for photo in photos if photo not in drawn]
     cameras = _cameras(photos)
     if len(cameras) < 2:
-        return photos, findings
+        return photos, findings + _without_colours(photos)
     most = max(_places(camera) for camera in cameras)
 
     def worth(camera: Sequence[Photo]) -> tuple[bool, bool, bool, int, int]:
@@ -92,7 +92,20 @@ def one_camera(
         rest = [photo for photo in camera if photo.name not in kept]
         if rest:
             findings.append(_finding(rest, main))
-    return [photo for photo in photos if photo.name in kept], findings
+    photos = [photo for photo in photos if photo.name in kept]
+    return photos, findings + _without_colours(photos)
+
+
+def _without_colours(photos: Sequence[Photo]) -> list[Finding]:
+    """That a capture is made of a sensor's pictures that show no colours as people see them."""
+    sensor = _sensor(photos)
+    if not photos or sensor in (*COLOUR, "grey"):
+        return []
+    message = (
+        f"{count(len(photos), 'photograph is', 'photographs are')} of {_described(photos)}, which shows no colours: "
+        "--mask exg finds no plants in such pictures, and in thermal ones little matches"
+    )
+    return [Finding(photos[0].name, "no-colours", message)]
 
 
 def _drawn(photos: Sequence[Photo], listed: Collection[str]) -> list[Photo]:

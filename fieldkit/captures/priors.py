@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -37,6 +37,7 @@ class PriorSet:
     origin: LocalFrame | None = None
     height_source: str | None = None
     findings: tuple[Finding, ...] = ()
+    to_take_off_m: Mapping[str, float] = field(default_factory=dict)
 
 
 def priors_from_poses(photos: Sequence[Photo], rows: Sequence[PoseRow]) -> PriorSet:
@@ -199,7 +200,7 @@ def _georeferenced(photos: Sequence[Photo], tags: dict[str, GeoTag], source: str
         if prior.position is not None or prior.angles is not None:
             priors[photo.name] = prior
     height_source = chosen.source if located else None
-    return PriorSet(priors, source if located else None, origin, height_source, tuple(findings))
+    return PriorSet(priors, source if located else None, origin, height_source, tuple(findings), chosen.to_take_off_m)
 
 
 def _unmeasured(photos: Sequence[Photo]) -> tuple[str, ...]:

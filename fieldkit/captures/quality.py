@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.captures.decode import read_image
+from fieldkit.captures.decode import decoders_complaints, read_image
 from fieldkit.captures.folder import find_mask
 from fieldkit.captures.model import Capture, Photo
 from fieldkit.errors import CaptureError
@@ -29,6 +29,7 @@ _SHADOW_END, _LIGHT_END = 96, 144
 
 _MESSAGES = {
     "unreadable": "the pixels cannot be decoded",
+    "damaged": "its data are damaged, says the decoder, so parts show something else: copy it again from the camera",
     "empty": "nothing can be seen in it",
     "blurred": "blurred",
     "under-exposed": "too dark",
@@ -48,7 +49,7 @@ class Quality:
     clipped_bright: float
     """Shares of the region at or beyond grey 3 and 252."""
     flags: tuple[str, ...] = ()
-    """Of ``"unreadable"``, ``"empty"``, ``"blurred"``, ``"under-exposed"``, ``"over-exposed"``."""
+    """Of ``"unreadable"``, ``"damaged"``, ``"empty"``, ``"blurred"``, ``"under-exposed"``, ``"over-exposed"``."""
 
 
 def measure_quality(gray: NDArray[np.uint8], mask: NDArray[np.bool_] | None = None) -> Quality:
@@ -101,6 +102,10 @@ def flag_set(qualities: Mapping[str, Quality]) -> dict[str, Quality]:
     usable = [q for q in qualities.values() if not {"unreadable", "empty"} & set(q.flags)]
     if len(usable) < 3:
         return dict(qualities)
+    if 2 * sum("damaged" in quality.flags for quality in usable) > len(usable):  # that camera's way to write files
+        qualities = {
+            name: replace(q, flags=tuple(f for f in q.flags if f != "damaged")) for name, q in qualities.items()
+        }
     sharpness, dark, bright = np.median([(q.sharpness, q.clipped_dark, q.clipped_bright) for q in usable], axis=0)
     flagged = {}
     for name, quality in qualities.items():
@@ -131,9 +136,11 @@ def assess_quality(capture: Capture, *, measure: Callable[[Photo], Quality] | No
 def measure_photo(photo: Photo) -> Quality:
     """Quality of one photograph's file, in its mask if it has one, with the flags that need no other image."""
     try:
-        gray = read_image(photo, max_side=WORKING_SIDE, gray=True)
+        with decoders_complaints() as complaints:
+            gray = read_image(photo, max_side=WORKING_SIDE, gray=True)
         mask_path = find_mask(photo.path)
-        return measure_quality(gray, None if mask_path is None else _read_mask(mask_path))
+        found = measure_quality(gray, None if mask_path is None else _read_mask(mask_path))
+        return replace(found, flags=("damaged", *found.flags)) if complaints else found
     except CaptureError:
         return Quality(0.0, 0.0, 0.0, 0.0, ("unreadable",))
 

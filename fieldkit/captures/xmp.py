@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -35,6 +35,10 @@ _DJI_NAMES = {
     "RtkStdLon": "rtk_std_lon",
     "RtkStdLat": "rtk_std_lat",
     "RtkStdHgt": "rtk_std_height",
+    "DewarpFlag": "dewarp_flag",
+    "DewarpData": "dewarp",
+    "CalibratedOpticalCenterX": "center_x",
+    "CalibratedOpticalCenterY": "center_y",
 }
 """DJI's names, which other makers use under prefixes of their own (Autel: ``drone:``)."""
 _SKYDIO_NAMES = {
@@ -61,8 +65,8 @@ _PIX4D_NAMES = {
     "GPSXYAccuracy": "horizontal_accuracy",
     "GPSZAccuracy": "vertical_accuracy",
 }
-_SENSOR_NAMES = {"ImageSource": "image_source", "BandName": "bands"}
-"""Whoever writes them: DJI, Pix4D, FLIR."""
+_SENSOR_NAMES = {"ImageSource": "image_source", "BandName": "bands", "ProjectionType": "projection"}
+"""Whoever writes them: DJI, Pix4D, FLIR; Google's schema of panoramas (GPano)."""
 _MAKERS = ("dji", "like dji", "skydio", "parrot", "yuneec", "pix4d")
 """In the order in which they count where a photograph has tags of several."""
 _MAX_BYTES = 1 << 20
@@ -109,6 +113,10 @@ class XmpData:
     """DJI's name of the camera, e.g. "InfraredCamera"."""
     bands: tuple[str, ...] = ()
     """Names of the picture's bands, e.g. ("NIR",)."""
+    projection: str | None = None
+    """Of a panorama, e.g. "equirectangular"."""
+    calibration: Mapping[str, str] = field(default_factory=dict)
+    """The fields of `maker_calibration.calibration_of`."""
     makers: frozenset[str] = frozenset()
     """Whose tags there are, of "dji", "like dji", "skydio", "parrot", "yuneec" and "pix4d"."""
 
@@ -148,6 +156,8 @@ def parse_xmp(packet: bytes) -> XmpData:
         vertical_accuracy_m=stated[1],
         accuracy_of=stated[2],
         image_source=own.get("image_source"),
+        projection=own.get("projection"),
+        calibration={k: merged[k] for k in ("dewarp_flag", "dewarp", "center_x", "center_y") if k in merged},
         bands=tuple(band.strip() for band in own.get("bands", "").split(",") if band.strip()),
         makers=frozenset(fields) & frozenset(_MAKERS),
     )

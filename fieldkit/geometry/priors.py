@@ -125,6 +125,17 @@ class Priors:
         """(n, 3) of all, or of these names."""
         return np.array([self.by_name[n].position for n in self.positioned if names is None or n in names])
 
+    def raised(self, metres: Mapping[str, float]) -> Priors:
+        """With positions raised, in the source's frame, by name; those that are not named stay."""
+        up = np.zeros(3) if self.frame is None else self.frame.from_source.rotation[:, 2]
+        by_name = {
+            name: prior
+            if prior.position is None
+            else replace(prior, position=prior.position + metres.get(name, 0.0) * up)
+            for name, prior in self.by_name.items()
+        }
+        return replace(self, by_name=by_name)
+
     def without_positions(self) -> Priors:
         """What is left where positions are not believed: orientations."""
         by_name = {name: replace(prior, position=None) for name, prior in self.by_name.items()}

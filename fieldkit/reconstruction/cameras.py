@@ -32,7 +32,7 @@ class CameraSet:
     cameras: tuple[Intrinsics, ...]
     """Start values or calibrations."""
     sources: tuple[str, ...]
-    """Where each came from: ``"camera.toml"``, ``"camera.json"``, ``"reference"``, ``"EXIF"``,
+    """Where each came from: ``"camera.toml"``, ``"camera.json"``, ``"reference"``, ``"XMP"``, ``"EXIF"``,
     ``"self-calibrated"``."""
     fixed: tuple[bool, ...]
     """Which are calibrations to be held."""

@@ -15,7 +15,7 @@ from types import MappingProxyType
 STAGES: Mapping[str, int] = MappingProxyType(
     {
         "bursts": 1,  # their steady photographs and their sway
-        "quality": 1,  # sharpness and exposure of a photograph
+        "quality": 2,  # sharpness, exposure and damage of a photograph
         "features": 1,
         "learned": 1,  # features and matches of networks, where ties are weak
         "pairs": 1,  # blind matches and their verification

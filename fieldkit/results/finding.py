@@ -54,6 +54,8 @@ TOLD = DOUBTFUL | {
     "mixed-cameras",
     "altitude-zero",
     "gps-datum",
+    "no-colours",
+    "undistorted-model",
     "heights-joined",
     "other-camera",
     "scale-uncertain",

@@ -127,13 +127,15 @@ def test_the_wide_camera_of_three_makes_the_capture(photo_file: MakePhoto, named
     assert [finding.code for finding in capture.findings] == ["other-camera", "other-camera"]
 
 
-def test_a_folder_of_one_lens_is_as_ever(photo_file: MakePhoto) -> None:
+def test_a_folder_of_thermal_pictures_is_said_to_be_one(photo_file: MakePhoto) -> None:
     folder = three_lenses(photo_file)
     for path in folder.glob("*_[WZ].JPG"):
         path.unlink()
     capture = read_capture(folder)
     assert len(capture.photos) == 4
-    assert capture.findings == ()
+    (finding,) = capture.findings
+    assert (finding.code, finding.left_out) == ("no-colours", False)
+    assert "4 photographs are of the thermal camera" in finding.message
 
 
 def test_poses_of_one_camera_choose_it(photo_file: MakePhoto) -> None:

@@ -9,6 +9,7 @@ from fieldkit.captures import Capture, read_capture
 from fieldkit.captures.priors import unit_doubt
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import LocalFrame, utm_epsg_of
+from fieldkit.reconstruction.known_poses import known_poses
 from tests.captures.photographs import MakePhoto, dji_xmp, exif_block, gps_tags
 
 FRAME = LocalFrame(52.0, 13.0, 100.0)
@@ -61,6 +62,22 @@ def test_several_take_offs_fall_back_to_absolute_altitudes(photo_file: MakePhoto
     capture = read_capture(geotagged(photo_file, absolute_noise=20.0))
     assert capture.height_source == "absolute altitude"
     assert ("a.jpg", "several-take-offs") in codes(capture)
+
+
+def test_a_receivers_jump_between_flights_can_be_taken_out(photo_file: MakePhoto) -> None:
+    """The other heights, if the matches fit them better: those above the one take-off place."""
+    folder = geotagged(photo_file)
+    names = ("a.jpg", "b.jpg", "c.jpg")
+    for name in names:
+        (latitude,), (longitude,), (altitude,) = FRAME.to_geodetic([PLACES[name]])
+        exif = exif_block(gps=gps_tags(latitude, longitude, round(altitude + 15.0, 3)))
+        photo_file(name, exif=exif, xmp=dji_xmp(RelativeAltitude=f"{PLACES[name][2]:+.2f}"))
+    capture = read_capture(folder)
+    known = known_poses(capture).raised(capture.to_take_off_m)
+    heights = np.array([known.by_name[name].position[2] for name in capture.names])
+    truth = np.array([place[2] for place in PLACES.values()])
+    np.testing.assert_allclose(heights - heights.mean(), truth - truth.mean(), atol=2e-3)
+    assert np.ptp(positions(capture)[:, 2]) > 14.0
 
 
 def test_rtk_heights_are_used_as_they_are(photo_file: MakePhoto) -> None:

@@ -1,10 +1,13 @@
 """Sharpness and exposure."""
 
+import os
+
 import cv2
 import numpy as np
 import pytest
 
 from fieldkit.captures import assess_quality, flag_set, measure_quality, quality_findings, read_capture, read_image
+from fieldkit.captures.decode import decoders_complaints
 from tests.captures.photographs import MakePhoto, texture
 
 
@@ -108,3 +111,19 @@ def test_a_file_that_breaks_after_reading_is_flagged(photo_file: MakePhoto) -> N
     capture = read_capture(path.parent)
     path.write_bytes(b"gone")
     assert assess_quality(capture)["a.jpg"].flags == ("unreadable",)
+
+
+def test_damage_that_the_decoder_reports_is_told_by_file(photo_file: MakePhoto, capfd) -> None:
+    for name in "abcd":
+        path = photo_file(f"{name}.jpg", size=(640, 480))
+    data = bytearray(path.read_bytes())
+    del data[len(data) // 2 : len(data) // 2 + 500]
+    path.write_bytes(bytes(data))
+    assert [(f.subject, f.code) for f in quality_findings(assess_quality(read_capture(path.parent)))] == [
+        ("d.jpg", "damaged")
+    ]
+    capfd.readouterr()
+    with decoders_complaints() as complaints:
+        os.write(2, b"another library's words\nCorrupt JPEG data: 3 extraneous bytes\n")
+    assert complaints == ["Corrupt JPEG data: 3 extraneous bytes"]
+    assert capfd.readouterr().err == "another library's words\n"

@@ -37,8 +37,9 @@ def program_of(
     if given is not None:
         found, odd = _of_photographs(read_result(given), sizes, folders[-1])
         if found is None:
+            none = f"has poses of none of the photographs (the folder has {next(iter(sizes))})"
             raise MetadataError(
-                f"has poses of none of the photographs (the folder has {next(iter(sizes))})", path=given.path,
+                odd[0].message if odd else none, path=given.path,
                 remedy="Give the result of these photographs; their names there must be those of the files.",
             )  # fmt: skip
         return found, tuple(odd)
@@ -54,7 +55,7 @@ def program_of(
             remedy = f"{error.remedy} Or move it out of the photographs' folder."
             raise MetadataError(error.message, path=error.path or path, remedy=remedy) from error
         findings += odd
-        if found is None:
+        if found is None and not odd:
             findings.append(Finding(path.name, "sidecar-unused", "it has poses of none of the photographs"))
     return found, tuple(findings)
 
@@ -130,6 +131,15 @@ def _of_photographs(
         if (sizes[name][0] - sizes[name][1]) * (camera.intrinsics.width - camera.intrinsics.height) < 0
     }  # fmt: skip
     cameras = tuple(camera for camera in found.cameras if not turned & set(camera.images))
+    unfit = [camera for camera in cameras if any(camera.at_size(*sizes[name]) is None for name in camera.images)]
+    if unfit and len(unfit) == len(found.cameras):
+        theirs, name = unfit[0].intrinsics, unfit[0].images[0]
+        message = (
+            f"{found.program}'s cameras are of pictures of {theirs.width}×{theirs.height}, {name} has "
+            f"{sizes[name][0]}×{sizes[name][1]}: of undistorted or cropped ones, to which they belong (COLMAP writes "
+            "undistorted ones into dense/images, with dense/sparse); not used"
+        )
+        return None, [Finding(found.path.name, "undistorted-model", message)]
     found = replace(found, unoriented=found.unoriented | turned, cameras=cameras)
     many = f"{len(found.poses)} of {len(sizes)}" if len(found.poses) < len(sizes) else "all"
     said = (

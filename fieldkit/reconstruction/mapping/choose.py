@@ -65,6 +65,18 @@ def map_capture(
     inputs = Inputs(capture, settings, features, context, region)
     belief = Belief(cameras, known)
     mapped, error, failure = _mapped(inputs, belief)
+    if capture.to_take_off_m:
+        raised = replace(belief, priors=known.raised(capture.to_take_off_m))
+        again = _mapped(inputs, raised)
+        if _fit(again[0]) > _fit(mapped):
+            off = [f"{-_fit(each)[1]:.1f} m" for each in (again[0], mapped) if each is not None]
+            note = (
+                "heights above take-off are used, as from one take-off place: the photographs' matches fit them to "
+                f"{', absolute altitudes to '.join(off)}"
+            )
+            belief, known = raised.noting(note), raised.priors
+            mapped, error, failure = again
+            mapped = mapped and replace(mapped, notes=(*mapped.notes, note))
     pairs = weak_pairs(inputs, belief, mapped) if settings.ties == "learned" else []
     if pairs:
         keyed = with_learned_features(features, capture.photos, pairs, context)
@@ -127,6 +139,14 @@ def weak_pairs(inputs: Inputs, belief: Belief, mapped: Mapped | None) -> list[tu
             firm = [other for other in near if names[other] not in weak]
             pairs |= {(min(k, other), max(k, other)) for other in (*near[:_NEAREST], *firm[:_NEAREST])}
     return sorted(pairs)
+
+
+def _fit(mapped: Mapped | None) -> tuple[int, float]:
+    """How many photographs are right, and how well known positions and matches agree on them (−RMS, metres)."""
+    counting = [] if mapped is None or not mapped.metric else [image for image in mapped.images if image.counts]
+    residuals = [image.position_residual_m for image in counting if image.position_residual_m is not None]
+    rms = float(np.sqrt(np.mean(np.square(residuals)))) if residuals else np.inf
+    return sum(image.right is True for image in counting), -rms
 
 
 def _firmness(mapped: Mapped | None) -> tuple[int, int, float]:

@@ -208,12 +208,13 @@ def test_pictures_that_a_program_turned_keep_their_places_only(photographs: Path
     assert all(prior.position is not None and prior.yaw_deg is None for prior in capture.priors.values())
 
 
-def test_an_undistorted_models_camera_is_not_that_of_the_photographs(photographs: Path) -> None:
+def test_an_undistorters_model_is_not_that_of_the_photographs(photographs: Path) -> None:
     camera = CAMERA.without_distortion()
     write_colmap(photographs / "sparse" / "0", truth(), type(camera)(camera.model, 3950, 3020, camera.params))
     capture = read_capture(photographs)
-    assert "camera-unused" in codes(capture)
-    assert capture.groups[0].source == "self-calibrated"
+    assert (capture.program, codes(capture)) == (None, ["undistorted-model"])
+    with pytest.raises(MetadataError, match=r"of pictures of 3950×3020, .* has 120×90: of undistorted"):
+        read_capture(photographs, poses=PosesFile(photographs / "sparse" / "0"))
 
 
 def test_a_project_of_opendronemap_is_a_capture(photo_file: MakePhoto, tmp_path: Path) -> None:
