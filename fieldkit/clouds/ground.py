@@ -14,6 +14,8 @@ from fieldkit.runtime.kernels import kernel
 
 _HYPOTHESES = 8192
 _SCORED_POINTS = 20_000
+_PLANES_AT_ONCE = 512
+"""Whose sides all points are told at a time: 80 MB."""
 _TOLERANCE_SHARE = 0.005  # of the cloud's diagonal: 15 mm on a plot 3 m across
 _LEAST_SHARE = 0.015  # of the thinned points must lie on the ground
 _MOST_BELOW = 3.0  # times as many may lie below it
@@ -135,8 +137,14 @@ def _hypotheses(
     usable = area > 1e-3 * np.maximum(scale, 1e-300)
     normals = cross[usable] / area[usable, None]
     offsets = np.einsum("ij,ij->i", normals, a[usable])
-    above = (cameras if cameras is not None else sample) @ normals.T > offsets
-    share = above.mean(axis=0)
+    seen = cameras if cameras is not None else sample
+    share = np.concatenate(
+        [
+            (seen @ normals[k : k + _PLANES_AT_ONCE].T > offsets[k : k + _PLANES_AT_ONCE]).mean(axis=0)
+            for k in range(0, len(normals), _PLANES_AT_ONCE)
+        ]
+        or [np.zeros(0)]
+    )
     flip = np.where(share < 0.5, -1.0, 1.0)
     kept = np.ones(len(normals), dtype=np.bool_)
     if cameras is not None:

@@ -49,6 +49,8 @@ class LasCloud:
     """Pyproj's of what the file says its coordinates are in, or None."""
     units_m: tuple[float, float, float] = (1.0, 1.0, 1.0)
     """Metres per unit of the file's x, y and z."""
+    step_m: float = 0.0
+    """Of the coarsest of its coordinates: they are whole numbers of steps."""
     left_out: int = 0
     """Points of the file that are noise (classes 7 and 18) or withheld, so deleted."""
 
@@ -173,7 +175,8 @@ def _read(laspy: Any, file: BinaryIO, path: Path) -> LasCloud:
         metres = (units == 1.0).all()
         cloud = Cloud(xyz if metres else xyz * units, _eight_bit(np.concatenate(colors)) if colors else None, oriented)
         epsg = crs.to_epsg() if crs is not None and metres else None
-        return LasCloud(cloud, epsg, crs, (float(units[0]), float(units[1]), float(units[2])), left_out)
+        step = float(np.max(np.asarray(header.scales) * units))
+        return LasCloud(cloud, epsg, crs, (float(units[0]), float(units[1]), float(units[2])), step, left_out)
 
 
 def _check_sizes(file: BinaryIO, path: Path) -> None:

@@ -128,7 +128,7 @@ def open_reference(path: Path, frame: str = "", bounds: Volume | None = None) ->
 
 
 def _cloud_reference(path: Path, frame: str, bounds: Volume | None) -> CloudReference:
-    cloud, crs, units, noise = _read(path)
+    cloud, crs, units, noise, step = _read(path)
     if not len(cloud):
         why = "has no points" if not noise else f"has {noise:,} points, all of them noise or withheld"
         raise EmptyCloudError(why, path=path, remedy="Give the cloud of the plot's plants.")
@@ -155,6 +155,9 @@ def _cloud_reference(path: Path, frame: str, bounds: Volume | None) -> CloudRefe
     to_plot = Similarity(1.0, np.eye(3), shift)
     said += f", without {noise:,} points that it marks as noise or withheld" if noise else ""
     reference = _with_volume(placed.transformed(to_plot), origin, to_plot, bounds, path, said)
+    if step > _COARSE_STEP_M:
+        said = f"its coordinates come in steps of {1000.0 * step:.3g} mm: distances to it are no finer"
+        odd = [*odd, Finding(path.name, "reference-steps", said)]
     return replace(reference, findings=(*reference.findings, *odd))
 
 
@@ -164,16 +167,18 @@ def _is_las(path: Path) -> bool:
         return file.read(4) == b"LASF"
 
 
-def _read(path: Path) -> tuple[Cloud, Any, NDArray[np.float64] | None, int]:
-    """The points, what the file says they are in, metres per unit of its coordinates, and how many it marks as noise.
+def _read(path: Path) -> tuple[Cloud, Any, NDArray[np.float64] | None, int, float]:
+    """The points, what the file says they are in, metres per unit of its coordinates, how many it marks as noise, and
+    the steps of its coordinates.
 
     None where it says nothing. The points are in metres where that is said, else in the file's unit.
     """
     if not _is_las(path):
-        return read_cloud(path), None, None, 0
+        return read_cloud(path), None, None, 0, 0.0
     las = read_las(path)
     units = np.array(las.units_m)
-    return las.cloud, las.crs, units if las.crs is not None or (units != 1.0).any() else None, las.left_out
+    known = units if las.crs is not None or (units != 1.0).any() else None
+    return las.cloud, las.crs, known, las.left_out, las.step_m
 
 
 def _check_steps(points: NDArray[np.float64], path: Path) -> None:

@@ -30,7 +30,7 @@ from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.machine import processor_seconds, this_machine
+from fieldkit.runtime.machine import processor_seconds, usual_workers
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.sites.fitted import flown_plan
 from fieldkit.sites.placement import PlotFrame
@@ -92,7 +92,7 @@ def check_captures(
     flight = None if log is None else LoggedFlight.read(log, plots)
     settings = settings or CheckSettings()
     context = Context(
-        cache or StageCache(None), progress or Silent(), workers or this_machine().cores, settings.seed
+        cache or StageCache(None), progress or Silent(), workers or usual_workers(), settings.seed
     )  # fmt: skip
     reports = []
     for name, folder in plots:

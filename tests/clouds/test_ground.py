@@ -1,3 +1,4 @@
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,15 @@ def test_a_known_up_direction_rules_out_slanting_planes() -> None:
     assert fit_ground_plane(points, [[-2.0, 0, 3]], up=[0.1, 0.1, 2.0]).tilt_deg() < 1
     with pytest.raises(ValueError, match="length"):
         fit_ground_plane(points, up=[0, 0, 0])
+
+
+def test_memory_does_not_grow_with_points_times_planes() -> None:
+    points = np.random.default_rng(0).uniform((-1.5, -1.5, 0.0), (1.5, 1.5, 0.01), (10_000, 3))
+    tracemalloc.start()
+    fit_ground_plane(points, up=(0.0, 0.0, 1.0))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 200e6
 
 
 def test_levelling_puts_the_ground_at_zero() -> None:

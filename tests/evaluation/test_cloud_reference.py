@@ -119,7 +119,7 @@ def geo_keys(keys: tuple[tuple[int, int], ...]) -> GeoKeyDirectoryVlr:
 
 def write_las_in(
     path: Path, epsg: int | None, code: str, height_unit_m: float = 1.0, place: LocalFrame = ORIGIN,
-    keys: tuple[tuple[int, int], ...] = (),
+    keys: tuple[tuple[int, int], ...] = (), step_m: float = 1e-5,
 ) -> None:  # fmt: skip
     """The plot in the coordinates of a system, heights in its unit; ``epsg`` is what the file says of it."""
     import laspy
@@ -128,7 +128,7 @@ def write_las_in(
     latitude, longitude, height = place.to_geodetic(plot_cloud().points)
     x, y = Transformer.from_crs(4326, CRS(code), always_xy=True).transform(longitude, latitude)
     header = laspy.LasHeader(version="1.4", point_format=6)
-    header.offsets, header.scales = np.floor([x[0], y[0], 0.0]), np.full(3, 1e-5)
+    header.offsets, header.scales = np.floor([x[0], y[0], 0.0]), np.full(3, step_m)
     if epsg is not None:
         header.add_crs(CRS(epsg))
     if keys:
@@ -157,6 +157,12 @@ def test_heights_above_sea_level_and_above_the_ellipsoid_are_told(tmp_path: Path
         write_las_in(tmp_path / "a.las", None, "EPSG:32632")
         found = opened(tmp_path / "a.las", code)
         assert found.origin.datum == datum
+        assert [f.code for f in found.findings[1:]] == (["gps-datum"] if "25832" in code else [])
+
+
+def test_coarse_steps_of_coordinates_are_told(tmp_path: Path) -> None:
+    write_las_in(tmp_path / "a.las", 32632, "EPSG:32632", step_m=0.01)
+    assert "come in steps of 10 mm" in opened(tmp_path / "a.las").findings[-1].message
 
 
 def test_a_frame_that_contradicts_the_file(tmp_path: Path) -> None:
