@@ -50,6 +50,7 @@ DOUBTFUL = frozenset({
 
 TOLD = DOUBTFUL | {
     "too-few-positions",
+    "several-places",
     "several-take-offs",
     "mixed-cameras",
     "altitude-zero",
