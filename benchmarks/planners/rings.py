@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fieldkit.planning.methods.circle import AROUND, Stage, StagedSearch, circle_stages, finer_grid
+from benchmarks.planners.staged import AROUND, GRID, Stage, StagedSearch, circle_stages, finer_grid
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import Circle, circles, placed
 
 _AIMS = 4
-_GRID = 5
 _LOWER, _UPPER = 0.25, 0.75
 _STEP = 0.125
 _SHARES = (0.0, 0.8)
@@ -86,7 +85,7 @@ class TwoRings(StagedSearch[Rings]):
     def __init__(self, problem: PlanningProblem, seed: int = 0) -> None:
         radii, (low, high), (lowest, highest) = problem.ranges
         middle, band = 0.5 * (lowest + highest), high - low
-        grid = np.linspace(*radii, _GRID).tolist()
+        grid = np.linspace(*radii, GRID).tolist()
         first = [
             Rings(inner, outer, low + _LOWER * band, low + _UPPER * band, middle) for inner in grid for outer in grid
         ]
@@ -148,9 +147,9 @@ class Hemisphere(StagedSearch[Cap]):
         distances = (near, float(np.hypot(widest, top)))
         first = [
             Cap(distance, share)
-            for share in np.linspace(*_SHARES, _GRID).tolist()
-            for distance in np.linspace(*distances, _GRID).tolist()
+            for share in np.linspace(*_SHARES, GRID).tolist()
+            for distance in np.linspace(*distances, GRID).tolist()
         ]
 
-        finer: Stage[Cap] = finer_grid({"distance_m": distances, "left_out": _SHARES}, _GRID)
+        finer: Stage[Cap] = finer_grid({"distance_m": distances, "left_out": _SHARES}, GRID)
         super().__init__("hemisphere", problem, first, [finer])

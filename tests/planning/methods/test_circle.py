@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks.planners.rings import Cap, CircleAim, Hemisphere, TwoRings
-from fieldkit.planning.methods.circle import CircleSearch, StagedSearch, expected_circle, plain_ring
+from benchmarks.planners.staged import StagedSearch
+from fieldkit.planning.methods.circle import CircleSearch, expected_circle, plain_ring
 from fieldkit.planning.problem import Result, Trial
 from fieldkit.planning.score.cost_model import WEIGHTS, CostModel
 from tests.planning.leafy import problem, recorded
