@@ -184,7 +184,6 @@ def swapped(items: list[MissionItem]) -> list[MissionItem]:
         (with_items(inserted(action(206, 2.0))), "photo-interval"),
         (with_items(inserted(MissionItem(17, 3, (0.0, 0, 0, 0, 50.865, 6.4473, 3.0)))), "stops-there"),
         (with_items(inserted(MissionItem(21, 3, (0.0,) * 7))), "photo-never"),
-        (with_items(inserted(action(20))), "stops-there"),
         (with_items(behind(Command.DO_MOUNT_CONTROL, pitch_yaw(flags=1.0))), "no-pitch"),
         (with_items(behind(Command.DO_MOUNT_CONTROL, pitch_yaw(flags=2.0 + 16.0))), "no-pitch"),
         (with_items(changed(Command.IMAGE_START_CAPTURE, p1=2.0)), "no-photographs"),

@@ -21,7 +21,7 @@ from fieldkit.missions.items import Command, MissionItem
 
 Numbered = Sequence[tuple[int, MissionItem]]
 
-_WANTED = (GOING - LANDINGS) | INTERVALS | {Command.IMAGE_START_CAPTURE, Command.DO_DIGICAM_CONTROL}
+_WANTED = (GOING - LANDINGS) | INTERVALS | {Command.IMAGE_START_CAPTURE, Command.DO_DIGICAM_CONTROL, Command.DO_JUMP}
 """Items that nobody puts behind the end of a mission on purpose, unless for another landing (DO_LAND_START)."""
 
 MOST_AGAIN = 4000  # items that are come to again, jumps counted; no battery lasts for more

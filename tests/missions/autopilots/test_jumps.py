@@ -118,6 +118,25 @@ def test_numbers_are_the_files() -> None:
     assert numbers(*rows, first=0, dialect="px4") == [0, 1, 2, 3, 2, 3, 5]
 
 
+@pytest.mark.parametrize(
+    ("behind", "error"),
+    [
+        ((), None),
+        ((LAND,), None),
+        ((action(Command.DO_LAND_START), waypoint(1), LAND), None),
+        ((jump(1.0, 2.0),), "stops-there"),
+        ((waypoint(1), LAND), "stops-there"),
+        ((SHOT[-2],), "stops-there"),
+    ],
+)
+def test_nothing_is_carried_out_behind_a_landing(behind: tuple[MissionItem, ...], error: str | None) -> None:
+    for end in (LAND, action(Command.NAV_RETURN_TO_LAUNCH)):
+        report = checked(TAKEOFF, *SHOT, end, *behind)
+        assert [f.code for f in report.findings if f.code == "stops-there"] == ([] if error is None else [error])
+        assert len(report.taken) == 1
+        assert report.length_m == checked(TAKEOFF, *SHOT, end).length_m
+
+
 def test_jumps_to_tags_are_refused_by_name() -> None:
     report = checked(TAKEOFF, action(Command.JUMP_TAG, 300.0), *SHOT, action(601, 300.0, 2.0), LAND)
     errors = {finding.message for finding in report.findings if finding.severity == "error"}
