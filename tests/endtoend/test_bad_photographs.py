@@ -43,14 +43,6 @@ def unlike(path: Path, seed: int) -> None:
     Image.fromarray(coarse).resize((320, 240), Image.Resampling.BICUBIC).save(path, quality=90)
 
 
-def no_folder(photographs: Photographs) -> None:
-    pass
-
-
-def a_file(photographs: Photographs) -> None:
-    Path("photos").write_text("x")
-
-
 def no_images(photographs: Photographs) -> None:
     Path("photos").mkdir()
     Path("photos/readme.txt").write_text("the photographs are on the other disk")
@@ -67,29 +59,9 @@ def two_without_overlap(photographs: Photographs) -> None:
         unlike(Path(f"photos/{seed}.jpg"), seed)
 
 
-def a_video(photographs: Photographs) -> None:
-    Path("photos").mkdir()
-    Path("photos/DJI_0001.MP4").write_bytes(b"\0\0\0\x18ftypmp42")
-
-
 def truncated(photographs: Photographs) -> None:
     photo = photographs(count=1, poses=False) / "IMG_0001.jpg"
     photo.write_bytes(photo.read_bytes()[:9000])
-
-
-def empty(photographs: Photographs) -> None:
-    Path("photos").mkdir()
-    Path("photos/IMG_0001.jpg").touch()
-
-
-def text(photographs: Photographs) -> None:
-    Path("photos").mkdir()
-    Path("photos/IMG_0001.jpg").write_text("not a photograph")
-
-
-def huge(photographs: Photographs) -> None:
-    Path("photos").mkdir()
-    huge_png(Path("photos/IMG_0001.png"))
 
 
 def no_pose_fits(photographs: Photographs) -> None:
@@ -109,16 +81,10 @@ class Case:
 
 AGAIN = "Copy the photographs again"
 CASES = [
-    Case(no_folder, 3, "CaptureError", "the folder does not exist", "Give the folder that holds the photographs"),
-    Case(a_file, 3, "CaptureError", "this is a file, not a folder", "Give the folder that holds the photographs"),
     Case(no_images, 3, "CaptureError", "there are no photographs in this folder", ""),
-    Case(a_video, 3, "CaptureError", "there are no photographs in this folder", "DJI_0001.MP4 is a video"),
     Case(one_image, 4, "ReconstructionError", "needs at least two photographs", ""),
     Case(two_without_overlap, 4, "ReconstructionError", "no two of them match: they overlap too little", ""),
     Case(truncated, 3, "CaptureError", "IMG_0001.jpg: the file is cut short", AGAIN),
-    Case(empty, 3, "CaptureError", "IMG_0001.jpg: 0 bytes", AGAIN),
-    Case(text, 3, "CaptureError", "IMG_0001.jpg: the content is neither JPEG, PNG nor TIFF", AGAIN),
-    Case(huge, 3, "CaptureError", "IMG_0001.png: 900 Mpx is more than the limit of 150 Mpx", AGAIN),
     Case(no_pose_fits, 3, "MetadataError", "names no photograph of the folder", "Write the photographs' file names",
          "photos/poses.csv"),
 ]  # fmt: skip
@@ -126,6 +92,8 @@ CASES = [
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.make.__name__)
 class TestNothingUsable:
+    """A kind of each; every kind of bad file is a case of tests/captures/test_folder.py."""
+
     @pytest.mark.parametrize("command", ["reference", "evaluate"])
     def test_json(self, case, command, place, photographs, capsys) -> None:
         case.make(photographs)
@@ -253,23 +221,6 @@ class TestPositions:
         assert report["metric_source"] == "EXIF GPS"
         assert report["frame"]["origin"]["latitude_deg"] == pytest.approx(52.296, abs=1e-4)
         assert report["frame"]["crs_epsg"] == 32632
-
-    def test_poses_with_a_missing_and_an_unknown_photograph(self, line: CommandLine, photographs: Photographs) -> None:
-        folder = photographs()
-        table = (folder / "poses.csv").read_text("utf-8")
-        (folder / "poses.csv").write_text(table.replace("IMG_0008.jpg", "IMG_0042.jpg"), "utf-8")
-        done = line.run("reference", "photos", "-o", "out", *DRAFT, "--no-scene", "--json")
-        assert done.code == 0, done.err
-        report = done.json
-        findings = {(finding["name"], finding["code"]) for finding in report["findings"]}
-        assert findings == {
-            ("IMG_0042.jpg", "pose-without-photo"), ("IMG_0008.jpg", "photo-without-pose"),
-            ("photos", "volume-cuts-plants"),  # by the bounds that keep these tests short
-            ("photos", "sides-hidden"),  # eight photographs of a longer arc
-        }  # fmt: skip
-        assert report["metric_source"] == "poses.csv"
-        assert report["right"] >= 7
-        assert "IMG_0008.jpg" in (line.folder / "out" / "reference.json").read_text("utf-8")
 
 
 def write_mask(path: Path, photograph: Path, share: float = 1.0) -> None:
