@@ -40,6 +40,8 @@ class Inputs:
     context: Context
     region: Region | None = None
     """What prior mapping takes for the place the cameras look at; None finds it anew."""
+    ground: bool = True
+    """Whether features of the ground are looked for where photographs are oblique."""
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ it is made again.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -40,12 +41,14 @@ from fieldkit.reconstruction.mapping.state import Belief, Inputs, Mapped
 from fieldkit.reconstruction.mapping.verdicts import judged
 from fieldkit.reconstruction.mapping.view_graph import Pair
 from fieldkit.reconstruction.settings import BLIND_METHODS
-from fieldkit.reconstruction.stages import keep_matches, with_ground_features
+from fieldkit.reconstruction.stages import KeyedFeatures, keep_matches, with_ground_features
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.runtime.colmap import pycolmap
 from fieldkit.vocabulary import LEAST_POSITIONS
 
 _NEAR_NEIGHBOURS = 12
+_MANY = 30
+"""Photographs that mostly match without features of the ground: 12° apart in a ring, where ten are 36°."""
 _MIN_CALIBRATION_IMAGES = 5
 _CORRECTION_ROUNDS = 3
 _REPEATS = 4
@@ -57,7 +60,19 @@ _NO_PAIR = "no two of them have more matches than chance gives where their known
 
 
 def map_by_priors(inputs: Inputs, belief: Belief) -> Mapped:
-    """The model about known positions, with orientations from the records or from matches."""
+    """The model about known positions, with orientations from the records or from matches.
+
+    Features of the ground are made where photographs are few, and where without them one of many is not right.
+    """
+    if inputs.region is None and len(inputs.names) >= _MANY:
+        with suppress(ReconstructionError):
+            mapped = _by_steps(replace(inputs, ground=False), belief)
+            if all(image.right for image in mapped.images):
+                return mapped
+    return _by_steps(inputs, belief)
+
+
+def _by_steps(inputs: Inputs, belief: Belief) -> Mapped:
     for step in STEPS:
         belief = step(inputs, belief)
     found = _of(belief)
@@ -202,12 +217,13 @@ def make_model(inputs: Inputs, belief: Belief) -> Belief:
     priors = [belief.rough[name] for name in names]
     cameras, settings, region = belief.cameras, inputs.settings, inputs.region
     camera_of = [cameras.camera_of[k] for k in chosen]
-    # In the photographs' own frame, so that a reference's, which is turned a little, changes nothing.
-    keyed = with_ground_features(
-        [inputs.keyed[k] for k in chosen], [inputs.capture.photos[k] for k in chosen],
-        [cameras.cameras[k] for k in camera_of], [np.round(prior.pose.rotation @ belief.turn, 9) for prior in priors],
-        settings.features, inputs.context,
-    )  # fmt: skip
+    keyed: Sequence[KeyedFeatures] = [inputs.keyed[k] for k in chosen]
+    if inputs.ground:
+        # In the photographs' own frame, so that a reference's, which is turned a little, changes nothing.
+        keyed = with_ground_features(
+            keyed, [inputs.capture.photos[k] for k in chosen], [cameras.cameras[k] for k in camera_of],
+            [np.round(prior.pose.rotation @ belief.turn, 9) for prior in priors], settings.features, inputs.context,
+        )  # fmt: skip
     # Focal length and height trade off where all cameras look the same way: hold what EXIF says.
     converging = region_of_interest([prior.pose for prior in priors]) is not None
     fixed = cameras.all_fixed or belief.held or (cameras.known and not converging)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fieldkit.captures import Photo
-from fieldkit.errors import ReconstructionError
+from fieldkit.errors import FieldkitError, ReconstructionError
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.priors import PosePrior, Priors
 from fieldkit.reconstruction.cameras import CameraSet
@@ -65,6 +65,20 @@ def test_poses_on_record_are_mapped_about(scene: FeatureScene) -> None:
     assert (mapped.method, mapped.metric, mapped.right, mapped.notes) == ("prior", True, COUNT, ())
     assert mapped.model_sizes == (COUNT,)
     assert worst_deg(mapped, scene) < 0.5
+
+
+def test_of_many_photographs_the_ground_is_looked_at_where_one_is_not_right(
+    scene: FeatureScene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(steps, "_MANY", COUNT)
+    for name in scene.names:
+        Path(name).unlink()  # so that whoever looks at the ground fails
+    priors = recorded(scene)
+    assert map_by_priors(*given(scene, priors)).right == COUNT
+    known = priors[scene.names[0]]
+    priors[scene.names[0]] = replace(known, position=known.pose.center + np.array([0.5, 0.0, 0.0]))
+    with pytest.raises(FieldkitError, match=r"cannot be read|does not exist|no longer"):
+        map_by_priors(*given(scene, priors))
 
 
 def test_positions_alone_are_oriented_by_matches(scene: FeatureScene) -> None:
