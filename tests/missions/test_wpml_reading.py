@@ -118,6 +118,13 @@ def test_the_whole_flight_counts(tmp_path: Path, config: dict[str, object], leng
     assert report.photographs[0].after_s == pytest.approx(1.0)
 
 
+def test_a_curve_to_a_waypoint_is_told_of(tmp_path: Path) -> None:
+    turn = f"<wpml:waypointTurnParam>{tags(waypointTurnMode='toPointAndStopWithContinuityCurvature')}"
+    shot = EAST + turn + "</wpml:waypointTurnParam>" + group(1, 1, HOVER, PHOTO)
+    assert codes(checked(tmp_path, shot, pitch=-30)) == {"not-modelled"}
+    assert codes(checked(tmp_path, shot + tags(useStraightLine=1), pitch=-30)) == set()
+
+
 def lens(index: str, use_global: int = 0, function: str = "takePhoto", **values: object) -> str:
     return action(function, payloadLensIndex=index, useGlobalPayloadLensIndex=use_global, **values)
 

@@ -229,6 +229,9 @@ class _Reader:
         mode = folder.findtext("executeHeightMode") or "relativeToStartPoint"
         heading = _own(placemark, folder, "HeadingParam", "waypointHeadingParam", "globalWaypointHeadingParam")
         turn = _own(placemark, folder, "TurnParam", "waypointTurnParam/waypointTurnMode", "globalWaypointTurnMode")
+        straight = placemark.findtext("useStraightLine") or folder.findtext("globalUseStraightLine")
+        if _text(turn).endswith("WithContinuityCurvature") and straight not in ("1", "true"):
+            self._remark(index, "is flown to in a curve, which is taken to be a straight line")
         return ReadStop(
             index,
             GeoPoint(place[1], place[0], height),
