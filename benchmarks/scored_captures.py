@@ -211,7 +211,7 @@ def _evaluate(folder: Path, name: str, design: Design, capture: Path, proxy: Pro
 
 def settle_in_scene(points: NDArray[np.float64], poses: Mapping[str, Pose]) -> tuple[Similarity, Plane | None]:
     """`KnownPlot.settle` of captures in the scene's own frame: they stay there, and the ground is theirs."""
-    return Similarity.identity(), find_ground(points, poses, seed=0, keep_upright=True)
+    return Similarity.identity(), find_ground(points, poses, seed=0, up=np.array([0.0, 0.0, 1.0]))
 
 
 def scene_outline(found: Reconstruction, proxy: Proxy) -> PlotOutline:

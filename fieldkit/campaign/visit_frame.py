@@ -57,7 +57,7 @@ class Settling:
         looked_at = None if self.aim is None else region_of_interest(list(poses.values()))
         if self.aim is not None and looked_at is not None:
             shift[:2] = np.array(self.aim) - np.array(looked_at.center[:2])
-        ground = find_ground(points, poses, seed=self.seed, keep_upright=True)
+        ground = find_ground(points, poses, seed=self.seed, up=np.array([0.0, 0.0, 1.0]))
         if ground is None:
             shift[2] = self.height_m - float(np.median([pose.center[2] for pose in poses.values()]))
             return Similarity(1.0, np.eye(3), shift), self.onto

@@ -20,7 +20,14 @@ _TOLERANCE_SHARE = 0.005  # of the cloud's diagonal: 15 mm on a plot 3 m across
 _LEAST_SHARE = 0.015  # of the thinned points must lie on the ground
 _MOST_BELOW = 3.0  # times as many may lie below it
 _CAMERAS_ABOVE = 0.8
-_MAX_TILT_DEG = 30.0
+MAX_TILT_DEG = 10.0
+"""Of the ground against a known upward direction: fields that are worked by machines are rarely half as steep."""
+_STANDS_OUT = 1.5
+"""Times the points of a layer beside the ground lie in one as thick on it; in leaves it is about once."""
+_LEAST_SEEN = 20
+"""Points on the ground."""
+_SEEN_BELOW = 0.2
+"""Of the well-seen points on the ground: so many may lie below it."""
 _REFINEMENTS = 20
 
 
@@ -29,6 +36,7 @@ def fit_ground_plane(
     camera_centers: ArrayLike | None = None,
     *,
     up: ArrayLike | None = None,
+    well_seen: NDArray[np.bool_] | None = None,
     seed: int = 0,
     tolerance_m: float | None = None,
 ) -> Plane:
@@ -37,13 +45,16 @@ def fit_ground_plane(
     The points are thinned first, so that dense plants do not outvote sparse soil. A plane is rated by the number of
     points on it (MSAC: the nearer the more, Torr and Zisserman 2000), divided by (1 + below / on)⁴: the ground has
     plants above and little but noise below, while planes through the canopy, leaves and walls have much on both
-    sides. The cameras must be on one side, which is up.
+    sides. The cameras must be on one side, which is up. Few points can be a good ground, and many in the leaves none:
+    it has to stand out of the layers beside it, and hardly any well-seen points may lie below it.
 
     Args:
         points: (n, 3), any orientation; metres, or any other unit as long as ``tolerance_m`` has it too.
         camera_centers: (m, 3) in the same frame. Without them up is the side with more points.
-        up: (3,) upwards to within 30°, where it is known (the z axis of a GPS frame, the mean of the cameras' upward
-            axes); it keeps a slanting pot or leaf from being taken for the ground where little of that is to be seen.
+        up: (3,) upwards to within `MAX_TILT_DEG`, where it is known (the z axis of a GPS frame, recorded angles): it
+            keeps slanting pots and walls of leaves from being taken for the ground.
+        well_seen: (n,) which points are hardly noise. All but clutter where not given: three times as many as on the
+            ground may lie below it then.
         tolerance_m: how far ground points may lie from the plane (the soil's roughness and the noise). 0.5 % of the
             cloud's diagonal where not given.
     """
@@ -63,10 +74,14 @@ def fit_ground_plane(
     normal, offset = _refined(thinned, normal, offset, tolerance)
     if len(cameras) and np.mean(cameras @ normal > offset) < _CAMERAS_ABOVE:
         raise _no_ground("the flattest part of the cloud has cameras on both sides")
+    if up is not None and normal @ _unit(up) < np.cos(np.radians(MAX_TILT_DEG)):
+        raise _no_ground(f"the flattest part of the cloud is steeper than {MAX_TILT_DEG:.0f}°")
     heights = thinned @ normal - offset
     on, below = float(np.mean(np.abs(heights) <= tolerance)), float(np.mean(heights < -tolerance))
     if on < _LEAST_SHARE or below > _MOST_BELOW * on:
         raise _no_ground("no plane below the plants holds a noticeable share of the points")
+    seen = np.ones(len(p), dtype=np.bool_) if well_seen is None else np.asarray(well_seen, dtype=np.bool_)
+    _check_seen((p[seen] - middle) @ normal - offset, tolerance, clean=well_seen is not None)
     offset += float(middle @ normal)
     distances = np.abs(p @ normal - offset)
     inliers = distances[distances <= tolerance]
@@ -77,6 +92,16 @@ def fit_ground_plane(
         inlier_share=len(inliers) / len(p),
         tolerance_m=tolerance,
     )
+
+
+def _check_seen(heights: NDArray[np.float64], tolerance: float, *, clean: bool) -> None:
+    """Refuse a plane that points (n,) at these heights do not stand out on, or, where they are clean, lie below."""
+    layers = tolerance * np.array([-np.inf, -3.0, -2.0, -1.0, 1.0, 3.0])
+    far, lower, low, on, high = np.diff(np.searchsorted(np.sort(heights), layers))
+    if on < max(_LEAST_SEEN, _STANDS_OUT * (lower + low + high) / 2.0):
+        raise _no_ground("the flattest part of the cloud is as full of points as what is above and below it")
+    if clean and far + lower > _SEEN_BELOW * on:
+        raise _no_ground("well-seen points lie below the flattest part of the cloud")
 
 
 def _tolerance(points: NDArray[np.float64]) -> float:
@@ -97,7 +122,7 @@ def _best_rated(
         sample = sample[np.sort(rng.choice(len(sample), _SCORED_POINTS, replace=False))]
     normals, offsets = _hypotheses(sample, cameras, rng, _HYPOTHESES if up is None else 4 * _HYPOTHESES)
     if up is not None:
-        upright = normals @ _unit(up) >= np.cos(np.radians(_MAX_TILT_DEG))
+        upright = normals @ _unit(up) >= np.cos(np.radians(MAX_TILT_DEG))
         normals, offsets = normals[upright], offsets[upright]
     if not len(normals):
         raise _no_ground("its points lie on one line, or no plane is level enough with the cameras above it")

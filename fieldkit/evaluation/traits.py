@@ -62,7 +62,6 @@ _CODES: Mapping[str, tuple[Trait, ...]] = {
     "volume-cuts-plants": _OF_HEIGHT,
     "volume-below-ground": _OF_HEIGHT,
     "steep-ground": _OF_HEIGHT,
-    "weak-ground": _OF_HEIGHT,
     "cameras-off-level": _OF_HEIGHT,
 }
 """Traits that a finding of the reconstruction forbids."""

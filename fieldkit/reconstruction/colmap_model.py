@@ -65,6 +65,11 @@ def model_points(model: pycolmap.Reconstruction) -> NDArray[np.float64]:
     return np.array(points, dtype=np.float64).reshape(-1, 3)
 
 
+def track_lengths(model: pycolmap.Reconstruction) -> NDArray[np.int64]:
+    """(n,) how many photographs each point is seen in, by ascending id."""
+    return np.array([model.points3D[k].track.length() for k in sorted(model.point3D_ids())], dtype=np.int64)
+
+
 def color_points(model: pycolmap.Reconstruction, photos: Iterable[Photo]) -> None:
     """Give every 3D point the mean colour of the pixels that it was seen in; ``photos`` are those of the model."""
     by_name = {image.name: image for image in model.images.values() if image.has_pose}

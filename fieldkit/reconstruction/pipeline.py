@@ -20,7 +20,13 @@ from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.priors import Priors, SourceFrame
 from fieldkit.reconstruction.agreement import bound_m
 from fieldkit.reconstruction.cameras import ASSUMED_35MM, assumed_camera, cameras_of, spread_deg
-from fieldkit.reconstruction.colmap_model import model_intrinsics, model_points, model_poses, transform_model
+from fieldkit.reconstruction.colmap_model import (
+    model_intrinsics,
+    model_points,
+    model_poses,
+    track_lengths,
+    transform_model,
+)
 from fieldkit.reconstruction.dense import View, compute_depth_maps, fuse, prepare_view
 from fieldkit.reconstruction.dense.depth_maps import expected_bytes, expected_cost
 from fieldkit.reconstruction.dense.fusion import depth_scatter_px, fusion_rule
@@ -35,6 +41,7 @@ from fieldkit.reconstruction.markers import MarkerScale
 from fieldkit.reconstruction.plot_frame import (
     check_upright,
     find_ground,
+    known_up,
     looked_beside_m,
     moved_plane,
     plot_from_world,
@@ -55,6 +62,7 @@ from fieldkit.vocabulary import Mask
 from fieldkit.wording import count
 
 _MIN_DENSE_VIEWS = 2
+_WELL_SEEN = 3  # photographs that have a sparse point which is hardly by chance
 _COUNTED, _COUNTED_PX = 10, 800  # photographs that plants' pixels are counted in, and their longer side
 _SHOWN_BY_MASKS = 1.0 / 3.0  # of the pixels, supposed before masks are there
 _BESIDE_M = 0.5  # photographs that look so far beside the volume are of another place
@@ -257,22 +265,22 @@ def _frame(
     points = model_points(mapped.model)
     source = priors.frame if mapped.metric else None
     to_working = source.from_source if source is not None else Similarity.identity()
-    upright = source is not None and source.georeferenced
+    georeferenced = source is not None and source.georeferenced
     if known_plot is not None and known_plot.settle is not None and poses:
         motion, ground = known_plot.settle(points, poses)
     elif known_plot is not None:
         ground = known_plot.ground
         motion = Similarity.identity()
     else:
-        found = find_ground(points, poses, seed=settings.seed, keep_upright=upright) if poses else None
-        motion = plot_from_world(points, poses, found, keep_upright=upright) if poses else Similarity.identity()
+        up, well_seen = known_up(poses, priors, metric=mapped.metric), track_lengths(mapped.model) >= _WELL_SEEN
+        found = find_ground(points, poses, seed=settings.seed, up=up, well_seen=well_seen) if poses else None
+        motion = Similarity.identity()
+        if poses:
+            motion = plot_from_world(points, poses, found, georeferenced=georeferenced, up=up)
         ground = None if found is None else moved_plane(found, motion)
     residuals = [i.position_residual_m for i in mapped.images if i.counts and i.position_residual_m is not None]
     bounds = [bound_m(priors.by_name[n]) for n in priors.positioned]
     name, of_scale = source_of_scale(priors, scale, metric=mapped.metric)
-    notes = [*priors.notes, *mapped.notes, *of_scale]
-    if ground is None:
-        notes.append("no ground plane was found; nothing was removed as ground")
     frame = MetricFrame(
         source=name,
         plot_from_source=motion.after(to_working),
@@ -280,7 +288,7 @@ def _frame(
         rms_m=float(np.sqrt(np.mean(np.square(residuals)))) if residuals else None,
         bound_m=float(np.median(bounds)) if bounds and mapped.metric else None,
         ground=ground,
-        notes=tuple(notes),
+        notes=(*priors.notes, *mapped.notes, *of_scale),
     )
     return frame, motion
 

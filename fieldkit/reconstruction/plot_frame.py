@@ -8,52 +8,97 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.captures.model import Capture
-from fieldkit.clouds.ground import fit_ground_plane
+from fieldkit.clouds.ground import MAX_TILT_DEG, fit_ground_plane
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import EmptyCloudError, ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
+from fieldkit.geometry.priors import Priors
+from fieldkit.reconstruction.agreement import POSITION_SIGMAS
 from fieldkit.reconstruction.guided import region_of_interest
+from fieldkit.reconstruction.mapping.angle_conventions import look_odd
 from fieldkit.results.fields import vector
 from fieldkit.results.frame import Plane
+from fieldkit.vocabulary import LEAST_POSITIONS
 from fieldkit.wording import count
 
+_UP = (0.0, 0.0, 1.0)
 _LOOKING_UP = 0.5  # sine of the optical axis' elevation
 _RECORDED_UP_DEG = 10.0
 
 
+def known_up(poses: Mapping[str, Pose], priors: Priors, *, metric: bool) -> NDArray[np.float64] | None:
+    """Upwards (3,) in a model's frame, where a georeference, three positions off one line or angles say it.
+
+    Args:
+        poses: of the photographs that count.
+        priors: what is known of them; other programs' frames need not stand upright.
+        metric: whether the model is in the priors' frame.
+    """
+    known = {name: priors.by_name[name] for name in poses if name in priors.by_name}
+    recorded = {name: p.rotation for name, p in known.items() if p.rotation is not None and p.angles is not None}
+    if metric and priors.frame is not None and priors.frame.georeferenced:
+        return np.array(_UP)
+    placed = priors.positions(known) if metric and known else np.zeros((0, 3))
+    if len(placed) >= LEAST_POSITIONS and priors.frame is not None and priors.frame.source == "poses.csv":
+        across_m = float(np.linalg.svd(placed - placed.mean(axis=0), compute_uv=False)[1])
+        held = POSITION_SIGMAS * priors.sigma_m <= np.tan(np.radians(MAX_TILT_DEG)) * across_m
+        if held and (recorded or 2 * len(_looking_up(poses)) < len(poses)):
+            return np.array(_UP)
+    if len(recorded) < LEAST_POSITIONS or look_odd(recorded):
+        return None
+    mean = np.mean([poses[name].rotation.T @ rotation[:, 2] for name, rotation in recorded.items()], axis=0)
+    length = float(np.linalg.norm(mean))
+    return np.asarray(mean / length) if length >= np.cos(np.radians(MAX_TILT_DEG)) else None
+
+
 def find_ground(
-    points: NDArray[np.float64], poses: Mapping[str, Pose], *, seed: int, keep_upright: bool
+    points: NDArray[np.float64],
+    poses: Mapping[str, Pose],
+    *,
+    seed: int,
+    up: NDArray[np.float64] | None = None,
+    well_seen: NDArray[np.bool_] | None = None,
 ) -> Plane | None:
     """The ground plane near where the cameras look, or None where none can be found.
 
     Args:
         points: (n, 3) sparse or dense points.
-        poses: in the same frame; up is towards them.
-        keep_upright: the frame's z is up already (GPS).
+        poses: in the same frame; the ground is below them.
+        up: (3,) in the same frame, where it is known.
+        well_seen: (n,) which points are hardly noise; all where not given.
     """
     centers = np.array([pose.center for pose in poses.values()])
     region = region_of_interest(list(poses.values()))
     if region is not None:
-        points = points[np.linalg.norm(points - np.array(region.center), axis=1) <= region.radius]
+        near = np.linalg.norm(points - np.array(region.center), axis=1) <= region.radius
+        points, well_seen = points[near], None if well_seen is None else well_seen[near]
     try:
-        return fit_ground_plane(points, centers, up=(0.0, 0.0, 1.0) if keep_upright else None, seed=seed)
+        return fit_ground_plane(points, centers, up=up, well_seen=well_seen, seed=seed)
     except (EmptyCloudError, ReconstructionError):
         return None
 
 
 def plot_from_world(
-    points: NDArray[np.float64], poses: Mapping[str, Pose], ground: Plane | None, *, keep_upright: bool
+    points: NDArray[np.float64],
+    poses: Mapping[str, Pose],
+    ground: Plane | None,
+    *,
+    georeferenced: bool,
+    up: NDArray[np.float64] | None = None,
 ) -> Similarity:
     """The rigid motion into the plot frame.
 
-    Without a georeference the ground becomes z = 0 and its normal z. With one (``keep_upright``) the frame stays
-    east-north-up and only moves: headings and heights stay true, and a slope stays a slope.
+    Without a georeference the ground becomes z = 0 and its normal z; without a ground ``up`` (3,) does, where it is
+    known. With a georeference the frame stays east-north-up and only moves: headings and heights stay true, and a slope
+    stays a slope.
     """
     region = region_of_interest(list(poses.values()))
     middle = np.median(points, axis=0) if region is None else np.array(region.center)
+    if ground is None and up is not None:
+        ground = Plane(vector(up), float(up @ middle), 0.0, 0.0, 0.0)
     if ground is None:
         return Similarity(1.0, np.eye(3), -middle)
-    if not keep_upright:
+    if not georeferenced:
         return ground.levelling(middle)
     foot = middle.copy()
     foot[2] = (ground.offset_m - ground.normal[:2] @ middle[:2]) / ground.normal[2]
@@ -67,7 +112,7 @@ def check_upright(poses: Mapping[str, Pose], capture: Capture) -> None:
     say which cameras do look up.
     """
     pitches = {name: prior.pitch_deg for name, prior in capture.priors.items()}
-    up = [n for n, p in poses.items() if p.forward[2] > _LOOKING_UP and (pitches.get(n) or -90.0) < _RECORDED_UP_DEG]
+    up = [name for name in _looking_up(poses) if (pitches.get(name) or -90.0) < _RECORDED_UP_DEG]
     if not up or 2 * len(up) < len(poses):
         return
     raise ReconstructionError(
@@ -77,6 +122,10 @@ def check_upright(poses: Mapping[str, Pose], capture: Capture) -> None:
         registered=len(poses),
         remedy="Check the positions' hemisphere letters (N or S, E or W), their signs, and the order of x and y.",
     )
+
+
+def _looking_up(poses: Mapping[str, Pose]) -> list[str]:
+    return [name for name, pose in poses.items() if pose.forward[2] > _LOOKING_UP]
 
 
 def moved_plane(plane: Plane, motion: Similarity) -> Plane:

@@ -21,8 +21,11 @@ from fieldkit.wording import count
 _FEW_POINTS = 100
 _STEEP_DEG = 8.0
 """Fields that are worked by machines are rarely steeper than 15 %."""
+_NO_GROUND = (
+    "no ground was found: nothing that is level stands out below the plants, so nothing was removed as ground, and "
+    "heights are not known; photograph some bare soil beside the plants or between them"
+)
 _OFF_LEVEL_DEG = 15.0
-_WEAK_SHARE = 0.05
 _WHERE = ("center", "forward")
 _LEAST_DOWN = 0.1
 """Of an optical axis along the vertical: flatter ones meet the ground anywhere."""
@@ -42,10 +45,12 @@ def quality_flags(
         plants: the plants' cloud, plot frame.
         gsd_m: metres per pixel at its centre.
         poses: of the photographs that count, plot frame.
-        own_ground: whether the ground was found in these photographs.
+        own_ground: whether the ground was looked for in these photographs.
     """
     flags = [*_of_plants(plants, volume, gsd_m, own_volume=own_volume and frame.metric)]
-    if frame.ground is not None:
+    if frame.ground is None and own_ground:
+        flags.append(("no-ground", _NO_GROUND))
+    elif frame.ground is not None:
         flags += _of_places(frame.ground, plants, poses) if own_volume and frame.metric else ()
         flags += _of_ground(frame.ground, volume, poses, own=own_ground, level=frame.origin is not None)
     return [Finding(name, code, message) for code, message in flags]
@@ -123,14 +128,6 @@ def _of_ground(
             (
                 f"the ground came out {ground.tilt_deg():.0f}° from level; where the land is flatter, little of the "
                 "soil was seen, and heights above it are wrong"
-            ),
-        )
-    if ground.inlier_share < _WEAK_SHARE:
-        yield (
-            "weak-ground",
-            (
-                f"only {100 * ground.inlier_share:.0f} % of the points lie on the ground that was found: it may be "
-                "none, and heights above it wrong; photograph some bare soil beside the plants"
             ),
         )
     # Cameras on a gimbal or a tripod are level, upright or turned by 90°.

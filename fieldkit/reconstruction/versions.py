@@ -20,8 +20,8 @@ STAGES: Mapping[str, int] = MappingProxyType(
         "learned": 1,  # features and matches of networks, where ties are weak
         "pairs": 1,  # blind matches and their verification
         "guided": 2,  # matches between known poses
-        "mapping": 17,  # poses, intrinsics, sparse points, what pairs say
-        "frame": 1,  # plot frame, ground, volume of interest
+        "mapping": 18,  # poses, intrinsics, sparse points, what pairs say
+        "frame": 2,  # plot frame, ground, volume of interest
         "views": 4,  # undistorted photographs and masks
         "depth": 6,  # dense stereo
         "fusion": 5,  # depth maps into one cloud

@@ -42,7 +42,7 @@ NO_RASTERS, COARSE_RASTERS = "no-rasters", "coarse-rasters"
 """Why there are none; that they may lie metres off."""
 
 DOUBTFUL = frozenset({
-    OTHER_PLANTS, "few-plant-points", "volume-below-ground", "weak-ground", "cameras-off-level", "steep-ground",
+    OTHER_PLANTS, "few-plant-points", "volume-below-ground", "cameras-off-level", "steep-ground",
     "volume-cuts-plants", "refinement-not-converged", WEAKLY_TIED, POSITIONS_LAG,
     PLOTS_TOGETHER, "far-from-reference",
 })  # fmt: skip
@@ -60,6 +60,7 @@ TOLD = DOUBTFUL | {
     "heights-joined",
     "other-camera",
     "scale-uncertain",
+    "no-ground",
     POSES_STATED,
     SIDES_HIDDEN,
     "leaves-swayed",

@@ -83,6 +83,39 @@ def test_memory_does_not_grow_with_points_times_planes() -> None:
     assert peak < 200e6
 
 
+def canopy(seed: int, *, soil: int, leaves: int = 8000) -> tuple[np.ndarray, np.ndarray]:
+    """Well-seen points of ten rows of maize, most of them high in the leaves, and some on the soil between the rows;
+    and cameras above."""
+    rng = np.random.default_rng(seed)
+    rows = 0.75 * rng.integers(-5, 5, leaves + soil)
+    along, across = rng.uniform(-2.5, 2.5, leaves + soil), rng.normal(0.0, 0.16, leaves + soil)
+    height = 0.15 + 1.2 * rng.beta(2.5, 1.5, leaves + soil)
+    rows[leaves:] += 0.375
+    across[leaves:] *= 0.5
+    height[leaves:] = rng.normal(0.0, 0.008, soil)
+    cameras = np.column_stack([rng.uniform(-3, 3, 40), rng.uniform(-0.8, 0.8, 40), np.full(40, 2.5)])
+    return np.column_stack([along, rows + across, height]), cameras
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(250, 2000), st.floats(0.0, 5.0))
+@settings(max_examples=10)
+def test_a_few_points_between_rows_are_a_good_ground(seed: int, soil: int, tilt_deg: float) -> None:
+    points, cameras = canopy(seed, soil=soil)
+    turn = rotation_from_vector(np.radians([tilt_deg, 0.0, 0.0]))
+    plane = fit_ground_plane(
+        points @ turn.T, cameras @ turn.T, up=[0, 0, 1], well_seen=np.ones(len(points), bool), seed=seed
+    )
+    np.testing.assert_allclose(plane.heights(points[-soil:] @ turn.T), points[-soil:, 2], atol=0.02)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=10)
+def test_many_points_in_the_leaves_are_none(seed: int) -> None:
+    points, cameras = canopy(seed, soil=0)
+    with pytest.raises(ReconstructionError, match="no ground plane"):
+        fit_ground_plane(points, cameras, up=[0, 0, 1], well_seen=np.ones(len(points), bool), seed=seed)
+
+
 def test_levelling_puts_the_ground_at_zero() -> None:
     for normal in ([0, 0, 1], [0, 0, -1], [1, 0, 0], [0.3, -0.5, -0.8]):
         unit = np.array(normal) / np.linalg.norm(normal)

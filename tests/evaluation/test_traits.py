@@ -140,7 +140,7 @@ class TestRefusals:
         assert told.unknown["height_m"] == "only 5 photographs count, and traits need 6"
         assert set(told.unknown) == set(TRAITS)
 
-    @pytest.mark.parametrize("code", ["height-undetermined", "volume-cuts-plants", "weak-ground", "steep-ground"])
+    @pytest.mark.parametrize("code", ["height-undetermined", "volume-cuts-plants", "steep-ground"])
     def test_findings_that_forbid_heights(self, code: str) -> None:
         result = found()
         result = replace(result, sparse=replace(result.sparse, findings=(Finding("p", code, "what is wrong"),)))

@@ -6,19 +6,22 @@ import pytest
 from fieldkit.captures.model import Capture
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import ReconstructionError
-from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.geometry import Intrinsics, Pose, Similarity
+from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector
-from fieldkit.geometry.priors import PosePrior
+from fieldkit.geometry.priors import PosePrior, Priors, SourceFrame
 from fieldkit.reconstruction.plot_frame import (
     check_upright,
     cuts_plants,
     find_ground,
+    known_up,
     looked_beside_m,
     moved_plane,
     plot_from_world,
     volume_of_interest,
 )
 
+UP = np.array([0.0, 0.0, 1.0])
 CAMERA = Intrinsics.pinhole(800, 600, 700.0)
 
 
@@ -41,9 +44,9 @@ def test_the_ground_becomes_z_0_with_the_cameras_above(turn: list[float]) -> Non
     rotation = rotation_from_vector(turn)
     points = _soil_and_plant() @ rotation.T + [3.0, 1.0, -2.0]
     poses = {n: Pose(p.rotation @ rotation.T, rotation @ p.center + [3.0, 1.0, -2.0]) for n, p in _ring().items()}
-    ground = find_ground(points, poses, seed=0, keep_upright=False)
+    ground = find_ground(points, poses, seed=0)
     assert ground is not None
-    motion = plot_from_world(points, poses, ground, keep_upright=False)
+    motion = plot_from_world(points, poses, ground, georeferenced=False)
     moved = motion.apply(points)
     assert np.abs(np.median(moved[:3000, 2])) < 0.002
     assert all(motion.apply_pose(p).center[2] > 1.0 for p in poses.values())
@@ -54,11 +57,50 @@ def test_the_ground_becomes_z_0_with_the_cameras_above(turn: list[float]) -> Non
 def test_a_georeferenced_slope_stays_a_slope() -> None:
     tilt = rotation_from_vector([0.1, 0.0, 0.0])
     points = _soil_and_plant() @ tilt.T
-    ground = find_ground(points, _ring(), seed=0, keep_upright=True)
+    ground = find_ground(points, _ring(), seed=0, up=UP)
     assert ground is not None
-    motion = plot_from_world(points, _ring(), ground, keep_upright=True)
+    motion = plot_from_world(points, _ring(), ground, georeferenced=True)
     assert motion.rotation == pytest.approx(np.eye(3))
     assert moved_plane(ground, motion).tilt_deg() == pytest.approx(np.degrees(0.1), abs=0.3)
+
+
+def _priors(poses: dict[str, Pose], said: str, sigma_m: float) -> Priors:
+    known = {n: PosePrior(p.center if "places" in said else None, sigma_m) for n, p in poses.items()}
+    if "angles" in said:
+        known = {n: k.with_angles(tuple(map(float, poses[n].yaw_pitch_roll_deg()))) for n, k in known.items()}
+    origin = LocalFrame(52.0, 10.0, 80.0, "ellipsoid") if "earth" in said else None
+    frame = SourceFrame("poses.csv", origin, Similarity.identity()) if "places" in said else None
+    return Priors(frame, known)
+
+
+@pytest.mark.parametrize(
+    ("said", "sigma_m", "known"),
+    [
+        ("places", 0.05, True),
+        ("places", 0.5, False),
+        ("places on a line", 0.001, False),
+        ("places and angles on a line", 0.001, True),
+        ("places on earth", 3.0, True),
+        ("angles", 0.05, True),
+        ("nothing", 0.05, False),
+    ],
+)
+def test_up_is_what_a_georeference_three_positions_or_angles_say(said: str, sigma_m: float, known: bool) -> None:
+    poses = _ring()
+    if "line" in said:
+        poses = {n: Pose(p.rotation, p.center * [1.0, 0.0, 0.0] + [0.0, 0.0, 1.2]) for n, p in poses.items()}
+    priors, metric = _priors(poses, said, sigma_m), "places" in said
+    turn = np.eye(3) if metric else rotation_from_vector([1.0, -0.5, 0.3])
+    up = known_up({n: Pose(p.rotation @ turn.T, turn @ p.center) for n, p in poses.items()}, priors, metric=metric)
+    if known:
+        assert up == pytest.approx(turn @ UP, abs=1e-9)
+    else:
+        assert up is None
+
+
+def test_without_a_ground_the_frame_stands_as_up_is_known() -> None:
+    motion = plot_from_world(np.zeros((3, 3)), _ring(), None, georeferenced=False, up=np.array([0.6, 0.0, 0.8]))
+    assert motion.rotation @ [0.6, 0.0, 0.8] == pytest.approx(UP)
 
 
 def test_the_volume_holds_what_converging_cameras_share_and_not_the_background() -> None:
