@@ -34,7 +34,7 @@ from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.sites.fitted import fitted_to_height
 from fieldkit.sites.plot_ids import plot_file_name
-from fieldkit.sites.plot_plants import PlanFacts, PlantHeight, plants_on, with_plant_height
+from fieldkit.sites.plot_plants import PlanFacts, PlantHeight, heights_taken, plants_on, with_plant_height
 from fieldkit.sites.site import SitePlot
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
@@ -242,6 +242,10 @@ def plan_next_visit(
         {each.plot: each.plan for each in plans}, profile, site.model_copy(update={"plots": plots}), output,
         format=format, overwrite=overwrite, seed=seed, plans=False,
     )  # fmt: skip
+    mission = replace(
+        mission,
+        routed=replace(mission.routed, fit=(*heights_taken(campaign.site, site, plant_height), *mission.routed.fit)),
+    )
     with atomic_folder(folder, overwrite=overwrite) as made:
         for each in plans:
             if each.plan != campaign.carried_plan(each.plot):

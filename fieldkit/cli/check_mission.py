@@ -44,9 +44,9 @@ def command(
 ) -> int:
     """Check a mission file: what it would photograph, and what speaks against flying it.
 
-    The items are carried out as the vehicle's autopilot does, also in files that other programs wrote. Plants are those
-    of the plan; without it those that the mission.json beside the file says it keeps clear of, or all of each plot's
-    outline, up to plant_height_m. What is not checked against plants is never said to be fit to fly.
+    The items are carried out as the vehicle's autopilot does, also in files that other programs wrote. Plants fill each
+    plot's outline up to plant_height_m, also of plots that are not flown; leaves of a plan may make it higher. What is
+    not checked against plants is never said to be fit to fly.
 
     Examples:
         fieldkit check-mission plot.plan --vehicle ardupilot-pitch --plan plan.json --site site.toml

@@ -99,5 +99,8 @@ def _require_no_errors(findings: Sequence[Finding], mission: Path, *, force: boo
         return
     more = f"; and {count(len(texts) - 3, 'more kind')}" if len(texts) > 3 else ""
     said = f"{count(_errors(findings), 'error')}: {'; '.join(texts[:3])}{more}"
-    remedy = "Correct it (fieldkit check-mission says more), or give --force to send it all the same."
+    remedy = (
+        "Correct it (fieldkit check-mission says more), give --vehicle where yours needs less clearance, or --force to "
+        "send it all the same."
+    )
     raise MissionError(f"must not be flown: {said}. Nothing was sent", path=mission, remedy=remedy)

@@ -130,11 +130,12 @@ def check_on_ground(
         return check_mission(read, vehicle, burst=burst)
     site, obstacles = ground.site, ground.obstacles(vehicle.clearance_m)
     shots, moved = nearest(place(ground.plans, site) if compare else (), site, vehicle, obstacles)
-    return check_mission(
+    report = check_mission(
         read, vehicle, planned=shots, grounds=grounds_m(site, shots).tolist(), obstacles=obstacles,
         origin=home_of(site), moved=moved, unchecked=ground.unchecked, burst=burst,
         plants=NO_PLANTS if vehicle.rtk else ground.plants, site=site,
     )  # fmt: skip
+    return replace(report, findings=(*report.findings, *ground.taken))
 
 
 def _rtk_findings(
@@ -303,7 +304,7 @@ def _any_vehicle(dialect: str) -> Vehicle:
     """A vehicle of an autopilot that has no limits of its own."""
     known = load_vehicle(_PROFILES[dialect])
     return known.model_copy(update={
-        "title": "the vehicle", "min_height_m": 0.0, "clearance_m": 0.0,
+        "title": "the vehicle", "min_height_m": 0.0,
         "max_items": None, "mount": Mount(kind="pitch", pitch_deg=(-90.0, 90.0)),
         "trigger": known.trigger.model_copy(update={"settle_s": 0.0, "exposure_s": 0.0}),
         "battery": known.battery.model_copy(update={"endurance_s": 1e6, "reserve": 0.0}),

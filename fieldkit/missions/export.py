@@ -150,8 +150,7 @@ def route_plan(
             break
         less = {"endurance_s": planned_for.battery.endurance_s / (_BEYOND * most)}
         planned_for = planned_for.model_copy(update={"battery": planned_for.battery.model_copy(update=less)})
-    facts = facts_of(plans, site.plots)
-    on_plots = {plot.name: plants_on(each, plot) for plot, each in zip(site.plots, facts, strict=True)}
+    on_plots = {plot.name: plants_on(each, plot) for plot, each in facts_of(plans, site)}
     plants = placed(on_plots, site)
     heights = [shot.place.height_m for shot in shots] - grounds_m(site, shots)
     return Routed(
@@ -195,7 +194,7 @@ def placed(plants: Mapping[str, PlotPlants | None], site: Site) -> dict[str, Arr
     frame = SiteFrame(site.home)
     return {
         plot.name: frame.to_local(*PlotFrame.of(site, plot).to_geodetic(of_plot.points))
-        for plot in site.plots
+        for plot in site.all_plots
         if (of_plot := plants[plot.name]) is not None and len(of_plot.points)
     }
 

@@ -28,7 +28,7 @@ from fieldkit.results.plan_file import PLAN_FILE, load_plan, plan_bytes
 from fieldkit.routing.flights import Room
 from fieldkit.sites.placement import SiteFrame
 from fieldkit.sites.plot_ids import plot_file_name
-from fieldkit.sites.plot_plants import PlantHeight, with_plant_height
+from fieldkit.sites.plot_plants import PlantHeight, heights_taken, with_plant_height
 from fieldkit.sites.plots_file import load_plots
 from fieldkit.sites.site import Site
 from fieldkit.sites.site_file import Tell, load_site, with_plots
@@ -104,8 +104,9 @@ def export_mission(
     place = site if isinstance(site, Site) else load_site(site, plots, plot_id, tell=tell)
     if isinstance(site, Site) and plots is not None:
         place = with_plots(site, load_plots(plots, plot_id))
-    place = with_plant_height(place, loaded, plant_height)
+    stated, place = place, with_plant_height(place, loaded, plant_height)
     routed = route_for_files(loaded, profile, place, format, fit=fit, adjust=adjust, seed=seed, burst=burst)
+    routed = replace(routed, fit=(*heights_taken(stated, place, plant_height), *routed.fit))
     stem = output.stem
     written = {p: output.with_name(f"{stem}-{plot_file_name(p)}.json") for p in (routed.own if plans else ())}
     more = {file: plan_bytes(routed.own[plot]) for plot, file in written.items()}
@@ -222,10 +223,7 @@ def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
 
     frame = SiteFrame(site.home)
     outlines = [np.array(frame.outline(corners)) for corners in site.fence]
-    outlines += [
-        np.array(volume.footprint)
-        for volume in site_obstacles(site, 0.0, known_clear=[plot.name for plot in site.plots]).volumes
-    ]
+    outlines += [np.array(volume.footprint) for volume in site_obstacles(site, 0.0).volumes if volume.kind != "plants"]
     title = (
         f"{site.name}: {count(routed.photographs, 'photograph')}, {format_length(routed.length_m)}, "
         f"{format_seconds(routed.time_s)} from take-off to landing"

@@ -14,6 +14,8 @@ from fieldkit.results.mission import (
     MissionBurst,
     MissionFlight,
     MissionHome,
+    MissionObstacle,
+    MissionOutline,
     MissionPlants,
     MissionPlot,
     MissionRecord,
@@ -21,7 +23,7 @@ from fieldkit.results.mission import (
 )
 from fieldkit.routing.mission import Fence, GeoPoint
 from fieldkit.sites.placement import PlotFrame, SiteFrame
-from fieldkit.sites.site import NoFly, Site, SiteHome, SitePlot
+from fieldkit.sites.site import NoFly, Obstacle, Site, SiteHome, SitePlot
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.version import __version__
 
@@ -51,7 +53,11 @@ def mission_record(
         speed_mps=mission.speed_mps,
         settle_s=mission.settle_s,
         exposure_s=mission.exposure_s,
-        plots=tuple(_plot(site, plot, routed.clear_m[plot.name], vehicle, plans[plot.name]) for plot in site.plots),
+        plots=tuple(
+            MissionPlot(**dict(_outline(site, plot, routed, vehicle)), plan=plans[plot.name]) for plot in site.plots
+        ),
+        neighbours=tuple(_outline(site, plot, routed, vehicle) for plot in site.neighbours),
+        obstacles=tuple(MissionObstacle(**obstacle.model_dump()) for obstacle in site.obstacles),
         flights=tuple(_flight(each, name) for each, name in zip(routed.flights, names, strict=True)),
         inside=fence.inside,
         outside=fence.outside,
@@ -69,7 +75,7 @@ def site_frame(record: MissionRecord) -> SiteFrame:
     return SiteFrame(record.home)
 
 
-def plot_frame(plot: MissionPlot) -> PlotFrame:
+def plot_frame(plot: MissionOutline) -> PlotFrame:
     """The frame of a plot's plan."""
     return PlotFrame(plot.origin, plot.ground_m, plot.row_heading_deg, plot.gradient)
 
@@ -92,10 +98,12 @@ def site_of(record: MissionRecord) -> Site:
         name=record.name, home=SiteHome(**record.home.model_dump()), fence=record.inside, ceiling_m=record.ceiling_m,
         no_fly=tuple(NoFly(corners=ring) for ring in record.outside), takeoff_m=low, transit_m=low,
         plots=tuple(_plot_of(plot) for plot in record.plots),
+        neighbours=tuple(_plot_of(plot) for plot in record.neighbours),
+        obstacles=tuple(Obstacle(**obstacle.model_dump()) for obstacle in record.obstacles),
     )  # fmt: skip
 
 
-def _plot_of(plot: MissionPlot) -> SitePlot:
+def _plot_of(plot: MissionOutline) -> SitePlot:
     along, across = plot.gradient
     percent = 100.0 * math.hypot(along, across)
     uphill = (plot.row_heading_deg + math.degrees(math.atan2(-across, along))) % 360.0 if percent else None
@@ -107,18 +115,19 @@ def _plot_of(plot: MissionPlot) -> SitePlot:
     )  # fmt: skip
 
 
-def _plot(site: Site, plot: SitePlot, clear_m: float | None, vehicle: Vehicle, plan: FlownPlan) -> MissionPlot:
+def _outline(site: Site, plot: SitePlot, routed: Routed, vehicle: Vehicle) -> MissionOutline:
     home, frame = site.home, PlotFrame.of(site, plot)
     tangent, height_m = frame.tangent, plot.plant_height_m
     datum = "ellipsoid" if home.ellipsoid_m is not None else "sea level" if home.amsl_m is not None else "unknown"
     plants = None
     if height_m is not None:
+        clear_m = routed.clear_m[plot.name]
         plants = MissionPlants(height_m=height_m, clear_m=clear_m, clearance_m=vehicle.clearance_m)
-    return MissionPlot(
+    return MissionOutline(
         name=plot.name,
         origin=LocalFrame(tangent.latitude_deg, tangent.longitude_deg, tangent.altitude_m, datum),
         ground_m=frame.ground_m, row_heading_deg=frame.row_heading_deg, gradient=frame.gradient,
-        length_m=plot.length_m, width_m=plot.width_m, plants=plants, plan=plan,
+        length_m=plot.length_m, width_m=plot.width_m, plants=plants,
     )  # fmt: skip
 
 

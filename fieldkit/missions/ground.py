@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from fieldkit.missions.export import placed
 from fieldkit.missions.export_record import plot_frame, site_of
 from fieldkit.regular_files import read_regular
-from fieldkit.results.mission import MissionPlot, MissionRecord, load_mission, record_path
+from fieldkit.results.finding import Finding
+from fieldkit.results.mission import MissionOutline, MissionPlot, MissionRecord, load_mission, record_path
 from fieldkit.results.plan import Plan, Plans
 from fieldkit.results.plan_file import load_plan
 from fieldkit.routing.obstacles import Obstacles
 from fieldkit.sites.fitted import flown_plans
 from fieldkit.sites.placement import PlotFrame
-from fieldkit.sites.plot_plants import PlanFacts, PlantHeight, plants_on, same_height_m, with_plant_height
+from fieldkit.sites.plot_plants import PlantHeight, facts_of, heights_taken, plants_on, same_height_m, with_plant_height
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.site_obstacles import site_obstacles
 
@@ -29,7 +30,7 @@ _NO_HEIGHT = "the height of its plants is not known"
 _NOWHERE = "neither a plan nor the plot's outline says where its plants stand"
 _NOT_GIVEN = "mission.json says that it is flown over, and it is none of the plots given"
 _SAME_M, _SAME_DEG = 0.05, 0.5
-"""By which a plot's frame and size may differ from those in mission.json."""
+"""By which a plot's frame may differ from that in mission.json."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,21 +40,20 @@ class Ground:
     site: Site
     plans: Mapping[str, Plan] = field(default_factory=dict)
     """By plot; of those whose plan is known."""
-    known_clear: frozenset[str] = frozenset()
-    """Plots whose plants the export has kept clear of, as mission.json says of this very file."""
     unchecked: Mapping[str, str] = field(default_factory=dict)
     """Plots that are not checked against plants, and why."""
+    taken: tuple[Finding, ...] = ()
+    """Plots whose plants nobody states a height of."""
 
     @property
     def plants(self) -> NDArray[np.float64]:
         """(m, 3) of the plots whose plans are known, site frame."""
-        plans = {name: PlanFacts(plan) for name, plan in self.plans.items()}
-        found = {plot.name: plants_on(plans.get(plot.name), plot) for plot in self.site.plots}
+        found = {plot.name: plants_on(facts, plot) for plot, facts in facts_of(self.plans, self.site)}
         return np.concatenate([np.zeros((0, 3)), *placed(found, self.site).values()])
 
     def obstacles(self, clearance_m: float) -> Obstacles:
         """All that legs keep clear of."""
-        return site_obstacles(self.site, clearance_m, self.plans, known_clear=self.known_clear)
+        return site_obstacles(self.site, clearance_m, self.plans)
 
 
 def ground_of(
@@ -62,41 +62,39 @@ def ground_of(
 ) -> Ground | None:  # fmt: skip
     """What is known of the ground below a mission.
 
-    Plants are the plan's, where it is given or lies beside the mission as mission.json says. Without a plan, a plot
-    counts as clear where mission.json says so of this very file, of plants as high as these, here, and for as much
-    clearance; else all of its outline counts as full. ``plant_height``, as of `with_plant_height`, comes before what
+    Leaves are those of the plan, where it is given or lies beside the mission as mission.json says. A plot of unknown
+    outline, without a plan, counts as checked where mission.json says that this very file keeps clear of it: of plants
+    as high as these, here, and for as much clearance. ``plant_height``, as of `with_plant_height`, comes before what
     the plots and mission.json say. None where there are no plots.
     """
     found = None if file is None else _record_of(file)
     record, unchanged = found if found is not None else (None, False)
     if site is None and record is None:
         return None
-    exported = {} if record is None else {plot.name: plot for plot in record.plots}
+    exported = {} if record is None else {plot.name: plot for plot in (*record.plots, *record.neighbours)}
     if site is None:
         assert record is not None
         site = site_of(record)
     else:
-        site = site.model_copy(update={"plots": tuple(_with_height(p, exported.get(p.name)) for p in site.plots)})
-    site = with_plant_height(site, plans, plant_height)
+        site = site.with_each(lambda plot: _with_height(plot, exported.get(plot.name)))
+    stated, site = site, with_plant_height(site, plans, plant_height)
     if plans is not None:
         flown = flown_plans(plans, site.plots, fit)
         by_plot = {p.name: flown for p in site.plots} if isinstance(flown, Plan) else dict(flown)
     else:
-        by_plot = {} if file is None else _plans_beside(file, exported)
-    clear, unchecked = set(), {}
-    for plot in site.plots:
-        plan = by_plot.get(plot.name)
+        by_plot = {} if file is None or record is None else _plans_beside(file, record.plots)
+    unchecked = {}
+    for plot, facts in facts_of(by_plot, site):
         if plot.plant_height_m is None:
             unchecked[plot.name] = _NO_HEIGHT
-        elif plan is None or not PlanFacts(plan).points.size:
-            if unchanged and _kept_clear(exported.get(plot.name), plot, PlotFrame.of(site, plot), clearance_m):
-                clear.add(plot.name)
-            elif plants_on(None, plot) is None:
-                unchecked[plot.name] = _NOWHERE
+        elif plants_on(facts, plot) is None and not (
+            unchanged and _kept_clear(exported.get(plot.name), plot, PlotFrame.of(site, plot), clearance_m)
+        ):
+            unchecked[plot.name] = _NOWHERE
     if record is not None and file is not None:
         over = {plot for flight in record.flights if flight.file == file.name for plot in flight.plots}
-        unchecked |= dict.fromkeys(sorted(over - {plot.name for plot in site.plots}), _NOT_GIVEN)
-    return Ground(site, by_plot, frozenset(clear), unchecked)
+        unchecked |= dict.fromkeys(sorted(over - {plot.name for plot in site.all_plots}), _NOT_GIVEN)
+    return Ground(site, by_plot, unchecked, heights_taken(stated, site, plant_height))
 
 
 def _record_of(file: Path) -> tuple[MissionRecord, bool] | None:
@@ -111,31 +109,31 @@ def _record_of(file: Path) -> tuple[MissionRecord, bool] | None:
     return None
 
 
-def _with_height(plot: SitePlot, exported: MissionPlot | None) -> SitePlot:
+def _with_height(plot: SitePlot, exported: MissionOutline | None) -> SitePlot:
     """A plot that says no plant height with the one that it was exported for."""
     if plot.plant_height_m is not None or exported is None or exported.plants is None:
         return plot
     return plot.model_copy(update={"plant_height_m": exported.plants.height_m})
 
 
-def _plans_beside(file: Path, exported: Mapping[str, MissionPlot]) -> dict[str, Plan]:
+def _plans_beside(file: Path, exported: Sequence[MissionPlot]) -> dict[str, Plan]:
     """The plans of plots that lie beside the mission, by the names and hashes that mission.json gives."""
     loaded: dict[str, Plan | None] = {}
-    for plot in exported.values():
+    for plot in exported:
         name, sha256 = plot.plan.name, plot.plan.sha256
         if sha256 not in loaded:
             beside = None if name is None else file.with_name(Path(name).name)
             same = beside is not None and beside.is_file() and _sha256(beside) == sha256
             loaded[sha256] = load_plan(beside) if beside is not None and same else None
-    found = {plot.name: loaded[plot.plan.sha256] for plot in exported.values()}
+    found = {plot.name: loaded[plot.plan.sha256] for plot in exported}
     return {name: plan for name, plan in found.items() if plan is not None}
 
 
-def _kept_clear(exported: MissionPlot | None, plot: SitePlot, frame: PlotFrame, clearance_m: float) -> bool:
+def _kept_clear(exported: MissionOutline | None, plot: SitePlot, frame: PlotFrame, clearance_m: float) -> bool:
     """Whether an export has kept clear of all plants of a plot."""
     if exported is None or exported.plants is None or exported.plants.clear_m is None or plot.plant_height_m is None:
         return False
-    before, size = plot_frame(exported), (exported.length_m, exported.width_m)
+    before = plot_frame(exported)
     origin = before.to_plot(frame.tangent.latitude_deg, frame.tangent.longitude_deg, frame.ground_m)
     turned = abs((frame.row_heading_deg - before.row_heading_deg + 180.0) % 360.0 - 180.0)
     return bool(
@@ -144,7 +142,6 @@ def _kept_clear(exported: MissionPlot | None, plot: SitePlot, frame: PlotFrame, 
         and float(np.linalg.norm(origin)) <= _SAME_M
         and turned <= _SAME_DEG
         and np.allclose(frame.gradient, before.gradient, atol=1e-3)
-        and (plot.size_m is None or np.allclose(plot.size_m, [s or 0.0 for s in size], atol=_SAME_M))
     )
 
 

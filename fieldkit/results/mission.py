@@ -73,8 +73,8 @@ class MissionPlants(Strict):
     """Distance kept from them."""
 
 
-class MissionPlot(Strict):
-    """A plot's frame: x along the row, y to its left, z upright above the plot's ground."""
+class MissionOutline(Strict):
+    """A plot's frame and plants: x along the row, y to its left, z upright above the plot's ground."""
 
     name: str
     origin: LocalFrame
@@ -90,8 +90,24 @@ class MissionPlot(Strict):
     width_m: Length | None = None
     """Across."""
     plants: MissionPlants | None = None
+
+
+class MissionPlot(MissionOutline):
+    """A plot that is flown."""
+
     plan: FlownPlan
     """Whose stations are flown here."""
+
+
+class MissionObstacle(Strict):
+    """An upright cylinder that is kept clear of: a mast, a tree, a hut."""
+
+    name: str = "obstacle"
+    latitude_deg: Latitude
+    longitude_deg: Longitude
+    radius_m: Length
+    top_m: Length
+    """Above home."""
 
 
 @dataclass(frozen=True)
@@ -211,6 +227,9 @@ class MissionRecord(Strict):
     """Standing still after it."""
     plots: Annotated[tuple[MissionPlot, ...], Field(min_length=1)]
     """In the site's order."""
+    neighbours: tuple[MissionOutline, ...] = ()
+    """Plots that are not flown."""
+    obstacles: tuple[MissionObstacle, ...] = ()
     flights: Annotated[tuple[MissionFlight, ...], Field(min_length=1)]
     """In the order they are flown."""
     inside: tuple[Ring, ...] = ()
@@ -227,7 +246,8 @@ class MissionRecord(Strict):
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
         plots, files = {plot.name for plot in self.plots}, {entry.name for entry in self.files}
-        if len(plots) < len(self.plots):
+        everywhere = (*self.plots, *self.neighbours)
+        if len({plot.name for plot in everywhere}) < len(everywhere):
             raise ValueError("two plots have one name")
         for flight in self.flights:
             if flight.file not in files:
@@ -236,7 +256,7 @@ class MissionRecord(Strict):
                 if station.plot not in plots:
                     raise ValueError(f"a photograph is of {station.plot}, which is none of the plots")
         corners: list[tuple[float, float]] = [corner for ring in (*self.inside, *self.outside) for corner in ring]
-        corners += [(plot.origin.latitude_deg, plot.origin.longitude_deg) for plot in self.plots]
+        corners += [(plot.origin.latitude_deg, plot.origin.longitude_deg) for plot in everywhere]
         places = [place for flight in self.flights for place in (*flight.stops, flight.landing)]
         corners += [(place.latitude_deg, place.longitude_deg) for place in (*places, *self.rally)]
         table = np.array(corners)

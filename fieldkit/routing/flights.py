@@ -39,8 +39,8 @@ from fieldkit.routing.plot_tours import (
 from fieldkit.routing.tour import EXACT_PLACES, grouped_routes, ordered, shortest_tour
 from fieldkit.vehicles.vehicle import Vehicle
 
-AMONG_PLANTS = "among-plants"
-"""Code of a stop that is among plants or nearer to them than the clearance."""
+AMONG_PLANTS, AMONG_NEIGHBOURS = "among-plants", "among-neighbours"
+"""Codes of a stop that is among the plants of its plot or of another, or nearer to them than the clearance."""
 
 Array = NDArray[np.float64]
 Given = TypeVar("Given")
@@ -174,14 +174,14 @@ def _objection(index: int, stop: Stop, obstacles: Obstacles) -> Finding:
     east, north, up = problem.place
     if problem.kind == "plants":
         top = obstacles.plants_top_m(problem.place)
-        code = AMONG_PLANTS
+        own = problem.name == stop.plot
+        code = AMONG_PLANTS if own else AMONG_NEIGHBOURS
         where = (
             f"is {top - up:.2f} m too low over the plants of {problem.name}, which are kept clear of up to {top:.2f} m"
         )
-        remedy = (
-            "Plan for this vehicle (fieldkit plan --vehicle), or give --adjust to fly above them: the air below leaves "
-            "counts as plants, too."
-        )
+        remedy = "Give --adjust to fly above them: the air below leaves counts as plants, too."
+        if own:
+            remedy = "Plan for this vehicle (fieldkit plan --vehicle), or g" + remedy[1:]
     else:
         code, remedy = "in-obstacle", "Move it, or correct the site file."
         where = {

@@ -24,7 +24,7 @@ from fieldkit.routing.mission import Shot
 from fieldkit.routing.obstacles import Obstacles
 from fieldkit.sites.fitted import flown_plans
 from fieldkit.sites.placement import landing_of, place, stops_of
-from fieldkit.sites.plot_plants import BESIDE_M, PlanFacts, PlotPlants, facts_of, other_spacing, plants_on
+from fieldkit.sites.plot_plants import BESIDE_M, HEIGHT_TAKEN, PlanFacts, PlotPlants, facts_of, other_spacing, plants_on
 from fieldkit.sites.reach import NO_PLANTS, RTK_REMEDY, Unreachable, nearest, needs_rtk, one_photograph
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.site_obstacles import site_obstacles
@@ -36,8 +36,8 @@ CODES: dict[str, Severity] = {
     "not-fitted": "error",  # the plots' plants are too different from the plan's, or it does not say where they are
     "plant-height-unknown": "error",
     "plants-too-high": "error",  # stations would stand in plants higher than the plan's
-    "plot-larger": "error",  # stations would stand in plants where the plan knows none
     "rows-elsewhere": "error",  # stations may stand in plants, the rows being elsewhere
+    HEIGHT_TAKEN: "warning",  # the tallest stated ones and 30 %
     "plants-unknown": "warning",  # nobody says where they stand
     "plants-higher": "warning",
     "plants-outgrown": "warning",  # measured on the photographs
@@ -53,6 +53,7 @@ CODES: dict[str, Severity] = {
     "out-of-reach": "error",  # pitch beyond the mount, or too low above the ground; --adjust flies the nearest pose
     "one-photograph": "error",  # two stations are one when they are adjusted
     "among-plants": "error",  # nearer to them than the clearance, or below leaves
+    "among-neighbours": "error",  # of another plot
     "in-obstacle": "error",  # or in a no-fly zone, outside the fence, above the ceiling
     "height": "error",  # of take-off or transit, above the ceiling
     "home": "error",  # the way straight up at home or down at the landing is not clear
@@ -110,8 +111,10 @@ def fit_report(
     """Put a plan on every plot of a site, and say all that speaks against it there."""
     plans, findings = _flown(plan, site, fit)
     unfitted = {finding.subject for finding in findings}
-    for plot, facts in zip(site.plots, facts_of(plans, site.plots), strict=True):
-        if plot.name not in unfitted:
+    for plot, facts in facts_of(plans, site):
+        if facts is None:
+            findings += _plants(facts, plot, vehicle.clearance_m)
+        elif plot.name not in unfitted:
             findings += fit_plot(facts, plot, vehicle.clearance_m)
             plants = plants_on(facts, plot)
             stations = np.array([station.position_m for station in facts.plan.stations])
@@ -157,7 +160,7 @@ def fit_plot(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> tuple[Find
     """What does not fit of a plan on a plot, or is worth knowing; without the vehicle's limits but its clearance."""
     parts = (
         _plants(facts, plot, clearance_m),
-        _size(facts, plot, clearance_m),
+        _size(facts, plot),
         _spacing(facts, plot, clearance_m),
         _slope(facts, plot),
         _heading(facts, plot),
@@ -228,8 +231,9 @@ def plants_outgrown(plan: Plan, plant_height_m: float, *, plot: str = "plot") ->
     )  # fmt: skip
 
 
-def _plants(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[Finding]:
-    height, top, plants = plot.plant_height_m, facts.top_m, plants_on(facts, plot)
+def _plants(facts: PlanFacts | None, plot: SitePlot, clearance_m: float) -> Iterator[Finding]:
+    height, plants = plot.plant_height_m, plants_on(facts, plot)
+    top = None if facts is None else facts.top_m
     if height is None:
         made_for = "" if top is None else f"; the plan's are {top:.2f} m high"
         yield _finding(
@@ -246,7 +250,7 @@ def _plants(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[Fi
             "Make the plan again with fieldkit plan, which writes them into plan.json, or give the plot's outline.",
         )  # fmt: skip
         return
-    if top is None:
+    if facts is None or top is None:
         return
     if height > top + HIGHER_M:
         before = PlotPlants(facts.points, (), plants.cell_m)
@@ -272,26 +276,11 @@ def _plants(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[Fi
         )  # fmt: skip
 
 
-def _size(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[Finding]:
+def _size(facts: PlanFacts, plot: SitePlot) -> Iterator[Finding]:
     if plot.size_m is None:
         return
     length, width = plot.size_m
     sizes = f"{length:.1f} × {width:.1f} m"
-    beyond = plants_on(facts, _without(plot, "row_spacing_m"))
-    if beyond is not None and beyond.blocks:
-        inside = _among(facts, PlotPlants(np.zeros((0, 3)), beyond.blocks, beyond.cell_m), clearance_m)
-        if inside:
-            why = (
-                "reaches beyond the plan's plants"
-                if len(beyond.points)
-                else "counts as full, for the plan knows no plants"
-            )
-            yield _finding(
-                plot, "plot-larger",
-                f"the plot of {sizes} {why}, and {_stations(inside)} would stand among its "
-                f"plants of {plot.plant_height_m:.2f} m, or nearer to them than {clearance_m:g} m",
-                "Plan on a plot of this size, or give length_m and width_m of what is planted there.",
-            )  # fmt: skip
     share = _shown(facts, (length, width))
     extent = None if facts.box is None else facts.box[1] - facts.box[0]
     told, larger = "" if extent is None else f"; the plan knows plants on {extent[0]:.1f} × {extent[1]:.1f} m", ""
@@ -412,7 +401,3 @@ def _shown(facts: PlanFacts, size_m: tuple[float, float]) -> float | None:
         pictured = camera.sees(station.pose.to_camera(places))
         counts += pictured & (np.linalg.norm(places - np.array(station.position_m), axis=1) <= far)
     return float((counts >= min(_VIEWS, len(plan.stations))).mean())
-
-
-def _without(plot: SitePlot, key: str) -> SitePlot:
-    return plot.model_copy(update={key: None})

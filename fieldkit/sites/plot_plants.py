@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -14,7 +13,8 @@ import shapely
 from numpy.typing import NDArray
 
 from fieldkit.errors import MissionError
-from fieldkit.results.plan import Plan, PlanPlants, Plans, plan_on
+from fieldkit.results.finding import Finding
+from fieldkit.results.plan import Plan, PlanPlants, Plans
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.terrain import LEVEL, Gradient
 
@@ -26,7 +26,9 @@ SAME_SPACING = 0.1
 BESIDE_M = 0.25
 """A plot that reaches no farther beyond the plan's plants is not larger: where its edge is drawn is a convention."""
 UNKNOWN_SHARE = 1.3
-"""By what plants of unknown height may be taller than the tallest that their plan knows."""
+"""By what plants of unknown height may be taller than the tallest whose height is known."""
+HEIGHT_TAKEN = "plant-height-taken"
+"""Code of a plot whose plants nobody states a height of."""
 PlantHeight = float | Literal["unknown"]
 """Metres, for all plots; or "unknown"."""
 _STEP_M = 0.05
@@ -148,11 +150,15 @@ class PlanFacts:
         return (self.points[:, :2].min(axis=0), self.points[:, :2].max(axis=0)) if len(self.points) else None
 
 
-def facts_of(plans: Plans, plots: Sequence[SitePlot]) -> list[PlanFacts]:
-    """Of each plot's plan; what a plan says is found out once."""
+def facts_of(plans: Plans | None, site: Site) -> list[tuple[SitePlot, PlanFacts | None]]:
+    """Every plot of a site with what its plan says; None where none is known, as of neighbours.
+
+    What a plan says is found out once.
+    """
     facts: dict[int, PlanFacts] = {}
-    found = [plan_on(plans, plot.name) for plot in plots]
-    return [facts.setdefault(id(plan), PlanFacts(plan)) for plan in found]
+    by_plot = {plot.name: plans for plot in site.plots} if isinstance(plans, Plan) else plans or {}
+    found = [(plot, by_plot.get(plot.name)) for plot in site.all_plots]
+    return [(plot, None if plan is None else facts.setdefault(id(plan), PlanFacts(plan))) for plot, plan in found]
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,9 +168,18 @@ class PlotPlants:
     points: Array
     """(m, 3) plot frame, z above the ground: the plan's, stretched upwards where this plot's are higher."""
     blocks: tuple[Block, ...]
-    """Where plants stand elsewhere than the plan has them."""
+    """That count as full: the plot's outline, and the rectangle about the plan's plants where rows are elsewhere."""
     cell_m: float
     """Of the plan's grid."""
+
+    @cached_property
+    def outside(self) -> Array:
+        """(k, 3) of the points those that no block holds."""
+        held = np.zeros(len(self.points), dtype=np.bool_)
+        for block in self.blocks:
+            inside = (self.points[:, :2] >= block.low) & (self.points[:, :2] <= block.high)
+            held |= inside.all(axis=1) & (self.points[:, 2] <= block.top_m)
+        return self.points[~held]
 
     @property
     def clear_m(self) -> float:
@@ -175,9 +190,9 @@ class PlotPlants:
     def bands(self, clearance_m: float, slope: Gradient = LEVEL) -> tuple[Band, ...]:
         """The air that the points take, as `no_fly_bands`, in a frame with z above the ground at the origin.
 
-        ``slope`` is the rise of the ground along x and y; the points stand on it.
+        ``slope`` is the rise of the ground along x and y; the points stand on it. Those within blocks are left out.
         """
-        points = self.points
+        points = self.outside
         if slope != LEVEL:
             points = np.column_stack([points[:, :2], points[:, 2] + points[:, :2] @ np.array(slope)])
         rows = tuple((float(x), float(y), float(z)) for x, y, z in points)
@@ -199,29 +214,40 @@ class PlotPlants:
 
 
 def with_plant_height(site: Site, plans: Plans | None, given: PlantHeight | None) -> Site:
-    """The site with its plots' plant heights as they are given.
+    """The site with the height of every plot's plants, as far as that is known.
+
+    Where nobody says one, plants count as `UNKNOWN_SHARE` times as high as the tallest that any plot states; people are
+    told so by `heights_taken`.
 
     Args:
         plans: flown there; none where they are not known.
-        given: metres replace what plots say; "unknown" fills in, where a plot says none, `UNKNOWN_SHARE` times the
-            tallest plants that its plan knows.
+        given: metres replace what plots say; with "unknown" the plants that plans know are among those stated.
     """
-    if given is None:
+    if given is not None and given != "unknown":
+        return site.with_each(lambda plot: plot.model_copy(update={"plant_height_m": given}))
+    stated = [plot.plant_height_m for plot in site.all_plots]
+    if given is not None:
+        for plan in (plans,) if isinstance(plans, Plan) else (plans or {}).values():
+            stated += [PlanFacts(plan).top_m, plan.plant_height_m]
+    tallest = max((height for height in stated if height is not None), default=None)
+    if tallest is None:
         return site
-    heights = [_unknown_height_m(plans, plot) if given == "unknown" else given for plot in site.plots]
-    plots = [
-        plot.model_copy(update={"plant_height_m": height})
-        for plot, height in zip(site.plots, heights, strict=True)
-    ]  # fmt: skip
-    return site.model_copy(update={"plots": tuple(plots)})
+    taken = {"plant_height_m": UNKNOWN_SHARE * tallest}
+    return site.with_each(lambda plot: plot.model_copy(update=taken if plot.plant_height_m is None else {}))
 
 
-def _unknown_height_m(plans: Plans | None, plot: SitePlot) -> float | None:
-    plan = plans if isinstance(plans, Plan) else (plans or {}).get(plot.name)
-    if plot.plant_height_m is not None or plan is None:
-        return plot.plant_height_m
-    known = [height for height in (PlanFacts(plan).top_m, plan.plant_height_m) if height is not None]
-    return UNKNOWN_SHARE * max(known) if known else None
+def heights_taken(before: Site, after: Site, given: PlantHeight | None) -> tuple[Finding, ...]:
+    """What people are told of plots whose plants' height `with_plant_height` had to take."""
+    return tuple(
+        Finding(
+            plot.name, HEIGHT_TAKEN,
+            f"nobody says how high its plants are: they count as {taken.plant_height_m:.2f} m high, the tallest known "
+            "ones and 30 %",
+            remedy="Measure them: plant_height_m in the plots file gives each plot's.",
+        )
+        for plot, taken in zip(before.all_plots, after.all_plots, strict=True)
+        if plot.plant_height_m is None and taken.plant_height_m not in (None, given)
+    )  # fmt: skip
 
 
 def same_height_m(height_m: float) -> float:
@@ -236,13 +262,16 @@ def plants_on(facts: PlanFacts | None, plot: SitePlot) -> PlotPlants | None:
       plan's plants are stretched upwards by as much, in steps of 5 cm. Lower ones change nothing.
     - Where ``row_spacing_m`` is another than the plan's rows have (by more than 10 %), the rectangle about the plan's
       plants counts as full.
-    - Where a plot of known size and plant height reaches beyond the plan's plants, what lies beyond counts as full.
-    - Where no plan says where plants are, all of a plot of known size and plant height counts as full.
+    - All of a plot of known size and plant height counts as full, up to that height. Leaves may make it higher.
 
     None where neither the plan nor the site says where plants are.
     """
+    outline: tuple[Block, ...] = ()
+    if plot.size_m is not None and plot.plant_height_m is not None:
+        length, width = 0.5 * plot.size_m[0], 0.5 * plot.size_m[1]
+        outline = (Block((-length, -width), (length, width), plot.plant_height_m),)
     if facts is None or facts.plan.plants is None or facts.top_m is None or facts.box is None:
-        return _full(plot)
+        return PlotPlants(np.zeros((0, 3)), outline, _STEP_M) if outline else None
     top, box = facts.top_m, facts.box
     stated = max(top, facts.plan.plant_height_m or 0.0)  # the points stand in cells, so their top is a little lower
     more = (plot.plant_height_m or 0.0) - stated
@@ -253,37 +282,12 @@ def plants_on(facts: PlanFacts | None, plot: SitePlot) -> PlotPlants | None:
     blocks: list[Block] = []
     if plot.row_spacing_m is not None and other_spacing(facts.spacing_m, plot.row_spacing_m):
         blocks.append(_block(box[0], box[1], height))
-    if plot.size_m is not None and plot.plant_height_m is not None:
-        blocks += [Block(low, high, plot.plant_height_m) for low, high in _beyond(plot.size_m, box)]
-    return PlotPlants(points, tuple(blocks), facts.plan.plants.cell_m)
-
-
-def _full(plot: SitePlot) -> PlotPlants | None:
-    if plot.size_m is None or plot.plant_height_m is None:
-        return None
-    length, width = 0.5 * plot.size_m[0], 0.5 * plot.size_m[1]
-    block = Block((-length, -width), (length, width), plot.plant_height_m)
-    return PlotPlants(np.zeros((0, 3)), (block,), _STEP_M)
+    return PlotPlants(points, (*blocks, *outline), facts.plan.plants.cell_m)
 
 
 def other_spacing(plan_m: float | None, plot_m: float) -> bool:
     """Whether rows are known to be farther apart or nearer than the plan's."""
     return plan_m is not None and abs(plot_m - plan_m) > SAME_SPACING * plan_m
-
-
-def _beyond(size_m: tuple[float, float], box: tuple[Array, Array]) -> Iterator[tuple[tuple[float, float], ...]]:
-    """The parts of a plot that lie beyond the box about the plan's plants: both corners of each."""
-    length, width = 0.5 * size_m[0], 0.5 * size_m[1]
-    (left, low), (right, high) = (box[0] - BESIDE_M).tolist(), (box[1] + BESIDE_M).tolist()
-    parts = (
-        ((-length, -width), (min(left, length), width)),
-        ((max(right, -length), -width), (length, width)),
-        ((max(left, -length), -width), (min(right, length), min(low, width))),
-        ((max(left, -length), max(high, -width)), (min(right, length), width)),
-    )
-    for (a, b), (c, d) in parts:
-        if c > a and d > b:
-            yield (a, b), (c, d)
 
 
 def _block(low: Array, high: Array, top_m: float) -> Block:

@@ -189,7 +189,7 @@ class PlotShape:
     side_deg: float
     """Compass heading of the longer side of its least rotated rectangle, in [0, 180): a side has two directions."""
     sides_m: tuple[float, float]
-    """Of that rectangle, the longer one first."""
+    """Of the least such rectangle about the centroid that holds the polygon, the longer one first."""
 
     def along_m(self, heading_deg: float) -> tuple[float, float]:
         """Length and width of that rectangle for a plot whose x axis points to a heading.
@@ -227,7 +227,12 @@ def plot_shape(corners: Sequence[tuple[float, float]]) -> PlotShape:
     lengths = np.hypot(edges[:, 0], edges[:, 1])
     east, north = edges[int(np.argmax(lengths))]
     heading = math.degrees(math.atan2(east, north)) % 180.0 % 180.0
-    return PlotShape(*middle, heading, (float(lengths.max()), float(lengths.min())))
+    along = np.array([east, north]) / lengths.max()
+    reach = 2.0 * np.abs(
+        (local - shapely.get_coordinates(polygon.centroid)) @ np.array([along, [-along[1], along[0]]]).T
+    )
+    sides = sorted(reach.max(axis=0).tolist())
+    return PlotShape(*middle, heading, (sides[1], sides[0]))
 
 
 def heading_near(side_deg: float, towards_deg: float) -> float:

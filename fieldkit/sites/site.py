@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from fieldkit.documents.mistaken import as_centimetres
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.results.fields import Heading, Latitude, Longitude, Strict
-from fieldkit.results.mission import MissionHome
+from fieldkit.results.mission import MissionHome, MissionObstacle
 from fieldkit.sites.terrain import STEEPEST_PERCENT, Gradient, gradient, with_plane
 from fieldkit.vehicles.vehicle import Positive
 from fieldkit.wording import count, listed
@@ -28,6 +29,10 @@ _TOLD = 5  # plots with a wrong datum
 _STEEPEST = 1.0  # no field is taken off from across such a slope
 _DRAWN_TWICE = 0.3  # of the smaller of two plots; neighbours drawn by hand share less
 _SAME_PLACE_M = 0.1
+_COVERED = 0.5
+"""Share of a plot below other plots from which it is drawn anew by them, and no neighbour."""
+_NAMED = 60
+"""Letters of a name that are kept where it is made longer: names have 80 at most."""
 TALLEST_M = 20.0
 """Of plants."""
 
@@ -160,12 +165,10 @@ class Landing(Strict):
     longitude_deg: Longitude
 
 
-class Obstacle(Strict):
-    """An upright cylinder that is kept clear of: a mast, a tree, a hut."""
+class Obstacle(MissionObstacle):
+    """As a site file has it."""
 
     name: Name = "obstacle"
-    latitude_deg: Latitude
-    longitude_deg: Longitude
     radius_m: Positive
     top_m: Positive
     """Above home."""
@@ -187,6 +190,8 @@ class Site(Strict):
     name: Name = "site"
     home: SiteHome
     plots: Annotated[tuple[SitePlot, ...], Field(min_length=1, max_length=2000)]
+    neighbours: Annotated[tuple[SitePlot, ...], Field(max_length=2000)] = ()
+    """Plots that are not flown. Their plants are kept clear of like those of ``plots``."""
     plot_id: Annotated[str, Field(min_length=1, max_length=80)] | None = None
     """Field of the plots file that ``plots`` names that holds the plots' ids."""
     landing: Landing | None = None
@@ -206,7 +211,7 @@ class Site(Strict):
     @model_validator(mode="after")
     def _plots_have_names_and_ground(self) -> Self:
         seen: set[str] = set()
-        for plot in self.plots:
+        for plot in self.all_plots:
             if plot.name in seen:
                 raise ValueError(f'plots: two of them are called "{plot.name}"')
             seen.add(plot.name)
@@ -218,6 +223,27 @@ class Site(Strict):
             if self.ceiling_m is not None and height > self.ceiling_m:
                 raise ValueError(f"{name} is {height:g}, above ceiling_m, which is {self.ceiling_m:g}")
         return self
+
+    @property
+    def all_plots(self) -> tuple[SitePlot, ...]:
+        """Those that are flown, then their neighbours."""
+        return *self.plots, *self.neighbours
+
+    def with_each(self, change: Callable[[SitePlot], SitePlot]) -> Site:
+        """The site with every plot and neighbour changed."""
+        changed = {key: tuple(change(plot) for plot in getattr(self, key)) for key in ("plots", "neighbours")}
+        return self.model_copy(update=changed)
+
+    def neighbours_of(self, plots: Sequence[SitePlot]) -> tuple[SitePlot, ...]:
+        """What the site has beside plots to fly: those of its own that they do not cover."""
+        given = shapely.union_all(self._outlines(plots))
+        names = {plot.name for plot in plots}
+        neighbours = []
+        for plot, outline in zip(self.all_plots, self._outlines(self.all_plots), strict=True):
+            if outline.intersection(given).area < _COVERED * outline.area:
+                name = f"{plot.name[:_NAMED]} of the site file" if plot.name in names else plot.name
+                neighbours.append(plot.model_copy(update={"name": name}))
+        return tuple(neighbours)
 
     def ground_m(self, plot: SitePlot) -> float:
         """Height above home of the ground at a plot's origin."""
@@ -231,7 +257,7 @@ class Site(Strict):
 
     def _wrong_datums(self) -> Iterator[str]:
         """Plots whose height cannot be put to home, or says its datum wrongly, as mixed-up files have it."""
-        for plot in self.plots:
+        for plot in self.all_plots:
             try:
                 self.ground_m(plot)
             except ValueError as error:
@@ -246,19 +272,17 @@ class Site(Strict):
 
     def _check_places(self) -> None:
         """Refuse plots across a slope that no field has, and two at one place: mixed-up heights, copied plots."""
-        frame = LocalFrame(self.home.latitude_deg, self.home.longitude_deg)
-        latitudes, longitudes = ([getattr(p, f"{key}_deg") for p in self.plots] for key in ("latitude", "longitude"))
-        origins = frame.to_local(latitudes, longitudes, 0.0)
+        origins = self._origins(self.all_plots)
         away = np.hypot(origins[:, 0], origins[:, 1])
-        grounds = [self.ground_m(plot) for plot in self.plots]
+        grounds = [self.ground_m(plot) for plot in self.all_plots]
         odd = [
             f"{plot.name} lies {abs(ground):.0f} m {'below' if ground < 0 else 'above'} home and {distance:.0f} m away"
-            for plot, ground, distance in zip(self.plots, grounds, away.tolist(), strict=True)
+            for plot, ground, distance in zip(self.all_plots, grounds, away.tolist(), strict=True)
             if abs(ground) > max(_MIXED_UP_M, _STEEPEST * distance)
         ]
         if odd:
             raise ValueError(f"{listed(odd)}: is one of the heights above another datum?")
-        outlines = [_outline(plot, (x, y)) for plot, (x, y, _) in zip(self.plots, origins.tolist(), strict=True)]
+        outlines = self._outlines(self.plots)
         areas = shapely.area(outlines)
         first, second = shapely.STRtree(outlines).query(outlines, predicate="intersects")
         shared = shapely.area(shapely.intersection(np.take(outlines, first), np.take(outlines, second)))
@@ -278,6 +302,14 @@ class Site(Strict):
                 f"plots: {self.plots[a].name} and {self.plots[b].name} lie over each other, by {part:.0%} of the "
                 "smaller one: take one of them out, or draw them side by side"
             )
+
+    def _origins(self, plots: Sequence[SitePlot]) -> NDArray[np.float64]:
+        """(n, 3) metres east and north of home."""
+        latitudes, longitudes = ([getattr(p, f"{key}_deg") for p in plots] for key in ("latitude", "longitude"))
+        return LocalFrame(self.home.latitude_deg, self.home.longitude_deg).to_local(latitudes, longitudes, 0.0)
+
+    def _outlines(self, plots: Sequence[SitePlot]) -> list[shapely.Polygon]:
+        return [_outline(plot, (x, y)) for plot, (x, y, _) in zip(plots, self._origins(plots).tolist(), strict=True)]
 
 
 def _outline(plot: SitePlot, at: tuple[float, float]) -> shapely.Polygon:

@@ -20,7 +20,7 @@ from fieldkit.errors import MetadataError
 from fieldkit.files import named_file
 from fieldkit.geometry.geodesy import LocalFrame, great_circle_m
 from fieldkit.runtime.shipped import shipped_page
-from fieldkit.sites.plots_file import PLOTS_REMEDY, read_plots
+from fieldkit.sites.plots_file import PLOTS_REMEDY, load_plots, read_plots
 from fieldkit.sites.site import Site, SiteHome, SitePlot
 from fieldkit.sites.vector_files import read_features
 
@@ -39,11 +39,11 @@ def load_site(
 ) -> Site:  # fmt: skip
     """Read a site file.
 
-    ``geofence``, ``no_fly`` and ``plots`` may name files (`read_features`), relative to the site file and in its folder
-    or below it; only an absolute path may lead elsewhere.
+    ``geofence``, ``no_fly``, ``plots`` and ``neighbours`` may name files (`read_features`), relative to the site file
+    and in its folder or below it; only an absolute path may lead elsewhere.
 
     Args:
-        plots: a file whose plots take the place of the site's own.
+        plots: a file whose plots are flown in place of the site's own, which become their neighbours.
         plot_id: field of the plots file that holds the plots' ids. None takes the site file's ``plot_id`` for the file
             that it names itself, and else looks for one (`plot_ids`).
         tell: is told where the ids are from, before they are used.
@@ -52,30 +52,42 @@ def load_site(
     refuse_other(path, "site file", _REMEDY)
     document = read_versioned(path, "site file", _REMEDY, _MAX_BYTES)
     document.setdefault("name", path.stem)
-    own = document.get("plots")
-    if plots is None and isinstance(own, str):
-        plots, plot_id = named_file(own, path, "plots", what="site file"), plot_id or document.get("plot_id")
+    own, beside = document.get("plots"), document.get("neighbours")
+    if isinstance(own, str):
+        file = named_file(own, path, "plots", what="site file")
+        if plots is None:
+            plots, plot_id = file, plot_id or document.get("plot_id")
+        own = load_plots(file, document.get("plot_id")) if plots != file and file.exists() else None
     if plots is None and not own:
         raise MetadataError("has no plots", path=path, remedy=_NO_PLOTS)
-    if plots is not None:
-        document["plots"] = [{"latitude_deg": 0.0, "longitude_deg": 0.0}]  # until with_plots takes its place
+    if own is None or isinstance(own, tuple):
+        document["plots"] = [{"latitude_deg": 0.0, "longitude_deg": 0.0}]  # until others take its place
+    if isinstance(beside, str):
+        del document["neighbours"]
     for key in ("geofence", "no_fly"):
         if isinstance(document.get(key), str):
             document[key] = list(_zones(named_file(document[key], path, key, what="site file"), named=key == "no_fly"))
     site = validated_toml(Site, document, path, _REMEDY)
     _check_places(site.home, _surroundings(site), path)
     _check_polygons(site, path)
+    neighbours = site.neighbours
+    if isinstance(beside, str):
+        neighbours = load_plots(named_file(beside, path, "neighbours", what="site file"))
+    if own and (isinstance(own, tuple) or isinstance(beside, str)):
+        site = _changed(site, path, plots=own if isinstance(own, tuple) else site.plots, neighbours=neighbours)
     if plots is not None:
         found = read_plots(plots, plot_id)
         if tell is not None:
             for text in found.told:
                 tell(text)
-        return with_plots(site, found.plots, path=plots)
+        if own:
+            return with_plots(site, found.plots, path=plots)
+        return _changed(site, plots, plots=found.plots, neighbours=neighbours)
     if plot_id is not None:
         raise MetadataError(
             "lists its plots itself, so there is no field for --plot-id", path=path, remedy="Leave --plot-id out."
         )
-    _check_places(site.home, _origins(site.plots), path)
+    _check_places(site.home, _origins(site.all_plots), path)
     return site
 
 
@@ -86,13 +98,19 @@ def plots_file_beside(path: Path) -> Path | None:
 
 
 def with_plots(site: Site, plots: Sequence[SitePlot], *, path: Path | None = None) -> Site:
-    """The site with other plots in place of its own."""
+    """The site with other plots to fly; of its own, those that these do not cover are neighbours."""
+    _check_places(site.home, _origins(plots), path)
+    return _changed(site, path, plots=tuple(plots), neighbours=site.neighbours_of(plots))
+
+
+def _changed(site: Site, path: Path | None, **plots: tuple[SitePlot, ...]) -> Site:
+    """The site with other plots or neighbours, from a file."""
     fields = {name: getattr(site, name) for name in type(site).model_fields}
     try:
-        changed = Site.model_validate(fields | {"plots": tuple(plots)})
+        changed = Site.model_validate(fields | plots)
     except ValidationError as error:
         raise MetadataError(sentence(error), path=path, remedy=PLOTS_REMEDY) from error
-    _check_places(changed.home, _origins(changed.plots), path)
+    _check_places(changed.home, _origins(changed.all_plots), path)
     return changed
 
 

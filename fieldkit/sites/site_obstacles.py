@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import shapely
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fieldkit.results.plan import Plan, Plans
 from fieldkit.routing.obstacles import Corners, Obstacles, Volume
 from fieldkit.sites.placement import PlotFrame, SiteFrame
-from fieldkit.sites.plot_plants import BAND_M, Band, PlanFacts, PlotPlants, plants_on
+from fieldkit.sites.plot_plants import BAND_M, Band, PlotPlants, facts_of, plants_on
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.terrain import LEVEL, Gradient
 
@@ -24,20 +24,18 @@ _MOST_STRIPS = 400
 Array = NDArray[np.float64]
 
 
-def site_obstacles(
-    site: Site, clearance_m: float, plans: Plans | None = None, *, known_clear: Collection[str] = ()
-) -> Obstacles:
+def site_obstacles(site: Site, clearance_m: float, plans: Plans | None = None) -> Obstacles:
     """Obstacles, no-fly zones, fence and ceiling of a site, the plants of every plot, and sloping ground.
 
-    Plants are those of `plants_on`: the plan's, changed where the site says that a plot's are higher, reach farther or
-    stand in other rows; without a plan's, all of a plot of known size and plant height. On a slope they stand on it,
+    Exports, checks, campaigns and uploads have their obstacles from here. Plots are those that are flown and their
+    neighbours; plants are those of `plants_on`: all of a plot of known size and plant height, and the plan's leaves
+    where they reach higher or farther. On a slope they stand on it,
     and the ground itself is kept clear of from 1 m around all that is flown and photographed there; where a station is
     nearer to it than the clearance, to that height. On level plots the ground is not among the obstacles.
 
     Args:
         clearance_m: kept to obstacles, plants and sloping ground.
-        plans: flown over every plot, or some plots' own.
-        known_clear: plots whose plants are left out.
+        plans: flown over every plot but the neighbours, or some plots' own.
     """
     frame = SiteFrame(site.home)
     volumes = [
@@ -45,38 +43,31 @@ def site_obstacles(
         for o in site.obstacles
     ]
     volumes += [Volume.no_fly(zone.name, frame.outline(zone.corners)) for zone in site.no_fly]
-    volumes += _of_plots(site, clearance_m, plans, known_clear, frame)
+    volumes += _of_plots(site, clearance_m, plans, frame)
     fence = tuple(frame.outline(corners) for corners in site.fence)
     return Obstacles(tuple(volumes), fence, ceiling_m=site.ceiling_m)
 
 
-def _of_plots(
-    site: Site, clearance_m: float, plans: Plans | None, known_clear: Collection[str], frame: SiteFrame
-) -> Iterator[Volume]:
+def _of_plots(site: Site, clearance_m: float, plans: Plans | None, frame: SiteFrame) -> Iterator[Volume]:
     landings = [(0.0, 0.0)]
     if site.landing is not None:
         landings.append(_place(frame, site.landing.latitude_deg, site.landing.longitude_deg))
     known: dict[tuple[object, ...], tuple[Band, ...]] = {}
-    facts_of: dict[int, PlanFacts] = {}
-    for plot in site.plots:
-        plan = plans if plans is None or isinstance(plans, Plan) else plans.get(plot.name)
-        facts = None if plan is None else facts_of.setdefault(id(plan), PlanFacts(plan))
-        to_plot = PlotFrame.of(site, plot)
-        plants = None if plot.name in known_clear else plants_on(facts, plot)
+    for plot, facts in facts_of(plans, site):
+        to_plot, plants = PlotFrame.of(site, plot), plants_on(facts, plot)
         if plants is not None:
-            if len(plants.points):
-                # Plots alike take the same air.
-                alike = (id(facts), float(plants.points[:, 2].max()), to_plot.gradient)
-                if alike not in known:
-                    known[alike] = plants.bands(clearance_m, to_plot.gradient)
-                yield from _placed(plot.name, known[alike], to_plot, frame)
+            # Plots alike take the same air.
+            alike = (id(facts), plot.size_m, plot.plant_height_m, plot.row_spacing_m, to_plot.gradient)
+            if alike not in known:
+                known[alike] = plants.bands(clearance_m, to_plot.gradient)
+            yield from _placed(plot.name, known[alike], to_plot, frame)
             for block in plants.blocks:
                 strips = _strips(shapely.box(*block.low, *block.high), to_plot.gradient)
                 bands = [Band(corners, high + block.top_m) for corners, _, high in strips]
                 for volume in _placed(plot.name, bands, to_plot, frame):
                     yield Volume(volume.name, volume.footprint, volume.top_m, clearance_m, "plants")
-        if to_plot.gradient != LEVEL and plan is not None:
-            yield from _ground(plan, plot, plants, to_plot, clearance_m, frame, landings)
+        if to_plot.gradient != LEVEL and facts is not None:
+            yield from _ground(facts.plan, plot, plants, to_plot, clearance_m, frame, landings)
 
 
 def _placed(name: str, bands: Sequence[Band], to_plot: PlotFrame, frame: SiteFrame) -> Iterator[Volume]:

@@ -19,8 +19,7 @@ from fieldkit.planning.methods.optimise import Effort
 from fieldkit.results.plan import Plan, PlanEnvelope
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
-from fieldkit.sites.fit import fit_plot
-from fieldkit.sites.plot_plants import PlanFacts
+from fieldkit.sites.plot_plants import plants_on
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from tests.campaign.examples import PLAN, campaign_folder, field
 from tests.evaluation.test_compare import evaluation_folder
@@ -93,7 +92,7 @@ def test_no_plant_shrinks_or_triples(tmp_path: Path, growth: float) -> None:
 
 def test_visits_are_compared_with_the_plan_that_was_made_for_them(tmp_path: Path) -> None:
     found = season(tmp_path)
-    with pytest.raises(MissionError, match="cannot be flown: r1c3: nobody says how high its plants are"):
+    with pytest.raises(MissionError, match=r"too low over the plants of r1c3, which are kept clear of up to 1\.49 m"):
         plan_next_visit(found, "2026-07-02", tmp_path / "next.plan", vehicle="ardupilot-pitch", progress=Silent())
     made = plan_next_visit(
         found, "2026-07-02", tmp_path / "next.plan", vehicle="ardupilot-pitch", plant_height=0.6, progress=Silent()
@@ -132,8 +131,8 @@ def test_stations_keep_clear_of_the_whole_plot_whose_size_is_known(tmp_path: Pat
     sites = tuple(plot.model_copy(update=size) for plot in found.site.plots)
     sized = replace(found, site=found.site.model_copy(update={"plots": sites}))
     plans = [next_plans(each, None, Context(), growth=1.2)[0].plan for each in (found, sized)]
-    codes = [{finding.code for finding in fit_plot(PlanFacts(plan), sites[0], 0.5)} for plan in plans]
-    assert ["plot-larger" in each for each in codes] == [True, False]
+    stations = [np.array([station.position_m for station in plan.stations]) for plan in plans]
+    assert [plants_on(None, sites[0]).among(places, 0.48).any() for places in stations] == [True, False]
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

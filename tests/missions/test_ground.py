@@ -92,7 +92,7 @@ def codes(answer: Answer, severity: str = "error") -> set[str]:
 @pytest.mark.parametrize(("vehicle", "form", "suffix"), FLOWN)
 def test_a_mission_into_the_plants_is_found_with_and_without_its_record_and_plan(field, vehicle, form, suffix) -> None:
     as_planned, tall = (plots_file(field.folder, f"{h}.geojson", [h, h]) for h in (0.9, 2.3))
-    unknown = plots_file(field.folder, "unknown.geojson", [None, 0.9])
+    unknown, one = (plots_file(field.folder, f"one-{k}.geojson", [None, k]) for k in (None, 0.9))
     code, told = field.export(vehicle, form, as_planned, "--adjust")
     assert code == 0
     assert "clear of plants up to 0.90 m high" in told
@@ -117,10 +117,13 @@ def test_a_mission_into_the_plants_is_found_with_and_without_its_record_and_plan
     for more in ([], ["--plan", str(field.folder / "plan")]):
         code, answer, told = field.check(suffix, vehicle, unknown, *more)
         assert (code, answer["ok"], answer["checked_against_plants"]) == (5, None, False)
-        assert [plot["checked"] for plot in answer["plants"]] == [False, True]
+        assert not any(plot["checked"] for plot in answer["plants"])
         assert "plants-unchecked" in codes(answer, "warning")
         assert told.startswith("not checked against plants")
-        assert told.endswith(": P0" if suffix == ".plan" else "plants")
+        assert told.endswith(": P0 and P1" if suffix == ".plan" else "plants")
+    code, answer, told = field.check(suffix, vehicle, one)  # 30 % higher than the other's
+    assert (code, answer["ok"], answer["plants"][0]["plant_height_m"]) == (0, True, pytest.approx(1.17))
+    assert "plant-height-taken" in codes(answer, "warning")
     code, answer, told = field.check(suffix, vehicle, unknown, "--plant-height", "0.9")
     assert (code, answer["ok"]) == (0, True)
     code, answer, told = field.check(suffix, vehicle)
@@ -146,8 +149,9 @@ def test_a_mission_that_needs_rtk_is_told_at_its_export_and_at_its_check(field: 
 
 @pytest.mark.parametrize(("vehicle", "form"), [("ardupilot-pitch", "plan"), ("dji-mini-4-pro", "litchi")])
 def test_an_export_needs_the_height_of_the_plants(field: Field, vehicle: str, form: str) -> None:
+    none = plots_file(field.folder, "none.geojson", [None, None, None])
     unknown = plots_file(field.folder, "unknown.geojson", [0.9, None, None])
-    code, told = field.export(vehicle, form, unknown, "--adjust")
+    code, told = field.export(vehicle, form, none, "--adjust")
     assert code == 5
     assert "P1" in told
     assert "--plant-height METRES" in told
@@ -156,15 +160,19 @@ def test_an_export_needs_the_height_of_the_plants(field: Field, vehicle: str, fo
     code, told = field.export(vehicle, form, unknown, "--adjust", "--plant-height", "1.2")
     assert code == 0
     assert "clear of plants up to 1.20 m high" in told
-    code, told = field.export(vehicle, form, unknown, "--adjust", "--plant-height", "unknown")
+    code, told = field.export(vehicle, form, none, "--adjust", "--plant-height", "unknown")
+    assert code == 0
+    assert "clear of plants up to 1.17 m high" in told
+    code, told = field.export(vehicle, form, unknown, "--adjust")
     assert code == 0
     assert "clear of each plot's plants, 0.90 to 1.17 m high" in told
+    assert "Warning: P1 and P2: nobody says how high its plants are: they count as 1.17 m high" in told
     record = json.loads((field.folder / "m.mission.json").read_text())
     unknown_m = pytest.approx(1.17, abs=0.01)
     assert [plot["plants"]["height_m"] for plot in record["plots"]] == [0.9, unknown_m, unknown_m]
-    code, told = field.export(vehicle, form, unknown, "--adjust", "--plant-height", "2.1")
+    code, told = field.export(vehicle, form, unknown, "--plant-height", "2.1")
     assert code == 5
-    assert "would stand" in told
+    assert "too low over the plants of P0" in told
 
 
 def test_a_plan_without_plants_is_not_said_to_be_clear_of_them(field: Field, tmp_path: Path) -> None:
@@ -188,9 +196,11 @@ def test_a_plan_without_plants_is_not_said_to_be_clear_of_them(field: Field, tmp
         assert "outline" in answer["plants"][0]["why_not"]
 
 
-@pytest.mark.parametrize("change", ["edited", "moved", "larger", "taller", "bolder vehicle", "none"])
+@pytest.mark.parametrize("change", ["edited", "moved", "taller", "bolder vehicle", "none"])
 def test_a_record_counts_for_the_very_file_plots_plants_and_clearance(field: Field, change: str) -> None:
-    site = load_site(field.folder / "site.toml", plots_file(field.folder, "p.geojson", [0.9], half_m=0.28))
+    """Of a plot of unknown outline."""
+    site = load_site(field.folder / "site.toml", plots_file(field.folder, "p.geojson", [0.9]))
+    site = site.with_each(lambda plot: plot.model_copy(update={"length_m": None, "width_m": None}))
     plan, vehicle = planned(6, height_m=2.0), load_vehicle("ardupilot-pitch")
     done = export_mission(plan, vehicle, site, field.folder / "m.plan", picture=False)
     clearance_m = vehicle.clearance_m
@@ -199,15 +209,12 @@ def test_a_record_counts_for_the_very_file_plots_plants_and_clearance(field: Fie
         done.files[0].write_text(done.files[0].read_text() + " ")
     elif change == "moved":
         plot = plot.model_copy(update={"latitude_deg": plot.latitude_deg + 2e-6})
-    elif change == "larger":
-        plot = plot.model_copy(update={"width_m": 0.8})
     elif change == "taller":
         plot = plot.model_copy(update={"plant_height_m": 1.0})
     elif change == "bolder vehicle":
         clearance_m += 0.1
     ground = ground_of(done.files[0], site.model_copy(update={"plots": (plot,)}), clearance_m)
-    assert ground.unchecked == {}
-    assert ground.known_clear == (frozenset({"P0"}) if change == "none" else frozenset())
+    assert ground.unchecked.keys() == (set() if change == "none" else {"P0"})
 
 
 def test_fitted_plans_beside_a_mission_say_where_its_plants_are(field: Field) -> None:
@@ -217,7 +224,6 @@ def test_fitted_plans_beside_a_mission_say_where_its_plants_are(field: Field) ->
     assert field.export("ardupilot-pitch", "plan", plots)[0] == 0
     ground = ground_of(field.folder / "m.plan", None, 0.5)
     assert set(ground.plans) == {"P0"}
-    assert ground.known_clear == {"P1"}
     assert field.check(".plan", "ardupilot-pitch")[1]["ok"] is True
     (field.folder / "m-P0.json").write_text("{}")  # another file of that name
     changed = ground_of(field.folder / "m.plan", None, 0.5)
@@ -232,17 +238,41 @@ def test_a_plot_that_is_flown_over_and_not_given_is_not_checked(field: Field) ->
     assert told.endswith("not checked against plants: P1")
 
 
-def test_several_flights_share_a_record(field: Field) -> None:
-    plots = plots_file(field.folder, "p.geojson", [0.9] * 4)
-    vehicle = load_vehicle("ardupilot-pitch")
-    tired = vehicle.model_copy(update={"battery": vehicle.battery.model_copy(update={"endurance_s": 300.0})})
-    done = export_mission(
-        field.plan, tired, field.folder / "site.toml", field.folder / "m.plan", plots=plots, picture=False
-    )
-    assert len(done.routed.flights) > 1
-    for file in done.files[: len(done.routed.flights)]:
-        ground = ground_of(file, None, vehicle.clearance_m)
-        assert ground.known_clear == {"P0", "P1", "P2", "P3"}
+def test_plots_that_are_not_flown_are_kept_clear_of_with_and_without_the_record(field: Field) -> None:
+    """Those of the site file beside --plots: four plots side by side, the first of which is flown."""
+    every = plots_file(field.folder, "every.geojson", [1.8] * 4)
+    first = plots_file(field.folder, "first.geojson", [0.9])
+    (field.folder / "site.toml").write_text('plots = "every.geojson"\n' + SITE)
+    assert field.export("ardupilot-pitch", "plan", first)[0] == 0
+    for between, tall_m in ((1.2e-4, 1.8), (3.5e-5, 1.8), (3.5e-5, 1.3)):
+        document = json.loads(every.read_text())
+        for k, feature in enumerate(document["features"]):
+            ring = feature["geometry"]["coordinates"][0]
+            feature["geometry"]["coordinates"] = [[[x + (between - 1.2e-4) * k, y] for x, y in ring]]
+            feature["properties"]["plant_height_m"] = tall_m
+        (field.folder / "beside.geojson").write_text(json.dumps(document))
+        (field.folder / "site.toml").write_text('plots = "beside.geojson"\n' + SITE)
+        over = between < 1e-4 and tall_m > 1.5
+        answers = []
+        for file in ("m.plan", "alone.plan"):
+            (field.folder / "alone.plan").write_bytes((field.folder / "m.plan").read_bytes())
+            site = ["--site", str(field.folder / "site.toml"), "--plots", str(first)]
+            main(["check-mission", str(field.folder / file), "--vehicle", "ardupilot-pitch", *site, "--json"])
+            answers.append(json.loads(field.capsys.readouterr().out))
+        assert [answer["ok"] for answer in answers] == [not over] * 2
+        assert {f["code"] for answer in answers for f in answer["findings"]} == ({"leg-plants"} if over else set())
+        code, told = field.export("ardupilot-pitch", "plan", first)
+        assert code == (5 if over else 0), told
+        assert ("too low over the plants of P1" in told) == over
+        if over:
+            code, told = field.export("ardupilot-pitch", "plan", first, "--adjust")
+            assert code == 0, told
+            record = json.loads((field.folder / "m.mission.json").read_text())
+            assert [plot["name"] for plot in record["neighbours"]] == ["P1", "P2", "P3"]
+            edited = (field.folder / "m.plan").read_text().replace("2.29", "2.0")
+            (field.folder / "m.plan").write_text(edited)
+            assert field.check(".plan", "ardupilot-pitch")[1]["ok"] is False
+            assert field.export("ardupilot-pitch", "plan", first, "--adjust")[0] == 0
 
 
 def test_python_says_no_more_than_the_commands(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from fieldkit.results.plan import Plan, PlanPlants, Plans
 from fieldkit.results.plan_file import save_plan
 from fieldkit.sites.fit import CODES, fit_plot, fit_report, plants_outgrown
 from fieldkit.sites.fitted import flown_plan
+from fieldkit.sites.placement import PlotFrame, SiteFrame
 from fieldkit.sites.plot_plants import PlanFacts, plants_on, row_spacing_m, with_plant_height
 from fieldkit.sites.site import Obstacle, Site, SiteHome, SitePlot
 from fieldkit.sites.site_obstacles import site_obstacles
@@ -82,18 +83,19 @@ def test_without_a_plant_height_a_plan_does_not_fit() -> None:
 
 
 def test_heights_that_are_given_for_all_plots_or_not_known() -> None:
-    plan, site = planned(), site_with({}, {"plant_height_m": 1.2})
+    plan, site, nobody = planned(), site_with({}, {"plant_height_m": 1.2}), site_with({}, {})
     top_m = PlanFacts(plan).top_m
 
-    def heights(plans: Plans | None, given: float | Literal["unknown"] | None) -> list[float | None]:
+    def heights(site: Site, plans: Plans | None, given: float | Literal["unknown"] | None) -> list[float | None]:
         return [plot.plant_height_m for plot in with_plant_height(site, plans, given).plots]
 
-    assert heights(plan, None) == [None, 1.2]
-    assert heights(plan, 1.64) == [1.64, 1.64]
-    assert heights(plan, "unknown") == [pytest.approx(1.3 * top_m), 1.2]
-    stated = plan.model_copy(update={"plant_height_m": 1.1})
-    assert heights({"p0": stated}, "unknown") == [pytest.approx(1.3 * 1.1), 1.2]
-    assert heights(planned(plants=False), "unknown") == heights(None, "unknown") == [None, 1.2]
+    assert heights(site, plan, None) == heights(site, plan, "unknown") == [pytest.approx(1.56), 1.2]
+    assert heights(site, plan, 1.64) == [1.64, 1.64]
+    assert heights(nobody, plan, None) == heights(nobody, planned(plants=False), "unknown") == [None, None]
+    assert heights(nobody, plan, "unknown") == [pytest.approx(1.3 * top_m)] * 2
+    assert (
+        heights(nobody, {"p0": plan.model_copy(update={"plant_height_m": 1.1})}, "unknown") == [pytest.approx(1.43)] * 2
+    )
 
 
 def test_higher_plants_are_flown_clear_of_or_refused() -> None:
@@ -170,12 +172,12 @@ def test_a_plan_without_plants_cannot_keep_clear_of_them() -> None:
 
 def test_without_the_plans_plants_all_of_an_outline_counts_as_full() -> None:
     outline = {"length_m": 3.0, "width_m": 2.0, "plant_height_m": 1.5}
-    found = findings(planned(plants=False), **outline)
-    assert found.keys() == {"plot-larger", "size-unknown"}
-    assert found["plot-larger"].severity == "error"
-    assert "counts as full, for the plan knows no plants" in found["plot-larger"].message
-    assert findings(planned(plants=False, height_m=2.1), **outline).keys() == {"size-unknown"}
+    with pytest.raises(
+        Refused, match=r"7 photographs.*too low over the plants of p0, which are kept clear of up to 1\.98"
+    ):
+        route_plan(planned(plants=False, height_m=1.9), VEHICLE, site_with(outline))
     high = route_plan(planned(plants=False, height_m=2.1), VEHICLE, site_with(outline))
+    assert [each.code for each in high.fit] == ["size-unknown"]
     assert high.clear_m == {"p0": 1.5}
     assert min(leg[:, 2].min() for leg in high.legs()[1:-1]) > 1.5 + VEHICLE.clearance_m - 0.03
 
@@ -194,29 +196,35 @@ def test_a_plot_that_is_not_all_photographed() -> None:
 def test_stations_over_a_plot_that_is_larger_than_the_plans() -> None:
     """The ring stands where the plan's plot had no plants; this one has some there."""
     larger = {"length_m": 6.0, "width_m": 3.0, "plant_height_m": 0.9}
-    refused = findings(planned(height_m=1.2), **larger)["plot-larger"]
-    assert refused.severity == "error"
-    assert "stations 1, 2, 3, 4 and 3 more would stand among its plants of 0.90 m" in refused.message
-    above = planned(height_m=2.0)
-    assert findings(above, **larger).keys() == {"plot-size"}
-    assert "plot-larger" not in findings(planned(height_m=1.2), length_m=6.0, width_m=3.0, plant_height_m=None)
-    routed = route_plan(above, VEHICLE, site_with(larger))
+    with pytest.raises(Refused, match=r"7 photographs .*, the first: is 0\.18 m too low over the plants of p0"):
+        route_plan(planned(height_m=1.2), VEHICLE, site_with(larger))
+    routed = route_plan(planned(height_m=2.0), VEHICLE, site_with(larger))
+    assert [each.code for each in routed.fit] == ["plot-size"]
     assert min(leg[:, 2].min() for leg in routed.legs()[1:-1]) > 0.9 + VEHICLE.clearance_m - 0.03
 
 
 @given(st.floats(0.2, 20), st.floats(0.2, 20))
-def test_what_lies_beyond_the_plans_plants_counts_as_full(length: float, width: float) -> None:
-    facts = PlanFacts(planned())
-    plot = site_with({"length_m": length, "width_m": width, "plant_height_m": 1.0}).plots[0]
-    plants = plants_on(facts, plot)
-    low, high = facts.box[0] - 0.25, facts.box[1] + 0.25
+def test_all_of_an_outline_is_kept_clear_of_and_leaves_make_it_higher(length: float, width: float) -> None:
+    """Of a plot that is flown and of a neighbour, however low the plan's own plants are."""
+    plan = planned()
+    size = {"length_m": length, "width_m": width, "plant_height_m": 1.0}
+    site = site_with(size, size)
+    site = site.model_copy(update={"plots": site.plots[:1], "neighbours": site.plots[1:]})
+    obstacles, clearance = site_obstacles(site, 0.5, plan), 0.5 - 0.02
     rng = np.random.default_rng(0)
-    places = rng.uniform(-0.5, 0.5, (300, 2)) * [length, width]
-    known = ((places > low) & (places < high)).all(axis=1)
-    full = np.zeros(len(places), dtype=int)
-    for block in plants.blocks:
-        full += ((places >= block.low) & (places <= block.high)).all(axis=1)
-    np.testing.assert_array_equal(full, (~known).astype(int))
+    for plot in site.all_plots:
+        places = np.column_stack([rng.uniform(-0.5, 0.5, (300, 2)) * [length, width], rng.uniform(0.2, 2.0, 300)])
+        local = SiteFrame(site.home).to_local(*PlotFrame.of(site, plot).to_geodetic(places))
+        blocked = obstacles.blocked(local, local)
+        assert blocked[places[:, 2] < 1.0 + clearance].all()
+        assert not blocked[places[:, 2] > 1.0 + 0.5].any()
+    tall = with_plants(plan, np.array([(0.0, 0.0, 0.0), (0.0, 0.0, 1.3)]))
+    assert (
+        site_obstacles(site, 0.5, tall).plants_top_m(
+            SiteFrame(site.home).to_local(site.plots[0].latitude_deg, site.plots[0].longitude_deg, 5.0)
+        )
+        > 1.3 + 0.4
+    )
 
 
 @pytest.mark.parametrize("spacing", [0.4, 0.5, 0.75, 1.0])
@@ -304,9 +312,9 @@ def test_all_that_speaks_against_a_plan_is_one_list() -> None:
     site = site_with({}, {"plant_height_m": 0.9, "length_m": 3.0, "width_m": 3.0}, {"plant_height_m": 0.5})
     report = fit_report(plan, site.model_copy(update={"ceiling_m": 4.0}), VEHICLE)
     found = [(each.subject, each.code, each.station) for each in report.findings if each.severity == "error"]
-    assert found[:2] == [("p0", "plant-height-unknown", None), ("p1", "plot-larger", None)]
-    assert set(found[2:14]) == {(f"p{plot}", "out-of-reach", station) for plot in range(3) for station in range(4)}
-    assert set(found[14:]) == {("", "height", None)}
+    assert found[:2] == [("p0", "plant-height-unknown", None), ("p0", "out-of-reach", 0)]
+    assert set(found[1:13]) == {(f"p{plot}", "out-of-reach", station) for plot in range(3) for station in range(4)}
+    assert set(found[13:]) == {("", "height", None), *(("p1", "among-plants", station) for station in range(4))}
     assert {each.code for each in report.findings if each.severity == "note"} == {"plants-lower", "wash"}
     assert all(
         CODES[each.code] == each.severity and (each.remedy or each.severity == "note") for each in report.findings
