@@ -42,6 +42,8 @@ from fieldkit.vehicles.vehicle_file import load_vehicle
 GROWTH = 1.15
 """By which plants are taken to have grown since the last visit, where nobody says."""
 _MARGIN_M, _STEP_M = 0.03, 0.10
+_RIM = 0.3
+"""Of the clearance, by which points lie beyond and above an outline's upper edges, so that spheres hold the corner."""
 _AROUND, _ANYWHERE = Effort(moves=600), Effort(designs=16, starts=2, moves=600)
 """Searches from the plan that was flown, and from elsewhere."""
 
@@ -174,23 +176,35 @@ def _problem(plan: Plan, vehicle: Vehicle | None, plants: Cloud, plot: SitePlot 
     assert plan.camera is not None
     limits = _limits(plan) if vehicle is None else EnvelopeSettings(**vehicle_envelope(vehicle, {}))
     volume = Volume.around(plants.points, margin_m=_MARGIN_M)
-    kept_clear = plants if plot is None else Cloud(np.vstack([plants.points, _beyond(plan, plants, plot)]))
+    kept_clear = (
+        plants
+        if plot is None
+        else Cloud(np.vstack([plants.points, _beyond(plan, plants, plot, _RIM * limits.clearance_m)]))
+    )
     envelope = Envelope.around(kept_clear, volume, **limits.model_dump())
     camera = plan.camera.without_distortion()
     return PlanningProblem(len(plan.stations), envelope, camera, (Plot.without_others(plants),))
 
 
-def _beyond(plan: Plan, plants: Cloud, plot: SitePlot) -> Array:
+def _beyond(plan: Plan, plants: Cloud, plot: SitePlot, rim_m: float) -> Array:
     """(m, 3) points that fill what a mission over a plot takes to be plants beyond the known ones."""
     low, high = plants.points.min(axis=0).tolist(), plants.points.max(axis=0).tolist()
     known = plan.model_copy(update={"plants": PlanPlants(points_m=(tuple(low), tuple(high)), cell_m=_STEP_M)})
     found = plants_on(PlanFacts(known), plot)
     filled = [np.zeros((0, 3))]
     for block in () if found is None else found.blocks:
-        ranges = zip((*block.low, 0.0), (*block.high, max(high[2], block.top_m)), strict=True)
-        axes = [np.linspace(start, end, 2 + int((end - start) / _STEP_M)) for start, end in ranges]
-        filled.append(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3))
+        top = max(high[2], block.top_m)
+        filled.append(_grid((*block.low, 0.0), (*block.high, top)))
+        # A mission keeps clear of a box whose upper edges are sharp, and of spheres about these points.
+        rim = _grid((*np.subtract(block.low, rim_m), top + rim_m), (*np.add(block.high, rim_m), top + rim_m))
+        filled.append(rim[((rim[:, :2] < block.low) | (rim[:, :2] > block.high)).any(axis=1)])
     return np.vstack(filled)
+
+
+def _grid(low: Sequence[float], high: Sequence[float]) -> Array:
+    """(n, 3) points that fill a box."""
+    axes = [np.linspace(start, end, 2 + int((end - start) / _STEP_M)) for start, end in zip(low, high, strict=True)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 def _limits(plan: Plan) -> EnvelopeSettings:

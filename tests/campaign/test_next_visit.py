@@ -92,7 +92,7 @@ def test_no_plant_shrinks_or_triples(tmp_path: Path, growth: float) -> None:
 
 def test_visits_are_compared_with_the_plan_that_was_made_for_them(tmp_path: Path) -> None:
     found = season(tmp_path)
-    with pytest.raises(MissionError, match=r"too low over the plants of r1c3, which are kept clear of up to 1\.49 m"):
+    with pytest.raises(MissionError, match="too low over the plants of r1c3, which are kept clear of"):
         plan_next_visit(found, "2026-07-02", tmp_path / "next.plan", vehicle="ardupilot-pitch", progress=Silent())
     made = plan_next_visit(
         found, "2026-07-02", tmp_path / "next.plan", vehicle="ardupilot-pitch", plant_height=0.6, progress=Silent()
