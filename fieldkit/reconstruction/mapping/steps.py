@@ -20,6 +20,7 @@ from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.reconstruction.cameras import guessed_camera
 from fieldkit.reconstruction.colmap_model import arrays_to_model, model_poses, model_to_arrays
+from fieldkit.reconstruction.ground_view import is_oblique
 from fieldkit.reconstruction.guided import region_of_interest, relative_pose
 from fieldkit.reconstruction.mapping.angle_conventions import adopt_convention, look_odd
 from fieldkit.reconstruction.mapping.blind import (
@@ -67,7 +68,8 @@ def map_by_priors(inputs: Inputs, belief: Belief) -> Mapped:
     if inputs.region is None and len(inputs.names) >= _MANY:
         with suppress(ReconstructionError):
             mapped = _by_steps(replace(inputs, ground=False), belief)
-            if all(image.right for image in mapped.images):
+            turns = [pose.rotation @ belief.turn for pose in model_poses(mapped.model).values()]
+            if all(image.right for image in mapped.images) or not any(map(is_oblique, turns)):
                 return mapped
     return _by_steps(inputs, belief)
 
