@@ -27,7 +27,10 @@ from fieldkit.report.html.viewer import viewer_html, viewer_script, viewer_style
 
 _PRINTED_ROWS = 40
 """Rows of a table on paper, as page.css has them: a report is printed on ten pages at most."""
-_SENTENCE = 40  # characters
+_SENTENCE = 40
+"""Characters of a cell that has no room beside others on a narrow screen."""
+_NARROW_COLUMNS, _FEW_ROWS = 4, 8
+"""Columns that fit a screen of 390 pixels; rows up to which more are set one below the other."""
 _PATH = re.compile(r"[MLHVZ0-9. -]*")
 _ANCHOR = re.compile(r"[a-z][a-z0-9-]*")
 _KINDS = {
@@ -130,8 +133,9 @@ def _path(path: str) -> Markup:
 
 
 def _stacked(table: content.Table) -> bool:
-    """Whether a narrow screen shows a row's cells one below the other: sentences have no room beside each other."""
-    return any(isinstance(cell, str) and len(cell) > _SENTENCE for row in table.rows for cell in row[1:])
+    """Whether a narrow screen shows a row's cells one below the other: they have no room beside each other."""
+    few = len(table.rows) <= _FEW_ROWS and len(table.columns) > _NARROW_COLUMNS
+    return few or any(isinstance(cell, str) and len(cell) > _SENTENCE for row in table.rows for cell in row[1:])
 
 
 def _data_uri(picture: content.Picture) -> Markup:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from fieldkit.campaign import Campaign
 from fieldkit.campaign.overview import verdict as campaign_verdict
-from fieldkit.figures.content import Block, Details, Paragraph, Section, Statement, Statements, Still, Table
+from fieldkit.figures.content import Block, Details, Paragraph, Section, Statement, Statements, Table
 from fieldkit.figures.style import format_length, format_range, format_seconds, format_with_error
 from fieldkit.figures.tables.comparison import difference_table, leading_figures
 from fieldkit.figures.tables.scores import counted_traits, plant_tables
@@ -43,8 +43,7 @@ def in_short(results: Results, statements: Sequence[Statement], shown: Shown) ->
     anchors = {f"campaign-{k}": result.report for k, result in enumerate(results.of(Campaign), 1)}
     maps = [plot_map(report, anchor, shown.pictures(anchor)) for anchor, report in anchors.items()]
     drawn = [each for each in maps if each is not None]
-    stills = [] if drawn else shown.first_stills(("evaluation", "reference", "plan", "mission"))
-    blocks += [*drawn, *(Still(picture, caption) for caption, picture in stills)]
+    blocks += drawn or shown.first_still(("evaluation", "reference", "plan", "mission"))
     tables: list[Block] = list(_plants(results))
     if demos:
         plots = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import islice
 
-from fieldkit.figures.content import Block, Paragraph, Picture, View3D
+from fieldkit.figures.content import Block, Paragraph, Picture, Still, View3D
 from fieldkit.figures.drawings import ViewerScene
 from fieldkit.report.sections.views_3d import points_of, within_budget
 
@@ -13,7 +13,6 @@ MOST_THUMBNAILS = 300
 """Largest number of a report's thumbnails, about 2 MB."""
 MOST_VIEWS = 10
 """Largest number of a report's views: browsers keep at most sixteen alive."""
-_MOST_PICTURES = 2  # that a report begins with
 
 Seen = Iterable[tuple[str, ViewerScene | None, str]]
 """By plot (empty where a result is of one thing): its view, and a note on it or why there is none."""
@@ -80,11 +79,8 @@ class Shown:
         """Small pictures of a result, by name."""
         return self._pictures.get((anchor, plot), {})
 
-    def first_stills(self, nouns: Iterable[str]) -> Iterator[tuple[str, Picture]]:
-        """Captioned overviews of the first kind of result that has any, to begin a report with."""
-        for noun in nouns:
-            places = [place for (anchor, _), place in self._places.items() if anchor.startswith(f"{noun}-")]
-            found = [(self._scenes[k].title, told) for k in places[:_MOST_PICTURES] if (told := self._stills[k])]
-            if found:
-                yield from found
-                return
+    def first_still(self, nouns: Iterable[str]) -> Iterator[Still]:
+        """An overview of the first kind of result that has any, to begin a report with."""
+        places = (k for noun in nouns for (anchor, _), k in self._places.items() if anchor.startswith(f"{noun}-"))
+        found = ((self._scenes[place].title, picture) for place in places if (picture := self._stills[place]))
+        yield from (Still(picture, title) for title, picture in islice(found, 1))
