@@ -40,7 +40,9 @@ def write_reference(folder: Path, *, source: str = "dense", points: int = 4000) 
     cloud = plant_cloud(points)
     write_cloud(folder / "cloud.ply", cloud)
     draft = reference_report(reconstruction(cloud=cloud), SETTINGS, seconds=12.5, cpu_seconds=20.25)
-    report = draft.model_copy(update={"source": source, "files": describe_files(folder, ["cloud.ply"])})
+    Image.new("RGB", (300, 200), (60, 120, 60)).save(folder / "overview.png")
+    files = describe_files(folder, ["cloud.ply", "overview.png"])
+    report = draft.model_copy(update={"source": source, "files": files})
     save_report(folder / "reference.json", report)
     return report
 

@@ -67,7 +67,7 @@ class TestFile:
         assert SHOWN in parsed.text
         assert "\u202e" not in (tmp_path / "report.html").read_text(encoding="utf-8")
         printed = [a.get("class") == "printed" for a in parsed.all("img")]
-        assert (printed.count(True), printed.count(False)) == (2, 8)  # overviews; photographs
+        assert (printed.count(True), printed.count(False)) == (3, 8)  # overviews; photographs
         assert "broken/evaluation.json is damaged" in parsed.text
         assert "No photograph" in parsed.text or "no photograph" in parsed.text
 
