@@ -33,7 +33,7 @@ _NO_TURN_DEG = 1e-3
 _OFF_NOSE_DEG = 1.0
 """A gimbal without an axis of its own for yaw may be asked for so much: headings are rounded."""
 _RETURN_M = 2.0
-"""Least height of a return in the cone: ArduPilot's RTL_ALT_MIN, and about twice a PX4's acceptance radius."""
+"""Least height of a return: ArduPilot's RTL_ALT_MIN. A PX4's is twice its NAV_ACC_RAD, which no profile has."""
 _RELATIVE = "it is turned relative to a {} that nobody knows"
 
 
