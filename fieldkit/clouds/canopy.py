@@ -6,6 +6,7 @@ leaves come out wider by a seam, about the same on every edge.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -23,6 +24,11 @@ SEAM_PIXELS, _SEAM_GROWTH, FITTED_PIXELS_M = 1.25, 0.6, (0.0021, 0.0042)
 """Width of the seam about leaves in cells: ½ since a cell counts where any point lies in it, ½ for pixels that leaf and
 soil share, the rest for masks grown at thin parts. Coarser pixels leave more parts thin: it grows with this power of
 them. Fitted with pixels of this size, metres, on scenes tuning-1 to 6, and tuning-1 and -2 (docs/traits.md)."""
+_SEAM_SWAYED = 0.31
+"""What a metre of sway takes off the seam, metres: views do not agree on edges that sway, so clouds lack them. Fitted
+on still and swaying maize, maize of narrow leaves and a real sorghum (docs/traits.md)."""
+_GAP_SWAYED = 0.8
+"""How far apart points of one leaf may lie for every metre of sway, metres."""
 MOST_CELLS = 50_000_000
 LEAF_M2 = 0.0010
 _GAP_PIXELS = 2.0
@@ -64,32 +70,38 @@ class Canopy:
         return float((self.cover * height).sum(dtype=np.float64)) * self.cell_m**2
 
 
-def seam_cells(pixel_m: float) -> float:
-    """Width of the seam about leaves, in cells. ``pixel_m`` is the ground that a pixel of the depth maps covers."""
+def seam_cells(pixel_m: float, swayed_m: float = 0.0) -> float:
+    """Width of the seam about leaves, in cells; negative where a cloud lacks their edges.
+
+    Args:
+        pixel_m: ground that a pixel of the depth maps covers, the edge of the cells.
+        swayed_m: RMS of how far leaves swayed.
+    """
     low, high = FITTED_PIXELS_M
-    return SEAM_PIXELS * float((min(max(pixel_m, low), high) / low) ** _SEAM_GROWTH)
+    still = SEAM_PIXELS * float((min(max(pixel_m, low), high) / low) ** _SEAM_GROWTH)
+    return max(-1.0, still - _SEAM_SWAYED * swayed_m / pixel_m)
 
 
-def canopy(points: Array, heights: Array, cell_m: float, seam: float = SEAM_PIXELS) -> Canopy:
-    """The canopy of plants' points.
+def canopy(points: Array, heights: Array, pixel_m: float, swayed_m: float = 0.0) -> Canopy:
+    """The canopy of plants' points, in cells as large as a pixel of the depth maps.
 
     Gaps of up to two cells are closed: a point falls into a cell by chance. What lies nearer than the seam to an empty
-    cell is seam.
+    cell is seam; a negative one widens. Tops reach over lower ones between them, as far as leaves sway.
 
     Args:
         points: (n, 3) of plants, plot frame, without strays; at least one.
         heights: (n,) above the ground.
-        cell_m: edge of the cells: what a pixel of the depth maps covers, more where leaves sway.
-        seam: `seam_cells`.
+        pixel_m, swayed_m: as `seam_cells` takes them.
     """
     import cv2
 
     if not len(points):
         raise ValueError("a canopy needs points")
-    if not (np.isfinite(cell_m) and cell_m > 0):
-        raise ValueError(f"a cell must have a positive number of metres, not {cell_m}")
+    if not (np.isfinite(pixel_m) and pixel_m > 0):
+        raise ValueError(f"a cell must have a positive number of metres, not {pixel_m}")
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
-    cell = max(cell_m, float(np.sqrt(np.prod(high - low + 6 * cell_m) / MOST_CELLS)))
+    cell = max(pixel_m, float(np.sqrt(np.prod(high - low + 6 * pixel_m) / MOST_CELLS)))
+    seam = seam_cells(pixel_m, swayed_m) * pixel_m / cell
     low = (np.floor(low / cell) - 3) * cell  # on a grid through the frame's origin, with empty cells all around
     columns, rows = (np.ceil((high - low) / cell) + 4).astype(int)
     column, row = np.floor((points[:, :2] - low) / cell).astype(int).T
@@ -97,11 +109,14 @@ def canopy(points: Array, heights: Array, cell_m: float, seam: float = SEAM_PIXE
     np.maximum.at(tops, (row, column), heights.astype(np.float32))
     square = np.ones((3, 3), dtype=np.uint8)
     closed = cv2.morphologyEx(np.isfinite(tops).astype(np.uint8), cv2.MORPH_CLOSE, square)
-    tops = np.where(np.isfinite(tops), tops, cv2.dilate(tops, square))
-    tops = np.where((closed > 0) & np.isfinite(tops), tops, np.float32(np.nan))
-    away = cv2.distanceTransform(closed, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)  # to the middle of the next empty cell
-    cover = np.where(closed > 0, np.clip(away - seam * cell_m / cell, 0.0, 1.0), 0.0)
-    return Canopy((float(low[0]), float(low[1])), cell, tops, cover.astype(np.float32))
+    # To the middle of the next empty cell; beyond the edge, to that of the next covered one.
+    inner, outer = (cv2.distanceTransform(part, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) for part in (closed, 1 - closed))
+    cover = np.clip(np.where(closed > 0, inner, 1.0 - outer) - seam, 0.0, 1.0)
+    window = np.ones((3 + 2 * math.ceil(_GAP_SWAYED * swayed_m / cell),) * 2, dtype=np.uint8)
+    over = cv2.morphologyEx(tops, cv2.MORPH_CLOSE, window, borderType=cv2.BORDER_CONSTANT, borderValue=-float("inf"))
+    over = np.where(np.isfinite(over), over, cv2.dilate(tops, square))
+    tops = np.where(((closed > 0) | (cover > 0)) & np.isfinite(over), over, np.float32(np.nan))
+    return Canopy((float(low[0]), float(low[1])), cell, tops, np.where(np.isnan(tops), 0.0, cover).astype(np.float32))
 
 
 def with_room_m(top_m: float) -> float:
@@ -111,8 +126,9 @@ def with_room_m(top_m: float) -> float:
     return top_m + max(_LEAST_ROOM_M, _ROOM_SHARE * top_m)
 
 
-def highest_leaf_m(points: Array, heights: Array, pixel_m: float) -> float:
-    """Height of the highest point of a leaf: of a piece without gaps of more than two to four pixels that has 10 cm².
+def highest_leaf_m(points: Array, heights: Array, pixel_m: float, swayed_m: float = 0.0) -> float:
+    """Height of the highest point of a leaf: of a piece without gaps of more than two to four pixels, more where leaves
+    sway, that has 10 cm².
 
     What floats in the air near leaves, and so passes for a part of them, does not count. Where no piece is that large,
     the largest ones count.
@@ -120,10 +136,10 @@ def highest_leaf_m(points: Array, heights: Array, pixel_m: float) -> float:
     Args:
         points: (n, 3) of plants; at least one.
         heights: (n,) above the ground.
-        pixel_m: ground that a pixel of the depth maps covers.
+        pixel_m, swayed_m: as `seam_cells` takes them.
     """
     upper = heights >= 0.5 * heights.max()
-    surface = piece_surface_m2(points[upper], _GAP_PIXELS * pixel_m)
+    surface = piece_surface_m2(points[upper], _GAP_PIXELS * max(pixel_m, _GAP_SWAYED * swayed_m))
     leaf = surface >= min(LEAF_M2, float(surface.max()))
     return float(heights[upper][leaf].max())
 

@@ -18,7 +18,6 @@ from fieldkit.clouds.canopy import (
     inside_outline,
     outline_area_m2,
     rectangle,
-    seam_cells,
     with_room_m,
 )
 from fieldkit.clouds.cloud import Cloud
@@ -44,8 +43,6 @@ STILL_SCATTER_PX = 1.05
 SCATTER_OF_HEIGHT_M, SCATTER_OF_TIPS_M, SCATTER_OF_AREA_M = 0.002, 0.005, 0.0055
 """What scatters beyond that, from where errors grow with it: of heights by the cloud, of those that outlines show, of
 areas and volumes; docs/traits.md says on what they were fitted."""
-_CELL_OF_SCATTER = 0.8
-"""Edge of the canopy's cells where leaves sway: finer ones stay empty by chance."""
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
 _SEEN_BY, _SEEN_SHARE = 2, 0.95
 _STEP_M, _MOST_STEPS = 0.05, 40
@@ -111,13 +108,11 @@ def plot_traits(
     if ground is None or len(unknown) == len(TRAITS):
         return TraitsEntry(plot_area_m2=area, unknown=unknown), ()
     swayed_m, doubt = _swayed_m(found), scale_doubt(found.sparse)
-    cell = max(found.pixel_m, _CELL_OF_SCATTER * swayed_m)
-    heights = ground.heights(points)
-    seam = seam_cells(found.pixel_m)
-    seen = canopy(points, heights, cell, seam)
+    heights, cells = ground.heights(points), (found.pixel_m, swayed_m)
+    seen = canopy(points, heights, *cells)
     seen = seen if corners is None else seen.within(corners)
-    height, covered, volume = highest_leaf_m(points, heights, cell), seen.covered_m2, seen.volume_m3
-    shown_m = silhouettes.highest_shown_m(shown, ground, points, swayed_m)
+    height, covered, volume = highest_leaf_m(points, heights, *cells), seen.covered_m2, seen.volume_m3
+    shown_m, maybe_m = silhouettes.highest_shown_m(shown, ground, points, swayed_m)
     height = height if shown_m is None else max(height, shown_m)
     cover = None if area is None else min(100.0, 100.0 * covered / area)
     of_height = max(1.0, swayed_m / (SCATTER_OF_HEIGHT_M if shown_m is None else SCATTER_OF_TIPS_M))
@@ -139,7 +134,7 @@ def plot_traits(
         def top_seen(points: Array, top: float) -> bool:
             return sure and not any(_tops_missed(found.sparse, ground, _columns(points), top))
 
-        each, counts, why = plants_one_by_one(plants, ground, found.sparse.frame, corners, (cell, seam), top_seen)
+        each, counts, why = plants_one_by_one(plants, ground, found.sparse.frame, corners, cells, top_seen)
         known, unknown = {**counts}, unknown | why
     for trait, (value, error) in values.items():
         if trait != "height_m" and value and error >= value:  # shares of what is there: no lower limit is left
@@ -150,6 +145,7 @@ def plot_traits(
     if "height_m" in known:  # clouds of swaying leaves lack tips and add none; outlines err both ways
         below = 1.0 if shown_m is None else of_height
         known["height_error_below_m"] = float(np.hypot(below * HEIGHT_ERROR_M, of_scale_m))
+        known["height_error_m"] += max(0.0, (maybe_m or 0.0) - height)
     return TraitsEntry(**known, plot_area_m2=area, unknown=unknown), each
 
 

@@ -35,6 +35,8 @@ _SHOWN_BY = 0.65
 _TIP_PX = 8.0  # what outlines miss of a tip that grows thinner than a pixel; fitted on tuning-1, -2, -5 and -6
 _LEAST_VIEWS = 9
 _FARTHEST_M = 0.08  # from the cloud: tips lay within 54 mm on the tuning scenes, places that only seemed plants 129
+_MAYBE_M = 0.16
+"""From the cloud: what is shown so far away may be a tip or may not. A real sorghum's had lost 144 mm."""
 _SWAYS = 1.2
 _LARGEST_TIP_M2 = 0.01
 Array = NDArray[np.float64]
@@ -118,8 +120,11 @@ def filled(found: Sequence[Outline], points: Array, volume: Volume) -> Filled:
     return Filled(float(near[0]) / plants, float(near[1]) / plants, inside / shown if shown else None)
 
 
-def highest_shown_m(found: Sequence[Outline], ground: Plane, plants: Array, sway_m: float) -> float | None:
-    """Height above ground of the highest place near the plants that two thirds of the outlines show plants at.
+def highest_shown_m(
+    found: Sequence[Outline], ground: Plane, plants: Array, sway_m: float
+) -> tuple[float | None, float | None]:
+    """Height above ground of the highest place near the plants that two thirds of the outlines show plants at, and of
+    the highest one that may be near enough, `_MAYBE_M` from them.
 
     Outlines show tips of leaves that dense stereo loses. They are widened to the left and right by how far leaves
     swayed, which does not raise them. None with fewer than nine outlines, and where what is shown above the plants is
@@ -129,7 +134,7 @@ def highest_shown_m(found: Sequence[Outline], ground: Plane, plants: Array, sway
     import cv2
 
     if len(found) < _LEAST_VIEWS:
-        return None
+        return None, None
     heights, index = ground.heights(plants), PointIndex(plants)
     highest = int(heights.argmax())
     top = float(heights[highest])
@@ -139,18 +144,25 @@ def highest_shown_m(found: Sequence[Outline], ground: Plane, plants: Array, sway
         pixels_m.append(float(np.linalg.norm(outline.pose.center - plants[highest])) / outline.camera.fx)
         px = round(max(0.5 * _CELL_M, _SWAYS * sway_m) / pixels_m[-1])
         away.append(cv2.dilate(outline.mask.astype(np.uint8), np.ones((1, 2 * px + 1), dtype=np.uint8)) == 0)
-    shown: list[int] = []
-    levels = np.arange(_ABOVE * top, _UPPER * top, -_LEVEL_M)
+    levels, distances = np.arange(_ABOVE * top, _UPPER * top, -_LEVEL_M), list[Array]()
     for level in levels:
         cells = ground.above(columns, float(level))
         seen, plant = _counted(views, away, cells, 0.0)
         places = cells[(plant >= _SHOWN_BY * seen) & (2 * seen > len(views))]
-        shown.append(int((index.nearest(places)[0] <= _FARTHEST_M).sum()) if len(places) else 0)
-        if len(shown) >= _LEVELS and all(shown[-_LEVELS:]):
-            first = len(shown) - _LEVELS
-            tip = first > 0 and shown[-1] * _CELL_M**2 <= _LARGEST_TIP_M2
-            return float(levels[first] + _TIP_PX * np.median(pixels_m)) if tip else None
-    return None
+        distances.append(index.nearest(places)[0] if len(places) else np.zeros(0))
+        if len(distances) >= _LEVELS and all((of <= _FARTHEST_M).any() for of in distances[-_LEVELS:]):
+            break
+
+    def tip_m(farthest_m: float) -> float | None:
+        counts = [int((of <= farthest_m).sum()) for of in distances]
+        for first in range(len(counts) - _LEVELS + 1):
+            last = first + _LEVELS - 1
+            if all(counts[first : last + 1]):
+                tip = first > 0 and counts[last] * _CELL_M**2 <= _LARGEST_TIP_M2
+                return float(levels[first] + _TIP_PX * np.median(pixels_m)) if tip else None
+        return None
+
+    return tip_m(_FARTHEST_M), tip_m(_MAYBE_M)
 
 
 def _counted(

@@ -14,6 +14,7 @@ from fieldkit.clouds.canopy import (
     inside_outline,
     outline_area_m2,
     rectangle,
+    seam_cells,
 )
 from tests.clouds.examples import cone
 
@@ -34,17 +35,17 @@ def box(width: float, depth: float, height: float, step: float = 0.0015) -> Arra
     return found
 
 
-def seen(points: Array, pixel_m: float = PIXEL_M) -> Canopy:
-    return canopy(points, points[:, 2], pixel_m)
+def seen(points: Array, pixel_m: float = PIXEL_M, swayed_m: float = 0.0) -> Canopy:
+    return canopy(points, points[:, 2], pixel_m, swayed_m)
 
 
 class TestShapes:
-    @given(st.floats(0.08, 0.4), st.floats(0.08, 0.4), st.floats(0.1, 0.8))
+    @given(st.floats(0.08, 0.4), st.floats(0.08, 0.4), st.floats(0.1, 0.8), st.floats(0.0, 0.02))
     @SLOW
-    def test_a_box_less_its_seam(self, width: float, depth: float, height: float) -> None:
-        """The seam is what leaves are widened by; half a cell of it is the grid's own."""
-        found = seen(box(width, depth, height))
-        seam = 2.0 * (SEAM_M - 0.5 * PIXEL_M)
+    def test_a_box_less_its_seam(self, width: float, depth: float, height: float, swayed_m: float) -> None:
+        """The seam is what leaves are widened by, and lack where they sway; half a cell of it is the grid's own."""
+        found = seen(box(width, depth, height), swayed_m=swayed_m)
+        seam = 2.0 * (seam_cells(PIXEL_M, swayed_m) - 0.5) * PIXEL_M
         assert found.covered_m2 == pytest.approx((width - seam) * (depth - seam), abs=(width + depth) * PIXEL_M)
         assert found.volume_m3 == pytest.approx(found.covered_m2 * height, rel=1e-5)
 
@@ -61,6 +62,13 @@ class TestShapes:
         widened = np.random.default_rng(0).uniform((0, 0), (1.0, 0.05 + 2 * (SEAM_M - 0.5 * PIXEL_M)), (200_000, 2))
         points = np.column_stack([widened, np.full(len(widened), 0.5)])
         assert seen(points).covered_m2 == pytest.approx(0.05, rel=0.05)
+
+    def test_the_tops_of_swaying_leaves_reach_over_what_is_seen_between_them(self) -> None:
+        rng = np.random.default_rng(1)
+        leaf, below = rng.uniform(0, 0.2, (4_000, 2)), rng.uniform(0, 0.2, (60_000, 2))
+        points = np.concatenate([np.insert(leaf, 2, 0.4, axis=1), np.insert(below, 2, 0.2, axis=1)])
+        still, swaying = (found.volume_m3 / found.covered_m2 for found in (seen(points), seen(points, swayed_m=0.005)))
+        assert still < 0.38 < swaying
 
     def test_gaps_between_points_are_covered(self) -> None:
         rng = np.random.default_rng(1)

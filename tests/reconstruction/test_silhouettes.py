@@ -117,15 +117,21 @@ def stem(x_m: float = 0.0) -> np.ndarray:
 
 def test_outlines_show_a_tip_that_the_cloud_has_lost() -> None:
     kept = stem()[stem()[:, 2] < 0.26]
-    still = highest_shown_m(shown([stem()]), GROUND, kept, 0.0)
-    assert still == pytest.approx(0.3, abs=0.015)
+    assert highest_shown_m(shown([stem()]), GROUND, kept, 0.0) == pytest.approx((0.3, 0.3), abs=0.015)
     swaying = shown([stem(x) for x in (-0.015, 0.0, 0.015)])
-    assert highest_shown_m(swaying, GROUND, kept, 0.012) == pytest.approx(0.3, abs=0.02)
-    assert (highest_shown_m(swaying, GROUND, kept, 0.0) or 0.0) < 0.29
-    assert highest_shown_m([], GROUND, kept, 0.0) is None
+    assert highest_shown_m(swaying, GROUND, kept, 0.012)[0] == pytest.approx(0.3, abs=0.02)
+    assert (highest_shown_m(swaying, GROUND, kept, 0.0)[0] or 0.0) < 0.29
+    assert highest_shown_m([], GROUND, kept, 0.0) == (None, None)
+
+
+def test_of_a_tip_far_above_the_cloud_outlines_tell_how_high_it_may_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fieldkit.reconstruction.silhouettes._FARTHEST_M", 0.02)
+    height, at_most = highest_shown_m(shown([stem()]), GROUND, stem()[stem()[:, 2] < 0.26], 0.0)
+    assert height == pytest.approx(0.28, abs=0.01)
+    assert at_most == pytest.approx(0.3, abs=0.015)
 
 
 def test_plants_before_other_plants_show_no_tip() -> None:
     x, y = (each.ravel() for each in np.meshgrid(*[np.linspace(-0.3, 0.3, 200)] * 2))
     canopy = np.column_stack([x, y, np.full_like(x, 0.2)])
-    assert highest_shown_m(shown([canopy]), GROUND, stem()[stem()[:, 2] < 0.2], 0.0) is None
+    assert highest_shown_m(shown([canopy]), GROUND, stem()[stem()[:, 2] < 0.2], 0.0) == (None, None)
