@@ -145,7 +145,7 @@ def plot_traits(
     if "height_m" in known:  # clouds of swaying leaves lack tips and add none; outlines err both ways
         below = 1.0 if shown_m is None else of_height
         known["height_error_below_m"] = float(np.hypot(below * HEIGHT_ERROR_M, of_scale_m))
-        known["height_error_m"] += max(0.0, (maybe_m or 0.0) - height)
+        known["height_error_m"] = max(known["height_error_m"], (maybe_m or 0.0) - height)
     return TraitsEntry(**known, plot_area_m2=area, unknown=unknown), each
 
 

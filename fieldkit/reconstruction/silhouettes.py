@@ -35,8 +35,9 @@ _SHOWN_BY = 0.65
 _TIP_PX = 8.0  # what outlines miss of a tip that grows thinner than a pixel; fitted on tuning-1, -2, -5 and -6
 _LEAST_VIEWS = 9
 _FARTHEST_M = 0.08  # from the cloud: tips lay within 54 mm on the tuning scenes, places that only seemed plants 129
-_MAYBE_M = 0.16
-"""From the cloud: what is shown so far away may be a tip or may not. A real sorghum's had lost 144 mm."""
+_MAYBE_BY, _MAYBE_M = 0.5, 0.16
+"""What so many of the outlines show, and so far from the cloud, may be a tip or may not. A real sorghum's had lost
+144 mm of its top; half of the outlines, not two thirds, showed those of swaying maize."""
 _SWAYS = 1.2
 _LARGEST_TIP_M2 = 0.01
 Array = NDArray[np.float64]
@@ -124,7 +125,7 @@ def highest_shown_m(
     found: Sequence[Outline], ground: Plane, plants: Array, sway_m: float
 ) -> tuple[float | None, float | None]:
     """Height above ground of the highest place near the plants that two thirds of the outlines show plants at, and of
-    the highest one that may be near enough, `_MAYBE_M` from them.
+    the highest one that half of them show up to 16 cm away: a tip may reach up to there.
 
     Outlines show tips of leaves that dense stereo loses. They are widened to the left and right by how far leaves
     swayed, which does not raise them. None with fewer than nine outlines, and where what is shown above the plants is
@@ -144,17 +145,18 @@ def highest_shown_m(
         pixels_m.append(float(np.linalg.norm(outline.pose.center - plants[highest])) / outline.camera.fx)
         px = round(max(0.5 * _CELL_M, _SWAYS * sway_m) / pixels_m[-1])
         away.append(cv2.dilate(outline.mask.astype(np.uint8), np.ones((1, 2 * px + 1), dtype=np.uint8)) == 0)
-    levels, distances = np.arange(_ABOVE * top, _UPPER * top, -_LEVEL_M), list[Array]()
+    levels, distances = np.arange(_ABOVE * top, _UPPER * top, -_LEVEL_M), list[tuple[Array, Array]]()
     for level in levels:
         cells = ground.above(columns, float(level))
         seen, plant = _counted(views, away, cells, 0.0)
-        places = cells[(plant >= _SHOWN_BY * seen) & (2 * seen > len(views))]
-        distances.append(index.nearest(places)[0] if len(places) else np.zeros(0))
-        if len(distances) >= _LEVELS and all((of <= _FARTHEST_M).any() for of in distances[-_LEVELS:]):
+        cells, by = cells[2 * seen > len(views)], (plant / np.maximum(seen, 1))[2 * seen > len(views)]
+        maybe = index.nearest(cells[by >= _MAYBE_BY])[0] if (by >= _MAYBE_BY).any() else np.zeros(0)
+        distances.append((maybe[by[by >= _MAYBE_BY] >= _SHOWN_BY], maybe))
+        if len(distances) >= _LEVELS and all((of <= _FARTHEST_M).any() for of, _ in distances[-_LEVELS:]):
             break
 
-    def tip_m(farthest_m: float) -> float | None:
-        counts = [int((of <= farthest_m).sum()) for of in distances]
+    def tip_m(of_level: list[Array], farthest_m: float) -> float | None:
+        counts = [int((of <= farthest_m).sum()) for of in of_level]
         for first in range(len(counts) - _LEVELS + 1):
             last = first + _LEVELS - 1
             if all(counts[first : last + 1]):
@@ -162,7 +164,7 @@ def highest_shown_m(
                 return float(levels[first] + _TIP_PX * np.median(pixels_m)) if tip else None
         return None
 
-    return tip_m(_FARTHEST_M), tip_m(_MAYBE_M)
+    return tip_m([of for of, _ in distances], _FARTHEST_M), tip_m([of for _, of in distances], _MAYBE_M)
 
 
 def _counted(
