@@ -65,7 +65,7 @@ def evaluate(
         )
     first = report.plots[0]
     if report.failed == len(report.plots) and first.error is not None:
-        raise ReconstructionError(f"{first.name}: {first.error.message}", remedy=first.error.remedy)
+        raise ReconstructionError(first.error.message, remedy=first.error.remedy)
     return report
 
 

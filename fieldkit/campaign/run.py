@@ -31,6 +31,7 @@ from fieldkit.results.finding import Finding
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE, file_sha256
 from fieldkit.results.visit import VISITS_FOLDER, Visit
 from fieldkit.runtime.context import Context
+from fieldkit.runtime.executor import NoWorkersError
 from fieldkit.runtime.progress import Progress
 from fieldkit.wording import count
 
@@ -134,7 +135,7 @@ def _visit(job: VisitJob, future: Future[Visit]) -> Visit:
     """What came of a visit; what need not happen again (a bug, no memory) is tried at the next run."""
     try:
         return future.result()
-    except StorageError:
+    except (StorageError, NoWorkersError):
         raise
     except FieldkitError as error:
         return failed_visit(job, str(error))

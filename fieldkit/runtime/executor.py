@@ -60,8 +60,8 @@ def lacks_main_guard() -> bool:
     file, spec = getattr(main, "__file__", None), getattr(main, "__spec__", None)
     if file is None or (spec is not None and spec.name.endswith("__main__")):
         return False
-    frame = sys._getframe()
-    while not (frame.f_globals is main.__dict__ and frame.f_code.co_name == "<module>"):
+    frame, top = sys._getframe(), ("<module>", Path(file).name)
+    while frame.f_globals is not main.__dict__ or (frame.f_code.co_name, Path(frame.f_code.co_filename).name) != top:
         if frame.f_back is None:
             return False
         frame = frame.f_back
