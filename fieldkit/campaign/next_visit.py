@@ -36,6 +36,7 @@ from fieldkit.sites.fitted import fitted_to_height
 from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.sites.plot_plants import PlanFacts, PlantHeight, heights_taken, plants_on, with_plant_height
 from fieldkit.sites.site import SitePlot
+from fieldkit.sites.site_file import named_plots, with_plots
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
 
@@ -231,12 +232,13 @@ class NextVisit:
 
 def plan_next_visit(
     campaign: Campaign, date: str, output: Path, *, vehicle: str | None = None, growth: float = GROWTH,
-    plant_height: PlantHeight | None = None, format: str | None = None, seed: int = 0, workers: int = 1,  # noqa: A002
-    overwrite: bool = False, progress: Progress,
+    plant_height: PlantHeight | None = None, only: Sequence[str] | None = None, format: str | None = None,  # noqa: A002
+    seed: int = 0, workers: int = 1, overwrite: bool = False, progress: Progress,
 ) -> NextVisit:  # fmt: skip
     """`next_plans`, kept in the campaign's folder (plans/DATE/PLOT.json), and one mission over all plots.
 
-    Plants are at least as high as the grown ones of each plot's plan.
+    With ``only``, over the plots of these names alone. Plants are at least as high as the grown ones of each plot's
+    plan.
     """
     folder = campaign.folder / PLANS_FOLDER / date
     if folder.exists() and not overwrite:
@@ -247,7 +249,8 @@ def plan_next_visit(
             "which vehicle flies? The campaign does not say", remedy="Give --vehicle NAME, as for export-mission."
         )
     profile = load_vehicle(given)
-    site = with_plant_height(campaign.site, campaign.plan, plant_height)
+    site = campaign.site if only is None else with_plots(campaign.site, named_plots(campaign.site, only))
+    site = with_plant_height(site, campaign.plan, plant_height)
     context = Context(progress=progress, workers=workers, seed=seed)
     plans = next_plans(replace(campaign, site=site), profile, context, growth=growth)
     tops = [None if each.date is None else PlanFacts(each.plan).top_m for each in plans]

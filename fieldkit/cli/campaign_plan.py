@@ -12,12 +12,14 @@ from fieldkit.cli.common import (
     JsonOption,
     MissionFormatOption,
     MissionOutputOption,
+    OnlyOption,
     OverwriteOption,
     PlantHeightOption,
     SeedOption,
     VehicleOption,
     campaign_folder,
     emit_json,
+    only_plots,
     plant_height,
     show,
     table,
@@ -37,6 +39,7 @@ def command(
     ] = 1.15,
     vehicle: VehicleOption = None,
     height: PlantHeightOption = None,
+    only: OnlyOption = None,
     format: MissionFormatOption = None,  # noqa: A002
     seed: SeedOption = 0,
     workers: WorkersOption = None,
@@ -63,8 +66,9 @@ def command(
     campaign = read_campaign(folder)
     with run_context(as_json=as_json) as progress:
         made = plan_next_visit(
-            campaign, day, output, vehicle=vehicle, growth=growth, plant_height=plant_height(height), format=format,
-            seed=seed, workers=processes(workers), overwrite=overwrite, progress=progress,
+            campaign, day, output, vehicle=vehicle, growth=growth, plant_height=plant_height(height),
+            only=only_plots(only), format=format, seed=seed, workers=processes(workers),
+            overwrite=overwrite, progress=progress,
         )  # fmt: skip
     if as_json:
         plots = [

@@ -67,6 +67,17 @@ PlotsOption = Annotated[
         help="Plots, in place of those of the site file: GeoJSON, Shapefile (.shp or .zip), KML or GeoPackage.",
     ),
 ]
+OnlyOption = Annotated[
+    str | None,
+    Option("--only", metavar="PLOT[,PLOT…]", help="Fly these plots; the others stay obstacles. Without: all."),
+]
+
+
+def only_plots(text: str | None) -> list[str] | None:
+    """The plots of --only."""
+    return None if text is None else [name for name in map(str.strip, text.split(",")) if name]
+
+
 PlotIdOption = Annotated[
     str | None,
     Option(

@@ -15,6 +15,7 @@ from fieldkit.cli.common import (
     JsonOption,
     MissionFormatOption,
     MissionOutputOption,
+    OnlyOption,
     OverwriteOption,
     PlantHeightOption,
     PlotIdOption,
@@ -22,13 +23,14 @@ from fieldkit.cli.common import (
     SeedOption,
     answer,
     emit_json,
+    only_plots,
     plant_height,
     say,
     show,
     table,
 )
 from fieldkit.figures.style import format_length, format_seconds
-from fieldkit.wording import count
+from fieldkit.wording import count, listed
 
 if TYPE_CHECKING:
     from fieldkit.missions.export_mission import ExportedMission
@@ -45,6 +47,7 @@ def command(
     format: MissionFormatOption = None,  # noqa: A002 - the option's name
     plots: PlotsOption = None,
     plot_id: PlotIdOption = None,
+    only: OnlyOption = None,
     height: PlantHeightOption = None,
     fit: Annotated[
         bool | None,
@@ -80,9 +83,9 @@ def command(
     from fieldkit.missions.export_mission import export_mission
 
     done = export_mission(
-        plan, vehicle, site, output, format=format, plots=plots, plot_id=plot_id, plant_height=plant_height(height),
-        fit=fit, adjust=adjust, burst=burst, picture=not no_picture, overwrite=overwrite, seed=seed,
-        tell=None if as_json else say,
+        plan, vehicle, site, output, format=format, plots=plots, plot_id=plot_id, only=only_plots(only),
+        plant_height=plant_height(height), fit=fit, adjust=adjust, burst=burst, picture=not no_picture,
+        overwrite=overwrite, seed=seed, tell=None if as_json else say,
     )  # fmt: skip
     if as_json:
         emit_json(_facts(done))
@@ -116,7 +119,9 @@ def _facts(done: ExportedMission) -> dict[str, object]:
         "plants": [{"plot": plot, "clear_m": clear_m} for plot, clear_m in routed.clear_m.items()],
         "moved": [str(each) for each in routed.moved],
         "fit": [finding_entry(each) for each in routed.fit],
-        "fitted": [each.fit.model_dump() for each in routed.own.values() if each.fit is not None],
+        "fitted": [
+            own.fit.model_dump() | {"plot": plot} for plot, own in routed.own.items() if own.fit is not None
+        ],
     }  # fmt: skip
 
 
@@ -130,11 +135,16 @@ def _tell_stations(done: ExportedMission) -> None:
         answer(f"Moved: {places_text(group)}: {group[0].message}")
     if len(moved) > _MOST_MOVED:
         answer(f"Moved: {count(len(moved) - _MOST_MOVED, 'more kind')}; --json lists all.")
-    for name, flown in routed.own.items():
+    alike: dict[int, list[str]] = {}
+    for name, own in routed.own.items():
+        alike.setdefault(id(own), []).append(name)
+    for names in alike.values():
+        flown = routed.own[names[0]]
         assert flown.fit is not None
         factors = {"high": flown.fit.height, "far along": flown.fit.length, "far across": flown.fit.width}
         changed = ", ".join(f"{by:.2f} times as {what}" for what, by in factors.items() if abs(by - 1.0) > 1e-9)
-        answer(f"Fitted to {name}: plants {changed}; evaluate its photographs with --plan {done.plans[name].name}.")
+        file = done.plans[names[0]].name
+        answer(f"Fitted to {listed(names)}: plants {changed}; evaluate their photographs with --plan {file}.")
 
 
 def _answer(done: ExportedMission) -> None:

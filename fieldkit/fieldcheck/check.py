@@ -35,7 +35,7 @@ from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.sites.fitted import flown_plan
 from fieldkit.sites.placement import PlotFrame
 from fieldkit.sites.site import Site, SitePlot
-from fieldkit.sites.site_file import load_site
+from fieldkit.sites.site_file import load_site, named_plots
 from fieldkit.wording import count, listed
 
 MAX_STATIONS = 200
@@ -111,11 +111,9 @@ def plot_of(site: Site, name: str | None, folder: str = "") -> SitePlot:
     found = next((plot for plot in site.plots if plot.name == (folder if name is None else name)), None)
     if found is not None:
         return found
+    if name is not None or len(site.plots) == 1:
+        return site.plots[0] if name is None else named_plots(site, [name])[0]
     known = ", ".join(plot.name for plot in site.plots[:5]) + (" …" if len(site.plots) > 5 else "")
-    if name is not None:
-        raise UsageError(f"the site has no plot {name!r}", remedy=f"Its plots are {known}.")
-    if len(site.plots) == 1:
-        return site.plots[0]
     raise UsageError(
         f"the site has {len(site.plots)} plots"
         + (f" and none is called {folder!r}, as the folder is" if folder else ""),

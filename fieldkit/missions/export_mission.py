@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -31,7 +31,7 @@ from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.sites.plot_plants import PlantHeight, heights_taken, with_plant_height
 from fieldkit.sites.plots_file import load_plots
 from fieldkit.sites.site import Site
-from fieldkit.sites.site_file import Tell, load_site, with_plots
+from fieldkit.sites.site_file import Tell, load_site, named_plots, with_plots
 from fieldkit.sites.site_obstacles import site_obstacles
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
@@ -58,6 +58,7 @@ def export_mission(
     format: str | None = None,  # noqa: A002
     plots: Path | str | None = None,
     plot_id: str | None = None,
+    only: Sequence[str] | None = None,
     plant_height: PlantHeight | None = None,
     fit: bool | None = None,
     adjust: bool = False,
@@ -77,10 +78,11 @@ def export_mission(
         plan: plan.json, its folder, or a plan; or each plot's own plan by its name.
         output: the mission file; its suffix may be left out.
         format: "plan", "waypoints", "wpml" or "litchi"; None takes the one of the output's suffix, else "plan".
+        only: names of the plots that are flown; the others stay obstacles. None flies all.
         plant_height: of the plants of all plots, metres; "unknown" for those that do not say: 30 % more than the plan's
             tallest (`with_plant_height`). Without, a plot that does not say is an error.
-        fit: whether to fit the plan to each plot (`flown_plans`). Fitted plans are written as MISSION-PLOT.json:
-            `evaluate --plan` and `check` have to be given these.
+        fit: whether to fit the plan to each plot (`flown_plans`). Fitted plans are written, those of plots
+            alike once, as MISSION-PLOT.json by the first one: `evaluate --plan` and `check` have to be given these.
         adjust: fly the nearest poses where the vehicle cannot take the plan's.
         burst: photographs at each station, one after the other.
         picture: draw all flights from above and from the side.
@@ -104,12 +106,16 @@ def export_mission(
     place = site if isinstance(site, Site) else load_site(site, plots, plot_id, tell=tell)
     if isinstance(site, Site) and plots is not None:
         place = with_plots(site, load_plots(plots, plot_id))
+    if only is not None:
+        place = with_plots(place, named_plots(place, only))
     stated, place = place, with_plant_height(place, loaded, plant_height)
     routed = route_for_files(loaded, profile, place, format, fit=fit, adjust=adjust, seed=seed, burst=burst)
     routed = replace(routed, fit=(*heights_taken(stated, place, plant_height), *routed.fit))
     stem = output.stem
-    written = {p: output.with_name(f"{stem}-{plot_file_name(p)}.json") for p in (routed.own if plans else ())}
-    more = {file: plan_bytes(routed.own[plot]) for plot, file in written.items()}
+    first, written = dict[int, str](), dict[str, Path]()
+    for plot, own in routed.own.items() if plans else ():
+        written[plot] = output.with_name(f"{stem}-{plot_file_name(first.setdefault(id(own), plot))}.json")
+    more = {written[plot]: plan_bytes(routed.own[plot]) for plot in first.values()}
     if picture:
         more[output.with_suffix(".png")] = picture_bytes(routed, place, profile)
     flown = flown_plans(plan, loaded, place, routed.own, written)
@@ -198,10 +204,11 @@ def flown_plans(
         written: the files that these are written to.
     """
     files = written or {}
-    found = {
-        plot: _flown_plan(plan_bytes(plan), files[plot].name if plot in files else None)
-        for plot, plan in (own or {}).items()
-    }
+    known = dict[int, FlownPlan]()
+    for plot, plan in (own or {}).items():
+        if id(plan) not in known:
+            known[id(plan)] = _flown_plan(plan_bytes(plan), files[plot].name if plot in files else None)
+    found = {plot: known[id(plan)] for plot, plan in (own or {}).items()}
     if isinstance(given, Path):
         file = given / PLAN_FILE if given.is_dir() else given
         one = _flown_plan(read_regular(file), file.name)

@@ -14,9 +14,9 @@ import numpy as np
 import shapely
 from pydantic import ValidationError
 
-from fieldkit.documents.mistaken import SWAPPED, look_swapped, refuse_other
+from fieldkit.documents.mistaken import SWAPPED, look_swapped, nearest, refuse_other
 from fieldkit.documents.toml_file import read_versioned, sentence, validated_toml
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, UsageError
 from fieldkit.files import named_file
 from fieldkit.geometry.geodesy import LocalFrame, great_circle_m
 from fieldkit.runtime.shipped import shipped_page
@@ -112,6 +112,19 @@ def _changed(site: Site, path: Path | None, **plots: tuple[SitePlot, ...]) -> Si
         raise MetadataError(sentence(error), path=path, remedy=PLOTS_REMEDY) from error
     _check_places(changed.home, _origins(changed.all_plots), path)
     return changed
+
+
+def named_plots(site: Site, names: Sequence[str]) -> tuple[SitePlot, ...]:
+    """A site's plots of these names, in the site's order. Raises UsageError where one is none of its plots."""
+    known = [plot.name for plot in site.plots]
+    if not names:
+        raise UsageError("no plot is named", remedy="Name one or more of the site's plots.")
+    if wrong := [name for name in dict.fromkeys(names) if name not in known]:
+        some = ", ".join(known[:5]) + (" …" if len(known) > 5 else "")
+        near = list(dict.fromkeys(name for name in (nearest(each, known) for each in wrong) if name))
+        remedy = f"Its plots are {some}." if not near else f"Is {' or '.join(near)} meant? Its plots are {some}."
+        raise UsageError(f"the site has no plot {' or '.join(wrong[:5])}", remedy=remedy)
+    return tuple(plot for plot in site.plots if plot.name in names)
 
 
 def _zones(path: Path, *, named: bool) -> Iterator[Any]:

@@ -181,6 +181,19 @@ def test_files_hold_what_vehicle_and_app_take(
         assert each.flight.time.battery < 1.0
 
 
+def test_some_plots_are_flown_and_the_others_stay_in_the_way(tmp_path: Path) -> None:
+    field = site(SITES / "plots.geojson", LOW_M)
+    names = [plot.name for plot in field.plots]
+    done = export_mission(planned(5), VEHICLE, field, tmp_path / "m", picture=False, only=[names[5], names[1]])
+    record = load_mission(tmp_path / "m.mission.json")
+    assert sorted(record.flights[0].plots) == sorted([names[1], names[5]])
+    assert {plot.name for plot in record.neighbours} == set(names) - {names[1], names[5]}
+    assert set(done.routed.clear_m) == set(names)
+    with pytest.raises(UsageError, match=f"no plot {names[1]}x or 9") as caught:
+        export_mission(planned(5), VEHICLE, field, tmp_path / "n", only=[f"{names[1]}x", "9"])
+    assert caught.value.remedy.startswith(f"Is {names[1]} meant?")
+
+
 def test_no_file_takes_more_than_a_battery(tmp_path: Path) -> None:
     """Also where a flight as planned would just do, and holds in whole seconds are too much."""
     flown_by = VEHICLE.model_copy(update={"trigger": VEHICLE.trigger.model_copy(update={"settle_s": 3.05})})

@@ -133,23 +133,25 @@ def test_what_cannot_be_fitted_is_refused(plan: Plan, known: dict[str, Any], mes
         fitted(plan, plot(**known))
 
 
-def test_every_plot_has_its_own_plan_and_its_file(tmp_path: Path) -> None:
+def test_every_kind_of_plot_has_its_own_plan_and_its_file(tmp_path: Path) -> None:
     plan = plan_in_envelope()
     site = site_with(
         {"name": "as/planned", "plant_height_m": 0.9},
         {"name": "high/1", "plant_height_m": 1.2},
         {"name": "high:1", "plant_height_m": 1.1},
+        {"name": "high/2", "plant_height_m": 1.2},
     )
     plans = fitted_to(plan, site.plots)
     assert plans["as/planned"] is plan
     done = export_mission(plan, VEHICLE, site, tmp_path / "m.plan", fit=True, picture=False)
     assert {name: file.name for name, file in done.plans.items()} == {
-        "high/1": "m-high%2F1.json", "high:1": "m-high%3A1.json"
+        "high/1": "m-high%2F1.json", "high:1": "m-high%3A1.json", "high/2": "m-high%2F1.json"
     }  # fmt: skip
     for name, file in done.plans.items():
         assert load_plan(file).stations == plans[name].stations
     shots = [shot for each in done.routed.flights for shot in each.mission.shots]
     heights = {name: [s.place.height_m for s in shots if s.plot == name] for name in plans}
+    assert sum(file.suffix == ".json" for file in done.files) == 3
     for name, found in heights.items():
         assert sorted(found) == pytest.approx(sorted(positions(plans[name])[:, 2]), abs=1e-6)
 
