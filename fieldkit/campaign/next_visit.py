@@ -257,7 +257,7 @@ def plan_next_visit(
     plots = tuple(_at_least(plot, top_m) for plot, top_m in zip(site.plots, tops, strict=True))
     mission = export_mission(
         {each.plot: each.plan for each in plans}, profile, site.model_copy(update={"plots": plots}), output,
-        format=format, overwrite=overwrite, seed=seed, plans=False,
+        format=format, overwrite=overwrite, seed=seed, plans=False, progress=progress,
     )  # fmt: skip
     mission = replace(
         mission,

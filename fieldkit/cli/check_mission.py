@@ -52,6 +52,7 @@ def command(
         fieldkit check-mission plot.plan --vehicle ardupilot-pitch --plan plan.json --site site.toml
         fieldkit check-mission from_qgc.waypoints --vehicle ./my_drone.toml --json
     """
+    from fieldkit.cli.progress import open_progress
     from fieldkit.documents.mistaken import check_order
     from fieldkit.missions.check import check_on_ground
     from fieldkit.missions.files.reading import read_mission
@@ -63,13 +64,14 @@ def command(
         check_order(plan, place.site)
     site, flown_by = place.load(tell=None if as_json else say), load_vehicle(vehicle)
     read = read_mission(file)
-    ground = ground_of(
-        file, site, flown_by.clearance_m, plans=None if plan is None else load_plan(plan), fit=fit,
-        plant_height=plant_height(height),
-    )  # fmt: skip
-    if plan is not None and ground is None:
-        raise UsageError("--plan says nothing without --site", remedy="Give the site file that says where home is.")
-    report = check_on_ground(read, flown_by, ground, compare=plan is not None, burst=burst)
+    with open_progress(as_json=as_json):
+        ground = ground_of(
+            file, site, flown_by.clearance_m, plans=None if plan is None else load_plan(plan), fit=fit,
+            plant_height=plant_height(height),
+        )  # fmt: skip
+        if plan is not None and ground is None:
+            raise UsageError("--plan says nothing without --site", remedy="Give the site file that says where home is.")
+        report = check_on_ground(read, flown_by, ground, compare=plan is not None, burst=burst)
     if as_json:
         emit_json({"file": file, "format": read.format, "vehicle": flown_by.title, **_facts(report, ground)})
     else:

@@ -80,13 +80,19 @@ def command(
         fieldkit export-mission maize-plan --vehicle px4-gimbal --site site.toml --plots plots.gpkg --fit -o field
         fieldkit export-mission maize-plan --vehicle dji-mini-4-pro --site site.toml --format litchi --adjust -o field
     """
+    from fieldkit.cli.progress import open_progress
+    from fieldkit.documents.mistaken import check_order
     from fieldkit.missions.export_mission import export_mission
+    from fieldkit.sites.site_file import load_site
 
-    done = export_mission(
-        plan, vehicle, site, output, format=format, plots=plots, plot_id=plot_id, only=only_plots(only),
-        plant_height=plant_height(height), fit=fit, adjust=adjust, burst=burst, picture=not no_picture,
-        overwrite=overwrite, seed=seed, tell=None if as_json else say,
-    )  # fmt: skip
+    check_order(plan, site)
+    place = load_site(site, plots, plot_id, tell=None if as_json else say)
+    with open_progress(as_json=as_json) as progress:
+        done = export_mission(
+            plan, vehicle, place, output, format=format, only=only_plots(only), plant_height=plant_height(height),
+            fit=fit, adjust=adjust, burst=burst, picture=not no_picture, overwrite=overwrite, seed=seed,
+            progress=progress,
+        )  # fmt: skip
     if as_json:
         emit_json(_facts(done))
     else:

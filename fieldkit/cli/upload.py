@@ -62,7 +62,8 @@ def command(
     check_size(read.items)
     place = site.load()
     profile = None if vehicle is None else load_vehicle(vehicle)
-    found = findings_by_dialect(read, profile, place, file=mission)
+    with open_progress(as_json=as_json):
+        found = findings_by_dialect(read, profile, place, file=mission)
     fewest = min(found.values(), key=_errors)
     _require_no_errors(fewest, mission, force=force)
     with Vehicle(connect) as connection:

@@ -13,6 +13,7 @@ from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan, Plans
 from fieldkit.routing.flights import Flight, Room, plan_flights
 from fieldkit.routing.mission import Fence, GeoPoint, Mission, Shot, Via, burst_s
+from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.sites.fit import fit_report
 from fieldkit.sites.placement import PlotFrame, SiteFrame, grounds_m, home_of, landing_of
 from fieldkit.sites.plot_plants import PlotPlants, facts_of, plants_on
@@ -114,6 +115,7 @@ class Routed:
 def route_plan(
     plan: Plans, vehicle: Vehicle, site: Site, *, fit: bool | None = None, adjust: bool = False, seed: int = 0,
     burst: int = 1, room: Room | None = None, timed: Callable[[RoutedFlight], RoutedFlight] | None = None,
+    progress: Progress | None = None,
 ) -> Routed:  # fmt: skip
     """Put a plan on every plot of a site and find the flights over it.
 
@@ -130,16 +132,19 @@ def route_plan(
         timed: gives a flight the time that its file takes. Where that is more than a battery, the flights are planned
             for so much less of one.
     """
-    report = fit_report(plan, site, vehicle, fit=fit, adjust=adjust)
+    progress = progress or Silent()
+    with progress.stage("Fitting the plan to plots", len(site.all_plots)) as advance:
+        report = fit_report(plan, site, vehicle, fit=fit, adjust=adjust, advance=advance)
     report.require()
     plans, shots, frame = report.plans, report.shots, SiteFrame(site.home)
     more_s, planned_for = burst_s(burst, vehicle.trigger.exposure_s), vehicle
     stops = tuple(replace(stop, pause_s=stop.pause_s + more_s) for stop in report.stops)
     while True:
-        flights = plan_flights(
-            stops, (0.0, 0.0, 0.0), landing_of(site), report.obstacles, planned_for,
-            takeoff_m=site.takeoff_m, transit_m=site.transit_m, seed=seed, room=room,
-        )  # fmt: skip
+        with progress.stage("Looking for ways", 3 * len(site.plots)) as advance:
+            flights = plan_flights(
+                stops, (0.0, 0.0, 0.0), landing_of(site), report.obstacles, planned_for,
+                takeoff_m=site.takeoff_m, transit_m=site.transit_m, seed=seed, room=room, advance=advance,
+            )  # fmt: skip
         routed = tuple(
             RoutedFlight(replace(_mission(flight, k, len(flights), shots, frame, site, vehicle), burst=burst), flight)
             for k, flight in enumerate(flights, 1)

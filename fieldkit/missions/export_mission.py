@@ -26,12 +26,13 @@ from fieldkit.results.mission import FlownPlan, record_bytes, record_path
 from fieldkit.results.plan import Plan, Plans, station_number
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, plan_bytes
 from fieldkit.routing.flights import Room
+from fieldkit.runtime.progress import Progress
 from fieldkit.sites.placement import SiteFrame
 from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.sites.plot_plants import PlantHeight, heights_taken, with_plant_height
 from fieldkit.sites.plots_file import load_plots
 from fieldkit.sites.site import Site
-from fieldkit.sites.site_file import Tell, load_site, named_plots, with_plots
+from fieldkit.sites.site_file import load_site, named_plots, with_plots
 from fieldkit.sites.site_obstacles import site_obstacles
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
@@ -67,7 +68,7 @@ def export_mission(
     plans: bool = True,
     overwrite: bool = False,
     seed: int = 0,
-    tell: Tell | None = None,
+    progress: Progress | None = None,
 ) -> ExportedMission:
     """Write a plan as missions that a vehicle flies over every plot of a site.
 
@@ -87,7 +88,6 @@ def export_mission(
         burst: photographs at each station, one after the other.
         picture: draw all flights from above and from the side.
         plans: write the plans of plots that have their own.
-        tell: is told where plots have their ids from, before anything is computed.
 
     Raises:
         UsageError: no such format, another format's suffix, plan and site are swapped, or a file is there.
@@ -103,13 +103,15 @@ def export_mission(
         check_order(plan, site)
     loaded = load_plan(plan) if isinstance(plan, Path) else plan
     profile = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
-    place = site if isinstance(site, Site) else load_site(site, plots, plot_id, tell=tell)
+    place = site if isinstance(site, Site) else load_site(site, plots, plot_id)
     if isinstance(site, Site) and plots is not None:
         place = with_plots(site, load_plots(plots, plot_id))
     if only is not None:
         place = with_plots(place, named_plots(place, only))
     stated, place = place, with_plant_height(place, loaded, plant_height)
-    routed = route_for_files(loaded, profile, place, format, fit=fit, adjust=adjust, seed=seed, burst=burst)
+    routed = route_for_files(
+        loaded, profile, place, format, fit=fit, adjust=adjust, seed=seed, burst=burst, progress=progress
+    )
     routed = replace(routed, fit=(*heights_taken(stated, place, plant_height), *routed.fit))
     stem = output.stem
     first, written = dict[int, str](), dict[str, Path]()
@@ -128,7 +130,7 @@ def export_mission(
 
 def route_for_files(
     plan: Plans, vehicle: Vehicle, site: Site, format: str, *, fit: bool | None = None, adjust: bool = False,  # noqa: A002
-    seed: int = 0, burst: int = 1,
+    seed: int = 0, burst: int = 1, progress: Progress | None = None,
 ) -> Routed:  # fmt: skip
     """As `route_plan`, with the time that the files take and the length of their way, as check-mission tells them.
 
@@ -148,7 +150,9 @@ def route_for_files(
         room = Room(most, f"waypoints that {APPS[format]} takes", a_stop=1, a_flight=2)
     else:
         room = Room(vehicle.max_items, a_stop=Room(None).a_stop + 2 * (burst - 1))
-    return route_plan(plan, vehicle, site, fit=fit, adjust=adjust, seed=seed, burst=burst, room=room, timed=timed)
+    return route_plan(
+        plan, vehicle, site, fit=fit, adjust=adjust, seed=seed, burst=burst, room=room, timed=timed, progress=progress
+    )
 
 
 def mission_file(output: Path, format: str | None) -> tuple[Path, str]:  # noqa: A002

@@ -37,6 +37,7 @@ from fieldkit.routing.plot_tours import (
     ways_between,
 )
 from fieldkit.routing.tour import EXACT_PLACES, grouped_routes, ordered, shortest_tour
+from fieldkit.runtime.progress import Advance, ignore
 from fieldkit.vehicles.vehicle import Vehicle
 
 AMONG_PLANTS, AMONG_NEIGHBOURS = "among-plants", "among-neighbours"
@@ -108,6 +109,7 @@ def plan_flights(
     transit_m: float,
     seed: int = 0,
     room: Room | None = None,
+    advance: Advance = ignore,
 ) -> tuple[Flight, ...]:
     """The flights over all stops: as few as battery and mission allow, of these short ones.
 
@@ -124,6 +126,7 @@ def plan_flights(
         transit_m: least height above home of the ways between plots and to and from them.
         seed: of the search for the order of plots.
         room: of each flight's mission; None for the items that the vehicle stores.
+        advance: is told of plots whose tours are found, and of those with ways from take-off and to landing.
     """
     if not stops:
         raise MissionError("there are no stations to fly to", remedy="Give a plan with stations.")
@@ -137,9 +140,9 @@ def plan_flights(
     for index, stop in enumerate(stops):
         members.setdefault(stop.plot, []).append(index)
     groups = [_group(plot, [stops[k] for k in rows], [names[k] for k in rows]) for plot, rows in members.items()]
-    plots = _each(lambda group: plot_tour(group, obstacles, vehicle.speeds, seed=seed), groups)
+    plots = _each(lambda group: plot_tour(group, obstacles, vehicle.speeds, seed=seed), groups, advance)
     ends = (_end("take-off", start), _end("landing", finish))
-    field = _Field(plots, ends, obstacles, vehicle, transit_m, room or Room(vehicle.max_items))
+    field = _Field(plots, ends, obstacles, vehicle, transit_m, room or Room(vehicle.max_items), advance)
     flights = [_flight(field, order, list(members.values()), stops) for order in _flights_of_plots(field, seed)]
     _check(flights, obstacles)
     return tuple(flights)
@@ -201,7 +204,7 @@ def _ends(home: Place, landing: Place, takeoff_m: float, transit_m: float) -> tu
     return np.array([*home[:2], home[2] + takeoff_m]), np.array([*landing[:2], max(transit_m, landing[2])])
 
 
-def _each(made: Callable[[Given], Made], of: Iterable[Given]) -> list[Made]:
+def _each(made: Callable[[Given], Made], of: Iterable[Given], advance: Advance) -> list[Made]:
     """What is made of each; what speaks against any is raised together."""
     found, against = list[Made](), list[Finding]()
     for each in of:
@@ -209,6 +212,7 @@ def _each(made: Callable[[Given], Made], of: Iterable[Given]) -> list[Made]:
             found.append(made(each))
         except Refused as refused:
             against += refused.findings
+        advance(1)
     if against:
         raise Refused(against)
     return found
@@ -225,12 +229,13 @@ class _Field:
         vehicle: Vehicle,
         transit_m: float,
         room: Room,
+        advance: Advance,
     ) -> None:
         self.plots, self.ends, self.obstacles, self.vehicle, self.transit_m = plots, ends, obstacles, vehicle, transit_m
         self.room = room
         self._between: dict[tuple[int, int], Ways] = {}
-        self.outward = _each(lambda plot: self._ways(ends[0], plot.group), plots)
-        self.homeward = _each(lambda plot: self._ways(plot.group, ends[1]), plots)
+        self.outward = _each(lambda plot: self._ways(ends[0], plot.group), plots, advance)
+        self.homeward = _each(lambda plot: self._ways(plot.group, ends[1]), plots, advance)
         speeds = vehicle.speeds
         heights = (float(end.places[0, 2]) for end in ends)
         self.fixed_s = takeoff_s(next(heights), speeds) + landing_s(next(heights), speeds)

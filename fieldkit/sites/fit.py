@@ -22,6 +22,7 @@ from fieldkit.results.plan import Plan, Plans, station_number
 from fieldkit.routing.flights import AMONG_PLANTS, Stop, objections
 from fieldkit.routing.mission import Shot
 from fieldkit.routing.obstacles import Obstacles
+from fieldkit.runtime.progress import Advance, ignore
 from fieldkit.sites.fitted import flown_plans
 from fieldkit.sites.placement import landing_of, place, stops_of
 from fieldkit.sites.plot_plants import BESIDE_M, HEIGHT_TAKEN, PlanFacts, PlotPlants, facts_of, other_spacing, plants_on
@@ -106,9 +107,13 @@ class FitReport:
 
 
 def fit_report(
-    plan: Plans, site: Site, vehicle: Vehicle, *, fit: bool | None = None, adjust: bool = False
+    plan: Plans, site: Site, vehicle: Vehicle, *, fit: bool | None = None, adjust: bool = False,
+    advance: Advance = ignore,
 ) -> FitReport:  # fmt: skip
-    """Put a plan on every plot of a site, and say all that speaks against it there."""
+    """Put a plan on every plot of a site, and say all that speaks against it there.
+
+    ``advance`` is told of plots that are done with.
+    """
     plans, findings = _flown(plan, site, fit)
     unfitted = {finding.subject for finding in findings}
     for plot, facts in facts_of(plans, site):
@@ -122,6 +127,7 @@ def fit_report(
             why = needs_rtk(stations, points, vehicle)
             findings += [_finding(plot, "needs-rtk", each, RTK_REMEDY) for each in why]
             findings += [*other_camera(facts.plan, plot, vehicle), *_wash(stations, points, plot, vehicle)]
+        advance(1)
     among = {finding.subject for finding in findings if finding.severity == "error"}
     shots, obstacles = place(plans, site), site_obstacles(site, vehicle.clearance_m, plans)
     changed, problems = nearest(shots, site, vehicle, obstacles if adjust else None)
