@@ -33,7 +33,7 @@ from fieldkit.sites.plot_plants import PlantHeight, heights_taken, with_plant_he
 from fieldkit.sites.plots_file import load_plots
 from fieldkit.sites.site import Site
 from fieldkit.sites.site_file import load_site, named_plots, with_plots
-from fieldkit.sites.site_obstacles import site_obstacles
+from fieldkit.sites.site_obstacles import without_plots
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from fieldkit.wording import count
@@ -234,7 +234,7 @@ def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
 
     frame = SiteFrame(site.home)
     outlines = [np.array(frame.outline(corners)) for corners in site.fence]
-    outlines += [np.array(volume.footprint) for volume in site_obstacles(site, 0.0).volumes if volume.kind != "plants"]
+    outlines += [np.array(volume.footprint) for volume in without_plots(site, 0.0)]
     title = (
         f"{site.name}: {count(routed.photographs, 'photograph')}, {format_length(routed.length_m)}, "
         f"{format_seconds(routed.time_s)} from take-off to landing"

@@ -142,11 +142,11 @@ def flown_plan(plan: Plan, plot: SitePlot, fit: bool | None = None) -> Plan:
 
 
 def fitted_to(plan: Plan, plots: Sequence[SitePlot]) -> dict[str, Plan]:
-    """A plan for each plot, by name; plots alike have one and the same. Raises MissionError, as `fitted`."""
+    """A plan for each plot, by name; plots alike to a centimetre have one and the same. Raises MissionError."""
     known: dict[object, Plan] = {}
     found = {}
     for plot in plots:
-        alike = (plot.plant_height_m, plot.size_m)
+        alike = (plot.plant_height_m, plot.size_m and tuple(round(side, 2) for side in plot.size_m))
         if alike not in known:
             known[alike] = fitted(plan, plot)
         found[plot.name] = known[alike]

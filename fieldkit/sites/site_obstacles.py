@@ -38,14 +38,19 @@ def site_obstacles(site: Site, clearance_m: float, plans: Plans | None = None) -
         plans: flown over every plot but the neighbours, or some plots' own.
     """
     frame = SiteFrame(site.home)
+    volumes = (*without_plots(site, clearance_m), *_of_plots(site, clearance_m, plans, frame))
+    fence = tuple(frame.outline(corners) for corners in site.fence)
+    return Obstacles(volumes, fence, ceiling_m=site.ceiling_m)
+
+
+def without_plots(site: Site, clearance_m: float) -> list[Volume]:
+    """Obstacles and no-fly zones of a site."""
+    frame = SiteFrame(site.home)
     volumes = [
         Volume.cylinder(o.name, _place(frame, o.latitude_deg, o.longitude_deg), o.radius_m, o.top_m, clearance_m)
         for o in site.obstacles
     ]
-    volumes += [Volume.no_fly(zone.name, frame.outline(zone.corners)) for zone in site.no_fly]
-    volumes += _of_plots(site, clearance_m, plans, frame)
-    fence = tuple(frame.outline(corners) for corners in site.fence)
-    return Obstacles(tuple(volumes), fence, ceiling_m=site.ceiling_m)
+    return [*volumes, *(Volume.no_fly(zone.name, frame.outline(zone.corners)) for zone in site.no_fly)]
 
 
 def _of_plots(site: Site, clearance_m: float, plans: Plans | None, frame: SiteFrame) -> Iterator[Volume]:
@@ -56,8 +61,8 @@ def _of_plots(site: Site, clearance_m: float, plans: Plans | None, frame: SiteFr
     for plot, facts in facts_of(plans, site):
         to_plot, plants = PlotFrame.of(site, plot), plants_on(facts, plot)
         if plants is not None:
-            # Plots alike take the same air.
-            alike = (id(facts), plot.size_m, plot.plant_height_m, plot.row_spacing_m, to_plot.gradient)
+            # Plots alike take the same air, though outlines on Earth differ by micrometres.
+            alike = (plants.outside.tobytes(), to_plot.gradient)
             if alike not in known:
                 known[alike] = plants.bands(clearance_m, to_plot.gradient)
             yield from _placed(plot.name, known[alike], to_plot, frame)
