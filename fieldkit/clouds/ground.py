@@ -26,6 +26,10 @@ _STANDS_OUT = 1.5
 """Times the points of a layer beside the ground lie in one as thick on it; in leaves it is about once."""
 _LEAST_SEEN = 20
 """Points on the ground."""
+_LEAST_UNDER = 40
+"""The same of a ground under a canopy."""
+_FINER = 3.0
+"""By which the tolerance is divided there: soil is thinner than leaves."""
 _SEEN_BELOW = 0.2
 """Of the well-seen points on the ground: so many may lie below it."""
 _REFINEMENTS = 20
@@ -46,7 +50,8 @@ def fit_ground_plane(
     points on it (MSAC: the nearer the more, Torr and Zisserman 2000), divided by (1 + below / on)⁴: the ground has
     plants above and little but noise below, while planes through the canopy, leaves and walls have much on both
     sides. The cameras must be on one side, which is up. Few points can be a good ground, and many in the leaves none:
-    it has to stand out of the layers beside it, and hardly any well-seen points may lie below it.
+    it has to stand out of the layers beside it, and hardly any well-seen points may lie below it. Under a canopy, where
+    most points are leaves', it is looked for among well-seen points alone, to a third of the tolerance.
 
     Args:
         points: (n, 3), any orientation; metres, or any other unit as long as ``tolerance_m`` has it too.
@@ -66,8 +71,27 @@ def fit_ground_plane(
         raise ValueError(f"the tolerance must be a positive number, not {tolerance_m}")
     if len(p) < 3 or tolerance == 0.0:
         raise _no_ground("its points do not span a plane")
+    cameras = np.asarray([] if camera_centers is None else camera_centers, dtype=np.float64).reshape(-1, 3)
+    try:
+        return _fitted(p, cameras, up, well_seen, seed, tolerance)
+    except ReconstructionError:
+        if well_seen is None or up is None or well_seen.sum() < _LEAST_UNDER:
+            raise
+        return _fitted(p[well_seen], cameras, up, well_seen[well_seen], seed, tolerance / _FINER, _LEAST_UNDER)
+
+
+def _fitted(
+    p: NDArray[np.float64],
+    cameras: NDArray[np.float64],
+    up: ArrayLike | None,
+    well_seen: NDArray[np.bool_] | None,
+    seed: int,
+    tolerance: float,
+    least: int | None = None,
+) -> Plane:
+    """The ground among points (n, 3); ``least`` are to lie on it, `_LEAST_SHARE` and `_LEAST_SEEN` where not given."""
     middle = np.median(p, axis=0)
-    cameras = np.asarray([] if camera_centers is None else camera_centers, dtype=np.float64).reshape(-1, 3) - middle
+    cameras = cameras - middle
     rng = np.random.default_rng(seed)
     thinned = voxel_thin(Cloud(p - middle), 2.0 * tolerance).points
     normal, offset = _best_rated(thinned, cameras if len(cameras) else None, up, rng, tolerance)
@@ -78,10 +102,10 @@ def fit_ground_plane(
         raise _no_ground(f"the flattest part of the cloud is steeper than {MAX_TILT_DEG:.0f}°")
     heights = thinned @ normal - offset
     on, below = float(np.mean(np.abs(heights) <= tolerance)), float(np.mean(heights < -tolerance))
-    if on < _LEAST_SHARE or below > _MOST_BELOW * on:
+    if on < (0.0 if least else _LEAST_SHARE) or below > _MOST_BELOW * on:
         raise _no_ground("no plane below the plants holds a noticeable share of the points")
-    seen = np.ones(len(p), dtype=np.bool_) if well_seen is None else np.asarray(well_seen, dtype=np.bool_)
-    _check_seen((p[seen] - middle) @ normal - offset, tolerance, clean=well_seen is not None)
+    seen = p if well_seen is None else p[well_seen]
+    _check_seen((seen - middle) @ normal - offset, tolerance, least or _LEAST_SEEN, clean=well_seen is not None)
     offset += float(middle @ normal)
     distances = np.abs(p @ normal - offset)
     inliers = distances[distances <= tolerance]
@@ -94,11 +118,11 @@ def fit_ground_plane(
     )
 
 
-def _check_seen(heights: NDArray[np.float64], tolerance: float, *, clean: bool) -> None:
+def _check_seen(heights: NDArray[np.float64], tolerance: float, least: int, *, clean: bool) -> None:
     """Refuse a plane that points (n,) at these heights do not stand out on, or, where they are clean, lie below."""
     layers = tolerance * np.array([-np.inf, -3.0, -2.0, -1.0, 1.0, 3.0])
     far, lower, low, on, high = np.diff(np.searchsorted(np.sort(heights), layers))
-    if on < max(_LEAST_SEEN, _STANDS_OUT * (lower + low + high) / 2.0):
+    if on < max(least, _STANDS_OUT * (lower + low + high) / 2.0):
         raise _no_ground("the flattest part of the cloud is as full of points as what is above and below it")
     if clean and far + lower > _SEEN_BELOW * on:
         raise _no_ground("well-seen points lie below the flattest part of the cloud")
