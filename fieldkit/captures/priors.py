@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +19,18 @@ from fieldkit.captures.tables import match_names
 from fieldkit.documents.mistaken import CENTIMETRES
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import LocalFrame, geodetic_to_ecef
-from fieldkit.geometry.pose import Vector
+from fieldkit.geometry.pose import Vector, wrapped_deg
 from fieldkit.geometry.priors import POSITION_SIGMA_M, Angles, PosePrior
 from fieldkit.results.finding import Finding
+from fieldkit.wording import count
 
 _MIN_FOR_SCALE = 3
 _WIDE_SPACING_M, _NARROW_EXTENT_M = 15.0, 0.02
 _MAX_EXTENT_M = 50_000.0
+_SAME_M = 1e-3
+"""What receivers' last digits change by at least."""
+_CLIMBED_M, _TURNED_DEG = 0.5, 5.0
+"""Between photographs at one place that are other views for all that."""
 _ZEROS_MESSAGE = "yaw, pitch and roll are 0 in all photographs, so they were not measured; not used"
 
 
@@ -185,6 +191,13 @@ def _georeferenced(photos: Sequence[Photo], tags: dict[str, GeoTag], source: str
         origin = _frame(geodetic, chosen.datum)
         local = origin.to_local(*np.array(geodetic).T)
         positions = dict(zip(located, local, strict=True))
+    repeated, step_m = _repeated(photos, positions)
+    if repeated:
+        message = (
+            f"{count(len(repeated), 'photograph has', 'photographs have')} the very place of the one before, this one "
+            f"first: the receiver gave no new one, and they are taken for good to {step_m:.1f} m, the usual distance"
+        )
+        findings.append(Finding(repeated[0], "gps-repeated", message))
     unmeasured = _unmeasured(photos)
     if unmeasured:
         findings.append(_zeros_finding(unmeasured, photos))
@@ -194,6 +207,7 @@ def _georeferenced(photos: Sequence[Photo], tags: dict[str, GeoTag], source: str
             prior = PosePrior(source="XMP")
         else:
             sigma = _accuracy(tags[photo.name], chosen.accuracies_m[photo.name])
+            sigma = max(sigma, step_m) if photo.name in repeated else sigma
             prior = PosePrior(position, sigma, source=source)
         if photo.name not in unmeasured:
             prior = prior.with_angles((photo.yaw_deg, photo.pitch_deg, photo.roll_deg))
@@ -201,6 +215,27 @@ def _georeferenced(photos: Sequence[Photo], tags: dict[str, GeoTag], source: str
             priors[photo.name] = prior
     height_source = chosen.source if located else None
     return PriorSet(priors, source if located else None, origin, height_source, tuple(findings), chosen.to_take_off_m)
+
+
+def _repeated(photos: Sequence[Photo], positions: Mapping[str, Vector]) -> tuple[list[str], float]:
+    """Photographs at exactly the place of the one before, with its heading, and how far apart others follow each other.
+
+    Cameras that write positions more slowly than they photograph repeat the last; a vehicle that hovers turns between
+    photographs, or its receiver's last digits change.
+    """
+
+    def still(a: Photo, b: Photo) -> bool:
+        away = np.abs(positions[b.name] - positions[a.name])
+        turned = 0.0 if a.yaw_deg is None or b.yaw_deg is None else abs(wrapped_deg(b.yaw_deg - a.yaw_deg))
+        return bool(away[:2].max() < _SAME_M and away[2] < _CLIMBED_M and turned < _TURNED_DEG)
+
+    flown = sorted(
+        (p for p in photos if p.name in positions), key=lambda p: (p.captured_at is None, p.captured_at or 0)
+    )
+    apart = [float(np.linalg.norm(positions[b.name] - positions[a.name])) for a, b in pairwise(flown)]
+    moved = [away for away in apart if away > _SAME_M]
+    same = [b.name for a, b in pairwise(flown) if still(a, b)]
+    return (same, float(np.median(moved))) if moved else ([], 0.0)
 
 
 def _unmeasured(photos: Sequence[Photo]) -> tuple[str, ...]:

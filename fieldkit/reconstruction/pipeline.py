@@ -19,7 +19,7 @@ from fieldkit.errors import FieldkitError, MetadataError, ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.priors import Priors, SourceFrame
 from fieldkit.reconstruction.agreement import bound_m
-from fieldkit.reconstruction.cameras import ASSUMED_35MM, assumed_camera, cameras_of, spread_deg
+from fieldkit.reconstruction.cameras import ASSUMED_35MM, PARALLEL_DEG, assumed_camera, cameras_of, spread_deg
 from fieldkit.reconstruction.colmap_model import (
     model_intrinsics,
     model_points,
@@ -237,8 +237,16 @@ def place(
 def _undetermined(
     capture: Capture, mapped: Mapped, poses: Mapping[str, Pose], intrinsics: Mapping[str, Intrinsics]
 ) -> list[Finding]:
-    """That heights are not determined: all cameras look the same way, and nothing tells their focal length."""
-    unknown = [name for name in poses if mapped.intrinsics_source[capture.group_of(name).key] == "self-calibrated"]
+    """What cameras that all look the same way cannot tell: heights without a focal length, and their distortion."""
+    sources = {name: mapped.intrinsics_source[capture.group_of(name).key] for name in poses}
+    assumed = [name for name in poses if sources[name] == "EXIF" and not intrinsics[name].distorted]
+    if assumed and spread_deg(poses.values()) < PARALLEL_DEG:
+        message = (
+            "the photographs look the same way, which calibrates no lens: it is held without distortion, of which the "
+            "EXIF says nothing. Where the ground comes out bent or poses are wrong, give a camera.toml"
+        )
+        return [Finding(assumed[0], "lens-uncalibrated", message)]
+    unknown = [name for name in poses if sources[name] == "self-calibrated"]
     if not unknown or not mapped.flat:
         return []
     camera = intrinsics[unknown[0]]

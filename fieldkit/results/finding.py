@@ -55,6 +55,7 @@ TOLD = DOUBTFUL | {
     "mixed-cameras",
     "altitude-zero",
     "gps-datum",
+    "gps-repeated",
     "no-colours",
     "undistorted-model",
     "heights-joined",

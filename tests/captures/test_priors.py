@@ -80,6 +80,18 @@ def test_a_receivers_jump_between_flights_can_be_taken_out(photo_file: MakePhoto
     assert np.ptp(positions(capture)[:, 2]) > 14.0
 
 
+@pytest.mark.parametrize(("yaw", "told"), [("90.0", True), ("91.5", True), ("150.0", False)])
+def test_a_place_that_repeats_is_doubted_where_the_camera_did_not_turn(photo_file: MakePhoto, yaw, told) -> None:
+    folder = geotagged(photo_file)
+    (latitude,), (longitude,), (altitude,) = FRAME.to_geodetic([PLACES["b.jpg"]])
+    xmp = dji_xmp(RelativeAltitude="+20.20", GimbalYawDegree=yaw, GimbalPitchDegree="-60.0")
+    photo_file("c.jpg", exif=exif_block(gps=gps_tags(latitude, longitude, round(altitude, 3))), xmp=xmp)
+    capture = read_capture(folder)
+    assert (("c.jpg", "gps-repeated") in codes(capture)) == told
+    assert capture.priors["c.jpg"].position_sigma_m == pytest.approx(8.54 if told else 3.0, abs=0.1)
+    assert capture.priors["d.jpg"].position_sigma_m == 3.0
+
+
 def test_rtk_heights_are_used_as_they_are(photo_file: MakePhoto) -> None:
     folder = geotagged(photo_file, RtkFlag="50", AltitudeType="RtkAlt", RtkStdHgt="0.045", RtkStdLon="0.01")
     capture = read_capture(folder)
