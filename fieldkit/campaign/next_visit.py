@@ -232,8 +232,8 @@ class NextVisit:
 
 def plan_next_visit(
     campaign: Campaign, date: str, output: Path, *, vehicle: str | None = None, growth: float = GROWTH,
-    plant_height: PlantHeight | None = None, only: Sequence[str] | None = None, format: str | None = None,  # noqa: A002
-    seed: int = 0, workers: int = 1, overwrite: bool = False, progress: Progress,
+    plant_height: PlantHeight | None = None, only: Sequence[str] | None = None, adjust: bool = False,
+    format: str | None = None, seed: int = 0, workers: int = 1, overwrite: bool = False, progress: Progress,  # noqa: A002
 ) -> NextVisit:  # fmt: skip
     """`next_plans`, kept in the campaign's folder (plans/DATE/PLOT.json), and one mission over all plots.
 
@@ -257,7 +257,7 @@ def plan_next_visit(
     plots = tuple(_at_least(plot, top_m) for plot, top_m in zip(site.plots, tops, strict=True))
     mission = export_mission(
         {each.plot: each.plan for each in plans}, profile, site.model_copy(update={"plots": plots}), output,
-        format=format, overwrite=overwrite, seed=seed, plans=False, progress=progress,
+        adjust=adjust, format=format, overwrite=overwrite, seed=seed, plans=False, progress=progress,
     )  # fmt: skip
     mission = replace(
         mission,

@@ -8,6 +8,7 @@ from typing import Annotated
 from typer import Option
 
 from fieldkit.cli.common import (
+    AdjustOption,
     CampaignArgument,
     JsonOption,
     MissionFormatOption,
@@ -24,6 +25,7 @@ from fieldkit.cli.common import (
     show,
     table,
 )
+from fieldkit.cli.export_mission import tell_fit
 from fieldkit.cli.reconstruction_options import WorkersOption, processes, run_context
 from fieldkit.errors import UsageError
 
@@ -40,6 +42,7 @@ def command(
     vehicle: VehicleOption = None,
     height: PlantHeightOption = None,
     only: OnlyOption = None,
+    adjust: AdjustOption = False,
     format: MissionFormatOption = None,  # noqa: A002
     seed: SeedOption = 0,
     workers: WorkersOption = None,
@@ -67,7 +70,7 @@ def command(
     with run_context(as_json=as_json) as progress:
         made = plan_next_visit(
             campaign, day, output, vehicle=vehicle, growth=growth, plant_height=plant_height(height),
-            only=only_plots(only), format=format, seed=seed, workers=processes(workers),
+            only=only_plots(only), adjust=adjust, format=format, seed=seed, workers=processes(workers),
             overwrite=overwrite, progress=progress,
         )  # fmt: skip
     if as_json:
@@ -81,6 +84,8 @@ def command(
         emit_json({"date": day, "files": list(made.mission.files), "plots": plots})
         return
     from fieldkit.figures.style import format_length
+
+    tell_fit(made.mission.routed)
 
     rows = [
         (each.plot, each.date or "none: the campaign's plan", *map(format_length, (each.expected_m, each.carried_m)))

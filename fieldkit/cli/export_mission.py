@@ -33,8 +33,8 @@ from fieldkit.figures.style import format_length, format_seconds
 from fieldkit.wording import count, listed
 
 if TYPE_CHECKING:
+    from fieldkit.missions.export import Routed
     from fieldkit.missions.export_mission import ExportedMission
-    from fieldkit.results.finding import Finding
 
 _MOST_MOVED = 20
 
@@ -97,8 +97,8 @@ def command(
         emit_json(_facts(done))
     else:
         _answer(done)
-        _tell_fit(done.routed.fit)
-        _tell_stations(done)
+        tell_fit(done.routed)
+        _tell_fitted(done)
         _show_flights(done)
 
 
@@ -131,16 +131,9 @@ def _facts(done: ExportedMission) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _tell_stations(done: ExportedMission) -> None:
-    """Which stations are not flown as planned."""
-    from fieldkit.results.finding import grouped, places_text
-
+def _tell_fitted(done: ExportedMission) -> None:
+    """Which plans are fitted to which plots."""
     routed = done.routed
-    moved = grouped((each.finding for each in routed.moved), exact=True)
-    for group in moved[:_MOST_MOVED]:
-        answer(f"Moved: {places_text(group)}: {group[0].message}")
-    if len(moved) > _MOST_MOVED:
-        answer(f"Moved: {count(len(moved) - _MOST_MOVED, 'more kind')}; --json lists all.")
     alike: dict[int, list[str]] = {}
     for name, own in routed.own.items():
         alike.setdefault(id(own), []).append(name)
@@ -191,10 +184,17 @@ def _plants(clear_m: Sequence[float | None], nearest_m: float | None) -> str:
     return f"clear of {each_plots} to {format_length(heights[-1])} high{nearest}"
 
 
-def _tell_fit(findings: Sequence[Finding]) -> None:
-    """What does not fit, warnings first; what is the same of several plots once."""
+def tell_fit(routed: Routed) -> None:
+    """What does not fit, warnings first, and which stations are not flown as planned; what is the same of several plots
+    once.
+    """
     from fieldkit.results.finding import grouped, places_text
 
-    for group in sorted(grouped(findings, exact=True), key=lambda group: group[0].severity != "warning"):
+    for group in sorted(grouped(routed.fit, exact=True), key=lambda group: group[0].severity != "warning"):
         first = group[0]
         answer(f"{first.severity.capitalize()}: {places_text(group)}: {first.message}. {first.remedy}".rstrip())
+    moved = grouped((each.finding for each in routed.moved), exact=True)
+    for group in moved[:_MOST_MOVED]:
+        answer(f"Moved: {places_text(group)}: {group[0].message}")
+    if len(moved) > _MOST_MOVED:
+        answer(f"Moved: {count(len(moved) - _MOST_MOVED, 'more kind')}; --json lists all.")

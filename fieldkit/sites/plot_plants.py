@@ -238,15 +238,16 @@ def with_plant_height(site: Site, plans: Plans | None, given: PlantHeight | None
 
 def heights_taken(before: Site, after: Site, given: PlantHeight | None) -> tuple[Finding, ...]:
     """What people are told of plots whose plants' height `with_plant_height` had to take."""
+    stated = {plot.name for plot in before.all_plots if plot.plant_height_m is not None}
     return tuple(
         Finding(
             plot.name, HEIGHT_TAKEN,
-            f"nobody says how high its plants are: they count as {taken.plant_height_m:.2f} m high, the tallest known "
+            f"nobody says how high its plants are: they count as {plot.plant_height_m:.2f} m high, the tallest known "
             "ones and 30 %",
             remedy="Measure them: plant_height_m in the plots file gives each plot's.",
         )
-        for plot, taken in zip(before.all_plots, after.all_plots, strict=True)
-        if plot.plant_height_m is None and taken.plant_height_m not in (None, given)
+        for plot in after.all_plots
+        if plot.name not in stated and plot.plant_height_m not in (None, given)
     )  # fmt: skip
 
 
