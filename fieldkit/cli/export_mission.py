@@ -192,7 +192,8 @@ def tell_fit(routed: Routed) -> None:
 
     for group in sorted(grouped(routed.fit, exact=True), key=lambda group: group[0].severity != "warning"):
         first = group[0]
-        answer(f"{first.severity.capitalize()}: {places_text(group)}: {first.message}. {first.remedy}".rstrip())
+        where = f"{places_text(group)}: " if first.place else ""
+        answer(f"{first.severity.capitalize()}: {where}{first.message}. {first.remedy}".rstrip())
     moved = grouped((each.finding for each in routed.moved), exact=True)
     for group in moved[:_MOST_MOVED]:
         answer(f"Moved: {places_text(group)}: {group[0].message}")

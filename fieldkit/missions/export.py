@@ -53,7 +53,8 @@ class Routed:
     lowest_m: float
     """Least height of a photograph above its plot's ground."""
     plants_m: float | None
-    """Least distance between a plant and anything that is flown; None where the plan does not say where the plants are.
+    """Least distance between the plants of any plot and anything that is flown, from the ground to the ground; None
+    where nobody says where plants are.
     """
     plants_of: Mapping[str, Array]
     """(m, 3) by plot, site frame; as high as they are taken to be there."""
@@ -162,7 +163,7 @@ def route_plan(
         flights=routed,
         moved=report.moved,
         lowest_m=float(heights.min()),
-        plants_m=_nearest(flights, shots, plants) if plants else None,
+        plants_m=report.canopy.nearest_m([_whole_way(flight) for flight in flights]),
         plants_of=plants,
         clear_m={name: None if each is None else each.clear_m for name, each in on_plots.items()},
         fit=report.findings,
@@ -194,6 +195,12 @@ def _mission(
     )
 
 
+def _whole_way(flight: Flight) -> Array:
+    """(k, 3) places from the take-off's ground to the landing's, site frame."""
+    places = np.concatenate([leg.points for leg in flight.legs])
+    return np.vstack([places[:1] * (1.0, 1.0, 0.0), places, places[-1:] * (1.0, 1.0, 0.0)])
+
+
 def placed(plants: Mapping[str, PlotPlants | None], site: Site) -> dict[str, Array]:
     """(m, 3) points of the plants in the site frame, by plot; none where the plan does not say where they are."""
     frame = SiteFrame(site.home)
@@ -202,24 +209,3 @@ def placed(plants: Mapping[str, PlotPlants | None], site: Site) -> dict[str, Arr
         for plot in site.all_plots
         if (of_plot := plants[plot.name]) is not None and len(of_plot.points)
     }
-
-
-def _nearest(flights: Sequence[Flight], shots: Sequence[Shot], plants: dict[str, Array]) -> float:
-    """Least distance between a plot's plants and the legs to, at and from it."""
-    least = np.inf
-    for flight in flights:
-        plots = [None, *(shots[index].plot for index in flight.stops), None]
-        for leg, a, b in zip(flight.legs, plots, plots[1:], strict=False):
-            places = np.array(leg.points)
-            for name in {a, b} & plants.keys():
-                least = min(least, _distance(places[:-1], places[1:], plants[str(name)]))
-    return float(least)
-
-
-def _distance(a: Array, b: Array, points: Array) -> float:
-    """Least distance between stretches a–b, (n, 3) each, and points (m, 3)."""
-    along = b - a
-    length = np.maximum((along**2).sum(axis=1), 1e-18)
-    apart = points[None] - a[:, None]
-    share = np.clip(np.einsum("nmi,ni->nm", apart, along) / length[:, None], 0.0, 1.0)
-    return float(np.linalg.norm(apart - share[..., None] * along[:, None], axis=2).min())

@@ -113,6 +113,9 @@ def export_mission(
         loaded, profile, place, format, fit=fit, adjust=adjust, seed=seed, burst=burst, progress=progress
     )
     routed = replace(routed, fit=(*heights_taken(stated, place, plant_height), *routed.fit))
+    for finding in routed.fit:
+        if tell is not None and finding.code == "plots-near":
+            tell(f"warning: {finding.message}")
     stem = output.stem
     first, written = dict[int, str](), dict[str, Path]()
     for plot, own in routed.own.items() if plans else ():

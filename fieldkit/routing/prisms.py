@@ -16,6 +16,8 @@ from fieldkit.runtime.kernels import kernel
 Array = NDArray[np.float64]
 _ROUNDING_M = 1e-9
 _BLOCK = 16  # solids that are looked at only if a leg comes near any of them
+_THIRDS = 60
+"""Steps by a third that find a leg's nearest place to 1e-10 of its length."""
 _TURNS = np.pi / 8 * np.arange(8)
 _AXES = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1)
 
@@ -45,7 +47,7 @@ class Prisms:
 
     @classmethod
     def of(cls, solids: Sequence[tuple[BaseGeometry, float]]) -> Prisms:
-        """Solids as their plan, a valid polygon or several, and their top."""
+        """Solids as their plan, a valid polygon or several, or a point, and their top."""
         edges = [_edges(plan) for plan, _ in solids]
         tops = np.array([top for _, top in solids], dtype=np.float64)
         spans = np.array([_spans(some) for some in edges]).reshape(-1, len(_AXES), 2)
@@ -81,6 +83,10 @@ class Prisms:
         found: NDArray[np.bool_] = _met(a, b, *self._arrays)
         return found
 
+    def least_m(self, a: Array, b: Array) -> float:
+        """Least distance between legs and solids; 0 where a leg is in one, infinite without solids."""
+        return float(_least(a, b, *self._arrays))
+
     def tops_below(self, a: Array, b: Array, least: Array) -> Array:
         """(n,) highest top above ``least`` (n,) that each leg passes in the plan, at whatever height; else −∞."""
         highest: Array = _tops_below(a, b, least, *self._arrays)
@@ -95,6 +101,8 @@ class Prisms:
 
 
 def _edges(plan: BaseGeometry) -> Array:
+    if isinstance(plan, shapely.Point):
+        return np.array([[plan.x, plan.y, plan.x, plan.y]])
     rings = [ring for polygon in shapely.get_parts(plan) for ring in (polygon.exterior, *polygon.interiors)]
     places = [shapely.get_coordinates(ring) for ring in rings]
     return np.concatenate([np.zeros((0, 4)), *(np.hstack([ring[:-1], ring[1:]]) for ring in places)])
@@ -212,6 +220,58 @@ def _met(a, b, edges, first, tops, spans, blocks, block_tops):
                 if not found[solid] and low < tops[solid] and not _beside(span, spans, solid):
                     found[solid] = _entry(a, b, leg, edges, first[solid], first[solid + 1], tops[solid]) < np.inf
     return found
+
+
+@kernel
+def _gap(span, spans, index):
+    """What a leg and a solid or a block are apart at least, seen from above."""
+    gap = 0.0
+    for k in range(len(_AXES)):
+        gap = max(gap, span[k, 0] - spans[index, k, 1], spans[index, k, 0] - span[k, 1])
+    return gap
+
+
+@kernel
+def _wall(a, b, leg, edges, k, top, share):
+    """Distance between a place along a leg and the wall over an edge."""
+    x = a[leg, 0] + share * (b[leg, 0] - a[leg, 0]) - edges[k, 0]
+    y = a[leg, 1] + share * (b[leg, 1] - a[leg, 1]) - edges[k, 1]
+    above = max(a[leg, 2] + share * (b[leg, 2] - a[leg, 2]) - top, 0.0)
+    ex, ey = edges[k, 2] - edges[k, 0], edges[k, 3] - edges[k, 1]
+    square = ex * ex + ey * ey
+    along = min(max((x * ex + y * ey) / square, 0.0), 1.0) if square > 0.0 else 0.0
+    return np.sqrt((x - along * ex) ** 2 + (y - along * ey) ** 2 + above**2)
+
+
+@kernel
+def _least(a, b, edges, first, tops, spans, blocks, block_tops):
+    least = np.inf
+    span = np.empty((len(_AXES), 2))
+    for leg in range(len(a)):
+        _span(a, b, leg, span)
+        low = min(a[leg, 2], b[leg, 2])
+        for block in range(len(blocks)):
+            if np.hypot(_gap(span, blocks, block), max(low - block_tops[block], 0.0)) >= least:
+                continue
+            for solid in range(block * _BLOCK, min(block * _BLOCK + _BLOCK, len(tops))):
+                start, stop, top = first[solid], first[solid + 1], tops[solid]
+                if np.hypot(_gap(span, spans, solid), max(low - top, 0.0)) >= least:
+                    continue
+                if _is_in(a[leg, 0], a[leg, 1], edges, start, stop):
+                    least = min(least, max(a[leg, 2] - top, 0.0))
+                if _is_in(b[leg, 0], b[leg, 1], edges, start, stop):
+                    least = min(least, max(b[leg, 2] - top, 0.0))
+                for k in range(start, stop):
+                    # Convex along the leg, as a wall is a convex body: thirds are cut off.
+                    early, late = 0.0, 1.0
+                    for _ in range(_THIRDS):
+                        one, other = early + (late - early) / 3.0, late - (late - early) / 3.0
+                        if _wall(a, b, leg, edges, k, top, one) < _wall(a, b, leg, edges, k, top, other):
+                            late = other
+                        else:
+                            early = one
+                    least = min(least, _wall(a, b, leg, edges, k, top, 0.5 * (early + late)))
+    return least
 
 
 @kernel

@@ -8,7 +8,7 @@ than the plan's, and notes. What the site file does not say is not checked, but 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,16 +19,16 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.results.finding import Finding, Refused, Severity
 from fieldkit.results.plan import Plan, Plans, station_number
-from fieldkit.routing.flights import AMONG_PLANTS, Stop, objections
+from fieldkit.routing.flights import AMONG_NEIGHBOURS, AMONG_PLANTS, Stop, objections
 from fieldkit.routing.mission import Shot
 from fieldkit.routing.obstacles import Obstacles
 from fieldkit.runtime.progress import Advance, ignore
 from fieldkit.sites.fitted import flown_plans
-from fieldkit.sites.placement import landing_of, place, stops_of
+from fieldkit.sites.placement import PlotFrame, SiteFrame, landing_of, place, stops_of
 from fieldkit.sites.plot_plants import BESIDE_M, HEIGHT_TAKEN, PlanFacts, PlotPlants, facts_of, other_spacing, plants_on
 from fieldkit.sites.reach import NO_PLANTS, RTK_REMEDY, Unreachable, nearest, needs_rtk, one_photograph
 from fieldkit.sites.site import Site, SitePlot
-from fieldkit.sites.site_obstacles import site_obstacles
+from fieldkit.sites.site_obstacles import Canopy, site_obstacles
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.wash import WINDY_M, air_speed_mps, sway_m
 
@@ -55,6 +55,8 @@ CODES: dict[str, Severity] = {
     "one-photograph": "error",  # two stations are one when they are adjusted
     "among-plants": "error",  # nearer to them than the clearance, or below leaves
     "among-neighbours": "error",  # of another plot
+    "plots-too-near": "error",  # the same in one sentence
+    "plots-near": "warning",  # stations stand over or behind other plots
     "in-obstacle": "error",  # or in a no-fly zone, outside the fence, above the ceiling
     "height": "error",  # of take-off or transit, above the ceiling
     "home": "error",  # the way straight up at home or down at the landing is not clear
@@ -81,6 +83,12 @@ _FAR = 2.0  # times the median distance at which the plan photographs: what is f
 _TURNED_DEG = 45.0
 _NAMED = 4
 _VIEWS_APART = 1.33
+_SIGHTS = 60
+"""Places of a plot's plants that its stations are asked to see."""
+_IN_PLOT = np.array([(x, y) for x in (-0.8, 0.0, 0.8) for y in (-0.8, 0.0, 0.8)])
+"""Such places, in shares of half a plot's sides, where no plan says where plants are."""
+_HIDDEN = 0.05
+"""Share of hidden sight lines that is worth knowing."""
 
 Array = NDArray[np.float64]
 
@@ -99,6 +107,8 @@ class FitReport:
     """What was adjusted."""
     stops: tuple[Stop, ...]
     obstacles: Obstacles
+    canopy: Canopy
+    """Of all plots."""
 
     def require(self) -> None:
         """Raise Refused where there is an error."""
@@ -141,7 +151,38 @@ def fit_report(
         stops, (0.0, 0.0, 0.0), landing_of(site), obstacles, takeoff_m=site.takeoff_m, transit_m=site.transit_m
     )
     findings += [each for each in against if each.code != AMONG_PLANTS or each.subject not in among]
-    return FitReport(tuple(findings), plans, changed, problems, stops, obstacles)
+    canopy = Canopy.of(site, plans)
+    findings[:0] = _crowding(plans, stops, site, canopy, against, vehicle.clearance_m)
+    return FitReport(tuple(findings), plans, changed, problems, stops, obstacles, canopy)
+
+
+def _crowding(
+    plans: Plans, stops: Sequence[Stop], site: Site, canopy: Canopy, against: Sequence[Finding], clearance_m: float
+) -> Iterator[Finding]:
+    """Plots so near to each other that stations stand over, among or behind the plants of others."""
+    frame, over, hidden, reach_m = SiteFrame(site.home), 0, 0.0, 0.0
+    for index, (plot, facts) in enumerate(facts_of(plans, site)):
+        stations = np.array([stop.position_m for stop in stops if stop.plot == plot.name]).reshape(-1, 3)
+        plants = plants_on(facts, plot)
+        if not len(stations) or plants is None or plot.size_m is None:
+            continue
+        to_plot, side = PlotFrame.of(site, plot), 0.5 * np.array(plot.size_m)
+        own = plants.points[(np.abs(plants.points[:, :2]) < side).all(axis=1)]
+        if not len(own):
+            own = np.array([(x, y, 0.5 * (plot.plant_height_m or 0.0)) for x, y in _IN_PLOT * side])
+        own = own[np.linspace(0, len(own) - 1, _SIGHTS).astype(int)]
+        count, share = canopy.crowding(index, stations, frame.to_local(*to_plot.to_geodetic(own)))
+        over, hidden = over + count, hidden + share * len(stations) / len(stops)
+        beyond = np.abs(to_plot.to_plot(*frame.to_geodetic(stations))[:, :2]) - side
+        reach_m = max(reach_m, float(np.hypot(*np.maximum(beyond, 0.0).T).max()))
+    low = sum(finding.code == AMONG_NEIGHBOURS for finding in against)
+    if over or low or hidden > _HIDDEN:
+        near = f", and {low} come nearer to these than {clearance_m:g} m" if low else ""
+        yield _finding(
+            "", "plots-too-near" if low else "plots-near",
+            f"{over} of {len(stops)} stations stand over other plots, whose plants hide {hidden:.0%} of the sight lines"
+            f"{near}: plots nearer than {math.ceil(10 * reach_m) / 10:.1f} m need another way of flying",
+        )  # fmt: skip
 
 
 def _flown(plan: Plans, site: Site, fit: bool | None) -> tuple[Plans, list[Finding]]:

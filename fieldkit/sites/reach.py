@@ -22,6 +22,7 @@ from fieldkit.geometry import Pose
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import station_number
 from fieldkit.routing.mission import Shot
+from fieldkit.routing.obstacles import TOLERANCE_M as CLEAR_TOLERANCE_M
 from fieldkit.routing.obstacles import Obstacles
 from fieldkit.sites.placement import SiteFrame, grounds_m
 from fieldkit.sites.site import Site
@@ -179,7 +180,8 @@ def _problem(shot: Shot, ground_m: float, plants_m: float, vehicle: Vehicle) -> 
     if shot.place.height_m < plants_m:
         limits.append("plants")
         sentences.append(f"{plants_m - shot.place.height_m:.2f} m too low over the plants for {vehicle.title}")
-        height = max(height, math.ceil(plants_m * _CENTIMETRES + 0.01) / _CENTIMETRES)  # as files hold heights
+        clear_m = plants_m + CLEAR_TOLERANCE_M
+        height = max(height, math.ceil(clear_m * _CENTIMETRES - 0.01) / _CENTIMETRES)  # as files hold heights
     if not limits:
         return None
     nearest = replace(shot, height_m=height, pitch_deg=pitch)

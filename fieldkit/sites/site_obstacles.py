@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
 from fieldkit.results.plan import Plan, Plans
-from fieldkit.routing.obstacles import Corners, Obstacles, Volume
+from fieldkit.routing.obstacles import FARTHEST_M, Corners, Obstacles, Volume
+from fieldkit.routing.prisms import Prisms
 from fieldkit.sites.placement import PlotFrame, SiteFrame
 from fieldkit.sites.plot_plants import BAND_M, Band, PlotPlants, facts_of, plants_on
 from fieldkit.sites.site import Site, SitePlot
@@ -66,13 +68,60 @@ def _of_plots(site: Site, clearance_m: float, plans: Plans | None, frame: SiteFr
             if alike not in known:
                 known[alike] = plants.bands(clearance_m, to_plot.gradient)
             yield from _placed(plot.name, known[alike], to_plot, frame)
-            for block in plants.blocks:
-                strips = _strips(shapely.box(*block.low, *block.high), to_plot.gradient)
-                bands = [Band(corners, high + block.top_m) for corners, _, high in strips]
-                for volume in _placed(plot.name, bands, to_plot, frame):
-                    yield Volume(volume.name, volume.footprint, volume.top_m, clearance_m, "plants")
+            yield from _full(plot.name, plants, to_plot, clearance_m, frame)
         if to_plot.gradient != LEVEL and facts is not None:
             yield from _ground(facts.plan, plot, plants, to_plot, clearance_m, frame, landings)
+
+
+def _full(name: str, plants: PlotPlants, to_plot: PlotFrame, clearance_m: float, frame: SiteFrame) -> Iterator[Volume]:
+    """What counts as full of plants on a plot."""
+    for block in plants.blocks:
+        strips = _strips(shapely.box(*block.low, *block.high), to_plot.gradient)
+        bands = [Band(corners, high + block.top_m) for corners, _, high in strips]
+        for volume in _placed(name, bands, to_plot, frame):
+            yield Volume(volume.name, volume.footprint, volume.top_m, clearance_m, "plants")
+
+
+@dataclass(frozen=True, eq=False)
+class Canopy:
+    """The plants of all plots of a site, site frame: outlines that count as full, and columns below other leaves."""
+
+    prisms: Prisms
+    """Without any clearance."""
+    plots: NDArray[np.intp]
+    """(count,) of each, its plot's place among ``site.all_plots``."""
+
+    @classmethod
+    def of(cls, site: Site, plans: Plans | None) -> Canopy:
+        """Of what `site_obstacles` keeps clear of."""
+        frame = SiteFrame(site.home)
+        solids, owners = list[tuple[shapely.Geometry, float]](), list[int]()
+        for index, (plot, facts) in enumerate(facts_of(plans, site)):
+            plants, to_plot = plants_on(facts, plot), PlotFrame.of(site, plot)
+            if plants is not None:
+                volumes = _full(plot.name, plants, to_plot, 0.0, frame)
+                solids += [(shapely.Polygon(volume.footprint), volume.top_m) for volume in volumes]
+                columns = frame.to_local(*to_plot.to_geodetic(plants.outside))
+                solids += list(zip(shapely.points(columns[:, :2]), columns[:, 2].tolist(), strict=True))
+                owners += [index] * (len(solids) - len(owners))
+        return cls(Prisms.of(solids), np.array(owners, dtype=np.intp))
+
+    def nearest_m(self, ways: Sequence[Array]) -> float | None:
+        """Least distance between plants and ways along places (k, 3) each; None where no plants are known."""
+        starts, ends = (np.concatenate([way[part] for way in ways]) for part in (slice(-1), slice(1, None)))
+        return self.prisms.least_m(starts, ends) if len(self.prisms) else None
+
+    def crowding(self, plot: int, stations: Array, targets: Array) -> tuple[int, float]:
+        """How many of a plot's stations (n, 3) stand over other plots, and the share of lines that these plots hide.
+
+        Lines are those from every station to places (m, 3) of the plot's own plants.
+        """
+        others, below = self.plots != plot, stations.copy()
+        below[:, 2] = -FARTHEST_M
+        over = self.prisms.blocked(below, below, others)
+        eyes, aims = np.repeat(stations, len(targets), axis=0), np.tile(targets, (len(stations), 1))
+        hidden = self.prisms.blocked(eyes, aims, others)
+        return int(over.sum()), float(hidden.mean()) if len(hidden) else 0.0
 
 
 def _placed(name: str, bands: Sequence[Band], to_plot: PlotFrame, frame: SiteFrame) -> Iterator[Volume]:
