@@ -14,7 +14,7 @@ from fieldkit.results.plan import Plan, Plans
 from fieldkit.routing.flights import Flight, Room, plan_flights
 from fieldkit.routing.mission import Fence, GeoPoint, Mission, Shot, Via, burst_s
 from fieldkit.runtime.progress import Progress, Silent
-from fieldkit.sites.fit import fit_report
+from fieldkit.sites.fit import PLOTS_NEAR, fit_report
 from fieldkit.sites.placement import PlotFrame, SiteFrame, grounds_m, home_of, landing_of
 from fieldkit.sites.plot_plants import PlotPlants, facts_of, plants_on
 from fieldkit.sites.reach import Unreachable
@@ -137,6 +137,9 @@ def route_plan(
     with progress.stage("Fitting the plan to plots", len(site.all_plots)) as advance:
         report = fit_report(plan, site, vehicle, fit=fit, adjust=adjust, advance=advance)
     report.require()
+    for finding in report.findings:
+        if finding.code == PLOTS_NEAR:
+            progress.note(finding.message)
     plans, shots, frame = report.plans, report.shots, SiteFrame(site.home)
     more_s, planned_for = burst_s(burst, vehicle.trigger.exposure_s), vehicle
     stops = tuple(replace(stop, pause_s=stop.pause_s + more_s) for stop in report.stops)

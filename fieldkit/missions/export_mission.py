@@ -80,8 +80,8 @@ def export_mission(
         output: the mission file; its suffix may be left out.
         format: "plan", "waypoints", "wpml" or "litchi"; None takes the one of the output's suffix, else "plan".
         only: names of the plots that are flown; the others stay obstacles. None flies all.
-        plant_height: of the plants of all plots, metres; "unknown" for those that do not say: 30 % more than the plan's
-            tallest (`with_plant_height`). Without, a plot that does not say is an error.
+        plant_height: of the plants of all plots, metres, or "unknown": see `with_plant_height`. It is an error where no
+            plot says one and this is not given.
         fit: whether to fit the plan to each plot (`flown_plans`). Fitted plans are written, those of plots
             alike once, as MISSION-PLOT.json by the first one: `evaluate --plan` and `check` have to be given these.
         adjust: fly the nearest poses where the vehicle cannot take the plan's.
@@ -113,9 +113,6 @@ def export_mission(
         loaded, profile, place, format, fit=fit, adjust=adjust, seed=seed, burst=burst, progress=progress
     )
     routed = replace(routed, fit=(*heights_taken(stated, place, plant_height), *routed.fit))
-    for finding in routed.fit:
-        if tell is not None and finding.code == "plots-near":
-            tell(f"warning: {finding.message}")
     stem = output.stem
     first, written = dict[int, str](), dict[str, Path]()
     for plot, own in routed.own.items() if plans else ():

@@ -32,6 +32,8 @@ from fieldkit.sites.site_obstacles import Canopy, site_obstacles
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.wash import WINDY_M, air_speed_mps, sway_m
 
+PLOTS_NEAR = "plots-near"
+"""Code of plots so near to each other that stations stand over or behind others."""
 CODES: dict[str, Severity] = {
     # The plan on the plot.
     "not-fitted": "error",  # the plots' plants are too different from the plan's, or it does not say where they are
@@ -56,7 +58,7 @@ CODES: dict[str, Severity] = {
     "among-plants": "error",  # nearer to them than the clearance, or below leaves
     "among-neighbours": "error",  # of another plot
     "plots-too-near": "error",  # the same in one sentence
-    "plots-near": "warning",  # stations stand over or behind other plots
+    PLOTS_NEAR: "warning",  # stations stand over or behind other plots
     "in-obstacle": "error",  # or in a no-fly zone, outside the fence, above the ceiling
     "height": "error",  # of take-off or transit, above the ceiling
     "home": "error",  # the way straight up at home or down at the landing is not clear
@@ -179,7 +181,7 @@ def _crowding(
     if over or low or hidden > _HIDDEN:
         near = f", and {low} come nearer to these than {clearance_m:g} m" if low else ""
         yield _finding(
-            "", "plots-too-near" if low else "plots-near",
+            "", "plots-too-near" if low else PLOTS_NEAR,
             f"{over} of {len(stops)} stations stand over other plots, whose plants hide {hidden:.0%} of the sight lines"
             f"{near}: plots nearer than {math.ceil(10 * reach_m) / 10:.1f} m need another way of flying",
         )  # fmt: skip
