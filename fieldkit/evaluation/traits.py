@@ -40,7 +40,7 @@ LEAST_PHOTOGRAPHS = 9
 MOST_SCALE_DOUBT = 0.10
 STILL_SCATTER_PX = 1.05
 """How far depths of still leaves scatter between views (`Reconstruction.scatter_px`). More is sway."""
-SCATTER_OF_HEIGHT_M, SCATTER_OF_TIPS_M, SCATTER_OF_AREA_M = 0.002, 0.005, 0.0055
+SCATTER_OF_HEIGHT_M, SCATTER_OF_TIPS_M, SCATTER_OF_AREA_M = 0.002, 0.005, 0.005
 """What scatters beyond that, from where errors grow with it: of heights by the cloud, of those that outlines show, of
 areas and volumes; docs/traits.md says on what they were fitted."""
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
