@@ -249,19 +249,23 @@ def plan_next_visit(
             "which vehicle flies? The campaign does not say", remedy="Give --vehicle NAME, as for export-mission."
         )
     profile = load_vehicle(given)
-    site = campaign.site if only is None else with_plots(campaign.site, named_plots(campaign.site, only))
-    site = with_plant_height(site, campaign.plan, plant_height)
+    stated = campaign.site if only is None else with_plots(campaign.site, named_plots(campaign.site, only))
+    site = with_plant_height(stated, campaign.plan, plant_height)
     context = Context(progress=progress, workers=workers, seed=seed)
     plans = next_plans(replace(campaign, site=site), profile, context, growth=growth)
-    tops = [None if each.date is None else PlanFacts(each.plan).top_m for each in plans]
-    plots = tuple(_at_least(plot, top_m) for plot, top_m in zip(site.plots, tops, strict=True))
+    tops = {each.plot: PlanFacts(each.plan).top_m for each in plans if each.date is not None}
+    for plot in site.neighbours:
+        _, cloud = _cloud_of(campaign, plot.name)
+        if cloud is not None:
+            tops[plot.name] = growth * float(read_cloud(cloud).points[:, 2].max())
+    at_least = site.with_each(lambda plot: _at_least(plot, tops.get(plot.name)))
     mission = export_mission(
-        {each.plot: each.plan for each in plans}, profile, site.model_copy(update={"plots": plots}), output,
+        {each.plot: each.plan for each in plans}, profile, at_least, output,
         adjust=adjust, format=format, overwrite=overwrite, seed=seed, plans=False, progress=progress,
     )  # fmt: skip
     mission = replace(
         mission,
-        routed=replace(mission.routed, fit=(*heights_taken(campaign.site, site, plant_height), *mission.routed.fit)),
+        routed=replace(mission.routed, fit=(*heights_taken(stated, site, plant_height), *mission.routed.fit)),
     )
     with atomic_folder(folder, overwrite=overwrite) as made:
         for each in plans:
