@@ -32,7 +32,7 @@ from fieldkit.wording import listed
 
 SITE_FILE, PLOTS_FILE, VEHICLE_FILE, CAMERA_FILE = "site.toml", "plots.geojson", "vehicle.toml", "camera.toml"
 _SITE_BYTES = 256 << 10
-_ZONES = ("geofence", "no_fly", "plots")
+_ZONES = ("geofence", "no_fly", "plots", "neighbours")
 
 
 @dataclass(frozen=True)
@@ -116,24 +116,27 @@ def _copy_site(sources: CampaignSources, folder: Path, plot_id: str | None) -> s
     document = read_versioned(sources.site, "site file", "", _SITE_BYTES)
     for key in _ZONES:
         named = document.get(key)
-        if not isinstance(named, str) or Path(named).is_absolute() or (key == "plots" and (sources.plots or converted)):
+        its_own = key == "plots" and converted and not sources.plots
+        if not isinstance(named, str) or Path(named).is_absolute() or its_own:
             continue
         found = file_beside(Path(named), sources.site)  # load_site has read it
         target = folder / os.path.normpath(named)
-        if found is None or target.exists() or not target.is_relative_to(folder):
+        if found is None or not found.exists() or target.exists() or not target.is_relative_to(folder):
             continue
         target.parent.mkdir(parents=True, exist_ok=True)
         for part in parts_of(found):
             _copy(part, target.with_suffix(part.suffix))
     if plots is None:
         return None
+    target = folder / PLOTS_FILE
+    target = target.with_stem("flown-plots") if target.exists() else target  # beside the site's own: neighbours
     if converted is not None:
-        write_atomic(folder / PLOTS_FILE, converted)
-        return PLOTS_FILE
+        write_atomic(target, converted)
+        return target.name
     if sources.plots is None:
         return plots_file_of(sources.site)
-    _copy(plots, folder / PLOTS_FILE)
-    return PLOTS_FILE
+    _copy(plots, target)
+    return target.name
 
 
 def _copy(source: Path, target: Path) -> None:
