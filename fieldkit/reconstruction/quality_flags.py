@@ -10,6 +10,7 @@ from scipy.spatial.distance import pdist
 from fieldkit.captures.compared import groups_apart
 from fieldkit.clouds.cells import find_stand
 from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.ground import MAX_TILT_DEG
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Pose
 from fieldkit.reconstruction.plot_frame import cuts_plants
@@ -22,8 +23,8 @@ _FEW_POINTS = 100
 _STEEP_DEG = 8.0
 """Fields that are worked by machines are rarely steeper than 15 %."""
 _NO_GROUND = (
-    "no ground was found: nothing that is level stands out below the plants, so nothing was removed as ground, and "
-    "heights are not known; photograph some bare soil beside the plants or between them"
+    f"no ground was found: nothing level to {MAX_TILT_DEG:.0f}° stands out below the plants, so nothing was removed as "
+    "ground, and heights are not known; photograph some bare soil beside the plants or between them"
 )
 _OFF_LEVEL_DEG = 15.0
 _WHERE = ("center", "forward")

@@ -121,7 +121,7 @@ def test_ground_far_from_level(line: CommandLine, season: Path, small_plot: Path
     capture(line, small_plot, "B", "2026-06-18", tilt_deg=14.0)
     assert evaluate(line)[0] == ["B 2026-06-18"]
     (visit,) = read_campaign(season).visits
-    assert any("° from level" in note for note in visit.notes), visit.notes
+    assert any("no ground was found: nothing level to 10°" in note for note in visit.notes), visit.notes
 
 
 @pytest.mark.slow
