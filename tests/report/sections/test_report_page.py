@@ -12,10 +12,9 @@ import fieldkit
 from fieldkit.clouds import PointIndex, read_cloud
 from fieldkit.errors import MetadataError, StorageError, UsageError
 from fieldkit.report.sections.campaign import charts
-from fieldkit.report.sections.glossary import MEANINGS, meanings
 from fieldkit.report.sections.in_short import next_step, verdict
 from fieldkit.report.sections.loaded import PlanRun, Results, read_results
-from fieldkit.report.sections.page import summarise
+from fieldkit.report.sections.page import MEANINGS, meanings, summarise
 from fieldkit.report.sections.views_3d import plan_view, plot_view, points_of, within_budget
 from fieldkit.report.write_report import write_report
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, Prediction, ReferenceReport
