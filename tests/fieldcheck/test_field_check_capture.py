@@ -16,7 +16,7 @@ from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.errors import CaptureError, MetadataError, UsageError
 from fieldkit.fieldcheck import CheckReport, StationCheck, check_captures
-from fieldkit.fieldcheck.sway import burst_findings, leaves_move_m
+from fieldkit.fieldcheck.check import burst_findings, leaves_move_m
 from fieldkit.fieldcheck.ties import TieGraph, find_ties
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.cameras import CameraSet
