@@ -13,7 +13,7 @@ import re
 import unicodedata
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date, datetime, timedelta
 
 import numpy as np
@@ -34,6 +34,8 @@ NEIGHBOURS = timedelta(seconds=60)
 _LEAST_REACH_M = 1.5
 _MOST_REACH_M = 25.0
 _MOST_ACCURACY_M = 5.0
+_NO_PLOT = "no-plot"
+_FAR = "far-from-plots"
 _AMBIGUOUS = 0.25  # of the distance between the two plots
 
 
@@ -74,41 +76,59 @@ class Sorting:
     """Contradictions and doubts about photographs that do."""
 
 
-@dataclass
-class _Given:
-    """What is found out about one photograph."""
+@dataclass(frozen=True)
+class _Row:
+    """What is known of one photograph."""
 
     shot: PhotoToSort
-    folder_plot: str | None = None
-    folder_date: str | None = None
+    folder_plot: str | None
+    folder_date: str | None
     tag_plot: str | None = None
+    """The plot that its geotag fits, or its neighbours'."""
     candidates: tuple[str, ...] = ()
-    problem: str = ""
-    plot: str | None = None
+    """Two plots that its geotag fits alike."""
+    problem: Finding | None = None
+    """Why its geotag tells no plot."""
     by_neighbours: bool = False
+    plot: str | None = None
+    """That it is sorted into."""
+
+    @property
+    def folder(self) -> str:
+        return self.shot.place.rpartition("/")[0]
+
+    @property
+    def timed(self) -> bool:
+        return self.shot.photo.captured_at is not None
+
+    @property
+    def time(self) -> datetime:
+        taken = self.shot.photo.local_time
+        assert taken is not None
+        return taken
+
+    def is_problem(self, code: str) -> bool:
+        return self.problem is not None and self.problem.code == code
 
 
 def sort_photographs(shots: Sequence[PhotoToSort], plots: Sequence[CampaignPlot], plan: Plan) -> Sorting:
     """Sort photographs into plots and dates; none is dropped without a word."""
     by_name = {_folded(plot.name): plot.name for plot in plots}
-    given = [_Given(shot, *(shot.belongs or _said(shot.folders, by_name))) for shot in shots]
-    _by_geotag(given, plots, plan)
-    _by_neighbours(given)
-    findings: list[Finding] = []
-    left_out: list[Finding] = []
-    for each in given:
-        each.plot = each.folder_plot or each.tag_plot or (plots[0].name if _only_choice(each, plots) else None)
-        if each.plot is None:
-            left_out.append(_left_out(each))
-    findings += _contradicting_plots(given)
-    placed = [each for each in given if each.plot is not None]
+    layout = FieldLayout.of(plots, plan)
+    rows = [_by_geotag(_Row(shot, *(shot.belongs or _said(shot.folders, by_name))), plots, layout) for shot in shots]
+    rows = _by_neighbours(rows)
+    untagged = plots[0].name if len(plots) == 1 else None
+    rows = [
+        replace(row, plot=row.folder_plot or row.tag_plot or (untagged if row.is_problem(_NO_PLOT) else None))
+        for row in rows
+    ]
+    placed = [row for row in rows if row.plot is not None]
     visits, undated, odd = _by_date(placed)
-    left_out += undated
-    findings += odd
     order = {plot.name: k for k, plot in enumerate(plots)}
     visits.sort(key=lambda visit: (order[visit.plot], visit.date))
-    findings += [*_sorted_by_neighbours(placed), *_clocks(placed)]
-    return Sorting(tuple(visits), tuple(left_out), tuple(findings))
+    unplaced = [row.problem for row in rows if row.plot is None and row.problem is not None]
+    findings = [*_contradicting_plots(rows), *odd, *_sorted_by_neighbours(placed), *_clocks(placed)]
+    return Sorting(tuple(visits), (*unplaced, *undated), tuple(findings))
 
 
 # Folders -------------------------------------------------------------------------------------------------------------
@@ -128,94 +148,74 @@ def _folded(name: str) -> str:
 # Geotags -------------------------------------------------------------------------------------------------------------
 
 
-def _by_geotag(given: Sequence[_Given], plots: Sequence[CampaignPlot], plan: Plan) -> None:
-    layout = FieldLayout.of(plots, plan)
-    for each in given:
-        photo = each.shot.photo
-        if photo.geotag is None:
-            each.problem = "no-geotag"
-            continue
-        away = layout.distances(photo)
-        accuracy = min(tag_accuracy_m(photo), _MOST_ACCURACY_M)
-        order = np.argsort(away, kind="stable")
-        best = int(order[0])
-        nearest_plot = float(layout.spacing[best].min())
-        reach = min(max(_LEAST_REACH_M, 0.5 * nearest_plot), _MOST_REACH_M) + 2.0 * accuracy
-        if not away[best] <= reach:
-            each.problem = f"far: {away[best]:,.0f} m from what the plan photographs on {plots[best].name}, the nearest"
-            continue
-        # Of plots that fit alike the nearest two are enough to say that they do.
-        if len(plots) > 1:
-            second = int(order[1])
-            margin = min(accuracy, _AMBIGUOUS * float(layout.spacing[best, second]))
-            if away[second] - away[best] < margin:
-                each.candidates = (plots[best].name, plots[second].name)
-                each.problem = "ambiguous"
-                continue
-        each.tag_plot = plots[best].name
+def _by_geotag(row: _Row, plots: Sequence[CampaignPlot], layout: FieldLayout) -> _Row:
+    """With the plot that the photograph's geotag fits, or why there is none."""
+
+    def without(code: str, message: str, *candidates: str) -> _Row:
+        return replace(row, problem=Finding(row.shot.place, code, message, True), candidates=candidates)
+
+    photo = row.shot.photo
+    if photo.geotag is None:
+        return without(_NO_PLOT, "has no geotag, and no folder says its plot")
+    away = layout.distances(photo)
+    accuracy = min(tag_accuracy_m(photo), _MOST_ACCURACY_M)
+    order = np.argsort(away, kind="stable")
+    best = int(order[0])
+    name = plots[best].name
+    nearest_plot = float(layout.spacing[best].min())
+    reach = min(max(_LEAST_REACH_M, 0.5 * nearest_plot), _MOST_REACH_M) + 2.0 * accuracy
+    if not away[best] <= reach:
+        return without(_FAR, f"{away[best]:,.0f} m from what the plan photographs on {name}, the nearest")
+    # Of plots that fit alike the nearest two are enough to say that they do.
+    if len(plots) > 1:
+        second = int(order[1])
+        margin = min(accuracy, _AMBIGUOUS * float(layout.spacing[best, second]))
+        if away[second] - away[best] < margin:
+            other = plots[second].name
+            message = f"fits {name} and {other} alike, and no folder says which"
+            return without("ambiguous-plot", message, name, other)
+    return replace(row, tag_plot=name)
 
 
-def _by_neighbours(given: Sequence[_Given]) -> None:
+def _by_neighbours(rows: Sequence[_Row]) -> list[_Row]:
     """Give photographs that fit two plots, or have no tag, the plot of those before and after them in their folder."""
-    runs: dict[tuple[object, ...], list[_Given]] = defaultdict(list)
-    for each in given:
-        photo = each.shot.photo
-        if photo.captured_at is not None:
-            folder = each.shot.place.rpartition("/")[0]
-            runs[(folder, photo.make, photo.model, photo.serial)].append(each)
-    for run in runs.values():
-        run.sort(key=_time)
-        sure = [each.tag_plot for each in run]
-        for k, each in enumerate(run):
-            if each.folder_plot is not None or each.problem.startswith("far") or sure[k] is not None:
+    runs: dict[tuple[object, ...], list[int]] = defaultdict(list)
+    for k, row in enumerate(rows):
+        if row.timed:
+            photo = row.shot.photo
+            runs[(row.folder, photo.make, photo.model, photo.serial)].append(k)
+    sorted_rows = list(rows)
+    for members in runs.values():
+        members.sort(key=lambda k: rows[k].time)
+        run = [rows[k] for k in members]
+        for k, row in enumerate(run):
+            if row.folder_plot is not None or row.is_problem(_FAR) or row.tag_plot is not None:
                 continue
-            before = _next_sure(run, sure, range(k - 1, -1, -1), _time(each))
-            after = _next_sure(run, sure, range(k + 1, len(run)), _time(each))
+            before, after = _next_sure(row, reversed(run[:k])), _next_sure(row, run[k + 1 :])
             around = {plot for plot in (before, after) if plot is not None}
-            certain = bool(each.candidates) or (before is not None and after is not None)
-            if len(around) == 1 and certain and (not each.candidates or around <= set(each.candidates)):
-                each.tag_plot = around.pop()
-                each.by_neighbours = True
+            certain = bool(row.candidates) or (before is not None and after is not None)
+            if len(around) == 1 and certain and (not row.candidates or around <= set(row.candidates)):
+                sorted_rows[members[k]] = replace(row, tag_plot=around.pop(), by_neighbours=True)
+    return sorted_rows
 
 
-def _next_sure(run: Sequence[_Given], sure: Sequence[str | None], places: Iterable[int], when: datetime) -> str | None:
-    for k in places:
-        if abs(_time(run[k]) - when) > NEIGHBOURS:
+def _next_sure(row: _Row, others: Iterable[_Row]) -> str | None:
+    """The plot of the first of ``others`` that has one; None where those in a row with it have none."""
+    for other in others:
+        if abs(other.time - row.time) > NEIGHBOURS:
             return None
-        if sure[k] is not None:
-            return sure[k]
+        if other.tag_plot is not None:
+            return other.tag_plot
     return None
 
 
-def _time(each: _Given) -> datetime:
-    taken = each.shot.photo.local_time
-    assert taken is not None
-    return taken
-
-
-def _only_choice(each: _Given, plots: Sequence[CampaignPlot]) -> bool:
-    return len(plots) == 1 and each.problem == "no-geotag"
-
-
-def _left_out(each: _Given) -> Finding:
-    place = each.shot.place
-    match each.problem.partition(":")[0]:
-        case "no-geotag":
-            return Finding(place, "no-plot", "has no geotag, and no folder says its plot", True)
-        case "ambiguous":
-            both = " and ".join(each.candidates)
-            return Finding(place, "ambiguous-plot", f"fits {both} alike, and no folder says which", True)
-        case _:
-            return Finding(place, "far-from-plots", each.problem.partition(": ")[2], True)
-
-
-def _sorted_by_neighbours(placed: Sequence[_Given]) -> list[Finding]:
+def _sorted_by_neighbours(placed: Sequence[_Row]) -> list[Finding]:
     """One finding per folder, plot and reason."""
-    found: dict[tuple[str, str, str], list[_Given]] = defaultdict(list)
-    for each in placed:
-        if each.by_neighbours and each.plot is not None:
-            why = f"fitting {' and '.join(sorted(each.candidates))} alike" if each.candidates else "without a geotag"
-            found[(each.shot.place.rpartition("/")[0], each.plot, why)].append(each)
+    found: dict[tuple[str, str, str], list[_Row]] = defaultdict(list)
+    for row in placed:
+        if row.by_neighbours and row.plot is not None:
+            why = f"fitting {' and '.join(sorted(row.candidates))} alike" if row.candidates else "without a geotag"
+            found[(row.folder, row.plot, why)].append(row)
     return [
         Finding(
             members[0].shot.place, "sorted-by-neighbours",
@@ -225,16 +225,16 @@ def _sorted_by_neighbours(placed: Sequence[_Given]) -> list[Finding]:
     ]  # fmt: skip
 
 
-def _contradicting_plots(given: Sequence[_Given]) -> list[Finding]:
+def _contradicting_plots(given: Sequence[_Row]) -> list[Finding]:
     """Folders that say one plot while geotags say another, or none."""
-    found: dict[tuple[str, str, str], list[_Given]] = defaultdict(list)
-    for each in given:
-        if each.folder_plot is None or each.shot.belongs is not None:
+    found: dict[tuple[str, str, str], list[_Row]] = defaultdict(list)
+    for row in given:
+        if row.folder_plot is None or row.shot.belongs is not None:
             continue
-        if each.tag_plot is not None and each.tag_plot != each.folder_plot:
-            found[(each.shot.place.rpartition("/")[0], each.folder_plot, each.tag_plot)].append(each)
-        elif each.problem.startswith("far"):
-            found[(each.shot.place.rpartition("/")[0], each.folder_plot, "")].append(each)
+        if row.tag_plot is not None and row.tag_plot != row.folder_plot:
+            found[(row.folder, row.folder_plot, row.tag_plot)].append(row)
+        elif row.is_problem(_FAR):
+            found[(row.folder, row.folder_plot, "")].append(row)
     findings = []
     for (_, plot, tag), members in found.items():
         says = f"the geotags of {tag}" if tag else "geotags far from every plot"
@@ -247,73 +247,73 @@ def _contradicting_plots(given: Sequence[_Given]) -> list[Finding]:
 # Dates ---------------------------------------------------------------------------------------------------------------
 
 
-def _by_date(placed: Sequence[_Given]) -> tuple[list[SortedVisit], list[Finding], list[Finding]]:
+def _by_date(placed: Sequence[_Row]) -> tuple[list[SortedVisit], list[Finding], list[Finding]]:
     left_out: list[Finding] = []
-    dated: dict[tuple[str, str], list[_Given]] = defaultdict(list)
-    by_clock: dict[str, list[_Given]] = defaultdict(list)
-    for each in placed:
-        assert each.plot is not None
-        if each.folder_date is not None:
-            dated[(each.plot, each.folder_date)].append(each)
-        elif each.shot.photo.captured_at is not None:
-            by_clock[each.plot].append(each)
+    dated: dict[tuple[str, str], list[_Row]] = defaultdict(list)
+    by_clock: dict[str, list[_Row]] = defaultdict(list)
+    for row in placed:
+        assert row.plot is not None
+        if row.folder_date is not None:
+            dated[(row.plot, row.folder_date)].append(row)
+        elif row.timed:
+            by_clock[row.plot].append(row)
         else:
             message = "does not say when it was taken, and no folder does"
-            left_out.append(Finding(each.shot.place, "no-date", message, True))
+            left_out.append(Finding(row.shot.place, "no-date", message, True))
     for plot, members in by_clock.items():
-        for day, chosen in days([_time(each) for each in members]):
+        for day, chosen in days([row.time for row in members]):
             dated[(plot, day)] += [members[k] for k in chosen]
     findings = _contradicting_dates(dated)
     visits = []
     for (plot, day), members in dated.items():
-        best, rest = best_pass([each.shot.photo.local_time for each in members])
+        best, rest = best_pass([row.shot.photo.local_time for row in members])
         kept, others = [members[k] for k in best], [members[k] for k in rest]
         notes: tuple[str, ...] = ()
         if others:
-            start = min(_time(each) for each in kept if each.shot.photo.captured_at is not None)
-            end = _time(min(others, key=_time))
+            start = min(row.time for row in kept if row.timed)
+            end = min(row.time for row in others)
             note = (
                 f"photographed more than once on {day}: {count(len(kept), 'photograph')} from {start:%H:%M} used, "
                 f"not the {len(others)} of another pass, from {end:%H:%M}"
             )
             notes = (note,)
-            left_out += [Finding(each.shot.place, "another-pass", f"{plot}: {note}", True) for each in others]
-        visits.append(SortedVisit(plot, day, tuple(each.shot.place for each in kept), notes))
+            left_out += [Finding(row.shot.place, "another-pass", f"{plot}: {note}", True) for row in others]
+        visits.append(SortedVisit(plot, day, tuple(row.shot.place for row in kept), notes))
     return visits, left_out, findings
 
 
-def _contradicting_dates(dated: Mapping[tuple[str, str], Sequence[_Given]]) -> list[Finding]:
+def _contradicting_dates(dated: Mapping[tuple[str, str], Sequence[_Row]]) -> list[Finding]:
     findings = []
     for (_, day), members in dated.items():
         other = [
-            each
-            for each in members
-            if each.folder_date is not None
-            and each.shot.belongs is None
-            and each.shot.photo.captured_at is not None
-            and _time(each).date().isoformat() != day
+            row
+            for row in members
+            if row.folder_date is not None
+            and row.shot.belongs is None
+            and row.timed
+            and row.time.date().isoformat() != day
         ]
         if other:
-            clock = Counter(_time(each).date().isoformat() for each in other).most_common(1)[0][0]
+            clock = Counter(row.time.date().isoformat() for row in other).most_common(1)[0][0]
             those = count(len(other), "photograph was", "photographs were")
             message = f"in a folder of {day}, from here, {those} taken on {clock} by the camera's clock"
             findings.append(Finding(other[0].shot.place, "date-contradicts-clock", f"{message}; sorted under {day}"))
     return findings
 
 
-def _clocks(placed: Sequence[_Given]) -> Iterator[Finding]:
+def _clocks(placed: Sequence[_Row]) -> Iterator[Finding]:
     """One per folder with clocks of another time zone."""
     told = set()
-    for each in placed:
-        photo, folder = each.shot.photo, each.shot.place.rpartition("/")[0]
-        if photo.captured_at is not None and _time(each) != photo.captured_at and folder not in told:
-            told.add(folder)
-            hours = (_time(each) - photo.captured_at).total_seconds() / 3600.0
+    for row in placed:
+        clock = row.shot.photo.captured_at
+        if clock is not None and row.time != clock and row.folder not in told:
+            told.add(row.folder)
+            hours = (row.time - clock).total_seconds() / 3600.0
             message = (
                 f"from here, the camera's clock is {abs(hours):g} h {'behind' if hours > 0 else 'ahead of'} the time "
                 "of the place, as its GPS or time zone says; dates are the place's"
             )
-            yield Finding(each.shot.place, "clock-elsewhere", message)
+            yield Finding(row.shot.place, "clock-elsewhere", message)
 
 
 def folder_date(name: str) -> str | None:
