@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fieldkit.captures import Capture, read_capture
 from fieldkit.errors import FieldkitError, MetadataError, UsageError
@@ -15,23 +14,21 @@ from fieldkit.evaluation.recorded_angles import read_angles
 from fieldkit.figures.spreadsheets import adherence_csv
 from fieldkit.files import write_atomic
 from fieldkit.flightlogs import FlightLog, Matches, match_log, read_flight_log
-from fieldkit.flightlogs.adherence import PlannedPose, adherence
+from fieldkit.flightlogs.adherence import Array, PlannedPose, PoseRow, Poses, adherence, assigned, station_errors
 from fieldkit.flightlogs.geotag import frame_of, local_poses, stamp
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.geometry.priors import PosePrior, SourceFrame
-from fieldkit.geometry.stations import PoseArray, associate
 from fieldkit.reconstruction.agreement import ANGLE_SIGMAS
 from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.results.evaluation import (
     AchievedSource,
     AdherenceEntry,
-    ImageReport,
     PlotEvaluation,
     StationErrorEntry,
     rms,
 )
-from fieldkit.results.fields import Vector, finite, vector
+from fieldkit.results.fields import Vector, vector
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan, station_number
 from fieldkit.results.report_files import describe_files
@@ -47,12 +44,6 @@ poses copied, or GPS without corrections."""
 _LEAST_STATIONS = 3
 _OWN_FRAME = "poses.csv"
 _STEEP_SINE = float(np.sin(np.radians(75.0)))
-
-Array = NDArray[np.float64]
-PoseRow = tuple[Vector, float | None, float | None]
-"""Position in the plot frame; yaw, clockwise from +y, and pitch in degrees, None where not known."""
-Poses = Mapping[str, PoseRow]
-"""By photograph, or by station."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,10 +156,11 @@ class ComparedPlan:
         frame = plot.frame.of_source(plot.metric_source)
         if self.reference is None and (frame.origin is not None or plot.metric_source != _OWN_FRAME):
             return None
-        found: dict[AchievedSource, Poses] = {"reconstructed": _reconstructed(plot.image_reports)}
+        poses = {image.name: pose for image in plot.image_reports if image.counts and (pose := image.pose)}
+        found: dict[AchievedSource, Poses] = {"reconstructed": {n: _row(pose) for n, pose in poses.items()}}
         flown = None
         if self.flight is None:
-            found["tagged"] = known_rows(_as_meant(capture, plot.image_reports, frame), frame)
+            found["tagged"] = known_rows(_as_meant(capture, poses, frame), frame)
         else:
             found["reported"] = known_rows(capture, frame)
             flown = self.flight.adherence(name, self.planned, self.datum)
@@ -241,10 +233,11 @@ def kept(
         return None
     known = {s: sum(name in station_of for name in found.get(s, {})) for s in ACHIEVED}
     achieved = next((s for s in ACHIEVED if known[s] >= _LEAST_STATIONS), max(ACHIEVED, key=lambda s: known[s]))
+    errors: Sequence[StationErrorEntry]
     if flown is not None and achieved == "reported":
         errors = flown.stations
     else:
-        errors = _errors(station_of, stations, found.get(achieved, {}), axes)
+        errors = station_errors(stations, found.get(achieved, {}), station_of, axes)
     taken = set(station_of.values())
     somewhere = {name for poses in found.values() for name in poses}
     return AdherenceEntry.of(
@@ -260,30 +253,22 @@ def _name(station: int) -> str:
     return f"station {station_number(station)}"
 
 
-def _row(position: Array, rotation: Array) -> PoseRow:
-    """A pose in the plot frame; ``rotation`` is that of the camera from it."""
-    yaw, pitch, _ = Pose(rotation, np.zeros(3)).yaw_pitch_roll_deg()
+def _row(pose: Pose) -> PoseRow:
+    """Of a camera in the plot frame."""
+    rotation = pose.rotation
+    yaw, pitch, _ = pose.yaw_pitch_roll_deg()
     if abs(rotation[2, 2]) > _STEEP_SINE:
         # Straight down the axis has no heading: there its yaw would follow every tenth of a degree of roll.
         yaw = float(np.degrees(np.arctan2(-rotation[0, 1], rotation[0, 0])))
-    return vector(position), float(wrapped_deg(yaw)), float(pitch)
+    return vector(pose.center), float(wrapped_deg(yaw)), float(pitch)
 
 
 def _stations(plan: Plan, to_plot: SourceFrame | None) -> dict[str, PoseRow]:
     """A plan's stations in the plot frame; ``to_plot`` leads into it where the plan is in a metric source's frame."""
-    rows = {}
-    for k, station in enumerate(plan.stations):
-        pose = station.pose if to_plot is None else to_plot.from_source.apply_pose(station.pose)
-        rows[_name(k)] = _row(pose.center, pose.rotation)
-    return rows
-
-
-def _reconstructed(images: Sequence[ImageReport]) -> dict[str, PoseRow]:
-    return {
-        image.name: _row(pose.center, pose.rotation)
-        for image in images
-        if image.counts and (pose := image.pose) is not None
-    }
+    poses = [station.pose for station in plan.stations]
+    if to_plot is not None:
+        poses = [to_plot.from_source.apply_pose(pose) for pose in poses]
+    return {_name(k): _row(pose) for k, pose in enumerate(poses)}
 
 
 def known_rows(capture: Capture, frame: SourceFrame) -> dict[str, PoseRow]:
@@ -302,7 +287,7 @@ def known_rows(capture: Capture, frame: SourceFrame) -> dict[str, PoseRow]:
         prior, yaw, pitch = capture.priors[name], None, None
         if prior.yaw_deg is not None or prior.pitch_deg is not None:
             camera = Pose.from_yaw_pitch(np.zeros(3), prior.yaw_deg or 0.0, prior.pitch_deg or 0.0, prior.roll_deg or 0)
-            _, yaw, pitch = _row(each.position, camera.rotation @ frame.from_source.rotation.T)
+            _, yaw, pitch = _row(Pose(camera.rotation @ frame.from_source.rotation.T, each.position))
         rows[name] = (
             vector(each.position),
             None if prior.yaw_deg is None else yaw,
@@ -311,23 +296,22 @@ def known_rows(capture: Capture, frame: SourceFrame) -> dict[str, PoseRow]:
     return rows
 
 
-def _as_meant(capture: Capture, images: Sequence[ImageReport], frame: SourceFrame) -> Capture:
+def _as_meant(capture: Capture, poses: Mapping[str, Pose], frame: SourceFrame) -> Capture:
     """A capture with its recorded angles read as orientations in the plot frame say; see `read_angles`."""
-    found = {image.name: pose.rotation for image in images if image.counts and (pose := image.pose)}
     sigmas = [p.angle_sigma_deg for p in capture.priors.values() if p.angles is not None]
     bound = ANGLE_SIGMAS * float(np.median(sigmas)) if sigmas else 0.0
-    return read_angles(capture, found, frame.from_source.rotation, bound).capture
+    rotations = {name: pose.rotation for name, pose in poses.items()}
+    return read_angles(capture, rotations, frame.from_source.rotation, bound).capture
 
 
 def _assign(station_of: dict[str, str], stations: Poses, poses: Poses) -> None:
     """Give photographs that have no station yet those that are left, by the poses of one source."""
-    free = [name for name in stations if name not in station_of.values()]
-    left = [name for name in poses if name not in station_of]
+    used = set(station_of.values())
+    free = {name: pose for name, pose in stations.items() if name not in used}
+    left = {name: pose for name, pose in poses.items() if name not in station_of}
     # Those that an earlier source has assigned say how far this one lies beside the plan.
     apart = _apart(station_of, stations, poses)
-    shift = np.median(apart, axis=0) if len(apart) >= _LEAST_STATIONS else None
-    found = associate(PoseArray.of([poses[n] for n in left]), PoseArray.of([stations[n] for n in free]), offset_m=shift)
-    station_of.update({left[a]: free[b] for a, b in found.station_of.items()})
+    station_of.update(assigned(free, left, np.median(apart, axis=0) if len(apart) >= _LEAST_STATIONS else None))
 
 
 def _shift(station_of: Mapping[str, str], stations: Poses, poses: Poses, axes: Array) -> Vector | None:
@@ -339,26 +323,6 @@ def _shift(station_of: Mapping[str, str], stations: Poses, poses: Poses, axes: A
 def _apart(station_of: Mapping[str, str], stations: Poses, poses: Poses) -> Array:
     """(n, 3) positions of photographs less those of their stations."""
     return np.array([np.subtract(poses[n][0], stations[s][0]) for n, s in station_of.items() if n in poses], np.float64)
-
-
-def _errors(station_of: Mapping[str, str], stations: Poses, poses: Poses, axes: Array) -> tuple[StationErrorEntry, ...]:
-    """Achieved less planned, in the order of the stations."""
-    taken = {station: name for name, station in station_of.items() if name in poses}
-    errors = []
-    for station, (planned, yaw, pitch) in stations.items():
-        if station not in taken:
-            continue
-        name = taken[station]
-        position, taken_yaw, taken_pitch = poses[name]
-        east, north, up = (float(v) for v in axes @ np.subtract(position, planned))
-        errors.append(
-            StationErrorEntry(
-                station=station, image=name, east_m=east, north_m=north, up_m=up,
-                yaw_deg=None if taken_yaw is None or yaw is None else finite(wrapped_deg(taken_yaw - yaw)),
-                pitch_deg=None if taken_pitch is None or pitch is None else finite(taken_pitch - pitch),
-            )
-        )  # fmt: skip
-    return tuple(errors)
 
 
 def flown_noise(plots: Sequence[PlotEvaluation], path: Path) -> tuple[float, float]:

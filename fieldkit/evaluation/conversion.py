@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic_core import to_jsonable_python
 
 from fieldkit.captures.model import Capture
 from fieldkit.clouds import Cloud, CloudScore
@@ -144,7 +145,7 @@ def evaluation_report(
 
 def settings_entry(settings: ReconstructionSettings) -> dict[str, Any]:
     """Every setting by name, nested as in the dataclasses."""
-    return cast("dict[str, Any]", _plain(dataclasses.asdict(settings)))
+    return cast("dict[str, Any]", to_jsonable_python(dataclasses.asdict(settings), fallback=np.generic.item))
 
 
 def reconstruction_features(reconstruction: Reconstruction, found: ReconstructionEntry) -> dict[str, float] | str:
@@ -152,10 +153,9 @@ def reconstruction_features(reconstruction: Reconstruction, found: Reconstructio
     supported = None
     if found.plant_voxel_m is not None:
         sparse = reconstruction.sparse
-        names = list(sparse.poses)
         supported = evidence(
-            reconstruction.plants, [sparse.poses[n] for n in names], [sparse.intrinsics[n] for n in names],
-            [sparse.groups[n] for n in names], found.plant_voxel_m,
+            reconstruction.plants, list(sparse.poses.values()), [sparse.intrinsics[n] for n in sparse.poses],
+            [sparse.groups[n] for n in sparse.poses], found.plant_voxel_m,
         )  # fmt: skip
     return plot_features(found, supported)
 
@@ -188,10 +188,8 @@ def _described(
         findings = [*findings, Finding(sparse.capture.folder.name, "leaves-swayed", message)]
     hidden = None
     if frame.metric and len(reconstruction.plants):
-        names = list(sparse.poses)
-        sides = hidden_sides(
-            reconstruction.plants.points, [sparse.poses[n] for n in names], [sparse.intrinsics[n] for n in names]
-        )
+        cameras = [sparse.intrinsics[name] for name in sparse.poses]
+        sides = hidden_sides(reconstruction.plants.points, list(sparse.poses.values()), cameras)
         hidden = sum((end - start) % 360.0 or 360.0 for start, end in sides) / 360.0
         if hidden >= _TOLD_HIDDEN:
             where = " and ".join(f"{start:.0f} to {end:.0f}°" for start, end in sides)
@@ -337,20 +335,7 @@ def _reasons(images: Sequence[ImageReport]) -> dict[str, int]:
 def _scores(score: CloudScore | None) -> dict[str, Any]:
     if score is None:
         return {}
-    by_distance = {distance_key(d): s for d, s in score.f_scores.items()}
-    return {
-        "chamfer_m": float(score.chamfer.chamfer_m),
-        "accuracy_m": float(score.chamfer.accuracy_m),
-        "completeness_m": float(score.chamfer.completeness_m),
-        "f_score": {d: float(s.f_score) for d, s in by_distance.items()},
-        "precision": {d: float(s.precision) for d, s in by_distance.items()},
-        "recall": {d: float(s.recall) for d, s in by_distance.items()},
+    return {name: float(getattr(score.chamfer, name)) for name in ("chamfer_m", "accuracy_m", "completeness_m")} | {
+        name: {distance_key(d): float(getattr(s, name)) for d, s in score.f_scores.items()}
+        for name in ("f_score", "precision", "recall")
     }
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return value.item() if isinstance(value, np.generic) else value

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fieldkit.evaluation.adherence import PoseRow, kept
+from fieldkit.evaluation.adherence import kept
 from fieldkit.fieldcheck.placement import place_tags
 from fieldkit.flightlogs import Gimbal, Place, Trigger
-from fieldkit.flightlogs.adherence import PlannedPose, adherence
+from fieldkit.flightlogs.adherence import PlannedPose, PoseRow, adherence
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.stations import MOST_OFFSET_M, PoseArray, associate

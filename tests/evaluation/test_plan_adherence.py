@@ -134,8 +134,8 @@ def test_tags_are_read_by_the_convention_that_the_reconstruction_shows(shuffled,
         *place, yaw, pitch = row.split(",")
         lines.append(",".join([*place, *map(str, write(float(yaw), float(pitch), k))]))
     (folder / "poses.csv").write_text("\n".join(lines) + "\n")
-    plot = plot_report("poses.csv", source.from_source, None, {f"{k}.jpg": pose for k, pose in enumerate(flown)})
-    meant = known_rows(_as_meant(read_capture(folder), plot.image_reports, source), source)
+    poses = {f"{k}.jpg": pose for k, pose in enumerate(flown)}
+    meant = known_rows(_as_meant(read_capture(folder), poses, source), source)
     for k, pose in enumerate(flown):
         _, found_yaw, found_pitch = meant[f"{k}.jpg"]
         assert (found_yaw is not None) == used
