@@ -1,6 +1,20 @@
-"""Words for people that depend on a number."""
+"""Words for people that depend on a number, and what is said of several things at once."""
 
 from __future__ import annotations
+
+from collections.abc import Hashable, Iterable
+from typing import TypeVar
+
+K = TypeVar("K", bound=Hashable)
+V = TypeVar("V")
+
+
+def by_key(pairs: Iterable[tuple[K, V]]) -> dict[K, list[V]]:
+    """All values of each key, both in the order in which they come."""
+    groups: dict[K, list[V]] = {}
+    for key, value in pairs:
+        groups.setdefault(key, []).append(value)
+    return groups
 
 
 def count(number: float, noun: str, plural: str = "", *, of: float | None = None) -> str:

@@ -29,6 +29,7 @@ from fieldkit.results.evaluation import distance_key
 from fieldkit.results.report_files import EVALUATION_FILE, load_evaluation_report
 from fieldkit.results.traits import VALUES, PlantEntry, TraitsEntry
 from fieldkit.results.visit import ROW, Visit
+from fieldkit.wording import by_key
 
 Format = Literal["csv", "geojson", "gpkg"]
 SUFFIXES: Mapping[str, Format] = {".csv": "csv", ".geojson": "geojson", ".json": "geojson", ".gpkg": "gpkg"}
@@ -76,9 +77,7 @@ def visit_rows(campaign: Campaign) -> list[Values]:
 def plot_rows(campaign: Campaign) -> list[Values]:
     """A row of plain values per plot of the site: where it is, how often it was visited, its latest figures."""
     result = []
-    visits: dict[str, list[Visit]] = {}
-    for visit in campaign.visits:
-        visits.setdefault(visit.plot, []).append(visit)
+    visits = by_key((visit.plot, visit) for visit in campaign.visits)
     for plot in campaign.plots:
         own = visits.get(plot.name, [])
         last = max(own, key=lambda visit: visit.date, default=None)

@@ -15,7 +15,7 @@ from fieldkit.figures.style import millimetres
 from fieldkit.figures.tables.scores import counted_traits, interval, traits_table
 from fieldkit.results.visit import Visit
 from fieldkit.version import __version__
-from fieldkit.wording import count, listed
+from fieldkit.wording import by_key, count, listed
 
 _MANY_DATES = 12
 _NAMED = 5
@@ -134,9 +134,7 @@ def _doubtful(campaign: Campaign) -> Iterator[str]:
 
 def _computed_by(campaign: Campaign) -> Iterator[str]:
     """Which fieldkit computed the visits, a sentence for each; those whose figures are another engine's are marked."""
-    groups: dict[tuple[str, tuple[str, ...] | None], list[Visit]] = {}
-    for visit in campaign.visits:
-        groups.setdefault((visit.fieldkit, changed_stages(visit)), []).append(visit)
+    groups = by_key(((visit.fieldkit, changed_stages(visit)), visit) for visit in campaign.visits)
     for (version, changed), visits in groups.items():
         visited = count(len(visits), "visit")
         by = f"computed by fieldkit {version}" if version else "computed by an unknown fieldkit"

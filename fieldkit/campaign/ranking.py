@@ -18,6 +18,7 @@ from fieldkit.results.finding import OTHER_PLANTS
 from fieldkit.results.plan import Plan
 from fieldkit.results.visit import Visit
 from fieldkit.vocabulary import NINE_IN_TEN
+from fieldkit.wording import by_key
 
 
 @dataclass(frozen=True)
@@ -126,9 +127,7 @@ def drift(visits: Sequence[Visit], plan: Plan) -> list[Drift]:
     A chamfer distance is compared with one of its own kind only: measured with measured.
     """
     found = []
-    by_plot: dict[str, list[Visit]] = {}
-    for visit in sorted(visits, key=lambda visit: visit.date):
-        by_plot.setdefault(visit.plot, []).append(visit)
+    by_plot = by_key((visit.plot, visit) for visit in sorted(visits, key=lambda visit: visit.date))
     for plot in dict.fromkeys(visit.plot for visit in visits):
         own = by_plot[plot]
         for figure in TRENDS:

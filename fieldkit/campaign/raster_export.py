@@ -26,7 +26,7 @@ from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.results.report_files import load_evaluation_report
 from fieldkit.results.visit import CAMPAIGN_FILE, Visit
 from fieldkit.sites.plot_ids import plot_file_name
-from fieldkit.wording import count, listed
+from fieldkit.wording import by_key, count, listed
 
 RASTERS_FILE, GEOPACKAGE_FILE = "rasters.csv", "campaign.gpkg"
 _FILES = (CANOPY_FILE, SURFACE_FILE)
@@ -83,10 +83,7 @@ def export_rasters(campaign: Campaign, output: Path, *, overwrite: bool = False)
 
 def without_rasters(rows: Iterable[RasterRow]) -> list[str]:
     """Which visits have no rasters, and why: a sentence for each reason."""
-    reasons: dict[str, list[str]] = {}
-    for row in rows:
-        if row.no_rasters:
-            reasons.setdefault(row.no_rasters, []).append(f"{row.plot} {row.date}")
+    reasons = by_key((row.no_rasters, f"{row.plot} {row.date}") for row in rows if row.no_rasters)
     return [f"no rasters of {listed(visits)}: {reason}" for reason, visits in reasons.items()]
 
 

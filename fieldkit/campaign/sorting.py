@@ -23,7 +23,7 @@ from fieldkit.campaign.reading import CampaignPlot
 from fieldkit.captures.model import Photo
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan
-from fieldkit.wording import count
+from fieldkit.wording import by_key, count
 
 ANOTHER_PASS = timedelta(hours=2)
 """A longer break between photographs of a plot on one date makes them another pass; a shorter one is a re-flight."""
@@ -179,13 +179,9 @@ def _by_geotag(row: _Row, plots: Sequence[CampaignPlot], layout: FieldLayout) ->
 
 def _by_neighbours(rows: Sequence[_Row]) -> list[_Row]:
     """Give photographs that fit two plots, or have no tag, the plot of those before and after them in their folder."""
-    runs: dict[tuple[object, ...], list[int]] = defaultdict(list)
-    for k, row in enumerate(rows):
-        if row.timed:
-            photo = row.shot.photo
-            runs[(row.folder, photo.make, photo.model, photo.serial)].append(k)
+    cameras = [(row.folder, row.shot.photo.make, row.shot.photo.model, row.shot.photo.serial) for row in rows]
     sorted_rows = list(rows)
-    for members in runs.values():
+    for members in by_key((cameras[k], k) for k, row in enumerate(rows) if row.timed).values():
         members.sort(key=lambda k: rows[k].time)
         run = [rows[k] for k in members]
         for k, row in enumerate(run):

@@ -30,7 +30,7 @@ from fieldkit.cli.common import (
     table,
 )
 from fieldkit.figures.style import format_length, format_seconds
-from fieldkit.wording import count, listed
+from fieldkit.wording import by_key, count, listed
 
 if TYPE_CHECKING:
     from fieldkit.missions.export import Routed
@@ -134,10 +134,7 @@ def _facts(done: ExportedMission) -> dict[str, object]:
 def _tell_fitted(done: ExportedMission) -> None:
     """Which plans are fitted to which plots."""
     routed = done.routed
-    alike: dict[int, list[str]] = {}
-    for name, own in routed.own.items():
-        alike.setdefault(id(own), []).append(name)
-    for names in alike.values():
+    for names in by_key((id(own), name) for name, own in routed.own.items()).values():
         flown = routed.own[names[0]]
         assert flown.fit is not None
         factors = {"high": flown.fit.height, "far along": flown.fit.length, "far across": flown.fit.width}

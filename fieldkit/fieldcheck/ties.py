@@ -49,6 +49,7 @@ from fieldkit.reconstruction.verification import TwoView, verify_pair
 from fieldkit.reconstruction.versions import BESIDE
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import map_threads
+from fieldkit.wording import by_key
 
 _FIRST_FEATURES = 2000
 _FIRST_MATCHES = 14
@@ -214,10 +215,7 @@ def _ratios(ties: Mapping[Pair, Tie]) -> list[LengthRatio]:
     Where fewer than five features are in both, the medians of all depths are compared, for both look at one plot.
     """
     found = []
-    at: dict[int, list[Pair]] = {}
-    for pair in ties:
-        for end in pair:
-            at.setdefault(end, []).append(pair)
+    at = by_key((end, pair) for pair in ties for end in pair)
     for middle, pairs in sorted(at.items()):
         for n, first in enumerate(pairs):
             for second in pairs[n + 1 :]:

@@ -13,7 +13,7 @@ from pydantic.json_schema import SkipJsonSchema
 from fieldkit.errors import MissionError
 from fieldkit.results.fields import STRICT, Count, Text
 from fieldkit.results.plan import station_number
-from fieldkit.wording import count, listed
+from fieldkit.wording import by_key, count, listed
 
 Severity = Literal["error", "warning", "note"]
 
@@ -118,10 +118,7 @@ class Finding:
 
 def grouped(findings: Iterable[Finding], *, exact: bool = False) -> list[list[Finding]]:
     """Findings by what they say, in the order of the first of each; with ``exact`` to the last number."""
-    groups: dict[tuple[str, ...], list[Finding]] = {}
-    for finding in findings:
-        kind = (finding.severity, finding.code, finding.message, finding.remedy) if exact else finding.kind
-        groups.setdefault(kind, []).append(finding)
+    groups = by_key(((f.severity, f.code, f.message, f.remedy) if exact else f.kind, f) for f in findings)
     return list(groups.values())
 
 

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from fieldkit.errors import UsageError
 from fieldkit.results.fields import Count, Latitude, Length, Longitude, Share, Strict
-from fieldkit.wording import count
+from fieldkit.wording import by_key, count
 
 Trait = Literal["height_m", "cover_percent", "covered_area_m2", "canopy_volume_m3", "plants", "row_gaps"]
 TRAITS: tuple[Trait, ...] = get_args(Trait)
@@ -168,8 +168,5 @@ def error_column(trait: Trait, side: str = "error") -> str:
 
 def reasons_in_words(unknown: Mapping[Trait, str], *, labels: bool = False) -> str:
     """Each reason once, after the traits it is of: ``height_m, canopy_volume_m3: no ground was found``."""
-    by_reason: dict[str, list[str]] = {}
-    for trait in TRAITS:
-        if trait in unknown:
-            by_reason.setdefault(unknown[trait], []).append(DESCRIBED[trait].label if labels else trait)
+    by_reason = by_key((unknown[t], DESCRIBED[t].label if labels else t) for t in TRAITS if t in unknown)
     return "; ".join(f"{', '.join(traits)}: {reason}" for reason, traits in by_reason.items())

@@ -39,6 +39,7 @@ from fieldkit.routing.plot_tours import (
 from fieldkit.routing.tour import EXACT_PLACES, grouped_routes, ordered, shortest_tour
 from fieldkit.runtime.progress import Advance, ignore
 from fieldkit.vehicles.vehicle import Vehicle
+from fieldkit.wording import by_key
 
 AMONG_PLANTS, AMONG_NEIGHBOURS = "among-plants", "among-neighbours"
 """Codes of a stop that is among the plants of its plot or of another, or nearer to them than the clearance."""
@@ -136,9 +137,7 @@ def plan_flights(
         f"station {station_number(k if s.station is None else s.station)} of {s.plot}" for k, s in enumerate(stops)
     ]
     start, finish = _ends(home, landing, takeoff_m, transit_m)
-    members: dict[str, list[int]] = {}
-    for index, stop in enumerate(stops):
-        members.setdefault(stop.plot, []).append(index)
+    members = by_key((stop.plot, index) for index, stop in enumerate(stops))
     groups = [_group(plot, [stops[k] for k in rows], [names[k] for k in rows]) for plot, rows in members.items()]
     plots = _each(lambda group: plot_tour(group, obstacles, vehicle.speeds, seed=seed), groups, advance)
     ends = (_end("take-off", start), _end("landing", finish))

@@ -18,6 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from fieldkit.errors import MissionError
 from fieldkit.routing.prisms import Prisms
+from fieldkit.wording import by_key
 
 TOLERANCE_M = 0.02
 """By how much a leg may come nearer than the clearance: files hold degrees to 1e-7 and heights to a centimetre."""
@@ -148,9 +149,7 @@ class Obstacles:
 
         Where a body has many corners, they are those of an octagon about it. ``known`` (count,) are the solids.
         """
-        members: dict[int, list[int]] = {}
-        for index in np.flatnonzero(known).tolist():
-            members.setdefault(self._body_of[index], []).append(index)
+        members = by_key((self._body_of[index], index) for index in np.flatnonzero(known).tolist())
         return np.vstack([np.zeros((0, 2)), *(self._around(tuple(body)) for body in members.values())])
 
     @cached_property

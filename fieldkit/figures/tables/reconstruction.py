@@ -9,7 +9,7 @@ from fieldkit.figures.style import DASH, decimal, format_length, format_seconds,
 from fieldkit.results.evaluation import ImageReport, ReconstructionEntry, ReferenceReport
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import CameraReport
-from fieldkit.wording import count, listed
+from fieldkit.wording import by_key, count, listed
 
 _MOST_CAMERAS = 4
 
@@ -109,9 +109,7 @@ def stage_table(report: ReconstructionEntry) -> Table:
 
 def finding_table(findings: Sequence[Finding], most_names: int) -> Table:
     """One row per finding; files with the same finding share it, up to ``most_names`` by name."""
-    groups: dict[tuple[str, str, bool], list[str]] = {}
-    for finding in findings:
-        groups.setdefault((finding.code, finding.message, finding.left_out), []).append(finding.subject)
+    groups = by_key(((f.code, f.message, f.left_out), f.subject) for f in findings)
 
     def told(names: list[str]) -> str:
         more = f" and {len(names) - most_names} more" if len(names) > most_names else ""

@@ -11,7 +11,7 @@ from fieldkit.figures.style import decimal, format_length, millimetres, percent,
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.traits import DESCRIBED, TraitsEntry, reasons_in_words
 from fieldkit.results.visit import Visit
-from fieldkit.wording import count, listed
+from fieldkit.wording import by_key, count, listed
 
 TRAIT_FIGURES = figures_of("trait")
 _MOST_NAMES = 12  # plots of one reason
@@ -183,7 +183,5 @@ def _name(plot: Scored) -> str:
 
 def _reasons(caption: str, reasons: Iterable[tuple[str, str]]) -> Table:
     """A row per reason, with the plots that have it."""
-    by_reason: dict[str, list[str]] = {}
-    for name, why in reasons:
-        by_reason.setdefault(why, []).append(name)
+    by_reason = by_key((why, name) for name, why in reasons)
     return tabulated(caption, [{"plot": listed(names, _MOST_NAMES), "why": why} for why, names in by_reason.items()])

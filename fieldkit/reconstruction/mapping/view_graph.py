@@ -17,6 +17,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from fieldkit.reconstruction.guided import Band, PosedFeatures, epipolar_distances, match_guided
+from fieldkit.wording import by_key
 
 Pair = tuple[int, int]
 Matches = dict[Pair, NDArray[np.uint32]]
@@ -90,10 +91,7 @@ def connected_parts(nodes: Sequence[int], pairs: Collection[Pair]) -> list[list[
     """The nodes (of photographs, or stations) of each connected part of the graph; pairs with others join nothing."""
     place = {node: k for k, node in enumerate(nodes)}
     labels = _labels(len(place), [(place[a], place[b]) for a, b in pairs if a in place and b in place])
-    parts: dict[int, list[int]] = {}
-    for node, label in zip(place, labels.tolist(), strict=True):
-        parts.setdefault(label, []).append(node)
-    return list(parts.values())
+    return list(by_key(zip(labels.tolist(), place, strict=True)).values())
 
 
 def _labels(count: int, pairs: Collection[Pair]) -> NDArray[np.int32]:

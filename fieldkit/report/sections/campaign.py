@@ -37,7 +37,7 @@ from fieldkit.report.sections.loaded import Loaded, Results
 from fieldkit.report.sections.shown import Shown
 from fieldkit.results.finding import OTHER_PLANTS
 from fieldkit.results.visit import Visit
-from fieldkit.wording import count, listed
+from fieldkit.wording import by_key, count, listed
 
 _MOST_LINES, _MOST_NAMED = 200, 5  # plots of a chart, and of one in which each has a colour
 _FARTHEST_M = 200_000.0
@@ -65,9 +65,7 @@ def campaign_section(result: Loaded[Campaign], anchor: str, shown: Shown) -> Sec
                 break
             table = _table(day, visits, anchors, pictures)
             blocks.append(table if last else Details(f"Plots on {day}", (traits_table(campaign, day), table)))
-        by_plot: dict[str, list[Visit]] = {}
-        for visit in campaign.visits:
-            by_plot.setdefault(visit.plot, []).append(visit)
+        by_plot = by_key((visit.plot, visit) for visit in campaign.visits)
         blocks += [_plot(by_plot[plot], plot, name, pictures.get(plot)) for plot, name in anchors.items()]
     return Section(anchor, f"Campaign: {campaign.name}", tuple(blocks))
 
@@ -273,10 +271,7 @@ def campaign_statements(result: Loaded[Campaign], results: Results) -> Iterator[
 
 def _alike(found: Iterable[tuple[str, Visit]]) -> Iterator[tuple[str, str]]:
     """Each reason once, with the visits that it is of."""
-    groups: dict[str, list[str]] = {}
-    for why, visit in found:
-        groups.setdefault(why, []).append(f"{visit.plot}, {visit.date}")
-    for why, visits in groups.items():
+    for why, visits in by_key((why, f"{visit.plot}, {visit.date}") for why, visit in found).items():
         yield why, "; ".join(visits[:_NAMED]) + (f" and {len(visits) - _NAMED} more" if len(visits) > _NAMED else "")
 
 

@@ -33,7 +33,7 @@ from fieldkit.results.evaluation import (
 )
 from fieldkit.results.finding import DOUBTFUL, OTHER_PLANTS
 from fieldkit.results.traits import TraitsEntry
-from fieldkit.wording import count, listed
+from fieldkit.wording import by_key, count, listed
 
 _OPEN_ROWS = 14
 _MOST_NAMES = 20
@@ -147,10 +147,7 @@ def evaluation_statements(result: Loaded[EvaluationReport], results: Results) ->
             f"How near {listed([plot.name for plot in unknown], 8)} came to its plants is not known{why}.",
             f"Measure the distance: {again.format(' --overwrite')}",
         )
-    failed: dict[tuple[str, str], list[str]] = {}
-    for plot in report.plots:
-        if plot.error is not None:
-            failed.setdefault((plot.error.message, plot.error.remedy), []).append(plot.name)
+    failed = by_key(((e.message, e.remedy), plot.name) for plot in report.plots if (e := plot.error) is not None)
     for (why, remedy), names in failed.items():
         yield Statement("problem", f"No result of {listed(names, 8)}: {why}.", remedy)
     yield from without_height(((plot.name, plot.traits) for plot in plots), _WITH_ROOM)
@@ -180,11 +177,8 @@ def without_height(plots: Iterable[tuple[str, TraitsEntry | None]], plan: str) -
 
     ``plan`` is the command that plans with room above the plants.
     """
-    alike: dict[str, list[tuple[str, str]]] = {}
-    for name, traits in plots:
-        if traits is not None and (reason := traits.unknown.get("height_m")):
-            alike.setdefault(re.sub(r"\d+", "#", reason), []).append((name, reason))
-    for found in alike.values():
+    reasons = ((name, reason) for name, traits in plots if traits and (reason := traits.unknown.get("height_m")))
+    for found in by_key((re.sub(r"\d+", "#", reason), (name, reason)) for name, reason in reasons).values():
         names, reason = listed([name for name, _ in found], 8), found[0][1]
         advice = f"Leave room above the plants next time: {plan}" if _TOO_LOW.search(reason) else ""
         yield Statement("note", f"No height of {names}: {reason}.", advice)

@@ -19,7 +19,7 @@ from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.demo import DemoReport
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, ReferenceReport
 from fieldkit.results.finding import OTHER_PLANTS
-from fieldkit.wording import count, listed
+from fieldkit.wording import by_key, count, listed
 
 HEADING = "In short"
 _LONG = 24  # rows of tables
@@ -80,10 +80,7 @@ def _plants(results: Results) -> Iterator[Table]:
 
 def _grouped(statements: Sequence[Statement]) -> Iterator[Statement]:
     """The first statements of every level and advice, and one with the number of the others."""
-    groups: dict[tuple[str, str], list[Statement]] = {}
-    for each in statements:
-        groups.setdefault((each.level, each.advice), []).append(each)
-    for alike in groups.values():
+    for alike in by_key(((each.level, each.advice), each) for each in statements).values():
         yield from alike[:_ALIKE]
         if len(alike) > _ALIKE:
             more = f"The same of {len(alike) - _ALIKE} more; “Everything that was found” names them."
