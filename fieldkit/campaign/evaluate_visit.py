@@ -18,7 +18,7 @@ from fieldkit.captures.selection import FoundPhoto, capture_of
 from fieldkit.errors import MetadataError
 from fieldkit.evaluation.adherence import ComparedPlan
 from fieldkit.evaluation.conversion import evaluation_report
-from fieldkit.evaluation.evaluate_plot import RESERVED, PlotCapture, Scoring, Spent, evaluate_plot, write_evaluation
+from fieldkit.evaluation.evaluate_plot import RESERVED, PlotCapture, Scoring, evaluate_plot, write_evaluation
 from fieldkit.evaluation.reference import Reference
 from fieldkit.files import atomic_folder
 from fieldkit.results.evaluation import PlotEvaluation
@@ -28,6 +28,7 @@ from fieldkit.results.plan import Plan
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE
 from fieldkit.results.visit import VISIT_FILE, Visit, save_visit
 from fieldkit.runtime.context import Context
+from fieldkit.runtime.machine import Spent
 from fieldkit.sites.fit import plants_outgrown
 from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.version import __version__

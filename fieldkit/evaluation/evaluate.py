@@ -21,7 +21,7 @@ from fieldkit.evaluation.cloud_reference import (
     reference_file,
 )
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot
-from fieldkit.evaluation.evaluate_plot import RESERVED, PlotCapture, Scoring, Spent, evaluate_plot, write_evaluation
+from fieldkit.evaluation.evaluate_plot import RESERVED, PlotCapture, Scoring, evaluate_plot, write_evaluation
 from fieldkit.evaluation.rasters import Rasters
 from fieldkit.files import atomic_folder
 from fieldkit.geometry.priors import SourceFrame
@@ -32,6 +32,7 @@ from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import EVALUATION_FILE, file_sha256
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import NoWorkersError
+from fieldkit.runtime.machine import Spent
 from fieldkit.runtime.progress import Progress
 from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.vocabulary import DISTANCES_M

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -35,7 +34,7 @@ from fieldkit.results.finding import COARSE_RASTERS, NO_RASTERS, OTHER_PLANTS, P
 from fieldkit.results.report_files import EVALUATION_FILE, describe_files, save_report
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import NoWorkersError
-from fieldkit.runtime.machine import processor_seconds
+from fieldkit.runtime.machine import Spent
 from fieldkit.wording import count
 
 PLOTS_FILE = "plots.csv"
@@ -48,28 +47,6 @@ the same ones turned, have 5 % and more on simulated plots, the reference's own 
 """
 _BENT = (WEAKLY_TIED, POSITIONS_LAG, "height-undetermined", "cameras-off-level")
 """Findings of models whose shape is hardly known."""
-
-
-@dataclass(frozen=True)
-class Spent:
-    """When work began: wall and CPU clock, seconds."""
-
-    wall: float
-    cpu: float
-
-    @classmethod
-    def now(cls) -> Spent:
-        return cls(time.perf_counter(), processor_seconds())
-
-    @property
-    def seconds(self) -> float:
-        """Wall time since then."""
-        return time.perf_counter() - self.wall
-
-    @property
-    def cpu_seconds(self) -> float:
-        """CPU time since then, finished child processes included."""
-        return processor_seconds() - self.cpu
 
 
 @dataclass(frozen=True, eq=False)

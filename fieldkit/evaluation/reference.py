@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +28,7 @@ from fieldkit.results.evaluation import CLOUD_FILE, SCENE_FILE, ReferenceReport
 from fieldkit.results.fields import clean_text
 from fieldkit.results.report_files import REFERENCE_FILE, check_file, describe_files, load_reference_report, save_report
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.machine import processor_seconds
+from fieldkit.runtime.machine import Spent
 from fieldkit.runtime.progress import Progress
 
 OVERVIEW_FILE = "overview.png"
@@ -78,7 +77,7 @@ def build_reference(
     images, output = Path(images), Path(output)
     context = Context.usual(cache, progress, workers, settings.seed, scheduler)
     progress = context.progress
-    begun = time.perf_counter(), processor_seconds()
+    spent = Spent.now()
     goes_on = resume and scene and _lacks_scene(output, images, settings)
     with ExitStack() as pictures:
         with atomic_folder(output, overwrite=overwrite or goes_on, marker=REFERENCE_FILE) as folder:
@@ -90,7 +89,7 @@ def build_reference(
                 found = replace(found, scene=None)
             elif goes_on or _is_here(output):
                 found = with_scene(found, settings, context)
-            report = _write(folder, found, settings, progress, begun, rasters)
+            report = _write(folder, found, settings, progress, spent, rasters)
         if not scene or found.scene is not None:
             return report
         progress.note(
@@ -99,7 +98,7 @@ def build_reference(
         )
         with atomic_folder(output, overwrite=True, marker=REFERENCE_FILE) as folder:
             found = with_scene(found, settings, context)
-            return _write(folder, found, settings, progress, begun, rasters)
+            return _write(folder, found, settings, progress, spent, rasters)
 
 
 def _lacks_scene(output: Path, images: Path, settings: ReconstructionSettings) -> bool:
@@ -124,10 +123,10 @@ def _write(
     found: Reconstruction,
     settings: ReconstructionSettings,
     progress: Progress,
-    begun: tuple[float, float],
+    spent: Spent,
     rasters: Rasters | None,
 ) -> ReferenceReport:
-    """Write the files of a reference; ``begun`` are the clocks when work on it began, wall and CPU, seconds.
+    """Write the files of a reference.
 
     Rasters are written once there is a scene.
     """
@@ -141,10 +140,9 @@ def _write(
         laz = Path(name).with_suffix(".laz").name
         if write_georeferenced(folder / laz, cloud, found.sparse.frame, progress):
             names.append(laz)
-    wall, cpu = begun
     draft = reference_report(
         found, settings, shown=outlines(found.sparse, settings.mask, most=ENOUGH_VIEWS),
-        seconds=time.perf_counter() - wall, cpu_seconds=processor_seconds() - cpu,
+        seconds=spent.seconds, cpu_seconds=spent.cpu_seconds,
     )  # fmt: skip
     if rasters is not None and found.scene is not None:
         try:

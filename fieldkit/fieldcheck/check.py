@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -33,7 +32,7 @@ from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import map_threads
-from fieldkit.runtime.machine import processor_seconds, usual_workers
+from fieldkit.runtime.machine import Spent, usual_workers
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.sites.fitted import flown_plan
 from fieldkit.sites.placement import PlotFrame
@@ -107,13 +106,12 @@ def check_captures(
     )  # fmt: skip
     reports = []
     for name, folder in plots:
-        wall, cpu = time.perf_counter(), processor_seconds()
+        spent = Spent.now()
         chosen = None if place is None else plot_of(place, plot, name)
         flown = loaded if chosen is None or loaded is None else flown_plan(loaded, chosen, fit)
         capture = by_station((None if flight is None else flight.capture(name)) or read_capture(folder))
         report = check_capture(flown, settings, context, name, folder, capture, place, chosen)
-        spent = {"seconds": time.perf_counter() - wall, "cpu_seconds": processor_seconds() - cpu}
-        reports.append(replace(report, **spent))  # type: ignore[arg-type]
+        reports.append(replace(report, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds))
     return tuple(reports)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -24,7 +23,7 @@ from fieldkit.reconstruction.verification import TwoView, VerificationSettings, 
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.results.evaluation import StageTime
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.machine import processor_seconds
+from fieldkit.runtime.machine import Spent
 from fieldkit.runtime.progress import Advance, Progress
 
 T = TypeVar("T")
@@ -276,14 +275,14 @@ class StageTimer:
         self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None
     ) -> Iterator[Advance]:
         """See `Progress`."""
-        wall, cpu = time.perf_counter(), processor_seconds()
+        spent = Spent.now()
         with self._progress.stage(name, total, weights=weights) as advance:
             yield advance
         before = self._times.get(name, StageTime(name=name, wall_s=0.0, cpu_s=0.0, items=0, cached=0))
         self._times[name] = StageTime(
             name=name,
-            wall_s=before.wall_s + time.perf_counter() - wall,
-            cpu_s=max(before.cpu_s + processor_seconds() - cpu, 0.0),
+            wall_s=before.wall_s + spent.seconds,
+            cpu_s=max(before.cpu_s + spent.cpu_seconds, 0.0),
             items=before.items + (total or 0),
             cached=before.cached,
         )

@@ -1,4 +1,4 @@
-"""The cores and memory that this process may use: the machine's, within the limits of a container or job."""
+"""The cores and memory that this process may use, within limits of a container or job, and the time that work takes."""
 
 from __future__ import annotations
 
@@ -114,3 +114,25 @@ def processor_seconds() -> float:
     """CPU time (user + system) of this process and, where the system keeps it, of its finished children, seconds."""
     spent = os.times()
     return time.process_time() + spent.children_user + spent.children_system
+
+
+@dataclass(frozen=True)
+class Spent:
+    """When work began: wall and CPU clock, seconds."""
+
+    wall: float
+    cpu: float
+
+    @classmethod
+    def now(cls) -> Spent:
+        return cls(time.perf_counter(), processor_seconds())
+
+    @property
+    def seconds(self) -> float:
+        """Wall time since then."""
+        return time.perf_counter() - self.wall
+
+    @property
+    def cpu_seconds(self) -> float:
+        """CPU time since then, finished child processes included."""
+        return processor_seconds() - self.cpu

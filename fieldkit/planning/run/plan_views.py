@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -31,7 +30,7 @@ from fieldkit.planning.run.outcome import Outcome, write_outcome
 from fieldkit.planning.run.run_setup import RunSetup, set_up_run
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.machine import processor_seconds
+from fieldkit.runtime.machine import Spent
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.renderer import RenderingError
 from fieldkit.version import __version__
@@ -155,14 +154,14 @@ def _chosen(method: Chooser, run: RunFolder, setup: RunSetup, context: Context, 
         except RenderingError as error:
             progress.note(f"the plan is not confirmed: {error.message}. {error.remedy}")
             confirming = False
-    begun, cpu = time.monotonic(), processor_seconds()
+    spent = Spent.now()
     ring = _ring(setup.problem, settings) if confirming or settings.noise.wind_m else None
     trials: Sequence[Trial] = [ring] if ring is not None else []
     if confirming or ring is None:
         starts = settings.finalists - (ring is not None) if confirming else 1
         with progress.stage("Optimising the geometric score", starts) as advance:
             trials = method.choose(starts, context.workers, advance)
-    cost = (time.monotonic() - begun, processor_seconds() - cpu)
+    cost = (spent.seconds, spent.cpu_seconds)
     confirmed = [Finalist(trial) for trial in trials]
     if confirming:
         with evaluating(setup.objective, context) as evaluations:
