@@ -551,5 +551,5 @@ class TestRefly:
 
     def test_a_plot_that_the_site_does_not_have(self, tmp_path: Path) -> None:
         plan = plan_from_poses(stations())
-        with pytest.raises(UsageError, match="no plot 'north'"):
+        with pytest.raises(UsageError, match="no plot north"):
             write_refly([1], plan, "px4-gimbal", self.site, tmp_path / "again.plan", plot="north")
