@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -35,7 +35,7 @@ from fieldkit.runtime.progress import Progress
 from fieldkit.sites.fitted import fitted_to_height
 from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.sites.plot_plants import PlanFacts, PlantHeight, heights_taken, plants_on, with_plant_height
-from fieldkit.sites.site import SitePlot
+from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.site_file import named_plots, with_plots
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
@@ -122,6 +122,23 @@ def _next_plan(
     made, carried_m = plan_for_plants(plan, plants, name, vehicle=vehicle, seed=seed, plot=plot)
     assert made.method is not None
     return NextPlan(plot.name, made, date, made.method.expected_m, carried_m, time.perf_counter() - begun)
+
+
+def heights_flown(
+    stated: Site, plan: Plan, given: PlantHeight | None, tops_m: Mapping[str, float | None]
+) -> tuple[Site, Site]:
+    """The site with what was measured of its plots' plants, and with heights of all, as a mission keeps clear of them.
+
+    Plots of which nobody knows anything may be taller than measured ones, too, and none is lower than stated.
+    """
+
+    def raised(site: Site) -> Site:
+        return site.with_each(lambda plot: _at_least(plot, tops_m.get(plot.name)))
+
+    before = {plot.name: plot.plant_height_m for plot in with_plant_height(stated, plan, given).all_plots}
+    measured = raised(stated)
+    filled = raised(with_plant_height(measured, plan, given))
+    return measured, filled.with_each(lambda plot: _at_least(plot, before[plot.name]))
 
 
 def _at_least(plot: SitePlot, height_m: float | None) -> SitePlot:
@@ -258,14 +275,14 @@ def plan_next_visit(
         _, cloud = _cloud_of(campaign, plot.name)
         if cloud is not None:
             tops[plot.name] = growth * float(read_cloud(cloud).points[:, 2].max())
-    at_least = site.with_each(lambda plot: _at_least(plot, tops.get(plot.name)))
+    measured, flown = heights_flown(stated, campaign.plan, plant_height, tops)
     mission = export_mission(
-        {each.plot: each.plan for each in plans}, profile, at_least, output,
+        {each.plot: each.plan for each in plans}, profile, flown, output,
         adjust=adjust, format=format, overwrite=overwrite, seed=seed, plans=False, progress=progress,
     )  # fmt: skip
     mission = replace(
         mission,
-        routed=replace(mission.routed, fit=(*heights_taken(stated, site, plant_height), *mission.routed.fit)),
+        routed=replace(mission.routed, fit=(*heights_taken(measured, flown, plant_height), *mission.routed.fit)),
     )
     with atomic_folder(folder, overwrite=overwrite) as made:
         for each in plans:

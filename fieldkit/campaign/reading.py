@@ -115,7 +115,7 @@ def read_campaign(folder: Path) -> Campaign:
     plan_file = named_file(table.plan, file, "plan", what="campaign")
     site_file = named_file(table.site, file, "site", what="campaign")
     plots_file = None if table.plots is None else named_file(table.plots, file, "plots", what="campaign")
-    site = load_site(site_file, plots_file)
+    site = load_site(site_file, plots_file, converted=True)
     plots = _plots(site, _shapes(site_file, plots_file), table, file)
     order = {plot.name: k for k, plot in enumerate(plots)}
     visits = sorted(read_visits(folder), key=lambda v: (order.get(v.plot, len(order)), v.plot, v.date))

@@ -107,7 +107,7 @@ def _facts(report: Report, ground: Ground | None) -> dict[str, Any]:
     return {
         "ok": report.may_be_flown,
         "checked_against_plants": report.unchecked == {},
-        "plants": _plants(ground),
+        "plants": _plants(report, ground),
         "photographs": len(report.taken),
         "findings": finding_entries(report.findings),
         "poses": poses,
@@ -128,17 +128,18 @@ def _show(report: Report, file: Path) -> None:
         show_findings(report.findings, file)
 
 
-def _plants(ground: Ground | None) -> list[dict[str, Any]]:
+def _plants(report: Report, ground: Ground | None) -> list[dict[str, Any]]:
     """By plot, whether it is checked against its plants."""
     if ground is None:
         return []
-    heights = {plot.name: plot.plant_height_m for plot in ground.site.plots}
+    heights = {plot.name: plot.plant_height_m for plot in ground.site.all_plots}
+    unchecked = report.unchecked or {}
     return [
         {
-            "plot": name, "plant_height_m": heights.get(name), "checked": name not in ground.unchecked,
-            "why_not": ground.unchecked.get(name),
+            "plot": name, "plant_height_m": heights.get(name), "checked": name not in unchecked,
+            "why_not": unchecked.get(name),
         }
-        for name in dict.fromkeys([*heights, *ground.unchecked])
+        for name in dict.fromkeys([*heights, *unchecked])
     ]  # fmt: skip
 
 

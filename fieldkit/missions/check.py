@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fieldkit.errors import MissionError
 from fieldkit.figures.style import format_seconds
@@ -33,13 +32,15 @@ from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Shot
 from fieldkit.routing.obstacles import Corners, Obstacles, Volume
 from fieldkit.sites.placement import SiteFrame, ground_below, grounds_m, home_of, place
-from fieldkit.sites.reach import NO_PLANTS, Unreachable, nearest, needs_rtk
+from fieldkit.sites.reach import Unreachable, nearest, needs_rtk
 from fieldkit.sites.site import Site, SiteHome
+from fieldkit.sites.site_obstacles import Canopy
 from fieldkit.vehicles.vehicle import Mount, Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from fieldkit.wording import count, listed
 
 _PROFILES: dict[str, str] = {"ardupilot": "ardupilot-pitch", "px4": "px4-gimbal"}
+_NO_LEVEL = "how high above home it is flown is not known everywhere"
 _OF_A_PROFILE = frozenset({"too-low"})
 """Codes that say nothing without one, beside those that the limits of `_any_vehicle` leave out."""
 _MOST_LEG_FINDINGS = 50
@@ -62,7 +63,7 @@ def check_mission(
     moved: Sequence[Unreachable] = (),
     unchecked: Mapping[str, str] | None = None,
     burst: int | None = None,
-    plants: NDArray[np.float64] = NO_PLANTS,
+    canopy: Canopy | None = None,
     site: Site | None = None,
 ) -> Report:
     """Everything that can be said of a mission without flying it.
@@ -77,12 +78,12 @@ def check_mission(
         moved: of ``planned``, those that the vehicle cannot take and are the nearest poses that it can (`nearest`).
         unchecked: plots whose plants are not among ``obstacles``, and why; None where no plots are known.
         burst: photographs that each station should have; None: as many as most have.
-        plants: (m, 3) where they are known to stand, in the obstacles' frame.
+        canopy: the plants, in the obstacles' frame.
         site: whose plots say where the ground is below other photographs; home's own height without.
     """
     if read.home is None and origin is not None:
         read = replace(read, home=origin)
-    elif read.home is not None and read.home.amsl_m is None and origin is not None:
+    elif read.home is not None and origin is not None and origin.amsl_m is not None:
         read = replace(read, home=replace(read.home, amsl_m=origin.amsl_m))
     findings = [*read.remarks, *_fit(read, vehicle)]
     dialect = vehicle.dialect if vehicle.dialect != "dji" else read.firmware or "ardupilot"
@@ -91,6 +92,8 @@ def check_mission(
     if read.items:
         findings += item_findings(read, vehicle, dialect)
     findings += place_findings(read, origin)
+    if site is not None and not all(math.isfinite(leg.end.height_m) for leg in flown.legs):
+        unchecked = {plot.name: _NO_LEVEL for plot in site.all_plots} | dict(unchecked or {})
     places = {leg.item: leg.end for leg in flown.legs}
     home = origin or read.home
     burst = burst or usual_burst(flown.photographs)
@@ -103,7 +106,7 @@ def check_mission(
     findings += burst_findings(flown.photographs, matched, burst, vehicle)
     findings += _stop_findings(read, vehicle)
     findings += _leg_findings(read, flown, obstacles, home)
-    findings += _rtk_findings(flown, home, plants, vehicle)
+    findings += _rtk_findings(flown, home, canopy, vehicle)
     usable = vehicle.battery.usable_s
     if flown.seconds > usable:
         message = (
@@ -133,19 +136,18 @@ def check_on_ground(
     report = check_mission(
         read, vehicle, planned=shots, grounds=grounds_m(site, shots).tolist(), obstacles=obstacles,
         origin=home_of(site), moved=moved, unchecked=ground.unchecked, burst=burst,
-        plants=NO_PLANTS if vehicle.rtk else ground.plants, site=site,
+        canopy=Canopy.of(site, ground.plans), site=site,
     )  # fmt: skip
     return replace(report, findings=(*report.findings, *ground.taken))
 
 
-def _rtk_findings(
-    flown: Execution, home: Home | None, plants: NDArray[np.float64], vehicle: Vehicle
-) -> Iterator[Finding]:
+def _rtk_findings(flown: Execution, home: Home | None, canopy: Canopy | None, vehicle: Vehicle) -> Iterator[Finding]:
     """What takes RTK: stations nearer to each other or to plants than the vehicle's GNSS holds."""
     if home is not None:
         places = _frame(home).points(p.place for p in flown.photographs if p.place and not p.never and not p.moving)
         stations = places[np.isfinite(places).all(axis=1)]
-        yield from (warning("needs-rtk", why) for why in needs_rtk(stations, plants, vehicle))
+        near_m = math.inf if canopy is None else canopy.near_m(stations)
+        yield from (warning("needs-rtk", why) for why in needs_rtk(stations, near_m, vehicle))
 
 
 def _unchecked_findings(unchecked: Mapping[str, str]) -> Iterator[Finding]:
@@ -285,7 +287,7 @@ def findings_by_dialect(
     """What speaks against flying a mission, by the autopilot that it may be for.
 
     Without a vehicle, what only its profile says is not looked at: its mount, its least height and battery, its times.
-    The file's items count from 1 (`ReadMission.behind_home`).
+    Plots that cannot be checked against plants speak against it, too. The file's items count from 1 (`ReadMission.behind_home`).
     """
     if vehicle is not None:
         return {vehicle.dialect: _findings(read, vehicle, site, file)}
@@ -297,7 +299,8 @@ def findings_by_dialect(
 
 
 def _findings(read: ReadMission, vehicle: Vehicle, site: Site | None, file: Path | None) -> tuple[Finding, ...]:
-    return check_on_ground(read, vehicle, ground_of(file, site, vehicle.clearance_m)).findings
+    found = check_on_ground(read, vehicle, ground_of(file, site, vehicle.clearance_m)).findings
+    return tuple(replace(f, severity="error") if f.code == "plants-unchecked" else f for f in found)
 
 
 def _any_vehicle(dialect: str) -> Vehicle:

@@ -9,9 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fieldkit.missions.export import placed
 from fieldkit.missions.export_record import plot_frame, site_of
 from fieldkit.regular_files import read_regular
 from fieldkit.results.finding import Finding
@@ -44,12 +42,6 @@ class Ground:
     """Plots that are not checked against plants, and why."""
     taken: tuple[Finding, ...] = ()
     """Plots whose plants nobody states a height of."""
-
-    @property
-    def plants(self) -> NDArray[np.float64]:
-        """(m, 3) of the plots whose plans are known, site frame."""
-        found = {plot.name: plants_on(facts, plot) for plot, facts in facts_of(self.plans, self.site)}
-        return np.concatenate([np.zeros((0, 3)), *placed(found, self.site).values()])
 
     def obstacles(self, clearance_m: float) -> Obstacles:
         """All that legs keep clear of."""

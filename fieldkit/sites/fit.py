@@ -26,7 +26,7 @@ from fieldkit.runtime.progress import Advance, ignore
 from fieldkit.sites.fitted import flown_plans
 from fieldkit.sites.placement import PlotFrame, SiteFrame, landing_of, place, stops_of
 from fieldkit.sites.plot_plants import BESIDE_M, HEIGHT_TAKEN, PlanFacts, PlotPlants, facts_of, other_spacing, plants_on
-from fieldkit.sites.reach import NO_PLANTS, RTK_REMEDY, Unreachable, nearest, needs_rtk, one_photograph
+from fieldkit.sites.reach import RTK_REMEDY, Unreachable, nearest, needs_rtk, one_photograph
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.site_obstacles import Canopy, site_obstacles
 from fieldkit.vehicles.vehicle import Vehicle
@@ -135,10 +135,9 @@ def fit_report(
             findings += fit_plot(facts, plot, vehicle.clearance_m)
             plants = plants_on(facts, plot)
             stations = np.array([station.position_m for station in facts.plan.stations])
-            points = NO_PLANTS if plants is None else plants.points
-            why = needs_rtk(stations, points, vehicle)
-            findings += [_finding(plot, "needs-rtk", each, RTK_REMEDY) for each in why]
-            findings += [*other_camera(facts.plan, plot, vehicle), *_wash(stations, points, plot, vehicle)]
+            findings += other_camera(facts.plan, plot, vehicle)
+            if plants is not None:
+                findings += _wash(stations, plants.points, plot, vehicle)
         advance(1)
     among = {finding.subject for finding in findings if finding.severity == "error"}
     shots, obstacles = place(plans, site), site_obstacles(site, vehicle.clearance_m, plans)
@@ -154,6 +153,10 @@ def fit_report(
     )
     findings += [each for each in against if each.code != AMONG_PLANTS or each.subject not in among]
     canopy = Canopy.of(site, plans)
+    for plot in site.plots:
+        stations = np.array([stop.position_m for stop in stops if stop.plot == plot.name])
+        why = needs_rtk(stations, canopy.near_m(stations), vehicle)
+        findings += [_finding(plot, "needs-rtk", each, RTK_REMEDY) for each in why]
     findings[:0] = _crowding(plans, stops, site, canopy, against, vehicle.clearance_m)
     return FitReport(tuple(findings), plans, changed, problems, stops, obstacles, canopy)
 

@@ -39,7 +39,6 @@ Limit = Literal["pitch", "height", "plants"]
 _CENTIMETRES = 100.0
 _WRITTEN_M = 0.02
 """By which places of one plan may differ, as files of missions hold them."""
-NO_PLANTS = np.zeros((0, 3))
 RTK_REMEDY = (
     "Fly with RTK and give its gps_accuracy_m in the vehicle's profile, or keep farther away: `fieldkit plan --vehicle "
     "NAME --clearance M`."
@@ -129,10 +128,11 @@ def one_photograph(before: Sequence[Shot], after: Sequence[Shot], site: Site) ->
                 )  # fmt: skip
 
 
-def needs_rtk(stations: NDArray[np.float64], plants: NDArray[np.float64], vehicle: Vehicle) -> list[str]:
-    """Why a vehicle's GNSS does not hold stations (n, 3) against each other, or off plants (m, 3); nothing with RTK.
+def needs_rtk(stations: NDArray[np.float64], near_m: float, vehicle: Vehicle) -> list[str]:
+    """Why a vehicle's GNSS does not hold stations (n, 3) against each other, or off plants; nothing with RTK.
 
-    Plants stand where a map has them, so a flight's common offset counts there. Stations at one place are one.
+    The nearest station is ``near_m`` from plants, which stand where a map has them, so a flight's common offset counts
+    there. Stations at one place are one.
     """
     if vehicle.rtk:
         return []
@@ -143,7 +143,6 @@ def needs_rtk(stations: NDArray[np.float64], plants: NDArray[np.float64], vehicl
             f"two stations are {apart_m:.2f} m apart, and without it {vehicle.title} holds them to {vehicle.held_m:g} "
             f"m, which is enough for {vehicle.apart_m:.2f} m"
         )
-    near_m = KDTree(plants).query(stations)[0].min() if len(plants) and len(stations) else math.inf
     if near_m < vehicle.clearance_m + vehicle.gps_accuracy_m - _WRITTEN_M:
         found.append(
             f"a station is {near_m:.2f} m from plants, and without it {vehicle.title} may be "

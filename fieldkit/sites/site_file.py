@@ -35,7 +35,8 @@ Tell = Callable[[str], None]
 
 
 def load_site(
-    path: Path, plots: Path | None = None, plot_id: str | None = None, *, tell: Tell | None = None
+    path: Path, plots: Path | None = None, plot_id: str | None = None, *, tell: Tell | None = None,
+    converted: bool = False,
 ) -> Site:  # fmt: skip
     """Read a site file.
 
@@ -47,6 +48,7 @@ def load_site(
         plot_id: field of the plots file that holds the plots' ids. None takes the site file's ``plot_id`` for the file
             that it names itself, and else looks for one (`plot_ids`).
         tell: is told where the ids are from, before they are used.
+        converted: ``plots`` may hold what the site's own file held, where that is missing, as in a campaign.
     """
     path = Path(path)
     refuse_other(path, "site file", _REMEDY)
@@ -57,7 +59,11 @@ def load_site(
         file = named_file(own, path, "plots", what="site file")
         if plots is None:
             plots, plot_id = file, plot_id or document.get("plot_id")
-        own = load_plots(file, document.get("plot_id")) if plots != file and file.exists() else None
+        own = (
+            load_plots(file, document.get("plot_id"))
+            if plots != file and not (converted and not file.exists())
+            else None
+        )
     if plots is None and not own:
         raise MetadataError("has no plots", path=path, remedy=_NO_PLOTS)
     if own is None or isinstance(own, tuple):

@@ -111,6 +111,10 @@ class Canopy:
         starts, ends = (np.concatenate([way[part] for way in ways]) for part in (slice(-1), slice(1, None)))
         return self.prisms.least_m(starts, ends) if len(self.prisms) else None
 
+    def near_m(self, places: Array) -> float:
+        """Least distance between plants and places (n, 3); infinite where either are not known."""
+        return self.prisms.least_m(places, places)
+
     def crowding(self, plot: int, stations: Array, targets: Array) -> tuple[int, float]:
         """How many of a plot's stations (n, 3) stand over other plots, and the share of lines that these plots hide.
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fieldkit.campaign import Campaign, Visit, read_campaign
-from fieldkit.campaign.next_visit import grown, next_plans, plan_next_visit
+from fieldkit.campaign.next_visit import grown, heights_flown, next_plans, plan_next_visit
 from fieldkit.campaign.visits import keep_visit
 from fieldkit.cli.main import main
 from fieldkit.clouds import Cloud
@@ -20,6 +20,7 @@ from fieldkit.results.plan import Plan, PlanEnvelope
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
 from fieldkit.sites.plot_plants import plants_on
+from fieldkit.sites.site import Site, SiteHome, SitePlot
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from tests.campaign.examples import PLAN, campaign_folder, field
 from tests.evaluation.test_compare import evaluation_folder
@@ -154,3 +155,17 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert "Plans for 2026-07-02" in said
     assert "none: the campaign's plan" in said
     assert (tmp_path / "season" / "plans" / "2026-07-02" / "r1c1.json").is_file()
+
+
+def test_plants_that_nobody_knows_may_be_taller_than_measured_ones() -> None:
+    stated = Site(
+        home=SiteHome(latitude_deg=52.2957, longitude_deg=10.438),
+        plots=tuple(
+            SitePlot(name=name, latitude_deg=52.296 + 1e-4 * k, longitude_deg=10.438, plant_height_m=height)
+            for k, (name, height) in enumerate([("stated", 1.0), ("measured", 1.0), ("unknown", None), ("low", None)])
+        ),
+    )
+    for given, expected in ((None, (1.0, 2.0, 2.6, 1.3)), (2.2, (2.2, 2.2, 2.2, 2.2))):
+        measured, flown = heights_flown(stated, PLAN, given, {"measured": 2.0, "low": 0.5})
+        assert tuple(plot.plant_height_m for plot in flown.plots) == pytest.approx(expected)
+        assert [plot.plant_height_m for plot in measured.plots] == [1.0, 2.0, None, 0.5]

@@ -29,6 +29,9 @@ amsl_m = 92.0
 [[plots]]
 latitude_deg = 50.865
 longitude_deg = 6.4473
+length_m = 1.0
+width_m = 1.0
+plant_height_m = 0.1
 """
 
 

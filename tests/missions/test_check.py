@@ -543,6 +543,6 @@ def test_the_sites_home_and_obstacles_count() -> None:
         name="mast", latitude_deg=shot.latitude_deg, longitude_deg=shot.longitude_deg, radius_m=1.0, top_m=9.0
     )
     met = findings_by_dialect(read, None, plain.model_copy(update={"obstacles": (mast,)}))
-    assert errors(met["ardupilot"]) == {"leg-obstacle"}
+    assert errors(met["ardupilot"]) == {"leg-obstacle", "plants-unchecked"}
     elsewhere = plain.model_copy(update={"home": home.model_copy(update={"latitude_deg": 51.5})})
     assert {"other-home", "far-from-home"} <= errors(findings_by_dialect(read, None, elsewhere)["ardupilot"])

@@ -49,8 +49,8 @@ def course(read: ReadMission, dialect: str) -> Course:
     if trouble is not None or not order or order[-1][0] not in ends:
         return Course(order, unreached, trouble)
     number, item = order[-1]
-    behind = takewhile(lambda entry: entry[1].command != Command.DO_LAND_START, numbered)
-    if any(k > number and other.command in _WANTED for k, other in behind):
+    behind = (other.command for k, other in numbered if k > number)
+    if not _WANTED.isdisjoint(takewhile(lambda command: command != Command.DO_LAND_START, behind)):
         message = f"{item.name} ends the mission: what stands behind it is never carried out"
         trouble = ("stops-there", number, message)
     return Course(order, unreached, trouble, (number, item))

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from fieldkit.errors import UsageError
 from fieldkit.planning.settings import EnvelopeSettings, NoiseSettings, SearchSettings, SearchVehicle
@@ -104,5 +105,7 @@ def check_views(views: Cameras, settings: SearchSettings, progress: Progress) ->
 def plan_needs_rtk(plan: Plan, vehicle: Vehicle) -> list[Finding]:
     """Where a plan's stations stand nearer to each other or to its plants than its vehicle's GNSS can hold them."""
     stations = np.array([station.position_m for station in plan.stations])
-    why = needs_rtk(stations, PlanFacts(plan).points, vehicle)
+    plants = PlanFacts(plan).points
+    near_m = float(KDTree(plants).query(stations)[0].min()) if len(plants) else np.inf
+    why = needs_rtk(stations, near_m, vehicle)
     return [Finding("", "needs-rtk", each, remedy=RTK_REMEDY) for each in why]
