@@ -287,7 +287,8 @@ def findings_by_dialect(
     """What speaks against flying a mission, by the autopilot that it may be for.
 
     Without a vehicle, what only its profile says is not looked at: its mount, its least height and battery, its times.
-    Plots that cannot be checked against plants speak against it, too. The file's items count from 1 (`ReadMission.behind_home`).
+    Plots that cannot be checked against plants speak against it, too. The file's items count from 1
+    (`ReadMission.behind_home`).
     """
     if vehicle is not None:
         return {vehicle.dialect: _findings(read, vehicle, site, file)}
