@@ -116,9 +116,12 @@ def _ranked(ordered: Sequence[Score]) -> list[Ranked]:
 
 def beyond(a: Score, b: Score) -> bool | None:
     """Whether two scores differ beyond their noise; None where that is not known."""
-    if a.noise_m is None or b.noise_m is None:
-        return None
-    return abs(a.value_m - b.value_m) > hypot(a.noise_m, b.noise_m)
+    return _differ(a.value_m - b.value_m, a.noise_m, b.noise_m)
+
+
+def _differ(difference: float, noise: float | None, other: float | None) -> bool | None:
+    """Whether a difference is beyond the noise of both figures; None where one is not known."""
+    return None if noise is None or other is None else abs(difference) > hypot(noise, other)
 
 
 def drift(visits: Sequence[Visit], plan: Plan) -> list[Drift]:
@@ -136,9 +139,7 @@ def drift(visits: Sequence[Visit], plan: Plan) -> list[Drift]:
                 first, before = having[0]
                 rose = after > before  # then the first may be higher, and the last lower, than stated
                 noise = _noise(figure, first, plan, rose), _noise(figure, visit, plan, not rose)
-                surely = None
-                if noise[0] is not None and noise[1] is not None:
-                    surely = abs(after - before) > hypot(noise[0], noise[1])
+                surely = _differ(after - before, *noise)
                 found.append(Drift(plot, figure.key, first.date, visit.date, before, after, surely))
     return found
 

@@ -207,17 +207,17 @@ def _next_sure(row: _Row, others: Iterable[_Row]) -> str | None:
 
 def _sorted_by_neighbours(placed: Sequence[_Row]) -> list[Finding]:
     """One finding per folder, plot and reason."""
-    found: dict[tuple[str, str, str], list[_Row]] = defaultdict(list)
-    for row in placed:
-        if row.by_neighbours and row.plot is not None:
-            why = f"fitting {' and '.join(sorted(row.candidates))} alike" if row.candidates else "without a geotag"
-            found[(row.folder, row.plot, why)].append(row)
+
+    def why(row: _Row) -> str:
+        return f"fitting {' and '.join(sorted(row.candidates))} alike" if row.candidates else "without a geotag"
+
+    found = by_key(((row.folder, row.plot, why(row)), row) for row in placed if row.by_neighbours)
     return [
         Finding(
             members[0].shot.place, "sorted-by-neighbours",
-            f"{count(len(members), 'photograph')} from here, {why}: sorted into {plot} like those before and after",
+            f"{count(len(members), 'photograph')} from here, {reason}: sorted into {plot} like those before and after",
         )
-        for (_, plot, why), members in found.items()
+        for (_, plot, reason), members in found.items()
     ]  # fmt: skip
 
 

@@ -26,6 +26,7 @@ from fieldkit.results.evaluation import (
     AdherenceEntry,
     PlotEvaluation,
     StationErrorEntry,
+    pooled_spread,
     rms,
 )
 from fieldkit.results.fields import Vector, vector
@@ -156,11 +157,10 @@ class ComparedPlan:
         frame = plot.frame.of_source(plot.metric_source)
         if self.reference is None and (frame.origin is not None or plot.metric_source != _OWN_FRAME):
             return None
-        poses = {image.name: pose for image in plot.image_reports if image.counts and (pose := image.pose)}
-        found: dict[AchievedSource, Poses] = {"reconstructed": {n: _row(pose) for n, pose in poses.items()}}
+        found: dict[AchievedSource, Poses] = {"reconstructed": {n: _row(pose) for n, pose in plot.poses.items()}}
         flown = None
         if self.flight is None:
-            found["tagged"] = known_rows(_as_meant(capture, poses, frame), frame)
+            found["tagged"] = known_rows(_as_meant(capture, plot.poses, frame), frame)
         else:
             found["reported"] = known_rows(capture, frame)
             flown = self.flight.adherence(name, self.planned, self.datum)
@@ -364,14 +364,12 @@ def flown_noise(plots: Sequence[PlotEvaluation], path: Path) -> tuple[float, flo
 
 def position_noise_m(flown: Sequence[AdherenceEntry]) -> float | None:
     """Standard deviation of a coordinate, about each plot's mean error; None where no plot has two errors of one."""
-    squares, degrees_of_freedom = 0.0, 0
-    for each in flown:
-        for name in ("east_m", "north_m", "up_m"):
-            errors = np.array([e for station in each.stations if (e := getattr(station, name)) is not None])
-            if len(errors) > 1:
-                squares += float(((errors - errors.mean()) ** 2).sum())
-                degrees_of_freedom += len(errors) - 1
-    return float(np.sqrt(squares / degrees_of_freedom)) if degrees_of_freedom else None
+    pooled = pooled_spread([
+        [error for station in each.stations if (error := getattr(station, name)) is not None]
+        for each in flown
+        for name in ("east_m", "north_m", "up_m")
+    ])  # fmt: skip
+    return None if pooled is None else pooled[0]
 
 
 def angle_noise_deg(flown: Sequence[AdherenceEntry]) -> float | None:

@@ -27,14 +27,14 @@ from fieldkit.results.comparison import (
     NoiseSource,
     ValueEntry,
 )
-from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
+from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, pooled_spread
 from fieldkit.results.finding import OTHER_PLANTS
 from fieldkit.results.report_files import load_evaluation_report
 from fieldkit.results.visit import CAMPAIGN_FILE
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.version import __version__
 from fieldkit.vocabulary import NINE_IN_TEN
-from fieldkit.wording import listed
+from fieldkit.wording import by_key, listed
 
 TABLE_FILE = "compare.csv"
 MOST_EVALUATIONS = 100
@@ -102,8 +102,8 @@ def compare_evaluations(
 
 def comparison_of(runs: Sequence[Labelled]) -> ComparisonReport:
     """All values and differences of evaluations, in order."""
-    labels = list(dict.fromkeys(run.label for run in runs))
-    by_label = {label: [run for run in runs if run.label == label] for label in labels}
+    by_label = by_key((run.label, run) for run in runs)
+    labels = list(by_label)
     references = {run.report.reference_sha256 for run in runs}
     scored = len(references) == 1 and None not in references
     distances = [d for d in runs[0].report.distances_m if all(d in run.report.distances_m for run in runs)]
@@ -213,17 +213,6 @@ def _difference(
         plot=plot, figure=figure.key, label=label, less=less, difference=difference, noise=noise, noise_sd=sd,
         low=low, high=high, beyond=bool(low > 0.0 or high < 0.0),
     )  # fmt: skip
-
-
-def pooled_spread(groups: Sequence[Sequence[float]]) -> tuple[float, int] | None:
-    """Standard deviation within groups of repeats, and its degrees of freedom; None without a repeat."""
-    squares, freedom = 0.0, 0
-    for group in groups:
-        if len(group) > 1:
-            values = np.asarray(group, dtype=np.float64)
-            squares += float(((values - values.mean()) ** 2).sum())
-            freedom += len(values) - 1
-    return (float(np.sqrt(squares / freedom)), freedom) if freedom else None
 
 
 def _evaluation(label: str, runs: Sequence[Labelled]) -> ComparedEvaluation:

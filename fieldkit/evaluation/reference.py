@@ -16,7 +16,6 @@ from fieldkit.evaluation.conversion import reference_report, settings_entry
 from fieldkit.evaluation.rasters import Rasters, coarse_place, write_georeferenced, write_rasters
 from fieldkit.figures.spreadsheets import TRAITS_FILE, trait_row, traits_csv
 from fieldkit.files import atomic_folder, write_atomic
-from fieldkit.geometry import Pose
 from fieldkit.pictures.overview import write_overview
 from fieldkit.reconstruction.colmap_model import color_points
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
@@ -176,12 +175,6 @@ class Reference:
                 remedy="Build it again with poses.csv, geo.txt, GPS or markers.toml beside the photographs.",
             )
         self.cloud: Cloud = read_cloud(check_file(folder, self.report, CLOUD_FILE))
-
-    def poses(self) -> dict[str, Pose]:
-        """Reconstructed poses of the photographs that count, by name, in the plot frame."""
-        return {
-            image.name: pose for image in self.report.image_reports if image.counts and (pose := image.pose) is not None
-        }
 
     def known_plot(self) -> KnownPlot:
         """Frame, volume, ground and cameras of the reference."""

@@ -216,6 +216,11 @@ class ReconstructionEntry(Strict):
         return starts, moves
 
     @property
+    def poses(self) -> dict[str, Pose]:
+        """Of the photographs that count, by name, in the plot frame."""
+        return {image.name: pose for image in self.image_reports if image.counts and (pose := image.pose) is not None}
+
+    @property
     def doubts(self) -> tuple[str, ...]:
         """Codes of findings with which the result must not be taken as it is."""
         return tuple(dict.fromkeys(finding.code for finding in self.findings if finding.code in DOUBTFUL))
@@ -405,6 +410,17 @@ def rms(values: Sequence[float | None]) -> float | None:
     """Root mean square of those that are known; None without one."""
     known = np.array([value for value in values if value is not None])
     return float(np.sqrt((known**2).mean())) if len(known) else None
+
+
+def pooled_spread(groups: Sequence[Sequence[float]]) -> tuple[float, int] | None:
+    """Standard deviation within groups of repeats, and its degrees of freedom; None without a repeat."""
+    squares, freedom = 0.0, 0
+    for group in groups:
+        if len(group) > 1:
+            values = np.asarray(group, dtype=np.float64)
+            squares += float(((values - values.mean()) ** 2).sum())
+            freedom += len(values) - 1
+    return (float(np.sqrt(squares / freedom)), freedom) if freedom else None
 
 
 def distance_key(distance_m: float) -> str:

@@ -186,7 +186,7 @@ def _on_captures(settings: SearchSettings, folder: Path, context: Context, count
     plot, asked = reference.known_plot(), settings.noise
     source = RecordedSource(
         by_station(read_capture(images)), plot, reference.cloud, cache=context.cache,
-        noise=CaptureNoise(asked.pose_m, asked.pose_deg, image_sigma=0.0), reconstructed=reference.poses(),
+        noise=CaptureNoise(asked.pose_m, asked.pose_deg, image_sigma=0.0), reconstructed=reference.report.poses,
     )  # fmt: skip
     views = source.cameras()
     check_views(views, settings, progress)
