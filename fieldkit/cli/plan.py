@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fieldkit.cli.boundary import finding_entry
 from fieldkit.cli.common import JsonOption, OutputOption, emit_json, show
@@ -14,15 +14,15 @@ from fieldkit.cli.plan_options import (
     PlanRunOptions,
     PlotOptions,
     SearchOptions,
-    plan_request,
+    plan_arguments,
 )
 from fieldkit.cli.reconstruction_options import processes, run_context
 from fieldkit.errors import FieldkitError, UsageError
+from fieldkit.vocabulary import Preset
 from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from fieldkit.planning.run.outcome import Outcome
-    from fieldkit.planning.run.request import PlanRequest
     from fieldkit.planning.settings import SearchSettings
     from fieldkit.results.finding import Finding
 
@@ -50,10 +50,10 @@ def command(
         fieldkit plan --scene case-1 --method bosfm --evaluations 200 -o case-1-bosfm
         fieldkit plan --resume --evaluations 150 -o plot_7-plan
     """
-    request = plan_request(plot, search, envelope, run)
+    arguments = plan_arguments(plot, search, envelope, run)
     if run.resume and run.overwrite:
         raise UsageError("--resume goes on with what --overwrite would replace", remedy="Give one of them.")
-    settings, outcome = _planned(output, request, run, as_json=as_json)
+    settings, outcome = _planned(output, arguments, search.preset, run, as_json=as_json)
     found = _needs_rtk(output, settings, envelope.vehicle)
     if as_json:
         fit = {"fit": [finding_entry(each) for each in found]} if found else {}
@@ -63,22 +63,25 @@ def command(
 
 
 def _planned(
-    output: Path, request: PlanRequest, options: PlanRunOptions, *, as_json: bool
+    output: Path, arguments: Mapping[str, Any], preset: Preset, options: PlanRunOptions, *, as_json: bool
 ) -> tuple[SearchSettings, Outcome]:
     """Plan, or go on with a plan, while telling of it."""
     from fieldkit.cache import StageCache, default_cache_root
     from fieldkit.cli.live_plan import open_watch
     from fieldkit.planning.run.folder import read_log, read_settings
     from fieldkit.planning.run.plan_views import plan_views, resume_plan
-    from fieldkit.planning.run.request import new_settings, resumed_settings
+    from fieldkit.planning.run.request import resumed_settings, search_settings
 
     workers = processes(options.workers)
     cache = StageCache(default_cache_root())
-    given = request.scenes or request.references or request.captures
+    given = any(arguments[key] for key in ("scene", "reference", "captures"))
     # A run that was interrupted before its folder begins anew.
     resumed = options.resume and (output.exists() or not given)
     with run_context(as_json=as_json) as progress:
-        settings = resumed_settings(read_settings(output), request) if resumed else new_settings(request, workers)
+        if resumed:
+            settings = resumed_settings(read_settings(output), **arguments)
+        else:
+            settings = search_settings(**arguments, preset=preset, workers=workers)
         before = read_log(output) if resumed else []
         with open_watch(settings, before, progress, as_json=as_json) as (watch, expect):
             verb = partial(resume_plan) if resumed else partial(plan_views, overwrite=options.overwrite)

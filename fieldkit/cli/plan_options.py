@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from typer import Option
 
@@ -21,9 +21,6 @@ from fieldkit.cli.common import (
 from fieldkit.cli.reconstruction_options import SchedulerOption, WorkersOption
 from fieldkit.errors import UsageError
 from fieldkit.vocabulary import PlanningMethod, Preset, SearchFidelity
-
-if TYPE_CHECKING:
-    from fieldkit.planning.run.request import PlanRequest
 
 _FROM = "from:"
 Purpose = Literal["kind", "this-plot"]
@@ -149,24 +146,22 @@ class PlanRunOptions:
     overwrite: OverwriteOption = False
 
 
-def plan_request(
+def plan_arguments(
     plot: PlotOptions, search: SearchOptions, envelope: EnvelopeOptions, run: PlanRunOptions
-) -> PlanRequest:
-    """What was given, for the settings of a run."""
+) -> dict[str, Any]:
+    """The arguments that `search_settings` and `resumed_settings` share."""
     pose_m, pose_deg = _pose_noise(search.pose_noise) if search.pose_noise else (None, None)
-    values = search.values() | {"plots": plot.plots, "seed": run.seed}
     limits = envelope.values()
     from fieldkit.planning.run.given import check_given
 
     scenes, references, images = (tuple(each or ()) for each in (plot.scenes, plot.references, plot.images))
     if not run.resume or any((scenes, references, plot.captures, images)):
         check_given(scenes, references, plot.captures, images)
-    from fieldkit.planning.run.request import PlanRequest
-
-    return PlanRequest(
-        values, {"pose_m": pose_m, "pose_deg": pose_deg}, limits, scenes=scenes, references=references,
-        captures=plot.captures, images=images, vehicle=envelope.vehicle, purpose=plot.purpose, preset=search.preset,
-    )  # fmt: skip
+    return search.values() | {
+        "scene": scenes, "reference": references, "captures": plot.captures, "images": images,
+        "vehicle": envelope.vehicle, "purpose": plot.purpose, "plots": plot.plots,
+        "seed": run.seed, "noise": {"pose_m": pose_m, "pose_deg": pose_deg}, "envelope": limits,
+    }  # fmt: skip
 
 
 def _pose_noise(text: str) -> tuple[float, float]:

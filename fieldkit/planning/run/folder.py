@@ -76,13 +76,10 @@ class LogEntry(Strict):
         """The log entry of an evaluation."""
         return cls(
             number=trial.number, stage=stage, origin=trial.origin, seed=seed, fidelity=fidelity, plot=plot,
-            cameras=_rows(trial.cameras), value_m=found.value_m, chamfer_m=found.chamfer_m,
-            accuracy_m=found.accuracy_m, completeness_m=found.completeness_m,
+            cameras=_rows(trial.cameras), **{name: getattr(found, name) for name in _EVALUATED},
             f_score={f"{d:.3f}": float(found.f_scores.get(d, 0.0)) for d in DISTANCES_M},
-            registered=found.registered, right=found.right, models=found.models, points=found.points,
-            cloud_digest=found.cloud_digest, views=found.views, failure=found.failure, measured=found.measured,
-            cpu_s=found.cpu_s, wall_s=sum(stage.wall_s for stage in found.times), proposal_cpu_s=proposal_cpu_s,
-            finished_s=finished_s, notes=dict(trial.notes),
+            wall_s=sum(stage.wall_s for stage in found.times), proposal_cpu_s=proposal_cpu_s, finished_s=finished_s,
+            notes=dict(trial.notes),
         )  # fmt: skip
 
     @property
@@ -94,6 +91,10 @@ class LogEntry(Strict):
     def result(self) -> Result:
         """The result, as methods take it."""
         return Result(self.trial, self.value_m, self.measured, self.right)
+
+
+_EVALUATED = ("cpu_s", *(key for key in Evaluation.__dataclass_fields__ if key in LogEntry.model_fields))
+"""Figures that a log entry takes from its evaluation as they are."""
 
 
 class RunFolder:

@@ -10,7 +10,7 @@ from fieldkit.wording import count
 
 
 def check_given(
-    scenes: Sequence[Path], references: Sequence[Path], captures: Path | None, images: Sequence[Path]
+    scenes: Sequence[Path], references: Sequence[Path], captures: Path | str | None, images: Sequence[Path]
 ) -> bool:
     """Whether a run is planned on recorded photographs. Raises UsageError: what is given does not go together."""
     recorded = captures is not None and not scenes

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -37,7 +36,7 @@ KIND_CONFIRMED: dict[str, int] = {"finalists": 4, "repeats": 3}
 """Plots differ by more than good sets do, so several optima are confirmed on several plots."""
 RECORDED_CONFIRMED: dict[str, int] = {"finalists": 6, "repeats": 6}
 """The withheld matches change a value by more than sets differ; evaluations are cheap."""
-_OF_SEARCHES = ("evaluations", "at_least", "initial", "time_budget_s", "fidelity")
+_OF_SEARCHES = ("method", "evaluations", "at_least", "initial", "time_budget_s", "fidelity")
 Paths = Path | str | Sequence[Path | str]
 Settings = TypeVar("Settings", bound=BaseModel)
 _DEFAULT_CAMERAS, KIND_PLOTS = 10, 8
@@ -45,34 +44,6 @@ _LIMITS = {
     "margin_m": "a margin", "height_m": "--height", "clearance_m": "--clearance", "pitch_deg": "a range of pitch",
     "separation_m": "a separation",
 }  # fmt: skip
-
-
-@dataclass(frozen=True)
-class PlanRequest:
-    """The options that were given; None for the others."""
-
-    settings: Mapping[str, Any]
-    """By the keys of `SearchSettings`."""
-    noise: Mapping[str, Any]
-    """By the keys of `NoiseSettings`."""
-    envelope: Mapping[str, Any]
-    """By the keys of `EnvelopeSettings`."""
-    scenes: tuple[Path, ...] = ()
-    """What to plan on, as ``references`` and ``captures``; see `describe_sources`."""
-    references: tuple[Path, ...] = ()
-    captures: Path | None = None
-    images: tuple[Path, ...] = ()
-    """Folders of the references' photographs, in the same order; none, or one for each."""
-    vehicle: str | Path | None = None
-    """A profile's name or file."""
-    camera: Path | None = None
-    """A camera.toml or camera.json."""
-    purpose: str | None = None
-    """The plots that the plan is for: "kind" or "this-plot"."""
-    preset: Preset = "outdoors"
-    """Conditions that a plan for a kind expects where ``noise`` and ``envelope`` say nothing."""
-    methods: Mapping[str, MethodEntry] | None = None
-    """By name; None for fieldkit's own."""
 
 
 def search_settings(
@@ -110,62 +81,48 @@ def search_settings(
     check_names("search_settings", more, known)
     check_names("noise", noise or {}, NoiseSettings.model_fields)
     check_names("envelope", envelope or {}, EnvelopeSettings.model_fields)
-    request = PlanRequest(
-        more, noise or {}, envelope or {}, _paths(scene), _paths(reference),
-        None if captures is None else Path(captures), _paths(images), vehicle, None if camera is None else Path(camera),
-        purpose, preset, methods,
-    )  # fmt: skip
-    return new_settings(request, workers)
-
-
-def new_settings(request: PlanRequest, workers: int) -> SearchSettings:
-    """The settings of a new run."""
-    plots_given = _sources(request)
+    plots_given = describe_sources(_paths(scene), _paths(reference), captures, _paths(images))
     first, *others = plots_given
-    recorded, given = first.source.kind == "captures", _given(request.settings)
-    method = KIND_METHOD if _chooses(request, given, first.source.kind) else given.get("method", _METHOD)
-    entry = method_entry(method, request.methods)
-    plots = _plots(request.purpose, given.get("plots"), method, len(plots_given), for_a_kind=entry.for_a_kind)
+    recorded, given = first.source.kind == "captures", _given(more)
+    method = given.get("method", _METHOD) if recorded or _searches(purpose, given) else KIND_METHOD
+    entry = method_entry(method, methods)
+    plots = _plots(purpose, given.get("plots"), method, len(plots_given), for_a_kind=entry.for_a_kind)
     if "weights" in given and not entry.weights:
         raise UsageError(
             f"weights would change nothing: {method} does not go by the geometric score",
             remedy=f"Leave them out, or choose one of {', '.join(n for n in METHODS if METHODS[n].weights)}.",
         )
-    vehicle, record = (None, None) if request.vehicle is None else read_vehicle(request.vehicle)
-    envelope = _given(request.envelope)
-    if recorded and vehicle is None:  # with one they limit the views
-        _refuse_limits(envelope)
+    flyer, record = (None, None) if vehicle is None else read_vehicle(vehicle)
+    limits = _given(envelope)
+    if recorded and flyer is None:  # with one they limit the views
+        _refuse_limits(limits)
     try:
         # Recorded photographs have fixed places.
-        flown = plots > 1 and not recorded and request.preset == "outdoors"
-        noise = _changed(flight_noise(vehicle) if flown else NoiseSettings(), _given(request.noise))
-        envelope = envelope if vehicle is None else vehicle_envelope(vehicle, envelope)
+        flown = plots > 1 and not recorded and preset == "outdoors"
+        expected = _changed(flight_noise(flyer) if flown else NoiseSettings(), _given(noise))
+        limits = limits if flyer is None else vehicle_envelope(flyer, limits)
         usual = SearchSettings(
             fieldkit=__version__,
             source=first.source,
             path=first.path,
-            reference_path=str(request.references[0].resolve()) if recorded and request.references else None,
+            reference_path=str(_paths(reference)[0].resolve()) if recorded and reference else None,
             images_path=first.images_path,
             others=tuple(others),
             cameras=_DEFAULT_CAMERAS,
-            camera=_planned_camera(request.camera, vehicle, recorded=recorded),
+            camera=_planned_camera(camera, flyer, recorded=recorded),
             vehicle=record,
             method=method,
             plots=plots,
             # Else the cloud's random shift would outweigh the cameras' places.
-            refine=plots > 1 and noise.pose_m > 0,
+            refine=plots > 1 and expected.pose_m > 0,
             lag=lag_for(workers),
-            noise=noise,
-            envelope=EnvelopeSettings(**(OUTDOORS_ENVELOPE | envelope if flown else envelope)),
+            noise=expected,
+            envelope=EnvelopeSettings(**(OUTDOORS_ENVELOPE | limits if flown else limits)),
         )
-        confirmed = _confirmations(plots, method, recorded=recorded, exact=unchanging(first.source, noise))
+        confirmed = _confirmations(plots, method, recorded=recorded, exact=unchanging(first.source, expected))
         return _changed(usual, confirmed | given | {"method": method, "plots": plots})
     except ValidationError as error:
         raise UsageError(first_problem(error), remedy="`fieldkit plan --help` explains the options.") from error
-
-
-def _sources(request: PlanRequest) -> tuple[GivenPlot, ...]:
-    return describe_sources(request.scenes, request.references, request.captures, request.images)
 
 
 def _changed(settings: Settings, given: Mapping[str, Any]) -> Settings:
@@ -180,7 +137,7 @@ def _confirmations(plots: int, method: str, *, recorded: bool, exact: bool) -> d
     return RECORDED_CONFIRMED if recorded else KIND_CONFIRMED if method == KIND_METHOD else {}
 
 
-def _planned_camera(file: Path | None, vehicle: Vehicle | None, *, recorded: bool) -> Intrinsics | None:
+def _planned_camera(file: Path | str | None, vehicle: Vehicle | None, *, recorded: bool) -> Intrinsics | None:
     """The camera of a file, else the vehicle's; None for the source's own."""
     if file is None:
         return None if recorded or vehicle is None else vehicle.camera
@@ -189,10 +146,9 @@ def _planned_camera(file: Path | None, vehicle: Vehicle | None, *, recorded: boo
     return _camera(file)
 
 
-def _chooses(request: PlanRequest, given: Mapping[str, Any], source: str) -> bool:
-    """Whether a plan for a kind is made without a search: neither a method nor settings of a search are given."""
-    searched = {"method", *_OF_SEARCHES} & given.keys()
-    return source != "captures" and request.purpose != "this-plot" and given.get("plots", 2) > 1 and not searched
+def _searches(purpose: str | None, given: Mapping[str, Any]) -> bool:
+    """Whether a plan is searched for: it is for one plot, or a method or settings of a search are given."""
+    return purpose == "this-plot" or given.get("plots", 2) < 2 or not given.keys().isdisjoint(_OF_SEARCHES)
 
 
 def _plots(purpose: str | None, plots: int | None, method: str, given: int, *, for_a_kind: bool) -> int:
@@ -213,28 +169,36 @@ def _plots(purpose: str | None, plots: int | None, method: str, given: int, *, f
     return max(given, KIND_PLOTS if purpose == "kind" or for_a_kind else 1)
 
 
-def resumed_settings(settings: SearchSettings, request: PlanRequest) -> SearchSettings:
-    """The settings to resume with: the run's own, with changes where they are allowed."""
-    given = _given(request.settings)
-    if request.purpose is not None and (request.purpose == "kind") != (settings.plots > 1):
-        given["plots"] = 1 if request.purpose == "this-plot" else KIND_PLOTS
+def resumed_settings(
+    settings: SearchSettings, *, scene: Paths = (), reference: Paths = (), captures: Path | str | None = None,
+    images: Paths = (), vehicle: str | Path | None = None, camera: Path | str | None = None,
+    purpose: str | None = None, noise: Mapping[str, Any] | None = None, envelope: Mapping[str, Any] | None = None,
+    **more: Any,
+) -> SearchSettings:  # fmt: skip
+    """The settings to resume with: the run's own, with changes where they are allowed.
+
+    The arguments are those of `search_settings`, whose ``preset`` changes nothing of a run that has begun.
+    """
+    given = _given(more)
+    if purpose is not None and (purpose == "kind") != (settings.plots > 1):
+        given["plots"] = 1 if purpose == "this-plot" else KIND_PLOTS
     fixed = {key: value for key, value in given.items() if key not in CHANGEABLE and getattr(settings, key) != value}
-    for own, wished in ((settings.noise, request.noise), (settings.envelope, request.envelope)):
+    for own, wished in ((settings.noise, noise), (settings.envelope, envelope)):
         fixed |= {key: value for key, value in _given(wished).items() if getattr(own, key) != value}
-    if request.vehicle is not None:
-        _, vehicle = read_vehicle(request.vehicle)
-        if settings.vehicle is None or settings.vehicle.sha256 != vehicle.sha256:
-            fixed["vehicle"] = vehicle.name if settings.vehicle is None else f"{vehicle.name} as it is now"
-    if request.camera is not None and _camera(request.camera) != settings.camera:
-        fixed["camera"] = request.camera.name
+    if vehicle is not None:
+        _, record = read_vehicle(vehicle)
+        if settings.vehicle is None or settings.vehicle.sha256 != record.sha256:
+            fixed["vehicle"] = record.name if settings.vehicle is None else f"{record.name} as it is now"
+    if camera is not None and _camera(camera) != settings.camera:
+        fixed["camera"] = Path(camera).name
     if fixed:
         key, value = next(iter(fixed.items()))
         raise UsageError(
             f"this run did not begin with {key} = {value}",
             remedy="Leave it out to go on with this run, or start another one in another folder.",
         )
-    if any((request.scenes, request.references, request.captures, request.images)):
-        settings = _moved(settings, _sources(request))
+    if any((scene, reference, captures, images)):
+        settings = _moved(settings, describe_sources(_paths(scene), _paths(reference), captures, _paths(images)))
     changed = {key: value for key, value in given.items() if key in CHANGEABLE}
     if "evaluations" in changed:  # a converged run goes on
         changed.setdefault("at_least", changed["evaluations"])
@@ -271,14 +235,16 @@ def _refuse_limits(envelope: Mapping[str, Any]) -> None:
             )
 
 
-def _camera(file: Path) -> Intrinsics:
-    cameras = read_camera_file(file)
+def _camera(file: Path | str) -> Intrinsics:
+    cameras = read_camera_file(Path(file))
     if len(cameras) != 1:
         raise MetadataError(
-            f"holds {len(cameras)} cameras; a plan is made for one", path=file, remedy="Give a file of one camera."
+            f"holds {len(cameras)} cameras; a plan is made for one",
+            path=Path(file),
+            remedy="Give a file of one camera.",
         )
     return cameras[0].intrinsics
 
 
-def _given(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in values.items() if value is not None}
+def _given(values: Mapping[str, Any] | None) -> dict[str, Any]:
+    return {key: value for key, value in (values or {}).items() if value is not None}

@@ -19,7 +19,7 @@ from fieldkit.scenes.library import find_scene, scene_reference
 
 
 def describe_sources(
-    scenes: Sequence[Path], references: Sequence[Path], captures: Path | None, images: Sequence[Path] = ()
+    scenes: Sequence[Path], references: Sequence[Path], captures: Path | str | None, images: Sequence[Path] = ()
 ) -> tuple[GivenPlot, ...]:
     """The plots of a run: paths, or names of scenes that come with fieldkit.
 
@@ -33,9 +33,9 @@ def describe_sources(
             )  # fmt: skip
     if check_given(scenes, references, captures, images):
         assert captures is not None
-        captures = captures.resolve()
-        read_capture(captures)
-        return (GivenPlot(source=PlanSource(kind="captures", name=captures.name), path=str(captures)),)
+        folder = Path(captures).resolve()
+        read_capture(folder)
+        return (GivenPlot(source=PlanSource(kind="captures", name=folder.name), path=str(folder)),)
     found = [_described_scene(scene) for scene in scenes]
     found += [_described_reference(*each) for each in zip_longest(references, images)]
     for number, plot in enumerate(found):

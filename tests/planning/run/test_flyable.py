@@ -13,7 +13,7 @@ from fieldkit.clouds import Cloud, Volume
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.missions.export import route_plan
 from fieldkit.planning.run.flyable import check_views, plan_needs_rtk, read_vehicle, vehicle_envelope
-from fieldkit.planning.run.request import PlanRequest, resumed_settings, search_settings
+from fieldkit.planning.run.request import resumed_settings, search_settings
 from fieldkit.planning.settings import EnvelopeSettings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
@@ -131,8 +131,8 @@ def test_a_camera_that_is_given_is_taken_instead(tmp_path: Path) -> None:
     assert found.camera.width == 640
     assert found.vehicle is not None
     with pytest.raises(UsageError, match="did not begin with camera"):
-        resumed_settings(found, PlanRequest({}, {}, {}, camera=_other(tmp_path)))
-    assert resumed_settings(found, PlanRequest({}, {}, {}, camera=file)) == found
+        resumed_settings(found, camera=_other(tmp_path))
+    assert resumed_settings(found, camera=file) == found
 
 
 def _other(folder: Path) -> Path:
@@ -144,18 +144,18 @@ def _other(folder: Path) -> Path:
 def test_a_run_goes_on_for_the_vehicle_it_began_with(tmp_path: Path) -> None:
     began = search_settings(scene=Path("demo"), vehicle="ardupilot-pitch")
     assert (began.vehicle.name, began.vehicle.title) == ("ardupilot-pitch", "ArduCopter quad with a pitch gimbal")
-    assert resumed_settings(began, PlanRequest({}, {}, {})) == began
-    assert resumed_settings(began, PlanRequest({}, {}, {"height_m": (1.0, 2.5)}, vehicle="ardupilot-pitch")) == began
+    assert resumed_settings(began) == began
+    assert resumed_settings(began, envelope={"height_m": (1.0, 2.5)}, vehicle="ardupilot-pitch") == began
     with pytest.raises(UsageError, match="did not begin with vehicle = px4-gimbal"):
-        resumed_settings(began, PlanRequest({}, {}, {}, vehicle="px4-gimbal"))
+        resumed_settings(began, vehicle="px4-gimbal")
     with pytest.raises(UsageError, match="did not begin with vehicle"):
-        resumed_settings(bowl_settings(), PlanRequest({}, {}, {}, vehicle="ardupilot-pitch"))
+        resumed_settings(bowl_settings(), vehicle="ardupilot-pitch")
     copy = tmp_path / "mine.toml"
     copy.write_bytes((vehicles_folder() / "ardupilot-pitch.toml").read_bytes())
-    assert resumed_settings(began, PlanRequest({}, {}, {}, vehicle=copy)) == began
+    assert resumed_settings(began, vehicle=copy) == began
     copy.write_text(copy.read_text().replace("min_height_m = 1.0", "min_height_m = 1.1"))
     with pytest.raises(UsageError, match=r"did not begin with vehicle = mine\.toml as it is now"):
-        resumed_settings(began, PlanRequest({}, {}, {}, vehicle=copy))
+        resumed_settings(began, vehicle=copy)
 
 
 class Notes(Silent):

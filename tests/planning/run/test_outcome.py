@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from fieldkit.errors import UsageError
 from fieldkit.planning.methods.registry import METHODS, MethodEntry
 from fieldkit.planning.run.outcome import plants_of, run_schemas
-from fieldkit.planning.run.request import PlanRequest, resumed_settings, search_settings
+from fieldkit.planning.run.request import resumed_settings, search_settings
 from tests.planning.bowl import bowl_problem
 
 SCHEMAS = Path(__file__).parents[3] / "docs" / "schemas"
@@ -103,10 +103,10 @@ def test_a_run_on_several_plots_goes_on_with_them_only(tmp_path: Path) -> None:
     names = ("case-1", "case-2", "case-3")
     settings = search_settings(scene=[Path(name) for name in names[:2]])
     assert [given.source.name for given in settings.given] == ["case-1.toml", "case-2.toml"]
-    assert resumed_settings(settings, PlanRequest({}, {}, {}, (Path("case-1"), Path("case-2")))) == settings
+    assert resumed_settings(settings, scene=names[:2]) == settings
     for wrong in (("case-1",), ("case-1", "case-3"), names):
         with pytest.raises(UsageError, match="planned on"):
-            resumed_settings(settings, PlanRequest({}, {}, {}, tuple(Path(name) for name in wrong)))
+            resumed_settings(settings, scene=wrong)
 
 
 def test_a_plan_says_where_the_plants_are() -> None:
