@@ -205,6 +205,5 @@ def _lattice(problem: PlanningProblem, step: float) -> Array:
         count = int((high - low) / step) + 1
         axes.append(0.5 * (low + high) + step * (np.arange(count) - 0.5 * (count - 1)))
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    points[:, 2] += envelope.ground_m(points)
     free: Array = points[envelope.position_violation(points) <= 0.0]
     return free

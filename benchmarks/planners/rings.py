@@ -116,7 +116,7 @@ class Cap:
 
     def cameras(self, problem: PlanningProblem) -> Cameras:
         """The cameras, which may be infeasible."""
-        middle = float(problem.center[2] - problem.envelope.ground_m(problem.center[None])[0])
+        middle = float(problem.center[2])
         low, high = problem.envelope.height_m
         highest = float(np.clip(middle + self.distance_m, low, high))
         lowest = low + self.left_out * (highest - low)

@@ -40,8 +40,6 @@ class Coding:
     low: Array
     high: Array
     """(3,) limits of x, y and the height above ground, metres."""
-    ground: tuple[float, float, float]
-    """a, b, c of the ground z = a·x + b·y + c."""
     pitch_deg: tuple[float, float]
     """The gimbal's range; aims are cut to it."""
     center: Array
@@ -55,19 +53,19 @@ class Coding:
         low, high = np.array([envelope.x_m, envelope.y_m, envelope.height_m], dtype=np.float64).T
         pitch = np.array(envelope.pitch_deg)
         if views is not None:
-            places = _places(views, envelope.ground)
-            low, high = np.minimum(low, places.min(axis=0)), np.maximum(high, places.max(axis=0))
+            positions = views.positions
+            low, high = np.minimum(low, positions.min(axis=0)), np.maximum(high, positions.max(axis=0))
             pitch = np.array([min(pitch[0], views.pitch_deg.min()), max(pitch[1], views.pitch_deg.max())])
         lower, upper = np.array(envelope.target.lower), np.array(envelope.target.upper)
         return cls(
-            low, high, envelope.ground, (float(pitch[0]), float(pitch[1])),
+            low, high, (float(pitch[0]), float(pitch[1])),
             0.5 * (lower + upper), 0.5 * float(np.linalg.norm(upper - lower)),
         )  # fmt: skip
 
     def encode(self, cameras: Cameras) -> Array:
         """The code u (5n,) of n cameras; values beyond the limits are cut to them."""
         span = self.high - self.low
-        share = (_places(cameras, self.ground) - self.low) / np.where(span > 0, span, 1.0)
+        share = (cameras.positions - self.low) / np.where(span > 0, span, 1.0)
         share[:, span <= 0] = 0.5
         distance, ahead, right, up = self._sight(cameras.positions)
         forward = cameras.forward
@@ -82,8 +80,6 @@ class Coding:
             raise ValueError(f"a code has {len(code)} entries, which is no multiple of {PER_CAMERA}")
         share = np.clip(np.array(code, dtype=np.float64).reshape(-1, PER_CAMERA), 0.0, 1.0)
         positions = np.clip(self.low + share[:, :3] * (self.high - self.low), self.low, self.high)
-        a, b, c = self.ground
-        positions[:, 2] += a * positions[:, 0] + b * positions[:, 1] + c
         _, _, right, up = self._sight(positions)
         offsets = self.reach_m * (2.0 * share[:, 3:] - 1.0)
         aimed = Cameras.aimed(positions, self.center + offsets[:, :1] * right + offsets[:, 1:] * up)
@@ -98,13 +94,6 @@ class Coding:
         length = np.linalg.norm(level, axis=1)[:, None]
         right = np.where(length > 0, level / np.where(length > 0, length, 1.0), _EAST)
         return distance, ahead, right, np.cross(right, ahead)
-
-
-def _places(cameras: Cameras, ground: tuple[float, float, float]) -> Array:
-    """(n, 3) x, y and height above the ground."""
-    a, b, c = ground
-    x, y, z = cameras.positions.T
-    return np.column_stack([x, y, z - (a * x + b * y + c)])
 
 
 @dataclass(frozen=True, eq=False)

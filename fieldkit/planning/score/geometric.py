@@ -183,7 +183,6 @@ def _plot_points(problem: PlanningProblem, surface: Surface) -> Array:
     places = (np.arange(_GRID) + 0.5) / _GRID
     axes = [low[k] - _AROUND_M + places * (high[k] - low[k] + 2.0 * _AROUND_M) for k in (0, 1)]
     ground = np.stack([*np.meshgrid(*axes, indexing="ij"), np.zeros((_GRID, _GRID))], axis=-1).reshape(-1, 3)
-    ground[:, 2] = problem.envelope.ground_m(ground)
     every = max(1, len(surface) // _PICTURED)
     return np.vstack([ground, surface.points[::every]])
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -34,29 +34,6 @@ _BATCHES = 500
 
 
 @dataclass(frozen=True, eq=False)
-class Violations:
-    """Violation of each constraint by each camera: positive outside, negative inside."""
-
-    bounds_m: Array
-    """(n,) horizontal distance out of the plot's flight box."""
-    height_m: Array
-    """(n,) out of the height band."""
-    plants_m: Array
-    """(n,) missing clearance to the plants; with a vehicle, the missing height over leaves if that is more."""
-    separation_m: Array
-    """(n,) missing distance to the nearest other camera."""
-    pitch_deg: Array
-    """(n,) out of the gimbal's range."""
-
-    @property
-    def largest(self) -> Array:
-        """(n,) the worst one per camera, metres; a degree counts as a centimetre."""
-        lengths = [self.bounds_m, self.height_m, self.plants_m, self.separation_m, 0.01 * self.pitch_deg]
-        worst: Array = np.max(lengths, axis=0)
-        return worst
-
-
-@dataclass(frozen=True, eq=False)
 class Envelope:
     """The feasible set Z for level cameras on a copter's gimbal, in the plot frame. All methods plan within one."""
 
@@ -64,11 +41,9 @@ class Envelope:
     y_m: tuple[float, float]
     """Bounds of the camera centres: the plot with its margin."""
     height_m: tuple[float, float]
-    """Least and greatest height above the ground, vertical."""
+    """Least and greatest height above the ground, which is z = 0."""
     target: Volume
     """Volume that sampled cameras look at."""
-    ground: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """a, b, c of the ground z = a·x + b·y + c."""
     plants: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
     """(m, 3) points of the plants; no camera may be within ``clearance_m`` of one."""
     clearance_m: float = 0.5
@@ -102,11 +77,7 @@ class Envelope:
         *,
         margin_m: float = 1.5,
         height_m: tuple[float, float] = (0.5, 2.5),
-        ground: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        clearance_m: float = 0.5,
-        pitch_deg: tuple[float, float] = (-90.0, 0.0),
-        separation_m: float = 0.10,
-        vehicle_clearance_m: float | None = None,
+        **limits: Any,
     ) -> Envelope:
         """An envelope about a plot's plants.
 
@@ -114,14 +85,12 @@ class Envelope:
             plants: the proxy's obstacles or the reference, (m, 3); thinned to one point per 2 cm.
             margin_m: how far beyond it cameras may stand, horizontally.
             height_m: band above the ground.
-            ground: a, b, c of z = a·x + b·y + c.
-            vehicle_clearance_m: of a vehicle to the plants.
+            limits: further attributes, such as ``clearance_m``.
         """
         low, high = np.array(target.lower) - margin_m, np.array(target.upper) + margin_m
-        return cls(
-            (float(low[0]), float(high[0])), (float(low[1]), float(high[1])), height_m, target, ground,
-            voxel_thin(plants, _THINNED_M).points, clearance_m, pitch_deg, separation_m, vehicle_clearance_m,
-        )  # fmt: skip
+        thinned = voxel_thin(plants, _THINNED_M).points
+        x_m, y_m = (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
+        return cls(x_m, y_m, height_m, target, plants=thinned, **limits)
 
     @cached_property
     def _index(self) -> PointIndex | None:
@@ -153,32 +122,19 @@ class Envelope:
             station_distance_m=self.separation_m, pitch_deg=self.pitch_deg,
         )  # fmt: skip
 
-    def ground_m(self, positions: Array) -> Array:
-        """(n,) z of the ground below positions (n, 3)."""
-        a, b, c = self.ground
-        level: Array = a * positions[:, 0] + b * positions[:, 1] + c
-        return level
-
     def position_violation(self, positions: Array) -> Array:
         """(n,) signed violation of bounds, height band and clearance by single positions (n, 3), metres."""
         parts = [self._bounds(positions), self._height(positions), self._plants(positions)]
         worst: Array = np.max(parts, axis=0)
         return worst
 
-    def violations(self, cameras: Cameras) -> Violations:
-        """The signed violation of each constraint by each camera."""
-        low, high = self.pitch_deg
-        return Violations(
-            bounds_m=self._bounds(cameras.positions),
-            height_m=self._height(cameras.positions),
-            plants_m=self._plants(cameras.positions),
-            separation_m=self.separation_m - _nearest_other(cameras.positions),
-            pitch_deg=np.maximum(low - cameras.pitch_deg, cameras.pitch_deg - high),
-        )
-
     def contains(self, cameras: Cameras) -> bool:
-        """Whether every camera keeps every constraint."""
-        return bool((self.violations(cameras).largest <= 0.01 * TOLERANCE).all())
+        """Whether every camera keeps every constraint; a degree of pitch counts as a centimetre."""
+        (low, high), pitch = self.pitch_deg, cameras.pitch_deg
+        too_near = self.separation_m - _nearest_other(cameras.positions)
+        turned = 0.01 * np.maximum(low - pitch, pitch - high)
+        worst = np.max([self.position_violation(cameras.positions), too_near, turned], axis=0)
+        return bool((worst <= 0.01 * TOLERANCE).all())
 
     def sample(
         self, count: int, seed: int, *, radius_m: tuple[float, float] | None = None,
@@ -211,7 +167,6 @@ class Envelope:
         high = (self.x_m[1], self.y_m[1], self.height_m[1])
         for _ in range(_BATCHES):
             drawn = rng.uniform(low, high, (_BATCH, 3))
-            drawn[:, 2] += self.ground_m(drawn)
             away = np.linalg.norm(drawn[:, :2] - self.target.center[:2], axis=1)
             free = (away >= radius_m[0]) & (away <= radius_m[1]) & (distance_to(drawn, others) >= self.separation_m)
             free[free] = self.position_violation(drawn[free]) <= 0.0
@@ -226,7 +181,7 @@ class Envelope:
         return worst
 
     def _height(self, positions: Array) -> Array:
-        height = positions[:, 2] - self.ground_m(positions)
+        height = positions[:, 2]
         worst: Array = np.maximum(self.height_m[0] - height, height - self.height_m[1])
         return worst
 

@@ -190,7 +190,6 @@ def placed(problem: PlanningProblem, azimuth_deg: Array, radius_m: Array, altitu
     x, y, _ = problem.center
     turn = np.radians(azimuth_deg)
     positions = np.column_stack([x + radius_m * np.sin(turn), y + radius_m * np.cos(turn), altitude_m])
-    positions[:, 2] += problem.envelope.ground_m(positions)
     return Cameras.aimed(positions, np.array([x, y, aim_m]))
 
 

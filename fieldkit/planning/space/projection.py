@@ -74,23 +74,14 @@ def _free(positions: Array, others: Array, envelope: Envelope) -> NDArray[np.boo
 
 def _clipped(positions: Array, envelope: Envelope) -> Array:
     """Positions (n, 3) cut to the bounds and the height band."""
-    moved = positions.copy()
-    moved[:, 0] = np.clip(moved[:, 0], *envelope.x_m)
-    moved[:, 1] = np.clip(moved[:, 1], *envelope.y_m)
-    ground = envelope.ground_m(moved)
-    low, high = envelope.height_m
-    moved[:, 2] = np.clip(moved[:, 2], ground + low, ground + high)
-    # Rounding of ground + low must not leave a position just below the band.
-    height = moved[:, 2] - ground
-    moved[:, 2] = np.where(height < low, np.nextafter(moved[:, 2], np.inf), moved[:, 2])
-    moved[:, 2] = np.where(height > high, np.nextafter(moved[:, 2], -np.inf), moved[:, 2])
-    return moved
+    limits = np.array([envelope.x_m, envelope.y_m, envelope.height_m])
+    clipped: Array = np.clip(positions, limits[:, 0], limits[:, 1])
+    return clipped
 
 
 def _lattice(envelope: Envelope) -> Array:
     axes = [np.linspace(*limits, _LATTICE) for limits in (envelope.x_m, envelope.y_m, envelope.height_m)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    points[:, 2] += envelope.ground_m(points)
     return _clipped(points, envelope)
 
 

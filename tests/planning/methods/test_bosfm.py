@@ -20,7 +20,7 @@ from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
-from tests.planning.space.test_envelope import FLAT, SLOPED
+from tests.planning.space.test_envelope import FLAT, NARROW
 
 QUICK = 4
 """Initial trials."""
@@ -65,7 +65,7 @@ def begun() -> tuple[PlanningProblem, list[Result]]:
 
 
 @given(
-    st.sampled_from([problem(4), problem(4, SLOPED), problem(5, views=9)]),
+    st.sampled_from([problem(4), problem(4, NARROW), problem(5, views=9)]),
     st.integers(0, 2**31),
     st.integers(1, 8),
     st.integers(0, 2),

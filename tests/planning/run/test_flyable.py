@@ -1,5 +1,6 @@
 """Plans within a vehicle's limits: whatever the envelope lets through, the vehicle's mission takes as it is."""
 
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -93,9 +94,9 @@ def test_below_leaves_is_no_place_for_a_vehicle() -> None:
         look = Cameras(at, np.zeros(1), np.full(1, -30.0))
         with pytest.raises(MissionError, match="the plants of plot"):
             route_plan(plan_of(look, envelope), load_vehicle("ardupilot-pitch"), SITE)
-    lacking = envelope.violations(Cameras(below, np.zeros(1), np.zeros(1))).plants_m[0]
-    assert lacking == pytest.approx(2.2 + 0.5 - 1.2, abs=0.15)
-    assert envelope.violations(Cameras(above, np.zeros(1), np.zeros(1))).plants_m[0] < 0.0
+    high = replace(envelope, height_m=(0.5, 4.0))
+    assert high.position_violation(below)[0] == pytest.approx(2.2 + 0.5 - 1.2, abs=0.15)
+    assert high.position_violation(above)[0] < 0.0
     anyone = Envelope.around(palms(), TARGET, clearance_m=envelope.clearance_m)
     assert anyone.position_violation(below)[0] < 0
 
