@@ -36,15 +36,8 @@ class CacheWarning(UserWarning):
     """The cache cannot be used; the run goes on without it."""
 
 
-class StageSize(NamedTuple):
-    """The entries of one stage."""
-
-    entries: int
-    bytes: int
-
-
-class Removed(NamedTuple):
-    """The entries removed by pruning."""
+class Size(NamedTuple):
+    """How many entries there are, of a stage or removed, and how large they are."""
 
     entries: int
     bytes: int
@@ -157,15 +150,15 @@ class StageCache:
             self.put(stage, key, arrays)
         return arrays
 
-    def sizes(self) -> dict[str, StageSize]:
+    def sizes(self) -> dict[str, Size]:
         """Entries and bytes of every stage, by name."""
-        sizes: dict[str, StageSize] = {}
+        sizes: dict[str, Size] = {}
         for entry in self._entries():
-            before = sizes.get(entry.stage, StageSize(0, 0))
-            sizes[entry.stage] = StageSize(before.entries + 1, before.bytes + entry.bytes)
+            before = sizes.get(entry.stage, Size(0, 0))
+            sizes[entry.stage] = Size(before.entries + 1, before.bytes + entry.bytes)
         return dict(sorted(sizes.items()))
 
-    def prune(self, *, max_bytes: int | None = None, older_than: float | None = None) -> Removed:
+    def prune(self, *, max_bytes: int | None = None, older_than: float | None = None) -> Size:
         """Remove entries not used for ``older_than`` seconds, then the longest unused until ``max_bytes`` are left.
 
         Half-written files of killed runs are removed too.
@@ -188,9 +181,9 @@ class StageCache:
             freed += entry.bytes
             count += 1
         self._remove_empty_folders()
-        return Removed(count, freed)
+        return Size(count, freed)
 
-    def clear(self) -> Removed:
+    def clear(self) -> Size:
         """Remove every entry; other files stay."""
         return self.prune(max_bytes=-1)
 

@@ -9,7 +9,7 @@ import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -162,12 +162,17 @@ def atomic_folder(target: Path, *, overwrite: bool = False, marker: str | None =
     """
     target = _absolute(target)
     _check_target(target, overwrite, marker)
+
+    def made() -> Path:
+        partial.mkdir()
+        return partial
+
     with storage_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         _remove_abandoned(target)
         partial, held = _partial_name(target), None
         try:
-            held = _make_locked(partial)
+            _, held = locked_folder(made)
             _check_alone(partial, target)
             yield partial
             _sync_tree(partial)
@@ -244,17 +249,20 @@ def _check_target(target: Path, overwrite: bool, marker: str | None) -> None:
         )
 
 
-def _make_locked(partial: Path) -> int | None:
-    """Make the folder; returns a descriptor whose lock shows that this process is alive, or None where none can."""
+def locked_folder(make: Callable[[], Path]) -> tuple[Path, int | None]:
+    """A folder that ``make`` makes, and a descriptor whose lock shows that this process lives, None where none can."""
     while True:
-        partial.mkdir()
-        descriptor = open_folder(partial)
+        folder = make()
+        try:
+            descriptor = open_folder(folder)
+        except FileNotFoundError:
+            continue  # another run removed it before it was opened
         if descriptor is None:
-            return None
+            return folder, None
         with suppress(OSError):  # a file system without locks, where no folder counts as abandoned
             lock(descriptor)
-        if partial.exists():
-            return descriptor
+        if folder.exists():
+            return folder, descriptor
         os.close(descriptor)  # another run removed it before it was locked
 
 
@@ -270,34 +278,31 @@ def _check_alone(partial: Path, target: Path) -> None:
 
 
 def _is_locked(place: Path) -> bool:
-    try:
-        descriptor = open_folder(place)
-    except OSError:
-        return False  # it is gone
+    with suppress(OSError), _opened(place) as descriptor:  # it is gone, or a file system without locks
+        try:
+            lock(descriptor, shared=True)
+        except BlockingIOError:
+            return True
+    return False
+
+
+@contextmanager
+def _opened(place: Path) -> Iterator[int]:
+    """A folder's descriptor; an OSError where the system gives none."""
+    descriptor = open_folder(place)
     if descriptor is None:
-        return False
+        raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS))
     try:
-        lock(descriptor, shared=True)
-    except BlockingIOError:
-        return True
-    except OSError:
-        return False  # a file system without locks
+        yield descriptor
     finally:
         os.close(descriptor)
-    return False
 
 
 def remove_if_abandoned(place: Path) -> None:
     """Remove a hidden folder of `atomic_folder` whose maker no longer lives; one that is locked stays."""
-    with suppress(OSError):
-        descriptor = open_folder(place)
-        if descriptor is None:
-            return
-        try:
-            lock(descriptor)
-            shutil.rmtree(place, ignore_errors=True)
-        finally:
-            os.close(descriptor)
+    with suppress(OSError), _opened(place) as descriptor:
+        lock(descriptor)
+        shutil.rmtree(place, ignore_errors=True)
 
 
 def _remove_abandoned(target: Path) -> None:

@@ -31,8 +31,8 @@ from fieldkit.results.finding import Finding
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE, file_sha256
 from fieldkit.results.visit import VISITS_FOLDER, Visit
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.executor import NoWorkersError
 from fieldkit.runtime.progress import Progress
+from fieldkit.runtime.worker import NoWorkersError
 from fieldkit.wording import count
 
 LOCK_FILE = ".lock"

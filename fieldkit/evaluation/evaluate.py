@@ -31,9 +31,9 @@ from fieldkit.results.fields import clean_text
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import EVALUATION_FILE, file_sha256
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.executor import NoWorkersError
 from fieldkit.runtime.machine import Spent
 from fieldkit.runtime.progress import Progress
+from fieldkit.runtime.worker import NoWorkersError
 from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.vocabulary import DISTANCES_M
 

@@ -33,8 +33,8 @@ from fieldkit.results.fields import vector
 from fieldkit.results.finding import COARSE_RASTERS, NO_RASTERS, OTHER_PLANTS, POSITIONS_LAG, WEAKLY_TIED, Finding
 from fieldkit.results.report_files import EVALUATION_FILE, describe_files, save_report
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.executor import NoWorkersError
 from fieldkit.runtime.machine import Spent
+from fieldkit.runtime.worker import NoWorkersError
 from fieldkit.wording import count
 
 PLOTS_FILE = "plots.csv"

@@ -15,8 +15,8 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from fieldkit.errors import UsageError
-from fieldkit.runtime.executor import Limits, NoWorkersError, WorkerError
 from fieldkit.runtime.threads import limit_threads
+from fieldkit.runtime.worker import Limits, NoWorkersError, WorkerError
 
 _TOO_LONG = 4
 TRUSTED = "FIELDKIT_TRUSTED_NETWORK"

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from fieldkit.cache import StageCache, default_cache_root
-from fieldkit.runtime.executor import Limits, check_main_guard, map_parallel, open_executor
+from fieldkit.runtime.executor import check_main_guard, map_parallel, open_executor
 from fieldkit.runtime.progress import Progress, Silent
+from fieldkit.runtime.worker import Limits
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

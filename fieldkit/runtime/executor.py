@@ -25,9 +25,9 @@ from typing import Any, TypeVar
 
 import psutil
 
-from fieldkit.errors import FieldkitError, UsageError
+from fieldkit.errors import UsageError
 from fieldkit.runtime.threads import set_memory_environment, set_thread_environment
-from fieldkit.runtime.worker import Answer, work
+from fieldkit.runtime.worker import Answer, Limits, NoWorkersError, WorkerError, work
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -39,14 +39,6 @@ _START_S = 300.0
 """Time for a worker to start: importing libraries, making its state."""
 _FINISH_S = 10.0
 """Seconds that workers have to finish writing when a map is interrupted."""
-
-
-class WorkerError(FieldkitError):
-    """The worker of a call died at every attempt."""
-
-
-class NoWorkersError(FieldkitError):
-    """Workers do not start, or cannot be reached."""
 
 
 def lacks_main_guard() -> bool:
@@ -82,20 +74,6 @@ def check_main_guard() -> None:
             path=getattr(sys.modules["__main__"], "__file__", None),
             remedy='Put it below `if __name__ == "__main__":`, or give workers=1.',
         )
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Limits of a worker."""
-
-    seconds: float = math.inf
-    """Wall time of one call; then the worker is killed."""
-    memory_bytes: float = math.inf
-    """Resident memory, polled five times a second; above it the worker is killed. Address space is not limited, since
-    graphics drivers and compiled kernels reserve more than they use.
-    """
-    finish_seconds: float = 0.0
-    """Time to finish a call when the executor is left by an error; then the worker is killed."""
 
 
 @contextmanager

@@ -15,14 +15,6 @@ _UNLIMITED = 1 << 60  # cgroup v1 writes a huge number where v2 writes "max"
 
 
 @dataclass(frozen=True)
-class Limits:
-    """The limits of control groups (Linux; None: no limit)."""
-
-    cores: float | None = None
-    memory_bytes: int | None = None
-
-
-@dataclass(frozen=True)
 class Machine:
     """The resources of this process."""
 
@@ -38,14 +30,14 @@ def this_machine() -> Machine:
     """Cores by CPU affinity and quota, memory as installed and allowed."""
     import psutil
 
-    limits = cgroup_limits()
+    most_cores, most_bytes = cgroup_limits()
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if limits.cores is not None:
-        cores = min(cores, max(1, round(limits.cores)))
+    if most_cores is not None:
+        cores = min(cores, max(1, round(most_cores)))
     memory = psutil.virtual_memory()
     total, available = int(memory.total), int(memory.available)
-    if limits.memory_bytes is not None and limits.memory_bytes < total:
-        total = limits.memory_bytes
+    if most_bytes is not None and most_bytes < total:
+        total = most_bytes
         available = min(available, max(0, total - int(psutil.Process().memory_info().rss)))
     return Machine(cores, total, available)
 
@@ -56,15 +48,18 @@ def usual_workers() -> int:
     return max(1, min(machine.cores, machine.available_bytes // _WORKER_BYTES))
 
 
-def cgroup_limits(proc: Path = Path("/proc/self/cgroup"), root: Path = Path("/sys/fs/cgroup")) -> Limits:
-    """The tightest limits on the way from this process's control groups up to the root (cgroup v1 and v2).
+def cgroup_limits(
+    proc: Path = Path("/proc/self/cgroup"), root: Path = Path("/sys/fs/cgroup")
+) -> tuple[float | None, int | None]:
+    """The least cores and bytes of memory on the way from this process's control groups up to the root; None: no limit.
 
+    Linux alone has them, cgroup v1 and v2.
     ``proc`` names the process's groups, as in cgroups(7); ``root`` is where the hierarchies are mounted.
     """
     try:
         lines = proc.read_text("utf-8", "replace").splitlines()
     except OSError:
-        return Limits()
+        return None, None
     cores: list[float] = []
     memory: list[int] = []
     for line in lines:
@@ -73,7 +68,7 @@ def cgroup_limits(proc: Path = Path("/proc/self/cgroup"), root: Path = Path("/sy
         for folder in _folders(root, controllers, group):
             cores += [value for value in (_cores(folder),) if value is not None]
             memory += [value for value in (_memory(folder),) if value is not None]
-    return Limits(min(cores, default=None), min(memory, default=None))
+    return min(cores, default=None), min(memory, default=None)
 
 
 def _folders(root: Path, controllers: str, group: str) -> Iterator[Path]:

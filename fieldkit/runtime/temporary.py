@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from fieldkit.files import lock, open_folder, remove_if_abandoned
+from fieldkit.files import locked_folder, remove_if_abandoned
 
 _PREFIX = "fieldkit-run-"
 _VARIABLES = ("TMPDIR", "TEMP", "TMP")
@@ -27,7 +27,7 @@ def temporary_folder() -> Iterator[None]:
             if not other.is_symlink():
                 remove_if_abandoned(other)
     try:
-        folder, held = _made()
+        folder, held = locked_folder(lambda: Path(tempfile.mkdtemp(prefix=_PREFIX)))
     except OSError:
         yield
         return
@@ -46,20 +46,3 @@ def temporary_folder() -> Iterator[None]:
         shutil.rmtree(folder, ignore_errors=True)
         if held is not None:
             os.close(held)
-
-
-def _made() -> tuple[Path, int | None]:
-    """A folder, and a descriptor whose lock shows that this process lives; None where there are no locks."""
-    while True:
-        folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
-        try:
-            descriptor = open_folder(folder)
-            if descriptor is None:
-                return folder, None
-            with suppress(OSError):  # a file system without locks, where no folder counts as abandoned
-                lock(descriptor)
-        except FileNotFoundError:
-            continue  # another run removed it before it was locked
-        if folder.exists():
-            return folder, descriptor
-        os.close(descriptor)

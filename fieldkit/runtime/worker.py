@@ -1,7 +1,8 @@
-"""The inside of a worker process: it answers calls until its executor closes the connection."""
+"""The inside of a worker process: it answers calls until its executor closes the connection. Its limits and errors."""
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import os
 import pickle
@@ -16,9 +17,32 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from fieldkit.errors import FieldkitError
 from fieldkit.runtime.threads import limit_threads
 
 _ORPHANED = 3
+
+
+class WorkerError(FieldkitError):
+    """The worker of a call died at every attempt."""
+
+
+class NoWorkersError(FieldkitError):
+    """Workers do not start, or cannot be reached."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of a worker."""
+
+    seconds: float = math.inf
+    """Wall time of one call; then the worker is killed."""
+    memory_bytes: float = math.inf
+    """Resident memory, polled five times a second; above it the worker is killed. Address space is not limited, since
+    graphics drivers and compiled kernels reserve more than they use.
+    """
+    finish_seconds: float = 0.0
+    """Time to finish a call when the executor is left by an error; then the worker is killed."""
 
 
 @dataclass(frozen=True)

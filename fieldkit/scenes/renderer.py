@@ -159,14 +159,6 @@ class Renderer:
         self._gl.viewport_width, self._gl.viewport_height = intrinsics.width, intrinsics.height
 
 
-def render(
-    scene: Scene, pose: Pose, intrinsics: Intrinsics, *, samples: int = 4
-) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """One photograph and depth map; for more than one keep a `Renderer`."""
-    with Renderer(scene) as renderer:
-        return renderer.render(pose, intrinsics, samples=samples)
-
-
 def _box(vertices: NDArray[np.floating]) -> NDArray[np.float64]:
     """(8, 3) corners of the axis-aligned box; (0, 3) where there are no vertices."""
     if not len(vertices):

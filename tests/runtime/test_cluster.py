@@ -16,7 +16,8 @@ from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.run.evaluations import Evaluations, Job
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.cluster import TRUSTED, Cluster, check_scheduler
-from fieldkit.runtime.executor import Limits, NoWorkersError, WorkerError, open_executor
+from fieldkit.runtime.executor import open_executor
+from fieldkit.runtime.worker import Limits, NoWorkersError, WorkerError
 from tests.planning.bowl import here
 from tests.planning.traps import EXIT, REFUSE, SLOW, Trap, job_cameras
 

@@ -15,7 +15,8 @@ import pytest
 
 from fieldkit.cache import CacheWarning
 from fieldkit.errors import UsageError
-from fieldkit.runtime.executor import Processes, WorkerError, map_parallel, map_threads
+from fieldkit.runtime.executor import Processes, map_parallel, map_threads
+from fieldkit.runtime.worker import WorkerError
 
 LIMIT_S = 120.0
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.runtime.machine import Limits, Machine, cgroup_limits, this_machine, usual_workers
+from fieldkit.runtime.machine import Machine, cgroup_limits, this_machine, usual_workers
 
 
 def tree(root: Path, files: dict[str, str]) -> Path:
@@ -19,17 +19,17 @@ def tree(root: Path, files: dict[str, str]) -> Path:
 @pytest.mark.parametrize(
     ("groups", "files", "expected"),
     [
-        ("0::/\n", {}, Limits()),
-        ("0::/\n", {"cpu.max": "150000 100000\n", "memory.max": "1073741824\n"}, Limits(1.5, 1 << 30)),
-        ("0::/\n", {"cpu.max": "max 100000\n", "memory.max": "max\n"}, Limits()),
+        ("0::/\n", {}, (None, None)),
+        ("0::/\n", {"cpu.max": "150000 100000\n", "memory.max": "1073741824\n"}, (1.5, 1 << 30)),
+        ("0::/\n", {"cpu.max": "max 100000\n", "memory.max": "max\n"}, (None, None)),
         # The tightest on the way up counts.
         (
             "0::/slurm/job\n",
             {"slurm/memory.max": "4096\n", "slurm/job/memory.max": "8192\n", "slurm/job/cpu.max": "100000 100000\n"},
-            Limits(1.0, 4096),
+            (1.0, 4096),
         ),
         # A container sees its own group at the root, whatever path the process file gives.
-        ("0::/docker/abc\n", {"memory.max": "4096\n"}, Limits(None, 4096)),
+        ("0::/docker/abc\n", {"memory.max": "4096\n"}, (None, 4096)),
         (
             "4:memory:/job\n3:cpu,cpuacct:/job\n",
             {
@@ -38,12 +38,12 @@ def tree(root: Path, files: dict[str, str]) -> Path:
                 "cpu/job/cpu.cfs_quota_us": "400000\n",
                 "cpu/job/cpu.cfs_period_us": "100000\n",
             },
-            Limits(4.0, 2048),
+            (4.0, 2048),
         ),
-        ("3:cpu:/\n", {"cpu/cpu.cfs_quota_us": "-1\n", "cpu/cpu.cfs_period_us": "100000\n"}, Limits()),
+        ("3:cpu:/\n", {"cpu/cpu.cfs_quota_us": "-1\n", "cpu/cpu.cfs_period_us": "100000\n"}, (None, None)),
     ],
 )
-def test_cgroup_limits(tmp_path: Path, groups: str, files: dict[str, str], expected: Limits) -> None:
+def test_cgroup_limits(tmp_path: Path, groups: str, files: dict[str, str], expected: object) -> None:
     (tmp_path / "cgroup").write_text(groups)
     assert cgroup_limits(tmp_path / "cgroup", tree(tmp_path / "fs", files)) == expected
 
@@ -52,7 +52,7 @@ def test_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     machine = this_machine()
     assert 1 <= machine.cores <= (os.cpu_count() or 1)
     assert 0 < machine.available_bytes <= machine.memory_bytes
-    monkeypatch.setattr("fieldkit.runtime.machine.cgroup_limits", lambda: Limits(0.5, 1 << 20))
+    monkeypatch.setattr("fieldkit.runtime.machine.cgroup_limits", lambda: (0.5, 1 << 20))
     assert this_machine().cores == 1
     assert this_machine().memory_bytes == 1 << 20
     assert this_machine().available_bytes == 0

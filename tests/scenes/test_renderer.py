@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.scenes.renderer import Renderer, RenderingError, render
+from fieldkit.scenes.renderer import Renderer, RenderingError
 from fieldkit.scenes.scene import Mesh, Scene
 from fieldkit_sim.faces import vertex_normals
 
@@ -117,7 +117,8 @@ def test_the_same_view_twice_is_the_same_bytes_and_a_new_renderer_agrees(rendere
     first = renderer.photograph(POSE, CAMERA)
     renderer.photograph(Pose.look_at([1.0, 1.0, 1.0], [0.0, 0.0, 0.0]), CAMERA.scaled(320, 240), samples=0)
     assert np.array_equal(first, renderer.photograph(POSE, CAMERA))
-    image, depth = render(small_scene, POSE, CAMERA)
+    with Renderer(small_scene) as renderer:
+        image, depth = renderer.render(POSE, CAMERA)
     assert np.array_equal(image, first)
     assert np.array_equal(depth, renderer.depth(POSE, CAMERA))
 
@@ -211,7 +212,8 @@ def test_textures_of_any_width(width: int) -> None:
     texture = np.full((7, width, 3), (255, 0, 0), np.uint8)
     square = Mesh("square", corners, faces, uv=corners[:, :2] + 0.5, texture=texture)
     down = Pose.from_yaw_pitch([0.0, 0.0, 2.0], 0.0, -90.0)
-    image, _ = render(Scene((square,), background=(0.0, 0.0, 1.0)), down, Intrinsics.pinhole(64, 64, 64.0), samples=0)
+    with Renderer(Scene((square,), background=(0.0, 0.0, 1.0))) as renderer:
+        image = renderer.photograph(down, Intrinsics.pinhole(64, 64, 64.0), samples=0)
     assert set(map(tuple, image.reshape(-1, 3).tolist())) == {(255, 0, 0), (0, 0, 255)}
 
 

@@ -14,7 +14,7 @@ from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.objective import Objective
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.executor import Limits, WorkerError
+from fieldkit.runtime.worker import Limits, WorkerError
 from fieldkit.vocabulary import SearchFidelity
 
 _LIMITS = Limits(seconds=600.0, memory_bytes=4 << 30)

@@ -18,7 +18,7 @@ from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.run.evaluations import Evaluations, Job, evaluating
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.executor import Limits, NoWorkersError
+from fieldkit.runtime.worker import Limits, NoWorkersError
 from tests.planning.bowl import here
 from tests.planning.traps import EXIT, GROW, HANG, RAISE, REFUSE, SEGFAULT, SLOW, Trap, job_cameras
 
