@@ -1,9 +1,7 @@
 """Photographs that cannot be used: what is wrong, which file, what to do, the exit code, and nothing left over."""
 
 import json
-import struct
 import sys
-import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +11,10 @@ import pytest
 from PIL import Image
 
 from fieldkit.cli.main import main
+from tests.captures.photographs import bomb_png
 from tests.endtoend.commands import DRAFT, CommandLine, partial_folders, set_gps
 
 Photographs = Callable[..., Path]
-SIDE = 30_000
 
 
 @pytest.fixture(autouse=True)
@@ -24,17 +22,6 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("FIELDKIT_CACHE", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def huge_png(path: Path) -> None:
-    """A complete black image of 900 Mpx in 100 kB; decoded to RGB it takes 2.7 GB."""
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    header = struct.pack(">IIBBBBB", SIDE, SIDE, 1, 0, 0, 0, 0)
-    pixels = zlib.compress(bytes((1 + (SIDE + 7) // 8) * SIDE), 1)
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", pixels) + chunk(b"IEND", b""))
 
 
 def unlike(path: Path, seed: int) -> None:
@@ -149,7 +136,7 @@ def test_bad_files_among_good_ones(line: CommandLine, photographs: Photographs) 
     (folder / "text.jpg").write_text("not a photograph")
     (folder / "copy.jpg").write_bytes(good)
     (folder / "video.mp4").write_bytes(b"\0\0\0\x18ftypmp42")
-    huge_png(folder / "huge.png")
+    bomb_png(folder / "huge.png")
     before = {path.name: path.stat().st_mtime_ns for path in folder.iterdir()}
     done, peak_bytes = line.run_measured("reference", "photos", "-o", "out", *DRAFT, "--json")
     assert done.code == 0, done.err
