@@ -29,12 +29,13 @@ from fieldkit.missions.files.wpml import dji_model
 from fieldkit.missions.findings import Report, error, warning
 from fieldkit.missions.ground import Ground, ground_of
 from fieldkit.results.finding import Finding
+from fieldkit.results.mission import MissionHome
 from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Shot
 from fieldkit.routing.obstacles import Corners, Obstacles, Volume
 from fieldkit.sites.placement import SiteFrame, ground_below, grounds_m, home_of, place
 from fieldkit.sites.reach import Unreachable, nearest, needs_rtk
-from fieldkit.sites.site import Site, SiteHome
-from fieldkit.sites.site_obstacles import Canopy
+from fieldkit.sites.site import Site
+from fieldkit.sites.site_obstacles import Canopy, site_obstacles
 from fieldkit.vehicles.vehicle import Mount, Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from fieldkit.wording import count, listed
@@ -131,7 +132,7 @@ def check_on_ground(
     """
     if ground is None:
         return check_mission(read, vehicle, burst=burst)
-    site, obstacles = ground.site, ground.obstacles(vehicle.clearance_m)
+    site, obstacles = ground.site, site_obstacles(ground.site, vehicle.clearance_m, ground.plans)
     shots, moved = nearest(place(ground.plans, site) if compare else (), site, vehicle, obstacles)
     report = check_mission(
         read, vehicle, planned=shots, grounds=grounds_m(site, shots).tolist(), obstacles=obstacles,
@@ -193,19 +194,16 @@ def _stop_findings(read: ReadMission, vehicle: Vehicle) -> Iterator[Finding]:
         most = MOST_WAYPOINTS[read.format]
         yield error("too-many-items", f"the mission has {count} waypoints; {app} takes at most {most}")
     longest = LONGEST_STAY_S.get(read.format, math.inf)
-    for stop in read.stops:
-        for stay in (action for action in stop.actions if isinstance(action, Stay) and action.seconds > longest):
-            yield error(
-                "long-stay", f"stays for {stay.seconds:g} s; {app} pauses for at most {longest:g} s", stop.number
-            )
     camera = vehicle.camera
     own_mm = _FILM_MM * camera.fx / math.hypot(camera.width, camera.height)
     for stop in read.stops:
-        for shot in (action for action in stop.actions if isinstance(action, Shoot)):
-            if shot.focal_mm > _ZOOMED * own_mm:
-                what = f"a photograph at {shot.focal_mm:g} mm, and the profile's camera has {own_mm:.0f} mm"
+        for action in stop.actions:
+            if isinstance(action, Stay) and action.seconds > longest:
+                what = f"stays for {action.seconds:g} s; {app} pauses for at most {longest:g} s"
+                yield error("long-stay", what, stop.number)
+            elif isinstance(action, Shoot) and action.focal_mm > _ZOOMED * own_mm:
+                what = f"a photograph at {action.focal_mm:g} mm, and the profile's camera has {own_mm:.0f} mm"
                 yield error("unknown-item", cannot_say(f"waypoint {stop.number} has {what}"), stop.number)
-    for stop in read.stops:
         if stop.height_from != "home":
             what = f"its height is above the {stop.height_from}, not above take-off: what it comes to is not known"
             yield warning("datum", what, stop.number)
@@ -224,8 +222,6 @@ def _leg_findings(
             everything.append(_fence(read.fence, frame))
         except MissionError as refused:
             yield warning("fence", f"the file's fence cannot be checked: {refused.message}")
-    if not everything:
-        return
     ground = GeoPoint(origin.latitude_deg, origin.longitude_deg, 0.0)
     legs = [
         leg
@@ -252,7 +248,7 @@ def _leg_findings(
 def _frame(home: Home) -> SiteFrame:
     """The frame of the obstacles; a height of home that is none on Earth is taken as not known."""
     amsl = home.amsl_m if home.amsl_m is not None and -1000.0 <= home.amsl_m <= 10_000.0 else None
-    return SiteFrame(SiteHome(latitude_deg=home.latitude_deg, longitude_deg=home.longitude_deg, amsl_m=amsl))
+    return SiteFrame(MissionHome(latitude_deg=home.latitude_deg, longitude_deg=home.longitude_deg, amsl_m=amsl))
 
 
 _LEG_CODES = {

@@ -16,7 +16,7 @@ from fieldkit.routing.mission import Fence, GeoPoint, Mission, Shot, Via, burst_
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.sites.fit import PLOTS_NEAR, fit_report
 from fieldkit.sites.placement import PlotFrame, SiteFrame, grounds_m, home_of, landing_of
-from fieldkit.sites.plot_plants import PlotPlants, facts_of, plants_on
+from fieldkit.sites.plot_plants import facts_of, plants_on
 from fieldkit.sites.reach import Unreachable
 from fieldkit.sites.site import Site
 from fieldkit.vehicles.vehicle import Vehicle
@@ -159,16 +159,19 @@ def route_plan(
             break
         less = {"endurance_s": planned_for.battery.endurance_s / (_BEYOND * most)}
         planned_for = planned_for.model_copy(update={"battery": planned_for.battery.model_copy(update=less)})
-    on_plots = {plot.name: plants_on(each, plot) for plot, each in facts_of(plans, site)}
-    plants = placed(on_plots, site)
+    on_plots = [(plot, plants_on(each, plot)) for plot, each in facts_of(plans, site)]
     heights = [shot.place.height_m for shot in shots] - grounds_m(site, shots)
     return Routed(
         flights=routed,
         moved=report.moved,
         lowest_m=float(heights.min()),
         plants_m=report.canopy.nearest_m([_whole_way(flight) for flight in flights]),
-        plants_of=plants,
-        clear_m={name: None if each is None else each.clear_m for name, each in on_plots.items()},
+        plants_of={
+            plot.name: frame.to_local(*PlotFrame.of(site, plot).to_geodetic(plants.points))
+            for plot, plants in on_plots
+            if plants is not None and len(plants.points)
+        },
+        clear_m={plot.name: None if plants is None else plants.clear_m for plot, plants in on_plots},
         fit=report.findings,
         own={} if isinstance(plans, Plan) else {name: each for name, each in plans.items() if each is not plan},
     )
@@ -202,13 +205,3 @@ def _whole_way(flight: Flight) -> Array:
     """(k, 3) places from the take-off's ground to the landing's, site frame."""
     places = np.concatenate([leg.points for leg in flight.legs])
     return np.vstack([places[:1] * (1.0, 1.0, 0.0), places, places[-1:] * (1.0, 1.0, 0.0)])
-
-
-def placed(plants: Mapping[str, PlotPlants | None], site: Site) -> dict[str, Array]:
-    """(m, 3) points of the plants in the site frame, by plot; none where the plan does not say where they are."""
-    frame = SiteFrame(site.home)
-    return {
-        plot.name: frame.to_local(*PlotFrame.of(site, plot).to_geodetic(of_plot.points))
-        for plot in site.all_plots
-        if (of_plot := plants[plot.name]) is not None and len(of_plot.points)
-    }

@@ -14,7 +14,6 @@ from fieldkit.results.mission import (
     MissionBurst,
     MissionFlight,
     MissionHome,
-    MissionObstacle,
     MissionOutline,
     MissionPlants,
     MissionPlot,
@@ -57,7 +56,7 @@ def mission_record(
             MissionPlot(**dict(_outline(site, plot, routed, vehicle)), plan=plans[plot.name]) for plot in site.plots
         ),
         neighbours=tuple(_outline(site, plot, routed, vehicle) for plot in site.neighbours),
-        obstacles=tuple(MissionObstacle(**obstacle.model_dump()) for obstacle in site.obstacles),
+        obstacles=site.obstacles,
         flights=tuple(_flight(each, name) for each, name in zip(routed.flights, names, strict=True)),
         inside=fence.inside,
         outside=fence.outside,

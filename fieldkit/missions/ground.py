@@ -16,12 +16,10 @@ from fieldkit.results.finding import Finding
 from fieldkit.results.mission import MissionOutline, MissionPlot, MissionRecord, load_mission, record_path
 from fieldkit.results.plan import Plan, Plans
 from fieldkit.results.plan_file import load_plan
-from fieldkit.routing.obstacles import Obstacles
 from fieldkit.sites.fitted import flown_plans
 from fieldkit.sites.placement import PlotFrame
 from fieldkit.sites.plot_plants import PlantHeight, facts_of, heights_taken, plants_on, same_height_m, with_plant_height
 from fieldkit.sites.site import Site, SitePlot
-from fieldkit.sites.site_obstacles import site_obstacles
 
 NO_PLOTS = "no plots are given, and no mission.json lies beside the file"
 _NO_HEIGHT = "the height of its plants is not known"
@@ -42,10 +40,6 @@ class Ground:
     """Plots that are not checked against plants, and why."""
     taken: tuple[Finding, ...] = ()
     """Plots whose plants nobody states a height of."""
-
-    def obstacles(self, clearance_m: float) -> Obstacles:
-        """All that legs keep clear of."""
-        return site_obstacles(self.site, clearance_m, self.plans)
 
 
 def ground_of(

@@ -257,10 +257,9 @@ def _least(a, b, edges, first, tops, spans, blocks, block_tops):
                 start, stop, top = first[solid], first[solid + 1], tops[solid]
                 if np.hypot(_gap(span, spans, solid), max(low - top, 0.0)) >= least:
                     continue
-                if _is_in(a[leg, 0], a[leg, 1], edges, start, stop):
-                    least = min(least, max(a[leg, 2] - top, 0.0))
-                if _is_in(b[leg, 0], b[leg, 1], edges, start, stop):
-                    least = min(least, max(b[leg, 2] - top, 0.0))
+                for end in (a, b):
+                    if _is_in(end[leg, 0], end[leg, 1], edges, start, stop):
+                        least = min(least, max(end[leg, 2] - top, 0.0))
                 for k in range(start, stop):
                     # Convex along the leg, as a wall is a convex body: thirds are cut off.
                     early, late = 0.0, 1.0
