@@ -14,7 +14,7 @@ from fieldkit.missions.export_record import plot_frame, site_of
 from fieldkit.regular_files import read_regular
 from fieldkit.results.finding import Finding
 from fieldkit.results.mission import MissionOutline, MissionPlot, MissionRecord, load_mission, record_path
-from fieldkit.results.plan import Plan, Plans
+from fieldkit.results.plan import Plan, Plans, plan_on
 from fieldkit.results.plan_file import load_plan
 from fieldkit.sites.fitted import flown_plans
 from fieldkit.sites.placement import PlotFrame
@@ -66,7 +66,7 @@ def ground_of(
     stated, site = site, with_plant_height(site, plans, plant_height)
     if plans is not None:
         flown = flown_plans(plans, site.plots, fit)
-        by_plot = {p.name: flown for p in site.plots} if isinstance(flown, Plan) else dict(flown)
+        by_plot = {plot.name: plan_on(flown, plot.name) for plot in site.plots}
     else:
         by_plot = {} if file is None or record is None else _plans_beside(file, record.plots)
     unchecked = {}

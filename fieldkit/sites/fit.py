@@ -18,7 +18,7 @@ from fieldkit.errors import MissionError
 from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.results.finding import Finding, Refused, Severity
-from fieldkit.results.plan import Plan, Plans, station_number
+from fieldkit.results.plan import Plan, Plans, plan_on, station_number
 from fieldkit.routing.flights import AMONG_NEIGHBOURS, AMONG_PLANTS, Stop, objections
 from fieldkit.routing.mission import Shot
 from fieldkit.routing.obstacles import Obstacles
@@ -200,8 +200,7 @@ def _flown(plan: Plans, site: Site, fit: bool | None) -> tuple[Plans, list[Findi
     for plot in site.plots:
         flown[plot.name] = plan
         try:
-            fitted = flown_plans(plan, [plot], fit)
-            flown[plot.name] = fitted if isinstance(fitted, Plan) else fitted[plot.name]
+            flown[plot.name] = plan_on(flown_plans(plan, [plot], fit), plot.name)
         except MissionError as refused:
             message = refused.message.removeprefix(f"{plot.name}: ")
             findings.append(_finding(plot, "not-fitted", message, refused.remedy))

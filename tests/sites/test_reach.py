@@ -28,13 +28,6 @@ def shots_of(*poses: tuple[float, float]) -> tuple[Shot, ...]:
     return place(Plan(fieldkit="0", stations=stations), SITE)
 
 
-def test_what_can_be_reached_is_left_alone() -> None:
-    shots = shots_of((1.0, -90.0), (2.0, 30.0), (1.5, -45.0))
-    vehicle = load_vehicle("ardupilot-pitch")
-    assert unreachable(shots, SITE, vehicle) == ()
-    assert nearest(shots, SITE, vehicle) == (shots, ())
-
-
 def test_a_pitch_beyond_the_mount() -> None:
     shots = shots_of((2.0, -30.0), (2.0, 41.0))
     found = unreachable(shots, SITE, load_vehicle("ardupilot-pitch"))

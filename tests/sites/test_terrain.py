@@ -21,7 +21,6 @@ from fieldkit.missions.export_mission import export_mission
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.sites.placement import PlotFrame, SiteFrame, grounds_m, home_of, place
 from fieldkit.sites.plots_file import load_plots
-from fieldkit.sites.reach import unreachable
 from fieldkit.sites.site import Site, SiteHome, SitePlot
 from fieldkit.sites.site_file import load_site
 from fieldkit.sites.site_obstacles import site_obstacles
@@ -80,29 +79,6 @@ def test_a_camera_looks_at_the_same_place_of_the_slope(row, percent, heading, ya
     np.testing.assert_allclose(Pose.from_yaw_pitch(there, yaw, turned).forward, aim, atol=1e-9)
     assert abs(turned - pitch) <= math.degrees(math.atan(0.01 * percent)) + 1e-9
     assert frame.planned_pitches(yaw, turned)[0] == pytest.approx(pitch, abs=1e-9)
-
-
-@given(HEADINGS, HEADINGS, st.floats(-50, 50), st.floats(-90, 30))
-def test_no_slope_is_todays_result_bit_for_bit(row: float, heading: float, x: float, pitch: float) -> None:
-    plan = plan_of((x, 1.0, 1.5, 20.0, pitch), (-3.0, x, 2.5, 200.0, -90.0))
-    plain = site_with(row_heading_deg=row)
-    level = site_with(row_heading_deg=row, slope_percent=0.0, uphill_heading_deg=heading)
-    assert place(plan, plain) == place(plan, level)
-    assert [shot.pitch_deg for shot in place(plan, level)] == [pitch, -90.0]
-    assert unreachable(place(plan, plain), plain, VEHICLE) == unreachable(place(plan, level), level, VEHICLE)
-
-
-@given(st.floats(-360, 0), SLOPES, st.floats(-360, 0))
-def test_a_whole_turn_changes_nothing(row: float, percent: float, heading: float) -> None:
-    plan = plan_of((3.0, -2.0, 1.5, 20.0, -30.0), (0.0, 4.0, 2.0, 250.0, 10.0))
-    one = place(plan, site_with(row_heading_deg=row, slope_percent=percent, uphill_heading_deg=heading))
-    other = place(plan, site_with(row_heading_deg=row + 360, slope_percent=percent, uphill_heading_deg=heading + 360))
-    for a, b in zip(one, other, strict=True):
-        assert (a.place.latitude_deg, a.place.longitude_deg) == pytest.approx(
-            (b.place.latitude_deg, b.place.longitude_deg), abs=1e-11
-        )
-        assert (a.place.height_m, a.pitch_deg) == pytest.approx((b.place.height_m, b.pitch_deg), abs=1e-9)
-        assert abs((a.yaw_deg - b.yaw_deg + 180) % 360 - 180) < 1e-9
 
 
 @given(
