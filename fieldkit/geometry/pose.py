@@ -99,6 +99,12 @@ def cross_matrix(vector: ArrayLike) -> Matrix:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
+def rotation_about_z(angle: float) -> Matrix:
+    """(3, 3) rotation about the third axis, radians, anticlockwise seen from its tip."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
 def rotation_from_vector(vector: ArrayLike) -> Matrix:
     """(3, 3) rotation of a rotation vector (3,) in radians (Rodrigues)."""
     v = np.asarray(vector, dtype=np.float64)

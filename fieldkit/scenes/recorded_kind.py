@@ -19,6 +19,7 @@ from fieldkit.clouds import Cloud, write_ply
 from fieldkit.clouds.plants_apart import PlantsApart
 from fieldkit.errors import SceneError
 from fieldkit.files import atomic_folder, storage_errors
+from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.scenes.description import Bounds, SceneDescription
 from fieldkit.scenes.from_reference import ATLAS_FILES, GROUND_FILE, PLANTS_FILE, SCENE_FILE
 from fieldkit.scenes.plot_description import SCALE_RANGE
@@ -50,8 +51,7 @@ class Change:
     @property
     def rotation(self) -> NDArray[np.float64]:
         """(3, 3) orthogonal: the turn and the mirror, without the scale."""
-        angle = np.radians(self.turn_deg)
-        turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+        turn = rotation_about_z(np.radians(self.turn_deg))
         if self.mirror_deg is None:
             return turn
         double = 2.0 * np.radians(self.mirror_deg)

@@ -16,7 +16,7 @@ from fieldkit.errors import UsageError
 from fieldkit.files import atomic_folder, storage_errors, write_atomic
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.geometry.pose import rotation_from_vector
+from fieldkit.geometry.pose import rotation_about_z, rotation_from_vector
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.scenes.camera_effects import CameraEffects, photographed
 from fieldkit.scenes.drawing import Draw, draw
@@ -239,8 +239,7 @@ def poses_table(
 
 def _compass(pose: Pose, row_heading_deg: float) -> Pose:
     """A pose of the plot frame in east, north and up."""
-    turn = np.radians(90.0 - row_heading_deg)
-    east_north = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+    east_north = rotation_about_z(np.radians(90.0 - row_heading_deg))
     return Pose(pose.rotation @ east_north.T, east_north @ pose.center)
 
 

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.scenes.noise import bumps, fractal_noise
 from fieldkit.scenes.plot_description import SCATTER_M, SoilDescription
 from fieldkit.scenes.scene import Mesh
@@ -119,8 +120,7 @@ def printed_stones(soil: SoilDescription) -> Mesh:
         base, base_faces = np.asarray(sphere.vertices), np.asarray(sphere.faces, dtype=np.int32)
         bumpiness = fractal_noise(base[:, 0] * 1.3 + base[:, 2], base[:, 1] * 1.3 - 0.7 * base[:, 2], seed, octaves=4)
         shape = base * (1.0 + 0.32 * bumpiness)[:, None] * rng.uniform((0.8, 0.6, 0.45), (1.3, 1.0, 0.9))
-        turn = rng.uniform(0, 2 * np.pi)
-        spin = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+        spin = rotation_about_z(rng.uniform(0, 2 * np.pi))
         vertices.append(radius * shape @ spin.T + place + (0, 0, 0.25 * radius))
         faces.append(base_faces + sum(map(len, vertices[:-1])))
         grey = rng.uniform(0.42, 0.66) if rng.random() < 0.2 else rng.uniform(0.36, 0.50)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.plot_description import MaizeDescription
 from fieldkit.scenes.scene import Mesh
@@ -39,8 +40,7 @@ def build_compact_maize(plant: MaizeDescription, leaves_count: int, ground_m: fl
     offsets = np.cumsum([0] + [len(part[0]) for part in parts[:-1]])
     faces = np.concatenate([part[1] + offset for part, offset in zip(parts, offsets, strict=True)]).astype(np.int32)
     uv = np.concatenate([part[2] for part in parts]).astype(np.float32)
-    turn = np.radians(-plant.yaw_deg)
-    spin = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+    spin = rotation_about_z(np.radians(-plant.yaw_deg))
     placed = (plant.scale * vertices @ spin.T + (plant.x_m, plant.y_m, ground_m)).astype(np.float32)
     strips = [_stem_texture(plant.seed, stem_points)] + [_blade_texture(leaf) for leaf in leaves]
     texture = np.concatenate(strips[::-1])  # texture row 0 is at the top, uv's v = 0 at the bottom

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.scenes.plot_description import MaizeDescription
 from fieldkit.scenes.scene import Mesh
 from fieldkit_sim.faces import grid_faces, vertex_normals
@@ -111,8 +112,7 @@ def build_maize(plant: MaizeDescription, ground_m: float = 0.0, *, coarse: bool 
         texture = np.concatenate(pictures[::-1])  # texture row 0 is at the top, uv's v = 0 at the bottom
         uv = np.concatenate([part[2] for part in parts]).astype(np.float32)
         uv[:, 1] *= np.float32(1.0 / len(texture))
-    turn = np.radians(-plant.yaw_deg)
-    spin = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+    spin = rotation_about_z(np.radians(-plant.yaw_deg))
     placed = (plant.scale * vertices @ spin.T + (plant.x_m, plant.y_m, ground_m)).astype(np.float32)
     return Mesh(
         f"maize-{plant.seed}", placed, faces, vertex_normals(placed, faces), uv, texture, plant=True,
