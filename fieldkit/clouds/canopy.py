@@ -82,7 +82,21 @@ def seam_cells(pixel_m: float, swayed_m: float = 0.0) -> float:
     return max(-1.0, still - _SEAM_SWAYED * swayed_m / pixel_m)
 
 
-def canopy(points: Array, heights: Array, pixel_m: float, swayed_m: float = 0.0) -> Canopy:
+def cells_within(taken: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """How far cells are from the next empty one, in cells: 1 at the edge; beyond it, as far from the next covered one
+    as they are below 1.
+
+    Args:
+        taken: (rows, columns) 1 where a cell holds a point. Gaps of up to two cells are closed.
+    """
+    import cv2
+
+    closed = cv2.morphologyEx(taken, cv2.MORPH_CLOSE, np.ones((3, 3), dtype=np.uint8))
+    inner, outer = (cv2.distanceTransform(part, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) for part in (closed, 1 - closed))
+    return np.where(closed > 0, inner, 1.0 - outer).astype(np.float32)
+
+
+def canopy(points: Array, heights: Array, pixel_m: float, swayed_m: float = 0.0, seam: float | None = None) -> Canopy:
     """The canopy of plants' points, in cells as large as a pixel of the depth maps.
 
     Gaps of up to two cells are closed: a point falls into a cell by chance. What lies nearer than the seam to an empty
@@ -92,6 +106,7 @@ def canopy(points: Array, heights: Array, pixel_m: float, swayed_m: float = 0.0)
         points: (n, 3) of plants, plot frame, without strays; at least one.
         heights: (n,) above the ground.
         pixel_m, swayed_m: as `seam_cells` takes them.
+        seam: its width in cells; None takes `seam_cells`.
     """
     import cv2
 
@@ -101,21 +116,19 @@ def canopy(points: Array, heights: Array, pixel_m: float, swayed_m: float = 0.0)
         raise ValueError(f"a cell must have a positive number of metres, not {pixel_m}")
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     cell = max(pixel_m, float(np.sqrt(np.prod(high - low + 6 * pixel_m) / MOST_CELLS)))
-    seam = seam_cells(pixel_m, swayed_m) * pixel_m / cell
+    seam = (seam_cells(pixel_m, swayed_m) if seam is None else seam) * pixel_m / cell
     low = (np.floor(low / cell) - 3) * cell  # on a grid through the frame's origin, with empty cells all around
     columns, rows = (np.ceil((high - low) / cell) + 4).astype(int)
     column, row = np.floor((points[:, :2] - low) / cell).astype(int).T
     tops = np.full((rows, columns), -np.inf, dtype=np.float32)
     np.maximum.at(tops, (row, column), heights.astype(np.float32))
     square = np.ones((3, 3), dtype=np.uint8)
-    closed = cv2.morphologyEx(np.isfinite(tops).astype(np.uint8), cv2.MORPH_CLOSE, square)
-    # To the middle of the next empty cell; beyond the edge, to that of the next covered one.
-    inner, outer = (cv2.distanceTransform(part, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) for part in (closed, 1 - closed))
-    cover = np.clip(np.where(closed > 0, inner, 1.0 - outer) - seam, 0.0, 1.0)
+    within = cells_within(np.isfinite(tops).astype(np.uint8))
+    cover = np.clip(within - seam, 0.0, 1.0)
     window = np.ones((3 + 2 * math.ceil(_GAP_SWAYED * swayed_m / cell),) * 2, dtype=np.uint8)
     over = cv2.morphologyEx(tops, cv2.MORPH_CLOSE, window, borderType=cv2.BORDER_CONSTANT, borderValue=-float("inf"))
     over = np.where(np.isfinite(over), over, cv2.dilate(tops, square))
-    tops = np.where(((closed > 0) | (cover > 0)) & np.isfinite(over), over, np.float32(np.nan))
+    tops = np.where(((within > 0) | (cover > 0)) & np.isfinite(over), over, np.float32(np.nan))
     return Canopy((float(low[0]), float(low[1])), cell, tops, np.where(np.isnan(tops), 0.0, cover).astype(np.float32))
 
 

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 
 def plants_one_by_one(
-    plants: Cloud, ground: Plane, frame: MetricFrame, outline: Outline | None, cells: tuple[float, float],
+    plants: Cloud, ground: Plane, frame: MetricFrame, outline: Outline | None, cells: tuple[float, float, float],
     top_seen: Callable[[Array, float], bool],
 ) -> tuple[tuple[PlantEntry, ...], dict[str, int], dict[Trait, str]]:  # fmt: skip
     """The plants that stand on a plot, their counts, and why counts cannot be had.
@@ -40,7 +40,7 @@ def plants_one_by_one(
         plants: of the plot and its surroundings, plot frame.
         frame: the plot frame's place.
         outline: of the plot; None counts all plants.
-        cells: of the canopy: what a pixel covers, and how far leaves swayed, metres.
+        cells: of the canopy: what a pixel covers, and how far leaves swayed, metres; the seam, in cells.
         top_seen: whether photographs show what stands over places (n, 2) up to a height, with room above it.
     """
     if outline is not None:
@@ -70,7 +70,7 @@ def plants_one_by_one(
         k = int(own[i])
         row, in_row = (None, None) if rows is None else (int(rows.row[i]), int(rows.in_row[i]))
         of = apart.numbers == k + 1
-        height = max(0.0, highest_leaf_m(upright[of], heights[of], *cells))
+        height = max(0.0, highest_leaf_m(upright[of], heights[of], *cells[:2]))
         top = of & (heights > height - _TOP_M)
         certain = top_seen(upright[of], height) and float(apart.sure[top].mean()) >= _OWN
         x, y = (float(v) for v in feet[k])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.captures import read_image
+from fieldkit.clouds.canopy import cells_within
 from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose
@@ -40,6 +42,10 @@ _MAYBE_BY, _MAYBE_M = 0.5, 0.16
 144 mm of its top; half of the outlines, not two thirds, showed those of swaying maize."""
 _SWAYS = 1.2
 _LARGEST_TIP_M2 = 0.01
+_FILLING_CELLS = 3.0
+"""What outlines show farther from a cloud's silhouettes tells nothing of its edges."""
+_HALVINGS = 10
+"""Of an interval of five cells: to 5 thousandths."""
 Array = NDArray[np.float64]
 T = TypeVar("T")
 
@@ -119,6 +125,38 @@ def filled(found: Sequence[Outline], points: Array, volume: Volume) -> Filled:
     if not plants:
         return Filled(None, None, None)
     return Filled(float(near[0]) / plants, float(near[1]) / plants, inside / shown if shown else None)
+
+
+def filling_seam(found: Sequence[Outline], points: Array, pixel_m: float) -> float:
+    """How many cells, ``pixel_m`` wide, are to be taken off along the edges of the cloud's silhouettes, so that they
+    are as large as what outlines show within three cells of them; -2 to 3 of the photographs' pixels where those are
+    coarser.
+
+    ``points`` (n, 3) are of the plants, ``found`` at least one outline, in one frame.
+    """
+    depths, shown, coarser = [np.zeros(0)], 0.0, [1.0]
+    for outline in _thinned(found, ENOUGH_VIEWS):
+        local = outline.pose.to_camera(points)
+        local = local[outline.camera.sees(local)]
+        if not len(local):
+            continue
+        cell_px = pixel_m * outline.camera.fx / float(np.median(local[:, 2]))
+        coarser.append(max(1.0, 1.0 / cell_px))
+        cell_px *= coarser[-1]
+        taken = np.zeros([math.ceil(side / cell_px) for side in outline.mask.shape], dtype=np.uint8)
+        rows, columns = outline.pixels(points)
+        taken[(rows / cell_px).astype(np.int64), (columns / cell_px).astype(np.int64)] = 1
+        within = cells_within(taken)
+        near = within > -_FILLING_CELLS
+        depths.append(within[near].astype(np.float64))
+        rows, columns = np.nonzero(outline.mask)
+        shown += near[(rows / cell_px).astype(np.int64), (columns / cell_px).astype(np.int64)].sum() / cell_px**2
+    depth, (low, high) = np.concatenate(depths), (-2.0, 3.0)
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        more = np.clip(depth - middle, 0.0, 1.0).sum() > shown
+        low, high = (middle, high) if more else (low, middle)
+    return float(low * np.median(coarser))
 
 
 def highest_shown_m(

@@ -26,7 +26,9 @@ def counted(outline: Outline | None = ROW, slope: float = 0.0, *, seen: bool = T
     normal = np.array([-slope, 0.0, 1.0]) / np.hypot(slope, 1.0)
     ground = replace(ground, normal=tuple(normal.tolist()), offset_m=0.0)
     points = row.cloud.points + slope * row.cloud.points[:, :1] * (0.0, 0.0, 1.0)
-    return plants_one_by_one(replace(row.cloud, points=points), ground, FRAME, outline, (0.004, 1.25), lambda *_: seen)
+    return plants_one_by_one(
+        replace(row.cloud, points=points), ground, FRAME, outline, (0.004, 0.0, 1.25), lambda *_: seen
+    )
 
 
 def test_each_plant_stands_where_it_is_and_is_as_high() -> None:

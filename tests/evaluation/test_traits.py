@@ -19,6 +19,7 @@ from fieldkit.evaluation.traits import (
 )
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.silhouettes import Outline
 from fieldkit.results.finding import Finding
 from fieldkit.results.traits import TRAITS, TraitsEntry
 from tests.evaluation.examples import reconstruction
@@ -89,6 +90,19 @@ class TestValues:
         assert told.height_error_m == pytest.approx(height * HEIGHT_ERROR_M, rel=0.02)
         assert told.height_error_below_m == pytest.approx(HEIGHT_ERROR_M, rel=0.02)  # clouds lack tips
         assert told.covered_area_error_m2 == pytest.approx(area * AREA_ERROR * told.covered_area_m2, rel=0.02)
+
+    @pytest.mark.parametrize("filled", [False, True])
+    def test_edges_of_swaying_leaves_that_fill_their_outlines_are_taken_off_as_of_still_ones(
+        self, filled: bool
+    ) -> None:
+        still = found()
+        swaying = replace(still, scatter_px=float(np.hypot(STILL_SCATTER_PX, 3.0)))
+        cameras = [
+            (still.sparse.intrinsics[name].without_distortion(), pose) for name, pose in still.sparse.poses.items()
+        ]
+        shown = [Outline(np.full((of.height, of.width), not filled), of, pose) for of, pose in cameras]
+        area_m2 = plot_traits(swaying, swaying.plants, PLOT, shown)[0].covered_area_m2
+        assert area_m2 == traits(still if filled else swaying).covered_area_m2
 
     def test_an_area_known_worse_than_its_own_size_is_not_given(self) -> None:
         result = found()

@@ -15,7 +15,15 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.reconstruction.pipeline import place
 from fieldkit.reconstruction.result import SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.reconstruction.silhouettes import Filled, Outline, filled, highest_shown_m, hull_volume, outlines
+from fieldkit.reconstruction.silhouettes import (
+    Filled,
+    Outline,
+    filled,
+    filling_seam,
+    highest_shown_m,
+    hull_volume,
+    outlines,
+)
 from fieldkit.results.finding import POSES_STATED
 from fieldkit.results.frame import Plane
 from fieldkit.runtime.context import Context
@@ -135,3 +143,12 @@ def test_plants_before_other_plants_show_no_tip() -> None:
     x, y = (each.ravel() for each in np.meshgrid(*[np.linspace(-0.3, 0.3, 200)] * 2))
     canopy = np.column_stack([x, y, np.full_like(x, 0.2)])
     assert highest_shown_m(shown([canopy]), GROUND, stem()[stem()[:, 2] < 0.2], 0.0) == (None, None)
+
+
+def test_what_a_cloud_fills_beyond_outlines_is_seam() -> None:
+    pixel_m, narrower_px, disc = 0.003, 4, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (9, 9))
+    wide = shown([leaf_green()])
+    narrow = [Outline(cv2.erode(of.mask.astype(np.uint8), disc) > 0, CAMERA, of.pose) for of in wide]
+    away_m = float(np.linalg.norm(wide[0].pose.center - CENTER))
+    less = filling_seam(narrow, leaf_green(), pixel_m) - filling_seam(wide, leaf_green(), pixel_m)
+    assert less == pytest.approx(narrower_px * away_m / CAMERA.fx / pixel_m, abs=0.2)
