@@ -131,7 +131,11 @@ def test_height_models(line: CommandLine, season: Path, small_plot: Path) -> Non
     pyproj = pytest.importorskip("pyproj")
     init(line, "--rasters", "--gsd", "0.01")
     photographs = capture(line, small_plot, "B", "2026-06-18", tilt_deg=1e-6)
-    capture(line, small_plot, "C", "2026-06-18")  # poses.csv in the plan's frame: nowhere on Earth
+    unplaced = capture(line, small_plot, "C", "2026-06-18")  # poses.csv in the plan's frame: nowhere on Earth
+    for path in [*unplaced.glob("IMG_00*")]:  # numbered on by the camera, so no copies of B's
+        path.rename(path.with_name(path.name.replace("IMG_00", "IMG_01")))
+    table = unplaced / "poses.csv"
+    table.write_text(table.read_text("utf-8").replace("IMG_00", "IMG_01"), "utf-8")
     assert evaluate(line)[2]["failed"] == 0
     assert evaluate(line)[0] == []
     alone = line.run("evaluate", str(photographs), "-o", "alone", "--rasters", "--gsd", "0.01", *DRAFT)
