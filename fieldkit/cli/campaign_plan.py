@@ -24,8 +24,8 @@ from fieldkit.cli.common import (
     plant_height,
     show,
     table,
+    tell_fit,
 )
-from fieldkit.cli.export_mission import tell_fit
 from fieldkit.cli.reconstruction_options import WorkersOption, processes, run_context
 from fieldkit.errors import UsageError
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from fieldkit.figures.content import Cell
+    from fieldkit.missions.export import Routed
     from fieldkit.results.finding import Finding
     from fieldkit.sites.plot_plants import PlantHeight
     from fieldkit.sites.site import Site
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
 _MOST_NOISE_M = 5.0
 _MOST_ROWS = 30
+_MOST_MOVED = 20
 _REMEDY = {1: "Write one number", 2: "Write two numbers with a comma between", 3: "Write three numbers with commas"}
 RUN, OUTPUT = "Run", "Output"
 """Headings in help of the options that every command has."""
@@ -278,3 +280,20 @@ def show_findings(findings: Sequence[Finding], file: Path) -> None:
         answer(f"and {count(len(groups) - _MOST_ROWS, 'more kind')}")
     if len(groups) < len(findings):
         answer(f"{len(findings)} findings in all: --json lists each of them")
+
+
+def tell_fit(routed: Routed) -> None:
+    """What does not fit, warnings first, and which stations are not flown as planned; what is the same of several plots
+    once.
+    """
+    from fieldkit.results.finding import grouped, places_text
+
+    for group in sorted(grouped(routed.fit, exact=True), key=lambda group: group[0].severity != "warning"):
+        first = group[0]
+        where = f"{places_text(group)}: " if first.place else ""
+        answer(f"{first.severity.capitalize()}: {where}{first.message}. {first.remedy}".rstrip())
+    moved = grouped((each.finding for each in routed.moved), exact=True)
+    for group in moved[:_MOST_MOVED]:
+        answer(f"Moved: {places_text(group)}: {group[0].message}")
+    if len(moved) > _MOST_MOVED:
+        answer(f"Moved: {count(len(moved) - _MOST_MOVED, 'more kind')}; --json lists all.")

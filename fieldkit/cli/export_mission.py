@@ -28,15 +28,13 @@ from fieldkit.cli.common import (
     say,
     show,
     table,
+    tell_fit,
 )
 from fieldkit.figures.style import format_length, format_seconds
 from fieldkit.wording import by_key, count, listed
 
 if TYPE_CHECKING:
-    from fieldkit.missions.export import Routed
     from fieldkit.missions.export_mission import ExportedMission
-
-_MOST_MOVED = 20
 
 
 def command(
@@ -179,20 +177,3 @@ def _plants(clear_m: Sequence[float | None], nearest_m: float | None) -> str:
     each_plots = f"each plot's plants, {heights[0]:.2f}" if len(heights) > 1 else "plants up"
     nearest = "" if nearest_m is None else f", the nearest {format_length(nearest_m)} away"
     return f"clear of {each_plots} to {format_length(heights[-1])} high{nearest}"
-
-
-def tell_fit(routed: Routed) -> None:
-    """What does not fit, warnings first, and which stations are not flown as planned; what is the same of several plots
-    once.
-    """
-    from fieldkit.results.finding import grouped, places_text
-
-    for group in sorted(grouped(routed.fit, exact=True), key=lambda group: group[0].severity != "warning"):
-        first = group[0]
-        where = f"{places_text(group)}: " if first.place else ""
-        answer(f"{first.severity.capitalize()}: {where}{first.message}. {first.remedy}".rstrip())
-    moved = grouped((each.finding for each in routed.moved), exact=True)
-    for group in moved[:_MOST_MOVED]:
-        answer(f"Moved: {places_text(group)}: {group[0].message}")
-    if len(moved) > _MOST_MOVED:
-        answer(f"Moved: {count(len(moved) - _MOST_MOVED, 'more kind')}; --json lists all.")

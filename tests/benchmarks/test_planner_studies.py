@@ -1,20 +1,16 @@
 """The planner's studies on a tiny scene: runs are kept, shared and carried, and the tables count right."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.planner import PlannerOptions, compare_table, run_planner
-from benchmarks.planner_runs import Contender, Place, Ran, _purpose, run_all
-from benchmarks.planner_transfer import Carried, transfer_table
+from benchmarks.planner_runs import Contender, Place, Ran, run_all
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.planning.run.folder import read_log
 from fieldkit.planning.run.outcome import FinalistReport, Outcome
-from fieldkit.planning.run.request import RECORDED_CONFIRMED
-from fieldkit.results.plan import PlanSource
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.runtime.progress import Silent
 from tests.cli.test_scene_commands import TINY
@@ -53,30 +49,6 @@ def test_methods_are_compared_with_the_best_baseline_and_with_bosfms_end() -> No
     assert rows["bosfm"][reached] == "3 –"
     assert rows["field"][overhead] == "5.0%"
     assert rows["field"][minutes] == "10"
-
-
-def test_carried_plans_are_compared_with_what_is_optimised_there() -> None:
-    own = ran("field", 0, [5.0], 4.0)
-    carried = [
-        Carried(own, own.cameras, 0.006, 0.003, 0.003, 10.0, 0.0),
-        Carried(replace(own, seed=1), own.cameras, 0.004, 0.001, 0.003, 8.0, 0.02),
-    ]
-    table = transfer_table("case-1", "test-case-1", carried, [ran("circle", 0, [9.0, 8.0], 10.0)])
-    field, circle = table.rows
-    assert field[0] == "field of case-1"
-    assert field[1:3] == (2, 0)
-    assert (field[4], circle[4]) == ("0.50", "1.00")
-    assert (field[5], field[6]) == ("2.00 (1.00–3.00)", "3.00")
-    assert (field[7], field[8]) == ("9.0", "20")
-    assert circle[0] == "circle, optimised here"
-
-
-def test_a_choice_for_a_recorded_kind_is_made_with_exact_poses_as_plan_makes_it() -> None:
-    kind = Contender("field", 40, plots=8)
-    recorded = Place("rig", PlanSource(kind="captures", name="rig"), Path("rig"))
-    scene = Place("scene", PlanSource(kind="scene", name="scene"), Path("scene.toml"))
-    assert _purpose(kind, recorded) == {"plots": 8, **RECORDED_CONFIRMED}
-    assert _purpose(kind, scene) == {"plots": 8}
 
 
 @pytest.mark.slow

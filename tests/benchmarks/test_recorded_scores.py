@@ -8,7 +8,7 @@ import pytest
 
 import benchmarks.recorded_scores as module
 from benchmarks.proxy_scores import run_proxy, view_sets
-from benchmarks.recorded_scores import largest_gap_deg, run_recorded, split_rig, witnessed_cloud
+from benchmarks.recorded_scores import run_recorded, witnessed_cloud
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.clouds import chamfer_distance
@@ -23,21 +23,6 @@ from fieldkit.scenes.renderer import RenderingError
 DATA = Path(os.environ.get("FIELDKIT_DATA", ""))
 needs_data = pytest.mark.skipif("FIELDKIT_DATA" not in os.environ, reason="FIELDKIT_DATA names no recorded sets")
 SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
-
-
-def test_the_widest_gap() -> None:
-    angles = np.radians([0, 30, 100, 350])
-    points = np.stack([np.cos(angles), np.sin(angles), np.zeros(4)], axis=1)
-    circle = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
-    assert largest_gap_deg(points, circle) == pytest.approx(250.0)
-
-
-def test_no_view_both_stands_for_election_and_judges() -> None:
-    names = [f"{k}.jpg" for k in range(79)]
-    candidates, witnesses = split_rig(names)
-    assert (len(candidates), len(witnesses)) == (40, 39)
-    assert not set(candidates) & set(witnesses)
-    assert sorted({*candidates, *witnesses}) == sorted(names)
 
 
 def test_witnesses_alone_make_the_truth(monkeypatch: pytest.MonkeyPatch) -> None:

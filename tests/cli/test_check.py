@@ -82,7 +82,7 @@ def test_plots_of_a_file_of_their_own(capture, capsys, tmp_path) -> None:
     field_of_two = field(1, 2)
     (tmp_path / "plots.geojson").write_text(plots_geojson(field_of_two))
     (tmp_path / "site.toml").write_text(
-        "format = 1\n[home]\nlatitude_deg = 52.296\nlongitude_deg = 10.437\namsl_m = 40.0\n"
+        "format = 1\n[home]\nlatitude_deg = 52.2957\nlongitude_deg = 10.437\namsl_m = 40.0\n"
     )
     words = ["check", str(capture[0]), "--plan", str(capture[1])]
     site = ["--site", str(tmp_path / "site.toml")]
