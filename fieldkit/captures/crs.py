@@ -57,19 +57,22 @@ def height_unit_m(crs: Any) -> tuple[float, bool]:
     return 1.0 if abs(factor - 1.0) < 1e-9 else factor, stated  # a metre's own factor is 1 but for rounding
 
 
-def to_geodetic(points: NDArray[np.float64], crs: Any, path: Path | None) -> NDArray[np.float64]:
+def to_geodetic(points: NDArray[np.float64], crs: Any, path: Path | None) -> tuple[NDArray[np.float64], list[Finding]]:
     """WGS 84 latitude, longitude (degrees) and height (metres, above the system's own datum) of points (n, 3).
 
-    x is east or the longitude. Heights are in the system's unit for them, else in that of x and y; beside degrees in
-    metres. Raises MetadataError as `to_wgs84` does.
+    With them comes a finding where the system's datum is not WGS 84; without a path it is geo.txt's. x is east or the
+    longitude. Heights are in the system's unit for them, else in that of x and y; beside degrees in metres. Raises
+    MetadataError as `to_wgs84` does.
     """
-    transformer, _ = to_wgs84(points, crs, path)
+    transformer, said = to_wgs84(points, crs, path)
     if crs.is_geocentric:
         longitude, latitude, height = (np.asarray(v) for v in transformer.transform(*points.T))
     else:
         longitude, latitude = transformer.transform(*points[:, :2].T)
         height = points[:, 2] * height_unit_m(crs)[0]
-    return np.stack([np.asarray(latitude), np.asarray(longitude), height], axis=1).astype(np.float64)
+    subject = "geo.txt" if path is None else path.name
+    geodetic = np.stack([np.asarray(latitude), np.asarray(longitude), height], axis=1).astype(np.float64)
+    return geodetic, [Finding(subject, "gps-datum", said)] if said else []
 
 
 def to_wgs84(points: NDArray[np.float64], crs: Any, path: Path | None) -> tuple[Any, str]:
@@ -132,12 +135,6 @@ def frame_about(geodetic: NDArray[np.float64], datum: str) -> LocalFrame:
     return LocalFrame(float(latitude), float(longitude), float(geodetic[:, 2].mean()), datum)
 
 
-def datum_findings(points: NDArray[np.float64], crs: Any, path: Path) -> list[Finding]:
-    """What is to be known of points (n, 3) whose system's datum is not WGS 84."""
-    said = to_wgs84(points, crs, path)[1]
-    return [Finding(path.name, "gps-datum", said)] if said else []
-
-
 def local_from_crs(
     poses: Mapping[str, Pose], crs: Any, path: Path
 ) -> tuple[LocalFrame, dict[str, Pose], list[Finding]]:
@@ -146,12 +143,13 @@ def local_from_crs(
     Orientations are of a geocentric system in its axes, else against the grid's east, north and up at each camera.
     """
     centers = np.array([pose.center for pose in poses.values()])
-    geodetic = to_geodetic(centers, crs, path)
+    geodetic, odd = to_geodetic(centers, crs, path)
     if crs.is_geocentric:
         origin, local = _local_from_axes(poses, geodetic, height_datum(crs))
     else:
-        origin, local = local_from_geodetic(poses, geodetic, _grid_headings(centers, crs, path), height_datum(crs))
-    return origin, local, datum_findings(centers, crs, path)
+        headings = _grid_headings(centers, geodetic, crs, path)
+        origin, local = local_from_geodetic(poses, geodetic, headings, height_datum(crs))
+    return origin, local, odd
 
 
 def local_from_geocentric(poses: Mapping[str, Pose]) -> tuple[LocalFrame, dict[str, Pose]]:
@@ -192,11 +190,13 @@ def local_from_geodetic(
     return frame, placed
 
 
-def _grid_headings(points: NDArray[np.float64], crs: Any, path: Path | None) -> NDArray[np.float64]:
-    """Heading of a system's +y at points (n, 3), radians clockwise from true north; (n,)."""
+def _grid_headings(
+    points: NDArray[np.float64], geodetic: NDArray[np.float64], crs: Any, path: Path
+) -> NDArray[np.float64]:
+    """Heading of a system's +y at points (n, 3), which are also given geodetic; radians clockwise from true north."""
     if crs.is_geographic:
         return np.zeros(len(points))
     step = np.array([0.0, _STEP_M / float(crs.axis_info[0].unit_conversion_factor), 0.0])
-    here, there = to_geodetic(points, crs, path), to_geodetic(points + step, crs, path)
-    norths = [LocalFrame(at[0], at[1], at[2]).to_local(*to)[0] for at, to in zip(here.tolist(), there, strict=True)]
+    there, _ = to_geodetic(points + step, crs, path)
+    norths = [LocalFrame(*at).to_local(*to)[0] for at, to in zip(geodetic.tolist(), there, strict=True)]
     return np.array([np.arctan2(north[0], north[1]) for north in norths])

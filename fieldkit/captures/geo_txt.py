@@ -17,7 +17,7 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from fieldkit.captures.crs import datum_findings, height_unit_m, parse_crs, to_geodetic
+from fieldkit.captures.crs import height_unit_m, parse_crs, to_geodetic
 from fieldkit.captures.folder import PHOTO_SUFFIXES
 from fieldkit.captures.model import GeoTag
 from fieldkit.captures.tables import keep_row, parse_number, read_text
@@ -181,8 +181,8 @@ def _to_geographic(
     if crs.is_projected and look_like_degrees(*points[:, :2].T):
         message = f"x and y are of {header[:60]}, in metres or feet, and {DEGREES.looks_like}"
         raise MetadataError(message, path=path, remedy=DEGREES.remedy)
-    geodetic = to_geodetic(points, crs, path)
-    findings += datum_findings(points, crs, path or Path("geo.txt"))
+    geodetic, odd = to_geodetic(points, crs, path)
+    findings += odd
     unit, stated = height_unit_m(crs)
     found = []
     for (number, row), (latitude, longitude, height) in zip(numbered, geodetic.tolist(), strict=True):

@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 from PIL import ExifTags
 
+from fieldkit.captures.heights import photos_have
 from fieldkit.captures.model import GeoTag, Photo
 from fieldkit.captures.xmp import RTK_FIXED, RTK_FLOAT, XmpData
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.results.finding import Finding
-from fieldkit.wording import count
 
 _GPS = ExifTags.GPS
 _ALTITUDE_RANGE_M = (-1000.0, 10000.0)
@@ -214,12 +214,12 @@ def _settled(photos: list[Photo], which: str) -> tuple[list[Photo], list[Finding
     tag_name, sides = _LETTERS[which]
     findings = []
     if taken:
-        message = f"{_count(taken)} no {tag_name}; {sides} is taken from the other photographs"
+        message = f"{photos_have(taken)} no {tag_name}; {sides} is taken from the other photographs"
         findings.append(Finding(taken[0], "gps-hemisphere", message))
     if refused:
         message = (
-            f"{_count(refused)} no {tag_name}, and nothing else says whether the {which} is {sides}; the position is "
-            "not used. Put the positions into a geo.txt"
+            f"{photos_have(refused)} no {tag_name}, and nothing else says whether the {which} is {sides}; the position "
+            "is not used. Put the positions into a geo.txt"
         )
         findings.append(Finding(refused[0], "gps-hemisphere", message))
     return result, findings
@@ -228,7 +228,3 @@ def _settled(photos: list[Photo], which: str) -> tuple[list[Photo], list[Finding
 def _value(photo: Photo, which: str) -> float:
     assert photo.geotag is not None
     return photo.geotag.latitude_deg if which == "latitude" else photo.geotag.longitude_deg
-
-
-def _count(names: list[str]) -> str:
-    return count(len(names), "photograph has", "photographs have")

@@ -93,7 +93,7 @@ def _without_zeros(tags: Mapping[str, GeoTag], findings: list[Finding]) -> dict[
     if not zeros or (others and abs(float(np.median(others))) < _ZERO_AMONG_M) or len(altitudes) < 2:
         return altitudes
     if others or len(_relative(tags)) == len(tags):
-        message = f"{_count(zeros)} the altitude 0, which was not measured; not used"
+        message = f"{photos_have(zeros)} the altitude 0, which was not measured; not used"
         findings.append(Finding(zeros[0], "altitude-zero", message))
         return {n: a for n, a in altitudes.items() if a != 0.0}
     message = "every altitude is 0, so none was measured; all photographs are taken to be at one height"
@@ -111,11 +111,11 @@ def _signed_alike(altitudes: dict[str, float], findings: list[Finding]) -> dict[
         return altitudes
     above = [n for n in altitudes if n not in below]
     if len(below) == len(above):
-        message = f"{_count(below)} an altitude below sea level and as many the same above it; none is used"
+        message = f"{photos_have(below)} an altitude below sea level and as many the same above it; none is used"
         findings.append(Finding(below[0], "altitude-sign", message))
         return {}
     few, sign = (below, 1.0) if len(below) < len(above) else (above, -1.0)
-    message = f"{_count(few)} the altitude of the others with the other sign; the others' is used"
+    message = f"{photos_have(few)} the altitude of the others with the other sign; the others' is used"
     findings.append(Finding(few[0], "altitude-sign", message))
     return {n: sign * abs(a) for n, a in altitudes.items()}
 
@@ -138,14 +138,29 @@ def _of_one_datum(heights: dict[str, float], tags: Mapping[str, GeoTag]) -> dict
 def _absolute(tags: Mapping[str, GeoTag], absolute: dict[str, float], findings: list[Finding]) -> Heights:
     kept = _of_one_datum(absolute, tags)
     findings += _mixed(tags, absolute)
-    for name in tags:
-        if name not in kept:
-            why = "no altitude" if name not in absolute else f"its altitude is above {tags[name].datum}"
-            findings.append(Finding(name, "no-altitude", f"{why}, so no position prior"))
-    rtk = 2 * sum(tags[n].rtk for n in kept) > len(kept)
     accuracies = {n: vertical_accuracy_m(tags[n]) for n in kept}
-    source = "RTK altitude" if rtk else "absolute altitude"
-    return Heights(kept, accuracies, source, _datum(tags, kept), tuple(findings))
+    return _told(tags, absolute, kept, kept, accuracies, "its altitude is above {}", findings)
+
+
+def _told(
+    tags: Mapping[str, GeoTag],
+    absolute: Mapping[str, float],
+    good: Mapping[str, float],
+    heights: Mapping[str, float],
+    accuracies_m: dict[str, float],
+    other: str,
+    findings: list[Finding],
+    more: str = "",
+) -> Heights:
+    """Heights on the datum of the ``good`` ones, and a finding for each photograph that has none."""
+    for name, tag in tags.items():
+        if name not in heights:
+            why = "no altitude" if name not in absolute else other.format(tag.datum)
+            findings.append(Finding(name, "no-altitude", f"{why}, so no position prior"))
+    rtk = 2 * sum(tags[n].rtk for n in good) > len(good)
+    source = ("RTK altitude" if rtk else "absolute altitude") + more
+    ordered = {n: heights[n] for n in tags if n in heights}
+    return Heights(ordered, accuracies_m, source, _datum(tags, good), tuple(findings))
 
 
 def _joined(
@@ -180,20 +195,14 @@ def _joined(
         return _absolute(tags, absolute, findings)
     for name in alike:
         heights[name], accuracies[name] = absolute[name], vertical_accuracy_m(tags[name])
-    rtk = 2 * sum(tags[n].rtk for n in good) > len(good)
-    source = "RTK altitude" if rtk else "absolute altitude"
     if joined:
-        source += ", else relative altitude"
         message = (
-            f"{_count(joined)} no altitude as good as the others'; their heights are those above take-off, put on the "
-            "others' datum"
+            f"{photos_have(joined)} no altitude as good as the others'; their heights are those above take-off, put on "
+            "the others' datum"
         )
         findings.append(Finding(joined[0], "heights-joined", message))
-    for name in tags:
-        if name not in heights:
-            why = "no altitude" if name not in absolute else "its altitude is not above what the others' are"
-            findings.append(Finding(name, "no-altitude", f"{why}, so no position prior"))
-    return Heights({n: heights[n] for n in tags if n in heights}, accuracies, source, datum, tuple(findings))
+    other, more = "its altitude is not above what the others' are", ", else relative altitude" if joined else ""
+    return _told(tags, absolute, good, heights, accuracies, other, findings, more)
 
 
 def _above_take_off(
@@ -207,7 +216,7 @@ def _above_take_off(
     if np.ptp(offsets) <= _TAKE_OFF_SPREAD_M:
         if len(alike) < len(absolute):
             other = [n for n in absolute if n not in alike]
-            message = f"{_count(other)} an altitude above another datum; heights above take-off hold all together"
+            message = f"{photos_have(other)} an altitude above another datum; heights above take-off hold all together"
             findings.append(Finding(other[0], "heights-joined", message))
         else:
             findings += _mixed(tags, absolute)
@@ -236,5 +245,6 @@ def _mixed(tags: Mapping[str, GeoTag], absolute: Mapping[str, float]) -> list[Fi
     return [Finding(next(iter(absolute)), "mixed-datums", f"altitudes are above {' and '.join(datums)}")]
 
 
-def _count(names: list[str]) -> str:
+def photos_have(names: list[str]) -> str:
+    """``3 photographs have``."""
     return count(len(names), "photograph has", "photographs have")

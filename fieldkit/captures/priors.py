@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from fieldkit.captures.crs import frame_about
 from fieldkit.captures.geo_txt import GeoRow, settled_heights
 from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M, choose_heights
 from fieldkit.captures.model import GeoTag, Photo
@@ -187,10 +188,9 @@ def _georeferenced(photos: Sequence[Photo], tags: dict[str, GeoTag], source: str
     origin = None
     positions: dict[str, Vector] = {}
     if located:
-        geodetic = [(tags[n].latitude_deg, tags[n].longitude_deg, chosen.heights[n]) for n in located]
-        origin = _frame(geodetic, chosen.datum)
-        local = origin.to_local(*np.array(geodetic).T)
-        positions = dict(zip(located, local, strict=True))
+        geodetic = np.array([(tags[n].latitude_deg, tags[n].longitude_deg, chosen.heights[n]) for n in located])
+        origin = frame_about(geodetic, chosen.datum)
+        positions = dict(zip(located, origin.to_local(*geodetic.T), strict=True))
     repeated, step_m = _repeated(photos, positions)
     if repeated:
         message = (
@@ -265,15 +265,6 @@ def _accuracy(tag: GeoTag, height_m: float) -> float:
     if stated is None:
         stated = RTK_ACCURACY_M if tag.rtk else GPS_ACCURACY_M
     return max(stated, height_m, RTK_ACCURACY_M)
-
-
-def _frame(geodetic: Sequence[tuple[float, float, float]], datum: str) -> LocalFrame:
-    """A frame at the centroid; longitudes are averaged around the first, so the antimeridian does not matter."""
-    values = np.array(geodetic, dtype=float)
-    first = values[0, 1]
-    longitude = first + float(np.mean((values[:, 1] - first + 180.0) % 360.0 - 180.0))
-    longitude = float((longitude + 180.0) % 360.0 - 180.0)
-    return LocalFrame(float(values[:, 0].mean()), longitude, float(values[:, 2].mean()), datum)
 
 
 def _far_away(tags: dict[str, GeoTag]) -> tuple[set[str], list[Finding]]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.captures import Capture
-from fieldkit.captures.crs import datum_findings, frame_about, height_datum, parse_crs, to_geodetic
+from fieldkit.captures.crs import frame_about, height_datum, parse_crs, to_geodetic
 from fieldkit.captures.programs import METRES
 from fieldkit.clouds import Cloud, Volume, read_cloud
 from fieldkit.clouds.ground import fit_ground_plane
@@ -201,12 +201,13 @@ def _local(
     """
     points = cloud.points if units is None else cloud.points / units
     ends = range(0, len(points), _CHUNK)
-    geodetic = np.concatenate([to_geodetic(points[k : k + _CHUNK], crs, path) for k in ends])
+    pieces, odd = zip(*(to_geodetic(points[k : k + _CHUNK], crs, path) for k in ends), strict=True)
+    geodetic = np.concatenate(pieces)
     if units is not None and not crs.is_geocentric:
         geodetic[:, 2] = cloud.points[:, 2]  # a file knows more than its system: heights in metres beside feet
     origin = frame_about(geodetic[:: max(1, len(geodetic) // _CHUNK)], height_datum(crs))
     local = np.concatenate([origin.to_local(*geodetic[k : k + _CHUNK].T) for k in ends])
-    return origin, Cloud(local, cloud.colors), datum_findings(points[:_CHUNK], crs, path)
+    return origin, Cloud(local, cloud.colors), odd[0]
 
 
 def _ground(cloud: Cloud) -> Plane | None:

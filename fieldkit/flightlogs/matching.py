@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from fieldkit.errors import UsageError
 from fieldkit.flightlogs.likelihood import Fit, Observed, assign, fit_to
-from fieldkit.flightlogs.model import FlightLog, Trigger, bursts_of, doubled
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.flightlogs.model import FlightLog, Place, Trigger, bursts_of, doubled
+from fieldkit.geometry.geodesy import LocalFrame, geodetic_to_ecef
 from fieldkit.wording import count
 
 _HYPOTHESES = 12
@@ -179,15 +179,13 @@ def _offset_text(log: FlightLog, matches: Matches) -> str:
 def _apart_m(log: FlightLog, matches: Matches, other: FlightLog, others: Matches) -> float:
     """How far apart two matches put a photograph at most; infinite where one does not say."""
     theirs = {pair.photograph: other.triggers[pair.trigger].place for pair in others.pairs}
-    apart = 0.0
-    for pair in matches.pairs:
-        one, two = log.triggers[pair.trigger].place, theirs.get(pair.photograph)
-        if one is None or two is None:
-            return math.inf
-        away = LocalFrame(one.latitude_deg, one.longitude_deg, one.amsl_m or 0.0)
-        step = away.to_local(two.latitude_deg, two.longitude_deg, two.amsl_m or 0.0)
-        apart = max(apart, float(np.linalg.norm(step)))
-    return apart
+    both = [(log.triggers[pair.trigger].place, theirs.get(pair.photograph)) for pair in matches.pairs]
+    apart = [float(np.linalg.norm(_ecef(one) - _ecef(two))) for one, two in both if one and two]
+    return max(apart) if len(apart) == len(both) else math.inf
+
+
+def _ecef(place: Place) -> NDArray[np.float64]:
+    return geodetic_to_ecef(place.latitude_deg, place.longitude_deg, place.amsl_m or 0.0)
 
 
 def _observed(photographs: Sequence[Stamp], triggers: Sequence[Trigger]) -> Observed:

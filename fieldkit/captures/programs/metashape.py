@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.captures.camera_file import CameraEntry
-from fieldkit.captures.crs import datum_findings, local_from_crs, local_from_geocentric, parse_crs
+from fieldkit.captures.crs import local_from_crs, local_from_geocentric, parse_crs, to_geodetic
 from fieldkit.captures.programs.model import METRES, PosesFile, ProgramPoses
 from fieldkit.documents.file_bytes import file_bytes
 from fieldkit.documents.xml_tree import XmlError, parse_local
@@ -122,7 +122,7 @@ def _placed(
                     raise MetadataError(message, path=given.path, remedy=remedy)
                 centers = np.array([pose.center for pose in poses.values()])
                 points = centers if datum.is_geocentric else np.stack(ecef_to_geodetic(centers), axis=1)[:, [1, 0, 2]]
-                odd = datum_findings(points, datum, given.path)
+                odd = to_geodetic(points, datum, given.path)[1]
             origin, local = local_from_geocentric(poses)
             return local, True, origin, "in metres about the place it gives", odd
     if given.frame == METRES:
