@@ -35,6 +35,7 @@ def test_the_orientation_tag_is_not_applied(photo_file: MakePhoto) -> None:
     path = photo_file("a.jpg", exif=exif_block(base={274: 6}))
     (photo,) = read_capture(path.parent).photos
     assert read_image(photo).shape == (photo.height, photo.width, 3) == (90, 120, 3)
+    assert photo.orientation == 6
 
 
 @pytest.mark.parametrize("mode", ["L", "P", "RGBA", "I;16", "CMYK"])

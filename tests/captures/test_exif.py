@@ -125,28 +125,6 @@ def test_the_altitude_says_what_it_is_measured_from(
     assert photo.geotag.datum == datum
 
 
-def test_rtk_is_known_with_its_deviations(photo_file: MakePhoto) -> None:
-    xmp = dji_xmp(RtkFlag="50", RtkStdLon="0.011", RtkStdLat="0.014", RtkStdHgt="0.025", AltitudeType="RtkAlt")
-    photo, _ = only(photo_file("a.jpg", exif=exif_block(gps=gps_tags(52.0, 13.0, 80.0)), xmp=xmp))
-    tag = photo.geotag
-    assert (tag.rtk, tag.horizontal_accuracy_m, tag.vertical_accuracy_m) == (True, 0.014, 0.025)
-
-
-@pytest.mark.parametrize(
-    ("gps", "code"),
-    [
-        (gps_tags(0.0, 0.0, 10.0), "gps-zero"),
-        ({**gps_tags(52.0, 13.0), 2: (152.0, 0.0, 0.0)}, "gps-implausible"),
-        ({**gps_tags(52.0, 13.0), 2: (IFDRational(1, 0), 0.0, 0.0)}, "gps-damaged"),
-        ({1: "N", 2: (52.0, 0.0, 0.0)}, "gps-damaged"),
-    ],
-)
-def test_impossible_positions_are_reported_and_not_used(photo_file: MakePhoto, gps: dict, code: str) -> None:
-    photo, findings = only(photo_file("a.jpg", exif=exif_block(gps=gps)))
-    assert photo.geotag is None
-    assert findings == [code]
-
-
 def test_an_impossible_altitude_leaves_the_position(photo_file: MakePhoto) -> None:
     photo, findings = only(photo_file("a.jpg", exif=exif_block(gps=gps_tags(52.0, 13.0, 500000.0))))
     assert photo.geotag.altitude_m is None
@@ -203,11 +181,6 @@ def test_entities_are_never_expanded() -> None:
 def test_xmp_numbers_are_finite_or_none(text: str) -> None:
     value = parse_xmp(dji_xmp(GimbalYawDegree=text or "0")).gimbal_yaw_deg
     assert value is None or math.isfinite(value)
-
-
-def test_the_orientation_is_told(photo_file: MakePhoto) -> None:
-    photo, _ = only(photo_file("a.jpg", exif=exif_block(base={274: 6})))
-    assert (photo.orientation, photo.width, photo.height) == (6, 120, 90)
 
 
 def test_a_multi_picture_jpeg_is_one_photograph(photo_file: MakePhoto) -> None:

@@ -144,16 +144,6 @@ def test_tiffs_that_are_no_pictures_are_left_out(photo_file: MakePhoto) -> None:
         assert read_image(photo).shape == (photo.height, photo.width, 3)
 
 
-def test_equal_files_are_read_once(photo_file: MakePhoto) -> None:
-    first = photo_file("a.jpg")
-    (first.parent / "copy of a.jpg").write_bytes(first.read_bytes())
-    photo_file("b.jpg")
-    capture = read_capture(first.parent)
-    assert capture.names == ("a.jpg", "b.jpg")
-    assert left_out(capture) == {"copy of a.jpg": "duplicate"}
-    assert "a.jpg" in capture.findings[0].message
-
-
 def test_of_equal_files_the_located_one_is_read(photo_file: MakePhoto) -> None:
     first = photo_file("b.jpg")
     for name in ("a copy of b.jpg", "c.jpg"):

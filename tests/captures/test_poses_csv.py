@@ -163,14 +163,6 @@ def test_what_pix4d_writes_besides() -> None:
     assert findings == []
 
 
-def test_angles_and_accuracy() -> None:
-    rows, _ = parse_poses_csv(
-        "image,x_m,y_m,z_m,yaw_deg,pitch_deg,roll_deg,accuracy_m\na.jpg,1,2,3,270,-45,1,0.02\nb.jpg,1,2,3,,,,\n"
-    )
-    assert rows[0] == PoseRow("a.jpg", (1, 2, 3), 270.0, -45.0, 1.0, 0.02)
-    assert rows[1] == PoseRow("b.jpg", (1, 2, 3))
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -92,18 +92,11 @@ def test_a_place_that_repeats_is_doubted_where_the_camera_did_not_turn(photo_fil
     assert capture.priors["d.jpg"].position_sigma_m == 3.0
 
 
-def test_rtk_heights_are_used_as_they_are(photo_file: MakePhoto) -> None:
-    folder = geotagged(photo_file, RtkFlag="50", AltitudeType="RtkAlt", RtkStdHgt="0.045", RtkStdLon="0.01")
-    capture = read_capture(folder)
-    assert capture.height_source == "RTK altitude"
-    assert capture.origin.datum == "ellipsoid"
-    assert capture.priors["a.jpg"].position_sigma_m == 0.045
-
-
-def test_rtk_is_never_believed_better_than_three_centimetres(photo_file: MakePhoto) -> None:
-    for options in ({"RtkStdLon": "0.005"}, {}):
-        capture = read_capture(geotagged(photo_file, RtkFlag="50", **options))
-        assert capture.priors["a.jpg"].position_sigma_m == 0.03
+def test_rtk_heights_are_used_as_they_are_and_never_believed_better_than_three_centimetres(photo_file) -> None:
+    for options, sigma_m in (({"RtkStdHgt": "0.045", "RtkStdLon": "0.01"}, 0.045), ({"RtkStdLon": "0.005"}, 0.03)):
+        capture = read_capture(geotagged(photo_file, RtkFlag="50", AltitudeType="RtkAlt", **options))
+        assert (capture.height_source, capture.origin.datum) == ("RTK altitude", "ellipsoid")
+        assert capture.priors["a.jpg"].position_sigma_m == sigma_m
 
 
 def test_a_photograph_without_gps_is_named(photo_file: MakePhoto) -> None:
@@ -275,24 +268,6 @@ def test_angles_of_zero_in_all_lines_of_poses_csv_are_none(photo_file: MakePhoto
     capture = read_capture(folder)
     assert ("poses.csv", "angles-zero") in codes(capture)
     assert capture.priors["a.jpg"].yaw_deg is None
-
-
-def test_rtk_that_drops_keeps_one_datum(photo_file: MakePhoto) -> None:
-    geotagged(photo_file, RtkFlag="50", AltitudeType="RtkAlt", RtkStdHgt="0.027", RtkStdLon="0.013")
-    place = PLACES["c.jpg"]
-    (latitude,), (longitude,), (altitude,) = FRAME.to_geodetic([place])
-    fields = {"RtkFlag": "0", "AltitudeType": "GpsFusionAlt", "RelativeAltitude": f"{place[2]:+.2f}"}
-    exif = exif_block(gps=gps_tags(latitude, longitude, round(altitude + 47.3, 3)))
-    capture = read_capture(photo_file("c.jpg", exif=exif, xmp=dji_xmp(**fields)).parent)
-    truth = np.array(list(PLACES.values()))
-    np.testing.assert_allclose(positions(capture), truth - truth.mean(0), atol=2e-3)
-    assert (capture.height_source, capture.origin and capture.origin.datum) == (
-        "RTK altitude, else relative altitude",
-        "ellipsoid",
-    )
-    assert codes(capture) == {("c.jpg", "heights-joined")}
-    accuracies = [capture.priors[f"{letter}.jpg"].position_sigma_m for letter in "abc"]
-    assert accuracies == [0.03, 0.03, 3.0]
 
 
 def test_a_stated_horizontal_accuracy_never_makes_a_barometric_height_exact(photo_file: MakePhoto) -> None:
