@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.result import ResultTable, StudyResult
+from fieldkit.arrays import FloatArray
 from fieldkit.clouds import Cloud, ReferenceIndex, chamfer_distance, score
 from fieldkit.runtime.progress import Progress
 
@@ -79,7 +79,7 @@ def measure(size: int) -> list[CloudRun]:
     return runs
 
 
-def leaves(count: int, seed: int) -> NDArray[np.float64]:
+def leaves(count: int, seed: int) -> FloatArray:
     """Points (count, 3) on curved strips, the same strips for every seed; noisy except for seed 0."""
     fixed = np.random.default_rng(0)
     base = fixed.uniform(-0.5, 0.5, (_STRIPS, 3)) * (1.0, 1.0, 0.6)
@@ -107,7 +107,7 @@ def cloud_table(runs: Sequence[CloudRun]) -> ResultTable:
     return ResultTable("CPU seconds, points per cloud", ("method", *(f"{size:,}>" for size in sizes)), rows)
 
 
-def _scipy(reference: NDArray[np.float64], estimate: NDArray[np.float64]) -> float:
+def _scipy(reference: FloatArray, estimate: FloatArray) -> float:
     from scipy.spatial import cKDTree
 
     to_reference, _ = cKDTree(reference).query(estimate)

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.captures import RenderedPlot, rendered_plot
 from benchmarks.result import ResultTable, StudyResult
 from benchmarks.scenes import Split, benchmark_cameras
 from benchmarks.sgbm import sgbm_depth_maps
+from fieldkit.arrays import ByteArray
 from fieldkit.clouds import Cloud, score
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose
@@ -78,7 +78,7 @@ def run_dense(*, progress: Progress) -> StudyResult:
     )
 
 
-def photograph(plot: RenderedPlot, poses: Sequence[Pose], intrinsics: Intrinsics) -> list[NDArray[np.uint8]]:
+def photograph(plot: RenderedPlot, poses: Sequence[Pose], intrinsics: Intrinsics) -> list[ByteArray]:
     """Noisy photographs of the plot."""
     rng = np.random.default_rng(0)
     images = []
@@ -92,7 +92,7 @@ def photograph(plot: RenderedPlot, poses: Sequence[Pose], intrinsics: Intrinsics
 
 def measure(
     scene: str,
-    photographs: Sequence[NDArray[np.uint8]],
+    photographs: Sequence[ByteArray],
     poses: Sequence[Pose],
     intrinsics: Intrinsics,
     volume: Volume,
@@ -124,9 +124,7 @@ def measure(
     return runs
 
 
-def warm_up(
-    photographs: Sequence[NDArray[np.uint8]], poses: Sequence[Pose], intrinsics: Intrinsics, volume: Volume
-) -> None:
+def warm_up(photographs: Sequence[ByteArray], poses: Sequence[Pose], intrinsics: Intrinsics, volume: Volume) -> None:
     """Compile the kernels."""
     views = _views(photographs[:3], poses[:3], intrinsics, volume)
     maps = compute_depth_maps(views, volume, seed=0, context=Context())
@@ -151,7 +149,7 @@ def dense_table(runs: Sequence[DenseRun]) -> ResultTable:
 
 
 def _views(
-    photographs: Sequence[NDArray[np.uint8]], poses: Sequence[Pose], intrinsics: Intrinsics, volume: Volume
+    photographs: Sequence[ByteArray], poses: Sequence[Pose], intrinsics: Intrinsics, volume: Volume
 ) -> list[View]:
     size = (intrinsics.width, intrinsics.height)
     return [

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fieldkit.arrays import Float32Array, FloatArray
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose
@@ -64,7 +65,7 @@ def depth_error(source: SimulatedSource, cameras: Cameras, seed: int) -> DepthEr
         )
 
 
-def depth_image(points: NDArray[np.float64], pose: Pose, camera: Intrinsics) -> NDArray[np.float64]:
+def depth_image(points: FloatArray, pose: Pose, camera: Intrinsics) -> FloatArray:
     """(height, width) metres along the optical axis of the nearest of points (n, 3) in each pixel; 0 where none is."""
     depths = np.full((camera.height, camera.width), np.inf)
     seen = pose.to_camera(points) if len(points) else points
@@ -76,7 +77,7 @@ def depth_image(points: NDArray[np.float64], pose: Pose, camera: Intrinsics) -> 
     return np.where(np.isfinite(depths), depths, 0.0)
 
 
-def _within(depth: NDArray[np.float32], pose: Pose, camera: Intrinsics, volume: Volume) -> NDArray[np.float64]:
+def _within(depth: Float32Array, pose: Pose, camera: Intrinsics, volume: Volume) -> FloatArray:
     """A depth image (height, width) without depths outside a volume."""
     rows, columns = np.indices(depth.shape)
     rays = np.stack(
@@ -146,7 +147,7 @@ def pooled_depth_error(errors: Sequence[DepthError]) -> DepthError:
     )
 
 
-def _depths(values: ArrayLike) -> NDArray[np.float64]:
+def _depths(values: ArrayLike) -> FloatArray:
     depths = np.nan_to_num(np.asarray(values, dtype=np.float64), nan=0.0, posinf=0.0, neginf=-1.0)
     if depths.size and depths.min() < 0:
         raise ValueError("depths must not be negative")

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from benchmarks.scene_views import CAMERA
+from fieldkit.arrays import ByteArray, Float32Array, FloatArray
 from fieldkit.captures import Capture, GeoTag, Photo, read_capture
 from fieldkit.captures.priors import priors_from_gps
 from fieldkit.geometry import Pose
@@ -39,7 +40,7 @@ _STRAYED_M, _STRAYED_DEG = (0.4, 1.2), 12.0
 _NEAREST_M, _LOWEST_M = 0.75, 0.6
 _GAMMA = 2.0
 
-Image8 = NDArray[np.uint8]
+Image8 = ByteArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +147,7 @@ def draw_capture(plot: PlotPhotographs, work: Path, seed: int, number: int) -> F
     return FaultyCapture(_tagged(flown, photos, rows, edits, tags, plot, rng), tuple(faults), tags)
 
 
-def _stations(middle: NDArray[np.float64], rng: np.random.Generator) -> list[Pose]:
+def _stations(middle: FloatArray, rng: np.random.Generator) -> list[Pose]:
     start = rng.uniform(0.0, 360.0)
     poses = []
     for i in range(STATIONS):
@@ -158,7 +159,7 @@ def _stations(middle: NDArray[np.float64], rng: np.random.Generator) -> list[Pos
     return poses
 
 
-def _astray(pose: Pose, middle: NDArray[np.float64], rng: np.random.Generator) -> Pose:
+def _astray(pose: Pose, middle: FloatArray, rng: np.random.Generator) -> Pose:
     """A pose up to 1.2 m off, turned as commanded, at random, or towards the plot."""
     while True:
         shift = rng.normal(size=3) * (1.0, 1.0, 0.3)
@@ -204,11 +205,11 @@ def _spoil(photo: Photo, kind: str, grain: float, file: Path, rng: np.random.Gen
     return file, detail
 
 
-def _floats(values: NDArray[np.integer | np.floating]) -> NDArray[np.float32]:
+def _floats(values: NDArray[np.integer | np.floating]) -> Float32Array:
     return np.asarray(values, dtype=np.float32)
 
 
-def _motion(length_px: float, angle_rad: float) -> NDArray[np.float32]:
+def _motion(length_px: float, angle_rad: float) -> Float32Array:
     """The kernel of a line with subpixel ends."""
     half = int(np.ceil(length_px / 2.0)) + 1
     kernel = np.zeros((2 * half + 1, 2 * half + 1), np.float32)
@@ -287,7 +288,7 @@ def _source(photos: Mapping[int, Photo], flown: Capture, rows: Mapping[int, int]
 
 def _retagged(
     photo: Photo, source: Photo, edit: Callable[..., tuple[GeoTag, tuple[float, float]]] | None,
-    offset: NDArray[np.float64],
+    offset: FloatArray,
 ) -> Photo:  # fmt: skip
     tag, angles = source.geotag, (source.yaw_deg or 0.0, source.pitch_deg or 0.0)
     assert tag is not None

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from benchmarks.result import Cell, ResultTable, StudyResult
 from benchmarks.rigs import RIG_FILE, read_rig
 from benchmarks.scene_views import CAMERA, SceneUnderStudy, load_scene, photograph, ring_about_plants, study_scenes
+from fieldkit.arrays import BoolArray, ByteArray
 from fieldkit.captures import read_capture, read_image
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.features import Features, FeatureSettings, extract_features
@@ -118,9 +119,9 @@ def rig_pairs(data: Path, name: str, steps: Sequence[int], progress: Progress) -
     photos = {photo.name: photo for photo in read_capture(data / name / "images").photos}
     names = [n for n in read_rig(data / name / RIG_FILE) if n in photos]
     count = len(names)
-    known: dict[int, tuple[Features, NDArray[np.bool_], float]] = {}
+    known: dict[int, tuple[Features, BoolArray, float]] = {}
 
-    def view(i: int) -> tuple[Features, NDArray[np.bool_], float]:
+    def view(i: int) -> tuple[Features, BoolArray, float]:
         if i % count not in known:
             color = read_image(photos[names[i % count]])
             gray = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY)
@@ -179,14 +180,14 @@ def _take_the_moment(study: SceneUnderStudy, whole: Renderer, plants: Renderer, 
         renderer.move(Motion(renderer.scene, seed).at(outdoors.time_s(photograph), outdoors.wind_m))
 
 
-def visible_plants(whole: Renderer, plants: Renderer, pose: Pose, camera: Intrinsics) -> NDArray[np.bool_]:
+def visible_plants(whole: Renderer, plants: Renderer, pose: Pose, camera: Intrinsics) -> BoolArray:
     """(h, w) mask of the reference's plants where they are the nearest surface, 2 px wider."""
     all_depth, plant_depth = whole.depth(pose, camera), plants.depth(pose, camera)
     seen = (plant_depth > 0) & (np.abs(plant_depth - all_depth) < 0.003)
     return np.asarray(cv2.dilate(seen.astype(np.uint8), np.ones((5, 5), np.uint8))) > 0
 
 
-def green(color: NDArray[np.uint8]) -> NDArray[np.bool_]:
+def green(color: ByteArray) -> BoolArray:
     """(h, w) mask of excess green 2G − R − B above 20 (Woebbecke et al. 1995), 2 px wider."""
     r, g, b = (color[..., i].astype(np.int16) for i in range(3))
     excess = cv2.blur((2 * g - r - b).astype(np.float32), (5, 5)) > 20
@@ -260,11 +261,11 @@ def verdict_table(decays: Sequence[Decay], real: Sequence[Decay]) -> ResultTable
 _COLUMNS = ("5–6°>", "12–14°>", "18°>", "27–30°>", "36°>", "48–50°>")
 
 
-def _count(angle: float, a: Features, b: Features, scale: float, plants: NDArray[np.bool_]) -> PairCount:
+def _count(angle: float, a: Features, b: Features, scale: float, plants: BoolArray) -> PairCount:
     found = inliers(a, b, scale)
     return PairCount(angle, (len(a) + len(b)) / 2, len(found), int(plants[found[:, 0]].sum()))
 
 
-def _at(features: Features, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _at(features: Features, mask: BoolArray) -> BoolArray:
     column, row = np.floor(features.points).astype(int).T
     return np.asarray(mask[np.clip(row, 0, mask.shape[0] - 1), np.clip(column, 0, mask.shape[1] - 1)])

@@ -6,8 +6,8 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.missions.export import route_plan
 from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.results.plan import Plan, PlanPlants
@@ -51,10 +51,10 @@ _PLACES = {
 OPTIMA = {"berlin52": 7542, "eil51": 426, "st70": 675, "kroA100": 21282}
 
 
-def distances(name: str) -> NDArray[np.float64]:
+def distances(name: str) -> FloatArray:
     """(n, n) EUC_2D distances: rounded to whole numbers."""
     places = np.array(_PLACES[name].split(), dtype=np.float64).reshape(-1, 2)
-    matrix: NDArray[np.float64] = np.rint(np.linalg.norm(places[:, None] - places[None], axis=2))
+    matrix: FloatArray = np.rint(np.linalg.norm(places[:, None] - places[None], axis=2))
     return matrix
 
 
@@ -125,15 +125,15 @@ def route_field(plots: int, stations: int, vehicle: Vehicle, seed: int) -> Field
     )  # fmt: skip
 
 
-def _tour(name: str, matrix: NDArray[np.float64], shortest: float, seed: int) -> Tour:
+def _tour(name: str, matrix: FloatArray, shortest: float, seed: int) -> Tour:
     began = time.process_time()
     order = shortest_tour(matrix, seed=seed)
     length = sum(matrix[a, b] for a, b in zip(order, (*order[1:], order[0]), strict=True))
     return Tour(name, len(matrix), float(length) / shortest - 1.0, time.process_time() - began)
 
 
-def _apart(places: NDArray[np.float64]) -> NDArray[np.float64]:
-    matrix: NDArray[np.float64] = np.linalg.norm(places[:, None] - places[None], axis=2)
+def _apart(places: FloatArray) -> FloatArray:
+    matrix: FloatArray = np.linalg.norm(places[:, None] - places[None], axis=2)
     return matrix
 
 

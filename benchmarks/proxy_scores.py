@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from benchmarks.captures import rig_capture
@@ -16,6 +15,7 @@ from benchmarks.curves import draw_agreement
 from benchmarks.recorded_scores import BANDS_PX, RIG, VIEWS
 from benchmarks.result import Cell, ResultTable, StudyResult
 from benchmarks.rigs import RigSet, load_rig
+from fieldkit.arrays import IntArray
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.evaluation.proxy import make_proxy
@@ -36,7 +36,7 @@ REAL, REAL_DENSE = "photographs", "photographs, poses of all"
 Found = Mapping[str, Sequence[Evaluation]]
 
 
-def view_sets(count: int, views: int, seed: int = 0) -> dict[str, NDArray[np.int64]]:
+def view_sets(count: int, views: int, seed: int = 0) -> dict[str, IntArray]:
     """Ten sets of ``views`` out of ``count`` views around a circle, from even to clumped: names and sorted indices."""
     if count < 2 * views:
         raise ValueError(f"{views} of {count} views leave little to choose")
@@ -54,13 +54,13 @@ def view_sets(count: int, views: int, seed: int = 0) -> dict[str, NDArray[np.int
     return {name: np.sort(index % count).astype(np.int64) for name, index in sets.items()}
 
 
-def _along(count: int, views: int, arc_deg: float, start: int = 0) -> NDArray[np.int64]:
+def _along(count: int, views: int, arc_deg: float, start: int = 0) -> IntArray:
     steps = views if arc_deg >= 360.0 else views - 1
-    index: NDArray[np.int64] = np.rint(start + np.arange(views) * (count * arc_deg / 360.0 / steps)).astype(np.int64)
+    index: IntArray = np.rint(start + np.arange(views) * (count * arc_deg / 360.0 / steps)).astype(np.int64)
     return index
 
 
-def _clumps(count: int, views: int, clumps: int) -> NDArray[np.int64]:
+def _clumps(count: int, views: int, clumps: int) -> IntArray:
     parts = np.array_split(np.arange(views), clumps)
     return np.concatenate([round(k * count / clumps) + np.arange(len(part)) for k, part in enumerate(parts)])
 

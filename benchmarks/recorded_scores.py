@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from benchmarks.captures import rig_capture
 from benchmarks.result import Cell, ResultTable, StudyResult, spread
 from benchmarks.rigs import load_rig
 from benchmarks.subset_plots import Subset, draw_subsets
+from fieldkit.arrays import FloatArray
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture, read_image
 from fieldkit.captures.model import Capture
@@ -172,7 +172,7 @@ def witnessed_cloud(
     return cloud.select(plot.ground.heights(cloud.points) > clearance(plot.ground))
 
 
-def largest_gap_deg(centers: NDArray[np.float64], everything: NDArray[np.float64]) -> float:
+def largest_gap_deg(centers: FloatArray, everything: FloatArray) -> float:
     """The widest gap between neighbours of a subset on the rig's circle, degrees."""
     away = centers[:, :2] - everything[:, :2].mean(axis=0)
     angles = np.sort(np.degrees(np.arctan2(away[:, 1], away[:, 0])))

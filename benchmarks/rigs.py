@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.captures.model import Capture
@@ -27,7 +27,6 @@ from fieldkit.reconstruction.stages import StageTimer
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 
-Matrix = NDArray[np.float64]
 RIG_FILE = "poses_rig.csv"
 _ROUNDS = 50
 
@@ -82,7 +81,7 @@ def load_rig(data: Path, name: str, *, cache: StageCache, progress: Progress, wo
     )
 
 
-def read_rig(path: Path) -> dict[str, tuple[NDArray[np.float64], float]]:
+def read_rig(path: Path) -> dict[str, tuple[FloatArray, float]]:
     """Position (3,) in metres and pan in degrees (mathematical, about z) by photograph name."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
@@ -98,9 +97,7 @@ def read_rig(path: Path) -> dict[str, tuple[NDArray[np.float64], float]]:
         ) from error
 
 
-def complete_poses(
-    commanded: Mapping[str, tuple[NDArray[np.float64], float]], dense: Mapping[str, Pose]
-) -> dict[str, Pose]:
+def complete_poses(commanded: Mapping[str, tuple[FloatArray, float]], dense: Mapping[str, Pose]) -> dict[str, Pose]:
     """Commanded positions with full rotations: mount · Rz(−pan) · tilt.
 
     Mount and tilt are one rotation each for the whole rig, fitted in turn to the dense poses (chordal means).
@@ -131,17 +128,17 @@ def perturb(poses: Mapping[str, Pose], noise_m: float, noise_deg: float, draw: i
     return noisy
 
 
-def root_mean_square(values: NDArray[np.float64]) -> float:
+def root_mean_square(values: FloatArray) -> float:
     """√ of the mean of the squares."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def _about_z(angle_deg: float) -> Matrix:
+def _about_z(angle_deg: float) -> FloatArray:
     return rotation_from_vector(np.array([0.0, 0.0, np.radians(angle_deg)]))
 
 
-def _mean_rotation(rotations: Sequence[Matrix]) -> Matrix:
+def _mean_rotation(rotations: Sequence[FloatArray]) -> FloatArray:
     u, _, vt = np.linalg.svd(np.sum(rotations, axis=0))
     flip = np.diag([1.0, 1.0, np.linalg.det(u @ vt)])
-    mean: Matrix = u @ flip @ vt
+    mean: FloatArray = u @ flip @ vt
     return mean

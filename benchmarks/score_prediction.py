@@ -20,6 +20,7 @@ from benchmarks.captures import rig_capture
 from benchmarks.result import Cell, ResultTable, StudyResult
 from benchmarks.rigs import load_rig, perturb, uniform_subset
 from benchmarks.scored_captures import FITTED, designs, make_captures, read_captures, stored_cloud
+from fieldkit.arrays import FloatArray
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.clouds import ReferenceIndex, crop, score
@@ -47,8 +48,6 @@ from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import ReconstructionEntry
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
-
-Array = NDArray[np.float64]
 
 MODEL_VERSION = 2
 """Version of the package's prediction.json; raise it for a new fit."""
@@ -257,7 +256,7 @@ def _fitted(plots: Sequence[Plot], chosen: Sequence[str], half_width: float) -> 
     )  # fmt: skip
 
 
-def _lowest(name: str, values: Array) -> float:
+def _lowest(name: str, values: FloatArray) -> float:
     """Lower end of a figure's range; ``spread_m`` may be as small as possible: small place errors change nothing."""
     return RESTING_M if name == "spread_m" else float(values.min())
 

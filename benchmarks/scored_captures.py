@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.true_plants import kept_truth
+from fieldkit.arrays import FloatArray
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.clouds import Cloud, ReferenceIndex, crop, score
@@ -209,7 +210,7 @@ def _evaluate(folder: Path, name: str, design: Design, capture: Path, proxy: Pro
     write_atomic(folder / f"{name}.json", json.dumps(record, ensure_ascii=False) + "\n")
 
 
-def settle_in_scene(points: NDArray[np.float64], poses: Mapping[str, Pose]) -> tuple[Similarity, Plane | None]:
+def settle_in_scene(points: FloatArray, poses: Mapping[str, Pose]) -> tuple[Similarity, Plane | None]:
     """`KnownPlot.settle` of captures in the scene's own frame: they stay there, and the ground is theirs."""
     return Similarity.identity(), find_ground(points, poses, seed=0, up=np.array([0.0, 0.0, 1.0]))
 

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.clouds.volume import Volume
 from fieldkit.reconstruction.dense.source_views import choose_sources
 from fieldkit.reconstruction.dense.support import gray
@@ -27,15 +27,15 @@ _BLOCK = 3
 class Rectified:
     """A pair of views resampled so that corresponding points share a row."""
 
-    left: NDArray[np.uint8]
-    right: NDArray[np.uint8]
+    left: ByteArray
+    right: ByteArray
     """(H, W) uint8 grey levels."""
     focal: float
     """Pixels, of both."""
-    left_center: NDArray[np.float64]
-    right_center: NDArray[np.float64]
+    left_center: FloatArray
+    right_center: FloatArray
     """(2,) principal points, pixel indices."""
-    rotation: NDArray[np.float64]
+    rotation: FloatArray
     """(3, 3) rectified-from-left-camera."""
     baseline: float
     """Metres."""
@@ -67,7 +67,7 @@ def _depth_map(view: View, sources: list[View], volume: Volume) -> DepthMap:
     return DepthMap(view.name, depth, np.zeros((*wanted.shape, 3), dtype=np.float32), cost)
 
 
-def _pair_depth(view: View, source: View, volume: Volume) -> NDArray[np.float64] | None:
+def _pair_depth(view: View, source: View, volume: Volume) -> FloatArray | None:
     """Depth along ``view``'s optical axis from one pair, (H, W), NaN where there is none."""
     import cv2
 

@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from benchmarks.curves import COLORS, dress
+from fieldkit.arrays import FloatArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.pictures.panels import FAINT, INK, Panel, add_panel, draw_cloud, fitting_scale, new_figure
@@ -35,9 +35,7 @@ class Subset:
     """Its value."""
 
 
-def draw_subsets(
-    centers: NDArray[np.float64], subsets: Sequence[Subset], values: Sequence[float], volume: Volume
-) -> Figure:
+def draw_subsets(centers: FloatArray, subsets: Sequence[Subset], values: Sequence[float], volume: Volume) -> Figure:
     """A row for each subset: its cameras on the rig, and its cloud from above and from the front; then all values.
 
     Args:

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from PIL import Image
 
 from benchmarks.headless import NoBrowserError, headless_browser, offline_page
+from fieldkit.arrays import ByteArray
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator, Page
@@ -44,17 +44,17 @@ def opened(
         assert complaints == []
 
 
-def picture(of: Page | Locator) -> NDArray[np.uint8]:
+def picture(of: Page | Locator) -> ByteArray:
     """(h, w, 3) as it is on the screen."""
     with Image.open(io.BytesIO(of.screenshot())) as image:
         return np.asarray(image.convert("RGB"))
 
 
-def colors_in(image: NDArray[np.uint8]) -> int:
+def colors_in(image: ByteArray) -> int:
     """How many colours a picture has."""
     return len(np.unique(image.reshape(-1, 3), axis=0))
 
 
-def changed(before: NDArray[np.uint8], after: NDArray[np.uint8], by: int = 24) -> int:
+def changed(before: ByteArray, after: ByteArray, by: int = 24) -> int:
     """Pixels that differ in a channel by more than ``by``."""
     return int((np.abs(before.astype(int) - after).max(axis=-1) > by).sum())

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array, eye_array, hstack
 
+from fieldkit.arrays import BoolArray, FloatArray, IntArray
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.score.visibility import Surface, look
-from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.space.cameras import Cameras
 
 VIEWS = 2
 """Least number of views that cover a point: triangulation needs two."""
@@ -27,8 +27,6 @@ _NEARER = 0.5
 _SECONDS = 120.0
 _NODES = 1000
 _WEIGHT = 1e-3
-
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -96,7 +94,7 @@ class MaximumCoverage:
         return self._problem.views if self._problem.views is not None else lattice_views(self._problem)
 
     @cached_property
-    def _seen(self) -> Mask:
+    def _seen(self) -> BoolArray:
         surface = Surface.of(self._problem.plots[0], _POINTS)
         sights = look(surface, self._candidates, self._problem.camera)
         return np.array([sight.seen & (sight.facing > _STEEPEST) for sight in sights])
@@ -110,7 +108,7 @@ class MaximumCoverage:
         return count
 
     @cached_property
-    def _same_place(self) -> NDArray[np.int64]:
+    def _same_place(self) -> IntArray:
         if self._problem.views is not None:
             return np.arange(len(self._candidates))
         return np.unique(self._candidates.positions, axis=0, return_inverse=True)[1].reshape(-1)
@@ -137,7 +135,7 @@ def lattice_views(problem: PlanningProblem, positions: int = _POSITIONS) -> Came
     return Cameras(aimed.positions, aimed.yaw_deg, np.clip(aimed.pitch_deg, *envelope.pitch_deg))
 
 
-def greedy_cover(seen: Mask, count: int, place: NDArray[np.int64], views: int = VIEWS) -> Cover:
+def greedy_cover(seen: BoolArray, count: int, place: IntArray, views: int = VIEWS) -> Cover:
     """The view that adds most, ``count`` times.
 
     A point counts by the share of its required views, so that a first view counts too. The number of points that become
@@ -163,7 +161,7 @@ def greedy_cover(seen: Mask, count: int, place: NDArray[np.int64], views: int = 
 
 
 def exact_cover(
-    seen: Mask, count: int, place: NDArray[np.int64], views: int = VIEWS, *, seconds: float = _SECONDS
+    seen: BoolArray, count: int, place: IntArray, views: int = VIEWS, *, seconds: float = _SECONDS
 ) -> Cover:
     """The best choice, as an integer programme; arguments as `greedy_cover`.
 
@@ -198,12 +196,12 @@ def exact_cover(
     return Cover(tuple(int(k) for k in chosen), covered, bound, found.status == 0, taken)
 
 
-def _lattice(problem: PlanningProblem, step: float) -> Array:
+def _lattice(problem: PlanningProblem, step: float) -> FloatArray:
     envelope = problem.envelope
     axes = []
     for low, high in (envelope.x_m, envelope.y_m, envelope.height_m):
         count = int((high - low) / step) + 1
         axes.append(0.5 * (low + high) + step * (np.arange(count) - 0.5 * (count - 1)))
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    free: Array = points[envelope.position_violation(points) <= 0.0]
+    free: FloatArray = points[envelope.position_violation(points) <= 0.0]
     return free

@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from fieldkit.arrays import FloatArray
 from fieldkit.planning.methods.optimise import Effort, optimise
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.score.visibility import PerCamera, Surface, look
-from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import fill_distance_m
 from fieldkit.runtime.kernels import kernel
 
@@ -85,7 +86,7 @@ class GeometricOptimum:
         if number > 0:
             return None
 
-        def cost(cameras: Cameras, plots: Sequence[int]) -> Array:
+        def cost(cameras: Cameras, plots: Sequence[int]) -> FloatArray:
             return np.full(len(plots), self._cost(cameras))
 
         cameras = optimise(self._problem, cost, self._seed, self._effort)
@@ -142,12 +143,12 @@ class Reconstructability:
         """The criterion of a set, at most 9."""
         return float((np.minimum(self.of_points(cameras) - _ENOUGH, 0.0) ** 2).mean())
 
-    def of_points(self, cameras: Cameras) -> Array:
+    def of_points(self, cameras: Cameras) -> FloatArray:
         """(p,) h of the surface's points."""
-        found: Array = _reconstructability(np.array(self._views(cameras)), self._farthest_m)
+        found: FloatArray = _reconstructability(np.array(self._views(cameras)), self._farthest_m)
         return found
 
-    def _look(self, cameras: Cameras) -> list[Array]:
+    def _look(self, cameras: Cameras) -> list[FloatArray]:
         """(p, 5) per view: ray, distance in metres, cosine of incidence; 0 where it does not see the point."""
         found = []
         for sight in look(self._surface, cameras, self._camera):

@@ -9,10 +9,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from fieldkit.arrays import FloatArray
 from fieldkit.planning.methods.bosfm import Bosfm, Coding, EncodedSpace, sample_seed
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.score.cost_model import LEAST_M, NOISE
-from fieldkit.planning.space.cameras import PER_CAMERA, Array, Cameras
+from fieldkit.planning.space.cameras import PER_CAMERA, Cameras
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +49,8 @@ class TunedBosfm(Bosfm):
     def name(self) -> str:
         return "bosfm-tuned"
 
-    def _worth(self, values_m: Array) -> Array:
-        worth: Array = -np.log(np.maximum(values_m, LEAST_M))
+    def _worth(self, values_m: FloatArray) -> FloatArray:
+        worth: FloatArray = -np.log(np.maximum(values_m, LEAST_M))
         return worth
 
     @cached_property
@@ -64,7 +65,7 @@ class CylindricalCoding(Coding):
     beyond its sides are cut to them.
     """
 
-    def encode(self, cameras: Cameras) -> Array:
+    def encode(self, cameras: Cameras) -> FloatArray:
         """The code u (5n,) of n cameras by azimuth; values beyond the limits are cut to them."""
         azimuth, radius = self._polar(cameras.positions)
         order = np.argsort(azimuth, kind="stable")
@@ -72,7 +73,7 @@ class CylindricalCoding(Coding):
         code[:, 0], code[:, 1] = azimuth[order] / 360.0, np.minimum(radius[order] / self._widest_m, 1.0)
         return code.reshape(-1)
 
-    def decode(self, code: Array) -> Cameras:
+    def decode(self, code: FloatArray) -> Cameras:
         """The cameras of a code u (5n,); see `Coding.decode`."""
         share = np.clip(np.array(code, dtype=np.float64).reshape(-1, PER_CAMERA), 0.0, 1.0)
         turn, radius = 2.0 * np.pi * share[:, 0], self._widest_m * share[:, 1]
@@ -81,7 +82,7 @@ class CylindricalCoding(Coding):
         share[:, :2] = (places - self.low[:2]) / np.where(span > 0, span, 1.0)
         return super().decode(share.reshape(-1))
 
-    def _polar(self, positions: Array) -> tuple[Array, Array]:
+    def _polar(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
         east, north = (positions[:, :2] - self.center[:2]).T
         return np.degrees(np.arctan2(east, north)) % 360.0, np.hypot(east, north)
 

@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.campaign.reading import CampaignPlot
 from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M
 from fieldkit.captures.model import Photo
@@ -25,11 +26,11 @@ class FieldLayout:
 
     frame: LocalFrame
     """Of these metres."""
-    aims: NDArray[np.float64]
+    aims: FloatArray
     """(p, s, 2) places that the stations look at."""
-    stations: NDArray[np.float64]
+    stations: FloatArray
     """(p, s, 2) places of the stations."""
-    spacing: NDArray[np.float64]
+    spacing: FloatArray
     """(p, p) distances between the plots' middles, infinite on the diagonal."""
     shapes: NDArray[np.object_]
     """(p,) polygons; empty where a plot is a point."""
@@ -69,7 +70,7 @@ class FieldLayout:
             most,
         )
 
-    def distances(self, photo: Photo) -> NDArray[np.float64]:
+    def distances(self, photo: Photo) -> FloatArray:
         """(p,) how far a geotagged photograph is from what each plot's plan asks for, metres."""
         tag = photo.geotag
         assert tag is not None
@@ -99,20 +100,20 @@ def _polygon(plot: CampaignPlot, frame: LocalFrame) -> shapely.Polygon:
     return shapely.Polygon(frame.to_local(ring[:, 0], ring[:, 1], 0.0)[:, :2])
 
 
-def _turn(row_heading_deg: float) -> NDArray[np.float64]:
+def _turn(row_heading_deg: float) -> FloatArray:
     """(2, 2): east and north of the plot frame's x and y."""
     heading = np.radians(row_heading_deg)
     s, c = float(np.sin(heading)), float(np.cos(heading))
     return np.array([[s, -c], [c, s]])
 
 
-def _direction(yaw_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+def _direction(yaw_deg: FloatArray) -> FloatArray:
     """(n, 2) unit vectors of headings clockwise from the second axis."""
     yaw = np.radians(yaw_deg)
     return np.stack([np.sin(yaw), np.cos(yaw)], axis=1)
 
 
-def _reach(height: float, pitch_deg: NDArray[np.float64], most: float) -> NDArray[np.float64]:
+def _reach(height: float, pitch_deg: FloatArray, most: float) -> FloatArray:
     """(n,) horizontal distance from the camera to what it looks at, ``height`` below it, ``most`` at most."""
     slope = np.tan(np.radians(np.clip(-pitch_deg, _LEAST_PITCH_DEG, 90.0)))
     return np.minimum(height / slope, most)

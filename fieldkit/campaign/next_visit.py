@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fieldkit.arrays import FloatArray
 from fieldkit.campaign.reading import PLANS_FOLDER, Campaign
 from fieldkit.campaign.visits import visit_cloud
 from fieldkit.clouds import Cloud, read_cloud
@@ -25,7 +26,7 @@ from fieldkit.planning.run.flyable import vehicle_envelope
 from fieldkit.planning.run.outcome import plants_of
 from fieldkit.planning.score.cost_model import WEIGHTS, CostModel
 from fieldkit.planning.settings import EnvelopeSettings
-from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
 from fieldkit.results.plan import Plan, PlanMethod, PlanPlants, PlanSource
@@ -166,7 +167,7 @@ def plan_for_plants(
     def expected_m(cameras: Cameras) -> float:
         return cost_model.expected_m(cameras, weights, None)
 
-    def cost(cameras: Cameras, plots: Sequence[int]) -> Array:
+    def cost(cameras: Cameras, plots: Sequence[int]) -> FloatArray:
         return cost_model.costs_m(cameras, weights, None, plots)
 
     carried = problem.nearest(Cameras.from_poses(station.pose for station in plan.stations))
@@ -204,7 +205,7 @@ def _problem(plan: Plan, vehicle: Vehicle | None, plants: Cloud, plot: SitePlot 
     return PlanningProblem(len(plan.stations), envelope, camera, (Plot.without_others(plants),))
 
 
-def _beyond(plan: Plan, plants: Cloud, plot: SitePlot, rim_m: float) -> Array:
+def _beyond(plan: Plan, plants: Cloud, plot: SitePlot, rim_m: float) -> FloatArray:
     """(m, 3) points that fill what a mission over a plot takes to be plants beyond the known ones."""
     low, high = plants.points.min(axis=0).tolist(), plants.points.max(axis=0).tolist()
     known = plan.model_copy(update={"plants": PlanPlants(points_m=(tuple(low), tuple(high)), cell_m=_STEP_M)})
@@ -219,7 +220,7 @@ def _beyond(plan: Plan, plants: Cloud, plot: SitePlot, rim_m: float) -> Array:
     return np.vstack(filled)
 
 
-def _grid(low: Sequence[float], high: Sequence[float]) -> Array:
+def _grid(low: Sequence[float], high: Sequence[float]) -> FloatArray:
     """(n, 3) points that fill a box."""
     axes = [np.linspace(start, end, 2 + int((end - start) / _STEP_M)) for start, end in zip(low, high, strict=True)]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

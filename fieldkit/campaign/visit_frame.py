@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.campaign.reading import CampaignPlot
 from fieldkit.captures.model import Capture
 from fieldkit.clouds.canopy import Outline
@@ -52,7 +52,7 @@ class Settling:
     seed: int = 0
     """Of the ground's RANSAC."""
 
-    def __call__(self, points: NDArray[np.float64], poses: Mapping[str, Pose]) -> tuple[Similarity, Plane | None]:
+    def __call__(self, points: FloatArray, poses: Mapping[str, Pose]) -> tuple[Similarity, Plane | None]:
         shift = np.zeros(3)
         looked_at = None if self.aim is None else region_of_interest(list(poses.values()))
         if self.aim is not None and looked_at is not None:
@@ -214,7 +214,7 @@ def _own_axes(plot: CampaignPlot) -> Similarity:
     return Similarity(1.0, plot_from_enu(plot.row_heading_deg), np.zeros(3))
 
 
-def _positions(capture: Capture) -> NDArray[np.float64]:
+def _positions(capture: Capture) -> FloatArray:
     return np.array([p.position for p in capture.priors.values() if p.position is not None], dtype=np.float64)
 
 

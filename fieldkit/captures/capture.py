@@ -10,10 +10,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from fieldkit.arrays import Float32Array
 from fieldkit.captures.camera_file import CameraEntry, read_camera_file
 from fieldkit.captures.cameras import group_cameras
 from fieldkit.captures.compared import against_gps, several_places
@@ -273,7 +272,7 @@ def distinct(photos: Sequence[Photo], located: Collection[str] = ()) -> tuple[li
         if photo.captured_at is not None:
             place = photo.geotag and (round(photo.geotag.latitude_deg, 7), round(photo.geotag.longitude_deg, 7))
             moments.setdefault((photo.captured_at, place, photo.make, photo.model, photo.serial), []).append(photo)
-    details: dict[Path, NDArray[np.float32]] = {}
+    details: dict[Path, Float32Array] = {}
     few = (those for those in shapes.values() if len(those) <= _MOST_COMPARED)
     for alike, timed in [*((those, True) for those in moments.values()), *((those, False) for those in few)]:
         alike.sort(key=lambda e: (e.name not in located, e.captured_at is None, -e.width * e.height, len(e.name)))

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 from scipy.spatial.distance import cdist, pdist
 
+from fieldkit.arrays import FloatArray
 from fieldkit.captures.model import Photo
 from fieldkit.documents.mistaken import CENTIMETRES, SWAPPED
 from fieldkit.errors import MetadataError
@@ -22,8 +22,6 @@ _ELSEWHERE_M, _APART_M = 1000.0, 30.0
 _TELLS_M, _LONGER, _MISFIT = 10.0, 2.0, 0.5
 """GPS that spreads less (RMS) tells nothing of a layout; one that fits spreads alike, within shares of its spread."""
 _GAP_M, _GAPS, _GAPS_BLIND, _A_PLACE = 5.0, 2.5, 5.0, 4
-
-Array = NDArray[np.float64]
 
 
 def against_gps(
@@ -71,7 +69,7 @@ def _far(metres: float) -> str:
     return f"{metres / 1000:,.0f} km" if metres > 10_000 else f"{metres:,.0f} m"
 
 
-def _misfit(a: Array, b: Array) -> tuple[float, float, float]:
+def _misfit(a: FloatArray, b: FloatArray) -> tuple[float, float, float]:
     """Spread of b and of a (n, 2) about their means, and what is left of b where a is turned and moved onto it."""
     one, other = a - a.mean(axis=0), b - b.mean(axis=0)
     u, _, vt = np.linalg.svd(one.T @ other)
@@ -100,7 +98,7 @@ def several_places(photos: Sequence[Photo], priors: Mapping[str, PosePrior]) -> 
     return [Finding(known[0][0].name, "several-places", message)]
 
 
-def groups_apart(places: Array, least_m: float, times: float = _GAPS) -> Array:
+def groups_apart(places: FloatArray, least_m: float, times: float = _GAPS) -> FloatArray:
     """The middles (k, 2) of groups of four and more that places (n, 2) fall into; none where they do not.
 
     What lies between groups is ``least_m`` at least, and so many ``times`` what lies between the members of any.

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import SEMI_MAJOR_M, LocalFrame, ecef_to_geodetic, geodetic_to_ecef
@@ -57,7 +57,7 @@ def height_unit_m(crs: Any) -> tuple[float, bool]:
     return 1.0 if abs(factor - 1.0) < 1e-9 else factor, stated  # a metre's own factor is 1 but for rounding
 
 
-def to_geodetic(points: NDArray[np.float64], crs: Any, path: Path | None) -> tuple[NDArray[np.float64], list[Finding]]:
+def to_geodetic(points: FloatArray, crs: Any, path: Path | None) -> tuple[FloatArray, list[Finding]]:
     """WGS 84 latitude, longitude (degrees) and height (metres, above the system's own datum) of points (n, 3).
 
     With them comes a finding where the system's datum is not WGS 84; without a path it is geo.txt's. x is east or the
@@ -75,7 +75,7 @@ def to_geodetic(points: NDArray[np.float64], crs: Any, path: Path | None) -> tup
     return geodetic, [Finding(subject, "gps-datum", said)] if said else []
 
 
-def to_wgs84(points: NDArray[np.float64], crs: Any, path: Path | None) -> tuple[Any, str]:
+def to_wgs84(points: FloatArray, crs: Any, path: Path | None) -> tuple[Any, str]:
     """Pyproj's best transformation to WGS 84 where points (n, 2 or 3) lie, and its accuracy in words.
 
     x is east or the longitude. The words are empty where the datum is WGS 84. Datums of satellites' ellipsoid (GDA94,
@@ -128,7 +128,7 @@ def to_wgs84(points: NDArray[np.float64], crs: Any, path: Path | None) -> tuple[
     )
 
 
-def frame_about(geodetic: NDArray[np.float64], datum: str) -> LocalFrame:
+def frame_about(geodetic: FloatArray, datum: str) -> LocalFrame:
     """A frame in the middle of places (n, 3) of latitude, longitude and height."""
     middle = geodetic_to_ecef(*geodetic.T).mean(axis=0)
     (latitude,), (longitude,), _ = ecef_to_geodetic(middle)
@@ -158,9 +158,7 @@ def local_from_geocentric(poses: Mapping[str, Pose]) -> tuple[LocalFrame, dict[s
     return _local_from_axes(poses, np.stack(ecef_to_geodetic(centers), axis=1), "unknown")
 
 
-def _local_from_axes(
-    poses: Mapping[str, Pose], geodetic: NDArray[np.float64], datum: str
-) -> tuple[LocalFrame, dict[str, Pose]]:
+def _local_from_axes(poses: Mapping[str, Pose], geodetic: FloatArray, datum: str) -> tuple[LocalFrame, dict[str, Pose]]:
     """Of poses whose orientations are against geocentric axes; centres do not count."""
     frame = frame_about(geodetic, datum)
     local, turn = frame.to_local(*geodetic.T), frame.rotation()
@@ -169,7 +167,7 @@ def _local_from_axes(
 
 
 def local_from_geodetic(
-    poses: Mapping[str, Pose], geodetic: NDArray[np.float64], headings: NDArray[np.float64], datum: str
+    poses: Mapping[str, Pose], geodetic: FloatArray, headings: FloatArray, datum: str
 ) -> tuple[LocalFrame, dict[str, Pose]]:
     """A local frame, and poses in it.
 
@@ -190,9 +188,7 @@ def local_from_geodetic(
     return frame, placed
 
 
-def _grid_headings(
-    points: NDArray[np.float64], geodetic: NDArray[np.float64], crs: Any, path: Path
-) -> NDArray[np.float64]:
+def _grid_headings(points: FloatArray, geodetic: FloatArray, crs: Any, path: Path) -> FloatArray:
     """Heading of a system's +y at points (n, 3), which are also given geodetic; radians clockwise from true north."""
     if crs.is_geographic:
         return np.zeros(len(points))

@@ -15,9 +15,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, TiffImagePlugin
 
+from fieldkit.arrays import ByteArray, Float32Array
 from fieldkit.captures.model import Photo
 from fieldkit.errors import CaptureError
 from fieldkit.regular_files import open_regular
@@ -35,7 +35,7 @@ _REDUCED = {
 }
 
 
-def read_image(photo: Photo | Path, *, max_side: int | None = None, gray: bool = False) -> NDArray[np.uint8]:
+def read_image(photo: Photo | Path, *, max_side: int | None = None, gray: bool = False) -> ByteArray:
     """The pixels of a photograph, (h, w, 3) RGB or (h, w) grey, 8 bits.
 
     The EXIF orientation tag is **not** applied: the pixel grid is the stored one, as COLMAP reads it, so that
@@ -222,7 +222,7 @@ def _itxt_text(chunk: bytes) -> bytes | None:
         return None
 
 
-def saved_again(one: Path, other: Path, details: dict[Path, NDArray[np.float32]]) -> bool:
+def saved_again(one: Path, other: Path, details: dict[Path, Float32Array]) -> bool:
     """Whether two files are one photograph that another program saved again, smaller or otherwise compressed.
 
     Fine detail is compared, and kept in ``details``: two exposures of a burst differ in it. Files that a camera has
@@ -245,7 +245,7 @@ def _numbered(stem: str) -> tuple[str, str]:
     return head, stem[len(head) :]
 
 
-def _detail(path: Path) -> NDArray[np.float32]:
+def _detail(path: Path) -> Float32Array:
     """(n, n) of a small grey copy, without what is coarse; mean 0, variance 1."""
     small = cv2.resize(
         read_image(path, max_side=2 * _DETAIL_PX, gray=True), (_DETAIL_PX, _DETAIL_PX), interpolation=cv2.INTER_AREA

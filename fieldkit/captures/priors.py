@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from fieldkit.arrays import FloatArray
 from fieldkit.captures.crs import frame_about
 from fieldkit.captures.geo_txt import GeoRow, settled_heights
 from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M, choose_heights
@@ -20,7 +20,7 @@ from fieldkit.captures.tables import match_names
 from fieldkit.documents.mistaken import CENTIMETRES
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import LocalFrame, geodetic_to_ecef
-from fieldkit.geometry.pose import Vector, wrapped_deg
+from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.geometry.priors import POSITION_SIGMA_M, Angles, PosePrior
 from fieldkit.results.finding import Finding
 from fieldkit.wording import count
@@ -76,7 +76,7 @@ def priors_from_poses(photos: Sequence[Photo], rows: Sequence[PoseRow]) -> Prior
     return _finish(PriorSet(ordered, "poses.csv", None, None, tuple(findings)), photos)
 
 
-def unit_doubt(positions: NDArray[np.float64]) -> str:
+def unit_doubt(positions: FloatArray) -> str:
     """Why camera positions (n, 3) may not be metres, in words; empty where nothing speaks so.
 
     Two rules of thumb: neighbouring photographs of one plot are not more than 15 m apart (median of the
@@ -186,7 +186,7 @@ def _georeferenced(photos: Sequence[Photo], tags: dict[str, GeoTag], source: str
     located = list(chosen.heights)
     priors: dict[str, PosePrior] = {}
     origin = None
-    positions: dict[str, Vector] = {}
+    positions: dict[str, FloatArray] = {}
     if located:
         geodetic = np.array([(tags[n].latitude_deg, tags[n].longitude_deg, chosen.heights[n]) for n in located])
         origin = frame_about(geodetic, chosen.datum)
@@ -217,7 +217,7 @@ def _georeferenced(photos: Sequence[Photo], tags: dict[str, GeoTag], source: str
     return PriorSet(priors, source if located else None, origin, height_source, tuple(findings), chosen.to_take_off_m)
 
 
-def _repeated(photos: Sequence[Photo], positions: Mapping[str, Vector]) -> tuple[list[str], float]:
+def _repeated(photos: Sequence[Photo], positions: Mapping[str, FloatArray]) -> tuple[list[str], float]:
     """Photographs at exactly the place of the one before, with its heading, and how far apart others follow each other.
 
     Cameras that write positions more slowly than they photograph repeat the last; a vehicle that hovers turns between

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, ByteArray
 from fieldkit.captures.decode import decoders_complaints, read_image
 from fieldkit.captures.folder import find_mask
 from fieldkit.captures.model import Capture, Photo
@@ -52,7 +52,7 @@ class Quality:
     """Of ``"unreadable"``, ``"damaged"``, ``"empty"``, ``"blurred"``, ``"under-exposed"``, ``"over-exposed"``."""
 
 
-def measure_quality(gray: NDArray[np.uint8], mask: NDArray[np.bool_] | None = None) -> Quality:
+def measure_quality(gray: ByteArray, mask: BoolArray | None = None) -> Quality:
     """Sharpness and exposure of a grey image, with the flags that need no other image.
 
     Under-exposed means that more than half of the region is black and nothing in it is bright (99th percentile below
@@ -83,7 +83,7 @@ def measure_quality(gray: NDArray[np.uint8], mask: NDArray[np.bool_] | None = No
     return Quality(sharpness, contrast, dark, bright, tuple(flags))
 
 
-def _region(shape: tuple[int, ...], mask: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
+def _region(shape: tuple[int, ...], mask: BoolArray | None) -> BoolArray:
     if mask is not None:
         size = (shape[1], shape[0])
         resized = np.asarray(cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0, dtype=bool)
@@ -154,7 +154,7 @@ def quality_findings(qualities: Mapping[str, Quality]) -> list[Finding]:
     ]
 
 
-def _read_mask(path: Path) -> NDArray[np.bool_] | None:
+def _read_mask(path: Path) -> BoolArray | None:
     """The mask, or None when it cannot be decoded: that is no reason to distrust the photograph."""
     try:
         return np.asarray(read_image(path, gray=True) > 127, dtype=bool)

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.metrics import ReferenceIndex
 from fieldkit.clouds.neighbors import PointIndex
@@ -127,7 +127,7 @@ def icp_onto_reference(
 
 
 def _align_level(
-    source: NDArray[np.float64], target: NDArray[np.float64], transform: Similarity, distance: float, with_scale: bool
+    source: FloatArray, target: FloatArray, transform: Similarity, distance: float, with_scale: bool
 ) -> tuple[Similarity, bool]:
     shape = _TargetShape(target)
     transform, converged = shape.align(source, transform, distance)
@@ -147,7 +147,7 @@ def _align_level(
 class _TargetShape:
     """A target with its tree and local covariances, to align several times to."""
 
-    def __init__(self, points: NDArray[np.float64]) -> None:
+    def __init__(self, points: FloatArray) -> None:
         import small_gicp
 
         self._gicp = small_gicp
@@ -155,11 +155,11 @@ class _TargetShape:
         self._tree = small_gicp.KdTree(self._cloud, num_threads=1)
         small_gicp.estimate_normals_covariances(self._cloud, self._tree, num_neighbors=_SHAPE_NEIGHBORS, num_threads=1)
 
-    def normals(self) -> NDArray[np.float64]:
+    def normals(self) -> FloatArray:
         """(n, 3) unit normals of the target's points, zero where there are too few neighbours."""
         return np.asarray(self._cloud.normals())[:, :3]
 
-    def align(self, source: NDArray[np.float64], transform: Similarity, distance: float) -> tuple[Similarity, bool]:
+    def align(self, source: FloatArray, transform: Similarity, distance: float) -> tuple[Similarity, bool]:
         """``transform`` refined by a rigid motion; unchanged and False where there is too little within reach."""
         moved = transform.apply(source)
         cloud = self._gicp.PointCloud(moved)
@@ -185,9 +185,9 @@ class _TargetShape:
 
 
 def _scaling_step(
-    moved: NDArray[np.float64],
-    target: NDArray[np.float64],
-    normals: NDArray[np.float64],
+    moved: FloatArray,
+    target: FloatArray,
+    normals: FloatArray,
     index: PointIndex,
     distance: float,
 ) -> Similarity | None:

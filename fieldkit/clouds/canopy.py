@@ -12,11 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, ByteArray, Float32Array, FloatArray
 from fieldkit.clouds.cells import piece_surface_m2
 
-Array = NDArray[np.float64]
 Outline = tuple[tuple[float, float], ...]
 """Corners (x, y) of a plot in the plot frame, metres, the last not the first again."""
 
@@ -43,9 +42,9 @@ class Canopy:
     """(x, y) of the outer corner of the first cell, plot frame, metres."""
     cell_m: float
     """Edge of the cells."""
-    tops: NDArray[np.float32]
+    tops: Float32Array
     """(rows, columns) height of the highest point above the ground; NaN where there is none."""
-    cover: NDArray[np.float32]
+    cover: Float32Array
     """(rows, columns) share of each cell that lies below plants, without the seam about leaves."""
 
     def within(self, outline: Outline) -> Canopy:
@@ -82,7 +81,7 @@ def seam_cells(pixel_m: float, swayed_m: float = 0.0) -> float:
     return max(-1.0, still - _SEAM_SWAYED * swayed_m / pixel_m)
 
 
-def cells_within(taken: NDArray[np.uint8]) -> NDArray[np.float32]:
+def cells_within(taken: ByteArray) -> Float32Array:
     """How far cells are from the next empty one, in cells: 1 at the edge; beyond it, as far from the next covered one
     as they are below 1.
 
@@ -96,7 +95,9 @@ def cells_within(taken: NDArray[np.uint8]) -> NDArray[np.float32]:
     return np.where(closed > 0, inner, 1.0 - outer).astype(np.float32)
 
 
-def canopy(points: Array, heights: Array, pixel_m: float, swayed_m: float = 0.0, seam: float | None = None) -> Canopy:
+def canopy(
+    points: FloatArray, heights: FloatArray, pixel_m: float, swayed_m: float = 0.0, seam: float | None = None
+) -> Canopy:
     """The canopy of plants' points, in cells as large as a pixel of the depth maps.
 
     Gaps of up to two cells are closed: a point falls into a cell by chance. What lies nearer than the seam to an empty
@@ -139,7 +140,7 @@ def with_room_m(top_m: float) -> float:
     return top_m + max(_LEAST_ROOM_M, _ROOM_SHARE * top_m)
 
 
-def highest_leaf_m(points: Array, heights: Array, pixel_m: float, swayed_m: float = 0.0) -> float:
+def highest_leaf_m(points: FloatArray, heights: FloatArray, pixel_m: float, swayed_m: float = 0.0) -> float:
     """Height of the highest point of a leaf: of a piece without gaps of more than two to four pixels, more where leaves
     sway, that has 10 cm².
 
@@ -162,7 +163,7 @@ def outline_area_m2(outline: Outline) -> float:
     return float(shapely.Polygon(outline).area)
 
 
-def inside_outline(points: Array, outline: Outline) -> NDArray[np.bool_]:
+def inside_outline(points: FloatArray, outline: Outline) -> BoolArray:
     """Mask (n,) of the points (n, 2 or more) whose x and y lie in a plot."""
     polygon = shapely.Polygon(outline)
     shapely.prepare(polygon)

@@ -11,6 +11,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from fieldkit.arrays import BoolArray, FloatArray, IntArray
+
 STRAY_M2 = (0.0005, 0.005)
 STRAY_SHARE = 0.05
 """A piece with less surface than 5 % of the largest one does not count, nor one below 5 cm²; one of 50 cm² does."""
@@ -22,7 +24,7 @@ _LARGE_SHARE = 0.2
 _BESIDE_M = 0.25
 
 
-def cell_keys(cells: NDArray[np.int64], limits: NDArray[np.int64] | None = None) -> NDArray[np.int64] | None:
+def cell_keys(cells: IntArray, limits: IntArray | None = None) -> IntArray | None:
     """(n,) whole numbers that sort as integer cells (n, d) do, first axis first; None where they span too much.
 
     ``limits`` (2, d) are the lowest and highest cell of all that are to be comparable; those of ``cells`` where not
@@ -39,7 +41,7 @@ def cell_keys(cells: NDArray[np.int64], limits: NDArray[np.int64] | None = None)
     return keys
 
 
-def unique_cells(cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def unique_cells(cells: IntArray) -> tuple[IntArray, IntArray]:
     """Different rows of integer cells (n, d), sorted, and (n,) the row that each one is."""
     keys = cell_keys(cells)
     if keys is None:
@@ -54,7 +56,7 @@ def voxel_edge_m(gsd_m: float) -> float:
     return max(VOXEL_M, VOXEL_GSD * gsd_m)
 
 
-def without_strays(points: NDArray[np.float64], voxel_m: float) -> NDArray[np.bool_]:
+def without_strays(points: FloatArray, voxel_m: float) -> BoolArray:
     """Mask (n,) of the points (n, 3) that belong to a piece large enough to be a leaf (`STRAY_SHARE`, `STRAY_M2`).
 
     Two points belong to one piece where a chain of points with gaps of at most three voxels leads from one to the
@@ -65,11 +67,11 @@ def without_strays(points: NDArray[np.float64], voxel_m: float) -> NDArray[np.bo
         return np.zeros(0, dtype=np.bool_)
     surface = piece_surface_m2(points, voxel_m, _REACH_VOXELS)
     low, high = STRAY_M2
-    kept: NDArray[np.bool_] = surface >= max(low, min(high, STRAY_SHARE * float(surface.max())))
+    kept: BoolArray = surface >= max(low, min(high, STRAY_SHARE * float(surface.max())))
     return kept
 
 
-def piece_surface_m2(points: NDArray[np.float64], voxel_m: float, reach: int = 1) -> NDArray[np.float64]:
+def piece_surface_m2(points: FloatArray, voxel_m: float, reach: int = 1) -> FloatArray:
     """Surface (n,) of the piece that each point (n, 3) belongs to: of its voxels, one face each.
 
     Points belong to one piece where cells of ``reach`` voxels that hold them touch, by a corner at least.
@@ -80,7 +82,7 @@ def piece_surface_m2(points: NDArray[np.float64], voxel_m: float, reach: int = 1
     return np.asarray((np.bincount(pieces) * voxel_m**2)[pieces][of_point], dtype=np.float64)
 
 
-def _pieces(cells: NDArray[np.int64], reach: float) -> NDArray[np.int32]:
+def _pieces(cells: IntArray, reach: float) -> NDArray[np.int32]:
     """(n,) number of the piece that each cell (n, d) belongs to; cells within ``reach`` of one another are of one."""
     pairs = cKDTree(cells).query_pairs(reach, output_type="ndarray")
     links = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(len(cells),) * 2)
@@ -101,7 +103,7 @@ class Stand:
     """(length, width) of the box about everything."""
 
 
-def find_stand(points: NDArray[np.float64]) -> Stand | None:
+def find_stand(points: FloatArray) -> Stand | None:
     """The stand in plants' points (n, 3): the box about the large pieces of covered ground, seen from above.
 
     Pieces are cells of 3 cm with gaps of at most 10 cm; plants and rows may be pieces of their own. None without any.

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fieldkit.arrays import BoolArray, ByteArray, Float32Array, FloatArray
 from fieldkit.geometry import Similarity
 
 
@@ -16,13 +17,13 @@ from fieldkit.geometry import Similarity
 class Cloud:
     """Points with what is known about each of them. The arrays are read-only."""
 
-    points: NDArray[np.float64]
+    points: FloatArray
     """(n, 3) float64, metres, finite."""
-    colors: NDArray[np.uint8] | None = None
+    colors: ByteArray | None = None
     """(n, 3) uint8 sRGB, or None."""
-    normals: NDArray[np.float32] | None = None
+    normals: Float32Array | None = None
     """(n, 3) float32 in the points' frame, unit length or zero where unknown, or None."""
-    filled: NDArray[np.bool_] | None = None
+    filled: BoolArray | None = None
     """(n,) whether a point fills a hole that dense stereo left (`fieldkit.reconstruction.dense.fusion`), or None."""
 
     def __post_init__(self) -> None:
@@ -70,7 +71,7 @@ class Cloud:
             normals = (self.normals @ transform.rotation.T).astype(np.float32)
         return Cloud(transform.apply(self.points), self.colors, normals, self.filled)
 
-    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lowest and highest corner (3,), (3,) of the points."""
         return self.points.min(axis=0), self.points.max(axis=0)
 

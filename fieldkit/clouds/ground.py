@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.errors import EmptyCloudError, ReconstructionError
@@ -40,7 +41,7 @@ def fit_ground_plane(
     camera_centers: ArrayLike | None = None,
     *,
     up: ArrayLike | None = None,
-    well_seen: NDArray[np.bool_] | None = None,
+    well_seen: BoolArray | None = None,
     seed: int = 0,
     tolerance_m: float | None = None,
 ) -> Plane:
@@ -81,10 +82,10 @@ def fit_ground_plane(
 
 
 def _fitted(
-    p: NDArray[np.float64],
-    cameras: NDArray[np.float64],
+    p: FloatArray,
+    cameras: FloatArray,
     up: ArrayLike | None,
-    well_seen: NDArray[np.bool_] | None,
+    well_seen: BoolArray | None,
     seed: int,
     tolerance: float,
     least: int | None = None,
@@ -118,7 +119,7 @@ def _fitted(
     )
 
 
-def _check_seen(heights: NDArray[np.float64], tolerance: float, least: int, *, clean: bool) -> None:
+def _check_seen(heights: FloatArray, tolerance: float, least: int, *, clean: bool) -> None:
     """Refuse a plane that points (n,) at these heights do not stand out on, or, where they are clean, lie below."""
     layers = tolerance * np.array([-np.inf, -3.0, -2.0, -1.0, 1.0, 3.0])
     far, lower, low, on, high = np.diff(np.searchsorted(np.sort(heights), layers))
@@ -128,18 +129,18 @@ def _check_seen(heights: NDArray[np.float64], tolerance: float, least: int, *, c
         raise _no_ground("well-seen points lie below the flattest part of the cloud")
 
 
-def _tolerance(points: NDArray[np.float64]) -> float:
+def _tolerance(points: FloatArray) -> float:
     low, high = np.quantile(points, [0.01, 0.99], axis=0)
     return _TOLERANCE_SHARE * float(np.linalg.norm(high - low))
 
 
 def _best_rated(
-    points: NDArray[np.float64],
-    cameras: NDArray[np.float64] | None,
+    points: FloatArray,
+    cameras: FloatArray | None,
     up: ArrayLike | None,
     rng: np.random.Generator,
     tolerance: float,
-) -> tuple[NDArray[np.float64], float]:
+) -> tuple[FloatArray, float]:
     """Normal and offset of the best of many planes through random triples."""
     sample = points
     if len(sample) > _SCORED_POINTS:
@@ -161,7 +162,7 @@ def _no_ground(reason: str) -> ReconstructionError:
     )
 
 
-def _unit(vector: ArrayLike) -> NDArray[np.float64]:
+def _unit(vector: ArrayLike) -> FloatArray:
     v = np.asarray(vector, dtype=np.float64).reshape(3)
     length = float(np.linalg.norm(v))
     if not (np.isfinite(length) and length > 0):
@@ -170,8 +171,8 @@ def _unit(vector: ArrayLike) -> NDArray[np.float64]:
 
 
 def _hypotheses(
-    sample: NDArray[np.float64], cameras: NDArray[np.float64] | None, rng: np.random.Generator, count: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    sample: FloatArray, cameras: FloatArray | None, rng: np.random.Generator, count: int
+) -> tuple[FloatArray, FloatArray]:
     """Upward normals (k, 3) and offsets (k,) of planes through random triples with the cameras above."""
     triples = rng.integers(0, len(sample), (count, 3))
     if cameras is not None:
@@ -218,9 +219,7 @@ def _rate(points, normals, offsets, tolerance):  # type: ignore[no-untyped-def]
     return ratings
 
 
-def _refined(
-    points: NDArray[np.float64], normal: NDArray[np.float64], offset: float, tolerance: float
-) -> tuple[NDArray[np.float64], float]:
+def _refined(points: FloatArray, normal: FloatArray, offset: float, tolerance: float) -> tuple[FloatArray, float]:
     """Least squares on the inliers, again and again until they stay the same."""
     inliers = np.abs(points @ normal - offset) <= tolerance
     for _ in range(_REFINEMENTS):

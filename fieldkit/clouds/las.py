@@ -14,6 +14,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, Float32Array, FloatArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.errors import CloudError
 from fieldkit.files import write_atomic
@@ -147,9 +148,9 @@ def _read(laspy: Any, file: BinaryIO, path: Path) -> LasCloud:
         header = reader.header
         names = set(header.point_format.dimension_names)
         normal_names = next((n for n in _OTHER_NORMALS if names.issuperset(n)), None)
-        points: list[NDArray[np.float64]] = []
+        points: list[FloatArray] = []
         colors: list[NDArray[np.uint16]] = []
-        normals: list[NDArray[np.float32]] = []
+        normals: list[Float32Array] = []
         count = left_out = 0
         for whole in reader.chunk_iterator(_CHUNK_POINTS):
             good = ~np.isin(np.asarray(whole.classification), _NOISE) & ~np.asarray(whole.withheld, dtype=bool)
@@ -240,7 +241,7 @@ def _signed(file: BinaryIO, position: int) -> int:
     return int.from_bytes(file.read(8), "little", signed=True)
 
 
-def _eight_bit(colors: NDArray[np.uint16]) -> NDArray[np.uint8] | None:
+def _eight_bit(colors: NDArray[np.uint16]) -> ByteArray | None:
     """16-bit colours as 8 bits; None where all are zero, which is what files without colours hold."""
     highest = int(colors.max(initial=0))
     if highest == 0:
@@ -257,7 +258,7 @@ def _crs(header: Any) -> Any:
         return None
 
 
-def _units(header: Any, crs: Any, path: Path) -> NDArray[np.float64]:
+def _units(header: Any, crs: Any, path: Path) -> FloatArray:
     """Metres per unit of x, y and z (3,). Heights are in the plane's unit where nothing else is said of them."""
     axes = [] if crs is None else crs.axis_info
     if axes and crs.is_geographic:
@@ -302,7 +303,7 @@ def _projected_crs(epsg: int, path: Path) -> Any:
     return crs
 
 
-def _grid(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _grid(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Offsets (3,) in whole metres and scales (3,) so that every coordinate fits 32 bits."""
     if not len(points):
         return np.zeros(3), np.full(3, _FINEST_SCALE_M)

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.errors import EmptyCloudError
@@ -84,7 +84,7 @@ def score(reference: Cloud | ReferenceIndex, estimate: Cloud, distances_m: Seque
 
 
 def score_distances(
-    to_reference: NDArray[np.float64], to_estimate: NDArray[np.float64], distances_m: Sequence[float] = DISTANCES_M
+    to_reference: FloatArray, to_estimate: FloatArray, distances_m: Sequence[float] = DISTANCES_M
 ) -> CloudScore:
     """`score` from what `nearest_distances` gave.
 
@@ -118,9 +118,7 @@ def _index(cloud: Cloud, name: str) -> PointIndex:
     return PointIndex(cloud.points)
 
 
-def nearest_distances(
-    reference: Cloud | ReferenceIndex, estimate: Cloud
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def nearest_distances(reference: Cloud | ReferenceIndex, estimate: Cloud) -> tuple[FloatArray, FloatArray]:
     """Distances estimate → reference (m,) and reference → estimate (n,), metres, each in its own cloud's Z-order.
 
     The first are to the reference's surface where the `ReferenceIndex` has one.
@@ -130,12 +128,12 @@ def nearest_distances(
     return kept.surface.distances_from(own), own.distances_from(kept.index)
 
 
-def _chamfer(to_reference: NDArray[np.float64], to_estimate: NDArray[np.float64]) -> Chamfer:
+def _chamfer(to_reference: FloatArray, to_estimate: FloatArray) -> Chamfer:
     accuracy, completeness = float(to_reference.mean()), float(to_estimate.mean())
     return Chamfer(accuracy + completeness, accuracy, completeness)
 
 
-def _f_score(to_reference: NDArray[np.float64], to_estimate: NDArray[np.float64], distance_m: float) -> FScore:
+def _f_score(to_reference: FloatArray, to_estimate: FloatArray, distance_m: float) -> FScore:
     precision = float(np.count_nonzero(to_reference <= distance_m) / len(to_reference))
     recall = float(np.count_nonzero(to_estimate <= distance_m) / len(to_estimate))
     total = precision + recall

@@ -10,8 +10,9 @@ estimate lies far away or in one spot; KD-trees without that bound visit large p
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fieldkit.arrays import FloatArray, IntArray
 from fieldkit.runtime.kernels import kernel
 
 _LEAF_POINTS = 16
@@ -44,7 +45,7 @@ class PointIndex:
     def __len__(self) -> int:
         return len(self.order)
 
-    def nearest(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def nearest(self, points: ArrayLike) -> tuple[FloatArray, IntArray]:
         """Distance (m,) in metres to the nearest indexed point of each of the points (m, 3), and its index (m,)."""
         p = _checked(points)
         local = p - self._origin
@@ -56,7 +57,7 @@ class PointIndex:
             indices[some] = self.order[found]
         return distances, indices
 
-    def distances_from(self, other: PointIndex) -> NDArray[np.float64]:
+    def distances_from(self, other: PointIndex) -> FloatArray:
         """Distance (m,) from each point of another index, in that index' Z-order, to the nearest point of this one."""
         shift, distances = other._origin - self._origin, np.empty(len(other))
         for start in range(0, len(other), _QUERIES_AT_A_TIME):
@@ -64,13 +65,13 @@ class PointIndex:
             distances[some] = self._search(other._sorted[some] + shift)[0]
         return distances
 
-    def _search(self, local: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def _search(self, local: FloatArray) -> tuple[FloatArray, IntArray]:
         squared, found = np.empty(len(local)), np.empty(len(local), dtype=np.int64)
         _nearest(self._sorted, self._boxes, local, squared, found)
         return np.sqrt(squared, out=squared), found
 
 
-def _checked(points: ArrayLike) -> NDArray[np.float64]:
+def _checked(points: ArrayLike) -> FloatArray:
     p = np.asarray(points, dtype=np.float64)
     if p.ndim != 2 or p.shape[1] != 3:
         raise ValueError(f"points must have the shape (n, 3), not {p.shape}")
@@ -79,7 +80,7 @@ def _checked(points: ArrayLike) -> NDArray[np.float64]:
     return p
 
 
-def z_order(points: NDArray[np.float64]) -> NDArray[np.int64]:
+def z_order(points: FloatArray) -> IntArray:
     """(n,) indices that sort points (n, 3) along the Z-order curve of the cube around them; stable."""
     if not len(points):
         return np.zeros(0, dtype=np.int64)

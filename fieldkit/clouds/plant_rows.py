@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from fieldkit.arrays import FloatArray, IntArray
 
 LEAST_PLANTS = 4
 """Fewer stand in a line of some direction by chance."""
@@ -25,9 +26,9 @@ _WIDE = 0.3
 class PlantRows:
     """Which row each plant stands in."""
 
-    row: NDArray[np.int64]
+    row: IntArray
     """(k,) from 1, in the direction across the rows that has a positive y (or x, for rows along y)."""
-    in_row: NDArray[np.int64]
+    in_row: IntArray
     """(k,) number along its row, from 1."""
     spacing_m: float
     """Usual distance of neighbours in a row."""
@@ -35,7 +36,7 @@ class PlantRows:
     """Places without a plant between the first and the last plant of each row (`GAP`)."""
 
 
-def find_rows(feet: NDArray[np.float64]) -> PlantRows | None:
+def find_rows(feet: FloatArray) -> PlantRows | None:
     """The rows that plants stand in; None where they stand in none, or are too few to tell.
 
     Every direction is tried. Rows are where the plants' places across it leave gaps. Each has two plants or more, one
@@ -53,9 +54,7 @@ def find_rows(feet: NDArray[np.float64]) -> PlantRows | None:
     return min(found, key=lambda each: each[:2])[2] if found else None
 
 
-def _rows(
-    along: NDArray[np.float64], across: NDArray[np.float64], nearest: float
-) -> list[tuple[int, float, PlantRows]]:
+def _rows(along: FloatArray, across: FloatArray, nearest: float) -> list[tuple[int, float, PlantRows]]:
     """The rows along one direction, where there are any, after their number and how far plants stand off them."""
     order, many = np.argsort(across), int(len(across) >= _MANY)
     row = np.zeros(len(across), np.int64)

@@ -18,12 +18,11 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
+from fieldkit.arrays import BoolArray, FloatArray, IntArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.thinning import voxel_thin
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-OnPlot = Callable[[Array], NDArray[np.bool_]]
+OnPlot = Callable[[FloatArray], BoolArray]
 LEAST_CLEAR = 0.8
 """Plants are told apart where at least this share of points is clearly nearer to its own foot than to any other."""
 
@@ -63,14 +62,14 @@ class PlantsApart:
     numbers: NDArray[np.int32]
     """(n,) int32: the point's plant, from 1; 0 for what belongs to none, such as weeds, and for every point where
     plants cannot be told apart."""
-    feet_m: Array
+    feet_m: FloatArray
     """(k, 3) metres: where each plant stands, on the level of the lowest points, by x; k is 0 where plants cannot be
     told apart."""
     clear: float
     """Share of the points that are clearly nearer to their own foot than to any other, 0 to 1."""
     refused: str = ""
     """Why the plants cannot be told apart; empty where they can."""
-    sure: NDArray[np.bool_] | None = None
+    sure: BoolArray | None = None
     """(n,) whether the point is clearly nearer to its own foot than to any other; None where they cannot be."""
 
     def __post_init__(self) -> None:
@@ -85,7 +84,7 @@ class PlantsApart:
         return len(self.feet_m)
 
 
-def everywhere(places: Array) -> NDArray[np.bool_]:
+def everywhere(places: FloatArray) -> BoolArray:
     """All places belong to the plot."""
     return np.ones(len(places), np.bool_)
 
@@ -151,8 +150,8 @@ def _told_apart(cloud: Cloud, on_plot: OnPlot) -> PlantsApart:
 
 
 def _standing_feet(
-    points: Array, on_plot: OnPlot, base: float, height: float, cell: float
-) -> tuple[list[Index], Array]:
+    points: FloatArray, on_plot: OnPlot, base: float, height: float, cell: float
+) -> tuple[list[IntArray], FloatArray]:
     """The low part of each plant's stem and its place (k, 3), by x; `_Mixed` where that is not clear."""
     lowest = float(points[:, 2].min())
     columns = _columns(points, lowest, base + _BAND * height, _WINDOW * height, cell)
@@ -173,7 +172,7 @@ def _standing_feet(
     return [feet[i] for i in order], places[order]
 
 
-def _columns(points: Array, bottom: float, top: float, stretch: float, cell: float) -> list[Index]:
+def _columns(points: FloatArray, bottom: float, top: float, stretch: float, cell: float) -> list[IntArray]:
     """The points of each upright column between two heights.
 
     Space is cut into voxels of two cells. One with its eight neighbours in the plan is part of a column where most of
@@ -198,7 +197,7 @@ def _columns(points: Array, bottom: float, top: float, stretch: float, cell: flo
     return [band[of == number] for number in range(1, int(of.max(initial=0)) + 1)]
 
 
-def _place(points: Array, foot: Index, base: float, cell: float) -> tuple[float, ...]:
+def _place(points: FloatArray, foot: IntArray, base: float, cell: float) -> tuple[float, ...]:
     """Where a stem stands: the middle of its lowest points, at height ``base``."""
     z = points[foot, 2]
     x, y = np.median(points[foot[z < z.min() + 6.0 * cell], :2], axis=0)
@@ -206,8 +205,14 @@ def _place(points: Array, foot: Index, base: float, cell: float) -> tuple[float,
 
 
 def _stems(
-    points: Array, on_plot: OnPlot, feet: list[Index], places: Array, base: float, height: float, cell: float
-) -> list[Index]:
+    points: FloatArray,
+    on_plot: OnPlot,
+    feet: list[IntArray],
+    places: FloatArray,
+    base: float,
+    height: float,
+    cell: float,
+) -> list[IntArray]:
     """Each foot's stem; `_Mixed` where there is one more."""
     top = base + _STEM_TOP * height
     stems = [_stem(points, foot, place, top, cell) for foot, place in zip(feet, places, strict=True)]
@@ -220,7 +225,7 @@ def _stems(
     return stems
 
 
-def _spacing(points: Array) -> float:
+def _spacing(points: FloatArray) -> float:
     """Median distance to the nearest other point, from every so manieth."""
     some = points[:: max(1, len(points) // 5_000)]
     return float(np.median(cKDTree(points).query(some, k=2)[0][:, 1]))
@@ -232,7 +237,7 @@ def _thinned(cloud: Cloud, cell_m: float) -> Cloud:
     return cloud.select(np.unique(cKDTree(cloud.points).query(middle)[1]))
 
 
-def _spread(points: Array, foot: Index) -> float:
+def _spread(points: FloatArray, foot: IntArray) -> float:
     """How far nine in ten points of a foot are from its middle, in the ground plan."""
     plan = points[foot, :2]
     return float(np.quantile(np.linalg.norm(plan - np.median(plan, axis=0), axis=1), 0.9))
@@ -255,7 +260,7 @@ def _surface(cloud: Cloud, cell: float) -> coo_array:
     return coo_array((weight, (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
 
 
-def _stem(points: Array, foot: Index, place: Array, top: float, cell: float) -> Index:
+def _stem(points: FloatArray, foot: IntArray, place: FloatArray, top: float, cell: float) -> IntArray:
     """The points about a stem's axis, which starts at its foot and may lean; over gaps it goes on as it was."""
     tree = cKDTree(points[:, :2])
     middle, slices = place[:2].copy(), []
@@ -268,7 +273,9 @@ def _stem(points: Array, foot: Index, place: Array, top: float, cell: float) -> 
     return np.unique(np.concatenate(slices)) if slices else np.zeros(0, np.int64)
 
 
-def _with_shortcuts(points: Array, surface: coo_array, feet: list[Index], stems: list[Index], cell: float) -> csr_array:
+def _with_shortcuts(
+    points: FloatArray, surface: coo_array, feet: list[IntArray], stems: list[IntArray], cell: float
+) -> csr_array:
     """The graph of the surface with the ways up the stems, and jumps over gaps between every other point."""
     starts, ends, weights = [surface.row], [surface.col], [surface.data]
     for foot, stem in zip(feet, stems, strict=True):
@@ -291,7 +298,7 @@ def _with_shortcuts(points: Array, surface: coo_array, feet: list[Index], stems:
     return coo_array((np.maximum(weight[first], 1e-9), (a[first], b[first])), shape=(n, n)).tocsr()
 
 
-def _nearest_feet(points: Array, graph: csr_array, feet: list[Index]) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+def _nearest_feet(points: FloatArray, graph: csr_array, feet: list[IntArray]) -> tuple[NDArray[np.int32], BoolArray]:
     """(n,) the nearest foot, that of the nearest point that any foot reaches where none does; and (n,) whether it is
     clearly nearer than the next.
     """
@@ -308,7 +315,7 @@ def _nearest_feet(points: Array, graph: csr_array, feet: list[Index]) -> tuple[N
     return nearest, (reached & (second > _CLEARLY * first)) | (len(feet) == 1)
 
 
-def _litter(points: Array, surface: coo_array, feet: list[Index], top: float) -> NDArray[np.bool_]:
+def _litter(points: FloatArray, surface: coo_array, feet: list[IntArray], top: float) -> BoolArray:
     """Points of connected surfaces that lie wholly below ``top`` and are no part of a foot."""
     parts, part = connected_components(surface, directed=False)
     highest = np.full(parts, -np.inf)

@@ -16,6 +16,7 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, ByteArray, Float32Array, FloatArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.errors import CloudError
 from fieldkit.files import write_atomic
@@ -200,7 +201,7 @@ def _read_ascii(file: BinaryIO, header: _Header, size: int, path: Path) -> Colum
     return {name: _as_declared(values[:, k], str(kind)) for k, (name, kind) in enumerate(kinds.items())}
 
 
-def _as_declared(values: NDArray[np.float64], kind: str) -> NDArray[np.generic]:
+def _as_declared(values: FloatArray, kind: str) -> NDArray[np.generic]:
     """Integers as the header has them, which decides how a colour is scaled; others stay float64."""
     if kind.startswith("f"):
         return values
@@ -233,7 +234,7 @@ def _cloud(columns: Columns, path: Path) -> Cloud:
 
 
 def _first(
-    columns: Columns, alternatives: tuple[tuple[str, ...], ...], rows: NDArray[np.bool_] | slice
+    columns: Columns, alternatives: tuple[tuple[str, ...], ...], rows: BoolArray | slice
 ) -> list[NDArray[np.generic]] | None:
     for names in alternatives:
         if all(name in columns for name in names):
@@ -241,7 +242,7 @@ def _first(
     return None
 
 
-def _eight_bit(channels: list[NDArray[np.generic]]) -> NDArray[np.uint8]:
+def _eight_bit(channels: list[NDArray[np.generic]]) -> ByteArray:
     """Three colour channels (n,) as (n, 3) of 8 bits.
 
     16-bit integers are divided by 257; floating-point numbers run from 0 to 1, or from 0 to 255 if any is above 1.
@@ -254,11 +255,11 @@ def _eight_bit(channels: list[NDArray[np.generic]]) -> NDArray[np.uint8]:
         values *= 255.0
     elif kind.kind == "u" and kind.itemsize == 2:
         values /= 257.0
-    colors: NDArray[np.uint8] = np.rint(values.clip(0.0, 255.0)).astype(np.uint8)
+    colors: ByteArray = np.rint(values.clip(0.0, 255.0)).astype(np.uint8)
     return colors
 
 
-def _known(normals: NDArray[np.float32]) -> NDArray[np.float32]:
+def _known(normals: Float32Array) -> Float32Array:
     """Normals as they are, those that are not finite as zero, which means unknown."""
     normals[~np.isfinite(normals).all(axis=1)] = 0.0
     return normals

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fieldkit.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from fieldkit.clouds.cells import cell_keys
 from fieldkit.clouds.cloud import Cloud, concatenate
 
@@ -49,9 +50,7 @@ def voxel_thin(cloud: Cloud, size_m: float, *, origin: ArrayLike = (0.0, 0.0, 0.
     return concatenate(parts)
 
 
-def _voxel_keys(
-    points: NDArray[np.float64], size_m: float, origin: NDArray[np.float64], limits: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def _voxel_keys(points: FloatArray, size_m: float, origin: FloatArray, limits: IntArray) -> IntArray:
     """(n,) numbers that sort as the points' voxels do: by x, then y, then z."""
     keys = np.empty(len(points), dtype=np.int64)
     for start in range(0, len(points), _POINTS_AT_A_TIME):
@@ -64,7 +63,7 @@ def _voxel_keys(
     return keys
 
 
-def _means(cloud: Cloud, starts: NDArray[np.int64], size_m: float, origin: NDArray[np.float64]) -> Cloud:
+def _means(cloud: Cloud, starts: IntArray, size_m: float, origin: FloatArray) -> Cloud:
     """One point for each run of points in one voxel; ``starts`` are the runs'."""
     counts = np.diff(np.append(starts, len(cloud)))
     local = cloud.points - origin
@@ -80,24 +79,20 @@ def _means(cloud: Cloud, starts: NDArray[np.int64], size_m: float, origin: NDArr
     return Cloud(points, colors, normals, filled)
 
 
-def _mean_colors(
-    colors: NDArray[np.uint8] | None, starts: NDArray[np.int64], counts: NDArray[np.int64]
-) -> NDArray[np.uint8] | None:
+def _mean_colors(colors: ByteArray | None, starts: IntArray, counts: IntArray) -> ByteArray | None:
     if colors is None:
         return None
     sums = np.add.reduceat(colors.astype(np.int64), starts, axis=0)
     return ((2 * sums + counts[:, None]) // (2 * counts[:, None])).astype(np.uint8)
 
 
-def _mean_normals(
-    normals: NDArray[np.float32] | None, starts: NDArray[np.int64], alone: NDArray[np.bool_]
-) -> NDArray[np.float32] | None:
+def _mean_normals(normals: Float32Array | None, starts: IntArray, alone: BoolArray) -> Float32Array | None:
     if normals is None:
         return None
     known = np.nan_to_num(normals, nan=0.0, posinf=0.0, neginf=0.0)
     sums = np.add.reduceat((known.astype(np.float64) * _STEPS).astype(np.int64), starts, axis=0)
     total = sums.astype(np.float64)
     length = np.linalg.norm(total, axis=1, keepdims=True)
-    mean: NDArray[np.float32] = np.divide(total, length, out=np.zeros_like(total), where=length > 0).astype(np.float32)
+    mean: Float32Array = np.divide(total, length, out=np.zeros_like(total), where=length > 0).astype(np.float32)
     mean[alone] = known[starts[alone]]
     return mean

@@ -6,8 +6,9 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.clouds.cloud import Cloud
 
 
@@ -45,15 +46,15 @@ class Volume:
         return cls(tuple(lower - margin_m), tuple(upper + margin_m))
 
     @property
-    def center(self) -> NDArray[np.float64]:
+    def center(self) -> FloatArray:
         """(3,) metres."""
-        center: NDArray[np.float64] = 0.5 * (np.array(self.lower) + np.array(self.upper))
+        center: FloatArray = 0.5 * (np.array(self.lower) + np.array(self.upper))
         return center
 
     @property
-    def size(self) -> NDArray[np.float64]:
+    def size(self) -> FloatArray:
         """(3,) lengths of the edges, metres."""
-        size: NDArray[np.float64] = np.array(self.upper) - np.array(self.lower)
+        size: FloatArray = np.array(self.upper) - np.array(self.lower)
         return size
 
     @property
@@ -66,7 +67,7 @@ class Volume:
         lower, upper = np.array(self.lower) - margin_m, np.array(self.upper) + margin_m
         return Volume(tuple(lower), tuple(upper))
 
-    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, points: ArrayLike) -> BoolArray:
         """Mask (n,) of the points (n, 3) inside; the faces belong to the box."""
         p = np.asarray(points, dtype=np.float64)
         inside = np.ones(len(p), dtype=np.bool_)
@@ -74,7 +75,7 @@ class Volume:
             inside &= (p[:, axis] >= self.lower[axis]) & (p[:, axis] <= self.upper[axis])
         return inside
 
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> FloatArray:
         """(8, 3) corners; z changes fastest."""
         return np.array(list(itertools.product(*zip(self.lower, self.upper, strict=True))))
 

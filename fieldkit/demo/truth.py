@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.clouds.volume import Volume
 from fieldkit.runtime.kernels import kernel
 from fieldkit.scenes.scene import Mesh
@@ -53,7 +53,7 @@ def true_traits(meshes: Sequence[Mesh], volume: Volume) -> TrueTraits:
     )
 
 
-def height_map(meshes: Any, volume: Volume, pixel_m: float = PIXEL_M) -> NDArray[np.float64]:
+def height_map(meshes: Any, volume: Volume, pixel_m: float = PIXEL_M) -> FloatArray:
     """Greatest z of meshes at the middle of each pixel of a volume's footprint; NaN where there is none.
 
     Row 0 is the lowest y. Nothing is widened: a pixel counts where a triangle covers its middle.

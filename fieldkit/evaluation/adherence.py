@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
+from fieldkit.arrays import FloatArray
 from fieldkit.captures import Capture, read_capture
 from fieldkit.errors import FieldkitError, MetadataError, UsageError
 from fieldkit.evaluation.recorded_angles import read_angles
 from fieldkit.figures.spreadsheets import adherence_csv
 from fieldkit.files import write_atomic
 from fieldkit.flightlogs import FlightLog, Matches, match_log, read_flight_log
-from fieldkit.flightlogs.adherence import Array, PlannedPose, PoseRow, Poses, adherence, assigned, station_errors
+from fieldkit.flightlogs.adherence import PlannedPose, PoseRow, Poses, adherence, assigned, station_errors
 from fieldkit.flightlogs.geotag import frame_of, local_poses, stamp
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import wrapped_deg
@@ -212,7 +213,7 @@ def kept(
     photographs: Sequence[str],
     stations: Poses,
     found: Mapping[AchievedSource, Poses],
-    axes: Array,
+    axes: FloatArray,
     flown: AdherenceEntry | None = None,
 ) -> AdherenceEntry | None:
     """How a plot's photographs kept to their plan; None where none was taken near a station.
@@ -314,13 +315,13 @@ def _assign(station_of: dict[str, str], stations: Poses, poses: Poses) -> None:
     station_of.update(assigned(free, left, np.median(apart, axis=0) if len(apart) >= _LEAST_STATIONS else None))
 
 
-def _shift(station_of: Mapping[str, str], stations: Poses, poses: Poses, axes: Array) -> Vector | None:
+def _shift(station_of: Mapping[str, str], stations: Poses, poses: Poses, axes: FloatArray) -> Vector | None:
     """What photographs' positions have in common against their stations': east, north, up."""
     apart = _apart(station_of, stations, poses)
     return vector(np.median(apart @ axes.T, axis=0)) if len(apart) else None
 
 
-def _apart(station_of: Mapping[str, str], stations: Poses, poses: Poses) -> Array:
+def _apart(station_of: Mapping[str, str], stations: Poses, poses: Poses) -> FloatArray:
     """(n, 3) positions of photographs less those of their stations."""
     return np.array([np.subtract(poses[n][0], stations[s][0]) for n, s in station_of.items() if n in poses], np.float64)
 

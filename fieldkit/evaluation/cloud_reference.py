@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.captures import Capture
 from fieldkit.captures.crs import frame_about, height_datum, parse_crs, to_geodetic
 from fieldkit.captures.programs import METRES
@@ -167,7 +167,7 @@ def _is_las(path: Path) -> bool:
         return file.read(4) == b"LASF"
 
 
-def _read(path: Path) -> tuple[Cloud, Any, NDArray[np.float64] | None, int, float]:
+def _read(path: Path) -> tuple[Cloud, Any, FloatArray | None, int, float]:
     """The points, what the file says they are in, metres per unit of its coordinates, how many it marks as noise, and
     the steps of its coordinates.
 
@@ -181,7 +181,7 @@ def _read(path: Path) -> tuple[Cloud, Any, NDArray[np.float64] | None, int, floa
     return las.cloud, las.crs, known, las.left_out, las.step_m
 
 
-def _check_steps(points: NDArray[np.float64], path: Path) -> None:
+def _check_steps(points: FloatArray, path: Path) -> None:
     """Refuse coordinates that 32-bit numbers have rounded, as those of UTM in most PLY files are."""
     largest = float(np.abs(points).max())
     step = float(np.spacing(np.float32(largest)))
@@ -192,9 +192,7 @@ def _check_steps(points: NDArray[np.float64], path: Path) -> None:
         )  # fmt: skip
 
 
-def _local(
-    cloud: Cloud, crs: Any, units: NDArray[np.float64] | None, path: Path
-) -> tuple[LocalFrame, Cloud, list[Finding]]:
+def _local(cloud: Cloud, crs: Any, units: FloatArray | None, path: Path) -> tuple[LocalFrame, Cloud, list[Finding]]:
     """The cloud in a local east-north-up frame in its middle, and what is to be known of its datum.
 
     Normals are left out: their frame is seldom known.

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic_core import to_jsonable_python
 
+from fieldkit.arrays import FloatArray
 from fieldkit.captures.model import Capture
 from fieldkit.clouds import Cloud, CloudScore
 from fieldkit.clouds.cells import voxel_edge_m
@@ -306,7 +306,7 @@ def known_centers(sparse: SparseResult) -> dict[str, Vector]:
     return {name: vector(point) for name, point in zip(positions, moved, strict=True)}
 
 
-def points_per_voxel(points: NDArray[np.float64], edge_m: float) -> float | None:
+def points_per_voxel(points: FloatArray, edge_m: float) -> float | None:
     """Mean number of points (n, 3) in a voxel of that edge that has any; None without points."""
     if not len(points):
         return None

@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.clouds.canopy import Canopy, Outline, canopy, highest_leaf_m, inside_outline
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.plant_rows import LEAST_PLANTS, find_rows
@@ -27,12 +27,10 @@ _NO_ROWS = (
     "spaced lines"
 )
 
-Array = NDArray[np.float64]
-
 
 def plants_one_by_one(
     plants: Cloud, ground: Plane, frame: MetricFrame, outline: Outline | None, cells: tuple[float, float, float],
-    top_seen: Callable[[Array, float], bool],
+    top_seen: Callable[[FloatArray, float], bool],
 ) -> tuple[tuple[PlantEntry, ...], dict[str, int], dict[Trait, str]]:  # fmt: skip
     """The plants that stand on a plot, their counts, and why counts cannot be had.
 

@@ -10,8 +10,8 @@ from typing import Any
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import Float32Array, FloatArray
 from fieldkit.clouds import Cloud, write_cloud
 from fieldkit.errors import UsageError
 from fieldkit.files import write_atomic
@@ -22,7 +22,6 @@ from fieldkit.results.traits import TraitsEntry
 from fieldkit.runtime.progress import Progress
 
 CANOPY_FILE, SURFACE_FILE = "canopy-height.tif", "surface.tif"
-Array = NDArray[np.float64]
 
 COARSE_M = 0.3
 """Standard deviation of positions from which they do not say on which plot something lies."""
@@ -57,7 +56,7 @@ class HeightRaster:
     north: float
     """Easting and northing of the outer corner of the first cell, metres; multiples of ``cell_m``."""
     cell_m: float
-    heights: NDArray[np.float32]
+    heights: Float32Array
     """(rows, columns), metres; NaN where nothing was seen."""
     epsg: int
 
@@ -135,7 +134,7 @@ def surface_raster(plants: Cloud, scene: Cloud, frame: MetricFrame, cell_m: floa
 
 
 def _raster(
-    plants: Cloud, scene: Cloud, frame: MetricFrame, cell_m: float, heights: tuple[Array, Array] | None
+    plants: Cloud, scene: Cloud, frame: MetricFrame, cell_m: float, heights: tuple[FloatArray, FloatArray] | None
 ) -> HeightRaster:
     parts = [to_utm(cloud, frame) for cloud in (plants, scene)]
     cells = [np.floor(moved.points[:, :2] * (1.0, -1.0) / cell_m).astype(np.int64) for moved, _ in parts]
@@ -223,7 +222,7 @@ def write_raster(path: Path, raster: HeightRaster, *, canopy: bool, refused: str
     write_style(path, color_span(raster.heights, canopy=canopy), canopy=canopy, refused=bool(refused))
 
 
-def color_span(heights: NDArray[np.float32], *, canopy: bool) -> tuple[float, float]:
+def color_span(heights: Float32Array, *, canopy: bool) -> tuple[float, float]:
     """Heights between which a raster's colours lie, metres: from 0 to the highest of a canopy, 96 % of a surface's."""
     known = heights[np.isfinite(heights)]
     low, high = (0.0, known.max()) if canopy else np.quantile(known, [0.02, 0.98])

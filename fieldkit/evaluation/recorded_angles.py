@@ -10,15 +10,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.captures import Capture, Photo
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.reconstruction.mapping.angle_conventions import find_convention
-
-Matrix = NDArray[np.float64]
 
 LEAST_PHOTOGRAPHS = 3
 """With recorded angles and an orientation found without them, that tell how angles are to be read."""
@@ -48,7 +46,7 @@ class Reading:
 
 
 def read_angles(
-    capture: Capture, found: Mapping[str, Matrix], turn: Matrix, bound_deg: float, *, sound: bool = False
+    capture: Capture, found: Mapping[str, FloatArray], turn: FloatArray, bound_deg: float, *, sound: bool = False
 ) -> Reading:
     """Read a capture's recorded angles by orientations that were found without them.
 
@@ -95,7 +93,7 @@ def without_angles(capture: Capture, names: tuple[str, ...] | None = None) -> Ca
 
 
 def _quarters(
-    capture: Capture, found: Mapping[str, Matrix], turn: Matrix, bound_deg: float
+    capture: Capture, found: Mapping[str, FloatArray], turn: FloatArray, bound_deg: float
 ) -> dict[str, float | None]:  # fmt: skip
     """Degrees about the optical axis by which recorded angles agree with those found, 0 first; None where none do."""
     agreed: dict[str, float | None] = {}
@@ -135,7 +133,7 @@ def _turned(capture: Capture, quarters: Mapping[str, float | None]) -> Capture:
     return replace(capture, priors=priors)
 
 
-def _with_rotation(prior: PosePrior, rotation: Matrix) -> PosePrior:
+def _with_rotation(prior: PosePrior, rotation: FloatArray) -> PosePrior:
     """With a rotation's angles. Roll is within ±90°: a camera tipped beyond −90° keeps the heading of its picture."""
     yaw, pitch, roll = Pose(rotation, np.zeros(3)).yaw_pitch_roll_deg()
     if abs(roll) > 90.0:

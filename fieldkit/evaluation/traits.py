@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.clouds.canopy import (
     FITTED_PIXELS_M,
     Outline,
@@ -66,8 +66,6 @@ _CODES: Mapping[str, tuple[Trait, ...]] = {
     "cameras-off-level": _OF_HEIGHT,
 }
 """Traits that a finding of the reconstruction forbids."""
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -136,7 +134,7 @@ def plot_traits(
     if "plants" not in unknown:
         sure = not any("height_m" in _CODES.get(finding.code, ()) for finding in found.sparse.findings)
 
-        def top_seen(points: Array, top: float) -> bool:
+        def top_seen(points: FloatArray, top: float) -> bool:
             return sure and not any(_tops_missed(found.sparse, ground, _columns(points), top))
 
         each, counts, why = plants_one_by_one(plants, ground, found.sparse.frame, corners, cells, top_seen)
@@ -194,7 +192,7 @@ def scale_doubt(sparse: SparseResult) -> float:
     return scale_error(centers, sparse.frame.rms_m, with_errors=False)
 
 
-def _unknown(found: Reconstruction, points: Array, outline: PlotOutline) -> dict[Trait, str]:
+def _unknown(found: Reconstruction, points: FloatArray, outline: PlotOutline) -> dict[Trait, str]:
     """Why traits cannot be had; the first reason of each counts."""
     unknown: dict[Trait, str] = {}
 
@@ -239,7 +237,7 @@ def _unknown(found: Reconstruction, points: Array, outline: PlotOutline) -> dict
     return unknown
 
 
-def _tops_missed(sparse: SparseResult, ground: Plane, columns: Array, top: float) -> Iterator[str]:
+def _tops_missed(sparse: SparseResult, ground: Plane, columns: FloatArray, top: float) -> Iterator[str]:
     """Why leaves over ``columns`` (n, 2) may be higher than ``top``, the highest one that was found."""
     above = seen_share(sparse, ground.above(columns, with_room_m(top)))
     if above < _SEEN_SHARE:
@@ -255,12 +253,12 @@ def _tops_missed(sparse: SparseResult, ground: Plane, columns: Array, top: float
         )
 
 
-def seen_share(sparse: SparseResult, points: Array) -> float:
+def seen_share(sparse: SparseResult, points: FloatArray) -> float:
     """Share of points (n, 3), plot frame, that at least two photographs that count have in the picture."""
     return float(np.mean(_in_pictures(sparse, points).sum(axis=1) >= _SEEN_BY))
 
 
-def matched_share(sparse: SparseResult, points: Array) -> float:
+def matched_share(sparse: SparseResult, points: FloatArray) -> float:
     """Share of points (n, 3), plot frame, that dense stereo can be right at: a photograph that has one in the picture
     has two others from 3 to 36 degrees beside it, about as far away, that have it, too.
     """
@@ -279,13 +277,13 @@ def matched_share(sparse: SparseResult, points: Array) -> float:
     return matched / len(points)
 
 
-def _in_pictures(sparse: SparseResult, points: Array) -> NDArray[np.bool_]:
+def _in_pictures(sparse: SparseResult, points: FloatArray) -> BoolArray:
     """Which of the photographs that count has a point in the picture: (n, photographs), in the order of the poses."""
     cameras = {name: sparse.intrinsics[name].without_distortion() for name in sparse.poses}
     return np.stack([cameras[name].sees(pose.to_camera(points)) for name, pose in sparse.poses.items()], axis=1)
 
 
-def _grid(outline: Outline, ground: Plane) -> Array:
+def _grid(outline: Outline, ground: Plane) -> FloatArray:
     """Places on the ground within an outline."""
     ring = np.array(outline)
     low, high = ring.min(axis=0), ring.max(axis=0)
@@ -297,7 +295,7 @@ def _grid(outline: Outline, ground: Plane) -> Array:
     return ground.above(places)
 
 
-def _columns(points: Array) -> Array:
+def _columns(points: FloatArray) -> FloatArray:
     """Places (m, 2) of the columns that plants stand in."""
-    columns: Array = (np.unique(np.floor(points[:, :2] / _STEP_M), axis=0) + 0.5) * _STEP_M
+    columns: FloatArray = (np.unique(np.floor(points[:, :2] / _STEP_M), axis=0) + 0.5) * _STEP_M
     return columns

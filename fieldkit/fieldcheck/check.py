@@ -8,8 +8,8 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.cache import StageCache
 from fieldkit.captures import Capture, Photo, read_capture
 from fieldkit.captures.bursts import by_station
@@ -55,8 +55,6 @@ _SWAY_SIDE_PX = 500
 """Their longer side, pixels."""
 _HALF_METRE_OUT = 4.0
 """Motion half a metre out along leaves, as traits' errors are by, is 3 to 5 times the mean over plants (simulated)."""
-
-Array = NDArray[np.float64]
 
 
 def check_captures(
@@ -240,7 +238,7 @@ def common_findings(
     return found
 
 
-def _plot_there(site: Site, plot: SitePlot, shift_m: Array) -> str | None:
+def _plot_there(site: Site, plot: SitePlot, shift_m: FloatArray) -> str | None:
     """The other plot of a site that lies about (3,) metres away in a plot's frame."""
     others = [each for each in site.plots if each.name != plot.name]
     if not others:

@@ -16,9 +16,9 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from fieldkit.arrays import FloatArray, IntArray
 from fieldkit.fieldcheck.model import CheckSettings
 from fieldkit.fieldcheck.ties import TieGraph, tie_errors_deg
 from fieldkit.geometry import Pose
@@ -40,8 +40,7 @@ _SETTLED = 3e-4
 _AGAIN = 6
 """Iterations from all tags' solution to the one without a tag."""
 
-Array = NDArray[np.float64]
-Block = tuple[NDArray[np.int64], Callable[[list[Array]], Array], Array]
+Block = tuple[IntArray, Callable[[list[FloatArray]], FloatArray], FloatArray]
 """(m, k) indices of m blocks' cameras; their residuals (m, r) from the k cameras' parameters (m, 6) each; the
 residuals' standard deviations (m, r)."""
 
@@ -52,7 +51,7 @@ class SeenPose:
 
     pose: Pose
     """In the plan's frame."""
-    covariance: Array
+    covariance: FloatArray
     """(6, 6), as `Solution` has it."""
     matches: int
     """Of its ties."""
@@ -209,11 +208,11 @@ class Solution:
     poses: Mapping[int, Pose]
     index: Mapping[int, int]
     """Of a photograph among the unknowns."""
-    information: Array
+    information: FloatArray
     """(6n, 6n) inverse of the covariance; six unknowns each: a rotation vector in the camera's axes, radians, and the
     centre, metres."""
 
-    def covariance(self, k: int) -> Array:
+    def covariance(self, k: int) -> FloatArray:
         """(6, 6) of one photograph."""
         at = 6 * self.index[k]
         columns = np.zeros((len(self.information), 6))
@@ -277,8 +276,8 @@ def spread_from(
 
 
 def _blocks(
-    graph: TieGraph, index: Mapping[int, int], targets: Sequence[Pose], sigmas: Array
-) -> Callable[[Array], list[Block]]:
+    graph: TieGraph, index: Mapping[int, int], targets: Sequence[Pose], sigmas: FloatArray
+) -> Callable[[FloatArray], list[Block]]:
     """The blocks of ties, ratios and tags about rotations (n, 3, 3), which steps are counted from."""
     pairs = [pair for pair in sorted(graph.ties) if pair[0] in index and pair[1] in index]
     ties = [graph.ties[pair] for pair in pairs]
@@ -294,25 +293,25 @@ def _blocks(
     wanted = np.array([pose.rotation for pose in targets])
     places = np.array([pose.center for pose in targets])
 
-    def about(rotations: Array) -> list[Block]:
+    def about(rotations: FloatArray) -> list[Block]:
         of_i, of_j = (rotations[ends[:, n]] for n in (0, 1))
 
-        def turn(p: list[Array]) -> Array:
+        def turn(p: list[FloatArray]) -> FloatArray:
             i, j = _turned(p[0], of_i), _turned(p[1], of_j)
             return _log(np.swapaxes(tied, 1, 2) @ j @ np.swapaxes(i, 1, 2))
 
-        def direction(p: list[Array]) -> Array:
+        def direction(p: list[FloatArray]) -> FloatArray:
             apart = np.einsum("nij,nj->ni", _turned(p[1], of_j), p[0][:, 3:] - p[1][:, 3:])
             unit = apart / np.maximum(np.linalg.norm(apart, axis=1, keepdims=True), 1e-9)
             return np.asarray(unit - translations)
 
-        def ratio(p: list[Array]) -> Array:
+        def ratio(p: list[FloatArray]) -> FloatArray:
             first, second = (
                 np.maximum(np.linalg.norm(p[0][:, 3:] - other[:, 3:], axis=1, keepdims=True), 1e-6) for other in p[1:]
             )
             return np.asarray(np.log(first) - np.log(second) - logs)
 
-        def prior(p: list[Array]) -> Array:
+        def prior(p: list[FloatArray]) -> FloatArray:
             return np.concatenate(
                 [_log(_turned(p[0], rotations) @ np.swapaxes(wanted, 1, 2)), p[0][:, 3:] - places], axis=1
             )
@@ -328,15 +327,15 @@ def _blocks(
     return about
 
 
-def _turned(parameters: Array, rotations: Array) -> Array:
+def _turned(parameters: FloatArray, rotations: FloatArray) -> FloatArray:
     return np.asarray(Rotation.from_rotvec(parameters[:, :3]).as_matrix() @ rotations)
 
 
-def _log(matrices: Array) -> Array:
+def _log(matrices: FloatArray) -> FloatArray:
     return np.asarray(Rotation.from_matrix(matrices).as_rotvec())
 
 
-def _normal(blocks: Sequence[Block], centers: Array) -> tuple[Array, Array]:
+def _normal(blocks: Sequence[Block], centers: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Information matrix and gradient of all blocks, reweighted; parameters are 0 for rotations."""
     count = len(centers)
     information, gradient = np.zeros((6 * count, 6 * count)), np.zeros(6 * count)

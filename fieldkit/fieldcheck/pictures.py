@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, Float32Array, FloatArray
 from fieldkit.cache import digest
 from fieldkit.captures import Capture, Photo, read_image
 from fieldkit.errors import CaptureError
@@ -42,14 +42,13 @@ _BLUR_RATIO, _EDGE_PX = 1.3, 1.75
 median width (σ) of strong edges, in a picture 1600 pixels wide: twice what the recorded sets have in focus."""
 _EXPOSURE_STOPS, _CLIPPED_SHARE = 1.5, 0.15
 """Farthest from the capture's median brightness; most that may be black or white beyond the median photograph's."""
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
     """Figures of one photograph."""
 
-    widths: NDArray[np.float64]
+    widths: FloatArray
     """Of its edges (`edge_widths`), pixels."""
     light: float
     """Mean of the scene's light, of which white is 1, as a usual tone curve (γ 2.2) has it."""
@@ -77,7 +76,7 @@ class PictureVerdict:
     """The same in words."""
 
 
-def measure_picture(gray: NDArray[np.uint8]) -> Picture:
+def measure_picture(gray: ByteArray) -> Picture:
     """Figures of a grey image (h, w) below the sky, which is shrunk to `WORKING_SIDE` where it is larger."""
     scale = WORKING_SIDE / max(gray.shape)
     if scale < 1.0:
@@ -95,7 +94,7 @@ def measure_picture(gray: NDArray[np.uint8]) -> Picture:
     )
 
 
-def _sky_rows(gray: NDArray[np.uint8]) -> int:
+def _sky_rows(gray: ByteArray) -> int:
     """Number of rows at the top that hold sky and the horizon: 0 to half of them.
 
     Sky makes a picture lighter, and its edge is wider than those of leaves. Where photographs are level, its rows are
@@ -143,7 +142,7 @@ def judge_pictures(capture: Capture, pictures: Mapping[str, Picture]) -> dict[st
     return verdicts
 
 
-def _judged(picture: Picture, ratios: NDArray[np.float64], usual: tuple[float | None, float, float]) -> PictureVerdict:
+def _judged(picture: Picture, ratios: FloatArray, usual: tuple[float | None, float, float]) -> PictureVerdict:
     light, dark, bright = usual
     stops = 0.0 if not light else float(np.log2(max(picture.light, 1e-6) / light))
     worst = int(np.argmax(ratios))
@@ -168,7 +167,7 @@ def _judged(picture: Picture, ratios: NDArray[np.float64], usual: tuple[float | 
     return PictureVerdict(edge, ratio, stops, picture.dark + picture.bright, problem, message)
 
 
-def _kind(ratios: NDArray[np.float64]) -> str:
+def _kind(ratios: FloatArray) -> str:
     """Motion leaves the edges along its way sharp; a lens out of focus none."""
     return "blurred by motion" if float(ratios.max()) > 1.25 * float(ratios.min()) else "out of focus"
 
@@ -180,7 +179,7 @@ def _measured(photo: Photo) -> Picture:
         return Picture(np.zeros(DIRECTIONS), 0.0, 0.0, 0.0, 0.0, readable=False)
 
 
-def edge_widths(gray: NDArray[np.uint8]) -> Array:
+def edge_widths(gray: ByteArray) -> FloatArray:
     """(DIRECTIONS,) widths σ of the sharper of the strong edges, pixels, by the direction of the gradient.
 
     Without edges (a black picture) they are 50 px. None is below 0.8 px or so, for the noise is smoothed first.
@@ -203,7 +202,7 @@ def edge_widths(gray: NDArray[np.uint8]) -> Array:
     return widths
 
 
-def blur_ratios(widths: Sequence[Array]) -> list[Array]:
+def blur_ratios(widths: Sequence[FloatArray]) -> list[FloatArray]:
     """How many times as wide each photograph's edges are as in the sharper third of the same camera's, by direction.
 
     Each is the mean of two neighbouring directions: motion widens the edges of more than one, what a single one of a
@@ -219,7 +218,7 @@ def blur_ratios(widths: Sequence[Array]) -> list[Array]:
     return [0.5 * (ratio + np.roll(ratio, 1)) for ratio in (each / usual for each in widths)]
 
 
-def _gradient(image: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _gradient(image: Float32Array) -> tuple[Float32Array, Float32Array]:
     """Strength and direction in [0, π) of the gradient."""
     x, y = (cv2.Sobel(image, cv2.CV_32F, dx, dy, scale=0.125) for dx, dy in ((1, 0), (0, 1)))
     strength, angle = cv2.cartToPolar(x, y)

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.captures import Capture
 from fieldkit.evaluation.recorded_angles import LEAST_PHOTOGRAPHS, Reading, read_angles, without_angles
 from fieldkit.fieldcheck.model import Placement, finding_of
@@ -29,8 +29,6 @@ _FAR_BETTER = 0.5
 _MUCH_WORSE = 2.0
 _STEEP_DEG, _ROLLED_DEG = 75.0, 20.0
 
-Array = NDArray[np.float64]
-
 
 _BOUND_DEG = 30.0
 """Conventions are 90° apart and more; an orientation by positions and pairs of consumer GPS is good to some 10°."""
@@ -46,13 +44,13 @@ class Tags:
     names: tuple[str, ...]
     poses: PoseArray
     """NaN where nothing is known."""
-    rolls: Array
+    rolls: FloatArray
     """(n,) degrees about the optical axes."""
     sigma_m: float
     """Of a position against the others'."""
 
     @property
-    def known(self) -> NDArray[np.bool_]:
+    def known(self) -> BoolArray:
         """(n,) which have a position."""
         return np.asarray(np.isfinite(self.poses.positions).all(axis=1))
 
@@ -67,7 +65,7 @@ class Tags:
         unclear = (self.poses.pitches < -_STEEP_DEG) & (np.abs(self.rolls) > _ROLLED_DEG)
         return replace(self.poses, yaws=np.where(unclear, np.nan, self.poses.yaws))
 
-    def about(self, middle: Array) -> Tags:
+    def about(self, middle: FloatArray) -> Tags:
         """With positions that count from a place (3,)."""
         return replace(self, poses=self.poses.moved(0.0, -middle))
 
@@ -85,7 +83,7 @@ class Placed:
     """Index of a photograph to its `fieldkit.geometry.stations.pose_costs`."""
     mean_cost_m: float = float("inf")
     """Of all photographs with a position."""
-    shift_m: Array = field(default_factory=lambda: np.full(3, np.nan))
+    shift_m: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
     """(3,) by which all photographs lay beside the plan; NaN where that cannot be told."""
     turn_deg: float | None = None
     """By which all headings were off; None without headings."""
@@ -178,7 +176,7 @@ def _fitted(
     )  # fmt: skip
 
 
-def _scatter_m(apart: Array) -> float:
+def _scatter_m(apart: FloatArray) -> float:
     """Per axis, of positions less stations (n, 3); that of heights where these are much worse, as barometers are."""
     together, up = (1.4826 * float(np.median(np.abs(each))) for each in (apart, apart[:, 2]))
     return up if up > _MUCH_WORSE * together else together

@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from fieldkit.arrays import FloatArray
 from fieldkit.cache import digest
 from fieldkit.captures import Capture
 from fieldkit.captures.model import Photo
@@ -62,7 +62,6 @@ _MIN_RATIO_SIGMA = 0.03
 _APART_SIGMA = 0.3
 
 Pair = tuple[int, int]
-Array = NDArray[np.float64]
 
 
 _FEW = 30
@@ -78,9 +77,9 @@ class Tie:
     """Two photographs that see the same."""
 
     matches: int
-    rotation: Array
+    rotation: FloatArray
     """(3, 3) of camera j from camera i."""
-    translation: Array
+    translation: FloatArray
     """(3,) unit vector, from camera i to camera j, seen by camera j, as in `relative_pose`."""
     depths: Mapping[int, Mapping[int, float]]
     """For each of the two cameras by index: feature index to depth along the optical axis, the baseline being 1."""
@@ -113,7 +112,7 @@ class TieGraph:
 
 def find_ties(
     capture: Capture, context: Context, *,
-    fallback: Intrinsics | None = None, positions: Sequence[Array | None] = (),
+    fallback: Intrinsics | None = None, positions: Sequence[FloatArray | None] = (),
 ) -> TieGraph:  # fmt: skip
     """Match all photographs with each other.
 
@@ -233,7 +232,7 @@ def _ratios(ties: Mapping[Pair, Tie]) -> list[LengthRatio]:
     return found
 
 
-def tie_errors_deg(a: Pose, b: Pose, rotation: Array, translation: Array) -> tuple[float, float]:
+def tie_errors_deg(a: Pose, b: Pose, rotation: FloatArray, translation: FloatArray) -> tuple[float, float]:
     """By how much a tie's rotation and direction differ from those between two poses, degrees."""
     turn = Rotation.from_matrix(rotation.T @ (b.rotation @ a.rotation.T)).magnitude()
     between = b.rotation @ (a.center - b.center)

@@ -6,8 +6,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.fieldcheck.consistency import Consistency, SeenPose
 from fieldkit.fieldcheck.model import CheckReport, CheckSettings, StationCheck, Verdict, finding_of
 from fieldkit.fieldcheck.pictures import PictureVerdict
@@ -329,7 +329,7 @@ def connect(
     )  # fmt: skip
 
 
-def _should_be_held(angles: NDArray[np.float64], station: int, good: Sequence[int], again: Collection[int]) -> bool:
+def _should_be_held(angles: FloatArray, station: int, good: Sequence[int], again: Collection[int]) -> bool:
     """Whether a sound neighbour is so near that it must show the same, and nearer than any that is still to be flown:
     beside a gap a photograph may be good and have no matches yet.
     """
@@ -350,7 +350,7 @@ def _apart(parts: list[list[int]]) -> tuple[Finding, ...]:
     )  # fmt: skip
 
 
-def _view_angles(plan: Plan) -> NDArray[np.float64]:
+def _view_angles(plan: Plan) -> FloatArray:
     """(n, n) angles between stations as seen from what they look at, degrees; 180 where they look at nothing common."""
     poses = [station.pose for station in plan.stations]
     region = region_of_interest(poses)
@@ -358,5 +358,5 @@ def _view_angles(plan: Plan) -> NDArray[np.float64]:
         return np.full((len(poses), len(poses)), 180.0)
     rays = np.array([pose.center for pose in poses]) - np.array(region.center)
     rays /= np.maximum(np.linalg.norm(rays, axis=1, keepdims=True), 1e-9)
-    angles: NDArray[np.float64] = np.degrees(np.arccos(np.clip(rays @ rays.T, -1.0, 1.0)))
+    angles: FloatArray = np.degrees(np.arccos(np.clip(rays @ rays.T, -1.0, 1.0)))
     return angles

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from fieldkit.figures.style import DISTANCE_RAMP
 
 if TYPE_CHECKING:  # tables need no NumPy
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from fieldkit.arrays import ByteArray, Float32Array
     from fieldkit.figures.content import Picture
     from fieldkit.geometry import Pose
 
@@ -100,11 +98,11 @@ class PointLayer:
 
     name: str
     """On the layer's switch."""
-    points: NDArray[np.float32]
+    points: Float32Array
     """(n, 3) metres."""
-    colors: NDArray[np.uint8] | None = None
+    colors: ByteArray | None = None
     """(n, 3) of 0 to 255; None draws all points in one colour."""
-    values: NDArray[np.float32] | None = None
+    values: Float32Array | None = None
     """(n,) metres to colour the points by, with a scale beside the view; None takes ``colors``."""
     limit: float = 0.02
     """End of the scale; ``values`` beyond it have its last colour."""
@@ -144,7 +142,7 @@ class LineLayer:
     """Polylines: legs of a mission, a fence."""
 
     name: str
-    lines: Sequence[NDArray[np.float32]]
+    lines: Sequence[Float32Array]
     """Each (k, 3) metres."""
     color: str
     shown: bool = True

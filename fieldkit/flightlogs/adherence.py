@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.flightlogs.achieved import AchievedPose, achieved_pose
 from fieldkit.flightlogs.model import Trigger, bursts_of
 from fieldkit.geometry.geodesy import LocalFrame
@@ -17,7 +17,6 @@ from fieldkit.geometry.stations import PoseArray, associate
 from fieldkit.results.evaluation import AdherenceEntry, StationErrorEntry
 from fieldkit.results.fields import Vector, finite
 
-Array = NDArray[np.float64]
 PoseRow = tuple[Vector, float | None, float | None]
 """Position, metres, NaN where not known; yaw, clockwise from +y, and pitch in degrees, None where not known."""
 Poses = Mapping[str, PoseRow]
@@ -76,7 +75,7 @@ def adherence(
     )
 
 
-def assigned(stations: Poses, photographs: Poses, offset_m: Array | None = None) -> dict[str, str]:
+def assigned(stations: Poses, photographs: Poses, offset_m: FloatArray | None = None) -> dict[str, str]:
     """The station of each photograph that belongs to one, by name; ``offset_m`` as of `associate`."""
     names, station_names = list(photographs), list(stations)
     pairs = associate(
@@ -86,7 +85,7 @@ def assigned(stations: Poses, photographs: Poses, offset_m: Array | None = None)
 
 
 def station_errors(
-    stations: Poses, photographs: Poses, station_of: Mapping[str, str], axes: Array | None = None
+    stations: Poses, photographs: Poses, station_of: Mapping[str, str], axes: FloatArray | None = None
 ) -> list[StationErrorEntry]:
     """Achieved less planned, in the order of the stations.
 

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.flightlogs.model import (
     Attitude,
     Clock,
@@ -50,9 +51,9 @@ class Table:
     """(n,) structured, raw."""
     scales: Mapping[str, float]
     """Of columns, to seconds, degrees and metres; 1 where not given."""
-    times_s: NDArray[np.float64]
+    times_s: FloatArray
     """(n,) on the log's clock."""
-    stamps_s: NDArray[np.float64]
+    stamps_s: FloatArray
     """(n,) when they were recorded, on the recorder's clock."""
 
     @classmethod
@@ -64,7 +65,7 @@ class Table:
     def __len__(self) -> int:
         return len(self.rows)
 
-    def column(self, names: str, width: int = 1) -> NDArray[np.float64]:
+    def column(self, names: str, width: int = 1) -> FloatArray:
         """(n,) or (n, width) values in their unit of the first of some columns ("R|Roll") that the log has.
 
         NaN where it has none, or that is no number.
@@ -76,13 +77,13 @@ class Table:
         with np.errstate(invalid="ignore"):  # signalling NaNs, in damaged logs
             return np.asarray(self.rows[name].astype(np.float64) * self.scales.get(name, 1.0))
 
-    def values(self, columns: Sequence[str]) -> NDArray[np.float64]:
+    def values(self, columns: Sequence[str]) -> FloatArray:
         """(n, k) of k columns; a quaternion ``q`` alone is roll, pitch and yaw."""
         if tuple(columns) == ("q",):
             return euler_deg(self.column("q", 4)).reshape(-1, 3)
         return np.stack([self.column(name) for name in columns], axis=1)
 
-    def select(self, keep: NDArray[np.bool_]) -> Table:
+    def select(self, keep: BoolArray) -> Table:
         """Those rows only."""
         return Table(self.rows[keep], self.scales, self.times_s[keep], self.stamps_s[keep])
 
@@ -234,7 +235,7 @@ def _triggers(
     return found
 
 
-def _above_home(places: NDArray[np.float64], home: Place | None) -> NDArray[np.float64]:
+def _above_home(places: FloatArray, home: Place | None) -> FloatArray:
     """Places (n, 3) or (n, 4) with the height above home: NaN where home has none."""
     if places.shape[1] == 4:
         return places
@@ -435,7 +436,7 @@ def as_boot(seconds: float) -> float | None:
     return float(seconds) if math.isfinite(seconds) and 0.0 <= seconds < _BOOT_LIMIT_S else None
 
 
-def median_offset(utc_s: NDArray[np.float64], boot_s: NDArray[np.float64]) -> float | None:
+def median_offset(utc_s: FloatArray, boot_s: FloatArray) -> float | None:
     """UTC less time since boot, of messages that say both."""
     known = (_UTC_RANGE[0] < utc_s) & (utc_s < _UTC_RANGE[1]) & np.isfinite(boot_s)
     return float(np.median((utc_s - boot_s)[known])) if known.any() else None
@@ -452,7 +453,7 @@ def gimbal_yaw_frame(flags: int) -> YawFrame:
     return "north" if flags & (_YAW_NORTH | _YAW_LOCK) else "vehicle"
 
 
-def euler_deg(quaternions: ArrayLike) -> NDArray[np.float64]:
+def euler_deg(quaternions: ArrayLike) -> FloatArray:
     """Roll, pitch, yaw (n, 3) in degrees (Tait–Bryan Z-Y-X) of quaternions (n, 4), w first.
 
     NaN where a quaternion is no rotation. Within 0.1° of pitch ±90 roll and yaw are one rotation: it goes to yaw.

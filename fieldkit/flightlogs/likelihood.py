@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.special import log_ndtr, ndtr
 
+from fieldkit.arrays import BoolArray, FloatArray
+
 _RARE = math.log(20.0)
 """Of 20 triggers one gives no photograph, of 20 photographs one is an extra: the price of either."""
 _JITTERS_S = (0.01, 0.02, 0.05, 0.1, 0.2)
@@ -22,26 +24,24 @@ _LEAST_AREA_M2, _LEAST_SPAN_S = 400.0, 60.0
 _DRIFT_PAIRS, _DRIFT_SPAN_S, _DRIFT_LIMIT = 8, 300.0, 5e-4
 _WORST = 1e6
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class Observed:
     """What photographs and triggers say."""
 
-    photo_time: Array
+    photo_time: FloatArray
     """(n,) seconds on the camera's clock; NaN where unknown."""
-    trigger_time: Array
+    trigger_time: FloatArray
     """(m,) seconds on the log's."""
-    photo_place: Array
+    photo_place: FloatArray
     """(n, 2) metres, NaN where unknown."""
-    trigger_place: Array
+    trigger_place: FloatArray
     """(m, 2)."""
     burst: NDArray[np.int_]
     """(m,) which burst a trigger is of: a photograph's own is the one by the order within it."""
     whole_seconds: bool = field(init=False)
     """Whether the camera counts whole seconds only."""
-    located: NDArray[np.bool_] = field(init=False)
+    located: BoolArray = field(init=False)
     """(n,) whether a photograph says where it was taken."""
 
     def __post_init__(self) -> None:
@@ -96,7 +96,7 @@ class Fit:
     """Standard deviation of the times, beside the rounding to whole seconds."""
     gate_s: float
     """Photographs farther off belong to no trigger."""
-    shift_m: Array
+    shift_m: FloatArray
     """(2,) camera's positions less the log's."""
     place_m: float
     """Standard deviation of the positions, per axis."""
@@ -108,11 +108,11 @@ class Fit:
         offset = float("nan") if offset_s is None else offset_s
         return cls(offset, 0.0, zero, _JITTERS_S[-1], observed.start_gate_s, np.zeros(2), _PLACE_START_M)
 
-    def residual(self, photo_s: Array | float, trigger_s: Array | float) -> Array:
+    def residual(self, photo_s: FloatArray | float, trigger_s: FloatArray | float) -> FloatArray:
         """Of times, seconds."""
         return np.asarray(photo_s - trigger_s - self.offset_s - self.rate * (np.asarray(trigger_s) - self.zero_s))
 
-    def pair_costs(self, observed: Observed, i: NDArray[np.int_], j: NDArray[np.int_]) -> Array:
+    def pair_costs(self, observed: Observed, i: NDArray[np.int_], j: NDArray[np.int_]) -> FloatArray:
         """(k,) negative log-likelihoods of pairs, infinite beyond the gates."""
         cost = np.zeros(len(i))
         if math.isfinite(self.offset_s):
@@ -130,7 +130,7 @@ class Fit:
         cost[~known & observed.located[i]] += math.log(observed.area_m2)
         return cost
 
-    def extra_costs(self, observed: Observed) -> Array:
+    def extra_costs(self, observed: Observed) -> FloatArray:
         """(n,) negative log-likelihood of each photograph as an extra one, over its timed and located parts."""
         cost = np.full(len(observed.photo_time), _RARE)
         if math.isfinite(self.offset_s):
@@ -234,14 +234,14 @@ def _in_order(observed: Observed, pairs: dict[int, int]) -> dict[int, int]:
     return {i: of[i] for i in pairs}
 
 
-def _without(cost: Array, a: int, b: NDArray[np.bool_]) -> float:
+def _without(cost: FloatArray, a: int, b: BoolArray) -> float:
     """Cost of the best assignment without pairs of a and b."""
     other = cost.copy()
     other[a, b] = _WORST
     return _solve(other)[2]
 
 
-def _solve(cost: Array) -> tuple[NDArray[np.int_], NDArray[np.int_], float]:
+def _solve(cost: FloatArray) -> tuple[NDArray[np.int_], NDArray[np.int_], float]:
     """Pairs of the cheapest assignment in which leaving out costs nothing."""
     rows, columns = linear_sum_assignment(np.minimum(cost, 0.0))
     worth = cost[rows, columns] < 0.0
@@ -264,7 +264,7 @@ def _blocks(observed: Observed, fit: Fit) -> list[tuple[NDArray[np.int_], NDArra
     return blocks
 
 
-def _time_cost(residual: Array, jitter_s: float, whole_seconds: bool) -> Array:
+def _time_cost(residual: FloatArray, jitter_s: float, whole_seconds: bool) -> FloatArray:
     """Negative log density of times: Gaussian, or Gaussian convolved with one second that rounding takes."""
     if not whole_seconds:
         return np.asarray(0.5 * (residual / jitter_s) ** 2 + math.log(jitter_s * math.sqrt(2.0 * math.pi)))
@@ -273,7 +273,7 @@ def _time_cost(residual: Array, jitter_s: float, whole_seconds: bool) -> Array:
     return np.asarray(np.where(share > 1e-9, -np.log(np.maximum(share, 1e-300)), -log_ndtr(-(r - 0.5) / jitter_s)))
 
 
-def _line(difference: Array, elapsed: Array, whole_seconds: bool) -> tuple[float, float]:
+def _line(difference: FloatArray, elapsed: FloatArray, whole_seconds: bool) -> tuple[float, float]:
     """Offset and rate of differences over time. Rounded times are uniform about the line: the middle of their range."""
     rate = 0.0
     if len(difference) >= _DRIFT_PAIRS and float(np.ptp(elapsed)) > _DRIFT_SPAN_S:

@@ -18,8 +18,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.errors import UsageError
 from fieldkit.flightlogs.likelihood import Fit, Observed, assign, fit_to
 from fieldkit.flightlogs.model import FlightLog, Place, Trigger, bursts_of, doubled
@@ -184,7 +184,7 @@ def _apart_m(log: FlightLog, matches: Matches, other: FlightLog, others: Matches
     return max(apart) if len(apart) == len(both) else math.inf
 
 
-def _ecef(place: Place) -> NDArray[np.float64]:
+def _ecef(place: Place) -> FloatArray:
     return geodetic_to_ecef(place.latitude_deg, place.longitude_deg, place.amsl_m or 0.0)
 
 
@@ -209,7 +209,7 @@ def _observed(photographs: Sequence[Stamp], triggers: Sequence[Trigger]) -> Obse
     return Observed(times, trigger_time, photo_place, trigger_place, bursts_of(triggers))
 
 
-def _metres(frame: LocalFrame, degrees: NDArray[np.float64]) -> NDArray[np.float64]:
+def _metres(frame: LocalFrame, degrees: FloatArray) -> FloatArray:
     result = np.full_like(degrees, np.nan)
     good = np.isfinite(degrees).all(axis=1)
     if good.any():

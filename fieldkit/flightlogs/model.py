@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.geometry.geodesy import geodetic_to_ecef
 from fieldkit.geometry.pose import wrapped_deg
 
@@ -112,7 +113,7 @@ def doubled(triggers: Sequence[Trigger], photographs: int) -> tuple[int, ...]:
     )
 
 
-def _apart_m(triggers: Sequence[Trigger]) -> NDArray[np.float64]:
+def _apart_m(triggers: Sequence[Trigger]) -> FloatArray:
     places = [(t.place.latitude_deg, t.place.longitude_deg) if t.place else (np.nan, np.nan) for t in triggers]
     latitudes, longitudes = np.reshape(places, (-1, 2)).T
     return np.asarray(np.linalg.norm(np.diff(geodetic_to_ecef(latitudes, longitudes, 0.0), axis=0), axis=1))
@@ -130,9 +131,9 @@ def bursts_of(triggers: Sequence[Trigger]) -> NDArray[np.int_]:
 class Series:
     """Values over time."""
 
-    times_s: NDArray[np.float64]
+    times_s: FloatArray
     """(n,) increasing."""
-    values: NDArray[np.float64]
+    values: FloatArray
     """(n, k)."""
     angles: tuple[int, ...] = ()
     """Columns that are degrees and wrap at 360."""
@@ -159,7 +160,7 @@ class Series:
         """To the nearest sample; infinite without any."""
         return float(np.abs(self.times_s - time_s).min()) if len(self) else float("inf")
 
-    def at(self, time_s: float, reach_s: float = _REACH_S) -> NDArray[np.float64] | None:
+    def at(self, time_s: float, reach_s: float = _REACH_S) -> FloatArray | None:
         """The values (k,) at a time, linear between neighbours; None farther than ``reach_s`` from any sample."""
         if self.distance_s(time_s) > reach_s:
             return None

@@ -9,7 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from fieldkit.arrays import FloatArray
 
 SEMI_MAJOR_M = 6378137.0
 FLATTENING = 1.0 / 298.257223563
@@ -26,14 +28,14 @@ DATUMS = ("ellipsoid", "sea level", "unknown")
 """What an altitude is measured from."""
 
 
-def plot_from_enu(row_heading_deg: float) -> NDArray[np.float64]:
+def plot_from_enu(row_heading_deg: float) -> FloatArray:
     """(3, 3) turn from east-north-up to a plot's axes: x along the rows' compass heading, y to its left, z up."""
     heading = np.radians(row_heading_deg)
     s, c = float(np.sin(heading)), float(np.cos(heading))
     return np.array([[s, c, 0.0], [-c, s, 0.0], [0.0, 0.0, 1.0]])
 
 
-def geodetic_to_ecef(latitude_deg: ArrayLike, longitude_deg: ArrayLike, altitude_m: ArrayLike) -> NDArray[np.float64]:
+def geodetic_to_ecef(latitude_deg: ArrayLike, longitude_deg: ArrayLike, altitude_m: ArrayLike) -> FloatArray:
     """WGS 84 latitude, longitude (degrees) and height above the ellipsoid (metres) to ECEF (n, 3) metres."""
     lat = np.radians(np.atleast_1d(np.asarray(latitude_deg, dtype=np.float64)))
     lon = np.radians(np.atleast_1d(np.asarray(longitude_deg, dtype=np.float64)))
@@ -55,14 +57,14 @@ def on_earth(latitude_deg: float, longitude_deg: float) -> bool:
 
 def great_circle_m(
     latitude_deg: ArrayLike, longitude_deg: ArrayLike, from_latitude_deg: float, from_longitude_deg: float
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Distances (n,) metres from a place along the ground, good to half a percent however far."""
     ends = geodetic_to_ecef(latitude_deg, longitude_deg, 0.0)
     chords = np.linalg.norm(ends - geodetic_to_ecef(from_latitude_deg, from_longitude_deg, 0.0), axis=1)
     return np.asarray(2.0 * _MEAN_RADIUS_M * np.arcsin(np.minimum(chords / (2.0 * _MEAN_RADIUS_M), 1.0)))
 
 
-def ecef_to_geodetic(points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def ecef_to_geodetic(points: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
     """ECEF (n, 3) metres to latitude, longitude (degrees, longitude in (−180, 180]) and ellipsoidal height (metres).
 
     Bowring's parametric latitude (Bowring 1976), iterated; below a nanometre from 100 km under the ellipsoid
@@ -125,21 +127,21 @@ class LocalFrame:
         if self.datum not in DATUMS:
             raise ValueError(f"altitude datum {self.datum!r} is not one of {', '.join(DATUMS)}")
 
-    def rotation(self) -> NDArray[np.float64]:
+    def rotation(self) -> FloatArray:
         """(3, 3) local-from-ECEF rotation; its rows are east, north and up."""
         lat, lon = np.radians(self.latitude_deg), np.radians(self.longitude_deg)
         s, c, sl, cl = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
         return np.array([[-sl, cl, 0.0], [-s * cl, -s * sl, c], [c * cl, c * sl, s]])
 
-    def _origin(self) -> NDArray[np.float64]:
+    def _origin(self) -> FloatArray:
         return np.asarray(geodetic_to_ecef(self.latitude_deg, self.longitude_deg, self.altitude_m)[0])
 
-    def to_local(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike, altitude_m: ArrayLike) -> NDArray[np.float64]:
+    def to_local(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike, altitude_m: ArrayLike) -> FloatArray:
         """Degrees, degrees and metres above this frame's datum, scalars or (n,), to east-north-up (n, 3) metres."""
         ecef = geodetic_to_ecef(latitude_deg, longitude_deg, altitude_m)
         return np.asarray((ecef - self._origin()) @ self.rotation().T)
 
-    def to_geodetic(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def to_geodetic(self, points: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """East-north-up (n, 3) or (3,) metres to latitudes, longitudes (degrees) and altitudes (metres), each (n,)."""
         local = np.atleast_2d(np.asarray(points, dtype=np.float64))
         return ecef_to_geodetic(local @ self.rotation() + self._origin())

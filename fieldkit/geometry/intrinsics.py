@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+
+from fieldkit.arrays import BoolArray, FloatArray
 
 PARAMETER_NAMES: dict[str, tuple[str, ...]] = {
     "SIMPLE_PINHOLE": ("f", "cx", "cy"),
@@ -73,7 +74,7 @@ class Intrinsics:
         names = PARAMETER_NAMES[self.model]
         return any(value != 0.0 for name, value in zip(names, self.params, strict=True) if name not in _LENGTHS)
 
-    def matrix(self) -> NDArray[np.float64]:
+    def matrix(self) -> FloatArray:
         """(3, 3) calibration matrix K, without the distortion."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
@@ -91,7 +92,7 @@ class Intrinsics:
         params = tuple(v * factor.get(n, 1.0) for n, v in zip(names, self.params, strict=True))
         return replace(self, width=width, height=height, params=params)
 
-    def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def project(self, points: FloatArray) -> FloatArray:
         """Camera-frame points (n, 3) to pixels (n, 2); points at z ≤ 0 give NaN."""
         with np.errstate(divide="ignore", invalid="ignore"):
             x, y = points[:, 0] / points[:, 2], points[:, 1] / points[:, 2]
@@ -100,13 +101,13 @@ class Intrinsics:
         pixels[points[:, 2] <= 0] = np.nan
         return pixels
 
-    def sees(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def sees(self, points: FloatArray) -> BoolArray:
         """(n,) which camera-frame points (n, 3) fall into the picture, hidden or not."""
         pixels = self.project(points)
         with np.errstate(invalid="ignore"):
             return np.asarray(((pixels >= 0.0) & (pixels <= (self.width, self.height))).all(axis=1))
 
-    def undistort(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+    def undistort(self, pixels: FloatArray) -> FloatArray:
         """Pixels (n, 2) of this camera as pixels (n, 2) of `without_distortion` (fixed-point iteration)."""
         if not self.distorted:
             return np.array(pixels, dtype=np.float64)
@@ -115,10 +116,10 @@ class Intrinsics:
         ideal = distorted
         for _ in range(30):
             ideal = ideal + distorted - np.stack(self._distort(ideal[:, 0], ideal[:, 1]), axis=1)
-        pixels_ideal: NDArray[np.float64] = ideal * focal + principal
+        pixels_ideal: FloatArray = ideal * focal + principal
         return pixels_ideal
 
-    def _distort(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    def _distort(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, ...]:
         """Brown-Conrady distortion of normalised coordinates, as OpenCV and COLMAP define it."""
         k1, k2, k3 = self._get("k1", self._get("k")), self._get("k2"), self._get("k3")
         p1, p2 = self._get("p1"), self._get("p2")

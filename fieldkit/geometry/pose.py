@@ -6,20 +6,19 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+from fieldkit.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class Pose:
     """Where a camera is and where it looks."""
 
-    rotation: Matrix
+    rotation: FloatArray
     """(3, 3) camera-from-world rotation; its rows are the camera's x (right), y (down) and z (forward) axes in world
     coordinates."""
-    center: Vector
+    center: FloatArray
     """(3,) projection centre in world coordinates, metres."""
 
     def __post_init__(self) -> None:
@@ -58,14 +57,14 @@ class Pose:
         return cls.from_yaw_pitch(origin, float(yaw), float(np.degrees(np.arctan2(direction[2], horizontal))))
 
     @property
-    def translation(self) -> Vector:
+    def translation(self) -> FloatArray:
         """(3,) t of x_cam = R x_world + t."""
         return -self.rotation @ self.center
 
     @property
-    def forward(self) -> Vector:
+    def forward(self) -> FloatArray:
         """(3,) unit vector of the optical axis in the world."""
-        axis: Vector = self.rotation[2]
+        axis: FloatArray = self.rotation[2]
         return axis
 
     def yaw_pitch_roll_deg(self) -> tuple[float, float, float]:
@@ -79,12 +78,12 @@ class Pose:
         roll = np.arctan2(-(down @ level_right), right @ level_right)
         return float(np.degrees(yaw)), pitch, float(np.degrees(roll))
 
-    def to_camera(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_camera(self, points: FloatArray) -> FloatArray:
         """World points (n, 3) in this camera's frame (n, 3)."""
         return (points - self.center) @ self.rotation.T
 
 
-def rotation_angle_deg(a: Matrix, b: Matrix) -> float:
+def rotation_angle_deg(a: FloatArray, b: FloatArray) -> float:
     """Angle of the rotation between two (3, 3) rotations, degrees in [0, 180]."""
     relative = a @ b.T
     sine = 0.5 * np.linalg.norm(
@@ -93,30 +92,30 @@ def rotation_angle_deg(a: Matrix, b: Matrix) -> float:
     return float(np.degrees(np.arctan2(sine, 0.5 * (np.trace(relative) - 1.0))))
 
 
-def cross_matrix(vector: ArrayLike) -> Matrix:
+def cross_matrix(vector: ArrayLike) -> FloatArray:
     """(3, 3) [v]× with [v]× w = v × w, of a vector (3,)."""
     x, y, z = np.asarray(vector, dtype=np.float64)
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
-def rotation_about_z(angle: float) -> Matrix:
+def rotation_about_z(angle: float) -> FloatArray:
     """(3, 3) rotation about the third axis, radians, anticlockwise seen from its tip."""
     cos, sin = np.cos(angle), np.sin(angle)
     return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
-def rotation_from_vector(vector: ArrayLike) -> Matrix:
+def rotation_from_vector(vector: ArrayLike) -> FloatArray:
     """(3, 3) rotation of a rotation vector (3,) in radians (Rodrigues)."""
     v = np.asarray(vector, dtype=np.float64)
     angle = float(np.linalg.norm(v))
     if angle < 1e-15:
         return np.eye(3)
     cross = cross_matrix(v / angle)
-    rotation: Matrix = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
+    rotation: FloatArray = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
     return rotation
 
 
-Degrees = TypeVar("Degrees", float, NDArray[np.float64])
+Degrees = TypeVar("Degrees", float, FloatArray)
 
 
 def wrapped_deg(degrees: Degrees) -> Degrees:

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fieldkit.arrays import FloatArray
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.geometry.pose import Matrix, Pose, Vector
+from fieldkit.geometry.pose import Pose
 from fieldkit.geometry.similarity import Similarity
 
 POSITION_SIGMA_M = 0.05
@@ -26,11 +27,11 @@ Angles = tuple[float | None, float | None, float | None]
 class PosePrior:
     """What is known of one camera's pose: a position, an orientation, both or neither."""
 
-    position: Vector | None = None
+    position: FloatArray | None = None
     """(3,) metres."""
     position_sigma_m: float = POSITION_SIGMA_M
     """One standard deviation per axis."""
-    rotation: Matrix | None = None
+    rotation: FloatArray | None = None
     """(3, 3) camera from world."""
     angle_sigma_deg: float = ANGLE_SIGMA_DEG
     """One standard deviation about each axis."""
@@ -121,7 +122,7 @@ class Priors:
         """Median standard deviation of the positions, per axis."""
         return float(np.median([self.by_name[name].position_sigma_m for name in self.positioned]))
 
-    def positions(self, names: Collection[str] | None = None) -> Matrix:
+    def positions(self, names: Collection[str] | None = None) -> FloatArray:
         """(n, 3) of all, or of these names."""
         return np.array([self.by_name[n].position for n in self.positioned if names is None or n in names])
 

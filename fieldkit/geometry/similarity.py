@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fieldkit.arrays import FloatArray
 from fieldkit.geometry.pose import Pose, cross_matrix
 
 _TURNS = np.array([-cross_matrix(axis) for axis in np.eye(3)])
@@ -18,9 +19,9 @@ class Similarity:
 
     scale: float
     """Positive, without unit (metres per model unit when it makes a model metric)."""
-    rotation: NDArray[np.float64]
+    rotation: FloatArray
     """(3, 3), determinant +1."""
-    translation: NDArray[np.float64]
+    translation: FloatArray
     """(3,), in the target's unit."""
 
     def __post_init__(self) -> None:
@@ -48,14 +49,14 @@ class Similarity:
             raise ValueError("not a similarity: the upper left 3×3 block is not a rotation times a positive scale")
         return cls(scale, m[:3, :3] / scale, m[:3, 3])
 
-    def matrix(self) -> NDArray[np.float64]:
+    def matrix(self) -> FloatArray:
         """(4, 4) homogeneous matrix."""
         m = np.eye(4)
         m[:3, :3] = self.scale * self.rotation
         m[:3, 3] = self.translation
         return m
 
-    def apply(self, points: ArrayLike) -> NDArray[np.float64]:
+    def apply(self, points: ArrayLike) -> FloatArray:
         """Points (n, 3) or one point (3,), transformed."""
         return self.scale * (np.asarray(points, dtype=np.float64) @ self.rotation.T) + self.translation
 
@@ -93,9 +94,9 @@ def fit_similarity(source: ArrayLike, target: ArrayLike, *, weights: ArrayLike |
     return Similarity(scale, rotation, t_mean - scale * rotation @ s_mean)
 
 
-def similarity_motion(places: NDArray[np.float64]) -> NDArray[np.float64]:
+def similarity_motion(places: FloatArray) -> FloatArray:
     """(n, 3, 7) derivative of places (n, 3) by a small similarity about the origin: translation, rotation, scale."""
     turned = np.tensordot(places, _TURNS, 1)
     moves = [np.broadcast_to(np.eye(3), turned.shape), turned, np.asarray(places)[:, :, None]]
-    motion: NDArray[np.float64] = np.concatenate(moves, axis=2)
+    motion: FloatArray = np.concatenate(moves, axis=2)
     return motion

@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from fieldkit.arrays import FloatArray
 from fieldkit.geometry.pose import wrapped_deg
 
 REACH_M = 3.0
@@ -35,8 +35,6 @@ _MOST_CANDIDATES = 4000
 _LEAST = 3
 """Pairs that tell a common error of headings, or a turn of the frame."""
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class PoseArray:
@@ -45,9 +43,9 @@ class PoseArray:
     A pose without x and y has no place; one without z is compared by x and y alone.
     """
 
-    positions: Array
-    yaws: Array
-    pitches: Array
+    positions: FloatArray
+    yaws: FloatArray
+    pitches: FloatArray
 
     @classmethod
     def of(cls, poses: Sequence[tuple[Sequence[float], float | None, float | None]]) -> PoseArray:
@@ -65,7 +63,7 @@ class PoseArray:
         """As of an array (n,): ``poses[:, None]`` has a second axis."""
         return PoseArray(self.positions[index], self.yaws[index], self.pitches[index])
 
-    def moved(self, turn_deg: float, shift_m: Array | float = 0.0, heading_deg: float = 0.0) -> PoseArray:
+    def moved(self, turn_deg: float, shift_m: FloatArray | float = 0.0, heading_deg: float = 0.0) -> PoseArray:
         """Turned clockwise about z, then shifted (3,); headings turn along, and by ``heading_deg`` besides."""
         c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
         x, y, z = self.positions.T
@@ -81,7 +79,7 @@ class Association:
     """Station by photograph, both by index."""
     costs_m: Mapping[int, float] = field(default_factory=dict)
     """`pose_costs` by photograph, what is common taken out."""
-    offset_m: Array = field(default_factory=lambda: np.full(3, np.nan))
+    offset_m: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
     """(3,) photographs, turned by ``turn_deg``, less stations, median over the pairs; NaN where not known."""
     heading_deg: float = 0.0
     """Of photographs, turned, less stations: what all headings have in common."""
@@ -91,17 +89,17 @@ class Association:
     """Over all photographs with a place, those without a station at `REACH_M`."""
 
 
-def pose_costs(a: PoseArray, b: PoseArray) -> Array:
+def pose_costs(a: PoseArray, b: PoseArray) -> FloatArray:
     """Metres between poses, angles weighed in where both are known; shapes broadcast, NaN without a place."""
     yaw = np.nan_to_num(wrapped_deg(a.yaws - b.yaws))
     pitch = np.nan_to_num(a.pitches - b.pitches)
     return _lengths(a.positions - b.positions) + (np.abs(yaw) + np.abs(pitch)) * METRES_PER_DEGREE
 
 
-def _lengths(apart: Array) -> Array:
+def _lengths(apart: FloatArray) -> FloatArray:
     """Of differences (…, 3); horizontal ones where no height is known."""
     up = np.nan_to_num(apart[..., 2])
-    lengths: Array = np.sqrt(apart[..., 0] ** 2 + apart[..., 1] ** 2 + up**2)
+    lengths: FloatArray = np.sqrt(apart[..., 0] ** 2 + apart[..., 1] ** 2 + up**2)
     return lengths
 
 
@@ -109,7 +107,7 @@ def associate(
     photographs: PoseArray,
     stations: PoseArray,
     *,
-    offset_m: Array | None = None,
+    offset_m: FloatArray | None = None,
     most_offset_m: float = MOST_OFFSET_M,
     turned: bool = False,
 ) -> Association:
@@ -150,7 +148,7 @@ def _price(found: Association) -> float:
     return found.mean_cost_m + _OFFSET_PRICE * float(np.hypot(*np.nan_to_num(found.offset_m[:2])))
 
 
-def _candidates(photographs: PoseArray, stations: PoseArray, most_offset_m: float) -> list[Array]:
+def _candidates(photographs: PoseArray, stations: PoseArray, most_offset_m: float) -> list[FloatArray]:
     """(3,) each: the offsets under which photographs lie nearest to some station, the best first."""
     apart = photographs.positions[:, None] - stations.positions
     offsets = apart.reshape(-1, 3)
@@ -161,7 +159,7 @@ def _candidates(photographs: PoseArray, stations: PoseArray, most_offset_m: floa
     for k, offset in enumerate(offsets):
         costs = _lengths(apart - offset) + turns
         prices[k] = np.minimum(costs.min(axis=1), REACH_M).mean() + _OFFSET_PRICE * np.hypot(offset[0], offset[1])
-    chosen: list[Array] = []
+    chosen: list[FloatArray] = []
     for offset in offsets[np.argsort(prices, kind="stable")]:
         if all(np.linalg.norm(np.nan_to_num(offset - other)) > _APART_M for other in chosen):
             chosen.append(offset)
@@ -174,7 +172,9 @@ def _in_place(poses: PoseArray) -> PoseArray:
     return PoseArray(np.zeros_like(poses.positions), poses.yaws, poses.pitches)
 
 
-def _settled(photographs: PoseArray, stations: PoseArray, offset: Array, *, rounds: int, turned: bool) -> Association:
+def _settled(
+    photographs: PoseArray, stations: PoseArray, offset: FloatArray, *, rounds: int, turned: bool
+) -> Association:
     """Assign, and take out what is common to the assigned, a few times."""
     turn = heading = 0.0
     pairs: dict[int, int] = {}
@@ -221,13 +221,13 @@ def _assigned(photographs: PoseArray, stations: PoseArray) -> dict[int, int]:
     return dict(sorted(pairs.items()))
 
 
-def _medians(apart: Array) -> Array:
+def _medians(apart: FloatArray) -> FloatArray:
     """(3,) of those that are known."""
     known = [column[np.isfinite(column)] for column in apart.T]
     return np.array([np.median(column) if len(column) else np.nan for column in known])
 
 
-def turn_between(source: Array, target: Array) -> float:
+def turn_between(source: FloatArray, target: FloatArray) -> float:
     """Clockwise turn about z, degrees, that brings points (k, 3) nearest to others, shifts left out."""
     a, b = (p[:, :2] - np.median(p[:, :2], axis=0) for p in (source, target))
     return float(np.degrees(np.arctan2((a[:, 1] * b[:, 0] - a[:, 0] * b[:, 1]).sum(), (a * b).sum())))

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.geometry import Pose
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan, Plans
@@ -23,8 +23,6 @@ from fieldkit.vehicles.vehicle import Vehicle
 
 _BEYOND = 1.002
 """By what more flights are cut than they are too long, so that one more attempt is mostly enough."""
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -56,7 +54,7 @@ class Routed:
     """Least distance between the plants of any plot and anything that is flown, from the ground to the ground; None
     where nobody says where plants are.
     """
-    plants_of: Mapping[str, Array]
+    plants_of: Mapping[str, FloatArray]
     """(m, 3) by plot, site frame; as high as they are taken to be there."""
     clear_m: Mapping[str, float | None]
     """By plot, the height of plants that all of it keeps clear of; None where nobody says where they stand."""
@@ -66,7 +64,7 @@ class Routed:
     """Plans of plots that are not flown by the one plan that was given."""
 
     @property
-    def plants(self) -> Array:
+    def plants(self) -> FloatArray:
         """(m, 3) of all plots, site frame."""
         return np.concatenate([np.zeros((0, 3)), *self.plants_of.values()])
 
@@ -101,7 +99,7 @@ class Routed:
         """In the air: of all flights, each from take-off to landing."""
         return sum(each.flight.time.total_s for each in self.flights)
 
-    def legs(self) -> list[Array]:
+    def legs(self) -> list[FloatArray]:
         """(k, 3) places of every leg, site frame, in the order they are flown."""
         return [np.array(leg.points) for each in self.flights for leg in each.flight.legs]
 
@@ -201,7 +199,7 @@ def _mission(
     )
 
 
-def _whole_way(flight: Flight) -> Array:
+def _whole_way(flight: Flight) -> FloatArray:
     """(k, 3) places from the take-off's ground to the landing's, site frame."""
     places = np.concatenate([leg.points for leg in flight.legs])
     return np.vstack([places[:1] * (1.0, 1.0, 0.0), places, places[-1:] * (1.0, 1.0, 0.0)])

@@ -10,9 +10,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
+from fieldkit.arrays import FloatArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.pictures.panels import INK, Array, draw_cloud, drawable, view_row
+from fieldkit.pictures.panels import INK, draw_cloud, drawable, view_row
 from fieldkit.pictures.projection import FRONT, SIDE, TOP, Direction
 
 _CAMERA, _LEG, _OUTLINE = "#c0262d", "#2f6db3", "#8a5a2b"
@@ -20,7 +21,9 @@ _SHARE = 0.1
 _MOST_NAMES = 100
 
 
-def draw_plan(title: str, positions: Array, forward: Array, plants: Cloud, others: Array | None = None) -> Figure:
+def draw_plan(
+    title: str, positions: FloatArray, forward: FloatArray, plants: Cloud, others: FloatArray | None = None
+) -> Figure:
     """A plan's cameras about the plants: from above, from the front and from the side, to one scale.
 
     Cameras stand at (n, 3) metres of the plot frame and look along unit vectors (n, 3); ``others`` are the other
@@ -44,17 +47,17 @@ def draw_plan(title: str, positions: Array, forward: Array, plants: Cloud, other
 
 def draw_mission(
     title: str,
-    legs: Sequence[Array],
+    legs: Sequence[FloatArray],
     cameras: Sequence[Pose],
     camera: Intrinsics,
     plants: Cloud,
-    outlines: Sequence[Array],
+    outlines: Sequence[FloatArray],
     *,
     near: int,
     near_plants: Cloud,
     stations: Sequence[str],
     plots: Sequence[str],
-    home: Array,
+    home: FloatArray,
 ) -> Figure:
     """A flight about the plants: all of it from above, and its first plot from above and from the front.
 
@@ -100,7 +103,7 @@ def draw_mission(
     return figure
 
 
-def frustum(pose: Pose, camera: Intrinsics, depth_m: float) -> Array:
+def frustum(pose: Pose, camera: Intrinsics, depth_m: float) -> FloatArray:
     """(5, 3) the projection centre, then the corners of the picture at the given depth, in order."""
     pixels = np.array([[0, 0], [camera.width, 0], [camera.width, camera.height], [0, camera.height]], dtype=np.float64)
     rays = (pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
@@ -108,7 +111,7 @@ def frustum(pose: Pose, camera: Intrinsics, depth_m: float) -> Array:
     return np.vstack([pose.center, pose.center + corners @ pose.rotation])
 
 
-def _draw_surroundings(axes: Axes, outlines: Sequence[Array], home: Array) -> None:
+def _draw_surroundings(axes: Axes, outlines: Sequence[FloatArray], home: FloatArray) -> None:
     """Outlines, north and home from above."""
     for outline in outlines:
         axes.plot(*np.vstack([outline, outline[:1]]).T, color=_OUTLINE, linewidth=0.9, zorder=2)
@@ -120,7 +123,7 @@ def _draw_surroundings(axes: Axes, outlines: Sequence[Array], home: Array) -> No
     _annotate(axes, "home", (float(home[0]), float(home[1])), shift=(5, -9))
 
 
-def _name_plots(axes: Axes, centers: Array, plots: Sequence[str]) -> None:
+def _name_plots(axes: Axes, centers: FloatArray, plots: Sequence[str]) -> None:
     """Each plot's name at the middle of its cameras; of very many, some."""
     known = list(dict.fromkeys(plots))
     of = np.array(plots)
@@ -139,7 +142,7 @@ def _annotate(axes: Axes, text: str, at: tuple[float, float], shift: tuple[float
 
 
 def _draw_cameras(
-    axes: Axes, lines: Sequence[Array], direction: Direction, *, linewidth: float, size: float
+    axes: Axes, lines: Sequence[FloatArray], direction: Direction, *, linewidth: float, size: float
 ) -> None:  # fmt: skip
     """Lines (k, 3) that begin at cameras, which are dots."""
     _draw_lines(axes, lines, direction, _CAMERA, linewidth=linewidth, zorder=4)
@@ -148,7 +151,7 @@ def _draw_cameras(
 
 
 def _draw_lines(
-    axes: Axes, lines: Sequence[Array], direction: Direction, color: str, *, linewidth: float, zorder: int
+    axes: Axes, lines: Sequence[FloatArray], direction: Direction, color: str, *, linewidth: float, zorder: int
 ) -> None:
     """Lines (k, 3) in one piece: single ones of a whole field take seconds."""
     flat = [line[:, [direction.right, direction.up]] for line in lines]

@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 
+from fieldkit.arrays import FloatArray
 from fieldkit.clouds import Cloud
 from fieldkit.figures.style import format_length
 from fieldkit.figures.tables.reconstruction import quality_rows
@@ -22,7 +23,6 @@ from fieldkit.geometry import Pose
 from fieldkit.pictures.panels import (
     FAINT,
     INK,
-    Array,
     Panel,
     add_panel,
     draw_cloud,
@@ -85,8 +85,8 @@ def _draw_panels(
     figure: Figure,
     report: ReconstructionEntry,
     plants: Cloud,
-    lower: Array,
-    upper: Array,
+    lower: FloatArray,
+    upper: FloatArray,
     places: Sequence[Panel],
     directions: Sequence[Direction],
     titles: Sequence[str],
@@ -120,7 +120,7 @@ def _draw_panels(
     return panels
 
 
-def _limits(points: Array, report: ReconstructionEntry) -> tuple[Array, Array]:
+def _limits(points: FloatArray, report: ReconstructionEntry) -> tuple[FloatArray, FloatArray]:
     """Lower and upper corner of the part to show: all points without stragglers down to the ground, else the volume."""
     assert report.volume is not None
     if not len(points):

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import font_manager, ft2font
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.clouds import Cloud
 from fieldkit.figures.style import format_nominal
 from fieldkit.pictures.projection import Direction, Window, draw_points
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 DPI = 150
 PAPER, INK, FAINT = "#fbfaf6", "#2b2b2b", "#8c8a82"
 _ROW_WIDTH, _ROW_HEIGHT, _ROW_MARGIN, _ROW_GAP, _ROW_TOP = 15.0, 5.6, 0.5, 0.4, 1.0
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -56,13 +54,20 @@ def png(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def fitting_scale(size: Array, direction: Direction, place: Panel) -> float:
+def fitting_scale(size: FloatArray, direction: Direction, place: Panel) -> float:
     """Metres per inch at which a box of ``size`` (3,) fits a panel with a margin on each side."""
     return max(float(size[direction.right]) / place.width, float(size[direction.up]) / place.height, 1e-9) / 0.84
 
 
 def add_panel(
-    figure: Figure, place: Panel, middle: Array, direction: Direction, metres_per_inch: float, title: str, *, unit: str
+    figure: Figure,
+    place: Panel,
+    middle: FloatArray,
+    direction: Direction,
+    metres_per_inch: float,
+    title: str,
+    *,
+    unit: str,
 ) -> tuple[Axes, Window]:
     """Axes in metres about ``middle`` (3,), equal in both directions, with a scale bar; and the window they show."""
     half_width, half_height = 0.5 * place.width * metres_per_inch, 0.5 * place.height * metres_per_inch
@@ -92,7 +97,7 @@ def add_panel(
 
 
 def view_row(
-    title: str, views: Sequence[tuple[Direction, Array]], *, names: Sequence[str] = ()
+    title: str, views: Sequence[tuple[Direction, FloatArray]], *, names: Sequence[str] = ()
 ) -> tuple[Figure, list[tuple[Direction, Axes, Window]]]:
     """A figure with panels side by side.
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from fieldkit.arrays import ByteArray, FloatArray, IntArray
 
 _POINTS_AT_A_TIME = 100_000
 _SHADING = 0.5
@@ -28,7 +29,7 @@ class Direction:
     sign: float
     """+1 or −1, of that axis."""
 
-    def flat(self, point: NDArray[np.float64]) -> tuple[float, float]:
+    def flat(self, point: FloatArray) -> tuple[float, float]:
         """Coordinates (to the right, upwards) of a point (3,) in the picture."""
         return float(point[self.right]), float(point[self.up])
 
@@ -59,9 +60,7 @@ class Window:
         return self.width / (self.right - self.left)
 
 
-def draw_points(
-    points: NDArray[np.float64], colors: NDArray[np.uint8], direction: Direction, window: Window
-) -> NDArray[np.uint8]:
+def draw_points(points: FloatArray, colors: ByteArray, direction: Direction, window: Window) -> ByteArray:
     """A picture (height, width, 4) RGBA of points (n, 3) with colours (n, 3); transparent where there is none."""
     picture = np.zeros((window.height, window.width, 4), dtype=np.uint8)
     shown = _nearest_points(points, direction, window)
@@ -77,7 +76,7 @@ def draw_points(
     return picture
 
 
-def _nearest_points(points: NDArray[np.float64], direction: Direction, window: Window) -> NDArray[np.int64]:
+def _nearest_points(points: FloatArray, direction: Direction, window: Window) -> IntArray:
     """(pixels,) the point that each pixel shows, −1 where there is none; of equally near ones that of the later offset
     in its disc, then the later point. Points are taken some at a time, so that millions of them take no memory.
     """
@@ -104,9 +103,7 @@ def _nearest_points(points: NDArray[np.float64], direction: Direction, window: W
     return shown
 
 
-def _seen(
-    points: NDArray[np.float64], start: int, direction: Direction, window: Window
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def _seen(points: FloatArray, start: int, direction: Direction, window: Window) -> tuple[IntArray, IntArray, IntArray]:
     """Of the points from ``start`` on, as many as are taken at a time: those in the window, their rows and columns."""
     some = points[start : start + _POINTS_AT_A_TIME]
     column = (some[:, direction.right] - window.left) * window.pixels_per_metre
@@ -115,7 +112,7 @@ def _seen(
     return start + np.flatnonzero(inside), row[inside].astype(np.int64), column[inside].astype(np.int64)
 
 
-def eye_dome_shade(nearness: NDArray[np.float64]) -> NDArray[np.float64]:
+def eye_dome_shade(nearness: FloatArray) -> FloatArray:
     """Brightness (h, w) in (0, 1] from nearness to the viewer (h, w), −inf where there is nothing."""
     covered = np.isfinite(nearness)
     if not covered.any():
@@ -133,7 +130,7 @@ def eye_dome_shade(nearness: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(covered, np.exp(-_SHADING * obscurance / 4.0), 1.0)
 
 
-def _radius(points: NDArray[np.float64], starts: range, direction: Direction, window: Window) -> int:
+def _radius(points: FloatArray, starts: range, direction: Direction, window: Window) -> int:
     """Disc radius in pixels: 1 if points are so dense that they share pixels, else 2."""
     hit, count = np.zeros(window.width * window.height, dtype=np.bool_), 0
     for start in starts:
@@ -143,9 +140,9 @@ def _radius(points: NDArray[np.float64], starts: range, direction: Direction, wi
     return 1 if count > 1.5 * np.count_nonzero(hit) else 2
 
 
-def _disc(radius: int) -> NDArray[np.int64]:
+def _disc(radius: int) -> IntArray:
     steps = np.arange(-radius, radius + 1)
     dy, dx = np.meshgrid(steps, steps, indexing="ij")
     inside = dy**2 + dx**2 <= radius**2 + 0.5
-    disc: NDArray[np.int64] = np.stack([dy[inside], dx[inside]], axis=1)
+    disc: IntArray = np.stack([dy[inside], dx[inside]], axis=1)
     return disc

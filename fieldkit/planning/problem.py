@@ -9,10 +9,11 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from fieldkit.arrays import FloatArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics
-from fieldkit.planning.space.cameras import Array, Cameras, assign
+from fieldkit.planning.space.cameras import Cameras, assign
 from fieldkit.planning.space.envelope import Envelope, Ranges
 from fieldkit.planning.space.plots import Plot
 from fieldkit.planning.space.projection import project
@@ -69,9 +70,9 @@ class PlanningProblem:
         return self.plots[0].reference
 
     @property
-    def center(self) -> Array:
+    def center(self) -> FloatArray:
         """(3,) the middle of the volume of interest."""
-        middle: Array = np.array(self.envelope.target.center)
+        middle: FloatArray = np.array(self.envelope.target.center)
         return middle
 
     @property
@@ -96,7 +97,7 @@ class PlanningProblem:
         keys = set(cameras.row_keys())
         return len(keys) == len(cameras) and keys <= self._places.keys()
 
-    def counted_matches(self, cameras: Cameras, plot: Plot) -> Array | None:
+    def counted_matches(self, cameras: Cameras, plot: Plot) -> FloatArray | None:
         """(n, n) a plot's matches between the cameras of a feasible set; None if unknown."""
         if plot.matches is None:
             return None

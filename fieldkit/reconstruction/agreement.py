@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.priors import PosePrior
@@ -74,11 +74,11 @@ def align_to_positions(poses: Mapping[str, Pose], known: Mapping[str, PosePrior]
     return similarity
 
 
-def _off_origin(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _off_origin(points: FloatArray) -> FloatArray:
     """A translation (3,) that puts points (n, 3) about their own extent away from the origin, across their plane."""
     centered = points - points.mean(axis=0)
     _, spread, axes = np.linalg.svd(centered, full_matrices=False)
-    across: NDArray[np.float64] = axes[2] * float(spread[0]) / np.sqrt(len(points)) - points.mean(axis=0)
+    across: FloatArray = axes[2] * float(spread[0]) / np.sqrt(len(points)) - points.mean(axis=0)
     return across
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from fieldkit.arrays import FloatArray, IntArray
 from fieldkit.captures.decode import read_image
 from fieldkit.captures.model import Photo
 from fieldkit.geometry import Intrinsics, Pose, Similarity
@@ -59,13 +60,13 @@ def model_intrinsics(model: pycolmap.Reconstruction) -> dict[str, Intrinsics]:
     return {image.name: from_colmap_camera(model.camera(image.camera_id)) for image in images}
 
 
-def model_points(model: pycolmap.Reconstruction) -> NDArray[np.float64]:
+def model_points(model: pycolmap.Reconstruction) -> FloatArray:
     """(n, 3) points, by ascending id."""
     points = [model.points3D[k].xyz for k in sorted(model.point3D_ids())]
     return np.array(points, dtype=np.float64).reshape(-1, 3)
 
 
-def track_lengths(model: pycolmap.Reconstruction) -> NDArray[np.int64]:
+def track_lengths(model: pycolmap.Reconstruction) -> IntArray:
     """(n,) how many photographs each point is seen in, by ascending id."""
     return np.array([model.points3D[k].track.length() for k in sorted(model.point3D_ids())], dtype=np.int64)
 
@@ -73,7 +74,7 @@ def track_lengths(model: pycolmap.Reconstruction) -> NDArray[np.int64]:
 def color_points(model: pycolmap.Reconstruction, photos: Iterable[Photo]) -> None:
     """Give every 3D point the mean colour of the pixels that it was seen in; ``photos`` are those of the model."""
     by_name = {image.name: image for image in model.images.values() if image.has_pose}
-    sums: dict[int, NDArray[np.int64]] = {}
+    sums: dict[int, IntArray] = {}
     for photo in photos:
         image = by_name.get(photo.name)
         if image is None:

@@ -10,17 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from fieldkit.arrays import BoolArray, FloatArray, IntArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.similarity import similarity_motion
 from fieldkit.vocabulary import CAP_M, GSD_M
-
-Array = NDArray[np.float64]
-
 
 # What views and pairs are worth. What is from elsewhere says where. How incidence, resolution and the angle's far side
 # enter was chosen among a dozen ways by 25 evaluations of rings, arcs, chains and clumps about tuning-1 and tuning-2:
@@ -42,7 +39,7 @@ ERROR_PX = 0.5
 """Of a match, for the noise of depths."""
 
 
-def quality_of_views(seen: NDArray[np.bool_], facing: Array, footprint_m: Array) -> Array:
+def quality_of_views(seen: BoolArray, facing: FloatArray, footprint_m: FloatArray) -> FloatArray:
     """Quality in [0, 1] of views at points: seen · incidence / (1 + (footprint / `PIXEL_M`)²).
 
     Args:
@@ -52,14 +49,14 @@ def quality_of_views(seen: NDArray[np.bool_], facing: Array, footprint_m: Array)
     """
     steep, square = _FACING
     incidence = np.clip((facing - steep) / (square - steep), 0.0, 1.0)
-    quality: Array = seen * incidence / (1.0 + (footprint_m / PIXEL_M) ** 2)
+    quality: FloatArray = seen * incidence / (1.0 + (footprint_m / PIXEL_M) ** 2)
     return quality
 
 
-def worth_of_angles(degrees: Array) -> Array:
+def worth_of_angles(degrees: FloatArray) -> FloatArray:
     """What pairs are worth by the angle θ between their rays: (θ/θ₀ · e^(1 − θ/θ₀)) to the power of θ₀ / tail."""
     ratio = degrees / BEST_ANGLE_DEG
-    worth: Array = (ratio * np.exp(1.0 - ratio)) ** (BEST_ANGLE_DEG / _TAIL_DEG)
+    worth: FloatArray = (ratio * np.exp(1.0 - ratio)) ** (BEST_ANGLE_DEG / _TAIL_DEG)
     return worth
 
 
@@ -108,7 +105,7 @@ def evidence(
     return Evidence(float(np.median(noise)), _leverage(centers, np.array(groups), points))
 
 
-def hidden_sides(plants: Array, poses: Sequence[Pose], cameras: Sequence[Intrinsics]) -> list[tuple[float, float]]:
+def hidden_sides(plants: FloatArray, poses: Sequence[Pose], cameras: Sequence[Intrinsics]) -> list[tuple[float, float]]:
     """Directions that plants (n, 3) have an upright side to which hardly any two photographs show well enough.
 
     Expected from poses alone, as the planner's score does: what plants hide of one another is not counted. Each range
@@ -134,14 +131,14 @@ def hidden_sides(plants: Array, poses: Sequence[Pose], cameras: Sequence[Intrins
     return [(start, end) for start, end in edges]
 
 
-def _leverage(centers: Array, group: NDArray[np.int64], points: Array) -> float:
+def _leverage(centers: FloatArray, group: IntArray, points: FloatArray) -> float:
     """Root mean square over cameras of their groups' leverage, none above `_LOOSE`."""
     groups = [centers[group == number] for number in np.unique(group)]
     own = [min(_LOOSE, leverage(members, points)) if len(members) > 1 else _LOOSE for members in groups]
     return float(np.sqrt(np.average(np.square(own), weights=[len(members) for members in groups])))
 
 
-def leverage(centers: Array, points: Array) -> float:
+def leverage(centers: FloatArray, points: FloatArray) -> float:
     """Root mean square motion of points (p, 3) per unit of noise in positions (n, 3) that a similarity is fitted to.
 
     Linearised: its parameters have the covariance (Σ JᵀJ)⁻¹ per unit variance and axis. Cameras close together, or on
@@ -156,8 +153,13 @@ def leverage(centers: Array, points: Array) -> float:
 
 
 def _supported(
-    points: Array, normals: Array, poses: Sequence[Pose], cameras: Sequence[Intrinsics], *, one_sided: bool = False
-) -> tuple[Array, Array]:
+    points: FloatArray,
+    normals: FloatArray,
+    poses: Sequence[Pose],
+    cameras: Sequence[Intrinsics],
+    *,
+    one_sided: bool = False,
+) -> tuple[FloatArray, FloatArray]:
     """(p,) probability that two depths are right, (p,) noise of a depth in metres."""
     rays, quality, footprint = [], [], []
     for pose, camera in zip(poses, cameras, strict=True):

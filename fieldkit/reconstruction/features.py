@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, Float32Array, FloatArray, IntArray
+
 
 @dataclass(frozen=True)
 class FeatureSettings:
@@ -34,7 +36,7 @@ class Partners(NamedTuple):
 
     place: int
     """Which of the n it is."""
-    partner: NDArray[np.int64]
+    partner: IntArray
     """(m, n) for each of its m learned features one of each photograph's; −1 for none."""
 
 
@@ -42,10 +44,10 @@ class Partners(NamedTuple):
 class Features:
     """The features of one photograph."""
 
-    keypoints: NDArray[np.float32]
+    keypoints: Float32Array
     """(n, 4) float32: x, y and scale in pixels of the full-size photograph (COLMAP's convention: the centre of the
     upper left pixel is (0.5, 0.5)), orientation in radians."""
-    descriptors: NDArray[np.uint8]
+    descriptors: ByteArray
     """(n, 128) uint8 RootSIFT (Arandjelović & Zisserman 2012), 512 times its unit vector."""
     ground: int = 0
     """How many of the last are those of the ground, seen from above (`fieldkit.reconstruction.ground_view`)."""
@@ -61,23 +63,23 @@ class Features:
         """Followed by those of the ground."""
         return replace(self._and(ground.keypoints, ground.descriptors), ground=len(ground))
 
-    def with_learned(self, points: NDArray[np.float32], partners: Partners) -> Features:
+    def with_learned(self, points: Float32Array, partners: Partners) -> Features:
         """Followed by learned ones at ``points`` (m, 2), pixels of the photograph."""
         keypoints = np.pad(points, ((0, 0), (0, 2)))
         return replace(self._and(keypoints, np.zeros((len(points), 128), np.uint8)), partners=partners)
 
-    def _and(self, keypoints: NDArray[np.float32], descriptors: NDArray[np.uint8]) -> Features:
+    def _and(self, keypoints: Float32Array, descriptors: ByteArray) -> Features:
         both = (np.concatenate([self.keypoints, keypoints]), np.concatenate([self.descriptors, descriptors]))
         return Features(*both, partners=self.partners)
 
     @property
-    def parts(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    def parts(self) -> tuple[IntArray, IntArray, IntArray]:
         """Indices of the photograph's own features, of learned ones, and of those of the ground."""
         ground = len(self) - self.ground
         own, every = ground - (0 if self.partners is None else len(self.partners.partner)), np.arange(len(self))
         return every[:own], every[own:ground], every[ground:]
 
-    def partners_in(self, other: Features) -> NDArray[np.int64]:
+    def partners_in(self, other: Features) -> IntArray:
         """(k, 2) the matches of learned features, sorted by the first."""
         if self.partners is None or other.partners is None:
             return np.zeros((0, 2), np.int64)
@@ -88,7 +90,7 @@ class Features:
     def __len__(self) -> int:
         return len(self.keypoints)
 
-    def largest(self, count: int) -> NDArray[np.int64]:
+    def largest(self, count: int) -> IntArray:
         """Indices (k,), ascending, of the ``count`` features of the largest scale among the photograph's own, of all
         learned ones, and of as many of the ground.
         """
@@ -96,7 +98,7 @@ class Features:
         most = [np.sort(part[np.argsort(-self.keypoints[part, 2], kind="stable")[:count]]) for part in (own, ground)]
         return np.concatenate([most[0], learned, most[1]])
 
-    def subset(self, index: NDArray[np.int64]) -> Features:
+    def subset(self, index: IntArray) -> Features:
         """The features of those indices, ascending: of the learned ones all or none."""
         _, learned, ground = (int(np.isin(part, index).sum()) for part in self.parts)
         return Features(self.keypoints[index], self.descriptors[index], ground, self.partners if learned else None)
@@ -108,12 +110,12 @@ class Features:
         return squares
 
     @property
-    def points(self) -> NDArray[np.float64]:
+    def points(self) -> FloatArray:
         """(n, 2) pixel positions."""
         return self.keypoints[:, :2].astype(np.float64)
 
 
-def extract_features(gray: NDArray[np.uint8], settings: FeatureSettings) -> Features:
+def extract_features(gray: ByteArray, settings: FeatureSettings) -> Features:
     """Features of a grey image (h, w), uint8. An image without texture gives zero features.
 
     Sorted by their values, so that the order does not depend on the detector's.
@@ -123,7 +125,7 @@ def extract_features(gray: NDArray[np.uint8], settings: FeatureSettings) -> Feat
     return detect(small, settings, settings.max_features, enlarged)
 
 
-def reduced(gray: NDArray[np.uint8], settings: FeatureSettings) -> NDArray[np.uint8]:
+def reduced(gray: ByteArray, settings: FeatureSettings) -> ByteArray:
     """An image (h, w) in the size that features are found in."""
     height, width = gray.shape
     scale = min(1.0, settings.working_side / max(height, width))
@@ -134,7 +136,7 @@ def reduced(gray: NDArray[np.uint8], settings: FeatureSettings) -> NDArray[np.ui
 
 
 def detect(
-    gray: NDArray[np.uint8], settings: FeatureSettings, most: int, enlarged: tuple[float, float] = (1.0, 1.0)
+    gray: ByteArray, settings: FeatureSettings, most: int, enlarged: tuple[float, float] = (1.0, 1.0)
 ) -> Features:
     """The strongest features of an image, in pixels of one that is so much wider and higher."""
     sx, sy = enlarged
@@ -161,8 +163,8 @@ def detect(
     return Features(keypoints[order], _root_sift(descriptors[order]))
 
 
-def _root_sift(sift: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _root_sift(sift: Float32Array) -> ByteArray:
     """L1-normalise, take the square root (then the L2 norm is 1), quantise as COLMAP does."""
     total = np.maximum(sift.sum(axis=1, keepdims=True), 1e-12)
-    quantised: NDArray[np.uint8] = np.clip(np.round(512.0 * np.sqrt(sift / total)), 0, 255).astype(np.uint8)
+    quantised: ByteArray = np.clip(np.round(512.0 * np.sqrt(sift / total)), 0, 255).astype(np.uint8)
     return quantised

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.geometry import Intrinsics
 from fieldkit.reconstruction.features import Features, FeatureSettings, detect, reduced
 
@@ -26,7 +26,7 @@ _EDGE_PX = 8.0
 class _Turned(NamedTuple):
     """A view straight down."""
 
-    to_photo: NDArray[np.float64]
+    to_photo: FloatArray
     """(3, 3) homography from its pixels to the photograph's."""
     size: tuple[int, int]
     spacing: float
@@ -34,7 +34,7 @@ class _Turned(NamedTuple):
 
 
 def extract_ground_features(
-    gray: NDArray[np.uint8], camera: Intrinsics, rotation: NDArray[np.float64], settings: FeatureSettings
+    gray: ByteArray, camera: Intrinsics, rotation: FloatArray, settings: FeatureSettings
 ) -> Features:
     """Features of the view straight down; none where the camera looks down anyway, or at the sky.
 
@@ -65,16 +65,16 @@ def extract_ground_features(
     return found.subset(found.largest(_MAX_FEATURES))
 
 
-def is_oblique(rotation: NDArray[np.float64]) -> bool:
+def is_oblique(rotation: FloatArray) -> bool:
     """Whether turning a camera (3, 3), from world, straight down gains anything."""
     return bool(_LEAST_DEG <= _off_down_deg(rotation) < _MOST_DEG)
 
 
-def _off_down_deg(rotation: NDArray[np.float64]) -> float:
+def _off_down_deg(rotation: FloatArray) -> float:
     return float(np.degrees(np.arccos(np.clip(-rotation[2, 2], -1.0, 1.0))))
 
 
-def _turned(camera: Intrinsics, rotation: NDArray[np.float64]) -> _Turned | None:
+def _turned(camera: Intrinsics, rotation: FloatArray) -> _Turned | None:
     if not is_oblique(rotation):
         return None
     rays = _border_rays(camera) @ rotation
@@ -91,10 +91,10 @@ def _turned(camera: Intrinsics, rotation: NDArray[np.float64]) -> _Turned | None
     return _Turned(camera.matrix() @ rotation @ to_world, (int(width), int(height)), spacing)
 
 
-def _border_rays(camera: Intrinsics) -> NDArray[np.float64]:
+def _border_rays(camera: Intrinsics) -> FloatArray:
     """(k, 3) rays of pixels along the picture's border, camera frame."""
     along, zero, one = np.linspace(0.0, 1.0, 33), np.zeros(33), np.ones(33)
     x, y = np.concatenate([(along, zero), (along, one), (zero, along), (one, along)], axis=1)
     pixels = np.column_stack([x * camera.width, y * camera.height, np.ones(len(x))])
-    rays: NDArray[np.float64] = pixels @ np.linalg.inv(camera.matrix()).T
+    rays: FloatArray = pixels @ np.linalg.inv(camera.matrix()).T
     return rays

@@ -16,12 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.pose import cross_matrix
 from fieldkit.reconstruction.features import Features
 from fieldkit.runtime.kernels import kernel
 
-Floats = NDArray[np.float64]
 _STRIP_PX, _CELL_PX = 64.0, 4.0
 
 
@@ -32,9 +32,9 @@ class Region:
     center: tuple[float, float, float]
     radius: float
 
-    def contains(self, points: Floats) -> NDArray[np.bool_]:
+    def contains(self, points: FloatArray) -> BoolArray:
         """(k,) for points (k, 3)."""
-        inside: NDArray[np.bool_] = np.linalg.norm(points - np.array(self.center), axis=1) <= self.radius
+        inside: BoolArray = np.linalg.norm(points - np.array(self.center), axis=1) <= self.radius
         return inside
 
 
@@ -59,10 +59,10 @@ class Slab:
     low: float
     high: float
 
-    def contains(self, points: Floats) -> NDArray[np.bool_]:
+    def contains(self, points: FloatArray) -> BoolArray:
         """(k,) for points (k, 3)."""
         height = points @ np.array(self.up)
-        inside: NDArray[np.bool_] = (height >= self.low) & (height <= self.high)
+        inside: BoolArray = (height >= self.low) & (height <= self.high)
         return inside
 
 
@@ -100,7 +100,7 @@ class IndexedFeatures:
     """The features of one photograph, undistorted and sorted for looking up; whatever its pose, so made once."""
 
     features: Features
-    points: Floats
+    points: FloatArray
     """(n, 2) undistorted pixels."""
     camera: Intrinsics
     """PINHOLE intrinsics."""
@@ -139,7 +139,7 @@ class PosedFeatures:
         return self.indexed.features
 
     @property
-    def points(self) -> Floats:
+    def points(self) -> FloatArray:
         """(n, 2) undistorted pixels."""
         return self.indexed.points
 
@@ -148,44 +148,44 @@ class PosedFeatures:
         """PINHOLE intrinsics."""
         return self.indexed.camera
 
-    def rays(self, index: NDArray[np.integer]) -> Floats:
+    def rays(self, index: NDArray[np.integer]) -> FloatArray:
         """(k, 3) unit viewing rays of chosen features in the world."""
         pixels = self.points[index]
         focal, principal = (self.camera.fx, self.camera.fy), (self.camera.cx, self.camera.cy)
         rays = homogeneous((pixels - principal) / focal) @ self.pose.rotation
-        unit: Floats = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+        unit: FloatArray = rays / np.linalg.norm(rays, axis=1, keepdims=True)
         return unit
 
 
-def relative_pose(a: Pose, b: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def relative_pose(a: Pose, b: Pose) -> tuple[FloatArray, FloatArray]:
     """Rotation (3, 3) and translation (3,) of camera b from camera a."""
     return b.rotation @ a.rotation.T, b.rotation @ (a.center - b.center)
 
 
-def fundamental_matrix(a: Pose, b: Pose, camera_a: Intrinsics, camera_b: Intrinsics) -> NDArray[np.float64]:
+def fundamental_matrix(a: Pose, b: Pose, camera_a: Intrinsics, camera_b: Intrinsics) -> FloatArray:
     """(3, 3) F with x_bᵀ F x_a = 0 for undistorted pixels (Hartley & Zisserman, eq. 9.2)."""
     rotation, t = relative_pose(a, b)
     essential = cross_matrix(t) @ rotation
-    fundamental: NDArray[np.float64] = np.linalg.inv(camera_b.matrix()).T @ essential @ np.linalg.inv(camera_a.matrix())
+    fundamental: FloatArray = np.linalg.inv(camera_b.matrix()).T @ essential @ np.linalg.inv(camera_a.matrix())
     return fundamental
 
 
-def homogeneous(points: Floats) -> Floats:
+def homogeneous(points: FloatArray) -> FloatArray:
     """Floats (n, d) with a 1 behind their coordinates, (n, d + 1)."""
     return np.concatenate([points, np.ones((len(points), 1))], axis=1)
 
 
-def epipolar_distance(fundamental: NDArray[np.float64], a: Floats, b: Floats) -> NDArray[np.float64]:
+def epipolar_distance(fundamental: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
     """(n,) the larger of the two point-to-epipolar-line distances of pairs a, b (n, 2), pixels."""
     ha, hb = homogeneous(a), homogeneous(b)
     in_b, in_a = ha @ fundamental.T, hb @ fundamental
     residual = np.abs((hb * in_b).sum(axis=1))
     lengths = np.minimum(np.hypot(in_b[:, 0], in_b[:, 1]), np.hypot(in_a[:, 0], in_a[:, 1]))
-    distance: NDArray[np.float64] = residual / np.maximum(lengths, 1e-12)
+    distance: FloatArray = residual / np.maximum(lengths, 1e-12)
     return distance
 
 
-def epipolar_distances(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.uint32]) -> Floats:
+def epipolar_distances(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.uint32]) -> FloatArray:
     """(k,) `epipolar_distance` of matches (k, 2) at the photographs' poses, pixels."""
     fundamental = fundamental_matrix(a.pose, b.pose, a.camera, b.camera)
     return epipolar_distance(fundamental, a.points[matches[:, 0]], b.points[matches[:, 1]])
@@ -206,7 +206,7 @@ def match_guided(a: PosedFeatures, b: PosedFeatures, band: Band, *, shift_px: fl
     return np.concatenate(found).astype(np.uint32)
 
 
-def _match_alike(a: PosedFeatures, b: PosedFeatures, band: Band, shift_px: float) -> NDArray[np.int64]:
+def _match_alike(a: PosedFeatures, b: PosedFeatures, band: Band, shift_px: float) -> IntArray:
     """`match_guided` among features of one kind; at least one of each."""
     fundamental = fundamental_matrix(a.pose, b.pose, a.camera, b.camera)
     lines_in_b = _unit_lines(homogeneous(a.points) @ fundamental.T)
@@ -224,7 +224,9 @@ def _match_alike(a: PosedFeatures, b: PosedFeatures, band: Band, shift_px: float
     return matches[_agrees(a, b, matches, band)]
 
 
-def midpoints(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.integer]) -> tuple[Floats, Floats, Floats]:
+def midpoints(
+    a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.integer]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Where the rays of matches come closest: points (k, 3) and the signed distances (k,) along both rays."""
     ray_a, ray_b = a.rays(matches[:, 0]), b.rays(matches[:, 1])
     baseline = b.pose.center - a.pose.center
@@ -237,7 +239,7 @@ def midpoints(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.integer]) 
     return points, s, t
 
 
-def _agrees(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.int64], band: Band) -> NDArray[np.bool_]:
+def _agrees(a: PosedFeatures, b: PosedFeatures, matches: IntArray, band: Band) -> BoolArray:
     of_a, of_b = a.features.keypoints[matches[:, 0]], b.features.keypoints[matches[:, 1]]
     octaves = np.log2(of_a[:, 2]) - np.log2(of_b[:, 2])
     if a.features.ground:
@@ -249,11 +251,11 @@ def _agrees(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.int64], band
     rotation = np.abs((difference + np.pi) % (2 * np.pi) - np.pi)
     rule = band.rule
     good = (rotation <= np.radians(rule.max_rotation_deg)) & (np.abs(octaves) <= rule.max_scale_octaves)
-    agreed: NDArray[np.bool_] = good & _in_bounds(a, b, matches, band)
+    agreed: BoolArray = good & _in_bounds(a, b, matches, band)
     return agreed
 
 
-def _in_bounds(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.int64], band: Band) -> NDArray[np.bool_]:
+def _in_bounds(a: PosedFeatures, b: PosedFeatures, matches: IntArray, band: Band) -> BoolArray:
     if band.scene_bounds is None:
         return np.ones(len(matches), np.bool_)
     points, s, t = midpoints(a, b, matches)
@@ -262,7 +264,7 @@ def _in_bounds(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.int64], b
 
 def _turn_from_baseline(
     a: PosedFeatures, b: PosedFeatures, index: NDArray[np.integer], *, reverse: bool = False
-) -> Floats:
+) -> FloatArray:
     """(k,) chosen features' orientation against the image of the baseline's direction at its place, radians.
 
     Moving a scene point by ε·v moves its pixel x by ε/Z · (q[:2] − q[2] x) with q = K R v; with v along the
@@ -271,7 +273,7 @@ def _turn_from_baseline(
     baseline = b.pose.center - a.pose.center
     q = a.camera.matrix() @ a.pose.rotation @ (-baseline if reverse else baseline)
     direction = q[:2] - q[2] * a.points[index]
-    turn: Floats = a.features.keypoints[index, 3] - np.arctan2(direction[:, 1], direction[:, 0])
+    turn: FloatArray = a.features.keypoints[index, 3] - np.arctan2(direction[:, 1], direction[:, 0])
     return turn
 
 
@@ -290,27 +292,27 @@ def _above(a: PosedFeatures, region: Region | None) -> float:
     return max(float(away[2]), 0.1 * float(np.linalg.norm(away)))
 
 
-def _unit_lines(lines: Floats) -> Floats:
-    unit: Floats = lines / np.maximum(np.hypot(lines[:, 0], lines[:, 1]), 1e-12)[:, None]
+def _unit_lines(lines: FloatArray) -> FloatArray:
+    unit: FloatArray = lines / np.maximum(np.hypot(lines[:, 0], lines[:, 1]), 1e-12)[:, None]
     return unit
 
 
-def _mean_normal(lines: Floats) -> Floats:
+def _mean_normal(lines: FloatArray) -> FloatArray:
     """(2,) the direction most across unit lines (n, 3), whatever their signs."""
     normals = lines[:, :2]
-    direction: Floats = np.linalg.eigh(normals.T @ normals)[1][:, 1]
+    direction: FloatArray = np.linalg.eigh(normals.T @ normals)[1][:, 1]
     return direction
 
 
 def _best_in_band(
     a: PosedFeatures,
     b: PosedFeatures,
-    shift: Floats,
-    lines_in_b: Floats,
-    lines_in_a: Floats,
+    shift: FloatArray,
+    lines_in_b: FloatArray,
+    lines_in_a: FloatArray,
     band_px: float,
     ratio: float,
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+) -> tuple[IntArray, IntArray]:
     """Per feature of either image, the best partner within the band that passes the ratio test, else −1."""
     of_a, of_b = _Best.none(len(a.features)), _Best.none(len(b.features))
     level = np.abs(lines_in_b[:, 1]) >= np.abs(lines_in_b[:, 0])
@@ -326,9 +328,9 @@ def _best_in_band(
 class _Lined(NamedTuple):
     """Features with their epipolar lines (n, 3) in the other image."""
 
-    points: Floats
-    lines: Floats
-    descriptors: NDArray[np.uint8]
+    points: FloatArray
+    lines: FloatArray
+    descriptors: ByteArray
     squares: NDArray[np.int32]
 
 
@@ -337,14 +339,14 @@ class _Best(NamedTuple):
 
     distance: NDArray[np.int32]
     second: NDArray[np.int32]
-    partner: NDArray[np.int64]
+    partner: IntArray
 
     @classmethod
     def none(cls, count: int) -> _Best:
         far = np.iinfo(np.int32).max
         return cls(np.full(count, far, np.int32), np.full(count, far, np.int32), np.full(count, -1, np.int64))
 
-    def passing(self, ratio: float) -> NDArray[np.int64]:
+    def passing(self, ratio: float) -> IntArray:
         """(n,) the best partner where it passes the ratio test, else −1."""
         good = (self.distance <= ratio * ratio * self.second) & (self.second > 0)
         return np.where(good, self.partner, -1)
@@ -353,23 +355,23 @@ class _Best(NamedTuple):
 class _Strips(NamedTuple):
     """Features sorted into strips across the first axis, and in each into cells along the second."""
 
-    corner: Floats
+    corner: FloatArray
     """(2,) least coordinates."""
     strips: int
     cells: int
     """How many, and how many cells in each."""
-    order: NDArray[np.int64]
+    order: IntArray
     """(n,) the features in this order; `order[starts[k] : starts[k + 1]]` are those of cell k, and those of a
     strip follow one another."""
-    starts: NDArray[np.int64]
+    starts: IntArray
     """(strips · cells + 1,)."""
-    points: Floats
-    descriptors: NDArray[np.uint8]
+    points: FloatArray
+    descriptors: ByteArray
     squares: NDArray[np.int32]
     """In this order."""
 
     @classmethod
-    def of(cls, points: Floats, features: Features) -> _Strips:
+    def of(cls, points: FloatArray, features: Features) -> _Strips:
         corner = points.min(axis=0)
         place = np.floor((points - corner) / (_STRIP_PX, _CELL_PX)).astype(np.int64)
         count, cells = place.max(axis=0) + 1

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.captures.model import Capture
 from fieldkit.captures.programs.model import ANGLE_ACCURACY_DEG, POSITION_SHARE, ProgramPoses
 from fieldkit.errors import ReconstructionError
@@ -129,9 +129,9 @@ def _check_heights(own: SourceFrame, within: SourceFrame, capture: Capture) -> N
     )
 
 
-def _in_source(position: NDArray[np.float64], own: SourceFrame, frame: SourceFrame) -> NDArray[np.float64]:
+def _in_source(position: FloatArray, own: SourceFrame, frame: SourceFrame) -> FloatArray:
     """A position of the capture's source in the coordinates of ``frame``'s source."""
     if own.origin is None or frame.origin is None or own.origin == frame.origin:
         return position
-    moved: NDArray[np.float64] = frame.origin.to_local(*own.origin.to_geodetic(position[None]))[0]
+    moved: FloatArray = frame.origin.to_local(*own.origin.to_geodetic(position[None]))[0]
     return moved

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, Float32Array
 from fieldkit.errors import UsageError
 from fieldkit.runtime.threads import one_torch_thread
 from fieldkit.vocabulary import TiesChoice, TiesName
@@ -39,11 +40,11 @@ _WEIGHTS = ("aliked-n16.pth", "aliked_lightglue.pth")
 class LearnedFeatures(NamedTuple):
     """ALIKED's features of one photograph."""
 
-    points: NDArray[np.float32]
+    points: Float32Array
     """(n, 2) pixels of the full-size photograph, as those of `Features`."""
-    descriptors: NDArray[np.float32]
+    descriptors: Float32Array
     """(n, 128)."""
-    size: NDArray[np.float32]
+    size: Float32Array
     """(2,) width and height."""
 
 
@@ -68,7 +69,7 @@ def ties_name(choice: TiesChoice) -> TiesName:
     return "learned" if choice != "sift" and is_installed() else "sift"
 
 
-def extract_learned(image: NDArray[np.uint8], size: tuple[int, int]) -> LearnedFeatures:
+def extract_learned(image: ByteArray, size: tuple[int, int]) -> LearnedFeatures:
     """The features of a photograph.
 
     The image (h, w, 3) is RGB, reduced to `WORKING_SIDE`; ``size`` is that of the photograph.

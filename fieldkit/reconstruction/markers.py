@@ -16,15 +16,13 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.captures.markers_file import MarkersFile, marker_dictionary
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.colmap_model import to_colmap_camera, to_rigid, triangulation
 from fieldkit.runtime.colmap import pycolmap
-
-Floats = NDArray[np.float64]
 
 _MIN_SIDE_PX = 16.0
 _STEP_PX = 0.25
@@ -37,12 +35,12 @@ class MarkerDetection:
 
     id: int
     """Its number in the dictionary."""
-    corners: Floats
+    corners: FloatArray
     """(4, 2) pixels, clockwise from the marker's upper left as printed; (0, 0) is the upper left corner of the
     first pixel."""
 
 
-def detect_markers(gray: NDArray[np.uint8], dictionary: str) -> list[MarkerDetection]:
+def detect_markers(gray: ByteArray, dictionary: str) -> list[MarkerDetection]:
     """The markers in a grey image (h, w), uint8, sorted by number.
 
     A number that appears more than once is left out: which of the two is meant cannot be told. Markers smaller than
@@ -71,7 +69,7 @@ def detect_markers(gray: NDArray[np.uint8], dictionary: str) -> list[MarkerDetec
     return sorted(found, key=lambda detection: detection.id)
 
 
-def refine_corners(gray: NDArray[np.uint8], corners: Floats, cells: int) -> Floats:
+def refine_corners(gray: ByteArray, corners: FloatArray, cells: int) -> FloatArray:
     """Corners (4, 2) as intersections of lines fitted to the edges between them, from black inside to white outside.
 
     The given ones are returned where an edge has no clear contrast or the corners run away. ``corners`` are clockwise,
@@ -96,7 +94,7 @@ def refine_corners(gray: NDArray[np.uint8], corners: Floats, cells: int) -> Floa
     return current if np.abs(current - corners).max() <= 2.0 + reach else corners
 
 
-def _edge_line(gray: NDArray[np.uint8], start: Floats, end: Floats, reach: float) -> Floats | None:
+def _edge_line(gray: ByteArray, start: FloatArray, end: FloatArray, reach: float) -> FloatArray | None:
     """(3,) unit line through the brightest rise across the segment, which runs clockwise around black; or None."""
     length = float(np.linalg.norm(end - start))
     along = (end - start) / max(length, 1e-9)
@@ -123,7 +121,7 @@ def _edge_line(gray: NDArray[np.uint8], start: Floats, end: Floats, reach: float
     return np.array([normal[0], normal[1], -(normal @ point)])
 
 
-def _fit_line(t: Floats, offset: Floats) -> tuple[float, float]:
+def _fit_line(t: FloatArray, offset: FloatArray) -> tuple[float, float]:
     """Slope and intercept by least squares, twice without what lies more than 3 robust deviations off."""
     keep = np.ones(len(t), dtype=np.bool_)
     slope = intercept = 0.0
@@ -137,7 +135,7 @@ def _fit_line(t: Floats, offset: Floats) -> tuple[float, float]:
     return slope, intercept
 
 
-def _bilinear(gray: NDArray[np.uint8], points: Floats) -> Floats:
+def _bilinear(gray: ByteArray, points: FloatArray) -> FloatArray:
     """Grey values at points (..., 2), pixels with centres at .5; NaN outside the image."""
     height, width = gray.shape
     x, y = points[..., 0] - 0.5, points[..., 1] - 0.5
@@ -147,7 +145,7 @@ def _bilinear(gray: NDArray[np.uint8], points: Floats) -> Floats:
     fx, fy = x - x0, y - y0
     upper = (1 - fx) * gray[y0, x0] + fx * gray[y0, x0 + 1]
     lower = (1 - fx) * gray[y0 + 1, x0] + fx * gray[y0 + 1, x0 + 1]
-    values: Floats = np.where(inside, (1 - fy) * upper + fy * lower, np.nan)
+    values: FloatArray = np.where(inside, (1 - fy) * upper + fy * lower, np.nan)
     return values
 
 
@@ -168,7 +166,7 @@ class MarkerScale:
     """Metres per model unit."""
     inliers: int
     """How many known lengths it rests on."""
-    corners: Mapping[int, Floats]
+    corners: Mapping[int, FloatArray]
     """(4, 3) per marker number, model units."""
     notes: tuple[str, ...]
     """Outliers, and markers or lengths not used, in sentences."""
@@ -212,8 +210,8 @@ def marker_scale(
 
 def _by_marker(
     detections: Mapping[str, Sequence[MarkerDetection]], poses: Mapping[str, Pose]
-) -> dict[int, list[tuple[str, Floats]]]:
-    seen: dict[int, list[tuple[str, Floats]]] = {}
+) -> dict[int, list[tuple[str, FloatArray]]]:
+    seen: dict[int, list[tuple[str, FloatArray]]] = {}
     for name in sorted(detections):
         if name in poses:
             for detection in detections[name]:
@@ -233,8 +231,8 @@ def _not_seen(detections: Mapping[str, Sequence[MarkerDetection]], markers: Mark
 
 
 def _triangulate(
-    views: Sequence[tuple[str, Floats]], poses: Mapping[str, Pose], intrinsics: Mapping[str, Intrinsics], seed: int
-) -> Floats | None:
+    views: Sequence[tuple[str, FloatArray]], poses: Mapping[str, Pose], intrinsics: Mapping[str, Intrinsics], seed: int
+) -> FloatArray | None:
     """The four corners (4, 3) where at least two views agree on each; else None."""
     width = float(np.median([intrinsics[name].width for name, _ in views]))
     options = triangulation(_MAX_ERROR_PX * max(width / 1600.0, 0.5), _MIN_ANGLE_DEG, trials=1000, seed=seed)
@@ -250,19 +248,21 @@ def _triangulate(
     return corners
 
 
-def _sides(corners: Floats) -> Floats:
-    lengths: Floats = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
+def _sides(corners: FloatArray) -> FloatArray:
+    lengths: FloatArray = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
     return lengths
 
 
-def _unevenness(corners: Floats) -> float:
+def _unevenness(corners: FloatArray) -> float:
     """How far a quadrilateral's sides and diagonals are from a square's, as a share of its mean side."""
     sides = _sides(corners)
     diagonals = np.linalg.norm(corners[:2] - corners[2:], axis=1) / np.sqrt(2.0)
     return float(np.ptp(np.concatenate([sides, diagonals])) / max(sides.mean(), 1e-300))
 
 
-def _lengths(corners: Mapping[int, Floats], markers: MarkersFile, notes: list[str]) -> list[tuple[str, float, float]]:
+def _lengths(
+    corners: Mapping[int, FloatArray], markers: MarkersFile, notes: list[str]
+) -> list[tuple[str, float, float]]:
     """(what, known metres, model units) of every known length that was seen."""
     measured = []
     if markers.side_m is not None:
@@ -280,7 +280,7 @@ def _lengths(corners: Mapping[int, Floats], markers: MarkersFile, notes: list[st
 
 
 def _robust_scale(
-    measured: Sequence[tuple[str, float, float]], corners: Mapping[int, Floats], notes: list[str]
+    measured: Sequence[tuple[str, float, float]], corners: Mapping[int, FloatArray], notes: list[str]
 ) -> MarkerScale:
     known = np.array([k for _, k, _ in measured])
     units = np.array([u for _, _, u in measured])

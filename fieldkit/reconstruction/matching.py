@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, Float32Array, IntArray
 from fieldkit.reconstruction.features import Features
 
 _CHUNK_ROWS = 1024  # of the similarity matrix: 32 MB against 8192 features
@@ -17,9 +18,9 @@ _EXACT = 1e-6  # squared distance below which descriptors are the same, so that 
 class _BestTwo:
     """The two highest similarities seen per entry and the index of the highest."""
 
-    index: NDArray[np.int64]
-    first: NDArray[np.float32]
-    second: NDArray[np.float32]
+    index: IntArray
+    first: Float32Array
+    second: Float32Array
 
     @classmethod
     def empty(cls, n: int) -> _BestTwo:
@@ -52,13 +53,13 @@ def match_features(a: Features, b: Features, *, ratio: float = 0.8) -> NDArray[n
     return np.stack([candidates[mutual], partners[mutual]], axis=1).astype(np.uint32)
 
 
-def _unit(features: Features) -> NDArray[np.float32]:
+def _unit(features: Features) -> Float32Array:
     descriptors = features.descriptors.astype(np.float32)
-    unit: NDArray[np.float32] = descriptors / np.maximum(np.linalg.norm(descriptors, axis=1, keepdims=True), 1e-12)
+    unit: Float32Array = descriptors / np.maximum(np.linalg.norm(descriptors, axis=1, keepdims=True), 1e-12)
     return unit
 
 
-def _update_columns(columns: _BestTwo, similarity: NDArray[np.float32], start: int) -> None:
+def _update_columns(columns: _BestTwo, similarity: Float32Array, start: int) -> None:
     here = np.arange(similarity.shape[1])
     first = similarity.max(axis=0)
     # Not argmax(axis=0), which transposes the matrix first and so takes several times as long as all of this.
@@ -74,9 +75,9 @@ def _update_columns(columns: _BestTwo, similarity: NDArray[np.float32], start: i
     columns.first = np.maximum(first, columns.first)
 
 
-def _passes_ratio(best: _BestTwo, ratio: float) -> NDArray[np.bool_]:
+def _passes_ratio(best: _BestTwo, ratio: float) -> BoolArray:
     """Distances of unit vectors are √(2 − 2 cos); no second candidate passes, no first does not."""
     nearest = np.sqrt(np.maximum(2.0 - 2.0 * best.first, _EXACT))
     runner_up = np.sqrt(np.maximum(2.0 - 2.0 * best.second, _EXACT))
-    passes: NDArray[np.bool_] = np.isfinite(best.first) & (nearest <= ratio * runner_up)
+    passes: BoolArray = np.isfinite(best.first) & (nearest <= ratio * runner_up)
     return passes

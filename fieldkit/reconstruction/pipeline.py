@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.cache import digest
 from fieldkit.captures import find_mask, quality_findings, read_image
 from fieldkit.captures.model import Capture, Photo
@@ -73,7 +73,7 @@ _MASKS: Mapping[Mask, str] = {
 }
 """What else to do where no plant was reconstructed."""
 _CALIBRATIONS = ("camera.toml", "camera.json", "reference")
-Settle = Callable[[NDArray[np.float64], Mapping[str, Pose]], tuple[Similarity, Plane | None]]
+Settle = Callable[[FloatArray, Mapping[str, Pose]], tuple[Similarity, Plane | None]]
 
 
 @dataclass(frozen=True, eq=False)

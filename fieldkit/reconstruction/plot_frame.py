@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.captures.model import Capture
 from fieldkit.clouds.ground import MAX_TILT_DEG, fit_ground_plane
 from fieldkit.clouds.volume import Volume
@@ -26,7 +26,7 @@ _LOOKING_UP = 0.5  # sine of the optical axis' elevation
 _RECORDED_UP_DEG = 10.0
 
 
-def known_up(poses: Mapping[str, Pose], priors: Priors, *, metric: bool) -> NDArray[np.float64] | None:
+def known_up(poses: Mapping[str, Pose], priors: Priors, *, metric: bool) -> FloatArray | None:
     """Upwards (3,) in a model's frame, where a georeference, three positions off one line or angles say it.
 
     Args:
@@ -52,12 +52,12 @@ def known_up(poses: Mapping[str, Pose], priors: Priors, *, metric: bool) -> NDAr
 
 
 def find_ground(
-    points: NDArray[np.float64],
+    points: FloatArray,
     poses: Mapping[str, Pose],
     *,
     seed: int,
-    up: NDArray[np.float64] | None = None,
-    well_seen: NDArray[np.bool_] | None = None,
+    up: FloatArray | None = None,
+    well_seen: BoolArray | None = None,
 ) -> Plane | None:
     """The ground plane near where the cameras look, or None where none can be found.
 
@@ -79,12 +79,12 @@ def find_ground(
 
 
 def plot_from_world(
-    points: NDArray[np.float64],
+    points: FloatArray,
     poses: Mapping[str, Pose],
     ground: Plane | None,
     *,
     georeferenced: bool,
-    up: NDArray[np.float64] | None = None,
+    up: FloatArray | None = None,
 ) -> Similarity:
     """The rigid motion into the plot frame.
 
@@ -144,9 +144,7 @@ _CUT_LAYER = 0.005  # of the box's height
 _CUT_POINTS = 20
 
 
-def volume_of_interest(
-    points: NDArray[np.float64], poses: Mapping[str, Pose], intrinsics: Mapping[str, Intrinsics]
-) -> Volume:
+def volume_of_interest(points: FloatArray, poses: Mapping[str, Pose], intrinsics: Mapping[str, Intrinsics]) -> Volume:
     """A box about what was photographed.
 
     Cameras that converge on a place share it: the box holds the sparse points near where their axes meet that at least
@@ -182,7 +180,7 @@ def looked_beside_m(poses: Mapping[str, Pose], volume: Volume) -> float:
     return float(np.hypot(*np.maximum(outside, 0.0)))
 
 
-def cuts_plants(plants: NDArray[np.float64], volume: Volume, gsd_m: float) -> bool:
+def cuts_plants(plants: FloatArray, volume: Volume, gsd_m: float) -> bool:
     """Whether a plants' cloud (n, 3) goes on to the top of the volume, as plants do that are higher than it.
 
     ``gsd_m`` is the length that a pixel of the depth maps covers.

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.captures.model import Capture
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
@@ -121,7 +119,7 @@ class Reconstruction:
         return moved.select(kept)
 
 
-def of_interest(points: NDArray[np.float64], volume: Volume, ground: Plane | None) -> NDArray[np.bool_]:
+def of_interest(points: FloatArray, volume: Volume, ground: Plane | None) -> BoolArray:
     """Mask (n,) of the points (n, 3) that can be the plot's plants: in the volume and above the ground, if known."""
     inside = volume.contains(points)
     if ground is not None:

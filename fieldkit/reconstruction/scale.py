@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.captures import read_image
 from fieldkit.captures.model import Capture
 from fieldkit.geometry import Similarity
@@ -35,7 +35,7 @@ _LEAST_APART = 0.25
 _SIMILARITY = 7  # parameters
 
 
-def scale_error(positions: NDArray[np.float64], sigma_m: float, *, with_errors: bool = True) -> float:
+def scale_error(positions: FloatArray, sigma_m: float, *, with_errors: bool = True) -> float:
     """Relative standard error of the scale that positions (n, 3) give a model: σ / √Σ|x − x̄|².
 
     The sum is without what errors alone add to it, 3 (n − 1) σ²: where nothing is left, there is no scale (infinite).
@@ -52,7 +52,7 @@ def scale_error(positions: NDArray[np.float64], sigma_m: float, *, with_errors: 
     return sigma_m / float(np.sqrt(squares)) if squares > 0.0 else float("inf")
 
 
-def sigma_apart(stated_m: float, residuals_m: NDArray[np.float64]) -> float:
+def sigma_apart(stated_m: float, residuals_m: FloatArray) -> float:
     """What differs between the errors of positions: standard deviation per axis, metres.
 
     Most of a receiver's error is the same all along a flight, and says nothing of distances. Residuals (n,) of a model

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, FloatArray, IntArray
 from fieldkit.captures import read_image
 from fieldkit.clouds.canopy import cells_within
 from fieldkit.clouds.neighbors import PointIndex
@@ -46,7 +47,6 @@ _FILLING_CELLS = 3.0
 """What outlines show farther from a cloud's silhouettes tells nothing of its edges."""
 _HALVINGS = 10
 """Of an interval of five cells: to 5 thousandths."""
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 
@@ -54,20 +54,20 @@ T = TypeVar("T")
 class Outline:
     """What of a photograph shows plants."""
 
-    mask: NDArray[np.bool_]
+    mask: BoolArray
     """(H, W), without distortion."""
     camera: Intrinsics
     """Of that size."""
     pose: Pose
 
-    def pixels(self, points: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def pixels(self, points: FloatArray) -> tuple[IntArray, IntArray]:
         """Rows and columns of the pixels that show points (n, 3), of those in the picture."""
         local = self.pose.to_camera(points)
         local = local[self.camera.sees(local)]
         found = np.floor(self.camera.project(local)).astype(np.int64) if len(local) else np.zeros((0, 2), np.int64)
         return np.clip(found[:, 1], 0, self.camera.height - 1), np.clip(found[:, 0], 0, self.camera.width - 1)
 
-    def within(self, volume: Volume) -> NDArray[np.bool_]:
+    def within(self, volume: Volume) -> BoolArray:
         """The mask where the picture shows a volume."""
         import cv2
 
@@ -107,7 +107,7 @@ def _thinned(found: Sequence[T], most: int | None) -> Sequence[T]:
     return found if most is None else found[:: 1 + len(found) // most]
 
 
-def filled(found: Sequence[Outline], points: Array, volume: Volume) -> Filled:
+def filled(found: Sequence[Outline], points: FloatArray, volume: Volume) -> Filled:
     """How points (n, 3) of the plants in a volume fill the outlines."""
     import cv2
 
@@ -127,7 +127,7 @@ def filled(found: Sequence[Outline], points: Array, volume: Volume) -> Filled:
     return Filled(float(near[0]) / plants, float(near[1]) / plants, inside / shown if shown else None)
 
 
-def filling_seam(found: Sequence[Outline], points: Array, pixel_m: float) -> float:
+def filling_seam(found: Sequence[Outline], points: FloatArray, pixel_m: float) -> float:
     """How many cells, ``pixel_m`` wide, are to be taken off along the edges of the cloud's silhouettes, so that they
     are as large as what outlines show within three cells of them; -2 to 3 of the photographs' pixels where those are
     coarser.
@@ -160,7 +160,7 @@ def filling_seam(found: Sequence[Outline], points: Array, pixel_m: float) -> flo
 
 
 def highest_shown_m(
-    found: Sequence[Outline], ground: Plane, plants: Array, sway_m: float
+    found: Sequence[Outline], ground: Plane, plants: FloatArray, sway_m: float
 ) -> tuple[float | None, float | None]:
     """Height above ground of the highest place near the plants that two thirds of the outlines show plants at, and of
     the highest one that half of them show up to 16 cm away: a tip may reach up to there.
@@ -183,7 +183,7 @@ def highest_shown_m(
         pixels_m.append(float(np.linalg.norm(outline.pose.center - plants[highest])) / outline.camera.fx)
         px = round(max(0.5 * _CELL_M, _SWAYS * sway_m) / pixels_m[-1])
         away.append(cv2.dilate(outline.mask.astype(np.uint8), np.ones((1, 2 * px + 1), dtype=np.uint8)) == 0)
-    levels, distances = np.arange(_ABOVE * top, _UPPER * top, -_LEVEL_M), list[tuple[Array, Array]]()
+    levels, distances = np.arange(_ABOVE * top, _UPPER * top, -_LEVEL_M), list[tuple[FloatArray, FloatArray]]()
     for level in levels:
         cells = ground.above(columns, float(level))
         seen, plant = _counted(views, away, cells, 0.0)
@@ -193,7 +193,7 @@ def highest_shown_m(
         if len(distances) >= _LEVELS and all((of <= _FARTHEST_M).any() for of, _ in distances[-_LEVELS:]):
             break
 
-    def tip_m(of_level: list[Array], farthest_m: float) -> float | None:
+    def tip_m(of_level: list[FloatArray], farthest_m: float) -> float | None:
         counts = [int((of <= farthest_m).sum()) for of in of_level]
         for first in range(len(counts) - _LEVELS + 1):
             last = first + _LEVELS - 1
@@ -206,7 +206,7 @@ def highest_shown_m(
 
 
 def _counted(
-    views: Sequence[Outline], away: Sequence[NDArray[Any]], cells: Array, near_m: float
+    views: Sequence[Outline], away: Sequence[NDArray[Any]], cells: FloatArray, near_m: float
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """(n,) how many views have each cell (n, 3) in the picture, and how many of these show plants within ``near_m``.
 
@@ -221,7 +221,7 @@ def _counted(
     return seen, plant
 
 
-def _columns_about(places: Array) -> Array:
+def _columns_about(places: FloatArray) -> FloatArray:
     """Middles (m, 2) of the cells about places (n, 2)."""
     import cv2
 
@@ -230,7 +230,7 @@ def _columns_about(places: Array) -> Array:
     taken = np.zeros(tuple(cells.max(axis=0) + 1 + _BESIDE_CELLS), dtype=np.uint8)
     taken[cells[:, 0], cells[:, 1]] = 1
     near = cv2.dilate(taken, np.ones((2 * _BESIDE_CELLS + 1,) * 2, dtype=np.uint8))
-    middles: Array = (np.argwhere(near) + low + 0.5) * _CELL_M
+    middles: FloatArray = (np.argwhere(near) + low + 0.5) * _CELL_M
     return middles
 
 

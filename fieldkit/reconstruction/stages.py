@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.cache import StageCache, digest
 from fieldkit.captures import Capture, Photo, Quality, assess_quality, find_mask, measure_photo, read_image
 from fieldkit.geometry import Intrinsics
@@ -62,7 +63,7 @@ def with_ground_features(
     keyed: Sequence[KeyedFeatures],
     photos: Sequence[Photo],
     cameras: Sequence[Intrinsics],
-    rotations: Sequence[NDArray[np.float64]],
+    rotations: Sequence[FloatArray],
     settings: FeatureSettings,
     context: Context,
 ) -> list[KeyedFeatures]:
@@ -135,7 +136,7 @@ def _of_photo(photo: Photo, settings: FeatureSettings) -> Arrays:
     return _arrays(extract_features(read_image(photo, gray=True), settings))
 
 
-def _of_ground(view: tuple[Photo, Intrinsics, NDArray[np.float64]], settings: FeatureSettings) -> Arrays:
+def _of_ground(view: tuple[Photo, Intrinsics, FloatArray], settings: FeatureSettings) -> Arrays:
     photo, camera, rotation = view
     return _arrays(extract_ground_features(read_image(photo, gray=True), camera, rotation, settings))
 

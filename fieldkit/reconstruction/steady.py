@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, ByteArray, Float32Array
 from fieldkit.cache import StageCache, digest
 from fieldkit.captures import Capture, Photo, read_image
 from fieldkit.reconstruction.dense.masks import plant_mask
@@ -31,8 +32,6 @@ _STEP_PX = 8  # of the map of motion, pixels of half size
 _ROUNDS = 6
 _FLOOR_PX = 0.2
 _LEAST_CELLS = 50
-
-Array = NDArray[np.float32]
 
 
 @contextmanager
@@ -81,12 +80,12 @@ def _written(photo: Photo, folder: Path, cache_root: Path | None) -> tuple[Photo
 class Steady:
     """What a burst shows."""
 
-    image: NDArray[np.uint8]
+    image: ByteArray
     """(h, w, 3) RGB: the first photograph, every pixel moved to its mean place, the camera's motion included."""
     sway_px: float
     """How far plants moved beside the camera's own motion: standard deviation over the burst, per axis, pixels of the
     photographs; NaN where there are none, or no photograph agrees with the first."""
-    agrees: NDArray[np.bool_]
+    agrees: BoolArray
     """(photographs,) whether each shows what the first does."""
 
 
@@ -119,7 +118,7 @@ def quick_sway_px(photos: Sequence[Photo], side: int) -> float:
     return float(sway * max(photos[0].width, photos[0].height) / max(first.shape[:2]))
 
 
-def _followed(first: NDArray[np.uint8], others: Iterable[NDArray[np.uint8]]) -> tuple[Array, float, list[bool]]:
+def _followed(first: ByteArray, others: Iterable[ByteArray]) -> tuple[Float32Array, float, list[bool]]:
     """Mean flow (h, w, 2) from a photograph to itself and others, sway in its pixels, and who agrees.
 
     ``first`` (h, w, 3) is RGB, ``others`` (h, w) are grey.
@@ -149,7 +148,7 @@ def _followed(first: NDArray[np.uint8], others: Iterable[NDArray[np.uint8]]) -> 
 _cells = (slice(_STEP_PX // 2, None, _STEP_PX), slice(_STEP_PX // 2, None, _STEP_PX))
 
 
-def _flow(one: NDArray[np.uint8], other: NDArray[np.uint8], x: Array, y: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _flow(one: ByteArray, other: ByteArray, x: Float32Array, y: Float32Array) -> tuple[Float32Array, BoolArray]:
     """Flow (h, w, 2) from one grey image to another, and where the flow back agrees and stays in the picture."""
     dis = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     dis.setFinestScale(0)
@@ -167,14 +166,14 @@ def _flow(one: NDArray[np.uint8], other: NDArray[np.uint8], x: Array, y: Array) 
 class _Planes:
     """The flows that a plane can have where the camera moves a little, over an image; (x, y) (h, w), about 1 wide."""
 
-    def __init__(self, x: Array, y: Array) -> None:
+    def __init__(self, x: Float32Array, y: Float32Array) -> None:
         one, none = np.ones_like(x), np.zeros_like(x)
         self._basis = np.stack(
             [np.stack([one, x, y, none, none, none, x * x, x * y], -1),
              np.stack([none, none, none, one, x, y, x * y, y * y], -1)], axis=2,
         )  # fmt: skip
 
-    def fitted(self, flow: Array, where: NDArray[np.bool_]) -> Array:
+    def fitted(self, flow: Float32Array, where: BoolArray) -> Float32Array:
         """The one next to a flow (h, w, 2) at some pixels, at all: least squares, reweighted after Cauchy."""
         rows, want = self._basis[_cells][where[_cells]].astype(float), flow[_cells][where[_cells]].astype(float)
         weight: NDArray[np.floating] = np.ones(len(rows))
@@ -187,7 +186,7 @@ class _Planes:
         return np.asarray(self._basis @ best.astype(np.float32))
 
 
-def _sway(rest: Array, known: NDArray[np.bool_], plants: NDArray[np.bool_]) -> float:
+def _sway(rest: Float32Array, known: BoolArray, plants: BoolArray) -> float:
     """How far plants' cells moved beside the camera, root mean square, per axis.
 
     ``rest`` (k, rows, columns, 2) are flows less the plane's; ``known`` (rows, columns) is where all are known.
@@ -204,11 +203,11 @@ def _sway(rest: Array, known: NDArray[np.bool_], plants: NDArray[np.bool_]) -> f
     return float(np.sqrt(np.mean(motion[here] ** 2)))
 
 
-def _bytes(image: Any) -> NDArray[np.uint8]:
+def _bytes(image: Any) -> ByteArray:
     return np.asarray(image, dtype=np.uint8)
 
 
-def _moved(image: NDArray[np.uint8], shift: Array) -> NDArray[np.uint8]:
+def _moved(image: ByteArray, shift: Float32Array) -> ByteArray:
     """An image (h, w, 3) whose pixels are moved by a shift known at half size; black where nothing came from."""
     height, width = image.shape[:2]
     h, w = shift.shape[:2]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.geometry import Intrinsics
 from fieldkit.reconstruction.colmap_model import to_colmap_camera
 from fieldkit.reconstruction.features import Features
@@ -31,12 +32,12 @@ class TwoView:
     """(k, 2) feature indices; empty when the pair fails."""
     config: int
     """COLMAP's TwoViewGeometryConfiguration as a number."""
-    fundamental: NDArray[np.float64]
-    essential: NDArray[np.float64]
-    homography: NDArray[np.float64]
+    fundamental: FloatArray
+    essential: FloatArray
+    homography: FloatArray
     """(3, 3), zeros where not estimated."""
-    rotation: NDArray[np.float64]
-    translation: NDArray[np.float64]
+    rotation: FloatArray
+    translation: FloatArray
     """(3, 3), (3,) of camera b from camera a, |translation| = 1; identity and zeros where not estimated."""
 
 
@@ -83,7 +84,7 @@ def verify_pair(
     )
 
 
-def _matrix(value: NDArray[np.float64] | None) -> NDArray[np.float64]:
+def _matrix(value: FloatArray | None) -> FloatArray:
     return np.zeros((3, 3)) if value is None else np.array(value, dtype=np.float64)
 
 

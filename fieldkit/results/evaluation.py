@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from fieldkit.arrays import FloatArray
 from fieldkit.geometry import Pose
 from fieldkit.results.fields import Count, Length, Sha256, Share, Strict, Text, Vector, vector
 from fieldkit.results.finding import DOUBTFUL, WEAKLY_TIED, Finding
@@ -124,7 +124,7 @@ class WeakestMode(Strict):
     moves_m: tuple[Vector, ...] = ()
     """How each would move with the others, plot frame: two standard deviations."""
 
-    def turned(self, rotation: NDArray[np.float64]) -> Self:
+    def turned(self, rotation: FloatArray) -> Self:
         """In a frame (3, 3) that is turned."""
         return self.model_copy(update={"moves_m": tuple(vector(rotation @ move) for move in self.moves_m)})
 
@@ -206,7 +206,7 @@ class ReconstructionEntry(Strict):
     """Share of the cloud's points, over all these photographs, that fall on plants' pixels."""
 
     @property
-    def loose_moves(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def loose_moves(self) -> tuple[FloatArray, FloatArray]:
         """Where photographs stand (k, 3), and how they could lie off together (k, 3): of those tied too weakly."""
         told = self.weakest if any(finding.code == WEAKLY_TIED for finding in self.findings) else None
         center = {image.name: image.center_m for image in self.image_reports}

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
+from fieldkit.arrays import FloatArray
 from fieldkit.geometry import Intrinsics, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.priors import SourceFrame
@@ -31,12 +32,12 @@ class Plane:
     tolerance_m: Length
     """Up to which a point counts as ground."""
 
-    def heights(self, points: ArrayLike) -> NDArray[np.float64]:
+    def heights(self, points: ArrayLike) -> FloatArray:
         """Signed heights (n,) of points (n, 3) above the plane, metres."""
-        heights: NDArray[np.float64] = np.asarray(points, dtype=np.float64) @ self.normal - self.offset_m
+        heights: FloatArray = np.asarray(points, dtype=np.float64) @ self.normal - self.offset_m
         return heights
 
-    def above(self, places: NDArray[np.float64], height: float = 0.0) -> NDArray[np.float64]:
+    def above(self, places: FloatArray, height: float = 0.0) -> FloatArray:
         """Points (n, 3) that high above the plane at places (n, 2)."""
         z = (self.offset_m + height - places @ self.normal[:2]) / self.normal[2]
         return np.column_stack([places, z])

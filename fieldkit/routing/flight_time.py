@@ -16,8 +16,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fieldkit.arrays import FloatArray
 from fieldkit.routing.motion import ARRIVAL_LAG_S, curve_s, turns_s
 from fieldkit.vehicles.vehicle import Speeds, Vehicle
 
@@ -28,8 +29,6 @@ TOUCHDOWN_S = 2.1
 LANDING_MPS = 0.5
 LANDING_BELOW_M = 10.0
 """ArduCopter's LAND_SPEED and LAND_ALT_LOW as they come: the last metres down. PX4's MPC_LAND_SPEED is 0.7 m/s."""
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -82,13 +81,13 @@ def flight_time(legs: Sequence[ArrayLike], turns_deg: Sequence[float], pauses_s:
     )
 
 
-def stretch_time_s(a: ArrayLike, b: ArrayLike, speeds: Speeds) -> Array:
+def stretch_time_s(a: ArrayLike, b: ArrayLike, speeds: Speeds) -> FloatArray:
     """(n,) seconds of straight stretches from a to b, (n, 3) metres each, from standstill to standstill."""
     step = np.asarray(b, dtype=np.float64) - np.asarray(a, dtype=np.float64)
     return _arrived(np.hypot(step[..., 0], step[..., 1]), step[..., 2], speeds)
 
 
-def level_time_s(metres: ArrayLike, speeds: Speeds) -> Array:
+def level_time_s(metres: ArrayLike, speeds: Speeds) -> FloatArray:
     """Seconds of level stretches of these lengths, any shape, from standstill to standstill."""
     lengths = np.asarray(metres, dtype=np.float64)
     return _arrived(lengths, np.zeros_like(lengths), speeds)
@@ -100,7 +99,7 @@ def path_time_s(points: ArrayLike, speeds: Speeds) -> float:
     return float(stretch_time_s(places[:-1], places[1:], speeds).sum())
 
 
-def turn_time_s(turns_deg: ArrayLike, speeds: Speeds) -> Array:
+def turn_time_s(turns_deg: ArrayLike, speeds: Speeds) -> FloatArray:
     """Seconds of turns, degrees in either direction, the shorter way around."""
     return turns_s(np.asarray(turns_deg, dtype=np.float64), speeds)
 
@@ -124,7 +123,7 @@ def _upright_s(metres: float, top_mps: float, speeds: Speeds) -> float:
     return 2.0 * math.sqrt(max(metres, 0.0) / acceleration)
 
 
-def _arrived(level: Array, rise: Array, speeds: Speeds) -> Array:
+def _arrived(level: FloatArray, rise: FloatArray, speeds: Speeds) -> FloatArray:
     """Of a stretch to a place: nothing where it is there already."""
-    seconds: Array = curve_s(level, rise, speeds) + np.where((level > 0) | (rise != 0), ARRIVAL_LAG_S, 0.0)
+    seconds: FloatArray = curve_s(level, rise, speeds) + np.where((level > 0) | (rise != 0), ARRIVAL_LAG_S, 0.0)
     return seconds

@@ -16,8 +16,8 @@ from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.errors import MissionError
 from fieldkit.results.finding import Finding, Refused
 from fieldkit.results.plan import station_number
@@ -44,7 +44,6 @@ from fieldkit.wording import by_key
 AMONG_PLANTS, AMONG_NEIGHBOURS = "among-plants", "among-neighbours"
 """Codes of a stop that is among the plants of its plot or of another, or nearer to them than the clearance."""
 
-Array = NDArray[np.float64]
 Given = TypeVar("Given")
 Made = TypeVar("Made")
 
@@ -198,7 +197,7 @@ def _objection(index: int, stop: Stop, obstacles: Obstacles) -> Finding:
     )  # fmt: skip
 
 
-def _ends(home: Place, landing: Place, takeoff_m: float, transit_m: float) -> tuple[Array, Array]:
+def _ends(home: Place, landing: Place, takeoff_m: float, transit_m: float) -> tuple[FloatArray, FloatArray]:
     """Where legs begin, and where they end."""
     return np.array([*home[:2], home[2] + takeoff_m]), np.array([*landing[:2], max(transit_m, landing[2])])
 
@@ -311,7 +310,7 @@ def _cut(field: _Field, order: list[int]) -> tuple[Split, list[int]]:
     return cut, order
 
 
-def _improved(field: _Field, order: list[int], matrix: Array) -> list[int]:
+def _improved(field: _Field, order: list[int], matrix: FloatArray) -> list[int]:
     """A flight's plots in the best order for it alone, where that is quicker."""
     if not 2 < len(order) <= EXACT_PLACES:
         return order
@@ -322,7 +321,7 @@ def _improved(field: _Field, order: list[int], matrix: Array) -> list[int]:
     return again if quicker and field.has_room(again) else order
 
 
-def _plot_matrix(field: _Field) -> Array:
+def _plot_matrix(field: _Field) -> FloatArray:
     """(n + 1, n + 1) seconds between plots, by a station near the middle of each; 0 is take-off and landing."""
     places = np.vstack([field.ends[0].places, representatives(field.plots)])
     one, other = np.triu_indices(len(places), 1)
@@ -384,7 +383,7 @@ def _group(plot: str, stops: Sequence[Stop], names: Sequence[str]) -> Group:
     )  # fmt: skip
 
 
-def _end(name: str, place: Array) -> Group:
+def _end(name: str, place: FloatArray) -> Group:
     return Group(name, place[None], np.full(1, np.nan), (f"the {name}",))
 
 

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
 
+from fieldkit.arrays import BoolArray, FloatArray, IntArray
 from fieldkit.results.finding import Finding, Refused
 from fieldkit.routing.flight_time import level_time_s, path_time_s, stretch_time_s
 from fieldkit.routing.obstacles import TOLERANCE_M, Obstacles
 from fieldkit.vehicles.vehicle import Speeds
 
-Array = NDArray[np.float64]
 Place = tuple[float, float, float]
 _SAME_M = 1e-9
 _TINY_S = 1e-9  # zero would be no edge
@@ -43,18 +43,18 @@ class Leg:
 class Legs:
     """n ways at once; their places are made when asked for."""
 
-    a: Array
-    b: Array
+    a: FloatArray
+    b: FloatArray
     """(n, 3) both ends."""
-    time_s: Array
+    time_s: FloatArray
     """(n,) infinite where there is no safe way."""
-    over_m: Array
+    over_m: FloatArray
     """(n,) height at which those are flown that go straight up, straight across and straight down; else NaN."""
-    around: dict[int, Array] = field(default_factory=dict)
+    around: dict[int, FloatArray] = field(default_factory=dict)
     """Places (k, 3) of those that are neither straight nor such."""
 
     @cached_property
-    def via_counts(self) -> NDArray[np.int64]:
+    def via_counts(self) -> IntArray:
         """(n,) places between both ends, as `places` has them."""
         rises = (self.over_m - self.a[:, 2] > _SAME_M).astype(np.int64) + (self.over_m - self.b[:, 2] > _SAME_M)
         upright = np.linalg.norm((self.b - self.a)[:, :2], axis=1) <= _SAME_M
@@ -63,7 +63,7 @@ class Legs:
             counts[index] = len(places) - 2
         return counts
 
-    def places(self, index: int) -> Array:
+    def places(self, index: int) -> FloatArray:
         """(k, 3) places that a way leads through, both ends included."""
         if np.isinf(self.time_s[index]):
             raise ValueError("there is no safe way")
@@ -73,14 +73,16 @@ class Legs:
         return np.stack([a, b]) if np.isnan(over) else _without_repeats(_over(np.stack([a, b]), float(over)))
 
 
-def leg_of(places: Array, speeds: Speeds) -> Leg:
+def leg_of(places: FloatArray, speeds: Speeds) -> Leg:
     """A leg through these places (k, 3)."""
     length = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
     points = tuple((float(east), float(north), float(up)) for east, north, up in places)
     return Leg(points, length, path_time_s(places, speeds))
 
 
-def no_way(a: Array, b: Array, names: tuple[str, str], obstacles: Obstacles, level_m: float | None) -> Refused:
+def no_way(
+    a: FloatArray, b: FloatArray, names: tuple[str, str], obstacles: Obstacles, level_m: float | None
+) -> Refused:
     """Why there is no safe way from a to b, (3,) each."""
 
     def refused(why: str, remedy: str) -> Refused:
@@ -102,7 +104,9 @@ def no_way(a: Array, b: Array, names: tuple[str, str], obstacles: Obstacles, lev
     return refused(why, "Move a place, or correct the site file.")
 
 
-def legs_between(a: Array, b: Array, obstacles: Obstacles, speeds: Speeds, *, level_m: float | None = None) -> Legs:
+def legs_between(
+    a: FloatArray, b: FloatArray, obstacles: Obstacles, speeds: Speeds, *, level_m: float | None = None
+) -> Legs:
     """The quickest safe ways found from each of a to each of b, (n, 3) each: metres east, north and above home.
 
     Straight where that is clear. Else the quicker of two: straight up, across over everything that is in the way, and
@@ -116,7 +120,7 @@ def legs_between(a: Array, b: Array, obstacles: Obstacles, speeds: Speeds, *, le
     left = np.arange(len(a)) if level_m is not None else np.flatnonzero(obstacles.blocked(a, b))
     time[left] = np.inf
     over = np.full(len(a), np.nan)
-    around: dict[int, Array] = {}
+    around: dict[int, FloatArray] = {}
     legs = Legs(a, b, time, over, around)
     left = left[~(obstacles.blocked(a[left], a[left]) | obstacles.blocked(b[left], b[left]))]
     base = np.maximum(a[left, 2], b[left, 2])
@@ -139,7 +143,12 @@ def legs_between(a: Array, b: Array, obstacles: Obstacles, speeds: Speeds, *, le
 
 
 def _go_around(
-    floor: Array, level: Array | None, rows: NDArray[np.intp], legs: Legs, obstacles: Obstacles, speeds: Speeds
+    floor: FloatArray,
+    level: FloatArray | None,
+    rows: NDArray[np.intp],
+    legs: Legs,
+    obstacles: Obstacles,
+    speeds: Speeds,
 ) -> None:
     """Take the ways around solids higher than the floor where they are quicker, alike rows together.
 
@@ -161,9 +170,15 @@ def _go_around(
 
 
 def _try(
-    kinds: NDArray[np.intp], tried: NDArray[np.intp], floor: Array, level: Array | None, rows: NDArray[np.intp],
-    legs: Legs, obstacles: Obstacles, speeds: Speeds,
-) -> NDArray[np.intp]:  # fmt: skip
+    kinds: NDArray[np.intp],
+    tried: NDArray[np.intp],
+    floor: FloatArray,
+    level: FloatArray | None,
+    rows: NDArray[np.intp],
+    legs: Legs,
+    obstacles: Obstacles,
+    speeds: Speeds,
+) -> NDArray[np.intp]:
     """Take the ways found for those of a kind together; those of the rows that are tried for which there is none."""
     a, b = legs.a[rows], legs.b[rows]
     none: list[int] = []
@@ -185,12 +200,12 @@ def _try(
     return np.array(none, dtype=np.intp)
 
 
-def _keep_quicker(index: int, path: Array, seconds: float, legs: Legs) -> None:
+def _keep_quicker(index: int, path: FloatArray, seconds: float, legs: Legs) -> None:
     if seconds < legs.time_s[index]:
         legs.time_s[index], legs.around[index] = seconds, path
 
 
-def _up_and_around(a: Array, b: Array, base: float, obstacles: Obstacles, speeds: Speeds) -> list[Array]:
+def _up_and_around(a: FloatArray, b: FloatArray, base: float, obstacles: Obstacles, speeds: Speeds) -> list[FloatArray]:
     """Ways at the heights that clear some of what is in the way, around the rest."""
     finite = obstacles.tops[np.isfinite(obstacles.tops)]
     straight = obstacles.prisms.met(np.array([[*a[:2], base]]), np.array([[*b[:2], base]]))
@@ -204,7 +219,7 @@ def _up_and_around(a: Array, b: Array, base: float, obstacles: Obstacles, speeds
     return paths
 
 
-def _at_level(a: Array, b: Array, plan: Array, level_m: float | None) -> Array:
+def _at_level(a: FloatArray, b: FloatArray, plan: FloatArray, level_m: float | None) -> FloatArray:
     """A way in the plan (k, 2) at a level, or with its height changing evenly from a's to b's."""
     if level_m is not None:
         flat = np.column_stack([plan, np.full(len(plan), level_m)])
@@ -214,19 +229,19 @@ def _at_level(a: Array, b: Array, plan: Array, level_m: float | None) -> Array:
     return np.column_stack([plan, a[2] + share * (b[2] - a[2])])
 
 
-def _over(ends: Array, height: float) -> Array:
+def _over(ends: FloatArray, height: float) -> FloatArray:
     up = ends.copy()
     up[:, 2] = height
     return np.stack([ends[0], up[0], up[1], ends[1]])
 
 
-def _over_time_s(a: Array, b: Array, height: Array, speeds: Speeds) -> Array:
+def _over_time_s(a: FloatArray, b: FloatArray, height: FloatArray, speeds: Speeds) -> FloatArray:
     above, beyond = a.copy(), b.copy()
     above[:, 2] = beyond[:, 2] = height
     return stretch_time_s(a, above, speeds) + stretch_time_s(above, beyond, speeds) + stretch_time_s(beyond, b, speeds)
 
 
-def _without_repeats(places: Array) -> Array:
+def _without_repeats(places: FloatArray) -> FloatArray:
     kept = [places[0]]
     for before, place in pairwise(places):
         if np.linalg.norm(place - before) > _SAME_M:
@@ -234,7 +249,9 @@ def _without_repeats(places: Array) -> Array:
     return np.stack(kept) if len(kept) > 1 else places[[0, -1]]
 
 
-def ways_around(a: Array, b: Array, height_m: float, obstacles: Obstacles, speeds: Speeds) -> list[Array | None]:
+def ways_around(
+    a: FloatArray, b: FloatArray, height_m: float, obstacles: Obstacles, speeds: Speeds
+) -> list[FloatArray | None]:
     """The quickest way in the plan from a to b around everything that is higher than a height.
 
     Nodes are the places and the corners of the solids met so far, edges what is clear of these solids; solids that the
@@ -263,7 +280,7 @@ def ways_around(a: Array, b: Array, height_m: float, obstacles: Obstacles, speed
 
 
 def _quickest(
-    nodes: Array, starts: NDArray[np.intp], stops: NDArray[np.intp], height_m: float, known: NDArray[np.bool_],
+    nodes: FloatArray, starts: NDArray[np.intp], stops: NDArray[np.intp], height_m: float, known: BoolArray,
     obstacles: Obstacles, speeds: Speeds,
 ) -> list[list[int]]:  # fmt: skip
     """Per pair the nodes of its quickest way past the known solids; empty where there is none."""
@@ -283,10 +300,10 @@ def _quickest(
     return routes
 
 
-def _met(a: Array, b: Array, height_m: float, obstacles: Obstacles) -> NDArray[np.bool_]:
+def _met(a: FloatArray, b: FloatArray, height_m: float, obstacles: Obstacles) -> BoolArray:
     """(count,) whether any of the level stretches meets each solid."""
     return obstacles.prisms.met(_at(a, height_m), _at(b, height_m))
 
 
-def _at(places: Array, height_m: float) -> Array:
+def _at(places: FloatArray, height_m: float) -> FloatArray:
     return np.column_stack([places, np.full(len(places), height_m)])

@@ -21,8 +21,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.vehicles.vehicle import Speeds
 
@@ -35,8 +35,6 @@ TURN_LAG_S = 0.15
 
 _NO_LENGTH_M = 1e-6
 _NO_TIME_S = 1e-300
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -133,13 +131,13 @@ def leg(horizontal_m: float, up_m: float, speeds: Speeds, cruise_mps: float | No
     return Leg(length, length / steady, full) if steady >= full else Leg(length, length / short, short)
 
 
-def curve_s(level_m: Array, up_m: Array, speeds: Speeds) -> Array:
+def curve_s(level_m: FloatArray, up_m: FloatArray, speeds: Speeds) -> FloatArray:
     """Seconds of S-curves over so many metres on the level and up, arrays of one shape; 0 where both are 0."""
     length = np.hypot(level_m, up_m)
     steady = _steady_s(level_m, up_m, speeds, speeds.cruise_mps)
     slowest = min(speeds.cruise_mps, speeds.climb_mps, speeds.descent_mps)
     full, short = _ramps_s(length, length / np.maximum(steady, _NO_TIME_S), slowest, speeds)
-    seconds: Array = np.where(steady >= full, steady + full, 2.0 * short)
+    seconds: FloatArray = np.where(steady >= full, steady + full, 2.0 * short)
     return seconds
 
 
@@ -179,10 +177,10 @@ def turn_seconds(from_deg: float | None, to_deg: float, speeds: Speeds) -> float
     return float(turns_s(np.asarray(180.0 if from_deg is None else to_deg - from_deg), speeds))
 
 
-def turns_s(turns_deg: Array, speeds: Speeds) -> Array:
+def turns_s(turns_deg: FloatArray, speeds: Speeds) -> FloatArray:
     """Seconds of turns, degrees in either direction, the shorter way around; 0 where there is none."""
     turns = np.abs(wrapped_deg(turns_deg))
-    seconds: Array = turns / speeds.yaw_dps + TURN_LAG_S * (turns > 0.0)
+    seconds: FloatArray = turns / speeds.yaw_dps + TURN_LAG_S * (turns > 0.0)
     return seconds
 
 
@@ -191,14 +189,16 @@ def turn_deg(from_deg: float, to_deg: float) -> float:
     return wrapped_deg(to_deg - from_deg)
 
 
-def _steady_s(level_m: Array, up_m: Array, speeds: Speeds, cruise_mps: float) -> Array:
+def _steady_s(level_m: FloatArray, up_m: FloatArray, speeds: Speeds, cruise_mps: float) -> FloatArray:
     """Seconds at full speed: the slowest of the parts sets the pace."""
     upright = np.maximum(up_m / speeds.climb_mps, up_m / -speeds.descent_mps)
-    seconds: Array = np.maximum(level_m / cruise_mps, upright)
+    seconds: FloatArray = np.maximum(level_m / cruise_mps, upright)
     return seconds
 
 
-def _ramps_s(length: Array, speed: Array, slowest_mps: float, speeds: Speeds) -> tuple[Array, Array]:
+def _ramps_s(
+    length: FloatArray, speed: FloatArray, slowest_mps: float, speeds: Speeds
+) -> tuple[FloatArray, FloatArray]:
     """Seconds from rest to a speed, none below the slowest, and of each of the two ramps that are a whole way."""
     a, j = speeds.acceleration_mps2, JERK_MPS3
     full = speed / a + a / j

@@ -13,9 +13,10 @@ from typing import Literal
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from shapely.geometry.base import BaseGeometry
 
+from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.errors import MissionError
 from fieldkit.routing.prisms import Prisms
 from fieldkit.wording import by_key
@@ -27,7 +28,6 @@ VIA_MARGIN_M = 0.05
 FARTHEST_M = 100_000.0
 """From home; a local frame is not meant for more."""
 
-Array = NDArray[np.float64]
 Corners = tuple[tuple[float, float], ...]
 Kind = Literal["plants", "obstacle", "no-fly zone", "fence", "ceiling"]
 _ARC = 8  # sides in a quarter turn; they stand at most 0.5 % of the clearance inside of the arc
@@ -140,11 +140,11 @@ class Obstacles:
         return math.inf if self.ceiling_m is None else self.ceiling_m + TOLERANCE_M
 
     @property
-    def tops(self) -> Array:
+    def tops(self) -> FloatArray:
         """(count,) of all solids."""
         return self.prisms.tops
 
-    def corners(self, known: NDArray[np.bool_]) -> Array:
+    def corners(self, known: BoolArray) -> FloatArray:
         """(n, 2) places around which a way leads past some solids, `VIA_MARGIN_M` beyond the clearance.
 
         Where a body has many corners, they are those of an octagon about it. ``known`` (count,) are the solids.
@@ -153,7 +153,7 @@ class Obstacles:
         return np.vstack([np.zeros((0, 2)), *(self._around(tuple(body)) for body in members.values())])
 
     @cached_property
-    def body_tops(self) -> Array:
+    def body_tops(self) -> FloatArray:
         """(count,) of all solids the top of the body that they are of.
 
         Volumes of one kind and name that can be flown over are one body; every other solid is one of its own.
@@ -173,7 +173,7 @@ class Obstacles:
         ]
         return bodies + ([len(bodies)] if self.fence else [])
 
-    def _around(self, members: tuple[int, ...]) -> Array:
+    def _around(self, members: tuple[int, ...]) -> FloatArray:
         found = self._bodies.get(members)
         if found is None:
             if members[0] == len(self.volumes):
@@ -183,7 +183,7 @@ class Obstacles:
             self._bodies[members] = found
         return found
 
-    def blocked(self, a: ArrayLike, b: ArrayLike) -> NDArray[np.bool_]:
+    def blocked(self, a: ArrayLike, b: ArrayLike) -> BoolArray:
         """(n,) whether straight legs between a and b, (n, 3) each, meet anything."""
         start, stop = _places(a), _places(b)
         return self.prisms.blocked(start, stop) | (np.maximum(start[:, 2], stop[:, 2]) > self.highest_m)
@@ -216,7 +216,7 @@ class Obstacles:
         )
 
     @cached_property
-    def _bodies(self) -> dict[tuple[int, ...], Array]:
+    def _bodies(self) -> dict[tuple[int, ...], FloatArray]:
         return {}
 
     def _inside(self, away_m: float) -> BaseGeometry:
@@ -242,24 +242,24 @@ def _polygon(name: str, corners: Corners) -> BaseGeometry:
     return polygon
 
 
-def _places(places: ArrayLike) -> Array:
+def _places(places: ArrayLike) -> FloatArray:
     points = np.atleast_2d(np.asarray(places, dtype=np.float64))
     if not (np.abs(points) <= FARTHEST_M).all():
         raise MissionError(f"a place lies farther than {FARTHEST_M / 1000:.0f} km from home")
     return np.ascontiguousarray(points)
 
 
-def _along(a: Array, b: Array, share: float) -> tuple[float, float, float]:
+def _along(a: FloatArray, b: FloatArray, share: float) -> tuple[float, float, float]:
     east, north, up = (float(v) for v in a[0] + share * (b[0] - a[0]))
     return east, north, up
 
 
-def _corners(plan: BaseGeometry) -> Array:
+def _corners(plan: BaseGeometry) -> FloatArray:
     rings = [ring for polygon in shapely.get_parts(plan) for ring in (polygon.exterior, *polygon.interiors)]
     return np.vstack([np.zeros((0, 2)), *(shapely.get_coordinates(ring)[:-1] for ring in rings)])
 
 
-def _past(volumes: list[Volume]) -> Array:
+def _past(volumes: list[Volume]) -> FloatArray:
     """Corners of volumes that belong together, each grown by its clearance and the margin."""
     if sum(len(volume.footprint) for volume in volumes) <= _MANY_CORNERS or math.isinf(volumes[0].top_m):
         plans = [(shapely.Polygon(volume.footprint), volume.clearance_m + VIA_MARGIN_M) for volume in volumes]
@@ -268,7 +268,7 @@ def _past(volumes: list[Volume]) -> Array:
     return _octagon(points, max(volume.clearance_m for volume in volumes) + VIA_MARGIN_M)
 
 
-def _octagon(points: Array, away_m: float) -> Array:
+def _octagon(points: FloatArray, away_m: float) -> FloatArray:
     """(8, 2) corners of the octagon along the least rectangle about points (n, 2) that is this far away from them."""
     rectangle = shapely.MultiPoint(points).minimum_rotated_rectangle
     side = np.diff(shapely.get_coordinates(rectangle)[:2], axis=0)[0]
@@ -276,5 +276,5 @@ def _octagon(points: Array, away_m: float) -> Array:
     normals = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     reach = (points @ normals.T).max(axis=0) + away_m
     pairs = np.stack([normals, np.roll(normals, -1, axis=0)], axis=1)
-    solved: Array = np.linalg.solve(pairs, np.stack([reach, np.roll(reach, -1)], axis=1)[:, :, None])[:, :, 0]
+    solved: FloatArray = np.linalg.solve(pairs, np.stack([reach, np.roll(reach, -1)], axis=1)[:, :, None])[:, :, 0]
     return solved

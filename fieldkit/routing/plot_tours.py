@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.errors import MissionError
 from fieldkit.results.finding import Refused
 from fieldkit.routing.flight_time import turn_time_s
@@ -18,17 +19,15 @@ from fieldkit.routing.obstacles import Obstacles
 from fieldkit.routing.tour import EXACT_PLACES, shortest_paths, shortest_tour
 from fieldkit.vehicles.vehicle import Speeds
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class Group:
     """Places that are visited one after the other: a plot's stations, or the end of a flight."""
 
     name: str
-    places: Array
+    places: FloatArray
     """(k, 3) metres east, north and above home."""
-    yaw_deg: Array
+    yaw_deg: FloatArray
     """(k,) headings; NaN where it is not known, as after take-off, or where any will do, as for landing."""
     names: tuple[str, ...]
     """K, of the places, for errors."""
@@ -45,7 +44,7 @@ class Ways:
 
     legs: Legs
     """K × m of them, row by row."""
-    seconds: Array
+    seconds: FloatArray
     """(k, m) including what turning takes beyond them; infinite where there is no safe way."""
 
     def index(self, start: int, stop: int) -> int:
@@ -65,7 +64,7 @@ class PlotTour:
     group: Group
     ways: Ways
     """Between them."""
-    seconds: Array
+    seconds: FloatArray
     """(k, k) of the quickest tours, pauses included, from the first to the last station. Of a plot with more than
     `EXACT_PLACES` stations only one tour is known, and its reverse; the others are infinite."""
     known: tuple[int, ...] = ()
@@ -118,7 +117,7 @@ def plot_tour(group: Group, obstacles: Obstacles, speeds: Speeds, *, seed: int =
     return PlotTour(group, ways, seconds, known)
 
 
-def representatives(plots: Sequence[PlotTour]) -> Array:
+def representatives(plots: Sequence[PlotTour]) -> FloatArray:
     """(n, 3) of each plot the station nearest to its stations' mean: a place near its middle that is surely clear."""
     middles = []
     for places in (plot.group.places for plot in plots):
@@ -127,7 +126,7 @@ def representatives(plots: Sequence[PlotTour]) -> Array:
     return np.stack(middles)
 
 
-def _unreached(group: Group, seconds: Array, obstacles: Obstacles) -> Refused:
+def _unreached(group: Group, seconds: FloatArray, obstacles: Obstacles) -> Refused:
     off = ~np.eye(len(group), dtype=np.bool_)
     rows, columns = np.nonzero(np.isinf(seconds) & off)
     # The station with the fewest ways is the one to name.
@@ -140,13 +139,13 @@ def _unreached(group: Group, seconds: Array, obstacles: Obstacles) -> Refused:
 class Costs:
     """Seconds of everything that flights over n plots, in an order, can be made of."""
 
-    outward: Sequence[Array]
+    outward: Sequence[FloatArray]
     """N of (k,) from the take-off to each station of a plot."""
-    within: Sequence[Array]
+    within: Sequence[FloatArray]
     """N of (k, k) over all stations of a plot, from the first to the last."""
-    between: Sequence[Array]
+    between: Sequence[FloatArray]
     """N − 1 of (k, m) from each station of a plot to each of the following."""
-    homeward: Sequence[Array]
+    homeward: Sequence[FloatArray]
     """N of (k,) from each station of a plot to the landing."""
     fixed_s: float
     """Of every flight."""

@@ -11,9 +11,9 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from fieldkit.arrays import BoolArray, FloatArray, IntArray
 from fieldkit.runtime.kernels import kernel
 
-Array = NDArray[np.float64]
 _ROUNDING_M = 1e-9
 _BLOCK = 16  # solids that are looked at only if a leg comes near any of them
 _THIRDS = 60
@@ -31,18 +31,18 @@ class Prisms:
     as its height changes evenly, its lowest place in there is one of these. So these places are all that is tested.
     """
 
-    edges: Array
+    edges: FloatArray
     """(e, 4) x and y of both ends; a place is in the plan where a ray from it crosses an odd number."""
-    first: NDArray[np.int64]
+    first: IntArray
     """(count + 1,) each solid's first edge."""
-    tops: Array
+    tops: FloatArray
     """(count,) metres, infinite where nothing is above it."""
-    spans: Array
+    spans: FloatArray
     """(count, 8, 2) least and greatest place along eight axes, 22.5° apart. A leg whose span along one of them is
     beside a solid's does not come near it."""
-    blocks: Array
+    blocks: FloatArray
     """(⌈count / 16⌉, 8, 2) the same of that many solids after one another."""
-    block_tops: Array
+    block_tops: FloatArray
     """Their highest tops."""
 
     @classmethod
@@ -65,42 +65,42 @@ class Prisms:
     def __len__(self) -> int:
         return len(self.tops)
 
-    def entries(self, a: Array, b: Array, active: NDArray[np.bool_] | None = None) -> Array:
+    def entries(self, a: FloatArray, b: FloatArray, active: BoolArray | None = None) -> FloatArray:
         """(n,) share of legs from a to b, (n, 3) each, before they are in a solid; infinite where a leg is clear.
 
         ``active`` (count,) are the solids that are looked at; all unless given.
         """
-        shares: Array = _entries(a, b, *self._arrays, self._used(active), False)
+        shares: FloatArray = _entries(a, b, *self._arrays, self._used(active), False)
         return shares
 
-    def blocked(self, a: Array, b: Array, active: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
+    def blocked(self, a: FloatArray, b: FloatArray, active: BoolArray | None = None) -> BoolArray:
         """(n,) whether legs are in a solid; as `entries`, faster."""
-        shares: Array = _entries(a, b, *self._arrays, self._used(active), True)
+        shares: FloatArray = _entries(a, b, *self._arrays, self._used(active), True)
         return shares < np.inf
 
-    def met(self, a: Array, b: Array) -> NDArray[np.bool_]:
+    def met(self, a: FloatArray, b: FloatArray) -> BoolArray:
         """(count,) whether any of the legs is in each solid."""
-        found: NDArray[np.bool_] = _met(a, b, *self._arrays)
+        found: BoolArray = _met(a, b, *self._arrays)
         return found
 
-    def least_m(self, a: Array, b: Array) -> float:
+    def least_m(self, a: FloatArray, b: FloatArray) -> float:
         """Least distance between legs and solids; 0 where a leg is in one, infinite without solids."""
         return float(_least(a, b, *self._arrays))
 
-    def tops_below(self, a: Array, b: Array, least: Array) -> Array:
+    def tops_below(self, a: FloatArray, b: FloatArray, least: FloatArray) -> FloatArray:
         """(n,) highest top above ``least`` (n,) that each leg passes in the plan, at whatever height; else −∞."""
-        highest: Array = _tops_below(a, b, least, *self._arrays)
+        highest: FloatArray = _tops_below(a, b, least, *self._arrays)
         return np.where(highest > least, highest, -np.inf)
 
     @property
     def _arrays(self) -> tuple[NDArray[np.generic], ...]:
         return self.edges, self.first, self.tops, self.spans, self.blocks, self.block_tops
 
-    def _used(self, active: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
+    def _used(self, active: BoolArray | None) -> BoolArray:
         return np.ones(len(self), dtype=np.bool_) if active is None else active
 
 
-def _edges(plan: BaseGeometry) -> Array:
+def _edges(plan: BaseGeometry) -> FloatArray:
     if isinstance(plan, shapely.Point):
         return np.array([[plan.x, plan.y, plan.x, plan.y]])
     rings = [ring for polygon in shapely.get_parts(plan) for ring in (polygon.exterior, *polygon.interiors)]
@@ -108,7 +108,7 @@ def _edges(plan: BaseGeometry) -> Array:
     return np.concatenate([np.zeros((0, 4)), *(np.hstack([ring[:-1], ring[1:]]) for ring in places)])
 
 
-def _spans(edges: Array) -> Array:
+def _spans(edges: FloatArray) -> FloatArray:
     """(8, 2) least and greatest place of edges (k, 4) along the axes."""
     along = edges[:, :2] @ _AXES.T
     return np.stack([along.min(axis=0), along.max(axis=0)], axis=1)

@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 import pyvrp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pyvrp.stop import MaxIterations
 
+from fieldkit.arrays import FloatArray
 from fieldkit.errors import MissionError
 from fieldkit.runtime.kernels import kernel
 
 EXACT_PLACES = 13
 """Places between a start and an end that are put in order exactly: 2¹³ subsets."""
 
-Array = NDArray[np.float64]
 _UNITS = 10_000_000
 _ITERATIONS_A_PLACE = 10
 _FEWEST_ITERATIONS = 1000
@@ -65,7 +65,7 @@ def shortest_tour(
     return (*head, *(int(middle[k]) for k in inner), *tail)
 
 
-def ordered(first: Array, between: Array, last: Array, *, seed: int = 0) -> tuple[int, ...]:
+def ordered(first: FloatArray, between: FloatArray, last: FloatArray, *, seed: int = 0) -> tuple[int, ...]:
     """The order of m places with the least sum of distances, from a start and to an end.
 
     Args:
@@ -80,7 +80,7 @@ def ordered(first: Array, between: Array, last: Array, *, seed: int = 0) -> tupl
     return order
 
 
-def shortest_paths(distances: ArrayLike) -> Array:
+def shortest_paths(distances: ArrayLike) -> FloatArray:
     """(n, n) lengths of the shortest paths that visit every place once, from row to column; n ≤ `EXACT_PLACES`.
 
     Infinite where there is none, as on the diagonal; of one place 0.
@@ -88,7 +88,7 @@ def shortest_paths(distances: ArrayLike) -> Array:
     matrix = _checked(distances)
     if len(matrix) > EXACT_PLACES:
         raise ValueError(f"{len(matrix)} places are more than {EXACT_PLACES}")
-    table: Array = _path_table(matrix)
+    table: FloatArray = _path_table(matrix)
     return table
 
 
@@ -122,7 +122,7 @@ def grouped_routes(distances: ArrayLike, service: Sequence[float], limit: float,
     return [[data.client(step.idx).location for step in route if step.is_client()] for route in best.routes()]
 
 
-def _checked(distances: ArrayLike) -> Array:
+def _checked(distances: ArrayLike) -> FloatArray:
     matrix = np.asarray(distances, dtype=np.float64)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise ValueError(f"distances of shape {matrix.shape} are not n × n")
@@ -138,7 +138,7 @@ def _no_tour() -> MissionError:
     )
 
 
-def _searched(first: Array, between: Array, last: Array, seed: int) -> tuple[int, ...]:
+def _searched(first: FloatArray, between: FloatArray, last: FloatArray, seed: int) -> tuple[int, ...]:
     """PyVRP's order, with start and end as one depot; an infinite distance is longer than any tour without."""
     m = len(first)
     matrix = np.zeros((m + 1, m + 1))
@@ -162,8 +162,8 @@ def _search(data: pyvrp.ProblemData, places: int, seed: int) -> pyvrp.Solution:
     return pyvrp.solve(data, stop, seed=seed % 2**32, collect_stats=False, display=False).best
 
 
-def _held_karp(first: Array, between: Array, last: Array) -> tuple[int, ...]:
-    costs: Array = _subset_costs(first, between)
+def _held_karp(first: FloatArray, between: FloatArray, last: FloatArray) -> tuple[int, ...]:
+    costs: FloatArray = _subset_costs(first, between)
     members = len(costs) - 1
     whole = costs[members] + last
     place = int(np.argmin(whole))
@@ -177,7 +177,7 @@ def _held_karp(first: Array, between: Array, last: Array) -> tuple[int, ...]:
 
 
 @kernel
-def _subset_costs(first: Array, between: Array) -> Array:
+def _subset_costs(first: FloatArray, between: FloatArray) -> FloatArray:
     """(2^m, m) length of the shortest path over a subset (bits) that ends at a place; infinite where it is not in it.
 
     Held and Karp's recursion: to a subset and its last place one more is added.
@@ -199,7 +199,7 @@ def _subset_costs(first: Array, between: Array) -> Array:
 
 
 @kernel
-def _path_table(between: Array) -> Array:
+def _path_table(between: FloatArray) -> FloatArray:
     n = len(between)
     table = np.empty((n, n))
     for start in range(n):

@@ -12,6 +12,7 @@ from pyrender.constants import RenderFlags
 from pyrender.renderer import Renderer as PyrenderRenderer
 from pyrender.shader_program import ShaderProgramCache
 
+from fieldkit.arrays import Float32Array
 from fieldkit.scenes.scene import Light
 
 
@@ -35,11 +36,11 @@ class GLRenderer(PyrenderRenderer):  # type: ignore[misc]
         result: NDArray[Any] = self.render(scene, RenderFlags.FLAT | RenderFlags.OFFSCREEN)
         return result
 
-    def depth_of_last(self) -> NDArray[np.float32]:
+    def depth_of_last(self) -> Float32Array:
         """(h, w) window depth of what was drawn last; at the pixels' centres only where that had no samples."""
         return self._read_depth()
 
-    def move(self, primitive: Any, positions: NDArray[np.float32]) -> None:
+    def move(self, primitive: Any, positions: Float32Array) -> None:
         """Replace a primitive's positions, in its vertex buffer too where it has been uploaded."""
         primitive.positions = positions
         if primitive._vaid is None:
@@ -90,7 +91,7 @@ class GLRenderer(PyrenderRenderer):  # type: ignore[misc]
         data = GL.glReadPixels(0, 0, width, height, GL.GL_RGB, GL.GL_UNSIGNED_BYTE)
         return np.ascontiguousarray(np.flip(np.frombuffer(data, np.uint8).reshape(height, width, 3), 0))
 
-    def _read_depth(self) -> NDArray[np.float32]:
+    def _read_depth(self) -> Float32Array:
         width, height = self._resolve(GL.GL_DEPTH_BUFFER_BIT)
         data = GL.glReadPixels(0, 0, width, height, GL.GL_DEPTH_COMPONENT, GL.GL_FLOAT)
         return np.flip(np.frombuffer(data, np.float32).reshape(height, width), 0)

@@ -12,8 +12,8 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, Float32Array
 from fieldkit.geometry import Intrinsics
 from fieldkit.runtime.kernels import fast_kernel
 from fieldkit.scenes.sensor_noise import developed, with_grain
@@ -98,9 +98,9 @@ def draw_motion(exposure_s: float, rng: np.random.Generator) -> Motion:
 
 
 def photographed(
-    image: NDArray[np.uint8], depth: NDArray[np.float32] | None, intrinsics: Intrinsics, effects: CameraEffects,
+    image: ByteArray, depth: Float32Array | None, intrinsics: Intrinsics, effects: CameraEffects,
     rng: np.random.Generator, *, economy: bool = False,
-) -> NDArray[np.uint8]:  # fmt: skip
+) -> ByteArray:  # fmt: skip
     """The image as the camera would deliver it, before JPEG.
 
     Args:
@@ -133,7 +133,7 @@ def photographed(
     return with_grain((developed if economy else _developed)(light), effects.grain, effects.grain_px, rng)
 
 
-def image_motion(depth: NDArray[np.float32], intrinsics: Intrinsics, motion: Motion) -> NDArray[np.float32]:
+def image_motion(depth: Float32Array, intrinsics: Intrinsics, motion: Motion) -> Float32Array:
     """(h, w, 2) pixels by which each pixel's point moves through the image during the exposure.
 
     The instantaneous flow of a rigid scene (Longuet-Higgins and Prazdny 1980): the turn's part does not depend on
@@ -150,7 +150,7 @@ def image_motion(depth: NDArray[np.float32], intrinsics: Intrinsics, motion: Mot
     return flow
 
 
-def motion_blurred(light: NDArray[np.float32], flow: NDArray[np.float32]) -> NDArray[np.float32]:
+def motion_blurred(light: Float32Array, flow: Float32Array) -> Float32Array:
     """Linear light (h, w, 3) averaged along each pixel's own motion (h, w, 2) in steps of at most a pixel.
 
     One image and a depth map stand for the many exposures a true blur would need. What is wrong with it: a leaf's edge
@@ -166,7 +166,7 @@ def motion_blurred(light: NDArray[np.float32], flow: NDArray[np.float32]) -> NDA
 
 
 @fast_kernel
-def _average(light: NDArray[np.float32], flow: NDArray[np.float32], taps: int, result: NDArray[np.float32]) -> None:
+def _average(light: Float32Array, flow: Float32Array, taps: int, result: Float32Array) -> None:
     """Means of bilinear samples at the middles of equal parts of the exposure, ``taps`` (odd) of them: the picture
     stays in place.
     """
@@ -192,22 +192,22 @@ def _average(light: NDArray[np.float32], flow: NDArray[np.float32], taps: int, r
 
 
 @lru_cache(maxsize=4)
-def vignette(intrinsics: Intrinsics, loss: float) -> NDArray[np.float32]:
+def vignette(intrinsics: Intrinsics, loss: float) -> Float32Array:
     """(h, w) share of the light that arrives: 1 in the middle, 1 − ``loss`` in the farthest corner."""
     x = np.arange(intrinsics.width) + 0.5 - intrinsics.cx
     y = np.arange(intrinsics.height) + 0.5 - intrinsics.cy
     squared = x[None, :] ** 2 + y[:, None] ** 2
-    share: NDArray[np.float32] = (1.0 - loss * (squared / squared.max()) ** 2).astype(np.float32)
+    share: Float32Array = (1.0 - loss * (squared / squared.max()) ** 2).astype(np.float32)
     share.setflags(write=False)
     return share
 
 
-def _linear(image: NDArray[np.uint8]) -> NDArray[np.float32]:
+def _linear(image: ByteArray) -> Float32Array:
     table = (np.arange(256, dtype=np.float32) / np.float32(255.0)) ** 2
-    light: NDArray[np.float32] = table[image]
+    light: Float32Array = table[image]
     return light
 
 
-def _developed(light: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _developed(light: Float32Array) -> ByteArray:
     grey = np.sqrt(np.clip(light, 0.0, 1.0)) * np.float32(255.0)
     return np.asarray(np.rint(grey), dtype=np.uint8)

@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, Float32Array
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.runtime.kernels import inline_kernel, kernel
 from fieldkit.scenes.renderer import Renderer
@@ -20,7 +21,7 @@ _LONE = 0.5
 """How much of a lone pixel's difference from those around it is taken away, at most."""
 
 
-def smooth_edges(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def smooth_edges(image: ByteArray) -> ByteArray:
     """The image (h, w, 3), uint8, with its stair-steps smoothed; pixels away from edges keep their values."""
     result = image.copy()
     _smooth(image, _brightness(image), result)
@@ -28,7 +29,7 @@ def smooth_edges(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 @kernel
-def _brightness(image: NDArray[np.uint8]) -> NDArray[np.int32]:
+def _brightness(image: ByteArray) -> NDArray[np.int32]:
     """(h, w) weighted sum of red, green and blue, 0 to 1020."""
     h, w = image.shape[:2]
     luma = np.empty((h, w), np.int32)
@@ -56,7 +57,7 @@ def _walk(luma: NDArray[np.int32], i: int, j: int, across: int, horizontal: bool
 
 
 @kernel
-def _smooth(image: NDArray[np.uint8], luma: NDArray[np.int32], result: NDArray[np.uint8]) -> None:
+def _smooth(image: ByteArray, luma: NDArray[np.int32], result: ByteArray) -> None:
     h, w = luma.shape
     for i in range(1, h - 1):
         for j in range(1, w - 1):
@@ -97,8 +98,8 @@ KEPT_BYTES = 384 << 20
 class Drawing(NamedTuple):
     """A view of a scene: image (h, w, 3) uint8 and, where asked for, depth (h, w) in metres, 0 where nothing is hit."""
 
-    image: NDArray[np.uint8]
-    depth: NDArray[np.float32] | None
+    image: ByteArray
+    depth: Float32Array | None
 
 
 class Draw(Protocol):

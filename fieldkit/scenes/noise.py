@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fieldkit.arrays import Float32Array, FloatArray
 from fieldkit.runtime.kernels import inline_kernel, kernel
 
 
-def fractal_noise(x: ArrayLike, y: ArrayLike, seed: int, *, octaves: int = 4, gain: float = 0.5) -> NDArray[np.float32]:
+def fractal_noise(x: ArrayLike, y: ArrayLike, seed: int, *, octaves: int = 4, gain: float = 0.5) -> Float32Array:
     """Gradient noise summed over octaves (Perlin 1985), about in [-1, 1]. The array has the broadcast shape.
 
     ``x`` and ``y`` broadcast, in units of the coarsest octave's cells; each octave halves the cell and scales by
@@ -17,7 +18,7 @@ def fractal_noise(x: ArrayLike, y: ArrayLike, seed: int, *, octaves: int = 4, ga
     return _evaluate(_fractal, x, y, seed, octaves, gain)
 
 
-def bumps(x: ArrayLike, y: ArrayLike, seed: int, *, density: float = 0.7) -> NDArray[np.float32]:
+def bumps(x: ArrayLike, y: ArrayLike, seed: int, *, density: float = 0.7) -> Float32Array:
     """A heap of rounded lumps seen as a height field, in [0, 1]: soil crumbs and clods.
 
     One lump may sit in each unit cell, with a share ``density`` of cells occupied; place, radius (0.3 to 0.75 cells)
@@ -26,9 +27,7 @@ def bumps(x: ArrayLike, y: ArrayLike, seed: int, *, density: float = 0.7) -> NDA
     return _evaluate(_bumps, x, y, seed, 0, density)
 
 
-def _evaluate(
-    kernel: object, x: ArrayLike, y: ArrayLike, seed: int, octaves: int, amount: float
-) -> NDArray[np.float32]:
+def _evaluate(kernel: object, x: ArrayLike, y: ArrayLike, seed: int, octaves: int, amount: float) -> Float32Array:
     xs, ys = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
     out = np.empty(xs.size, np.float32)
     kernel(np.ascontiguousarray(xs).ravel(), np.ascontiguousarray(ys).ravel(), seed, octaves, amount, out)  # type: ignore[operator]
@@ -60,9 +59,7 @@ def _gradient(ix: int, iy: int, seed: int, dx: float, dy: float) -> float:
 
 
 @kernel
-def _fractal(
-    xs: NDArray[np.float64], ys: NDArray[np.float64], seed: int, octaves: int, gain: float, out: NDArray[np.float32]
-) -> None:
+def _fractal(xs: FloatArray, ys: FloatArray, seed: int, octaves: int, gain: float, out: Float32Array) -> None:
     for i in range(xs.size):
         total, amplitude, x, y = 0.0, 1.0, xs[i], ys[i]
         for octave in range(octaves):
@@ -80,9 +77,7 @@ def _fractal(
 
 
 @kernel
-def _bumps(
-    xs: NDArray[np.float64], ys: NDArray[np.float64], seed: int, _: int, density: float, out: NDArray[np.float32]
-) -> None:
+def _bumps(xs: FloatArray, ys: FloatArray, seed: int, _: int, density: float, out: Float32Array) -> None:
     for i in range(xs.size):
         x, y, best = xs[i], ys[i], 0.0
         cx, cy = int(np.floor(x)), int(np.floor(y))

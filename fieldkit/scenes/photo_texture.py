@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, Float32Array, FloatArray, IntArray
 from fieldkit.clouds import Cloud
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.runtime.progress import Progress, Silent
@@ -29,7 +29,7 @@ _HIDDEN_SIDES = 4.0
 class PosedPhotograph:
     """A photograph and where it was taken."""
 
-    read: Callable[[], NDArray[np.uint8]]
+    read: Callable[[], ByteArray]
     """Gives the (h, w, 3) uint8 image."""
     pose: Pose
     """Plot frame."""
@@ -40,7 +40,7 @@ class PosedPhotograph:
 def photo_patches(
     clouds: Sequence[tuple[Cloud, float]], photographs: Sequence[PosedPhotograph], *, texels: int = 4,
     progress: Progress | None = None,
-) -> list[NDArray[np.uint8]]:  # fmt: skip
+) -> list[ByteArray]:  # fmt: skip
     """For each cloud (n points, side of its surfels in metres) the patches (n, texels, texels, 3) of its surfels.
 
     The best photograph is the one that looks at a surfel most squarely and from near among those that see it: inside
@@ -81,9 +81,7 @@ class _Surfels:
         ))  # fmt: skip
         self._grid = np.linspace(-0.5, 0.5, texels)
 
-    def better(
-        self, pose: Pose, intrinsics: Intrinsics, small: Intrinsics, depth: NDArray[np.float32]
-    ) -> NDArray[np.int64]:
+    def better(self, pose: Pose, intrinsics: Intrinsics, small: Intrinsics, depth: Float32Array) -> IntArray:
         """The surfels that this view sees better than any before; their scores are raised."""
         local = pose.to_camera(self._points)
         distance = np.linalg.norm(local, axis=1)
@@ -107,9 +105,7 @@ class _Surfels:
         self._score[chosen] = score[chosen]
         return np.asarray(chosen, np.int64)
 
-    def take(
-        self, chosen: NDArray[np.int64], number: int, image: NDArray[np.uint8], pose: Pose, intrinsics: Intrinsics
-    ) -> None:
+    def take(self, chosen: IntArray, number: int, image: ByteArray, pose: Pose, intrinsics: Intrinsics) -> None:
         """Fill the patches of ``chosen`` from photograph ``number``."""
         self._source[chosen] = number
         k = len(self._grid)
@@ -125,7 +121,7 @@ class _Surfels:
                     image, maps[part, :, 0], maps[part, :, 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
                 )
 
-    def toned(self) -> NDArray[np.uint8]:
+    def toned(self) -> ByteArray:
         """The patches, brightened or darkened so that photographs of different light meet without an edge.
 
         All patches of a cell that come from one photograph get one gain per channel: the one that gives them the mean
@@ -142,14 +138,14 @@ class _Surfels:
         return self._patches
 
 
-def _cells(points: NDArray[np.float64], size_m: float) -> NDArray[np.int64]:
+def _cells(points: FloatArray, size_m: float) -> IntArray:
     """(n,) number of the cell that each point lies in."""
     index = np.floor((points - points.min(axis=0)) / size_m).astype(np.int64)
     shape = index.max(axis=0) + 1
     return np.asarray((index[:, 0] * shape[1] + index[:, 1]) * shape[2] + index[:, 2], np.int64)
 
 
-def _cell_means(cell: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cell_means(cell: IntArray, values: FloatArray) -> FloatArray:
     """(n, 3): for each point the mean of ``values`` (n, 3) over its cell."""
     _, place, counts = np.unique(cell, return_inverse=True, return_counts=True)
     place = place.reshape(-1)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, Float32Array, FloatArray
 from fieldkit.clouds import Cloud, read_cloud
 from fieldkit.errors import CloudError, SceneError
 from fieldkit.scenes.scene import Mesh, Scene
@@ -79,7 +79,7 @@ def recorded_plants(surface: RecordedSurface) -> Cloud:
 
 
 def surfels(
-    name: str, cloud: Cloud, side_m: float, *, plant: bool = False, atlas: NDArray[np.uint8] | None = None,
+    name: str, cloud: Cloud, side_m: float, *, plant: bool = False, atlas: ByteArray | None = None,
     texels: int = 4,
 ) -> Mesh:  # fmt: skip
     """Squares of ``side_m`` across the points' normals (upwards where unknown), each turned by an angle of its own.
@@ -105,7 +105,7 @@ def surfels(
     )  # fmt: skip
 
 
-def surfel_axes(cloud: Cloud) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def surfel_axes(cloud: Cloud) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Normals and the directions of two sides of the surfels, each (n, 3)."""
     n = len(cloud)
     normals = np.zeros((n, 3)) if cloud.normals is None else cloud.normals.astype(np.float64)
@@ -117,7 +117,7 @@ def surfel_axes(cloud: Cloud) -> tuple[NDArray[np.float64], NDArray[np.float64],
     return normals, a, b
 
 
-def surfel_turns(count: int) -> NDArray[np.float64]:
+def surfel_turns(count: int) -> FloatArray:
     """(count,) radians: how each surfel is turned in its plane, by its place in the cloud.
 
     Multiples of the golden angle: spread evenly, without a pattern and without a seed.
@@ -125,7 +125,7 @@ def surfel_turns(count: int) -> NDArray[np.float64]:
     return np.asarray(np.arange(count) * (np.pi * (3.0 - np.sqrt(5.0))))
 
 
-def pack_atlas(patches: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def pack_atlas(patches: ByteArray) -> ByteArray:
     """The atlas (rows · k, columns · k, 3) of patches (n, k, k, 3), as square as it gets."""
     n, k = patches.shape[:2]
     columns = _columns(n)
@@ -135,7 +135,7 @@ def pack_atlas(patches: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.ascontiguousarray(cells.reshape(rows, columns, k, k, 3).swapaxes(1, 2).reshape(rows * k, columns * k, 3))
 
 
-def unpack_atlas(atlas: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
+def unpack_atlas(atlas: ByteArray, count: int) -> ByteArray:
     """The first ``count`` patches (count, k, k, 3) of an atlas: what `pack_atlas` was given."""
     columns = _columns(count)
     rows, k = -(-count // columns), atlas.shape[1] // columns
@@ -143,7 +143,7 @@ def unpack_atlas(atlas: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
     return np.ascontiguousarray(cells[:count])
 
 
-def read_atlas(path: Path, count: int, texels: int) -> NDArray[np.uint8]:
+def read_atlas(path: Path, count: int, texels: int) -> ByteArray:
     """The atlas of ``count`` patches of ``texels`` × ``texels`` pixels in a file."""
     from PIL import Image
 
@@ -163,7 +163,7 @@ def _columns(count: int) -> int:
     return int(np.ceil(np.sqrt(count)))
 
 
-def _atlas_uv(count: int, texels: int, shape: tuple[int, ...], corners: NDArray[np.float64]) -> NDArray[np.float32]:
+def _atlas_uv(count: int, texels: int, shape: tuple[int, ...], corners: FloatArray) -> Float32Array:
     """(4 · count, 2): the corners of a surfel lie on the middles of its patch's outermost texels."""
     columns, i = _columns(count), np.arange(count)
     inside = (corners + 0.5) * (texels - 1) + 0.5
@@ -172,7 +172,7 @@ def _atlas_uv(count: int, texels: int, shape: tuple[int, ...], corners: NDArray[
     return np.stack([x / shape[1], 1.0 - y / shape[0]], axis=-1).reshape(-1, 2).astype(np.float32)
 
 
-def _tangents(normals: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _tangents(normals: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Two unit vectors (n, 3) across each normal (Duff et al. 2017)."""
     x, y, z = normals.T
     sign = np.where(z >= 0, 1.0, -1.0)

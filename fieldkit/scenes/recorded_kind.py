@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from fieldkit.arrays import FloatArray, IntArray
 from fieldkit.clouds import Cloud, write_ply
 from fieldkit.clouds.plants_apart import PlantsApart
 from fieldkit.errors import SceneError
@@ -49,7 +49,7 @@ class Change:
     where not mirrored."""
 
     @property
-    def rotation(self) -> NDArray[np.float64]:
+    def rotation(self) -> FloatArray:
         """(3, 3) orthogonal: the turn and the mirror, without the scale."""
         turn = rotation_about_z(np.radians(self.turn_deg))
         if self.mirror_deg is None:
@@ -190,19 +190,19 @@ def _plan(cloud: Cloud) -> tuple[tuple[float, float], float, float]:
     return (round(float(x), 4), round(float(y), 4)), round(direction, 2), float(length / max(width, 1e-9))
 
 
-def _changes(apart: PlantsApart, variation: Variation) -> list[tuple[NDArray[np.int64], Change | None]]:
+def _changes(apart: PlantsApart, variation: Variation) -> list[tuple[IntArray, Change | None]]:
     """Which points are changed and how; None where they stay. Those of a plant left out are not there."""
     everything = np.arange(len(apart.numbers))
     if variation.whole is not None:
         return [(everything, variation.whole)]
-    changes: list[tuple[NDArray[np.int64], Change | None]] = [(everything[apart.numbers == 0], None)]
+    changes: list[tuple[IntArray, Change | None]] = [(everything[apart.numbers == 0], None)]
     for number, change in enumerate(variation.plants, 1):
         if number != variation.left_out:
             changes.append((everything[apart.numbers == number], change))
     return changes
 
 
-def _varied(cloud: Cloud, apart: PlantsApart, variation: Variation) -> tuple[Cloud, NDArray[np.int64]]:
+def _varied(cloud: Cloud, apart: PlantsApart, variation: Variation) -> tuple[Cloud, IntArray]:
     """The plants of a variation, and which of the cloud's points each of theirs was."""
     _check_same(cloud, apart)
     if len(variation.plants) != apart.count:
@@ -222,8 +222,8 @@ def _varied(cloud: Cloud, apart: PlantsApart, variation: Variation) -> tuple[Clo
 
 
 def _turned_order(
-    recorded: Cloud, plants: Cloud, origin: NDArray[np.int64], apart: PlantsApart, variation: Variation
-) -> tuple[NDArray[np.int64], bool]:
+    recorded: Cloud, plants: Cloud, origin: IntArray, apart: PlantsApart, variation: Variation
+) -> tuple[IntArray, bool]:
     """The order of the points of ``plants`` in which surfels are turned as they were on the recorded plants.
 
     The turns of the places in a file are spread evenly over the circle, and so are those that the points need. Matched

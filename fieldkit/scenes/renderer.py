@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, Float32Array, FloatArray
 from fieldkit.errors import InputError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.scenes.scene import Mesh, Scene
@@ -59,7 +60,7 @@ class Renderer:
             raise RenderingError(f"off-screen rendering cannot start: {error!r}", remedy=_remedy()) from error
         self._content = self._pyrender.Scene(bg_color=[*scene.background, 1.0], ambient_light=[0.0, 0.0, 0.0])
         self._meshes: dict[str, Any] = {}
-        self._boxes: dict[str, NDArray[np.float64]] = {}
+        self._boxes: dict[str, FloatArray] = {}
         for index, mesh in enumerate(scene.meshes):
             uploaded = _upload(self._pyrender, mesh)
             self._content.add(uploaded, name=f"{index:06d}")  # the order they are drawn in
@@ -89,7 +90,7 @@ class Renderer:
         _end(self._platform)
         self._platform = self._gl = None
 
-    def move(self, vertices: Mapping[str, NDArray[np.float32]]) -> None:
+    def move(self, vertices: Mapping[str, Float32Array]) -> None:
         """Put the vertices of some meshes elsewhere, as wind does (`fieldkit.scenes.sway`), until the next call.
 
         Normals, colours and baked light stay. Costs an upload of these meshes and nothing else. ``vertices`` are (n, 3)
@@ -111,26 +112,24 @@ class Renderer:
         """Put every mesh back where the scene has it."""
         self.move({m.name: m.vertices for m in self.scene.meshes if m.plant or m.flex_m is not None})
 
-    def photograph(self, pose: Pose, intrinsics: Intrinsics, *, samples: int = 4) -> NDArray[np.uint8]:
+    def photograph(self, pose: Pose, intrinsics: Intrinsics, *, samples: int = 4) -> ByteArray:
         """(height, width, 3) uint8 sRGB image with ``samples`` samples per pixel (0: no anti-aliasing)."""
         self._aim(pose, intrinsics)
-        image: NDArray[np.uint8] = self._gl.draw(self._content, samples=samples, output="color")
+        image: ByteArray = self._gl.draw(self._content, samples=samples, output="color")
         return image
 
-    def depth(self, pose: Pose, intrinsics: Intrinsics) -> NDArray[np.float32]:
+    def depth(self, pose: Pose, intrinsics: Intrinsics) -> Float32Array:
         """(height, width) float32: metres along the optical axis at each pixel's centre, 0 where nothing is hit."""
         self._aim(pose, intrinsics)
         return self._metres(self._gl.draw(self._content, samples=0, output="depth"))
 
-    def _metres(self, drawn: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _metres(self, drawn: Float32Array) -> Float32Array:
         window = drawn.astype(np.float64)
         depth = _NEAR_M * _FAR_M / (_FAR_M - window * (_FAR_M - _NEAR_M))
         depth[window >= 1.0] = 0.0
         return depth.astype(np.float32)
 
-    def render(
-        self, pose: Pose, intrinsics: Intrinsics, *, samples: int = 4
-    ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    def render(self, pose: Pose, intrinsics: Intrinsics, *, samples: int = 4) -> tuple[ByteArray, Float32Array]:
         """`photograph` and `depth` of a view; without anti-aliasing for little more than the photograph alone."""
         if samples == 0:
             image = self.photograph(pose, intrinsics, samples=0)
@@ -159,7 +158,7 @@ class Renderer:
         self._gl.viewport_width, self._gl.viewport_height = intrinsics.width, intrinsics.height
 
 
-def _box(vertices: NDArray[np.floating]) -> NDArray[np.float64]:
+def _box(vertices: NDArray[np.floating]) -> FloatArray:
     """(8, 3) corners of the axis-aligned box; (0, 3) where there are no vertices."""
     if not len(vertices):
         return np.zeros((0, 3))
@@ -167,7 +166,7 @@ def _box(vertices: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
 
 
-def _may_be_seen(corners: NDArray[np.float64], pose: Pose, intrinsics: Intrinsics) -> bool:
+def _may_be_seen(corners: FloatArray, pose: Pose, intrinsics: Intrinsics) -> bool:
     """Whether a box may reach into the picture: False only where all corners lie beyond one side of it."""
     if not len(corners):
         return False

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, ByteArray, Float32Array, FloatArray
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.runtime.kernels import kernel
@@ -36,7 +36,7 @@ def sample_visible(scene: Scene, counts: Sequence[int], seed: int = 0, *, pixels
     return [cloud.select(mask) for cloud, mask in zip(everything, np.split(seen, ends), strict=True)]
 
 
-def sample_others(scene: Scene, volume: Volume, per_m2: float, seed: int = 0) -> NDArray[np.float64]:
+def sample_others(scene: Scene, volume: Volume, per_m2: float, seed: int = 0) -> FloatArray:
     """(n, 3) points on the weeds and neighbour plants in a volume, uniform by area; no part of the reference.
 
     The volume is in the plot frame; ``per_m2`` are points per square metre.
@@ -49,7 +49,7 @@ def sample_others(scene: Scene, volume: Volume, per_m2: float, seed: int = 0) ->
         if near.any():
             parts.append(_sample(mesh, area, round(per_m2 * float(area.sum())), rng)[0])
     points = np.concatenate(parts) if parts else np.zeros((0, 3))
-    inside: NDArray[np.float64] = points[volume.contains(points)]
+    inside: FloatArray = points[volume.contains(points)]
     return inside
 
 
@@ -58,7 +58,7 @@ def plants_area_m2(scene: Scene) -> float:
     return sum(float(_areas(mesh).sum()) for mesh in scene.plants)
 
 
-def _sample_all(meshes: Sequence[Mesh], areas: Sequence[NDArray[np.float64]], count: int, seed: int) -> Cloud:
+def _sample_all(meshes: Sequence[Mesh], areas: Sequence[FloatArray], count: int, seed: int) -> Cloud:
     rng = np.random.default_rng([seed, 11])
     total = sum(float(a.sum()) for a in areas)
     sampled = [
@@ -69,7 +69,7 @@ def _sample_all(meshes: Sequence[Mesh], areas: Sequence[NDArray[np.float64]], co
     return Cloud(points, colors, normals)
 
 
-def _seen_from_outside(points: NDArray[np.float64], scene: Scene, pixels: int) -> NDArray[np.bool_]:
+def _seen_from_outside(points: FloatArray, scene: Scene, pixels: int) -> BoolArray:
     solid = [m for m in scene.meshes if m.normals is not None]
     corners = np.concatenate([m.vertices[m.faces] for m in solid]).astype(np.float64)
     lower, upper = scene.bounds(plants_only=True)
@@ -86,20 +86,20 @@ def _seen_from_outside(points: NDArray[np.float64], scene: Scene, pixels: int) -
     return seen
 
 
-def _areas(mesh: Mesh) -> NDArray[np.float64]:
+def _areas(mesh: Mesh) -> FloatArray:
     a, b, c = (mesh.vertices[mesh.faces[:, i]].astype(np.float64) for i in range(3))
-    area: NDArray[np.float64] = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    area: FloatArray = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
     return area
 
 
 def _sample(
-    mesh: Mesh, area: NDArray[np.float64], count: int, rng: np.random.Generator
-) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.float32]]:
+    mesh: Mesh, area: FloatArray, count: int, rng: np.random.Generator
+) -> tuple[FloatArray, ByteArray, Float32Array]:
     chosen = mesh.faces[rng.choice(len(area), count, p=area / area.sum())]
     r, s = np.sqrt(rng.random(count)), rng.random(count)
     weights = np.stack([1 - r, r * (1 - s), r * s], axis=1)  # uniform in a triangle (Osada et al. 2002, eq. 1)
 
-    def at(values: NDArray[np.float32]) -> NDArray[np.float64]:
+    def at(values: Float32Array) -> FloatArray:
         return np.asarray(np.einsum("nk,nkd->nd", weights, values[chosen].astype(np.float64)))
 
     colors = np.full((count, 3), 255, np.uint8)
@@ -124,16 +124,16 @@ def neighbour_meshes(scene: Scene) -> list[Mesh]:
     return [mesh for mesh in scene.meshes if mesh.name.startswith(NEIGHBOUR_NAME)]
 
 
-def neighbour_points(scene: Scene) -> NDArray[np.float64]:
+def neighbour_points(scene: Scene) -> FloatArray:
     """(n, 3) vertices of a scene's neighbour plants: what a drone has to keep clear of beside the plot's own."""
     points = [mesh.vertices for mesh in neighbour_meshes(scene)]
     return np.concatenate(points).astype(np.float64) if points else np.zeros((0, 3))
 
 
 def visible_from(
-    points: NDArray[np.float64], triangles: NDArray[np.float64], direction: NDArray[np.float64], radius_m: float, *,
+    points: FloatArray, triangles: FloatArray, direction: FloatArray, radius_m: float, *,
     pixels: int, bias_m: float, blur: int = 0,
-) -> NDArray[np.float64]:  # fmt: skip
+) -> FloatArray:  # fmt: skip
     """Share in [0, 1] of each point (n, 3) that parallel rays from ``direction`` (3,) reach past the triangles.
 
     Args:
@@ -149,11 +149,11 @@ def visible_from(
     # In one product: of many small ones it is four times as long.
     turned = (triangles.reshape(-1, 3) @ axes.T).reshape(triangles.shape)
     _rasterise(turned.astype(np.float32), scale, pixels / 2, buffer)
-    share: NDArray[np.float64] = _look_up(points @ axes.T, scale, pixels / 2, bias_m, blur, buffer)
+    share: FloatArray = _look_up(points @ axes.T, scale, pixels / 2, bias_m, blur, buffer)
     return share
 
 
-def _frame(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+def _frame(direction: FloatArray) -> FloatArray:
     """(3, 3) with the direction as its last row."""
     w = direction / np.linalg.norm(direction)
     u = np.cross([0.0, 1.0, 0.0] if abs(w[1]) < 0.9 else [1.0, 0.0, 0.0], w)
@@ -162,7 +162,7 @@ def _frame(direction: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @kernel
-def _rasterise(corners: NDArray[np.float32], scale: float, middle: float, buffer: NDArray[np.float32]) -> None:
+def _rasterise(corners: Float32Array, scale: float, middle: float, buffer: Float32Array) -> None:
     """Keep the nearest (largest) depth per pixel; every triangle marks at least the pixels of its corners."""
     h, w = buffer.shape
     for t in range(corners.shape[0]):
@@ -193,8 +193,8 @@ def _rasterise(corners: NDArray[np.float32], scale: float, middle: float, buffer
 
 @kernel
 def _look_up(
-    points: NDArray[np.float64], scale: float, middle: float, bias: float, blur: int, buffer: NDArray[np.float32]
-) -> NDArray[np.float64]:
+    points: FloatArray, scale: float, middle: float, bias: float, blur: int, buffer: Float32Array
+) -> FloatArray:
     h, w = buffer.shape
     seen = np.ones(points.shape[0])
     for k in range(points.shape[0]):

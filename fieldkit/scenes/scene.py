@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, Float32Array, FloatArray
+
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
@@ -19,26 +21,26 @@ class Mesh:
 
     name: str
     """Unique within a scene."""
-    vertices: NDArray[np.float32]
+    vertices: Float32Array
     """(n, 3) float32, metres."""
     faces: NDArray[np.int32]
     """(m, 3) int32 indices into ``vertices``."""
-    normals: NDArray[np.float32] | None = None
+    normals: Float32Array | None = None
     """(n, 3) float32 unit vertex normals; needed for lit meshes."""
-    uv: NDArray[np.float32] | None = None
+    uv: Float32Array | None = None
     """(n, 2) float32 texture coordinates, (0, 0) at the texture's lower left corner."""
-    texture: NDArray[np.uint8] | None = None
+    texture: ByteArray | None = None
     """(h, w, 3) uint8 sRGB, row 0 at the top."""
-    colors: NDArray[np.float32] | None = None
+    colors: Float32Array | None = None
     """(n, 3) float32 in [0, 1], sRGB."""
-    shading: NDArray[np.float32] | None = None
+    shading: Float32Array | None = None
     """(n, 4) float32 in [0, 1]: share of the sun's disc that is seen, share of the sky that is seen, share of sunlight
     on the far side that shines through, strength of the gloss."""
     plant: bool = False
     """Whether the mesh belongs to the reference (plants) or not (soil, stones, sky)."""
     two_sided: bool = True
     """Whether triangles are also drawn from behind, where their corners run clockwise."""
-    flex_m: NDArray[np.float32] | None = None
+    flex_m: Float32Array | None = None
     """(n,) float32 distance along a leaf from where it is fixed, metres: how far wind can move a vertex; None where it
     is not known."""
 
@@ -107,7 +109,7 @@ class Scene:
     def triangles(self) -> int:
         return sum(len(mesh.faces) for mesh in self.meshes)
 
-    def bounds(self, *, plants_only: bool = False) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def bounds(self, *, plants_only: bool = False) -> tuple[FloatArray, FloatArray]:
         """Lower and upper corner (3,) of the axis-aligned box about the meshes, metres."""
         chosen = [m for m in self.meshes if (m.plant or not plants_only) and len(m.vertices)]
         if not chosen:

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from fieldkit.arrays import ByteArray, Float32Array
 from fieldkit.runtime.kernels import kernel
 
 _STEPS = 1 << 16
 
 
-def with_noise(image: NDArray[np.uint8], sigma: float, rng: np.random.Generator) -> NDArray[np.uint8]:
+def with_noise(image: ByteArray, sigma: float, rng: np.random.Generator) -> ByteArray:
     """The image (h, w, 3) with noise of ``sigma`` grey levels, the same at every level."""
     if sigma == 0:
         return image
@@ -22,7 +23,7 @@ def with_noise(image: NDArray[np.uint8], sigma: float, rng: np.random.Generator)
     return np.asarray(np.clip(np.rint(noisy), 0, 255), dtype=np.uint8)
 
 
-def with_tabled_noise(image: NDArray[np.uint8], sigma: float, rng: np.random.Generator) -> NDArray[np.uint8]:
+def with_tabled_noise(image: ByteArray, sigma: float, rng: np.random.Generator) -> ByteArray:
     """`with_noise` at a quarter of its cost, with other draws.
 
     Grey levels are whole numbers, so noise is, too: each value takes one of 65,536 equally likely quantiles of the
@@ -36,14 +37,14 @@ def with_tabled_noise(image: NDArray[np.uint8], sigma: float, rng: np.random.Gen
     return noisy
 
 
-def developed(light: NDArray[np.float32]) -> NDArray[np.uint8]:
+def developed(light: Float32Array) -> ByteArray:
     """Linear light (h, w, 3), 1 being white, as grey levels of a square-root tone curve."""
     grey = np.empty(light.shape, np.uint8)
     _develop(np.ascontiguousarray(light).ravel(), grey.ravel())
     return grey
 
 
-def with_grain(image: NDArray[np.uint8], sigma: float, size_px: float, rng: np.random.Generator) -> NDArray[np.uint8]:
+def with_grain(image: ByteArray, sigma: float, size_px: float, rng: np.random.Generator) -> ByteArray:
     """The image (h, w, 3) with noise of ``sigma`` grey levels in grains of ``size_px``, each channel of its own.
 
     Demosaicing, denoising and JPEG leave no white noise: neighbouring pixels of a camera's file err alike. Normal draws
@@ -74,8 +75,8 @@ def _draws(count: int, rng: np.random.Generator) -> NDArray[np.uint16]:
 
 
 @lru_cache(maxsize=1)
-def _normal() -> NDArray[np.float32]:
-    table: NDArray[np.float32] = ndtri((np.arange(_STEPS) + 0.5) / _STEPS).astype(np.float32)
+def _normal() -> Float32Array:
+    table: Float32Array = ndtri((np.arange(_STEPS) + 0.5) / _STEPS).astype(np.float32)
     table.setflags(write=False)
     return table
 
@@ -89,23 +90,21 @@ def _quantiles(sigma: float) -> NDArray[np.int16]:
 
 
 @kernel
-def _add(
-    image: NDArray[np.uint8], table: NDArray[np.int16], draws: NDArray[np.uint16], result: NDArray[np.uint8]
-) -> None:
+def _add(image: ByteArray, table: NDArray[np.int16], draws: NDArray[np.uint16], result: ByteArray) -> None:
     for k in range(image.size):
         value = int(image[k]) + int(table[draws[k]])
         result[k] = min(max(value, 0), 255)
 
 
 @kernel
-def _add_scaled(image: NDArray[np.uint8], noise: NDArray[np.float32], scale: float, result: NDArray[np.uint8]) -> None:
+def _add_scaled(image: ByteArray, noise: Float32Array, scale: float, result: ByteArray) -> None:
     for k in range(image.size):
         value = np.float32(image[k]) + scale * noise[k]
         result[k] = np.uint8(min(max(value, np.float32(0.0)), np.float32(255.0)) + np.float32(0.5))
 
 
 @kernel
-def _develop(light: NDArray[np.float32], grey: NDArray[np.uint8]) -> None:
+def _develop(light: Float32Array, grey: ByteArray) -> None:
     for k in range(light.size):
         value = min(max(light[k], np.float32(0.0)), np.float32(1.0))
         grey[k] = np.uint8(np.sqrt(value) * np.float32(255.0) + np.float32(0.5))

@@ -9,9 +9,9 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from fieldkit.arrays import FloatArray
 from fieldkit.errors import UsageError
 from fieldkit.files import atomic_folder, storage_errors, write_atomic
 from fieldkit.geometry import Intrinsics, Pose
@@ -243,7 +243,7 @@ def _compass(pose: Pose, row_heading_deg: float) -> Pose:
     return Pose(pose.rotation @ east_north.T, east_north @ pose.center)
 
 
-def _geotag(pose: Pose, site: Site, error: NDArray[np.float64]) -> Geotag:
+def _geotag(pose: Pose, site: Site, error: FloatArray) -> Geotag:
     latitude, longitude, altitude = (float(v[0]) for v in site.origin.to_geodetic(pose.center + error[:3]))
     yaw, pitch, roll = np.array(pose.yaw_pitch_roll_deg()) + error[3:]
     return Geotag(

@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from fieldkit.arrays import Float32Array, FloatArray
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.scene import Mesh, Scene
 from fieldkit.vehicles.wash import swayed_m
-
-Array = NDArray[np.float64]
 
 REFERENCE_M = 0.5
 """Distance from the collar at which a leaf moves by the strength."""
@@ -56,7 +55,7 @@ class Motion:
 
     def at(
         self, time_s: float, wind_m: float, vehicle_kg: float = 0.0, camera: ArrayLike = (0.0, 0.0, 0.0)
-    ) -> dict[str, NDArray[np.float32]]:
+    ) -> dict[str, Float32Array]:
         """Vertices (n, 3) of every mesh that moves, by name, for `Renderer.move`.
 
         Args:
@@ -72,7 +71,7 @@ class Motion:
         vehicle = (vehicle_kg, np.asarray(camera, np.float64)) if vehicle_kg else None
         return {m.mesh.name: m.at(time_s, self._gust(m.feet, time_s), wind_m, vehicle) for m in self._meshes}
 
-    def _gust(self, places: Array, time_s: float) -> Array:
+    def _gust(self, places: FloatArray, time_s: float) -> FloatArray:
         """(n, 3) the gusts at places (n, 2), of unit variance per axis."""
         angle = (places - self._wind * time_s) @ self._waves
         waves = np.cos(angle) @ np.cos(self._phases) - np.sin(angle) @ np.sin(self._phases)
@@ -85,14 +84,14 @@ class _Bending:
 
     mesh: Mesh
     moving: NDArray[np.intp]  # (n,) its vertices away from where they are fixed
-    rest: Array  # (n, 3) where they are in still air
-    reach: Array  # (n, 1) distance along the leaf, metres
+    rest: FloatArray  # (n, 3) where they are in still air
+    reach: FloatArray  # (n, 1) distance along the leaf, metres
     leaf: NDArray[np.intp]  # (n,) number of each vertex's leaf
     lag: NDArray[np.complex128]  # (n, 1) of unit length, by which a vertex comes after its leaf's foot
-    feet: Array  # (leaves, 2) where the leaves are
+    feet: FloatArray  # (leaves, 2) where the leaves are
     turned: NDArray[np.complex128]  # (leaves,) of unit length, by which a leaf's answer to a gust is turned
-    tones: Array  # (leaves, tones, 1) angular frequencies
-    starts: Array  # (leaves, tones, 3) phases by axis
+    tones: FloatArray  # (leaves, tones, 1) angular frequencies
+    starts: FloatArray  # (leaves, tones, 3) phases by axis
 
     @classmethod
     def of(cls, mesh: Mesh, seed: int) -> _Bending:
@@ -121,12 +120,14 @@ class _Bending:
             2 * np.pi * tones[..., None], rng.uniform(0, 2 * np.pi, (leaves, _TONES, 3)),
         )  # fmt: skip
 
-    def at(self, time_s: float, gust: Array, wind_m: float, vehicle: tuple[float, Array] | None) -> NDArray[np.float32]:
+    def at(
+        self, time_s: float, gust: FloatArray, wind_m: float, vehicle: tuple[float, FloatArray] | None
+    ) -> Float32Array:
         """The mesh's vertices (v, 3) at a moment; the gust (leaves, 3) of unit variance."""
         sideways = self.turned * (gust[:, 0] + 1j * gust[:, 1])
         gust = np.column_stack([sideways.real, sideways.imag, gust[:, 2]])
         swing = np.sqrt(2.0 / _TONES) * np.exp(1j * (self.tones * time_s + self.starts)).sum(axis=1)
-        strength: float | Array = wind_m
+        strength: float | FloatArray = wind_m
         if vehicle is not None:
             away = self.rest - vehicle[1]
             distance = np.linalg.norm(away, axis=1, keepdims=True)
@@ -143,7 +144,7 @@ class _Bending:
         return vertices
 
 
-def _above_foot(points: Array) -> Array:
+def _above_foot(points: FloatArray) -> FloatArray:
     """(n,) distance from the lowest points, on which a plant without known leaves stands."""
     foot = points[points[:, 2] <= np.quantile(points[:, 2], 0.02)].mean(axis=0)
     return np.asarray(np.linalg.norm(points - foot, axis=1))

@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.errors import MissionError
 from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.pose import wrapped_deg
@@ -91,8 +91,6 @@ _IN_PLOT = np.array([(x, y) for x in (-0.8, 0.0, 0.8) for y in (-0.8, 0.0, 0.8)]
 """Such places, in shares of half a plot's sides, where no plan says where plants are."""
 _HIDDEN = 0.05
 """Share of hidden sight lines that is worth knowing."""
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,13 +237,13 @@ def other_camera(plan: Plan, plot: SitePlot, vehicle: Vehicle) -> Iterator[Findi
         )  # fmt: skip
 
 
-def _view_deg(camera: Intrinsics) -> Array:
+def _view_deg(camera: Intrinsics) -> FloatArray:
     """Of a camera across and up."""
     width, height = camera.width, camera.height
     return np.asarray(np.degrees(2.0 * np.arctan(0.5 * np.array([width, height]) / np.array([camera.fx, camera.fy]))))
 
 
-def _wash(stations: Array, plants: Array, plot: SitePlot, vehicle: Vehicle) -> Iterator[Finding]:
+def _wash(stations: FloatArray, plants: FloatArray, plot: SitePlot, vehicle: Vehicle) -> Iterator[Finding]:
     """How far the rotors move leaves, where that is too windy a day's motion."""
     if not len(plants) or not len(stations):
         return

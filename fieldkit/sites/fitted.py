@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.errors import MissionError
 from fieldkit.results.plan import Plan, PlanEnvelope, PlanFit, PlanPlants, Plans, Station
 from fieldkit.sites.plot_plants import BESIDE_M, STANDS_SHARE, PlanFacts, same_height_m
@@ -17,8 +17,6 @@ SMALLEST, LARGEST = 0.5, 2.0
 """Factors of height and size between which a plan is still the same plan."""
 _NEAREST_AIM_M = 0.2
 _NO_SIZE = {"length_m": None, "width_m": None}
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +28,10 @@ class Stretch:
     looked at.
     """
 
-    low: Array
-    high: Array
+    low: FloatArray
+    high: FloatArray
     """(3,) corners of the box about the plan's plants, plot frame, metres; z above the ground."""
-    scale: Array
+    scale: FloatArray
     """(3,) factors along, across and upwards."""
     clearance_m: float = 0.0
     """Of the plan."""
@@ -42,7 +40,9 @@ class Stretch:
     pitch_deg: tuple[float, float] | None = None
     """Range of the gimbal; None for no limit."""
 
-    def moved(self, positions: Array, yaw_deg: Array, forward: Array) -> tuple[Array, Array, Array]:
+    def moved(
+        self, positions: FloatArray, yaw_deg: FloatArray, forward: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """The moved cameras' positions (n, 3), yaws (n,) and pitches (n,).
 
         Args:
@@ -160,7 +160,7 @@ def _height_m(facts: PlanFacts) -> float:
     return known
 
 
-def _scale(facts: PlanFacts, plot: SitePlot) -> Array:
+def _scale(facts: PlanFacts, plot: SitePlot) -> FloatArray:
     """(3,) by which the plan's plants are stretched along, across and upwards."""
     scale = np.ones(3)
     assert facts.box is not None

@@ -32,8 +32,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fieldkit.arrays import FloatArray
 from fieldkit.errors import MetadataError, MissionError
 from fieldkit.geometry.geodesy import LocalFrame, plot_from_enu
 from fieldkit.results.mission import MissionHome
@@ -50,8 +51,7 @@ FARTHEST_STATION_M = 10_000.0
 """From its plot's origin."""
 _NEAR_PLOT_M = 25.0
 
-Array = NDArray[np.float64]
-Geodetic = tuple[Array, Array, Array]
+Geodetic = tuple[FloatArray, FloatArray, FloatArray]
 """Latitudes and longitudes (degrees, WGS 84) and heights (metres above home), (n,) each."""
 
 
@@ -66,7 +66,7 @@ class SiteFrame:
 
     home: MissionHome
 
-    def to_local(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike, height_m: ArrayLike) -> Array:
+    def to_local(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike, height_m: ArrayLike) -> FloatArray:
         """Degrees, degrees and metres above home, scalars or (n,), to (n, 3) metres east, north and above home."""
         height = np.atleast_1d(np.asarray(height_m, dtype=np.float64))
         local = self._tangent.to_local(latitude_deg, longitude_deg, self._tangent.altitude_m + height)
@@ -83,7 +83,7 @@ class SiteFrame:
             local[:, 2] += self._tangent.altitude_m + height - altitude
         return latitude, longitude, height
 
-    def points(self, places: Iterable[GeoPoint]) -> Array:
+    def points(self, places: Iterable[GeoPoint]) -> FloatArray:
         """(n, 3) of places."""
         rows = [(place.latitude_deg, place.longitude_deg, place.height_m) for place in places]
         table = np.array(rows, dtype=np.float64).reshape(-1, 3)
@@ -129,7 +129,7 @@ class PlotFrame:
         latitude, longitude, altitude = self.tangent.to_geodetic(plot @ self._enu_from_plot.T)
         return latitude, longitude, altitude - self.tangent.altitude_m + self.ground_m
 
-    def to_plot(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike, height_m: ArrayLike) -> Array:
+    def to_plot(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike, height_m: ArrayLike) -> FloatArray:
         """Degrees, degrees and metres above home, scalars or (n,), to (n, 3) metres of the plot frame."""
         altitude = np.asarray(height_m, dtype=np.float64) - self.ground_m + self.tangent.altitude_m
         plot = self.tangent.to_local(latitude_deg, longitude_deg, altitude) @ self._enu_from_plot
@@ -137,13 +137,13 @@ class PlotFrame:
             plot[:, 2] -= self.rise_m(plot)
         return plot
 
-    def rise_m(self, points: ArrayLike) -> Array:
+    def rise_m(self, points: ArrayLike) -> FloatArray:
         """(n,) height of the ground below points (n, 3) or (n, 2) above that at the origin; 0 on a level plot."""
         plot = np.atleast_2d(np.asarray(points, dtype=np.float64))
-        rise: Array = self.gradient[0] * plot[:, 0] + self.gradient[1] * plot[:, 1]
+        rise: FloatArray = self.gradient[0] * plot[:, 0] + self.gradient[1] * plot[:, 1]
         return rise
 
-    def upright(self, points: ArrayLike) -> Array:
+    def upright(self, points: ArrayLike) -> FloatArray:
         """(n, 3) points (n, 3) or (3,) of the plot frame with z above the ground at the origin."""
         plot = np.atleast_2d(np.asarray(points, dtype=np.float64))
         if self.gradient == LEVEL:
@@ -155,24 +155,24 @@ class PlotFrame:
         """The frame with z above the ground at the origin, in which what `upright` gives is put on Earth."""
         return replace(self, gradient=LEVEL)
 
-    def pitches(self, yaw_deg: ArrayLike, pitch_deg: ArrayLike) -> Array:
+    def pitches(self, yaw_deg: ArrayLike, pitch_deg: ArrayLike) -> FloatArray:
         """(n,) pitches on the slope of cameras with yaws and pitches in the plot frame; as they are on a level plot."""
         return self._pitches(yaw_deg, pitch_deg, 1.0)
 
-    def planned_pitches(self, yaw_deg: ArrayLike, pitch_deg: ArrayLike) -> Array:
+    def planned_pitches(self, yaw_deg: ArrayLike, pitch_deg: ArrayLike) -> FloatArray:
         """(n,) pitches in the plot frame of cameras with yaws there and pitches on the slope: reverse of `pitches`."""
         return self._pitches(yaw_deg, pitch_deg, -1.0)
 
-    def _pitches(self, yaw_deg: ArrayLike, pitch_deg: ArrayLike, sign: float) -> Array:
+    def _pitches(self, yaw_deg: ArrayLike, pitch_deg: ArrayLike, sign: float) -> FloatArray:
         pitch = np.atleast_1d(np.asarray(pitch_deg, dtype=np.float64))
         if self.gradient == LEVEL:
             return pitch
         yaw, down = np.radians(np.atleast_1d(np.asarray(yaw_deg, dtype=np.float64))), np.radians(pitch)
         ahead = np.sin(yaw) * self.gradient[0] + np.cos(yaw) * self.gradient[1]
-        turned: Array = np.degrees(np.arctan2(np.sin(down) + sign * ahead * np.cos(down), np.cos(down)))
+        turned: FloatArray = np.degrees(np.arctan2(np.sin(down) + sign * ahead * np.cos(down), np.cos(down)))
         return turned
 
-    def headings(self, points: ArrayLike, yaw_deg: ArrayLike) -> Array:
+    def headings(self, points: ArrayLike, yaw_deg: ArrayLike) -> FloatArray:
         """(n,) true headings, in [0, 360), of yaws in the plot frame at places in it, (n, 3).
 
         True north is that of each place: near the poles it differs within a plot.
@@ -183,7 +183,7 @@ class PlotFrame:
         east, north = _east_north(latitude, longitude)
         return _compass(np.sum(forward * east, axis=1), np.sum(forward * north, axis=1))
 
-    def yaws(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike, heading_deg: ArrayLike) -> Array:
+    def yaws(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike, heading_deg: ArrayLike) -> FloatArray:
         """(n,) yaws in the plot frame, in [0, 360), of true headings at places: the reverse of `headings`."""
         east, north = _east_north(np.atleast_1d(latitude_deg), np.atleast_1d(longitude_deg))
         angle = np.radians(np.atleast_1d(np.asarray(heading_deg, dtype=np.float64)))[:, None]
@@ -191,7 +191,7 @@ class PlotFrame:
         return _positive(_compass(local[:, 0], local[:, 1]) - self.row_heading_deg + 90.0)
 
     @property
-    def _enu_from_plot(self) -> Array:
+    def _enu_from_plot(self) -> FloatArray:
         return plot_from_enu(self.row_heading_deg).T
 
 
@@ -259,7 +259,7 @@ def ground_above_home(site: Site, plot: SitePlot) -> float:
         raise MetadataError(str(error), remedy="Add it to [home] in the site file.") from error
 
 
-def grounds_m(site: Site, shots: Sequence[Shot]) -> Array:
+def grounds_m(site: Site, shots: Sequence[Shot]) -> FloatArray:
     """(n,) heights above home of the ground below photographs."""
     frames = {plot.name: PlotFrame.of(site, plot) for plot in site.plots}
     found = np.array([frames[shot.plot].ground_m for shot in shots], dtype=np.float64)
@@ -272,7 +272,7 @@ def grounds_m(site: Site, shots: Sequence[Shot]) -> Array:
     return found
 
 
-def ground_below(site: Site, places: Sequence[GeoPoint]) -> Array:
+def ground_below(site: Site, places: Sequence[GeoPoint]) -> FloatArray:
     """(n,) heights above home of the ground below places: the nearest plot's, home's own farther than 25 m from all."""
     table = np.array([(p.latitude_deg, p.longitude_deg, p.height_m) for p in places]).reshape(-1, 3)
     found, least = np.zeros(len(table)), np.full(len(table), _NEAR_PLOT_M)
@@ -293,18 +293,18 @@ def _geo_points(geodetic: Geodetic) -> tuple[GeoPoint, ...]:
     return tuple(GeoPoint(float(a), float(b), float(c)) for a, b, c in zip(*geodetic, strict=True))
 
 
-def _east_north(latitude_deg: Array, longitude_deg: Array) -> tuple[Array, Array]:
+def _east_north(latitude_deg: FloatArray, longitude_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(n, 3) unit vectors in ECEF that point east and north at places."""
     lat, lon = np.radians(latitude_deg), np.radians(longitude_deg)
     s, c, sl, cl = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
     return np.stack([-sl, cl, np.zeros_like(sl)], axis=1), np.stack([-s * cl, -s * sl, c], axis=1)
 
 
-def _compass(east: Array, north: Array) -> Array:
+def _compass(east: FloatArray, north: FloatArray) -> FloatArray:
     return _positive(np.degrees(np.arctan2(east, north)))
 
 
-def _positive(degrees: Array) -> Array:
+def _positive(degrees: FloatArray) -> FloatArray:
     """In [0, 360); a hair below 0 becomes 360 when it is rounded, hence the second remainder."""
-    turned: Array = degrees % 360.0 % 360.0
+    turned: FloatArray = degrees % 360.0 % 360.0
     return turned

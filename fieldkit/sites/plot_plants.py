@@ -12,6 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.errors import MissionError
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan, PlanPlants, Plans
@@ -49,8 +50,6 @@ _LONG = 1.2  # spacings that a row is long
 _LEAST_POINTS = 30
 _ROWS_WITHIN_M = 1000.0
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Band:
@@ -70,7 +69,7 @@ def no_fly_bands(plants: PlanPlants, clearance_m: float) -> tuple[Band, ...]:
     outside is nearer than the distance by less than `BAND_M` and 2 cm. What is wholly surrounded by plants counts as
     plants.
     """
-    points: Array = np.array(plants.points_m, dtype=np.float64).reshape(-1, 3)
+    points: FloatArray = np.array(plants.points_m, dtype=np.float64).reshape(-1, 3)
     if not len(points):
         return ()
     highest = float(points[:, 2].max()) + clearance_m
@@ -91,7 +90,7 @@ def no_fly_bands(plants: PlanPlants, clearance_m: float) -> tuple[Band, ...]:
     return tuple(reversed(found))
 
 
-def _discs(points: Array, radii: Array | float) -> NDArray[np.object_]:
+def _discs(points: FloatArray, radii: FloatArray | float) -> NDArray[np.object_]:
     discs: NDArray[np.object_] = shapely.buffer(
         shapely.points(points[:, :2]), np.maximum(radii - _SIMPLER_M, 0.0), quad_segs=_ARC
     )
@@ -122,7 +121,7 @@ class PlanFacts:
     plan: Plan
 
     @cached_property
-    def points(self) -> Array:
+    def points(self) -> FloatArray:
         """(m, 3) of the plants, plot frame; empty where the plan does not say where they are."""
         given = () if self.plan.plants is None else self.plan.plants.points_m
         points = np.array(given, dtype=np.float64).reshape(-1, 3)
@@ -145,7 +144,7 @@ class PlanFacts:
         return row_spacing_m(self.points)
 
     @property
-    def box(self) -> tuple[Array, Array] | None:
+    def box(self) -> tuple[FloatArray, FloatArray] | None:
         """Least and greatest (x, y) of the plants."""
         return (self.points[:, :2].min(axis=0), self.points[:, :2].max(axis=0)) if len(self.points) else None
 
@@ -165,7 +164,7 @@ def facts_of(plans: Plans | None, site: Site) -> list[tuple[SitePlot, PlanFacts 
 class PlotPlants:
     """The plants of one plot, for flying."""
 
-    points: Array
+    points: FloatArray
     """(m, 3) plot frame, z above the ground: the plan's, stretched upwards where this plot's are higher."""
     blocks: tuple[Block, ...]
     """That count as full: the plot's outline, and the rectangle about the plan's plants where rows are elsewhere."""
@@ -173,7 +172,7 @@ class PlotPlants:
     """Of the plan's grid."""
 
     @cached_property
-    def outside(self) -> Array:
+    def outside(self) -> FloatArray:
         """(k, 3) of the points those that no block holds."""
         held = np.zeros(len(self.points), dtype=np.bool_)
         for block in self.blocks:
@@ -198,7 +197,7 @@ class PlotPlants:
         rows = tuple((float(x), float(y), float(z)) for x, y, z in points)
         return no_fly_bands(PlanPlants(points_m=rows, cell_m=self.cell_m), clearance_m)
 
-    def among(self, positions: Array, clearance_m: float) -> NDArray[np.bool_]:
+    def among(self, positions: FloatArray, clearance_m: float) -> BoolArray:
         """(n,) whether places (n, 3), plot frame, lie in the air that plants take: what `bands` surely close."""
         found = np.zeros(len(positions), dtype=np.bool_)
         for row, (x, y, z) in enumerate(positions.tolist()):
@@ -291,13 +290,13 @@ def other_spacing(plan_m: float | None, plot_m: float) -> bool:
     return plan_m is not None and abs(plot_m - plan_m) > SAME_SPACING * plan_m
 
 
-def _block(low: Array, high: Array, top_m: float) -> Block:
+def _block(low: FloatArray, high: FloatArray, top_m: float) -> Block:
     (a, b), (c, d) = low.tolist(), high.tolist()
     grow = 0.5e-3  # a row that is a line of points still has an area
     return Block((a - grow, b - grow), (c + grow, d + grow), top_m)
 
 
-def row_spacing_m(points: Array) -> float | None:
+def row_spacing_m(points: FloatArray) -> float | None:
     """Distance from row to row of plants whose rows run along x, or nearly so.
 
     Points of the lower part of the plants are counted across the rows, in directions within 12° of x, and rows are
@@ -323,7 +322,7 @@ def row_spacing_m(points: Array) -> float | None:
     return None if best is None else best[1]
 
 
-def _rows(along: Array, across: Array) -> tuple[float, float] | None:
+def _rows(along: FloatArray, across: FloatArray) -> tuple[float, float] | None:
     """Contrast of the rows in one direction, and their spacing."""
     from scipy.ndimage import gaussian_filter1d  # half a second, which most commands can do without
     from scipy.signal import find_peaks

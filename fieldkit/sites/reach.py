@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from fieldkit.arrays import FloatArray
 from fieldkit.geometry import Pose
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import station_number
@@ -128,7 +128,7 @@ def one_photograph(before: Sequence[Shot], after: Sequence[Shot], site: Site) ->
                 )  # fmt: skip
 
 
-def needs_rtk(stations: NDArray[np.float64], near_m: float, vehicle: Vehicle) -> list[str]:
+def needs_rtk(stations: FloatArray, near_m: float, vehicle: Vehicle) -> list[str]:
     """Why a vehicle's GNSS does not hold stations (n, 3) against each other, or off plants; nothing with RTK.
 
     The nearest station is ``near_m`` from plants, which stand where a map has them, so a flight's common offset counts
@@ -151,7 +151,7 @@ def needs_rtk(stations: NDArray[np.float64], near_m: float, vehicle: Vehicle) ->
     return [f"needs RTK: {why}" for why in found]
 
 
-def _apart(a: NDArray[np.float64], b: NDArray[np.float64], one: Shot, other: Shot) -> tuple[float, float]:
+def _apart(a: FloatArray, b: FloatArray, one: Shot, other: Shot) -> tuple[float, float]:
     return float(np.linalg.norm(a - b)), _turn_deg(one, other)
 
 

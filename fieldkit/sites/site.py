@@ -8,9 +8,9 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
+from fieldkit.arrays import FloatArray
 from fieldkit.documents.mistaken import as_centimetres
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.results.fields import Heading, Latitude, Longitude, Strict
@@ -303,7 +303,7 @@ class Site(Strict):
                 "smaller one: take one of them out, or draw them side by side"
             )
 
-    def _origins(self, plots: Sequence[SitePlot]) -> NDArray[np.float64]:
+    def _origins(self, plots: Sequence[SitePlot]) -> FloatArray:
         """(n, 3) metres east and north of home."""
         latitudes, longitudes = ([getattr(p, f"{key}_deg") for p in plots] for key in ("latitude", "longitude"))
         return LocalFrame(self.home.latitude_deg, self.home.longitude_deg).to_local(latitudes, longitudes, 0.0)

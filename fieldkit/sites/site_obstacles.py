@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.results.plan import Plan, Plans
 from fieldkit.routing.obstacles import FARTHEST_M, Corners, Obstacles, Volume
 from fieldkit.routing.prisms import Prisms
@@ -22,8 +23,6 @@ _AROUND_M = 1.0
 _OFF_GROUND_M = 0.5
 _LEAST_AREA_M2 = 1e-6
 _MOST_STRIPS = 400
-
-Array = NDArray[np.float64]
 
 
 def site_obstacles(site: Site, clearance_m: float, plans: Plans | None = None) -> Obstacles:
@@ -106,16 +105,16 @@ class Canopy:
                 owners += [index] * (len(solids) - len(owners))
         return cls(Prisms.of(solids), np.array(owners, dtype=np.intp))
 
-    def nearest_m(self, ways: Sequence[Array]) -> float | None:
+    def nearest_m(self, ways: Sequence[FloatArray]) -> float | None:
         """Least distance between plants and ways along places (k, 3) each; None where no plants are known."""
         starts, ends = (np.concatenate([way[part] for way in ways]) for part in (slice(-1), slice(1, None)))
         return self.prisms.least_m(starts, ends) if len(self.prisms) else None
 
-    def near_m(self, places: Array) -> float:
+    def near_m(self, places: FloatArray) -> float:
         """Least distance between plants and places (n, 3); infinite where either are not known."""
         return self.prisms.least_m(places, places)
 
-    def crowding(self, plot: int, stations: Array, targets: Array) -> tuple[int, float]:
+    def crowding(self, plot: int, stations: FloatArray, targets: FloatArray) -> tuple[int, float]:
         """How many of a plot's stations (n, 3) stand over other plots, and the share of lines that these plots hide.
 
         Lines are those from every station to places (m, 3) of the plot's own plants.

@@ -7,9 +7,9 @@ measured under a vehicle.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from fieldkit.arrays import FloatArray
 
 _OUTWASH = 3.6
 """m/s at 1 m beside 1 kg. A radial wall jet has C · √(thrust / density of air) / r, whatever the rotors; C is 1.26."""
@@ -27,7 +27,7 @@ _SWAY_M, _POWER = 0.53e-3, 2.5
 """The leaf motion of 4 mm at 2 to 2.5 m/s and 10 mm at 3 to 3.5 m/s, from leaf anemometry (arXiv 2504.10584)."""
 
 
-def air_speed_mps(distance_m: ArrayLike, mass_kg: float, below_m: ArrayLike = 0.0) -> Array:
+def air_speed_mps(distance_m: ArrayLike, mass_kg: float, below_m: ArrayLike = 0.0) -> FloatArray:
     """Speed of the air at a distance from a hovering multirotor, the greater of outwash and downwash.
 
     Speeds grow with the square root of the mass, as the thrust's momentum does, up to a wake's own speed.
@@ -47,12 +47,12 @@ def air_speed_mps(distance_m: ArrayLike, mass_kg: float, below_m: ArrayLike = 0.
     return np.asarray(np.minimum(np.maximum(outwash, downwash), _FASTEST_MPS))
 
 
-def sway_m(speed_mps: ArrayLike) -> Array:
+def sway_m(speed_mps: ArrayLike) -> FloatArray:
     """Root mean square of a leaf's sideways motion per axis, half a metre out, in air of a speed at the leaf."""
     return np.asarray(_SWAY_M * np.asarray(speed_mps, np.float64) ** _POWER)
 
 
-def swayed_m(wind_m: ArrayLike, distance_m: ArrayLike, mass_kg: float, below_m: ArrayLike = 0.0) -> Array:
+def swayed_m(wind_m: ArrayLike, distance_m: ArrayLike, mass_kg: float, below_m: ArrayLike = 0.0) -> FloatArray:
     """`sway_m` of wind and a vehicle's wash together, which add in quadrature; arguments as of `air_speed_mps`.
 
     Args:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.scene import Mesh
 from fieldkit_sim.faces import vertex_normals
@@ -37,7 +38,7 @@ class Crumbs:
     """Share of stones among them: rounder, greyer, more varied than clods."""
 
 
-def scatter_crumbs(crumbs: Crumbs, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def scatter_crumbs(crumbs: Crumbs, seed: int) -> tuple[FloatArray, FloatArray]:
     """Places (n, 2) and diameters (n,) of a class of bodies."""
     rng = np.random.default_rng([seed, 41])
     area = 4.0 * crumbs.outer_m**2
@@ -50,8 +51,8 @@ def scatter_crumbs(crumbs: Crumbs, seed: int) -> tuple[NDArray[np.float64], NDAr
 
 
 def build_crumbs(
-    crumbs: Crumbs, places: NDArray[np.float64], sizes: NDArray[np.float64], ground: NDArray[np.float64],
-    color: NDArray[np.float64], seed: int,
+    crumbs: Crumbs, places: FloatArray, sizes: FloatArray, ground: FloatArray,
+    color: FloatArray, seed: int,
 ) -> Mesh:  # fmt: skip
     """All bodies of a class as one mesh.
 
@@ -104,7 +105,7 @@ def build_crumbs(
     return Mesh(crumbs.name, merged, every, normals, two_sided=False, colors=np.concatenate(colors).astype(np.float32))
 
 
-def _shape(seed: int, detail: int, roughness: float) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def _shape(seed: int, detail: int, roughness: float) -> tuple[FloatArray, NDArray[np.int32]]:
     """An irregular body of radius about 1, turned at random, without the faces that would lie in the ground."""
     import trimesh
 

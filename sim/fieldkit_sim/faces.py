@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import Float32Array
+
 
 def grid_faces(rows: int, columns: int) -> NDArray[np.int32]:
     """Two triangles per cell of a grid whose points are numbered row by row."""
@@ -13,7 +15,7 @@ def grid_faces(rows: int, columns: int) -> NDArray[np.int32]:
     return np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
 
 
-def vertex_normals(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> NDArray[np.float32]:
+def vertex_normals(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Float32Array:
     """(n, 3) unit normals, each the area-weighted mean of the adjacent triangles' normals."""
     points = np.asarray(vertices, dtype=np.float64)
     a, b, c = (points[faces[:, i]] for i in range(3))

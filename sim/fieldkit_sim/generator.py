@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.scenes.camera_effects import USUAL_GRAIN, CameraEffects
 from fieldkit.scenes.description import Bounds, SceneDescription
 from fieldkit.scenes.plot_description import (
@@ -141,9 +141,7 @@ def _of_kind(description: SceneDescription, rng: np.random.Generator) -> SceneDe
     return replace(made, plot=plot)
 
 
-def _places(
-    count: int, layout: Layout, spacing_m: float, row_spacing_m: float, rng: np.random.Generator
-) -> NDArray[np.float64]:
+def _places(count: int, layout: Layout, spacing_m: float, row_spacing_m: float, rng: np.random.Generator) -> FloatArray:
     """(count, 2) metres about the origin."""
     if layout == "random":
         places = random_places(count, 0.8 * spacing_m, rng)
@@ -220,7 +218,7 @@ def _form(rng: np.random.Generator, stages: tuple[Stage, ...], leaves: tuple[int
     return {"stage": stages[int(rng.integers(len(stages)))]}
 
 
-def random_places(count: int, distance: float, rng: np.random.Generator) -> NDArray[np.float64]:
+def random_places(count: int, distance: float, rng: np.random.Generator) -> FloatArray:
     """(count, 2) places about the origin, no two nearer than ``distance``, in metres."""
     half, places = 0.5 * distance * np.sqrt(count) * 1.3, np.zeros((0, 2))
     while len(places) < count:

@@ -5,37 +5,35 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.scene import Mesh
 from fieldkit_sim.faces import grid_faces, vertex_normals
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Leaves:
     """Form and place of n leaves; lengths in metres, angles in radians."""
 
-    base: Array
+    base: FloatArray
     """(n, 3) where each is fixed."""
-    azimuth: Array
-    elevation: Array
+    azimuth: FloatArray
+    elevation: FloatArray
     """(n,) of its axis there."""
-    length: Array
-    width: Array
+    length: FloatArray
+    width: FloatArray
     """(n,)."""
-    curl: Array
+    curl: FloatArray
     """(n,) by which the elevation falls to the tip."""
-    fold: Array
+    fold: FloatArray
     """(n,) of both halves about the midrib."""
-    color: Array
+    color: FloatArray
     """(n, 3) sRGB in [0, 1]."""
-    blunt: Array
+    blunt: FloatArray
     """(n,) 0 widest in the middle, 1 widest near the tip."""
 
-    def select(self, which: NDArray[np.bool_]) -> Leaves:
+    def select(self, which: BoolArray) -> Leaves:
         """Some of them."""
         return Leaves(**{name: value[which] for name, value in vars(self).items()})
 

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, Float32Array, FloatArray, IntArray
 from fieldkit.errors import SceneError
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.plot_description import Axis, MeshPlantDescription, check_mesh_file
@@ -76,7 +76,7 @@ def _load(path: Path, sha256: str) -> Any:
 
 def _appearance(
     mesh: Any,
-) -> tuple[NDArray[np.float32] | None, NDArray[np.uint8] | None, NDArray[np.float32] | None, bool]:
+) -> tuple[Float32Array | None, ByteArray | None, Float32Array | None, bool]:
     """(uv, texture, vertex colours, whether colours are per face corner); all None where the file has no colour."""
     visual = mesh.visual
     if visual.kind == "texture" and visual.uv is not None:
@@ -98,7 +98,7 @@ def _appearance(
     return None, None, None, False
 
 
-def _upright(up: Axis) -> NDArray[np.float64]:
+def _upright(up: Axis) -> FloatArray:
     """(3, 3) rotation that takes the file's upward axis to z."""
     sign, axis = (-1.0 if up.startswith("-") else 1.0), "xyz".index(up[-1])
     z = np.zeros(3)
@@ -108,7 +108,7 @@ def _upright(up: Axis) -> NDArray[np.float64]:
     return np.stack([x, np.cross(z, x), z])
 
 
-def _placed(vertices: NDArray[np.float64], plant: MeshPlantDescription, ground_m: float) -> NDArray[np.float64]:
+def _placed(vertices: FloatArray, plant: MeshPlantDescription, ground_m: float) -> FloatArray:
     lowest = vertices[:, 2].min()
     low = vertices[:, 2] <= lowest + 0.01 * np.ptp(vertices[:, 2])
     foot = vertices[low, :2].mean(axis=0)
@@ -118,7 +118,7 @@ def _placed(vertices: NDArray[np.float64], plant: MeshPlantDescription, ground_m
     return np.column_stack([xy, vertices[:, 2] - lowest + ground_m])
 
 
-def _divided(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _divided(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
     """The same surface in triangles fine enough to carry colour per vertex."""
     import trimesh
 
@@ -131,7 +131,7 @@ def _divided(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> tuple[N
     return vertices, faces
 
 
-def _leaf_colors(vertices: NDArray[np.float64], seed: int) -> NDArray[np.float32]:
+def _leaf_colors(vertices: FloatArray, seed: int) -> Float32Array:
     """(n, 3) leaf colours in [0, 1] that vary with the place on the plant."""
     x, y, z = vertices.T - vertices.min(axis=0)[:, None]
     tone = sum(

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.runtime.progress import Advance, ignore
 from fieldkit.scenes.plot_description import (
     MaizeDescription,
@@ -66,22 +66,21 @@ def bake_light(
     return lit
 
 
-def _triangles(meshes: Sequence[Mesh], radius_m: float) -> NDArray[np.float64]:
+def _triangles(meshes: Sequence[Mesh], radius_m: float) -> FloatArray:
     corners = np.concatenate([m.vertices[m.faces] for m in meshes]).astype(np.float64)
     inside = (np.abs(corners[:, :, :2]) < radius_m).all(axis=(1, 2))
-    chosen: NDArray[np.float64] = corners[inside]
+    chosen: FloatArray = corners[inside]
     return chosen
 
 
-def _hemisphere(count: int) -> NDArray[np.float64]:
+def _hemisphere(count: int) -> FloatArray:
     """(count, 3) directions, cosine-weighted, on a golden-angle spiral."""
     i = np.arange(count) + 0.5
     r, angle = np.sqrt(i / count), i * np.pi * (3.0 - np.sqrt(5.0))
     return np.stack([r * np.cos(angle), r * np.sin(angle), np.sqrt(1.0 - r * r)], axis=1)
 
 
-Array = NDArray[np.float64]
-Height = Callable[[Array, Array], Array]
+Height = Callable[[FloatArray, FloatArray], FloatArray]
 
 
 def neighbour_plants(
@@ -148,7 +147,7 @@ def build_scene(plot: PlotDescription, advance: Advance = ignore) -> Scene:
 def build_surfaces(plot: PlotDescription, advance: Advance = ignore) -> list[tuple[Mesh, Material]]:
     """The plot's meshes, unlit, and what they are made of; without the sky."""
 
-    def height(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def height(x: FloatArray, y: FloatArray) -> FloatArray:
         return soil_height(plot.soil, x, y)
 
     surfaces = _plants(plot, coarse=False, advance=advance)
@@ -163,7 +162,7 @@ def build_plants(plot: PlotDescription) -> Scene:
 
 
 def _plants(plot: PlotDescription, *, coarse: bool, advance: Advance = ignore) -> list[tuple[Mesh, Material]]:
-    def height(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def height(x: FloatArray, y: FloatArray) -> FloatArray:
         return soil_height(plot.soil, x, y)
 
     surfaces: list[tuple[Mesh, Material]] = []

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.scenes.noise import bumps, fractal_noise
 from fieldkit.scenes.plot_description import SCATTER_M, SoilDescription
@@ -17,14 +18,14 @@ from fieldkit_sim.crumbs import Crumbs, build_crumbs, scatter_crumbs
 from fieldkit_sim.faces import grid_faces, vertex_normals
 
 
-def places(seed: int, count: int, purpose: int) -> tuple[np.random.Generator, NDArray[np.float64]]:
+def places(seed: int, count: int, purpose: int) -> tuple[np.random.Generator, FloatArray]:
     """A generator and (count, 2) places in the square ±`SCATTER_M`, drawn from it."""
     rng = np.random.default_rng([seed, purpose])
     return rng, rng.uniform(-SCATTER_M, SCATTER_M, (count, 2))
 
 
-def pile(name: str, vertices: list[NDArray[np.float64]], faces: list[NDArray[np.int32]],
-          colors: list[NDArray[np.float64]]) -> Mesh:  # fmt: skip
+def pile(name: str, vertices: list[FloatArray], faces: list[NDArray[np.int32]],
+          colors: list[FloatArray]) -> Mesh:  # fmt: skip
     """One mesh of many bodies whose faces already count their vertices in order."""
     if not vertices:
         empty = np.zeros((0, 3), np.float32)
@@ -35,7 +36,7 @@ def pile(name: str, vertices: list[NDArray[np.float64]], faces: list[NDArray[np.
     )
 
 
-def printed_height(soil: SoilDescription, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+def printed_height(soil: SoilDescription, x: FloatArray, y: FloatArray) -> FloatArray:
     """Height of the ground in metres at ``x``, ``y`` (any equal shape); its mean is about 0.
 
     Lumps of four sizes (65 to 8 mm), each piled on a gently rolling base, as sieve curves of a seedbed have them.
@@ -52,7 +53,7 @@ def printed_height(soil: SoilDescription, x: NDArray[np.float64], y: NDArray[np.
     return height - 0.35 * soil.clod_height_m
 
 
-def _axis(soil: SoilDescription) -> NDArray[np.float64]:
+def _axis(soil: SoilDescription) -> FloatArray:
     """Grid coordinates along one axis: even in the core, then ever wider to about 45 m."""
     n = round(soil.core_m / soil.spacing_m / 2)
     # 2.2 m in cells that grow by 1.8 % each, which a camera still sees well, then 24 by 20 %.
@@ -81,7 +82,7 @@ def printed_ground(soil: SoilDescription) -> Mesh:
     )  # fmt: skip
 
 
-def _soil_texture(soil: SoilDescription, axis: NDArray[np.float64]) -> NDArray[np.uint8]:
+def _soil_texture(soil: SoilDescription, axis: FloatArray) -> ByteArray:
     """Colour of the ground in the grid's own (stretched) coordinates, so that detail is fine where it is needed."""
     size = soil.texture_px
     place = np.interp((np.arange(size) + 0.5) / size, np.linspace(0, 1, len(axis)), axis)
@@ -130,7 +131,7 @@ def printed_stones(soil: SoilDescription) -> Mesh:
     return pile("stones", vertices, faces, colors)
 
 
-Height = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+Height = Callable[[FloatArray, FloatArray], FloatArray]
 
 
 def build_residue(soil: SoilDescription, height: Height) -> Mesh:
@@ -164,9 +165,6 @@ def build_residue(soil: SoilDescription, height: Height) -> Mesh:
     return pile("residue", vertices, faces, colors)
 
 
-Array = NDArray[np.float64]
-
-
 @dataclass(frozen=True)
 class _Relief:
     """Lumps of a kind of soil: (cell in metres, height as a share of the clods', share of cells occupied)."""
@@ -192,14 +190,14 @@ def build_soil(soil: SoilDescription) -> list[Mesh]:
     return [*_ground(soil), *_loose(soil), residue]
 
 
-def soil_height(soil: SoilDescription, x: Array, y: Array) -> Array:
+def soil_height(soil: SoilDescription, x: FloatArray, y: FloatArray) -> FloatArray:
     """Height of the ground in metres at ``x``, ``y`` (any equal shape); its mean is about 0."""
     if soil.kind == "printed":
         return printed_height(soil, x, y)
     return _height(soil, x, y, np.zeros(np.shape(x)))
 
 
-def _height(soil: SoilDescription, x: Array, y: Array, cell: Array) -> Array:
+def _height(soil: SoilDescription, x: FloatArray, y: FloatArray, cell: FloatArray) -> FloatArray:
     """`soil_height` on a grid of spacing ``cell`` in metres, level where the grid cannot show the lumps."""
     relief = _RELIEF[soil.kind]
     grid = np.maximum(cell, 1e-6)
@@ -217,7 +215,7 @@ def _height(soil: SoilDescription, x: Array, y: Array, cell: Array) -> Array:
     return height
 
 
-def _color(soil: SoilDescription, x: Array, y: Array, cell: Array | float = 0.0) -> Array:
+def _color(soil: SoilDescription, x: FloatArray, y: FloatArray, cell: FloatArray | float = 0.0) -> FloatArray:
     """(…, 3) sRGB of the ground: moist loam, dark and slightly patchy. All other contrast comes from relief.
 
     ``cell`` is the grid's spacing in metres: what it cannot show is left out.
@@ -266,7 +264,7 @@ def _ground(soil: SoilDescription) -> list[Mesh]:
     return meshes
 
 
-def _sheet(name: str, soil: SoilDescription, x: Array, y: Array, cell: Array) -> Mesh:
+def _sheet(name: str, soil: SoilDescription, x: FloatArray, y: FloatArray, cell: FloatArray) -> Mesh:
     rows, columns = x.shape
     vertices = np.stack([x, y, _height(soil, x, y, cell)], axis=-1).reshape(-1, 3).astype(np.float32)
     faces = grid_faces(rows, columns)

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.plot_description import WeedsDescription
 from fieldkit.scenes.sampling import WEED_NAMES
 from fieldkit.scenes.scene import Mesh
 from fieldkit_sim.leaflets import Leaves, leaf_mesh
 
-Array = NDArray[np.float64]
-Height = Callable[[Array, Array], Array]
+Height = Callable[[FloatArray, FloatArray], FloatArray]
 _NEAR_M = 1.2
 
 
@@ -42,7 +41,7 @@ def build_weeds(weeds: WeedsDescription, height: Height) -> list[Mesh]:
     return meshes
 
 
-def _spots(weeds: WeedsDescription, per_m2: float, inner: float, outer: float, rng: np.random.Generator) -> Array:
+def _spots(weeds: WeedsDescription, per_m2: float, inner: float, outer: float, rng: np.random.Generator) -> FloatArray:
     """Places (n, 2) in a ring, thinned to patches."""
     xy = rng.uniform(-outer, outer, (round(per_m2 * 4 * outer**2), 2))
     r = np.hypot(xy[:, 0], xy[:, 1])
@@ -97,7 +96,7 @@ def _rosettes(weeds: WeedsDescription, height: Height, rng: np.random.Generator)
     )  # fmt: skip
 
 
-def _greens(hue: Array, rng: np.random.Generator) -> Array:
+def _greens(hue: FloatArray, rng: np.random.Generator) -> FloatArray:
     tone = np.clip(rng.normal(1.0, 0.14, len(hue)), 0.6, 1.5)
     yellow = 0.022 * hue + rng.normal(0, 0.012, len(hue))
     rgb = np.stack([0.22 + yellow, 0.31 + 0.3 * yellow, 0.14 - 0.2 * yellow], axis=-1) * tone[:, None]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.clouds.canopy import (
     SEAM_PIXELS,
     Canopy,
@@ -18,24 +18,23 @@ from fieldkit.clouds.canopy import (
 )
 from tests.clouds.examples import cone
 
-Array = NDArray[np.float64]
 PIXEL_M = 0.002
 SEAM_M = SEAM_PIXELS * PIXEL_M
 SLOW = settings(max_examples=12, deadline=None)
 
 
-def box(width: float, depth: float, height: float, step: float = 0.0015) -> Array:
+def box(width: float, depth: float, height: float, step: float = 0.0015) -> FloatArray:
     """Points on the faces of a box that stands on the ground about the origin."""
     x, y, z = (np.linspace(0.0, edge, max(2, round(edge / step) + 1)) for edge in (width, depth, height))
     faces = []
     for a, b, axis, ends in ((x, y, 2, z), (x, z, 1, y), (y, z, 0, x)):
         u, v = (grid.ravel() for grid in np.meshgrid(a, b))
         faces += [np.insert(np.column_stack([u, v]), axis, end, axis=1) for end in (ends[0], ends[-1])]
-    found: Array = np.concatenate(faces) - (width / 2, depth / 2, 0.0)
+    found: FloatArray = np.concatenate(faces) - (width / 2, depth / 2, 0.0)
     return found
 
 
-def seen(points: Array, pixel_m: float = PIXEL_M, swayed_m: float = 0.0) -> Canopy:
+def seen(points: FloatArray, pixel_m: float = PIXEL_M, swayed_m: float = 0.0) -> Canopy:
     return canopy(points, points[:, 2], pixel_m, swayed_m)
 
 

@@ -4,17 +4,16 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.clouds.cells import STRAY_M2, find_stand, without_strays
 from tests.clouds.examples import cone
 
-Array = NDArray[np.float64]
 VOXEL_M = 0.01
 PLANT = cone(0.3, 0.8, 20_000)
 
 
-def leaf(length: float, width: float, count: int = 4000) -> Array:
+def leaf(length: float, width: float, count: int = 4000) -> FloatArray:
     """Level, far from the plant."""
     rng = np.random.default_rng(2)
     return np.column_stack([rng.uniform(0.5, 0.5 + length, count), rng.uniform(0, width, count), np.full(count, 0.9)])

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.clouds.plant_rows import find_rows
 
 
-def field(rows: int, each: int, turn_deg: float = 0.0, off_m: float = 0.01) -> NDArray[np.float64]:
+def field(rows: int, each: int, turn_deg: float = 0.0, off_m: float = 0.01) -> FloatArray:
     """Rows 0.75 m apart, plants 0.2 m apart, up to ``off_m`` from their places; row by row."""
     places = np.array([(0.2 * k, 0.75 * row) for row in range(rows) for k in range(each)])
     places += np.random.default_rng(0).uniform(-off_m, off_m, places.shape)

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from laspy.vlrs.known import GeoKeyDirectoryVlr, GeoKeyEntryStruct
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.cache import StageCache
 from fieldkit.captures import Capture, read_capture
 from fieldkit.clouds import Cloud, Volume, read_cloud, write_cloud
@@ -47,16 +47,16 @@ def opened(path: Path, frame: str = "", bounds: Volume | None = None) -> CloudRe
     return found
 
 
-def about_origin(found: CloudReference, place: LocalFrame = ORIGIN) -> NDArray[np.float64]:
+def about_origin(found: CloudReference, place: LocalFrame = ORIGIN) -> FloatArray:
     """Its points in the frame about a place."""
     return place.to_local(*found.origin.to_geodetic(found.from_source.inverse().apply(found.cloud.points)))
 
 
-def above_soil(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def above_soil(points: FloatArray) -> FloatArray:
     return points[points[:, 2] > 0.02]
 
 
-def same(found: NDArray[np.float64], wanted: NDArray[np.float64]) -> bool:
+def same(found: FloatArray, wanted: FloatArray) -> bool:
     a, b = above_soil(found), above_soil(wanted)
     return len(a) == len(b) and bool(np.abs(a - b).max() < MM)
 

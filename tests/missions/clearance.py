@@ -5,16 +5,15 @@ from itertools import pairwise
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.routing.obstacles import TOLERANCE_M, Obstacles, Volume
 
-Array = NDArray[np.float64]
 SPACING_M = 0.05
 _ARC = 0.005  # round corners are polygons: share of the clearance that they may lie inside of the arc
 
 
-def samples(points: Sequence[Sequence[float]]) -> Array:
+def samples(points: Sequence[Sequence[float]]) -> FloatArray:
     """(n, 3) places no farther apart than `SPACING_M` along a path."""
     parts = []
     for a, b in pairwise(np.asarray(points, dtype=np.float64)):
@@ -23,7 +22,7 @@ def samples(points: Sequence[Sequence[float]]) -> Array:
     return np.concatenate(parts)
 
 
-def inside(places: Array, volume: Volume) -> NDArray[np.bool_]:
+def inside(places: FloatArray, volume: Volume) -> BoolArray:
     """(n,) whether places are nearer to a volume than its clearance, by more than the tolerance."""
     kept = max((1.0 - _ARC) * volume.clearance_m - TOLERANCE_M, 0.0)
     footprint = shapely.Polygon(volume.footprint)
@@ -31,7 +30,7 @@ def inside(places: Array, volume: Volume) -> NDArray[np.bool_]:
     near = (
         shapely.distance(footprint, points) < kept - 1e-6 if kept > 0 else shapely.contains_properly(footprint, points)
     )
-    found: NDArray[np.bool_] = near & (places[:, 2] < volume.top_m + kept - 1e-6)
+    found: BoolArray = near & (places[:, 2] < volume.top_m + kept - 1e-6)
     return found
 
 

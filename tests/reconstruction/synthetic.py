@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, FloatArray, IntArray
 from fieldkit.captures.markers_file import marker_dictionary
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.pose import rotation_from_vector
@@ -23,8 +23,8 @@ class FeatureScene:
     poses: list[Pose]
     camera: Intrinsics
     features: list[Features]
-    point_of: list[NDArray[np.int64]]
-    points: NDArray[np.float64]
+    point_of: list[IntArray]
+    points: FloatArray
 
 
 def posed(scene: FeatureScene, index: int, features: Features | None = None) -> PosedFeatures:
@@ -42,14 +42,14 @@ def ring(
     return [Pose.look_at(place, target) for place in places]
 
 
-def random_descriptors(rng: np.random.Generator, count: int) -> NDArray[np.uint8]:
+def random_descriptors(rng: np.random.Generator, count: int) -> ByteArray:
     """RootSIFT-like: many small entries and few large ones, so that unrelated ones are far apart."""
     raw = rng.gamma(0.5, 1.0, (count, 128))
     unit = np.sqrt(raw / raw.sum(axis=1, keepdims=True))
     return np.clip(np.round(512 * unit), 0, 255).astype(np.uint8)
 
 
-def noisy(rng: np.random.Generator, descriptors: NDArray[np.uint8], sigma: float) -> NDArray[np.uint8]:
+def noisy(rng: np.random.Generator, descriptors: ByteArray, sigma: float) -> ByteArray:
     changed = descriptors + rng.normal(0, sigma, descriptors.shape)
     return np.clip(np.round(changed), 0, 255).astype(np.uint8)
 
@@ -63,7 +63,7 @@ def feature_scene(
     seen_share: float = 0.7,
     camera: Intrinsics = CAMERA,
     radius: float = 0.2,
-    cloud: NDArray[np.float64] | None = None,
+    cloud: FloatArray | None = None,
     size_m: float = 0.001,
     seed: int = 0,
 ) -> FeatureScene:
@@ -127,9 +127,9 @@ def perturbed(poses: list[Pose], sigma_m: float, sigma_deg: float, seed: int = 0
 class Board:
     """Markers printed on the plane z = 0: texture with its first pixel's corner at (0, 0), y up, and the truth."""
 
-    texture: NDArray[np.uint8]
+    texture: ByteArray
     texel_m: float
-    corners: dict[int, NDArray[np.float64]]
+    corners: dict[int, FloatArray]
 
 
 def marker_board(
@@ -162,7 +162,7 @@ def render_board(
     blur: float = 0.6,
     noise: float = 2.0,
     seed: int = 0,
-) -> NDArray[np.uint8]:
+) -> ByteArray:
     """A grey photograph of the board: rays through a finer pixel grid, averaged, blurred, with noise."""
     step = 1.0 / oversampling
     u, v = np.meshgrid(

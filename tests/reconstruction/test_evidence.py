@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.clouds import Cloud
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.similarity import fit_similarity
@@ -25,7 +25,7 @@ CAMERA = Intrinsics.pinhole(2000, 1500, 1700.0)
 RING = ring(10, 1.4, 1.1)
 
 
-def leaf(noise_m: float = 0.0, step: float = 0.004, seed: int = 0) -> NDArray[np.float64]:
+def leaf(noise_m: float = 0.0, step: float = 0.004, seed: int = 0) -> FloatArray:
     """Points on a level square of 0.4 m, 0.3 m above the ground."""
     rng = np.random.default_rng(seed)
     x, y = (grid.ravel() for grid in np.meshgrid(np.arange(-0.2, 0.2, step), np.arange(-0.2, 0.2, step)))
@@ -36,11 +36,11 @@ def groups_of(count: int, groups: int = 1) -> list[int]:
     return [k * groups // count for k in range(count)]
 
 
-def level(points: NDArray[np.float64]) -> Cloud:
+def level(points: FloatArray) -> Cloud:
     return Cloud(points, normals=np.tile(np.float32([0, 0, 1]), (len(points), 1)))
 
 
-def found(points: NDArray[np.float64], poses: list[Pose] | None = None, groups: int = 1) -> Evidence:
+def found(points: FloatArray, poses: list[Pose] | None = None, groups: int = 1) -> Evidence:
     chosen = RING if poses is None else poses
     result = evidence(level(points), chosen, [CAMERA] * len(chosen), groups_of(len(chosen), groups), 0.01)
     assert result is not None

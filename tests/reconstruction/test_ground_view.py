@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.features import Features, FeatureSettings, extract_features
 from fieldkit.reconstruction.ground_view import extract_ground_features
@@ -15,7 +15,7 @@ METRE_PX, HALF_M = 400, 2.0
 
 
 @pytest.fixture(scope="module")
-def soil() -> NDArray[np.uint8]:
+def soil() -> ByteArray:
     """(1600, 1600) 4 m of ground about the origin: blobs of all sizes."""
     rng = np.random.default_rng(5)
     sizes = (50, 100, 200, 400)
@@ -23,7 +23,7 @@ def soil() -> NDArray[np.uint8]:
     return np.clip(128 + 25 * np.sum(layers, axis=0), 0, 255).astype(np.uint8)
 
 
-def photograph(soil: NDArray[np.uint8], pose: Pose) -> NDArray[np.uint8]:
+def photograph(soil: ByteArray, pose: Pose) -> ByteArray:
     to_world = np.array([[1 / METRE_PX, 0, -HALF_M], [0, 1 / METRE_PX, -HALF_M], [0, 0, 0], [0, 0, 1.0]])
     projection = CAMERA.matrix() @ pose.rotation @ np.column_stack([np.eye(3), -pose.center])
     drawn = cv2.warpPerspective(soil, projection @ to_world, (800, 600), flags=cv2.INTER_AREA)
@@ -43,12 +43,12 @@ def matched(a: Features, b: Features, poses: tuple[Pose, Pose]) -> int:
     return int((np.linalg.norm(places[0] - places[1], axis=1) < 0.01).sum())
 
 
-def on_ground(rays: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
-    found: NDArray[np.float64] = pose.center[:2] - rays[:, :2] * pose.center[2] / rays[:, 2:]
+def on_ground(rays: FloatArray, pose: Pose) -> FloatArray:
+    found: FloatArray = pose.center[:2] - rays[:, :2] * pose.center[2] / rays[:, 2:]
     return found
 
 
-def test_ground_is_matched_at_angles_where_photographs_are_not(soil: NDArray[np.uint8]) -> None:
+def test_ground_is_matched_at_angles_where_photographs_are_not(soil: ByteArray) -> None:
     poses = oblique(10.0), oblique(70.0)
     grays = [photograph(soil, pose) for pose in poses]
     own = [extract_features(gray, FeatureSettings()) for gray in grays]
@@ -61,7 +61,7 @@ def test_ground_is_matched_at_angles_where_photographs_are_not(soil: NDArray[np.
     assert both > 3 * alone + 50
 
 
-def test_positions_lie_in_the_photograph(soil: NDArray[np.uint8]) -> None:
+def test_positions_lie_in_the_photograph(soil: ByteArray) -> None:
     pose = oblique(200.0)
     found = extract_ground_features(photograph(soil, pose), CAMERA, pose.rotation, FeatureSettings())
     assert len(found) > 200
@@ -77,7 +77,7 @@ def test_a_camera_that_looks_down_or_at_the_sky_has_none(target: tuple[float, fl
     assert len(extract_ground_features(gray, CAMERA, pose.rotation, FeatureSettings())) == 0
 
 
-def test_subsets_keep_the_two_kinds_apart(soil: NDArray[np.uint8]) -> None:
+def test_subsets_keep_the_two_kinds_apart(soil: ByteArray) -> None:
     pose = oblique(0.0)
     gray = photograph(soil, pose)
     own = extract_features(gray, FeatureSettings())

@@ -6,29 +6,28 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.cache import StageCache
 from fieldkit.captures import Capture, Photo, read_capture, read_image
 from fieldkit.captures.bursts import by_station
 from fieldkit.reconstruction.steady import steady_capture, steady_photograph
 from fieldkit.runtime.context import Context
 
-Array = NDArray[np.float64]
 WIDTH, HEIGHT = 640, 480
 SWAYS = ((0.0, 0.0), (5.0, 2.0), (-4.0, -3.0), (2.0, 4.0), (-3.0, 1.0))
 CAMERA = ((0.0, 0.0, 0.0), (9.0, -6.0, 0.4), (-7.0, 4.0, -0.3), (4.0, 12.0, 0.2), (3.0, 5.0, -0.5))
 
 
-def warped(image: Array, motion: Array) -> Array:
+def warped(image: FloatArray, motion: FloatArray) -> FloatArray:
     return np.asarray(cv2.warpAffine(image, motion, (WIDTH, HEIGHT), borderMode=cv2.BORDER_REFLECT))
 
 
-def pictures(*, sways: float, parallax: float = 0.0) -> list[NDArray[np.uint8]]:
+def pictures(*, sways: float, parallax: float = 0.0) -> list[ByteArray]:
     """Textured soil under green bands, which move by so many times SWAYS, each its own way, in a camera that hovers."""
     rng = np.random.default_rng(0)
 
-    def texture() -> Array:
+    def texture() -> FloatArray:
         fine, coarse = (cv2.resize(rng.normal(size=(HEIGHT // n, WIDTH // n)), (WIDTH, HEIGHT)) for n in (2, 8))
         return np.asarray(fine + coarse)
 
@@ -50,7 +49,7 @@ def pictures(*, sways: float, parallax: float = 0.0) -> list[NDArray[np.uint8]]:
     return found
 
 
-def burst(folder: Path, images: list[NDArray[np.uint8]]) -> tuple[Photo, ...]:
+def burst(folder: Path, images: list[ByteArray]) -> tuple[Photo, ...]:
     photos = []
     for i, image in enumerate(images):
         path = folder / f"p{i}.png"
@@ -80,7 +79,7 @@ def test_the_steady_photograph_shows_leaves_and_camera_at_their_mean(tmp_path: P
     assert rms["steady"] < 0.55 * rms["first"]
 
 
-def _middles(image: NDArray[np.uint8]) -> Array:
+def _middles(image: ByteArray) -> FloatArray:
     """Of the five leaves, columns less where they are drawn."""
     green = (image[200:280, :, 1].astype(int) - image[200:280, :, 0] > 30).mean(axis=0) > 0.5
     columns = np.flatnonzero(green)

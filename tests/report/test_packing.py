@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, FloatArray, IntArray
 from fieldkit.report.html.packing import NO_VALUE, PackedPoints, pack_points
 
 
-def unpacked(block: PackedPoints) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint8]]:
+def unpacked(block: PackedPoints) -> tuple[FloatArray, ByteArray, ByteArray]:
     """As the module's docstring describes a block, in other words than `pack_points`."""
     data = np.frombuffer(gzip.decompress(base64.b64decode(block.text)), dtype=np.uint8)
     n = block.count
@@ -31,7 +31,7 @@ def unpacked(block: PackedPoints) -> tuple[NDArray[np.float64], NDArray[np.uint8
     return grid.T * block.step + np.array(block.origin), tones, levels
 
 
-def by_color(tones: NDArray[np.uint8]) -> NDArray[np.int64]:
+def by_color(tones: ByteArray) -> IntArray:
     return np.lexsort(tones.T)
 
 

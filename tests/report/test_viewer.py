@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.errors import InputError
 from fieldkit.figures.drawings import FrustumLayer, LineLayer, PointLayer, ViewerScene
 from fieldkit.figures.style import DISTANCE_RAMP, visible
@@ -152,7 +152,7 @@ def test_distances_have_one_scale_of_colours_that_is_seen_on_light_and_dark() ->
         assert (each + 0.05) / (dark + 0.05) > 1.3
 
 
-def luminances(colors: Sequence[str]) -> NDArray[np.float64]:
+def luminances(colors: Sequence[str]) -> FloatArray:
     """Relative luminances of "#rrggbb" (WCAG 2.2)."""
     tones = np.array([[int(color[i : i + 2], 16) for i in (1, 3, 5)] for color in colors]) / 255
     linear = np.where(tones <= 0.04045, tones / 12.92, ((tones + 0.055) / 1.055) ** 2.4)

@@ -6,23 +6,21 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from benchmarks.mission_routes import OPTIMA, distances
+from fieldkit.arrays import FloatArray
 from fieldkit.errors import MissionError
 from fieldkit.routing.tour import EXACT_PLACES, grouped_routes, shortest_paths, shortest_tour
 
-Array = NDArray[np.float64]
 
-
-def length(matrix: Array, order: tuple[int, ...], *, closed: bool) -> float:
+def length(matrix: FloatArray, order: tuple[int, ...], *, closed: bool) -> float:
     steps = [*pairwise(order), *([(order[-1], order[0])] if closed and len(order) > 1 else [])]
     return float(sum(matrix[step] for step in steps))
 
 
-def any_matrix(seed: int, n: int, holes: float = 0.0) -> Array:
+def any_matrix(seed: int, n: int, holes: float = 0.0) -> FloatArray:
     rng = np.random.default_rng(seed)
-    matrix: Array = rng.uniform(0, 10, (n, n))
+    matrix: FloatArray = rng.uniform(0, 10, (n, n))
     matrix[rng.uniform(size=(n, n)) < holes] = np.inf
     np.fill_diagonal(matrix, 0.0)
     return matrix

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray
 from fieldkit.geometry import Intrinsics
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.drawing import KeptDrawings, draw, smooth_edges
@@ -51,7 +51,7 @@ def test_a_pose_is_drawn_once_while_there_is_room(renderer: Renderer) -> None:
 # Edges smoothed after the fact: nearer to four samples per pixel than one is, and nothing else changed.
 
 
-def half_plane(slope: float, samples: int) -> NDArray[np.uint8]:
+def half_plane(slope: float, samples: int) -> ByteArray:
     """(60, 80, 3): bright below a line of that slope, each pixel the mean of its samples² points."""
     y, x = (np.mgrid[: 60 * samples, : 80 * samples] + 0.5) / samples
     covered = (y > 12.3 + slope * x).reshape(60, samples, 80, samples).mean((1, 3))
@@ -85,7 +85,7 @@ def test_a_rendered_plant_lies_nearer_to_many_samples(renderer: Renderer) -> Non
     truth = large.reshape(300, 4, 400, 4, 3).mean((1, 3))
     single = renderer.photograph(pose, camera, samples=0)
 
-    def error(image: NDArray[np.uint8]) -> float:
+    def error(image: ByteArray) -> float:
         return float(np.sqrt(((image - truth) ** 2).mean()))
 
     assert error(smooth_edges(single)) < 0.9 * error(single)

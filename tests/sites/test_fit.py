@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.campaign.create import CampaignSources, init_campaign
 from fieldkit.cli.main import main
 from fieldkit.errors import MissionError
@@ -32,7 +32,7 @@ VEHICLE = load_vehicle("ardupilot-pitch")
 CAMERA = Intrinsics("PINHOLE", 2000, 1500, (1700.0, 1700.0, 1000.0, 750.0))
 
 
-def rows_of_plants(spacing: float, *, rows: int = 3, turn_deg: float = 0.0, seed: int = 0) -> NDArray[np.float64]:
+def rows_of_plants(spacing: float, *, rows: int = 3, turn_deg: float = 0.0, seed: int = 0) -> FloatArray:
     """(n, 3) points of plants in rows along x: stems, and leaves that hang into the gaps higher up."""
     rng = np.random.default_rng(seed)
     found = []
@@ -44,11 +44,11 @@ def rows_of_plants(spacing: float, *, rows: int = 3, turn_deg: float = 0.0, seed
             found += [stem, leaves]
     points = np.concatenate(found)
     c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
-    turned: NDArray[np.float64] = points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    turned: FloatArray = points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     return turned
 
 
-def with_plants(plan: Plan, points: NDArray[np.float64]) -> Plan:
+def with_plants(plan: Plan, points: FloatArray) -> Plan:
     rows = tuple((float(x), float(y), float(z)) for x, y, z in points)
     return plan.model_copy(update={"plants": PlanPlants(points_m=rows, cell_m=0.05)})
 

@@ -8,8 +8,8 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.cli.main import main
 from fieldkit.errors import MissionError
 from fieldkit.missions.export_mission import export_mission
@@ -181,7 +181,7 @@ def test_a_fitted_mission_is_checked_against_the_fitted_stations(tmp_path, capsy
 # The plants' no-fly volume.
 
 
-def inside(bands: tuple[Band, ...], places: NDArray[np.float64]) -> NDArray[np.bool_]:
+def inside(bands: tuple[Band, ...], places: FloatArray) -> BoolArray:
     found = np.zeros(len(places), dtype=np.bool_)
     for band in bands:
         polygon = shapely.Polygon(band.corners)
@@ -190,9 +190,7 @@ def inside(bands: tuple[Band, ...], places: NDArray[np.float64]) -> NDArray[np.b
     return found
 
 
-def drawn(
-    seed: int, count: int, clearance: float
-) -> tuple[NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64]]:
+def drawn(seed: int, count: int, clearance: float) -> tuple[BoolArray, FloatArray, FloatArray]:
     """Whether random places are inside, their distances (places, points) and those in the plan, below points only."""
     rng = np.random.default_rng(seed)
     points = rng.uniform((-1, -0.5, 0.0), (1, 0.5, 1.4), (count, 3)).round(3)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.errors import MetadataError, MissionError
 from fieldkit.results.plan import Plan, Station
 from fieldkit.routing.mission import GeoPoint
@@ -57,12 +57,12 @@ def geodesic_m(a: GeoPoint, b: GeoPoint) -> float:
     return float(metres)
 
 
-def turned(points: NDArray[np.float64], row_heading: float) -> NDArray[np.float64]:
+def turned(points: FloatArray, row_heading: float) -> FloatArray:
     """Plot frame to east-north-up, by unit vectors: x points to the heading, y to 90° left of it."""
     along, left = (np.radians(row_heading), np.radians(row_heading - 90.0))
     x = np.array([np.sin(along), np.cos(along), 0.0])
     y = np.array([np.sin(left), np.cos(left), 0.0])
-    enu: NDArray[np.float64] = points @ np.stack([x, y, np.array([0.0, 0.0, 1.0])])
+    enu: FloatArray = points @ np.stack([x, y, np.array([0.0, 0.0, 1.0])])
     return enu
 
 

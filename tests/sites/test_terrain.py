@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from fieldkit.arrays import FloatArray
 from fieldkit.errors import MetadataError, MissionError
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
@@ -42,7 +42,7 @@ def site_with(home: SiteHome | None = None, **plot: Any) -> Site:
     )
 
 
-def uphill(east: NDArray[np.float64], north: NDArray[np.float64], percent: float, heading: float) -> Any:
+def uphill(east: FloatArray, north: FloatArray, percent: float, heading: float) -> Any:
     """Height of a plane by its definition: the way towards the heading, times the grade."""
     angle = math.radians(heading)
     return 0.01 * percent * (east * math.sin(angle) + north * math.cos(angle))

@@ -14,8 +14,8 @@ from collections import Counter
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.captures.camera_file import CameraEntry
 from fieldkit.captures.crs import local_from_crs, local_from_geocentric, parse_crs, to_geodetic
 from fieldkit.captures.programs.model import METRES, PosesFile, ProgramPoses
@@ -170,13 +170,13 @@ def _intrinsics(calibration: Element) -> tuple[Intrinsics, bool]:
     return Intrinsics("FULL_OPENCV", width, height, params), not any((k4, p3, p4, b2))
 
 
-def _rotation(turn: NDArray[np.float64], whose: str) -> NDArray[np.float64]:
+def _rotation(turn: FloatArray, whose: str) -> FloatArray:
     if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-4) or np.linalg.det(turn) < 0:
         raise ValueError(f"the rotation of {whose} is none")
     return turn
 
 
-def _numbers(text: str | None, many: int, what: str) -> NDArray[np.float64]:
+def _numbers(text: str | None, many: int, what: str) -> FloatArray:
     try:
         values = np.array([float(word) for word in (text or "").split()])
     except ValueError:

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.captures.camera_file import CameraEntry
 from fieldkit.captures.crs import local_from_geodetic
 from fieldkit.captures.programs.model import ProgramPoses
@@ -71,13 +71,13 @@ def _read_cameras(path: Path, names: Mapping[tuple[int, int], list[str]]) -> tup
     )
 
 
-def grid_heading(latitude_deg: Any, longitude_deg: Any, meridian_deg: float) -> NDArray[np.float64]:
+def grid_heading(latitude_deg: Any, longitude_deg: Any, meridian_deg: float) -> FloatArray:
     """Heading of a transverse Mercator grid's north, radians clockwise from true north, to a hundredth of a degree."""
     away = np.radians((np.asarray(longitude_deg) - meridian_deg + 180.0) % 360.0 - 180.0)
     return np.asarray(np.arctan(np.tan(away) * np.sin(np.radians(latitude_deg))))
 
 
-def _central_meridian(geodetic: NDArray[np.float64], eastings: NDArray[np.float64], path: Path) -> float:
+def _central_meridian(geodetic: FloatArray, eastings: FloatArray, path: Path) -> float:
     """Of the UTM zone that eastings are in, degrees."""
     latitude, longitude = (float(v) for v in np.median(geodetic[:, :2], axis=0))
     own = np.floor((longitude + 180.0) / 6.0) * 6.0 - 177.0
@@ -130,7 +130,7 @@ def _number(values: Mapping[str, Any], key: str, otherwise: float | None = None)
     return value
 
 
-def _vector(values: Mapping[str, Any], key: str) -> NDArray[np.float64]:
+def _vector(values: Mapping[str, Any], key: str) -> FloatArray:
     value = values.get(key)
     if not isinstance(value, list) or len(value) < 3:
         raise ValueError(f"{key} is not three numbers")

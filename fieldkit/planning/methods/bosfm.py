@@ -11,8 +11,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from fieldkit.arrays import FloatArray
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
-from fieldkit.planning.space.cameras import PER_CAMERA, Array, Cameras
+from fieldkit.planning.space.cameras import PER_CAMERA, Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.surrogate.ensemble import suggest
 
@@ -37,12 +38,12 @@ class Coding:
     every code looks at the plants. All entries are linear; a range of a single value has the code 0.5.
     """
 
-    low: Array
-    high: Array
+    low: FloatArray
+    high: FloatArray
     """(3,) limits of x, y and the height above ground, metres."""
     pitch_deg: tuple[float, float]
     """The gimbal's range; aims are cut to it."""
-    center: Array
+    center: FloatArray
     """(3,) the target's middle."""
     reach_m: float
     """Half of the target's diagonal."""
@@ -62,7 +63,7 @@ class Coding:
             0.5 * (lower + upper), 0.5 * float(np.linalg.norm(upper - lower)),
         )  # fmt: skip
 
-    def encode(self, cameras: Cameras) -> Array:
+    def encode(self, cameras: Cameras) -> FloatArray:
         """The code u (5n,) of n cameras; values beyond the limits are cut to them."""
         span = self.high - self.low
         share = (cameras.positions - self.low) / np.where(span > 0, span, 1.0)
@@ -71,10 +72,10 @@ class Coding:
         forward = cameras.forward
         scale = distance / np.maximum((forward * ahead).sum(axis=1), _AHEAD) / self.reach_m
         aims = [0.5 + 0.5 * scale * (forward * side).sum(axis=1) for side in (right, up)]
-        code: Array = np.clip(np.column_stack([share, *aims]), 0.0, 1.0).reshape(-1)
+        code: FloatArray = np.clip(np.column_stack([share, *aims]), 0.0, 1.0).reshape(-1)
         return code
 
-    def decode(self, code: Array) -> Cameras:
+    def decode(self, code: FloatArray) -> Cameras:
         """The cameras of a code u (5n,), whose entries are cut to [0, 1]."""
         if len(code) % PER_CAMERA:
             raise ValueError(f"a code has {len(code)} entries, which is no multiple of {PER_CAMERA}")
@@ -85,7 +86,7 @@ class Coding:
         aimed = Cameras.aimed(positions, self.center + offsets[:, :1] * right + offsets[:, 1:] * up)
         return Cameras(positions, aimed.yaw_deg, np.clip(aimed.pitch_deg, *self.pitch_deg))
 
-    def _sight(self, positions: Array) -> tuple[Array, Array, Array, Array]:
+    def _sight(self, positions: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Distance (n,) of the middle from positions (n, 3); unit vectors (n, 3) to it, to the right of it and up."""
         towards = self.center - positions
         distance = np.linalg.norm(towards, axis=1)
@@ -113,20 +114,20 @@ class EncodedSpace:
         return self._coding.of(self.problem.envelope, self.problem.views)
 
     @cached_property
-    def _codes(self) -> Array:
+    def _codes(self) -> FloatArray:
         """(m, 5) codes of the recorded views."""
         assert self.problem.views is not None
         return self.coding.encode(self.problem.views).reshape(len(self.problem.views), -1)
 
-    def encode(self, cameras: Cameras) -> Array:
+    def encode(self, cameras: Cameras) -> FloatArray:
         """The code (5N,) of a feasible set."""
         return self.coding.encode(cameras if self.problem.views is None else self.problem.nearest(cameras))
 
-    def cameras(self, x: Array) -> Cameras:
+    def cameras(self, x: FloatArray) -> Cameras:
         """The feasible set that stands for a code."""
         return self.problem.nearest(self.coding.decode(x))
 
-    def sample(self, count: int, rng: np.random.Generator) -> Array:
+    def sample(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Codes of random feasible sets; all sets of recorded views if there are at most 1,000."""
         views = self.problem.views
         if views is not None and math.comb(len(views), self.problem.count) <= _FEW:
@@ -134,14 +135,14 @@ class EncodedSpace:
         seeds = rng.integers(2**63, size=count)
         return np.array([self.encode(self.problem.sample(int(seed))) for seed in seeds])
 
-    def around(self, x: Array, count: int, rng: np.random.Generator) -> Array:
+    def around(self, x: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
         """Codes near a given one: entries moved by 2, 10 or 30 % of their range, or 1 to 3 recorded views swapped."""
         if self.problem.views is None:
             return moved(x, count, rng)
         codes = [self._swapped(x, rng) for _ in range(count)]
         return np.array(codes)
 
-    def repair(self, x: Array) -> Array:
+    def repair(self, x: FloatArray) -> FloatArray:
         """The code of the feasible set that stands for a code."""
         return self.coding.encode(self.cameras(x))
 
@@ -150,7 +151,7 @@ class EncodedSpace:
         assert self.problem.views is not None
         return list(islice(combinations(range(len(self.problem.views)), self.problem.count), count))
 
-    def _swapped(self, x: Array, rng: np.random.Generator) -> Array:
+    def _swapped(self, x: FloatArray, rng: np.random.Generator) -> FloatArray:
         table = x.reshape(self.problem.count, -1)
         chosen = [int(np.abs(self._codes - row).sum(axis=1).argmin()) for row in table]
         others = np.setdiff1d(np.arange(len(self._codes)), chosen)
@@ -158,11 +159,11 @@ class EncodedSpace:
         out = rng.choice(len(chosen), number, replace=False)
         for place, other in zip(out, rng.choice(others, number, replace=False), strict=True):
             chosen[int(place)] = int(other)
-        code: Array = self._codes[np.sort(chosen)].reshape(-1)
+        code: FloatArray = self._codes[np.sort(chosen)].reshape(-1)
         return code
 
 
-def moved(x: Array, count: int, rng: np.random.Generator) -> Array:
+def moved(x: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
     """``count`` points (n, d) of the unit cube near x (d,), for any box.
 
     About 20 entries of each are moved, or all if there are fewer (Regis and Shoemaker 2013), by normal steps of 2, 10
@@ -198,7 +199,7 @@ class Bosfm:
 
     _least_noise: ClassVar[float] = 0.0
 
-    def _worth(self, values_m: Array) -> Array:
+    def _worth(self, values_m: FloatArray) -> FloatArray:
         """What the models see of costs: y, large is good."""
         return -values_m
 

@@ -10,12 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fieldkit.arrays import FloatArray
 from fieldkit.planning.methods.optimise import Effort, near, optimise
 from fieldkit.planning.methods.subsets import MatchGraph, Uniform
 from fieldkit.planning.problem import Gain, PlanningProblem, Result, Trial, lowest
 from fieldkit.planning.score.cost_model import DOUBT, LEAST_M, NOISE, WEIGHTS, CostModel, Weights, fit_slopes
 from fieldkit.planning.score.registration import Registration
-from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import Circle, circles, families
 from fieldkit.planning.surrogate.set_process import FEATURES, NO_PLOT, TERMS, SetEmbedding, SetSurrogate, fit_sets
 
@@ -142,7 +143,7 @@ class Candidates:
     def _optimum(self, slopes: ArrayLike, origin: str, turn: Turn, about: Trial | None = None) -> Candidate:
         """The set of the largest prior mean, searched about a given set, else anywhere."""
 
-        def cost(cameras: Cameras, plots: Sequence[int]) -> Array:
+        def cost(cameras: Cameras, plots: Sequence[int]) -> FloatArray:
             return self.cost_model.costs_m(cameras, slopes, turn.registration, plots)
 
         effort, known = (_EVERYWHERE, []) if about is None else (_NEARBY, [about.cameras])
@@ -217,7 +218,7 @@ class Field:
         return self._most_improving(turn, learnt, candidates, waiting, notes)
 
     def _most_improving(
-        self, turn: Turn, learnt: SetSurrogate, candidates: Sequence[Candidate], pending: Array | None,
+        self, turn: Turn, learnt: SetSurrogate, candidates: Sequence[Candidate], pending: FloatArray | None,
         notes: dict[str, object],
     ) -> Trial | None:  # fmt: skip
         """The candidate of the largest expected improvement, times its chance of registering with blind mapping."""
@@ -304,7 +305,7 @@ class Field:
         mean = y if self.problem.exact else process.moments(x)[0]
         return SetSurrogate(trials, x, process, mean)
 
-    def inputs(self, sets: Sequence[Cameras], plots: Sequence[int] | None = None) -> Array:
+    def inputs(self, sets: Sequence[Cameras], plots: Sequence[int] | None = None) -> FloatArray:
         """(n, COLUMNS): the embedding, −ln of the geometric score's terms, and the plot's number.
 
         Terms are on ``plots`` if given, else the mean over the problem's plots.

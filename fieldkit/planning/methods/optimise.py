@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from fieldkit.arrays import FloatArray, IntArray
 from fieldkit.planning.problem import PlanningProblem
-from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import families
 
 _TOGETHER = 0.25
@@ -43,7 +43,7 @@ def near(cameras: Cameras, problem: PlanningProblem, size_m: float, rng: np.rand
 
 
 def _shifted(
-    cameras: Cameras, problem: PlanningProblem, moved: NDArray[np.int64], steps: Array, aims: Array
+    cameras: Cameras, problem: PlanningProblem, moved: IntArray, steps: FloatArray, aims: FloatArray
 ) -> Cameras:
     """Cameras ``moved`` (m,) by steps (m, 3) around, outwards and upwards, and their aim points by aims (m, 3)."""
     positions, targets = cameras.positions[moved], looked_at(cameras, problem)[moved]
@@ -64,14 +64,14 @@ def _shifted(
     return Cameras.from_vector(everything.reshape(-1))
 
 
-def looked_at(cameras: Cameras, problem: PlanningProblem) -> Array:
+def looked_at(cameras: Cameras, problem: PlanningProblem) -> FloatArray:
     """(n, 3) the points of the optical axes that are nearest to the plot's middle, at least 0.2 m away."""
     along = np.sum((problem.center - cameras.positions) * cameras.forward, axis=1)
-    points: Array = cameras.positions + np.maximum(along, 0.2)[:, None] * cameras.forward
+    points: FloatArray = cameras.positions + np.maximum(along, 0.2)[:, None] * cameras.forward
     return points
 
 
-Cost = Callable[[Cameras, Sequence[int]], Array]
+Cost = Callable[[Cameras, Sequence[int]], FloatArray]
 """(k,) the costs of a set on k of the problem's plots, by their numbers; its cost is the mean over all."""
 
 _LOOKS = (2, 4)

@@ -7,12 +7,13 @@ from functools import partial
 
 import numpy as np
 
+from fieldkit.arrays import FloatArray
 from fieldkit.planning.methods.field import Field
 from fieldkit.planning.methods.optimise import Effort, optimise
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.score.cost_model import WEIGHTS, CostModel, Weights
 from fieldkit.planning.score.registration import Registration
-from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.executor import map_parallel
 
 _STREAM = 46
@@ -54,7 +55,7 @@ def optimum(
     cost_model = CostModel(problem)
     registration = Registration.learn([], []) if problem.blind else None
 
-    def cost(cameras: Cameras, plots: Sequence[int]) -> Array:
+    def cost(cameras: Cameras, plots: Sequence[int]) -> FloatArray:
         return cost_model.costs_m(cameras, weights, registration, plots)
 
     start = int(np.random.SeedSequence([seed, _STREAM, number]).generate_state(1, np.uint64)[0])

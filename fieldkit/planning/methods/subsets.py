@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray, IntArray
 from fieldkit.errors import UsageError
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
-from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.space.cameras import Cameras
 
 TIES = (20.0, 40.0, 80.0)
 """Least matches of a view with those chosen before it: mapping keeps a pair with 20 (docs/mapping.md)."""
@@ -78,7 +78,7 @@ class MatchGraph:
         return Trial(number, self._views.select(np.sort(chosen)), origin, {"views": _listed(chosen)})
 
 
-def greedy_by_matches(matches: Array, count: int, tie: float) -> NDArray[np.int64]:
+def greedy_by_matches(matches: FloatArray, count: int, tie: float) -> IntArray:
     """(count,) views in the order in which `MatchGraph` chooses them.
 
     A view whose matches with the chosen ones sum to ``tie`` or more is a candidate.
@@ -110,5 +110,5 @@ def _recorded(problem: PlanningProblem, name: str) -> Cameras:
     return problem.views
 
 
-def _listed(chosen: NDArray[np.int64]) -> list[int]:
+def _listed(chosen: IntArray) -> list[int]:
     return [int(k) for k in np.sort(chosen)]

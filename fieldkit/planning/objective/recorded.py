@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray, IntArray
 from fieldkit.cache import StageCache
 from fieldkit.captures.model import Capture
 from fieldkit.clouds.cloud import Cloud
@@ -23,7 +23,7 @@ from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.geometry.priors import PosePrior, SourceFrame
 from fieldkit.planning.objective.objective import Fidelity, PhotoSet
-from fieldkit.planning.space.cameras import Array, Cameras, assign
+from fieldkit.planning.space.cameras import Cameras, assign
 from fieldkit.planning.space.plots import Plot
 from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.guided import region_of_interest
@@ -148,7 +148,7 @@ class RecordedSource:
         return other
 
     @property
-    def middle(self) -> Array:
+    def middle(self) -> FloatArray:
         """(3,) centre about which cameras are turned: what they look at, else the middle of the plot."""
         region = self.plot.region
         return np.array(self.plot.volume.center if region is None else region.center)
@@ -165,12 +165,12 @@ class RecordedSource:
     def close(self) -> None:
         """Nothing to free."""
 
-    def cameras(self, index: Sequence[int] | NDArray[np.int64] | None = None) -> Cameras:
+    def cameras(self, index: Sequence[int] | IntArray | None = None) -> Cameras:
         """The recorded cameras of the given indices (all by default); they project onto themselves."""
         chosen = range(len(self.views)) if index is None else index
         return Cameras.from_poses(self.views[int(k)].pose for k in chosen)
 
-    def project(self, cameras: Cameras) -> NDArray[np.int64]:
+    def project(self, cameras: Cameras) -> IntArray:
         """The distinct recorded views (n,) that stand for the cameras; see `assign`."""
         return assign(cameras, self.cameras(), self.distance_m)
 
@@ -183,7 +183,7 @@ class RecordedSource:
         features = FeatureSettings(kept=float(np.sqrt(rehearsal.kept)), draw=rehearsal.draw)
         yield PhotoSet(self._subset(chosen, seed), tuple(self.views[int(k)].name for k in chosen), features)
 
-    def _subset(self, chosen: Array | NDArray[np.int64], seed: int) -> Capture:
+    def _subset(self, chosen: FloatArray | IntArray, seed: int) -> Capture:
         # In the set's order, with noise by the view's own number: the order of the cameras does not matter.
         noisy = perturbed([view.pose for view in self.views], self.noise, seed)
         picked = {self.views[int(k)].name: _prior(self.views[int(k)], noisy[int(k)], self.noise) for k in chosen}
@@ -245,7 +245,7 @@ class RecordedKind:
         kept = LEAST_KEPT + (1.0 - LEAST_KEPT) * ((start + number * _GOLDEN) % 1.0)
         return Rehearsal(turn_deg if self._all_round(turn_deg) else 0.0, kept, number)
 
-    def plot(self, number: int, matches: NDArray[np.float64] | None) -> Plot:
+    def plot(self, number: int, matches: FloatArray | None) -> Plot:
         """The plot as planning knows it. ``matches`` (m, m) are between the recorded views on the plot as recorded."""
         rehearsal, cloud = self.rehearsal(number), self.recorded.cloud
         middle = self.recorded.middle

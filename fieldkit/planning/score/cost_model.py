@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import nnls
 
+from fieldkit.arrays import FloatArray
 from fieldkit.planning.problem import PlanningProblem, Result
 from fieldkit.planning.score.geometric import GeometricScore, Geometry
 from fieldkit.planning.score.matchability import connectivity
 from fieldkit.planning.score.registration import Registration
-from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.space.cameras import Cameras
 
 Weights = tuple[float, float, float]
 TERMS = 3
@@ -38,7 +39,7 @@ _REST_DOUBT = 1.0
 class _Scored(NamedTuple):
     """A set's terms (plots, 3) in metres, and for blind mapping its views' least connectivity over the plots."""
 
-    terms_m: Array
+    terms_m: FloatArray
     connectivity: float
 
 
@@ -54,7 +55,7 @@ class CostModel:
         self._sets: dict[Cameras, _Scored] = {}
         self._unmet: dict[int, GeometricScore] = {}
 
-    def terms(self, cameras: Cameras, plot: int | None = None) -> Array:
+    def terms(self, cameras: Cameras, plot: int | None = None) -> FloatArray:
         """(3,) −ln of the score's terms gap, noise and tie in metres, on one plot or as the mean of the problem's
         plots.
 
@@ -65,7 +66,7 @@ class CostModel:
         else:
             of_plots = self._known(cameras).terms_m
             found_m = of_plots.mean(axis=0) if plot is None else of_plots[plot]
-        found: Array = -np.log(np.maximum(found_m, LEAST_M))
+        found: FloatArray = -np.log(np.maximum(found_m, LEAST_M))
         return found
 
     def _on_unmet(self, plot: int) -> GeometricScore:
@@ -80,7 +81,7 @@ class CostModel:
 
     def costs_m(
         self, cameras: Cameras, slopes: ArrayLike, registration: Registration | None, plots: Sequence[int]
-    ) -> Array:
+    ) -> FloatArray:
         """(plots,) what searches minimise, on some of the plots: the expected value, and `ROOM_M` for the room above
         the plants that is lost; raised by the set's risk of not registering there. Not kept.
 
@@ -108,7 +109,7 @@ class CostModel:
         connected = [self._known(result.trial.cameras).connectivity for result in measured]
         return Registration.learn(connected, [result.right == self._problem.count for result in measured])
 
-    def whole(self, sets: Sequence[Cameras], registration: Registration) -> Array:
+    def whole(self, sets: Sequence[Cameras], registration: Registration) -> FloatArray:
         """(n,) probability that each set registers whole."""
         return registration.probability([self._known(cameras).connectivity for cameras in sets])
 
@@ -123,12 +124,14 @@ class CostModel:
         return _Scored(np.array([_terms_m(each) for each in found]), connected)
 
 
-def _terms_m(found: Geometry) -> Array:
+def _terms_m(found: Geometry) -> FloatArray:
     """(3,) gap, noise and tie."""
     return np.array([found.gap_m, found.noise_m, found.tie_m])
 
 
-def fit_slopes(terms: Array, y: Array, slopes: Sequence[float], *, doubt: float, noise: float) -> tuple[Array, float]:
+def fit_slopes(
+    terms: FloatArray, y: FloatArray, slopes: Sequence[float], *, doubt: float, noise: float
+) -> tuple[FloatArray, float]:
     """Weights (3,) of the geometric score's terms, and the metres that no term explains; all non-negative.
 
     Least squares of relative errors, pulled to ``slopes``, scaled to the values, and to an unexplained part of 0. The

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from fieldkit.arrays import BoolArray, Float32Array, FloatArray
 from fieldkit.clouds.canopy import with_room_m
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.score.matchability import GUIDED, Matchability, camera_sigmas_m, expected_matches, overlap
 from fieldkit.planning.score.visibility import POINTS, PerCamera, Surface, in_picture, look
-from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot
 from fieldkit.reconstruction.evidence import ERROR_PX, FINEST_M, quality_of_views, worth_of_angles
 from fieldkit.runtime.kernels import fast_kernel, kernel
@@ -54,7 +54,7 @@ class Geometry:
     """Expected error of the reconstructed points, mean over them; the cap if there are none."""
     covered: float
     """Expected share of the points that are reconstructed."""
-    matches: Array
+    matches: FloatArray
     """(n, n) of each pair: counted if the problem has them, else expected."""
     lost_room: float
     """Expected share of the room above the plants in which a higher leaf would not be reconstructed."""
@@ -65,8 +65,8 @@ class _View(NamedTuple):
     and the same to points that nothing hides: those that matches lie on, and those of the room above the plants.
     """
 
-    points: NDArray[np.float32]
-    free: NDArray[np.float32]
+    points: Float32Array
+    free: Float32Array
 
 
 class GeometricScore:
@@ -139,8 +139,8 @@ class GeometricScore:
         tie = float(np.sqrt((sigmas**2).mean()))
         return Geometry(gap + spread, tie, gap, spread, float(p.mean()), matches, hidden)
 
-    def _reconstructed(self, sights: list[NDArray[np.float32]]) -> tuple[Array, Array]:
-        found: tuple[Array, Array] = _reconstructed(
+    def _reconstructed(self, sights: list[Float32Array]) -> tuple[FloatArray, FloatArray]:
+        found: tuple[FloatArray, FloatArray] = _reconstructed(
             np.stack(sights), ERROR_PX, _TOLERANCE_PX, self._worth, _AGREEING, CAP_M
         )
         return found
@@ -153,8 +153,8 @@ class GeometricScore:
         facing = np.where(self._soil, rays[:, :, 2], 1.0)
 
         def sights(
-            rays: Array, away_m: Array, seen: NDArray[np.bool_], facing: Array, high: Array
-        ) -> NDArray[np.float32]:
+            rays: FloatArray, away_m: FloatArray, seen: BoolArray, facing: FloatArray, high: FloatArray
+        ) -> Float32Array:
             below_m = away_m * np.maximum(rays[:, 2], 0.0)
             footprint = np.maximum(away_m / camera.fx, FINEST_M)
             quality = quality_of_views(seen, facing, footprint)
@@ -171,13 +171,13 @@ class GeometricScore:
         ]  # fmt: skip
 
 
-def _pair_worth() -> Array:
+def _pair_worth() -> FloatArray:
     """The worth of a pair by the sine of half its angle, in steps from 0 to 1 and one beyond."""
     worth = worth_of_angles(np.degrees(2.0 * np.arcsin(np.linspace(0.0, 1.0, _STEPS + 1))))
     return np.append(worth, worth[-1])
 
 
-def _plot_points(problem: PlanningProblem, surface: Surface) -> Array:
+def _plot_points(problem: PlanningProblem, surface: Surface) -> FloatArray:
     """(t, 3) points of the ground up to 0.3 m beyond the plants, then points of these: what matches lie on."""
     low, high = np.array(problem.envelope.target.lower), np.array(problem.envelope.target.upper)
     places = (np.arange(_GRID) + 0.5) / _GRID
@@ -187,11 +187,11 @@ def _plot_points(problem: PlanningProblem, surface: Surface) -> Array:
     return np.vstack([ground, surface.points[::every]])
 
 
-def room_above(plants: Array) -> Array:
+def room_above(plants: FloatArray) -> FloatArray:
     """(r, 3) points above columns of 10 cm in which plants (n, 3) stand: up to there pictures show a higher leaf even
     where a flight misses its stations.
     """
-    columns: Array = (np.unique(np.floor(plants[:, :2] / _COLUMN_M), axis=0) + 0.5) * _COLUMN_M
+    columns: FloatArray = (np.unique(np.floor(plants[:, :2] / _COLUMN_M), axis=0) + 0.5) * _COLUMN_M
     return np.column_stack([columns, np.full(len(columns), with_room_m(float(plants[:, 2].max())) + _MISSED_M)])
 
 

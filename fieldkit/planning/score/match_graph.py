@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from fieldkit.arrays import FloatArray
 from fieldkit.cache import digest
 from fieldkit.planning.objective.recorded import RecordedSource
 from fieldkit.planning.score.matchability import view_angles_deg
-from fieldkit.planning.space.cameras import Array
 from fieldkit.reconstruction.cameras import cameras_of
 from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.guided import Band, IndexedFeatures, PosedFeatures, Region, match_guided
@@ -25,7 +25,7 @@ _BAND_PX = 10.0
 """In a photograph 1600 pixels wide; commanded poses are good enough for it."""
 
 
-def match_graph(source: RecordedSource, features: FeatureSettings, context: Context) -> Array:
+def match_graph(source: RecordedSource, features: FeatureSettings, context: Context) -> FloatArray:
     """(m, m) matches above chance of each pair of recorded views, symmetric, 0 on the diagonal.
 
     Matches are guided by the known poses; those found in a displaced band are chance and are subtracted. Pairs more

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg.lapack import dtrtrs
 
+from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.geometry.similarity import similarity_motion
-from fieldkit.planning.space.cameras import Array
 from fieldkit.runtime.kernels import fast_kernel
 from fieldkit.vocabulary import BY_CHANCE, FREE_RAD
 
@@ -30,9 +30,9 @@ class Matchability:
     decay_deg: float = 9.13
     """Angle at which 1/e of them is left."""
 
-    def expected(self, angle_deg: ArrayLike) -> Array:
+    def expected(self, angle_deg: ArrayLike) -> FloatArray:
         """Expected matches, of the angles' shape."""
-        found: Array = self.matches * np.exp(-np.asarray(angle_deg, dtype=np.float64) / self.decay_deg)
+        found: FloatArray = self.matches * np.exp(-np.asarray(angle_deg, dtype=np.float64) / self.decay_deg)
         return found
 
 
@@ -41,15 +41,17 @@ GUIDED = Matchability(1600.0, 25.0)
 to the pairs of 40 sets about tuning-1 and tuning-2 in wind, at draft (docs/decisions.md)."""
 
 
-def view_angles_deg(positions: Array, center: Array) -> Array:
+def view_angles_deg(positions: FloatArray, center: FloatArray) -> FloatArray:
     """(n, n) angles between the directions from a plot's middle (3,) to cameras (n, 3), degrees."""
     direction = positions - center
     direction = direction / np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-9)
-    angles: Array = np.degrees(np.arccos(np.clip(direction @ direction.T, -1.0, 1.0)))
+    angles: FloatArray = np.degrees(np.arccos(np.clip(direction @ direction.T, -1.0, 1.0)))
     return angles
 
 
-def expected_matches(positions: Array, center: Array, shared: Array, matchability: Matchability) -> Array:
+def expected_matches(
+    positions: FloatArray, center: FloatArray, shared: FloatArray, matchability: Matchability
+) -> FloatArray:
     """(n, n) expected matches of each pair of views, symmetric, 0 on the diagonal.
 
     Matches at the pair's angle about the plot, times what their pictures share, times exp(−½ (o / 0.5)²) for o octaves
@@ -60,21 +62,26 @@ def expected_matches(positions: Array, center: Array, shared: Array, matchabilit
     scale = np.exp(-0.5 * ((octave[:, None] - octave[None]) / _OCTAVES) ** 2)
     found = matchability.expected(view_angles_deg(positions, center)) * shared * scale
     np.fill_diagonal(found, 0.0)
-    symmetric: Array = found
+    symmetric: FloatArray = found
     return symmetric
 
 
-def overlap(pictured: NDArray[np.bool_]) -> Array:
+def overlap(pictured: BoolArray) -> FloatArray:
     """(n, n) points of the plot in both pictures over those in the one with more; (n, t) says which are in each."""
     inside = pictured.astype(np.float64)
     count = inside.sum(axis=1)
-    shared: Array = inside @ inside.T / np.maximum(np.maximum(count[:, None], count[None]), 1.0)
+    shared: FloatArray = inside @ inside.T / np.maximum(np.maximum(count[:, None], count[None]), 1.0)
     return shared
 
 
 def camera_sigmas_m(
-    positions: Array, points: Array, seen: Array, variance: Array, matches: Array, prior_m: float
-) -> Array:  # fmt: skip
+    positions: FloatArray,
+    points: FloatArray,
+    seen: FloatArray,
+    variance: FloatArray,
+    matches: FloatArray,
+    prior_m: float,
+) -> FloatArray:
     """(n,) standard deviation of each camera's centre against the others that prior mapping is expected to leave.
 
     It foretells `reconstruction.mapping.uncertainty`. A pair's matches lie on points that both views show, and say how
@@ -96,7 +103,7 @@ def camera_sigmas_m(
     half = np.linalg.cholesky(normal)[count:, count:]
     motion = similarity_motion(positions - positions.mean(axis=0)).swapaxes(0, 1).reshape(-1, 7)
     own = np.eye(count) - motion @ np.linalg.solve(motion.T @ motion + 1e-9 * np.eye(7), motion.T)
-    sigmas: Array = np.sqrt((dtrtrs(half, own, lower=True)[0] ** 2).sum(axis=0).reshape(3, -1).sum(axis=0))
+    sigmas: FloatArray = np.sqrt((dtrtrs(half, own, lower=True)[0] ** 2).sum(axis=0).reshape(3, -1).sum(axis=0))
     return sigmas
 
 
@@ -132,7 +139,7 @@ def _information(arms, weight):  # type: ignore[no-untyped-def]
     return found
 
 
-def connectivity(matches: Array) -> float:
+def connectivity(matches: FloatArray) -> float:
     """Algebraic connectivity of a view graph: the second smallest eigenvalue of its Laplacian, in matches.
 
     It is small if any two groups of views have few matches between them, and 0 if they have none (Fiedler, "Algebraic

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fieldkit.planning.space.cameras import Array
+from fieldkit.arrays import FloatArray
 
 THRESHOLD = 23.0
 """Connectivity at which half of the sets register whole."""
@@ -27,11 +27,11 @@ class Registration:
     every set fails, c₀ rises above what was tried.
     """
 
-    thresholds: Array
+    thresholds: FloatArray
     """(g,) ln c₀ of the grid."""
-    widths: Array
+    widths: FloatArray
     """(g,) w."""
-    weights: Array
+    weights: FloatArray
     """(g,) probabilities; they sum to 1."""
 
     @classmethod
@@ -46,14 +46,14 @@ class Registration:
         weights = np.exp(log_weights - log_weights.max())
         return cls(thresholds, widths, weights / weights.sum())
 
-    def probability(self, connectivities: ArrayLike) -> Array:
+    def probability(self, connectivities: ArrayLike) -> FloatArray:
         """Probability that sets of these connectivities register whole, of their shape; above 0."""
         places = _logarithms(connectivities)
         odds = np.exp(np.minimum((self.thresholds - places[..., None]) / self.widths, 500.0))
-        found: Array = (self.weights / (1.0 + odds)).sum(axis=-1)
+        found: FloatArray = (self.weights / (1.0 + odds)).sum(axis=-1)
         return found
 
 
-def _logarithms(connectivities: ArrayLike) -> Array:
-    found: Array = np.log(np.maximum(np.asarray(connectivities, dtype=np.float64), _LEAST))
+def _logarithms(connectivities: ArrayLike) -> FloatArray:
+    found: FloatArray = np.log(np.maximum(np.asarray(connectivities, dtype=np.float64), _LEAST))
     return found

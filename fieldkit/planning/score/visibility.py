@@ -9,12 +9,12 @@ from functools import cached_property
 from typing import Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, Float32Array, FloatArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.geometry import Intrinsics
-from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot
 from fieldkit.runtime.kernels import fast_kernel, kernel
 
@@ -34,11 +34,11 @@ T = TypeVar("T")
 class Surface:
     """The plants' surface, for a geometric score."""
 
-    points: Array
+    points: FloatArray
     """(p, 3) metres, plot frame, drawn from the reference's points, which the objective counts."""
-    normals: Array | None
+    normals: FloatArray | None
     """(p, 3) unit vectors; their sign does not matter, since leaves have two sides. None if unknown."""
-    obstacles: Array
+    obstacles: FloatArray
     """(m, 3) metres, points that hide others."""
     splat_m: float
     """Edge of the square that represents an obstacle."""
@@ -58,11 +58,11 @@ class Surface:
         return len(self.points)
 
     @cached_property
-    def _columns(self) -> NDArray[np.float32]:
+    def _columns(self) -> Float32Array:
         return np.ascontiguousarray(self.obstacles.T, dtype=np.float32)
 
     @cached_property
-    def _axes(self) -> Array:
+    def _axes(self) -> FloatArray:
         return np.zeros((0, 3)) if self.normals is None else self.normals
 
 
@@ -70,13 +70,13 @@ class Surface:
 class Sight:
     """One camera's view of a surface's p points."""
 
-    rays: Array
+    rays: FloatArray
     """(p, 3) unit vectors from the points to the camera."""
-    distance_m: Array
+    distance_m: FloatArray
     """(p,) to the camera."""
-    facing: Array
+    facing: FloatArray
     """(p,) |n·v|, 1 if it looks squarely at the surface or if normals are unknown."""
-    seen: NDArray[np.bool_]
+    seen: BoolArray
     """(p,) whether a point lies in the picture and is not hidden."""
 
 
@@ -131,7 +131,7 @@ def look(surface: Surface, cameras: Cameras, camera: Intrinsics) -> list[Sight]:
     return found
 
 
-def in_picture(points: Array, cameras: Cameras, camera: Intrinsics) -> NDArray[np.bool_]:
+def in_picture(points: FloatArray, cameras: Cameras, camera: Intrinsics) -> BoolArray:
     """(n, p) whether points (p, 3) lie in each camera's picture, hidden or not; distortion is ignored."""
     seen = np.einsum("nij,npj->nip", cameras.rotations, points - cameras.positions[:, None])
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
+from fieldkit.arrays import FloatArray, IntArray
 from fieldkit.errors import UsageError
 from fieldkit.geometry import Pose
 from fieldkit.sites.fitted import Stretch
 
-Array = NDArray[np.float64]
 PER_CAMERA = 5
 """Entries of z per camera: x, y, z in metres, yaw and pitch in degrees."""
 
@@ -23,11 +23,11 @@ PER_CAMERA = 5
 class Cameras:
     """N commanded cameras in the plot frame; the arrays are read-only."""
 
-    positions: Array
+    positions: FloatArray
     """(n, 3) projection centres, metres."""
-    yaw_deg: Array
+    yaw_deg: FloatArray
     """(n,) headings, clockwise from north; kept in [−180, 180)."""
-    pitch_deg: Array
+    pitch_deg: FloatArray
     """(n,) elevations of the optical axes; 0 at the horizon, −90 straight down."""
 
     def __post_init__(self) -> None:
@@ -101,24 +101,24 @@ class Cameras:
         return cls(p, yaw, pitch)
 
     @property
-    def forward(self) -> Array:
+    def forward(self) -> FloatArray:
         """(n, 3) unit vectors of the optical axes."""
         yaw, pitch = np.radians(self.yaw_deg), np.radians(self.pitch_deg)
-        axes: Array = np.stack([np.sin(yaw) * np.cos(pitch), np.cos(yaw) * np.cos(pitch), np.sin(pitch)], axis=1)
+        axes: FloatArray = np.stack([np.sin(yaw) * np.cos(pitch), np.cos(yaw) * np.cos(pitch), np.sin(pitch)], axis=1)
         return axes
 
     @cached_property
-    def rotations(self) -> Array:
+    def rotations(self) -> FloatArray:
         """(n, 3, 3) camera-from-world rotations; their rows are the cameras' right, down and forward axes."""
         yaw = np.radians(self.yaw_deg)
         forward = self.forward
         right = np.stack([np.cos(yaw), -np.sin(yaw), np.zeros(len(yaw))], axis=1)
-        axes: Array = np.stack([right, np.cross(forward, right), forward], axis=1)
+        axes: FloatArray = np.stack([right, np.cross(forward, right), forward], axis=1)
         return axes
 
-    def vector(self) -> Array:
+    def vector(self) -> FloatArray:
         """Z (5n,): x, y, z, yaw, pitch per camera."""
-        z: Array = np.column_stack([self.positions, self.yaw_deg, self.pitch_deg]).reshape(-1)
+        z: FloatArray = np.column_stack([self.positions, self.yaw_deg, self.pitch_deg]).reshape(-1)
         return z
 
     def poses(self) -> list[Pose]:
@@ -128,13 +128,13 @@ class Cameras:
             for center, yaw, pitch in zip(self.positions, self.yaw_deg, self.pitch_deg, strict=True)
         ]
 
-    def select(self, index: Sequence[int] | NDArray[np.int64]) -> Cameras:
+    def select(self, index: Sequence[int] | IntArray) -> Cameras:
         """The cameras of the given indices, in that order."""
         chosen = np.asarray(index, dtype=np.int64)
         return Cameras(self.positions[chosen], self.yaw_deg[chosen], self.pitch_deg[chosen])
 
 
-def assign(cameras: Cameras, views: Cameras, distance_m: float) -> NDArray[np.int64]:
+def assign(cameras: Cameras, views: Cameras, distance_m: float) -> IntArray:
     """The recorded view (n,) that stands for each camera; no view stands for two.
 
     The choice minimises the sum of ‖Δposition‖ + ``distance_m`` · Δangle (of the optical axes, radians) by linear
@@ -147,5 +147,5 @@ def assign(cameras: Cameras, views: Cameras, distance_m: float) -> NDArray[np.in
         )
     angle = np.arccos(np.clip(cameras.forward @ views.forward.T, -1.0, 1.0))
     cost = np.linalg.norm(cameras.positions[:, None] - views.positions[None], axis=2) + distance_m * angle
-    chosen: NDArray[np.int64] = linear_sum_assignment(cost)[1].astype(np.int64)
+    chosen: IntArray = linear_sum_assignment(cost)[1].astype(np.int64)
     return chosen

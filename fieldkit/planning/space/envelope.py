@@ -8,15 +8,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics
-from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.plan import PlanEnvelope, PlanPlants
 from fieldkit.routing.prisms import Prisms
 from fieldkit.sites.plot_plants import no_fly_bands
@@ -44,7 +44,7 @@ class Envelope:
     """Least and greatest height above the ground, which is z = 0."""
     target: Volume
     """Volume that sampled cameras look at."""
-    plants: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    plants: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     """(m, 3) points of the plants; no camera may be within ``clearance_m`` of one."""
     clearance_m: float = 0.5
     """Least distance between a camera and a plant."""
@@ -103,7 +103,7 @@ class Envelope:
         bands = no_fly_bands(self.plan_plants(self.plants), self.vehicle_clearance_m)
         return Prisms.of([(shapely.Polygon(b.corners).buffer(_OFF_BANDS_M), b.top_m + _OFF_BANDS_M) for b in bands])
 
-    def plan_plants(self, points: NDArray[np.float64]) -> PlanPlants:
+    def plan_plants(self, points: FloatArray) -> PlanPlants:
         """The points (m, 3) within the flight box and half a metre about it, as in plan.json, rounded to millimetres.
 
         They are thinned to one per 5 cm.
@@ -122,10 +122,10 @@ class Envelope:
             station_distance_m=self.separation_m, pitch_deg=self.pitch_deg,
         )  # fmt: skip
 
-    def position_violation(self, positions: Array) -> Array:
+    def position_violation(self, positions: FloatArray) -> FloatArray:
         """(n,) signed violation of bounds, height band and clearance by single positions (n, 3), metres."""
         parts = [self._bounds(positions), self._height(positions), self._plants(positions)]
-        worst: Array = np.max(parts, axis=0)
+        worst: FloatArray = np.max(parts, axis=0)
         return worst
 
     def contains(self, cameras: Cameras) -> bool:
@@ -162,7 +162,7 @@ class Envelope:
         aimed = Cameras.aimed(positions, targets)
         return Cameras(positions, aimed.yaw_deg, np.clip(aimed.pitch_deg, *self.pitch_deg))
 
-    def _draw(self, rng: np.random.Generator, others: Array, radius_m: tuple[float, float]) -> Array | None:
+    def _draw(self, rng: np.random.Generator, others: FloatArray, radius_m: tuple[float, float]) -> FloatArray | None:
         low = (self.x_m[0], self.y_m[0], self.height_m[0])
         high = (self.x_m[1], self.y_m[1], self.height_m[1])
         for _ in range(_BATCHES):
@@ -174,22 +174,22 @@ class Envelope:
                 return np.asarray(drawn[int(np.argmax(free))])[None]
         return None
 
-    def _bounds(self, positions: Array) -> Array:
+    def _bounds(self, positions: FloatArray) -> FloatArray:
         x, y = positions[:, 0], positions[:, 1]
         sides = [self.x_m[0] - x, x - self.x_m[1], self.y_m[0] - y, y - self.y_m[1]]
-        worst: Array = np.max(sides, axis=0)
+        worst: FloatArray = np.max(sides, axis=0)
         return worst
 
-    def _height(self, positions: Array) -> Array:
+    def _height(self, positions: FloatArray) -> FloatArray:
         height = positions[:, 2]
-        worst: Array = np.maximum(self.height_m[0] - height, height - self.height_m[1])
+        worst: FloatArray = np.maximum(self.height_m[0] - height, height - self.height_m[1])
         return worst
 
-    def _plants(self, positions: Array) -> Array:
+    def _plants(self, positions: FloatArray) -> FloatArray:
         if self._index is None:
             return np.full(len(positions), -np.inf)
         distances, _ = self._index.nearest(positions)
-        lacking: Array = self.clearance_m - distances
+        lacking: FloatArray = self.clearance_m - distances
         if self._bands is not None:
             lacking = np.maximum(
                 lacking, self._bands.tops_below(positions, positions, positions[:, 2]) - positions[:, 2]
@@ -197,11 +197,11 @@ class Envelope:
         return lacking
 
 
-def distance_to(positions: Array, others: Array) -> Array:
+def distance_to(positions: FloatArray, others: FloatArray) -> FloatArray:
     """(n,) distance of positions (n, 3) to the nearest of others (m, 3); infinite without any."""
     if not len(others):
         return np.full(len(positions), np.inf)
-    nearest: Array = np.linalg.norm(positions[:, None] - others[None], axis=2).min(axis=1)
+    nearest: FloatArray = np.linalg.norm(positions[:, None] - others[None], axis=2).min(axis=1)
     return nearest
 
 
@@ -213,12 +213,12 @@ def no_room(count: int) -> UsageError:
     )
 
 
-def _nearest_other(positions: Array) -> Array:
+def _nearest_other(positions: FloatArray) -> FloatArray:
     if len(positions) < 2:
         return np.full(len(positions), np.inf)
     distances = np.linalg.norm(positions[:, None] - positions[None], axis=2)
     np.fill_diagonal(distances, np.inf)
-    nearest: Array = np.asarray(distances.min(axis=1))
+    nearest: FloatArray = np.asarray(distances.min(axis=1))
     return nearest
 
 

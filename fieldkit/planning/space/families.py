@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fieldkit.arrays import FloatArray
 from fieldkit.planning.problem import PlanningProblem
-from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import NARROWEST, reach_m
 
 SPAN_DEG = (60.0, 360.0)
@@ -178,7 +179,9 @@ def family(problem: PlanningProblem, name: str) -> Family:
     return {found.name: found for found in families(problem)}[name]
 
 
-def placed(problem: PlanningProblem, azimuth_deg: Array, radius_m: Array, altitude_m: Array, aim_m: float) -> Cameras:
+def placed(
+    problem: PlanningProblem, azimuth_deg: FloatArray, radius_m: FloatArray, altitude_m: FloatArray, aim_m: float
+) -> Cameras:
     """Cameras about a plot's middle that look at one point above it; they may be infeasible.
 
     Args:
@@ -193,7 +196,7 @@ def placed(problem: PlanningProblem, azimuth_deg: Array, radius_m: Array, altitu
     return Cameras.aimed(positions, np.array([x, y, aim_m]))
 
 
-def _spread(limits: tuple[float, float], count: int, inner: bool) -> Array:
+def _spread(limits: tuple[float, float], count: int, inner: bool) -> FloatArray:
     low, high = limits
     if inner:
         return low + (high - low) * (np.arange(count) + 0.5) / count

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fieldkit.arrays import FloatArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import SceneError
-from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.space.cameras import Cameras
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.recorded import recorded_plants
 from fieldkit.scenes.sampling import neighbour_points, sample_visible
@@ -28,9 +29,9 @@ class Plot:
 
     reference: Cloud
     """PC_env, visible points of the plants' surfaces, with normals if known, plot frame."""
-    obstacles: Array
+    obstacles: FloatArray
     """(m, 3) further points that hide others and that cameras keep clear of, such as other rows; plot frame."""
-    matches: Array | None = None
+    matches: FloatArray | None = None
     """(m, m) counted between each pair of recorded views; None if unknown."""
     stretch: Stretch | None = None
     """How a plan's cameras are moved to fit this plot; None if they are not."""
@@ -67,9 +68,9 @@ class Plot:
         return cameras if self.stretch is None else cameras.stretched(self.stretch)
 
     @property
-    def points(self) -> Array:
+    def points(self) -> FloatArray:
         """(m, 3) all points that cameras keep clear of."""
-        both: Array = np.concatenate([self.reference.points, self.obstacles.reshape(-1, 3)])
+        both: FloatArray = np.concatenate([self.reference.points, self.obstacles.reshape(-1, 3)])
         return both
 
 

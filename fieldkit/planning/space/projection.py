@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.arrays import BoolArray, FloatArray
+from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope, distance_to, no_room
 
 _DIRECTIONS = 192
@@ -39,8 +39,8 @@ def project(cameras: Cameras, envelope: Envelope) -> Cameras:
     return Cameras(positions, cameras.yaw_deg, pitch)
 
 
-def _nearest_free(wanted: Array, others: Array, envelope: Envelope, number: int) -> Array:
-    start: Array = _clipped(wanted[None], envelope)[0]
+def _nearest_free(wanted: FloatArray, others: FloatArray, envelope: Envelope, number: int) -> FloatArray:
+    start: FloatArray = _clipped(wanted[None], envelope)[0]
     if _free(start[None], others, envelope)[0]:
         return start
     reach = float(np.linalg.norm([np.ptp(envelope.x_m), np.ptp(envelope.y_m), np.ptp(envelope.height_m)])) + 0.1
@@ -54,7 +54,7 @@ def _nearest_free(wanted: Array, others: Array, envelope: Envelope, number: int)
     raise no_room(number)
 
 
-def _back(blocked: Array, free: Array, others: Array, envelope: Envelope) -> Array:
+def _back(blocked: FloatArray, free: FloatArray, others: FloatArray, envelope: Envelope) -> FloatArray:
     """The last free point on the way from a free point to a blocked one."""
     low, high = 0.0, 1.0  # of the way, from the blocked end
     best = free
@@ -68,28 +68,28 @@ def _back(blocked: Array, free: Array, others: Array, envelope: Envelope) -> Arr
     return best
 
 
-def _free(positions: Array, others: Array, envelope: Envelope) -> NDArray[np.bool_]:
+def _free(positions: FloatArray, others: FloatArray, envelope: Envelope) -> BoolArray:
     return (envelope.position_violation(positions) <= 0.0) & (distance_to(positions, others) >= envelope.separation_m)
 
 
-def _clipped(positions: Array, envelope: Envelope) -> Array:
+def _clipped(positions: FloatArray, envelope: Envelope) -> FloatArray:
     """Positions (n, 3) cut to the bounds and the height band."""
     limits = np.array([envelope.x_m, envelope.y_m, envelope.height_m])
-    clipped: Array = np.clip(positions, limits[:, 0], limits[:, 1])
+    clipped: FloatArray = np.clip(positions, limits[:, 0], limits[:, 1])
     return clipped
 
 
-def _lattice(envelope: Envelope) -> Array:
+def _lattice(envelope: Envelope) -> FloatArray:
     axes = [np.linspace(*limits, _LATTICE) for limits in (envelope.x_m, envelope.y_m, envelope.height_m)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     return _clipped(points, envelope)
 
 
-def _sphere(count: int) -> Array:
+def _sphere(count: int) -> FloatArray:
     """(count, 3) unit vectors, evenly spread (a Fibonacci lattice)."""
     i = np.arange(count) + 0.5
     height = 1.0 - 2.0 * i / count
     turn = i * np.pi * (3.0 - np.sqrt(5.0))
     radius = np.sqrt(1.0 - height * height)
-    points: Array = np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)
+    points: FloatArray = np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)
     return points

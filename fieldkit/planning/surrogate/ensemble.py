@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike
 from scipy.special import softmax
 from torch import Tensor
 
-from fieldkit.planning.space.cameras import Array
+from fieldkit.arrays import FloatArray
 from fieldkit.runtime.threads import one_torch_thread
 
 _LEAST_NOISE, _USUAL_NOISE, _LEAST_LENGTHSCALE = 1e-4, math.exp(-4.0), 2.5e-2
@@ -183,7 +183,7 @@ class Ensemble:
 
     models: Mapping[str, SingleTaskGP]
     """By the kernel's name; posteriors in y's units."""
-    weights: Array
+    weights: FloatArray
     """(M,) w_t; they sum to 1."""
     remarks: tuple[str, ...]
     """Numerical problems of the fits."""
@@ -197,13 +197,13 @@ class Ensemble:
         return list(self.models)[int(rng.choice(len(self.models), p=self.weights))]
 
 
-def posterior_weights(log_likelihoods: ArrayLike) -> Array:
+def posterior_weights(log_likelihoods: ArrayLike) -> FloatArray:
     """w_t (M,) from ln p(D_t | m) with prior weights 1/M (eq. `weight_update`), normalised in log space."""
-    weights: Array = softmax(np.asarray(log_likelihoods, dtype=np.float64))
+    weights: FloatArray = softmax(np.asarray(log_likelihoods, dtype=np.float64))
     return weights
 
 
-def fit_ensemble(x: Array, y: Array, seed: int, *, least_noise: float = 0.0) -> Ensemble:
+def fit_ensemble(x: FloatArray, y: FloatArray, seed: int, *, least_noise: float = 0.0) -> Ensemble:
     """Fit one process per kernel, each from two starts, and weigh them by their exact marginal likelihoods.
 
     The paper's processes have zero mean; here y is standardised by its own mean and deviation. The likelihoods are
@@ -236,15 +236,15 @@ def fit_ensemble(x: Array, y: Array, seed: int, *, least_noise: float = 0.0) -> 
 class SearchSpace(Protocol):
     """A feasible set within the unit cube."""
 
-    def sample(self, count: int, rng: np.random.Generator) -> Array:
+    def sample(self, count: int, rng: np.random.Generator) -> FloatArray:
         """``count`` random feasible points (n, d); all of them if there are not many more."""
         ...
 
-    def around(self, x: Array, count: int, rng: np.random.Generator) -> Array:
+    def around(self, x: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
         """``count`` random points (n, d) of the unit cube near the point x (d,); they need not be feasible."""
         ...
 
-    def repair(self, x: Array) -> Array:
+    def repair(self, x: FloatArray) -> FloatArray:
         """The feasible point (d,) near a point (d,) of the unit cube; a feasible point is returned unchanged."""
         ...
 
@@ -253,7 +253,7 @@ class SearchSpace(Protocol):
 class Suggestion:
     """The point to evaluate next, and its origin."""
 
-    x: Array | None
+    x: FloatArray | None
     """(d,) feasible; None if every feasible point found is known already."""
     model: str
     """Name of m_t."""
@@ -265,13 +265,13 @@ class Suggestion:
 
 @one_torch_thread()
 def suggest(
-    x: Array,
-    y: Array,
+    x: FloatArray,
+    y: FloatArray,
     space: SearchSpace,
     rng: np.random.Generator,
     *,
-    pending: Array | None = None,
-    avoid: Array | None = None,
+    pending: FloatArray | None = None,
+    avoid: FloatArray | None = None,
     least_noise: float = 0.0,
 ) -> Suggestion:
     """Fit, weigh, draw a model, maximise its expected improvement over max(y).
@@ -305,8 +305,13 @@ def suggest(
 
 
 def _maximise(
-    acquisition: LogExpectedImprovement, x: Array, y: Array, space: SearchSpace, rng: np.random.Generator, known: Array
-) -> tuple[Array | None, tuple[str, ...]]:
+    acquisition: LogExpectedImprovement,
+    x: FloatArray,
+    y: FloatArray,
+    space: SearchSpace,
+    rng: np.random.Generator,
+    known: FloatArray,
+) -> tuple[FloatArray | None, tuple[str, ...]]:
     """The unknown feasible point (d,) of the largest expected improvement found, and remarks.
 
     Random feasible points and points near the best data are compared. L-BFGS climbs from the best of both kinds within
@@ -319,7 +324,7 @@ def _maximise(
     first = [i for i in order if i < len(sampled)][:_CLIMBS]
     second = [i for i in order if i >= len(sampled)][:_CLIMBS]
     climbed, remarks = _climb(acquisition, raw[[*first, *second]])
-    candidates: list[Array] = []
+    candidates: list[FloatArray] = []
     for i in order:
         if len(candidates) < _KEPT and not _known(repaired := space.repair(raw[i]), known):
             candidates.append(repaired)
@@ -329,19 +334,19 @@ def _maximise(
     return candidates[int(np.argmax(_values(acquisition, np.array(candidates))))], remarks
 
 
-def _known(x: Array, data: Array) -> bool:
+def _known(x: FloatArray, data: FloatArray) -> bool:
     return bool((np.abs(data - x).max(axis=1) <= _SAME).any())
 
 
-def _values(acquisition: LogExpectedImprovement, x: Array) -> Array:
+def _values(acquisition: LogExpectedImprovement, x: FloatArray) -> FloatArray:
     with torch.no_grad(), warnings.catch_warnings():
         # At a known point the variance is 0 up to rounding; GPyTorch raises it to 1e-10 where the sum is negative.
         warnings.filterwarnings("ignore", "Negative variance values", NumericalWarning)
-        values: Array = acquisition(torch.from_numpy(x)[:, None]).numpy()
+        values: FloatArray = acquisition(torch.from_numpy(x)[:, None]).numpy()
     return values
 
 
-def _climb(acquisition: LogExpectedImprovement, starts: Array) -> tuple[Array, tuple[str, ...]]:
+def _climb(acquisition: LogExpectedImprovement, starts: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
     """The points that L-BFGS reaches from each start (n, d) within the unit cube, and remarks."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -355,5 +360,5 @@ def _climb(acquisition: LogExpectedImprovement, starts: Array) -> tuple[Array, t
             return_best_only=False,
             retry_on_optimization_warning=False,
         )
-    points: Array = reached.detach().reshape(len(starts), -1).numpy()
+    points: FloatArray = reached.detach().reshape(len(starts), -1).numpy()
     return np.clip(points[np.isfinite(points).all(axis=1)], 0.0, 1.0), words(caught)

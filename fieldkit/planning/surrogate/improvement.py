@@ -14,7 +14,7 @@ from gpytorch.distributions import MultivariateNormal  # type: ignore[import-unt
 from linear_operator.operators import DenseLinearOperator  # type: ignore[import-untyped]
 from torch import Tensor
 
-from fieldkit.planning.space.cameras import Array
+from fieldkit.arrays import FloatArray
 from fieldkit.planning.surrogate.set_process import SetProcess
 from fieldkit.runtime.threads import one_torch_thread
 
@@ -42,7 +42,9 @@ class _Model(GPyTorchModel):
 
 
 @one_torch_thread()
-def log_improvements(process: SetProcess, tried: Array, inputs: Array, pending: Array | None, seed: int) -> Array:
+def log_improvements(
+    process: SetProcess, tried: FloatArray, inputs: FloatArray, pending: FloatArray | None, seed: int
+) -> FloatArray:
     """(n,) logarithms of the expected improvement of candidates (n, d) over all that was tried or is pending.
 
     qLogNoisyExpectedImprovement of BoTorch (Ament et al. 2023): tried and pending sets count by their joint posterior,
@@ -60,5 +62,5 @@ def log_improvements(process: SetProcess, tried: Array, inputs: Array, pending: 
             _Model(process), torch.from_numpy(tried), X_pending=waiting, prune_baseline=True,
             sampler=SobolQMCNormalSampler(torch.Size([_SAMPLES]), seed=seed),
         )  # fmt: skip
-        values: Array = improvement(torch.from_numpy(inputs)[:, None]).numpy()
+        values: FloatArray = improvement(torch.from_numpy(inputs)[:, None]).numpy()
     return values

@@ -12,9 +12,10 @@ import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.optimize import minimize
 
+from fieldkit.arrays import FloatArray
 from fieldkit.planning.problem import Gain, PlanningProblem, Trial
 from fieldkit.planning.score.cost_model import LEAST_M
-from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.space.cameras import Cameras
 
 FEATURES = 160
 TERMS = slice(FEATURES, FEATURES + 3)
@@ -36,11 +37,11 @@ class SetProcess:
     Its kernel is a Matérn 5/2 of the embedding's distance, plus an effect that all sets on one plot have in common.
     """
 
-    x: Array
+    x: FloatArray
     """(t, COLUMNS) embedded sets, −ln of the score's terms, which only the mean sees, and the plots' numbers."""
-    y: Array
+    y: FloatArray
     """(t,)."""
-    slopes: Array
+    slopes: FloatArray
     """(3,) weights of the score's terms in the prior mean."""
     rest_m: float
     """Metres that no term explains."""
@@ -58,11 +59,11 @@ class SetProcess:
         """Standard deviation of an evaluation."""
         return float(np.sqrt(self.noise_variance))
 
-    def prior_mean(self, x: Array) -> Array:
+    def prior_mean(self, x: FloatArray) -> FloatArray:
         """The prior mean (…, n) at inputs (…, n, COLUMNS): −ln of the score's weighted terms plus the rest."""
         return _prior_mean(x, self.slopes, self.rest_m)
 
-    def posterior(self, x: Array) -> tuple[Array, Array]:
+    def posterior(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Joint mean (…, n) and covariance (…, n, n), without an evaluation's noise, at inputs (…, n, COLUMNS)."""
         across = self._covariance(x, self.x)
         mean = self.prior_mean(x) + across @ self._weights
@@ -70,31 +71,33 @@ class SetProcess:
         explained = solve_triangular(self._root, flat, lower=True).T.reshape(across.shape)
         return mean, self._covariance(x, x) - explained @ np.swapaxes(explained, -1, -2)
 
-    def moments(self, x: Array, *, noise: bool = False) -> tuple[Array, Array]:
+    def moments(self, x: FloatArray, *, noise: bool = False) -> tuple[FloatArray, FloatArray]:
         """Mean (n,) and standard deviation (n,) of each set, with ``noise`` of an evaluation of it, at (n, COLUMNS)."""
         mean, covariance = self.posterior(x[:, None])
         variance = covariance[:, 0, 0] + (self.noise_variance if noise else 0.0)
         return mean[:, 0], np.sqrt(np.maximum(variance, 0.0))
 
-    def _covariance(self, a: Array, b: Array) -> Array:
+    def _covariance(self, a: FloatArray, b: FloatArray) -> FloatArray:
         """(…, n, m) prior covariances of inputs (…, n, COLUMNS) and (…, m, COLUMNS)."""
         kernel, _ = _matern(_distances(a, b), self.lengthscale)
-        covariance: Array = self.variance * kernel + self.plot_variance * _same_plot(a, b)
+        covariance: FloatArray = self.variance * kernel + self.plot_variance * _same_plot(a, b)
         return covariance
 
     @cached_property
-    def _root(self) -> Array:
+    def _root(self) -> FloatArray:
         """(t, t) Cholesky factor of the observations' covariance."""
-        root: Array = cholesky(self._covariance(self.x, self.x) + self.noise_variance * np.eye(len(self.x)), lower=True)
+        root: FloatArray = cholesky(
+            self._covariance(self.x, self.x) + self.noise_variance * np.eye(len(self.x)), lower=True
+        )
         return root
 
     @cached_property
-    def _weights(self) -> Array:
-        weights: Array = cho_solve((self._root, True), self.y - self.prior_mean(self.x))
+    def _weights(self) -> FloatArray:
+        weights: FloatArray = cho_solve((self._root, True), self.y - self.prior_mean(self.x))
         return weights
 
 
-def fit_sets(x: Array, y: Array, slopes: Array, rest_m: float, noise: float) -> SetProcess:
+def fit_sets(x: FloatArray, y: FloatArray, slopes: FloatArray, rest_m: float, noise: float) -> SetProcess:
     """The process whose length scale and variances are the most probable, given values and log-normal priors.
 
     Args:
@@ -112,7 +115,7 @@ def fit_sets(x: Array, y: Array, slopes: Array, rest_m: float, noise: float) -> 
     distances, same, identity = _distances(x, x), _same_plot(x, x), np.eye(len(y))
     missed = y - _prior_mean(x, slopes, rest_m)
 
-    def cost(logarithms: Array) -> tuple[float, Array]:
+    def cost(logarithms: FloatArray) -> tuple[float, FloatArray]:
         """−ln(posterior density) per value, and its gradient by the logarithms of the distances to the bounds."""
         above = np.exp(logarithms)
         values = least[used] + above
@@ -134,27 +137,27 @@ def fit_sets(x: Array, y: Array, slopes: Array, rest_m: float, noise: float) -> 
     return SetProcess(x, y, slopes, rest_m, lengthscale, variance, effect[0] if several else 0.0, noise_variance)
 
 
-def _prior_mean(x: Array, slopes: Array, rest_m: float) -> Array:
-    mean: Array = -np.log(np.maximum(np.exp(-x[..., TERMS]) @ slopes + rest_m, LEAST_M))
+def _prior_mean(x: FloatArray, slopes: FloatArray, rest_m: float) -> FloatArray:
+    mean: FloatArray = -np.log(np.maximum(np.exp(-x[..., TERMS]) @ slopes + rest_m, LEAST_M))
     return mean
 
 
-def _distances(a: Array, b: Array) -> Array:
+def _distances(a: FloatArray, b: FloatArray) -> FloatArray:
     """(…, n, m) distances of embedded sets."""
     a, b = a[..., :FEATURES], b[..., :FEATURES]
     squared = (a**2).sum(-1)[..., None] + (b**2).sum(-1)[..., None, :] - 2.0 * a @ np.swapaxes(b, -1, -2)
-    distances: Array = np.sqrt(np.maximum(squared, 0.0))
+    distances: FloatArray = np.sqrt(np.maximum(squared, 0.0))
     return distances
 
 
-def _same_plot(a: Array, b: Array) -> Array:
+def _same_plot(a: FloatArray, b: FloatArray) -> FloatArray:
     """(…, n, m) 1 for two inputs on the same plot, else 0; 0 for the mean of plots (`NO_PLOT`)."""
     plots = a[..., _PLOT, None]
-    same: Array = ((plots == b[..., None, :, _PLOT]) & (plots >= 0.0)).astype(float)
+    same: FloatArray = ((plots == b[..., None, :, _PLOT]) & (plots >= 0.0)).astype(float)
     return same
 
 
-def _matern(distances: Array, lengthscale: float) -> tuple[Array, Array]:
+def _matern(distances: FloatArray, lengthscale: float) -> tuple[FloatArray, FloatArray]:
     """Matérn's kernel of smoothness 5/2 at distances, and its derivative by the length scale."""
     scaled = np.sqrt(5.0) * distances / lengthscale
     decay = np.exp(-scaled)
@@ -186,11 +189,11 @@ class SetEmbedding:
         self._frequencies = rng.standard_normal((6, FEATURES))
         self._phases = rng.uniform(0.0, 2.0 * np.pi, FEATURES)
 
-    def __call__(self, sets: Sequence[Cameras]) -> Array:
+    def __call__(self, sets: Sequence[Cameras]) -> FloatArray:
         """The embedding μ (n, FEATURES) of sets of N cameras each."""
         rows = [np.column_stack([s.positions - self._center, self.distance_m * s.forward]) / self._scale for s in sets]
         waves = np.cos(np.array(rows) @ self._frequencies + self._phases)
-        embedded: Array = np.sqrt(2.0 / FEATURES) * waves.mean(axis=1)
+        embedded: FloatArray = np.sqrt(2.0 / FEATURES) * waves.mean(axis=1)
         return embedded
 
 
@@ -202,16 +205,16 @@ class SetSurrogate(NamedTuple):
     """
 
     trials: list[Trial]
-    x: Array
+    x: FloatArray
     process: SetProcess
-    mean: Array
+    mean: FloatArray
 
     @property
     def order(self) -> list[int]:
         """Places of the trials, the best first."""
         return [int(k) for k in np.argsort(-self.mean, kind="stable")]
 
-    def gain(self, inputs: Array, least_noise: float) -> Gain:
+    def gain(self, inputs: FloatArray, least_noise: float) -> Gain:
         """The possible gain of candidates (n, d) over the best trial.
 
         The bound on simple regret of Makarova et al. (2022), "Automatic termination for hyperparameter optimization":

@@ -7,8 +7,8 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, Float32Array
 from fieldkit.cache import StageCache, digest
 from fieldkit.clouds.volume import Volume
 from fieldkit.reconstruction.dense.matching import UNMATCHED, Problem, Sweep, pack_view
@@ -233,7 +233,7 @@ def reduced(view: View, level: int) -> View:
 
 
 def _carry_over(
-    planes: NDArray[np.float32], fresh: NDArray[np.bool_], active: Active, coarse: Active, result: Planes, factor: float
+    planes: Float32Array, fresh: BoolArray, active: Active, coarse: Active, result: Planes, factor: float
 ) -> None:
     """Planes of the coarser level as a start, where it has one at the pixel; written into ``planes``, ``fresh``."""
     position = (active.pixels + 0.5) / factor - 0.5

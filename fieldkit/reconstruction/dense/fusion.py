@@ -16,6 +16,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, Float32Array, FloatArray, IntArray
 from fieldkit.clouds.cloud import Cloud, concatenate
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume, crop
@@ -111,7 +112,7 @@ def depth_scatter_px(
 
 def _stacked(
     views: Sequence[View], depth_maps: Sequence[DepthMap], room: Room
-) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.int64]]:
+) -> tuple[Float32Array, FloatArray, IntArray]:
     """Depths (views, rows, columns) that count, 0 elsewhere; the cameras (views, 16); the views' rows and columns."""
     size = (max(v.intrinsics.height for v in views), max(v.intrinsics.width for v in views)) if views else (1, 1)
     depths = room.zeros((len(views), *size), np.float32)
@@ -172,7 +173,7 @@ def ground_sampling_distance(views: Sequence[View], volume: Volume) -> float:
     return float(np.median([plant_depth_m(v.intrinsics, v.pose, volume) / v.intrinsics.fx for v in views]))
 
 
-def _camera(view: View) -> NDArray[np.float64]:
+def _camera(view: View) -> FloatArray:
     """(16,): rotation (9), centre (3), f_x, f_y and the principal point in index coordinates."""
     camera = view.intrinsics
     lens = [camera.fx, camera.fy, camera.cx - 0.5, camera.cy - 0.5]
@@ -335,8 +336,8 @@ def _sees_through(depths, background, bounds, row, column, limit, reach):
 
 
 def _appearance(
-    colors: Sequence[NDArray[np.uint8]], depth_maps: Sequence[DepthMap], origin: NDArray[np.int32]
-) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    colors: Sequence[ByteArray], depth_maps: Sequence[DepthMap], origin: NDArray[np.int32]
+) -> tuple[ByteArray, Float32Array]:
     """Mean colour (n, 3) and mean normal (n, 3) of the pixels each point came from."""
     count = np.zeros(len(origin), dtype=np.int64)
     color = np.zeros((len(origin), 3), dtype=np.int64)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, ByteArray, Float32Array
 from fieldkit.errors import UsageError
 
 EXG_THRESHOLD = 0.10
@@ -17,7 +18,7 @@ _THIN_PX = 5
 _FARTHER_IN_PX = 3.0
 
 
-def excess_green(image: NDArray[np.uint8]) -> NDArray[np.float32]:
+def excess_green(image: ByteArray) -> Float32Array:
     """Excess green index 2g − r − b of the chromatic coordinates r + g + b = 1 (Woebbecke et al. 1995).
 
     Args:
@@ -32,7 +33,7 @@ def excess_green(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     return np.where(total >= DARKEST, index, np.float32(0.0))
 
 
-def excess_red(image: NDArray[np.uint8]) -> NDArray[np.float32]:
+def excess_red(image: ByteArray) -> Float32Array:
     """Excess red index 1.4 r − g of the chromatic coordinates (Meyer and Neto 2008).
 
     Args:
@@ -46,9 +47,7 @@ def excess_red(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     return np.asarray(index, dtype=np.float32)
 
 
-def plant_mask(
-    image: NDArray[np.uint8], kind: str = "exg", file_mask: NDArray[Any] | None = None
-) -> NDArray[np.bool_] | None:
+def plant_mask(image: ByteArray, kind: str = "exg", file_mask: NDArray[Any] | None = None) -> BoolArray | None:
     """The plant mask of a view.
 
     Args:
@@ -86,7 +85,7 @@ def plant_mask(
     return np.asarray(grown & bright, dtype=np.bool_)
 
 
-def inner_colors(image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def inner_colors(image: ByteArray, mask: BoolArray) -> ByteArray:
     """A photograph whose background does not show in the colours of plants' edges.
 
     Args:
@@ -113,6 +112,6 @@ def inner_colors(image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[n
     return result
 
 
-def _channels(image: NDArray[np.uint8]) -> tuple[NDArray[np.float32], ...]:
+def _channels(image: ByteArray) -> tuple[Float32Array, ...]:
     """Red, green and blue (H, W), each by itself: sums over the last axis of an image are several times slower."""
     return tuple(image[..., k].astype(np.float32) for k in range(3))

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, Float32Array
 from fieldkit.reconstruction.dense.patchmatch import (
     OFFSET_U,
     OFFSET_V,
@@ -104,7 +105,7 @@ class Problem:
         )
         return cls(view, active, stereo, _pixel_inverse_depth(view, sources))
 
-    def empty(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    def empty(self) -> tuple[Float32Array, BoolArray]:
         """Planes (n, 3) without content and the mask (n,) that says so."""
         count = len(self.active.pixels)
         planes = np.zeros((count, 3), dtype=np.float32)
@@ -113,8 +114,8 @@ class Problem:
 
     def solve(
         self,
-        planes: NDArray[np.float32],
-        fresh: NDArray[np.bool_],
+        planes: Float32Array,
+        fresh: BoolArray,
         key: np.uint64,
         starts: int,
         sweeps: Sequence[Sweep],
@@ -175,13 +176,13 @@ def _pixel_inverse_depth(view: View, sources: list[View]) -> float:
     return 1.0 / max(float(np.median(moved)), 1e-9)
 
 
-def _lens(view: View) -> NDArray[np.float32]:
+def _lens(view: View) -> Float32Array:
     """(4,) f_x, f_y, c_x, c_y in index coordinates."""
     camera = view.intrinsics
     return np.array([camera.fx, camera.fy, camera.cx - 0.5, camera.cy - 0.5], dtype=np.float32)
 
 
-def _inverse_depths(sources: list[tuple[View, Active, Planes]]) -> NDArray[np.float32]:
+def _inverse_depths(sources: list[tuple[View, Active, Planes]]) -> Float32Array:
     """Inverse depths of the source views as images, (sources, rows, columns); 0: none."""
     shape = np.array([active.place.shape for _, active, _ in sources]).max(axis=0)
     depths = np.zeros((len(sources), *shape), dtype=np.float32)

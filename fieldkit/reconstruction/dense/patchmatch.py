@@ -24,6 +24,7 @@ import numpy as np
 from numba import float32, int32, uint32, uint64
 from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, Float32Array, IntArray
 from fieldkit.runtime.kernels import fast_kernel, inline_fast_kernel
 
 SAMPLES = 16
@@ -47,12 +48,12 @@ class Active(NamedTuple):
     """(n, 2) int32 row, column; row by row."""
     place: NDArray[np.int32]
     """(H, W) int32 place in ``pixels`` or −1."""
-    ranges: NDArray[np.float32]
+    ranges: Float32Array
     """(n, 2) float32 smallest and largest inverse depth to search, 1/m."""
-    leaving: NDArray[np.float32]
+    leaving: Float32Array
     """(n,) float32 inverse depth at which the ray leaves the volume, 1/m."""
 
-    def inside(self, inverse_depths: NDArray[np.float32]) -> NDArray[np.bool_]:
+    def inside(self, inverse_depths: Float32Array) -> BoolArray:
         """Which of n inverse depths, one per pixel, lie in the volume."""
         return np.asarray(inverse_depths >= self.leaving, dtype=np.bool_)
 
@@ -60,25 +61,25 @@ class Active(NamedTuple):
 class Planes(NamedTuple):
     """Plane hypotheses of a view's active pixels."""
 
-    planes: NDArray[np.float32]
+    planes: Float32Array
     """(n, 3) float32 (w, g_u, g_v): inverse depth (1/m) and its change per pixel to the right and down."""
-    costs: NDArray[np.float32]
+    costs: Float32Array
     """(n,) float32."""
 
 
 class Stereo(NamedTuple):
     """What a plane costs by the photographs alone: the reference view's patches and the k source views."""
 
-    support: NDArray[np.float32]
+    support: Float32Array
     """(n, 32) float32, see `support_weights`."""
     packed: NDArray[np.uint32]
     """The source views' pixels, one view after the other, see `pack_source`."""
-    sizes: NDArray[np.int64]
+    sizes: IntArray
     """(k, 3) int64 start in ``packed``, width, height."""
-    cameras: NDArray[np.float32]
-    back: NDArray[np.float32]
+    cameras: Float32Array
+    back: Float32Array
     """(k, 12) float32 into the source views and from them, see `relative_camera`."""
-    lens: NDArray[np.float32]
+    lens: Float32Array
     """(4,) float32 f_x, f_y, c_x, c_y of the reference view, in index coordinates."""
     noise: np.float32
     """Variance of the grey levels that counts as no texture."""
@@ -95,7 +96,7 @@ class Agreement(NamedTuple):
     cap). A weight of 0 leaves it at the photographs alone, and ``depths`` unread.
     """
 
-    depths: NDArray[np.float32]
+    depths: Float32Array
     """(k, rows, columns) float32 inverse depths, 1/m; 0: none."""
     weight: np.float32
     """Per pixel of distance."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.clouds.volume import Volume
 from fieldkit.reconstruction.dense.views import View
 
@@ -22,7 +22,7 @@ FUSION_NEIGHBORS = 10
 """Views that each view is compared with in the fusion."""
 
 
-def pair_scores(views: Sequence[View], volume: Volume) -> NDArray[np.float64]:
+def pair_scores(views: Sequence[View], volume: Volume) -> FloatArray:
     """How well each view serves as a source of each other, (n, n) in [0, 1]; rows are reference views.
 
     The mean over points of the volume seen by both of a bell in the angle between the two rays

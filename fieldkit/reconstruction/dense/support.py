@@ -11,18 +11,19 @@ import numpy as np
 from numba import float32
 from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.runtime.kernels import fast_kernel
 
 
-def gray(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def gray(image: ByteArray) -> ByteArray:
     """Luma of an RGB image (H, W, 3) as (H, W) uint8 (ITU-R BT.601)."""
     import cv2
 
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
 
 
-def pack_source(image: NDArray[np.uint8]) -> NDArray[np.uint32]:
+def pack_source(image: ByteArray) -> NDArray[np.uint32]:
     """Each pixel with its right, lower and lower right neighbours in one word, so that bilinear sampling reads once.
 
     Of an image (H, W) of grey levels.

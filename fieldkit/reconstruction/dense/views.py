@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import BoolArray, ByteArray, Float32Array
 from fieldkit.captures import Photo, find_mask, read_image
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose
@@ -24,15 +25,15 @@ class View:
 
     name: str
     """Unique among the views."""
-    image: NDArray[np.uint8]
+    image: ByteArray
     """(H, W, 3) uint8 RGB, undistorted, at working size."""
     intrinsics: Intrinsics
     """PINHOLE at that size."""
     pose: Pose
     """In the metric plot frame."""
-    mask: NDArray[np.bool_] | None = None
+    mask: BoolArray | None = None
     """(H, W) bool, the pixels to reconstruct; None: all."""
-    inside: NDArray[np.bool_] | None = None
+    inside: BoolArray | None = None
     """(H, W) bool, the pixels that come from within the photograph; None: all."""
 
     def __post_init__(self) -> None:
@@ -51,17 +52,17 @@ class DepthMap:
     """What dense stereo found out about a view."""
 
     name: str
-    depth: NDArray[np.float32]
+    depth: Float32Array
     """(H, W) float32, metres along the optical axis; 0: none."""
-    normal: NDArray[np.float32]
+    normal: Float32Array
     """(H, W, 3) float32 unit vectors in the plot frame, towards the camera; 0 where there is no depth."""
-    cost: NDArray[np.float32]
+    cost: Float32Array
     """(H, W) float32, 1 − correlation (0 is best); infinite where there is no depth."""
 
 
 def prepare_view(
     name: str,
-    image_rgb: NDArray[np.uint8],
+    image_rgb: ByteArray,
     intrinsics: Intrinsics,
     pose: Pose,
     size: tuple[int, int] | None = None,
@@ -108,7 +109,7 @@ def prepare_view(
     return View(name, image, pinhole, pose, mask, inside)
 
 
-def read_mask(photo: Photo, kind: Mask) -> NDArray[np.uint8] | None:
+def read_mask(photo: Photo, kind: Mask) -> ByteArray | None:
     """The mask image that belongs to a photograph; None where there is none, and for other masks than `file`."""
     path = find_mask(photo.path) if kind == "file" else None
     return None if path is None else read_image(path, gray=True)
@@ -119,7 +120,7 @@ def view_camera(intrinsics: Intrinsics, size: tuple[int, int]) -> Intrinsics:
     return resized(intrinsics, *size).without_distortion()
 
 
-def undistortion_grid(camera: Intrinsics) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def undistortion_grid(camera: Intrinsics) -> tuple[Float32Array, Float32Array]:
     """Where each pixel of the undistorted view lies in the distorted one.
 
     Returns:

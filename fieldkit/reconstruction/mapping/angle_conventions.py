@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.captures.model import Capture, Photo
 from fieldkit.captures.xmp import LOOKING_DOWN
 from fieldkit.geometry import Pose
@@ -23,8 +23,7 @@ from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.mapping.state import Belief
 from fieldkit.runtime.colmap import pycolmap
 
-Matrix = NDArray[np.float64]
-Rotations = dict[str, Matrix]
+Rotations = dict[str, FloatArray]
 
 _LEAST = 3
 """Photographs that tell a convention."""
@@ -53,7 +52,9 @@ class Convention:
     """Photographs with both."""
 
 
-def find_convention(capture: Capture, found: Mapping[str, Matrix], turn: Matrix, bound_deg: float) -> Convention | None:
+def find_convention(
+    capture: Capture, found: Mapping[str, FloatArray], turn: FloatArray, bound_deg: float
+) -> Convention | None:
     """The convention of a capture's recorded angles; None where fewer than three photographs could tell.
 
     Args:
@@ -100,7 +101,7 @@ def adopt_convention(
 
 
 def _fitting(
-    names: Sequence[str], found: Mapping[str, Matrix], capture: Capture, turn: Matrix, bound_deg: float
+    names: Sequence[str], found: Mapping[str, FloatArray], capture: Capture, turn: FloatArray, bound_deg: float
 ) -> tuple[str, Rotations]:
     """The other convention that fits these photographs: of those that change least the nearest, or none."""
     best: tuple[int, float, str, Rotations] = (0, np.inf, "", {})
@@ -116,7 +117,7 @@ def _fitting(
     return best[2], best[3]
 
 
-def look_odd(rotations: Mapping[str, Matrix]) -> bool:
+def look_odd(rotations: Mapping[str, FloatArray]) -> bool:
     """Whether many recorded orientations look at the horizon or up, or are upside down, as drones hardly do."""
     if len(rotations) < _LEAST:
         return False
@@ -147,7 +148,7 @@ _READINGS: tuple[tuple[str, Reading], ...] = (
 _MOUNTS = (("", np.eye(3)), ("pitch 0 is straight down", LOOKING_DOWN), ("pitch 0 is the horizon", LOOKING_DOWN.T))
 
 
-def _candidates(capture: Capture, turn: Matrix) -> Iterator[tuple[int, str, Rotations]]:
+def _candidates(capture: Capture, turn: FloatArray) -> Iterator[tuple[int, str, Rotations]]:
     """Other conventions by how much they change, those that change least first."""
     combined = []
     for reading_name, reading in _READINGS:
@@ -164,7 +165,11 @@ def _candidates(capture: Capture, turn: Matrix) -> Iterator[tuple[int, str, Rota
 
 
 def _rotations(
-    capture: Capture, turn: Matrix, reading: Reading, before: Matrix | None = None, after: Matrix | None = None
+    capture: Capture,
+    turn: FloatArray,
+    reading: Reading,
+    before: FloatArray | None = None,
+    after: FloatArray | None = None,
 ) -> Rotations:
     """Rotations by one reading of the angles, ``before`` them in the camera and ``after`` them in the world."""
     found = {}

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as ScipyRotation
 
+from fieldkit.arrays import FloatArray, IntArray
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.geometry.priors import PosePrior
@@ -99,9 +99,7 @@ def _regauge(model: pycolmap.Reconstruction, priors: Mapping[int, PosePrior]) ->
     transform_model(model, _tilt(model, known))
 
 
-def _placed(
-    source: NDArray[np.float64], target: NDArray[np.float64], observations: NDArray[np.int64], *, coarse: bool
-) -> Similarity:
+def _placed(source: FloatArray, target: FloatArray, observations: IntArray, *, coarse: bool) -> Similarity:
     """The similarity from camera centres (n, 3) to where their priors have them.
 
     Least squares, where centres count less that few observations hold or that fit worse than most (Cauchy's weights by
@@ -145,11 +143,11 @@ def _tilt(model: pycolmap.Reconstruction, priors: Mapping[int, PosePrior]) -> Si
     return Similarity(1.0, rotation, middle - rotation @ middle)
 
 
-def _world_turn(model: pycolmap.Reconstruction, image_id: int, prior: PosePrior) -> NDArray[np.float64]:
+def _world_turn(model: pycolmap.Reconstruction, image_id: int, prior: PosePrior) -> FloatArray:
     """The rotation vector (3,) of the world, radians, that brings an image to its known orientation."""
     assert prior.rotation is not None
     found = np.array(model.image(image_id).cam_from_world().rotation.matrix())
-    turn: NDArray[np.float64] = ScipyRotation.from_matrix(prior.rotation.T @ found).as_rotvec()
+    turn: FloatArray = ScipyRotation.from_matrix(prior.rotation.T @ found).as_rotvec()
     return turn
 
 
@@ -168,6 +166,6 @@ def _pose_prior(model: pycolmap.Reconstruction, image_id: int, prior: PosePrior)
     return made
 
 
-def _axes(prior: PosePrior) -> NDArray[np.float64]:
+def _axes(prior: PosePrior) -> FloatArray:
     """(3,) standard deviations of a position, metres: what is made of them is summed over axes, to the last bit."""
     return np.full(3, prior.position_sigma_m)

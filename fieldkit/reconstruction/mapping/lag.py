@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.geometry.similarity import fit_similarity
 
 _LAGS = np.linspace(-3.0, 3.0, 61)
@@ -21,8 +21,6 @@ _FITS = 0.33
 _ROUNDS, _OUTLIERS = 4, 2.5
 """Of fits, each to those photographs whose residual is at most so many times the median of the last."""
 
-Floats = NDArray[np.float64]
-
 
 class Lag(NamedTuple):
     """How far positions lag along the flight, and how well they fit without and with that."""
@@ -33,7 +31,7 @@ class Lag(NamedTuple):
     after_m: float
 
 
-def find_lag(centers: Floats, positions: Floats) -> Lag | None:
+def find_lag(centers: FloatArray, positions: FloatArray) -> Lag | None:
     """The lag with which positions (n, 3), metres, fit the camera centres (n, 3) of a model of any scale.
 
     Both are in the order of the flight. Gives None where no lag fits far better than none: for positions that are
@@ -55,7 +53,7 @@ def find_lag(centers: Floats, positions: Floats) -> Lag | None:
     return Lag(float(lag), metres, before, after) if after < _FITS * before else None
 
 
-def _residual(source: Floats, target: Floats) -> float:
+def _residual(source: FloatArray, target: FloatArray) -> float:
     """Median distance of points (n, 3) from others after the similarity that fits most of them."""
     kept = np.ones(len(source), np.bool_)
     residuals = np.full(len(source), np.inf)

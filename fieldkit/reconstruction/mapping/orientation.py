@@ -15,10 +15,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
+from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.priors import PosePrior, Priors
 from fieldkit.reconstruction.agreement import ANGLE_SIGMAS, align_to_positions, judge
@@ -28,7 +28,6 @@ from fieldkit.reconstruction.verification import TwoView
 from fieldkit.runtime.colmap import pycolmap
 from fieldkit.vocabulary import LEAST_POSITIONS
 
-Matrix = NDArray[np.float64]
 _AGREE_DEG = 8.0
 _MAX_AGREE_DEG = 40.0
 _ROUNDS = 3
@@ -69,7 +68,7 @@ def rough_from_pairs(
     return {names[k]: _found(records[k], rotation) for k, rotation in sorted(found.items())}
 
 
-def _found(record: PosePrior, rotation: Matrix) -> PosePrior:
+def _found(record: PosePrior, rotation: FloatArray) -> PosePrior:
     return PosePrior(record.position, record.position_sigma_m, rotation, FOUND_SIGMA_DEG)
 
 
@@ -96,7 +95,7 @@ def looking_alike(found: Mapping[str, PosePrior], priors: Priors, unknown: Seque
     return {name: _found(priors.by_name[name], mount @ frames[name]) for name in unknown if not alike.get(name)}
 
 
-def _looking(center: Sequence[float], prior: PosePrior, up: Matrix) -> Matrix:
+def _looking(center: Sequence[float], prior: PosePrior, up: FloatArray) -> FloatArray:
     """(3, 3) from the world to axes to the right, down and towards a place."""
     assert prior.position is not None
     towards = np.asarray(center) - prior.position
@@ -120,19 +119,19 @@ class _Edge:
     i: int
     j: int
     weight: int
-    rotation: Matrix  # camera j from camera i
-    direction: Matrix  # unit vector from camera i to camera j, in camera i
-    world: Matrix  # the same, in the world
+    rotation: FloatArray  # camera j from camera i
+    direction: FloatArray  # unit vector from camera i to camera j, in camera i
+    world: FloatArray  # the same, in the world
     limit_deg: float  # how far the two may differ
 
 
 def orient_cameras(
-    positions: Sequence[NDArray[np.float64] | None],
+    positions: Sequence[FloatArray | None],
     sigmas_m: Sequence[float],
     pairs: Mapping[tuple[int, int], TwoView],
     *,
     seed: int,
-) -> dict[int, Matrix]:
+) -> dict[int, FloatArray]:
     """Camera-from-world rotations (3, 3) by image index, for the images that pairs connect without contradiction.
 
     ``positions`` are (3,) metres per image, or None; ``pairs`` are verified, with relative poses.
@@ -141,7 +140,7 @@ def orient_cameras(
     """
     candidates = [_edge(i, j, pair, positions, sigmas_m) for (i, j), pair in sorted(pairs.items())]
     edges = [edge for edge in candidates if edge is not None]
-    found: dict[int, Matrix] = {}
+    found: dict[int, FloatArray] = {}
     for _ in range(_ROUNDS):
         found = {}
         for rotations in _components(edges):
@@ -157,7 +156,7 @@ def orient_cameras(
 
 
 def _edge(
-    i: int, j: int, pair: TwoView, positions: Sequence[NDArray[np.float64] | None], sigmas_m: Sequence[float]
+    i: int, j: int, pair: TwoView, positions: Sequence[FloatArray | None], sigmas_m: Sequence[float]
 ) -> _Edge | None:
     length = float(np.linalg.norm(pair.translation))
     a, b = positions[i], positions[j]
@@ -170,7 +169,7 @@ def _edge(
     return _Edge(i, j, len(pair.inliers), pair.rotation, inside, (b - a) / baseline, limit)
 
 
-def _components(edges: Sequence[_Edge]) -> list[dict[int, Matrix]]:
+def _components(edges: Sequence[_Edge]) -> list[dict[int, FloatArray]]:
     """Rotations of every image against its component's first, along the maximum spanning tree."""
     images = sorted({k for e in edges for k in (e.i, e.j)})
     ends = np.searchsorted(images, np.array([(e.i, e.j) for e in edges], dtype=np.int64).reshape(-1, 2)).T
@@ -181,7 +180,7 @@ def _components(edges: Sequence[_Edge]) -> list[dict[int, Matrix]]:
     )
     tree = minimum_spanning_tree(coo_array((rank, tuple(ends)), shape=(len(images),) * 2))
     turns = {(e.i, e.j): e.rotation for e in edges} | {(e.j, e.i): e.rotation.T for e in edges}
-    components: list[dict[int, Matrix]] = []
+    components: list[dict[int, FloatArray]] = []
     seen: set[int] = set()
     for start, image in enumerate(images):
         if image in seen:
@@ -196,7 +195,7 @@ def _components(edges: Sequence[_Edge]) -> list[dict[int, Matrix]]:
     return components
 
 
-def _align(rotations: Mapping[int, Matrix], edges: Sequence[_Edge], seed: int) -> dict[int, Matrix]:
+def _align(rotations: Mapping[int, FloatArray], edges: Sequence[_Edge], seed: int) -> dict[int, FloatArray]:
     """The component's rotations in the world, or nothing."""
     mine = [e for e in edges if e.i in rotations and e.j in rotations]
     if len(mine) < 2:
@@ -222,16 +221,16 @@ def _align(rotations: Mapping[int, Matrix], edges: Sequence[_Edge], seed: int) -
     return {} if rotation is None else {k: r @ rotation.T for k, r in rotations.items()}
 
 
-def _wahba(inside: Matrix, world: Matrix, weights: NDArray[np.float64]) -> Matrix | None:
+def _wahba(inside: FloatArray, world: FloatArray, weights: FloatArray) -> FloatArray | None:
     """The rotation that best turns ``inside`` (n, 3) into ``world`` (n, 3); None when the directions are parallel."""
     u, singular, vt = np.linalg.svd((world * weights[:, None]).T @ inside)
     if singular[1] < 0.02 * singular[0]:
         return None
-    rotation: Matrix = u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(vt)]) @ vt
+    rotation: FloatArray = u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(vt)]) @ vt
     return rotation
 
 
-def _agree(edges: Sequence[_Edge], found: Mapping[int, Matrix]) -> NDArray[np.bool_]:
+def _agree(edges: Sequence[_Edge], found: Mapping[int, FloatArray]) -> BoolArray:
     """(n,) whether each pair's direction and rotation agree with the images' rotations in the world."""
     if not edges:
         return np.zeros(0, dtype=np.bool_)
@@ -242,5 +241,5 @@ def _agree(edges: Sequence[_Edge], found: Mapping[int, Matrix]) -> NDArray[np.bo
     # The trace of a rotation is 1 + 2 cos of its angle.
     trace = np.einsum("nij,nij->n", relative, np.array([e.rotation for e in edges]))
     close = trace >= 1.0 + 2.0 * np.cos(np.radians(1.5 * _AGREE_DEG))
-    good: NDArray[np.bool_] = (along >= np.cos(np.radians([e.limit_deg for e in edges]))) & close
+    good: BoolArray = (along >= np.cos(np.radians([e.limit_deg for e in edges]))) & close
     return good

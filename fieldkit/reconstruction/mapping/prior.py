@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray, IntArray
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.priors import PosePrior
@@ -121,7 +122,7 @@ class PriorMapping:
     """Whether focal length and distortion were adjusted."""
 
 
-_Largest = tuple[NDArray[np.int64], PosedFeatures]
+_Largest = tuple[IntArray, PosedFeatures]
 """Which of an image's features the first round matches, and those at their prior pose."""
 
 
@@ -410,13 +411,13 @@ def _round(
     return model, edges
 
 
-def _common_turn(poses: Sequence[Pose], priors: Sequence[PosePrior]) -> NDArray[np.float64]:
+def _common_turn(poses: Sequence[Pose], priors: Sequence[PosePrior]) -> FloatArray:
     """The world's rotation (3, 3) from the priors to the model: errors of positions turn a model as a whole."""
     turns = np.array([pose.rotation.T @ prior.pose.rotation for pose, prior in zip(poses, priors, strict=True)])
     kept = np.ones(len(turns), dtype=np.bool_)
     for _ in range(3):
         u, _, vt = np.linalg.svd(turns[kept].sum(axis=0))
-        mean: NDArray[np.float64] = u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(vt)]) @ vt
+        mean: FloatArray = u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(vt)]) @ vt
         away = np.array([rotation_angle_deg(turn, mean) for turn in turns])
         kept = away <= 2.0 * np.median(away)
     return mean

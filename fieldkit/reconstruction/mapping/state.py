@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.captures.model import Capture
 from fieldkit.geometry import Pose
 from fieldkit.geometry.priors import PosePrior, Priors
@@ -78,7 +78,7 @@ class Belief:
         """Without what is recorded of these photographs' orientations."""
         return self.with_rotations(dict.fromkeys(names))
 
-    def with_rotations(self, rotations: Mapping[str, NDArray[np.float64] | None]) -> Belief:
+    def with_rotations(self, rotations: Mapping[str, FloatArray | None]) -> Belief:
         known = self.priors.by_name
         changed = {name: replace(known[name], rotation=rotation) for name, rotation in rotations.items()}
         return replace(self, priors=replace(self.priors, by_name={**known, **changed}))
@@ -93,11 +93,11 @@ class Belief:
         return replace(self, cameras=self.cameras.with_cameras(cameras))
 
     @property
-    def turn(self) -> NDArray[np.float64]:
+    def turn(self) -> FloatArray:
         """(3, 3) from the priors' frame to the one that poses are worked with in."""
         return np.eye(3) if self.priors.frame is None else self.priors.frame.from_source.rotation
 
-    def position(self, name: str) -> NDArray[np.float64] | None:
+    def position(self, name: str) -> FloatArray | None:
         known = self.priors.by_name.get(name)
         return None if known is None else known.position
 

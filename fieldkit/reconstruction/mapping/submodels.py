@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import cross_matrix
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.reconstruction.guided import Band, PosedFeatures, Region, match_guided
 from fieldkit.reconstruction.mapping.view_graph import Pair
 
-Floats = NDArray[np.float64]
 _COARSE_PX = (24.0, 16.0, 16.0)
 _FINE_PX = (8.0, 8.0, 4.0, 4.0, 2.0, 2.0)
 _NOISE_PX = 2.0
@@ -50,22 +50,22 @@ class Placed:
     """A sub-model where its known poses want it."""
 
     poses: list[Pose]
-    pivot: Floats
+    pivot: FloatArray
     """(3,) mean of its camera centres."""
-    covariance: Floats
+    covariance: FloatArray
     """(7, 7) of its place: rotation vector about the pivot (radians), translation (metres), logarithm of the
     scale."""
 
-    def about(self, pivot: Floats) -> Floats:
+    def about(self, pivot: FloatArray) -> FloatArray:
         """The covariance (7, 7) of the same motion, stated about another point (3,)."""
         change = np.eye(7)
         change[3:6, :3] = -cross_matrix(pivot - self.pivot)
         change[3:6, 6] = pivot - self.pivot
-        elsewhere: Floats = change @ self.covariance @ change.T
+        elsewhere: FloatArray = change @ self.covariance @ change.T
         return elsewhere
 
 
-def moved(pose: Pose, motion: Floats, pivot: Floats) -> Pose:
+def moved(pose: Pose, motion: FloatArray, pivot: FloatArray) -> Pose:
     """A pose after a similarity (7,): rotation vector about ``pivot`` (3,), translation, logarithm of the scale."""
     turn = Rotation.from_rotvec(motion[:3]).as_matrix()
     return Pose(pose.rotation @ turn.T, np.exp(motion[6]) * turn @ (pose.center - pivot) + pivot + motion[3:6])
@@ -101,13 +101,13 @@ def place_submodel(poses: Sequence[Pose], part: Sequence[int], priors: Sequence[
 class Across:
     """Candidate matches between two sub-models: n pairs of viewing rays, world frame."""
 
-    center: Floats
-    direction: Floats
+    center: FloatArray
+    direction: FloatArray
     """(n, 3) camera centres and unit rays of the sub-model that stays."""
-    moved_center: Floats
-    moved_direction: Floats
+    moved_center: FloatArray
+    moved_direction: FloatArray
     """(n, 3) of the one that is moved."""
-    focal_px: Floats
+    focal_px: FloatArray
     """(n,) pixels per radian, of a photograph 1600 pixels wide as all pixels here."""
 
     def __len__(self) -> int:
@@ -125,8 +125,8 @@ class Across:
 
 
 def best_motion(
-    across: Across, pivot: Floats, covariance: Floats, band: float, rng: np.random.Generator
-) -> tuple[Floats, NDArray[np.bool_]]:
+    across: Across, pivot: FloatArray, covariance: FloatArray, band: float, rng: np.random.Generator
+) -> tuple[FloatArray, BoolArray]:
     """The small similarity about ``pivot`` that is likeliest after what is known and the matches that agree.
 
     A match that agrees says ln(band / width) more for a motion than one that is anywhere in the band. Gives the motion
@@ -146,11 +146,13 @@ def best_motion(
     motions = _refined(across, pivot, motions, information, _FINE_PX)
     likelihood, residual = _likelihood(across, pivot, motions, information, band, _WITHIN_PX)
     best = int(np.argmax(likelihood))
-    agrees: NDArray[np.bool_] = np.abs(residual[best]) <= _WITHIN_PX
+    agrees: BoolArray = np.abs(residual[best]) <= _WITHIN_PX
     return motions[best], agrees
 
 
-def _refined(across: Across, pivot: Floats, motions: Floats, information: Floats, scales_px: Sequence[float]) -> Floats:
+def _refined(
+    across: Across, pivot: FloatArray, motions: FloatArray, information: FloatArray, scales_px: Sequence[float]
+) -> FloatArray:
     """Motions (s, 7) after a Gauss-Newton step at each scale of a Geman-McClure loss."""
     for scale in scales_px:
         residual, jacobian = epipolar_residuals(across, pivot, motions)
@@ -166,8 +168,8 @@ def _refined(across: Across, pivot: Floats, motions: Floats, information: Floats
 
 
 def _likelihood(
-    across: Across, pivot: Floats, motions: Floats, information: Floats, band: float, within_px: float
-) -> tuple[Floats, Floats]:
+    across: Across, pivot: FloatArray, motions: FloatArray, information: FloatArray, band: float, within_px: float
+) -> tuple[FloatArray, FloatArray]:
     """(s,) logarithms of motions' (s, 7) likelihoods, up to a constant, and their residuals (s, n)."""
     residual, _ = epipolar_residuals(across, pivot, motions)
     worth = np.maximum(np.log(band * across.focal_px / within_px), _LEAST_WORTH)
@@ -176,7 +178,7 @@ def _likelihood(
     return agreeing - known, residual
 
 
-def epipolar_residuals(across: Across, pivot: Floats, motions: Floats) -> tuple[Floats, Floats]:
+def epipolar_residuals(across: Across, pivot: FloatArray, motions: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Signed epipolar distances (s, n) in pixels after motions (s, 7), and their derivatives (s, n, 7).
 
     The larger of a match's two distances, as angles. The derivatives hold the epipolar plane's normal at its length.
@@ -294,9 +296,9 @@ def _at(images: Sequence[PosedFeatures], poses: Mapping[int, Pose]) -> list[Pose
 
 def _rays(
     images: Sequence[PosedFeatures], still: tuple[int, NDArray[np.uint32]], other: tuple[int, NDArray[np.uint32]]
-) -> tuple[Floats, ...]:
+) -> tuple[FloatArray, ...]:
     """The columns of `Across` for the matched features of two images."""
-    columns: list[Floats] = []
+    columns: list[FloatArray] = []
     for k, index in (still, other):
         columns += [np.tile(images[k].pose.center, (len(index), 1)), images[k].rays(index)]
     camera = images[other[0]].camera

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
+from fieldkit.arrays import BoolArray, FloatArray, IntArray
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.similarity import similarity_motion
 from fieldkit.reconstruction.colmap_model import pose_of
 from fieldkit.runtime.colmap import pycolmap
 from fieldkit.vocabulary import BY_CHANCE, FREE_RAD
 
-Floats = NDArray[np.float64]
 Pair = tuple[int, int]
 TIE_BAND_PX = 6.0
 """Half width of the band whose matches tell a pair's information, pixels of what features are found in: at most 1600
@@ -46,7 +46,7 @@ _ROUNDS = 10
 _MOVING = 0.5
 
 
-def pair_information(distances_px: Floats) -> float:
+def pair_information(distances_px: FloatArray) -> float:
     """What a pair's matches say of its relative pose, in 1/px²: Cauchy's loss as an M-estimator.
 
     ``distances_px`` (n,) are of all matches in a band to their epipolar lines, in pixels of what features are found in.
@@ -63,25 +63,25 @@ class Uncertainty:
     """Of the poses of a model's n photographs, against one another."""
 
     names: tuple[str, ...]
-    centers: Floats
+    centers: FloatArray
     """(n, 3)."""
-    covariance: Floats
+    covariance: FloatArray
     """(3 n, 3 n) of the centres, without the similarity that they have in common."""
     part: NDArray[np.int32]
     """(n,) which of the groups that pairs join each is in."""
     distance: float
     """To the points that are seen, median over photographs; in the model's unit, as all lengths here."""
-    reprojection_px: Floats
+    reprojection_px: FloatArray
     """(n,) mean error of each photograph's observations."""
 
     @property
-    def sigma(self) -> Floats:
+    def sigma(self) -> FloatArray:
         """(n,) root mean square error expected of each centre."""
         own = np.diag(self.covariance).reshape(-1, 3).sum(axis=1)
-        sigma: Floats = np.sqrt(np.maximum(own, 0.0) + (_FLOOR * self.distance) ** 2)
+        sigma: FloatArray = np.sqrt(np.maximum(own, 0.0) + (_FLOOR * self.distance) ** 2)
         return sigma
 
-    def weakest(self) -> tuple[list[str], float, Floats]:
+    def weakest(self) -> tuple[list[str], float, FloatArray]:
         """Which k photographs could move together against the others most easily, their root mean square error then,
         and how (k, 3).
 
@@ -97,7 +97,7 @@ class Uncertainty:
         names = [name for name, moving in zip(self.names, chosen, strict=True) if moving]
         return names, max(sigmas), max(sigmas) * np.sqrt(len(names)) * axes[:, -1].reshape(-1, 3)
 
-    def _bent(self) -> NDArray[np.bool_]:
+    def _bent(self) -> BoolArray:
         """(n,) which centres the largest principal axis moves: no more than half of them."""
         moves = np.linalg.eigh(self.covariance)[1][:, -1].reshape(-1, 3)
         motion, weight = similarity_motion(self.centers - self.centers.mean(axis=0)), np.ones(len(moves))
@@ -105,7 +105,7 @@ class Uncertainty:
             fitted = np.linalg.pinv((weight[:, None, None] * motion).reshape(-1, 7)) @ (weight[:, None] * moves).ravel()
             length = np.linalg.norm(moves - motion @ fitted, axis=1)
             weight = 1.0 / np.sqrt(np.maximum(length, 1e-3 * length.max() + 1e-12))
-        away: NDArray[np.bool_] = length > _MOVING * length.max()
+        away: BoolArray = length > _MOVING * length.max()
         return away if 2 * away.sum() <= len(away) else ~away
 
 
@@ -159,22 +159,22 @@ class _Observations:
     """m observations of a model's points, with derivatives of pixels."""
 
     names: tuple[str, ...]
-    centers: Floats
+    centers: FloatArray
     """(n, 3)."""
     distance: float
-    chosen: NDArray[np.int64]
+    chosen: IntArray
     """(m,) which of all observations these are."""
-    image: NDArray[np.int64]
-    point: NDArray[np.int64]
+    image: IntArray
+    point: IntArray
     """(m,) counted from 0."""
     points: int
-    residual: Floats
+    residual: FloatArray
     """(m, 2) pixels."""
-    by_pose: Floats
+    by_pose: FloatArray
     """(m, 2, 6): the camera's rotation in the world, radians, and its centre."""
-    by_point: Floats
+    by_point: FloatArray
     """(m, 2, 3)."""
-    by_lens: Floats
+    by_lens: FloatArray
     """(m, 2, 2): relative focal length, and one coefficient of radial distortion."""
     every: int
     """How many of the model's points each stands for."""
@@ -223,7 +223,7 @@ def _observations(model: pycolmap.Reconstruction) -> _Observations:
     )  # fmt: skip
 
 
-def _joined(seen: _Observations, information: Floats) -> tuple[_Observations, Floats]:
+def _joined(seen: _Observations, information: FloatArray) -> tuple[_Observations, FloatArray]:
     """The observations that pairs with information join to others of their points, cut where none does; and weights.
 
     ``information`` (n, n) is of pairs of images. Also the share (m,) that each has of what it would have with right
@@ -256,7 +256,7 @@ def _joined(seen: _Observations, information: Floats) -> tuple[_Observations, Fl
     ), weight[kept]  # fmt: skip
 
 
-def _variance(squares: Floats, loss_px: float, points: int, images: int) -> float:
+def _variance(squares: FloatArray, loss_px: float, points: int, images: int) -> float:
     """Of an observation's pixels under Cauchy's loss: Σψ² / (degrees of freedom) / (mean ψ′)², after Huber."""
     if not len(squares):
         return loss_px**2
@@ -266,7 +266,7 @@ def _variance(squares: Floats, loss_px: float, points: int, images: int) -> floa
     return float((squares / (1.0 + ratio) ** 2).sum()) / free / slope**2
 
 
-def _normal_equations(seen: _Observations, weight: Floats, *, refined: bool) -> Floats:
+def _normal_equations(seen: _Observations, weight: FloatArray, *, refined: bool) -> FloatArray:
     """(6 n, 6 n) information of poses, points eliminated (Schur's complement); two more rows of a ``refined`` lens."""
     count, points = len(seen.names), seen.points
     if not len(weight):
@@ -285,14 +285,14 @@ def _normal_equations(seen: _Observations, weight: Floats, *, refined: bool) -> 
     of_points += 1e-13 * np.trace(of_points, axis1=1, axis2=2)[:, None, None] * np.eye(3)
     each = np.arange(3 * points).reshape(-1, 3)
     inverse = _summed(each, each, np.asarray(np.linalg.inv(of_points), np.float64), (3 * points, 3 * points))
-    reduced: Floats = (kept - cross @ inverse @ cross.T).toarray()
+    reduced: FloatArray = (kept - cross @ inverse @ cross.T).toarray()
     if not refined:
         return reduced[:-2, :-2]
     reduced[range(size - 2, size), range(size - 2, size)] += _FOCAL_SIGMA**-2
     return reduced
 
 
-def _summed(rows: NDArray[np.int64], columns: NDArray[np.int64], blocks: Floats, shape: tuple[int, int]) -> csr_array:
+def _summed(rows: IntArray, columns: IntArray, blocks: FloatArray, shape: tuple[int, int]) -> csr_array:
     """The sparse matrix that sums blocks (m, a, b) at rows (m, a) and columns (m, b)."""
     at = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
     return csr_array((blocks.ravel(), (at[0].ravel(), at[1].ravel())), shape=shape)

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.clouds.neighbors import z_order
 
 NO_VALUE = 255
@@ -74,7 +75,7 @@ def pack_points(
     )  # fmt: skip
 
 
-def _levels(values: NDArray[np.float64], limit: float) -> NDArray[np.uint8]:
+def _levels(values: FloatArray, limit: float) -> ByteArray:
     if not (np.isfinite(limit) and limit > 0):
         raise ValueError(f"a scale cannot end at {limit}")
     known = ~np.isnan(values)
@@ -83,7 +84,7 @@ def _levels(values: NDArray[np.float64], limit: float) -> NDArray[np.uint8]:
     return levels
 
 
-def _frame(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def _frame(points: FloatArray) -> tuple[FloatArray, float]:
     if not len(points):
         return np.zeros(3), _STEP_M
     lower = points.min(axis=0)
@@ -99,7 +100,7 @@ def _planes(grid: NDArray[np.uint16]) -> bytes:
     return high.T.tobytes() + low.T.tobytes()
 
 
-def _tones(colors: NDArray[np.uint8]) -> bytes:
+def _tones(colors: ByteArray) -> bytes:
     red, green, blue = colors.T
     planes = np.stack([green, red - green, blue - green])
     return np.diff(planes, axis=1, prepend=np.zeros((3, 1), dtype=np.uint8)).tobytes()

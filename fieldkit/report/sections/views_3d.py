@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, Float32Array
 from fieldkit.clouds import Cloud, PointIndex, read_cloud
 from fieldkit.errors import CloudError, FieldkitError
 from fieldkit.figures.drawings import FrustumLayer, LineLayer, PlaceName, PointLayer, ViewerScene
@@ -43,8 +43,6 @@ _WEAKEST, _ARROW_SHARE = "#8b1a8b", 0.2
 _FARTHEST_M = 100_000.0
 _PLANT_GREEN = (70, 140, 70)
 _MOST_PLANTS = 1_000_000  # points over all of a mission's plots; the first ones count
-
-Points = NDArray[np.float64]
 
 
 NotedView = tuple[ViewerScene | None, str]
@@ -250,7 +248,7 @@ def _read(path: Path) -> Cloud:
     return cloud
 
 
-def _drawn(cloud: Cloud) -> tuple[NDArray[np.float32], NDArray[np.uint8] | None]:
+def _drawn(cloud: Cloud) -> tuple[Float32Array, ByteArray | None]:
     return cloud.points.astype(np.float32), cloud.colors
 
 

@@ -22,12 +22,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.scenes.plot_description import Stage
 from fieldkit_sim.maize.organs import Leaf
-
-Array = NDArray[np.float64]
 
 _LARGEST_M2 = 0.0600  # area of the largest leaf
 _BREADTH = -10.2  # of the bell, per squared share of the leaf number
@@ -37,11 +35,11 @@ _BREADTH = -10.2  # of the bell, per squared share of the leaf number
 class Architecture:
     """A plant before scaling, standing at the origin, its leaves in the x-z plane; metres."""
 
-    line: Array
+    line: FloatArray
     """(n, 3) centre line of the stem."""
-    radii: Array
+    radii: FloatArray
     """(n,) of the stem with its sheaths."""
-    nodes: Array
+    nodes: FloatArray
     """(k,) heights of the nodes above the ground."""
     leaves: tuple[Leaf, ...]
     """Lowest first."""
@@ -50,7 +48,7 @@ class Architecture:
     ear: bool
     """Whether an ear with silks stands at the middle of the stem."""
 
-    def at(self, height: float) -> Array:
+    def at(self, height: float) -> FloatArray:
         """(3,) point of the centre line at a height."""
         return np.array([np.interp(height, self.line[:, 2], self.line[:, axis]) for axis in range(3)])
 
@@ -107,8 +105,8 @@ def grow(stage: Stage, rng: np.random.Generator) -> Architecture:
 
 
 def _stem(
-    end: float, collars: Array, nodes: Array, vigour: float, number: int, rng: np.random.Generator
-) -> tuple[Array, Array]:
+    end: float, collars: FloatArray, nodes: FloatArray, vigour: float, number: int, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
     lean, bow = rng.normal(0, 0.045, 2), rng.normal(0, 0.02, 2)
     z = np.arange(-0.03, end + 0.004, 0.004)
     t = np.clip(z / end, 0.0, 1.0)
@@ -126,7 +124,7 @@ def _stem(
 
 
 def _leaf(
-    k: int, final: int, collars: int, collar: Array, folded: float, emerged: float, vigour: float,
+    k: int, final: int, collars: int, collar: FloatArray, folded: float, emerged: float, vigour: float,
     rng: np.random.Generator,
 ) -> Leaf:  # fmt: skip
     length, width = leaf_size(k, final)

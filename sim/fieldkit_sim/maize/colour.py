@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit_sim.maize.organs import Leaf
 
@@ -15,12 +16,12 @@ def mix(a: NDArray[np.floating], b: NDArray[np.floating], share: NDArray[np.floa
     return mixed
 
 
-def to_bytes(color: NDArray[np.floating]) -> NDArray[np.uint8]:
+def to_bytes(color: NDArray[np.floating]) -> ByteArray:
     """Bytes of a colour whose values lie in [0, 1]."""
     return np.asarray(np.clip(255 * color + 0.5, 0, 255), dtype=np.uint8)
 
 
-def blade_texture(leaf: Leaf, height: int, width: int, markings: float) -> NDArray[np.uint8]:
+def blade_texture(leaf: Leaf, height: int, width: int, markings: float) -> ByteArray:
     """(height, width, 3): along the blade to the right, row 0 its left margin.
 
     Veins, blotches, flecks, lesions, dry tips and dust, with an age gradient along the plant and along the blade;
@@ -68,8 +69,8 @@ def blade_texture(leaf: Leaf, height: int, width: int, markings: float) -> NDArr
     return to_bytes(color)
 
 
-def stem_texture(seed: int, foot_m: float, length_m: float, nodes: NDArray[np.float64], height: int,
-                 width: int, markings: float) -> NDArray[np.uint8]:  # fmt: skip
+def stem_texture(seed: int, foot_m: float, length_m: float, nodes: FloatArray, height: int,
+                 width: int, markings: float) -> ByteArray:  # fmt: skip
     """(height, width, 3): up the stem to the right, around it downwards, from ``foot_m`` over ``length_m``."""
     s = (length_m * (np.arange(width) + 0.5) / width + foot_m)[None, :]
     turn = (2 * np.pi * (np.arange(height) + 0.5) / height)[:, None]
@@ -95,7 +96,7 @@ def stem_texture(seed: int, foot_m: float, length_m: float, nodes: NDArray[np.fl
     return to_bytes(color[::-1])
 
 
-def plain_texture(seed: int, base: tuple[float, float, float], height: int, width: int) -> NDArray[np.uint8]:
+def plain_texture(seed: int, base: tuple[float, float, float], height: int, width: int) -> ByteArray:
     """(height, width, 3) of one colour with streaks and grain, for tassels and husks."""
     u, v = np.meshgrid(np.arange(width) / width, np.arange(height) / height)
     streaks = fractal_noise(u * 12, v * 9, seed + 31, octaves=3)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.plot_description import MaizeDescription
@@ -19,8 +20,6 @@ from fieldkit.scenes.scene import Mesh
 from fieldkit_sim.faces import grid_faces, vertex_normals
 from fieldkit_sim.maize.colour import mix, to_bytes
 from fieldkit_sim.maize.organs import Leaf, Strip, blade
-
-Array = NDArray[np.float64]
 
 _STRIP = 96  # texture rows per leaf
 _STEM_STRIP = 160
@@ -47,7 +46,7 @@ def build_compact_maize(plant: MaizeDescription, leaves_count: int, ground_m: fl
     return Mesh(f"maize-{plant.seed}", placed, faces, vertex_normals(placed, faces), uv, texture, plant=True)
 
 
-def _architecture(n: int, rng: np.random.Generator) -> tuple[Array, Array, list[Leaf]]:
+def _architecture(n: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, list[Leaf]]:
     """Centre line (n, 3) and radii (n,) of the stem with its sheaths, and the leaves, lowest first."""
     vigour = rng.uniform(0.88, 1.12)
     height = vigour * 0.050 * n**0.97
@@ -85,7 +84,7 @@ def _architecture(n: int, rng: np.random.Generator) -> tuple[Array, Array, list[
     return line, radii, leaves
 
 
-def _stem(line: Array, radii: Array, rows: int) -> tuple[Array, NDArray[np.int32], Array]:
+def _stem(line: FloatArray, radii: FloatArray, rows: int) -> tuple[FloatArray, NDArray[np.int32], FloatArray]:
     sides = 25  # the last repeats the first, for the texture's seam
     angle = np.linspace(0, 2 * np.pi, sides)
     ring = np.column_stack([1.12 * np.cos(angle), 0.90 * np.sin(angle), 0 * angle])  # a maize stem is oval
@@ -96,7 +95,7 @@ def _stem(line: Array, radii: Array, rows: int) -> tuple[Array, NDArray[np.int32
     return vertices.reshape(-1, 3), grid_faces(len(line), sides), uv.reshape(-1, 2)
 
 
-def _blade_texture(leaf: Leaf) -> NDArray[np.uint8]:
+def _blade_texture(leaf: Leaf) -> ByteArray:
     """(_STRIP, _TEXTURE_WIDTH, 3): along the blade to the right, row 0 its left margin."""
     t = ((np.arange(_TEXTURE_WIDTH) + 0.5) / _TEXTURE_WIDTH)[None, :]
     q = 1 - 2 * ((np.arange(_STRIP) + 0.5) / _STRIP)[:, None]
@@ -133,7 +132,7 @@ def _blade_texture(leaf: Leaf) -> NDArray[np.uint8]:
     return to_bytes(color)
 
 
-def _stem_texture(seed: int, line: Array) -> NDArray[np.uint8]:
+def _stem_texture(seed: int, line: FloatArray) -> ByteArray:
     """(_STEM_STRIP, _TEXTURE_WIDTH, 3): up the stem to the right, around it downwards."""
     s = (1.2 * (np.arange(_TEXTURE_WIDTH) + 0.5) / _TEXTURE_WIDTH + line[0, 2])[None, :]
     turn = (2 * np.pi * (np.arange(_STEM_STRIP) + 0.5) / _STEM_STRIP)[:, None]

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import FloatArray
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit_sim.faces import grid_faces
 
-Array = NDArray[np.float64]
-Part = tuple[Array, NDArray[np.int32], Array]
+Part = tuple[FloatArray, NDArray[np.int32], FloatArray]
 """Vertices (n, 3), faces (m, 3), texture coordinates (n, 2)."""
 
 
@@ -21,7 +21,7 @@ class Leaf:
 
     rank: float  # 0 the lowest, 1 the highest
     age: float  # 0 fresh, 1 dying
-    collar: Array  # (3,)
+    collar: FloatArray  # (3,)
     azimuth: float
     length: float
     width: float
@@ -46,7 +46,9 @@ class Strip:
     width: int
 
 
-def blade(leaf: Leaf, strip: Strip, *, along: int = 96, across: int = 17) -> tuple[Array, NDArray[np.int32], Array]:
+def blade(
+    leaf: Leaf, strip: Strip, *, along: int = 96, across: int = 17
+) -> tuple[FloatArray, NDArray[np.int32], FloatArray]:
     """A blade as a grid of ``along`` sections and ``across`` points, closer together at the midrib.
 
     Returns:

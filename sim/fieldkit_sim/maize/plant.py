@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.scenes.plot_description import MaizeDescription
 from fieldkit.scenes.scene import Mesh
@@ -14,10 +14,8 @@ from fieldkit_sim.maize.colour import blade_texture, plain_texture, stem_texture
 from fieldkit_sim.maize.compact import build_compact_maize
 from fieldkit_sim.maize.organs import Part, Strip, blade
 
-Array = NDArray[np.float64]
 
-
-def tube(line: Array, radii: Array, sides: int, strip: Strip) -> Part:
+def tube(line: FloatArray, radii: FloatArray, sides: int, strip: Strip) -> Part:
     """A tube about a line (n, 3); its texture runs along the strip."""
     tangent = np.gradient(line, axis=0)
     tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-12)
@@ -34,7 +32,7 @@ def tube(line: Array, radii: Array, sides: int, strip: Strip) -> Part:
     return vertices.reshape(-1, 3), grid_faces(len(line), sides + 1), uv.reshape(-1, 2)
 
 
-def tassel(foot: Array, length: float, strip: Strip, rng: np.random.Generator) -> list[Part]:
+def tassel(foot: FloatArray, length: float, strip: Strip, rng: np.random.Generator) -> list[Part]:
     """A central spike and 8 to 14 branches that arch outwards, beset with spikelets."""
     parts = []
     branches = int(rng.integers(8, 15))
@@ -57,7 +55,7 @@ def tassel(foot: Array, length: float, strip: Strip, rng: np.random.Generator) -
     return parts
 
 
-def ear(place: Array, azimuth: float, strip: Strip, rng: np.random.Generator) -> list[Part]:
+def ear(place: FloatArray, azimuth: float, strip: Strip, rng: np.random.Generator) -> list[Part]:
     """An ear in its husks, leaning off the stem, with a tuft of silks."""
     t = np.linspace(0, 1, 40)
     lean = np.radians(24)
@@ -135,7 +133,7 @@ class _Strips:
 
 def _stem(
     seed: int, markings: float, grown: Architecture, strips: _Strips, shrink: int, textured: bool
-) -> tuple[list[Part], list[NDArray[np.float64]], list[NDArray[np.uint8]]]:
+) -> tuple[list[Part], list[FloatArray], list[ByteArray]]:
     """Stem with its sheaths, and tassel and ear where there are any."""
     strip = strips.take(_STEM_ROWS)
     line, radii = grown.line[::shrink], grown.radii[::shrink]

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pycolmap
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from fieldkit.arrays import FloatArray
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_angle_deg
@@ -91,7 +91,7 @@ def to_grid(poses: Mapping[str, Pose], epsg: int = 32632) -> dict[str, Pose]:
 
     to = Transformer.from_crs(4979, epsg, always_xy=True)
 
-    def project(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def project(points: FloatArray) -> FloatArray:
         latitude, longitude, height = ORIGIN.to_geodetic(points)
         x, y, _ = to.transform(longitude, latitude, height)
         return np.column_stack([x, y, height])

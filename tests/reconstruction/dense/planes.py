@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.arrays import ByteArray, Float32Array, FloatArray
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.dense.views import View
@@ -35,7 +36,7 @@ class Plane:
 
 
 @cache
-def _noise(seed: int) -> NDArray[np.float32]:
+def _noise(seed: int) -> Float32Array:
     rng = np.random.default_rng(seed)
     noise = np.zeros((512, 512), dtype=np.float32)
     for size, weight in ((64, 0.6), (128, 0.8), (256, 1.0)):
@@ -52,7 +53,7 @@ def ring(count: int, *, radius: float = 0.35, height: float = 1.2, target: tuple
 
 def photograph(
     planes: Sequence[Plane], pose: Pose, intrinsics: Intrinsics, *, oversample: int = 2
-) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+) -> tuple[ByteArray, FloatArray]:
     """RGB image (area-averaged from ``oversample``² rays a pixel) and depth at the pixels' centres."""
     fine = intrinsics.scaled(intrinsics.width * oversample, intrinsics.height * oversample)
     color, _ = _cast(planes, pose, fine)
@@ -63,7 +64,7 @@ def photograph(
 
 def scene_views(
     planes: Sequence[Plane], poses: Sequence[Pose], *, focal: float = 260.0
-) -> tuple[list[View], list[NDArray[np.float64]]]:
+) -> tuple[list[View], list[FloatArray]]:
     """Views of ``SIZE`` and their exact depths."""
     intrinsics = Intrinsics.pinhole(*SIZE, focal)
     views, depths = [], []
@@ -74,7 +75,7 @@ def scene_views(
     return views, depths
 
 
-def _cast(planes: Sequence[Plane], pose: Pose, camera: Intrinsics) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+def _cast(planes: Sequence[Plane], pose: Pose, camera: Intrinsics) -> tuple[Float32Array, FloatArray]:
     x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
     y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
     rays = np.stack([*np.meshgrid(x, y), np.ones((camera.height, camera.width))], axis=-1) @ pose.rotation
