@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from benchmarks.rigs import complete_poses, perturb, read_rig, uniform_subset
-from fieldkit.errors import MetadataError
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
 
@@ -29,13 +28,6 @@ def test_mount_and_tilt_are_found() -> None:
     commanded, true = rig()
     found = complete_poses(commanded, true)
     assert max(rotation_angle_deg(found[n].rotation, true[n].rotation) for n in true) < 0.01
-
-
-def test_one_wrong_dense_pose_does_not_turn_the_rig() -> None:
-    commanded, true = rig()
-    seen = {**true, "00.jpg": Pose(true["12.jpg"].rotation, true["00.jpg"].center)}
-    found = complete_poses(commanded, seen)
-    assert max(rotation_angle_deg(found[n].rotation, true[n].rotation) for n in true) < 10.0
 
 
 def test_subsets_are_even_and_move_with_the_phase() -> None:
@@ -69,12 +61,3 @@ def test_the_rigs_file_is_in_millimetres(tmp_path: Path) -> None:
     position, pan = read_rig(path)["a.jpg"]
     assert position == pytest.approx([0.075, 0.375, 0.08])
     assert pan == 270.0
-
-
-@pytest.mark.parametrize("text", ["image,x_mm\na.jpg,1\n", "image,x_mm,y_mm,z_mm,pan_deg\na.jpg,1,2,z,4\n", None])
-def test_a_bad_rig_file_is_an_error(tmp_path: Path, text: str | None) -> None:
-    path = tmp_path / "poses_rig.csv"
-    if text is not None:
-        path.write_text(text)
-    with pytest.raises(MetadataError, match="commanded poses"):
-        read_rig(path)
