@@ -180,7 +180,8 @@ class TestPositions:
         assert report["frame"]["origin"] is None
         findings = [(finding["name"], finding["code"]) for finding in report["findings"]]
         # Eight small photographs alone make no firm model.
-        assert findings == [*((f"IMG_{n:04d}.jpg", "gps-zero") for n in range(1, 9)), ("photos", "weakly-tied")]
+        doubts = [("photos", code) for code in ("weakly-tied", "no-ground")]
+        assert findings == [*((f"IMG_{n:04d}.jpg", "gps-zero") for n in range(1, 9)), *doubts]
         assert any("no scale" in note for note in report["frame"]["notes"])
         refused = line.run("evaluate", "photos", "--reference", "out", "-o", "scores", "--json")
         assert refused.code == 3

@@ -43,7 +43,7 @@ def test_a_phones_accuracy_gives_no_scale(flight: Path) -> None:
     result = placed(flight, CENTERS, 40.0)
     assert has_no_scale(result)
     assert result.registered == len(CENTERS)
-    assert codes(result) == ["positions-too-coarse"]
+    assert codes(result) == ["positions-too-coarse", "lens-uncalibrated"]
     assert "good to 40 m" in result.findings[0].message
     assert "markers.toml" in result.findings[0].message
 
@@ -53,7 +53,7 @@ def test_positions_that_scatter_as_they_say_give_no_scale(flight: Path) -> None:
     scattered = np.random.default_rng(3).normal(0.0, 5.0, (len(CENTERS), 3)) + 0.1 * np.array(CENTERS)
     result = placed(flight, scattered.tolist(), 5.0)
     assert has_no_scale(result)
-    assert codes(result) == ["positions-too-coarse"]
+    assert codes(result) == ["positions-too-coarse", "lens-uncalibrated"]
 
 
 @pytest.mark.parametrize(("accuracy_m", "told"), [(0.05, set()), (1.0, {"scale-uncertain"})])

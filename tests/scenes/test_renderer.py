@@ -117,8 +117,8 @@ def test_the_same_view_twice_is_the_same_bytes_and_a_new_renderer_agrees(rendere
     first = renderer.photograph(POSE, CAMERA)
     renderer.photograph(Pose.look_at([1.0, 1.0, 1.0], [0.0, 0.0, 0.0]), CAMERA.scaled(320, 240), samples=0)
     assert np.array_equal(first, renderer.photograph(POSE, CAMERA))
-    with Renderer(small_scene) as renderer:
-        image, depth = renderer.render(POSE, CAMERA)
+    with Renderer(small_scene) as another:
+        image, depth = another.render(POSE, CAMERA)
     assert np.array_equal(image, first)
     assert np.array_equal(depth, renderer.depth(POSE, CAMERA))
 
