@@ -12,13 +12,19 @@ from collections.abc import Mapping
 import numpy as np
 
 from fieldkit.captures.camera_file import CameraEntry
+from fieldkit.documents.csv_text import finite_numbers
 from fieldkit.geometry import Intrinsics
 
 _VALUES = 9
+"""Number of numbers behind the date, as the guides define them."""
 _MOST_K = 1.0
-_OFF_CENTRE, _FOCAL_SIDES = 0.1, (0.25, 50.0)
-"""Shares of the longer side: what a principal point lies off the middle at most, and focal lengths."""
+"""Largest coefficient of distortion that a lens has; what is above it is no calibration."""
+_OFF_CENTRE = 0.1
+"""Largest distance of a principal point from the middle, share of the longer side."""
+_FOCAL_SIDES = (0.25, 50.0)
+"""Shortest and longest focal length, shares of the longer side."""
 _RADII = 64
+"""Number of radii at which the bends with and without k3 are compared."""
 
 
 def calibration_of(fields: Mapping[str, str], width: int, height: int) -> Intrinsics | None:
@@ -28,11 +34,11 @@ def calibration_of(fields: Mapping[str, str], width: int, height: int) -> Intrin
     it was resized.
     """
     flag = fields.get("dewarp_flag", "").strip()
-    numbers = _numbers(fields.get("dewarp", "").rpartition(";")[2])
+    numbers = finite_numbers(fields.get("dewarp", "").rpartition(";")[2])
     if flag not in ("0", "1") or len(numbers) != _VALUES:
         return None
     fx, fy, dx, dy, *bend = numbers
-    middle = _numbers(f"{fields.get('center_x', '')},{fields.get('center_y', '')}")
+    middle = finite_numbers(f"{fields.get('center_x', '')},{fields.get('center_y', '')}")
     whole = (round(2 * middle[0]), round(2 * middle[1])) if len(middle) == 2 and min(middle) > 0.0 else (width, height)
     side = max(whole)
     if not all(_FOCAL_SIDES[0] < f / side < _FOCAL_SIDES[1] for f in (fx, fy)):
@@ -58,12 +64,3 @@ def _without_k3(k1: float, k2: float, k3: float, corner: float) -> tuple[float, 
     weight = np.sqrt(r)  # a picture has as much area as radius there
     found = np.linalg.lstsq((weight * [r**3, r**5]).T, weight * (k1 * r**3 + k2 * r**5 + k3 * r**7), rcond=None)[0]
     return float(found[0]), float(found[1])
-
-
-def _numbers(text: str) -> list[float]:
-    """Numbers between commas; none where one is not finite."""
-    try:
-        values = [float(word) for word in text.split(",")]
-    except ValueError:
-        return []
-    return values if np.isfinite(values).all() else []

@@ -30,8 +30,10 @@ _WIDE_SPACING_M, _NARROW_EXTENT_M = 15.0, 0.02
 _MAX_EXTENT_M = 50_000.0
 _SAME_M = 1e-3
 """What receivers' last digits change by at least."""
-_CLIMBED_M, _TURNED_DEG = 0.5, 5.0
-"""Between photographs at one place that are other views for all that."""
+_CLIMBED_M = 0.5
+"""Climb between photographs at one place that makes them other views, metres."""
+_TURNED_DEG = 5.0
+"""Turn between photographs at one place that makes them other views, degrees."""
 _ZEROS_MESSAGE = "yaw, pitch and roll are 0 in all photographs, so they were not measured; not used"
 
 

@@ -13,6 +13,7 @@ from typer import Argument, Option
 from fieldkit.cli.boundary import answer as answer
 from fieldkit.cli.boundary import emit_json as emit_json
 from fieldkit.cli.boundary import say as say
+from fieldkit.documents.csv_text import finite_numbers
 from fieldkit.errors import UsageError
 from fieldkit.wording import count
 
@@ -217,15 +218,6 @@ def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[Cell]]) 
 
     labels = tuple(Column(name.rstrip(">"), numeric=name.endswith(">")) for name in columns)
     return rendered([Table(caption, labels, tuple(map(tuple, rows)))], most_rows=None)
-
-
-def finite_numbers(text: str) -> tuple[float, ...]:
-    """Numbers with commas between; none where any part of the text is no number."""
-    try:
-        numbers = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        return ()
-    return numbers if all(map(math.isfinite, numbers)) else ()
 
 
 def read_numbers(option: str, text: str, counts: tuple[int, ...], *, least: float = 0.0) -> tuple[float, ...]:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, TypeAlias
 
 from typer import Option
 
-from fieldkit.cli.common import RUN, OverwriteOption, ResumeOption, SeedOption, finite_numbers
+from fieldkit.cli.common import RUN, OverwriteOption, ResumeOption, SeedOption
+from fieldkit.documents.csv_text import finite_numbers
 from fieldkit.errors import UsageError
 from fieldkit.vocabulary import DISTANCES_M, Fidelity, MappingChoice, Mask, TiesChoice
 

@@ -38,9 +38,10 @@ _SHOWN_BY = 0.65
 _TIP_PX = 8.0  # what outlines miss of a tip that grows thinner than a pixel; fitted on tuning-1, -2, -5 and -6
 _LEAST_VIEWS = 9
 _FARTHEST_M = 0.08  # from the cloud: tips lay within 54 mm on the tuning scenes, places that only seemed plants 129
-_MAYBE_BY, _MAYBE_M = 0.5, 0.16
-"""What so many of the outlines show, and so far from the cloud, may be a tip or may not. A real sorghum's had lost
-144 mm of its top; half of the outlines, not two thirds, showed those of swaying maize."""
+_MAYBE_BY = 0.5
+"""Share of the outlines that may show a tip: half of them, not two thirds, showed those of swaying maize."""
+_MAYBE_M = 0.16
+"""Largest distance from the cloud of what may be a tip, metres: a real sorghum's had lost 144 mm of its top."""
 _SWAYS = 1.2
 _LARGEST_TIP_M2 = 0.01
 _FILLING_CELLS = 3.0

@@ -18,8 +18,10 @@ _LEAST = 6
 """Photographs that a lag is told from: a similarity takes up seven of their numbers."""
 _FITS = 0.33
 """Largest share of the residuals that a lag may leave: positions that are right, or wrong otherwise, leave more."""
-_ROUNDS, _OUTLIERS = 4, 2.5
-"""Of fits, each to those photographs whose residual is at most so many times the median of the last."""
+_ROUNDS = 4
+"""Number of fits, each to those photographs whose residual was small in the last."""
+_OUTLIERS = 2.5
+"""Largest residual of a photograph that is kept for the next fit, times the median."""
 
 
 class Lag(NamedTuple):

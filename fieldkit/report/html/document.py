@@ -29,8 +29,10 @@ _PRINTED_ROWS = 40
 """Rows of a table on paper, as page.css has them: a report is printed on ten pages at most."""
 _SENTENCE = 40
 """Characters of a cell that has no room beside others on a narrow screen."""
-_NARROW_COLUMNS, _FEW_ROWS = 4, 8
-"""Columns that fit a screen of 390 pixels; rows up to which more are set one below the other."""
+_NARROW_COLUMNS = 4
+"""Number of columns that fit a screen 390 pixels wide."""
+_FEW_ROWS = 8
+"""Most rows of a wider table that are set one below the other there."""
 _PATH = re.compile(r"[MLHVZ0-9. -]*")
 _ANCHOR = re.compile(r"[a-z][a-z0-9-]*")
 _KINDS = {
