@@ -7,13 +7,24 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from OpenGL import GL
+from OpenGL import EGL, GL
 from pyrender.constants import RenderFlags
+from pyrender.platforms import egl
 from pyrender.renderer import Renderer as PyrenderRenderer
 from pyrender.shader_program import ShaderProgramCache
 
 from fieldkit.arrays import Float32Array
 from fieldkit.scenes.scene import Light
+
+
+class EGLPlatform(egl.EGLPlatform):  # type: ignore[misc]
+    """A context of EGL. pyrender's own, once collected, ends the display and with it every context of the process."""
+
+    def delete_context(self) -> None:
+        """End this context alone. A second call does nothing."""
+        context, self._egl_context = self._egl_context, None
+        if context is not None:
+            EGL.eglDestroyContext(self._egl_display, context)
 
 
 class GLRenderer(PyrenderRenderer):  # type: ignore[misc]

@@ -85,10 +85,12 @@ class Renderer:
         """Free the OpenGL context. A second call does nothing."""
         if getattr(self, "_platform", None) is None:
             return
-        self._platform.make_current()
-        self._gl.delete()
-        _end(self._platform)
-        self._platform = self._gl = None
+        try:
+            self._platform.make_current()
+            self._gl.delete()
+        finally:
+            self._platform.delete_context()
+            self._platform = self._gl = None
 
     def move(self, vertices: Mapping[str, Float32Array]) -> None:
         """Put the vertices of some meshes elsewhere, as wind does (`fieldkit.scenes.sway`), until the next call.
@@ -193,7 +195,9 @@ def _start(scene: Scene) -> tuple[Any, Any, Any]:
     if name == "egl":
         from pyrender.platforms import egl
 
-        platform = egl.EGLPlatform(64, 64, device=egl.get_device_by_index(int(os.environ.get("EGL_DEVICE_ID", "0"))))
+        from fieldkit.scenes._gl_renderer import EGLPlatform
+
+        platform = EGLPlatform(64, 64, device=egl.get_device_by_index(int(os.environ.get("EGL_DEVICE_ID", "0"))))
     elif name == "osmesa":
         from pyrender.platforms.osmesa import OSMesaPlatform
 
@@ -214,19 +218,6 @@ def _remedy() -> str:
     if sys.platform != "linux":
         return _ELSEWHERE_REMEDY
     return _OSMESA_REMEDY if os.environ.get("PYOPENGL_PLATFORM") == "osmesa" else _REMEDY
-
-
-def _end(platform: Any) -> None:
-    context = getattr(platform, "_egl_context", None)
-    if context is None:
-        platform.delete_context()
-        return
-    # platform.delete_context would also terminate the display, which all contexts of the process share.
-    from OpenGL.EGL import eglDestroyContext
-
-    eglDestroyContext(platform._egl_display, context)
-    platform._egl_context = None
-    platform._egl_display = None
 
 
 def _upload(pyrender: Any, mesh: Mesh) -> Any:

@@ -5,6 +5,7 @@ import gc
 import os
 import subprocess
 import sys
+from threading import Thread
 
 import numpy as np
 import pytest
@@ -189,8 +190,15 @@ def test_a_machine_that_cannot_render_gets_a_remedy(broken: dict[str, str], pack
     assert package in result.stdout
 
 
-def test_a_forgotten_renderer_takes_no_other_with_it(small_scene: Scene, renderer: Renderer) -> None:
-    Renderer(small_scene).photograph(POSE, CAMERA)
+@pytest.mark.parametrize("elsewhere", [False, True])
+def test_a_forgotten_renderer_takes_no_other_with_it(elsewhere: bool, small_scene: Scene, renderer: Renderer) -> None:
+    forgotten = [Renderer(small_scene)]
+    forgotten[0].photograph(POSE, CAMERA)
+    if elsewhere:  # in a thread where its context, being current in this one, cannot be made current
+        ender = Thread(target=forgotten.clear)
+        ender.start()
+        ender.join()
+    forgotten.clear()
     gc.collect()
     assert renderer.photograph(POSE, CAMERA).shape == (CAMERA.height, CAMERA.width, 3)
 
