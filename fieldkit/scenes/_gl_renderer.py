@@ -22,7 +22,8 @@ class EGLPlatform(egl.EGLPlatform):  # type: ignore[misc]
 
     def delete_context(self) -> None:
         """End this context alone. A second call does nothing."""
-        context, self._egl_context = self._egl_context, None
+        context = self._egl_context
+        self._egl_context: Any = None
         if context is not None:
             EGL.eglDestroyContext(self._egl_display, context)
 
