@@ -19,11 +19,14 @@ _GAP_S = 3.0
 """Between photographs of a burst: cameras that write large files take one every 2 s."""
 _WHOLE_S = 1.0
 """What a clock without fractions of a second may hide."""
-_HOVER_M, _COARSE_HOVER_M = 0.15, 0.6
-"""How far apart positions of a burst may lie: a vehicle keeps its place to centimetres over seconds, and a receiver
-without corrections (worse than `_COARSE_M`) wanders by decimetres."""
+_HOVER_M = 0.15
+"""Extent of a burst's positions at most, metres: a vehicle keeps its place to centimetres over seconds."""
+_COARSE_HOVER_M = 0.6
+"""The same of a receiver without corrections, metres: it wanders by decimetres."""
 _COARSE_M = 0.3
+"""Accuracy beyond which a receiver counts as one without corrections, metres."""
 _HOVER_DEG = 5.0
+"""Range of a burst's angles at most, degrees."""
 
 
 def by_station(capture: Capture, mask: Mask = "none") -> Capture:

@@ -43,6 +43,7 @@ from fieldkit.wording import count
 MAX_PIXELS = 150_000_000
 """More than any single camera frame that flies today (100 Mpx), and 450 MB once decoded to RGB."""
 _MAX_FILE_BYTES = 2 << 30
+"""Largest file that is read as a photograph, bytes."""
 _MOST_COMPARED = 400  # photographs of one shape that say no time
 
 

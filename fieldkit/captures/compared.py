@@ -17,11 +17,27 @@ from fieldkit.geometry.priors import PosePrior
 from fieldkit.results.finding import Finding
 
 _LEAST = 3
-_ELSEWHERE_M, _APART_M = 1000.0, 30.0
-"""From their GPS: positions of another field are farther, those of this plot nearer, whatever their receivers."""
-_TELLS_M, _LONGER, _MISFIT = 10.0, 2.0, 0.5
-"""GPS that spreads less (RMS) tells nothing of a layout; one that fits spreads alike, within shares of its spread."""
-_GAP_M, _GAPS, _GAPS_BLIND, _A_PLACE = 5.0, 2.5, 5.0, 4
+"""Least number of photographs with GPS for a comparison."""
+_ELSEWHERE_M = 1000.0
+"""Distance from their GPS beyond which positions are another field's, metres."""
+_APART_M = 30.0
+"""Distance from their GPS within which positions are this plot's, whatever their receivers, metres."""
+_TELLS_M = 10.0
+"""Spread (RMS) below which GPS tells nothing of a layout, metres."""
+_LONGER = 2.0
+"""Factor between the spread of positions and of their GPS from which the units differ."""
+_MISFIT = 0.5
+"""Largest misfit of positions that are laid out as their GPS, as a share of its spread."""
+_MISFIT_M = 3.0
+"""The same of small layouts, metres: what consumer GPS errs by."""
+_GAP_M = 5.0
+"""Least distance between photographs of two places, metres."""
+_GAPS = 2.5
+"""Least distance between places in gaps within them, with heights above take-off."""
+_GAPS_BLIND = 5.0
+"""The same without heights above take-off."""
+_A_PLACE = 4
+"""Least number of photographs of a place."""
 
 
 def against_gps(
@@ -47,7 +63,7 @@ def against_gps(
             said = f"the positions spread over {own:.3g} m, their GPS over {spread:.3g} m: {CENTIMETRES.looks_like}"
             return [Finding(source, "unit-suspicious", said)]
         said = f"the positions are not laid out as the photographs' own GPS: {misfit:.0f} m off after the best fit"
-        ok = misfit < max(_MISFIT * spread, _LEAST)
+        ok = misfit < max(_MISFIT * spread, _MISFIT_M)
         return [] if ok else [Finding(source, "positions-apart", f"{said}; are they of these photographs?")]
     latitude, longitude, _ = origin.to_geodetic(np.column_stack([places, np.zeros(len(places))]))
     there = geodetic_to_ecef(degrees[:, 0], degrees[:, 1], 0.0)

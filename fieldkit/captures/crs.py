@@ -20,6 +20,7 @@ _GRID_REMEDY = (
     "Fetch it: pyproj sync {}, or let PROJ do so: PROJ_NETWORK=ON. Else export as WGS 84 from a GIS that has it."
 )
 _STEP_M = 10.0
+"""Length whose image under a transformation gives its scale and direction, metres."""
 _AREA_DEG = 1e-3
 """About the points' middle, where transformations are compared: a plot's neighbourhood."""
 _SATELLITE_M = 0.5

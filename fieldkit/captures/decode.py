@@ -24,8 +24,12 @@ from fieldkit.regular_files import open_regular
 
 _SCAN_MARKER = re.compile(rb"\xff+[^\x00\xd0-\xd7\xff]")
 _MAX_XMP_BYTES = 1 << 20
+"""Most bytes that a packed XMP packet may come to."""
 _LEAST_DEEP_VALUE = 1 << 12  # what uses fewer than 13 of 16 bits leaves less than 16 grey levels
-_DETAIL_PX, _SAME_DETAIL = 256, 0.9
+_DETAIL_PX = 256
+"""Side of the pictures in which two photographs' details are compared, pixels."""
+_SAME_DETAIL = 0.9
+"""Least correlation of the details of one photograph in two files."""
 _COMPLAINT = re.compile(r"Corrupt JPEG data|Premature end of JPEG|Inconsistent progression|libpng error")
 _STANDALONE = frozenset({0x01, *range(0xD0, 0xD9)})
 _REDUCED = {

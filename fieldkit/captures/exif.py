@@ -22,7 +22,10 @@ from fieldkit.captures.xmp import XmpData, parse_xmp
 from fieldkit.documents.xml_tree import XmlError
 
 _BASE, _GPS = ExifTags.Base, ExifTags.GPS
-_FILM_WIDTH_MM, _FILM_HEIGHT_MM = 36.0, 24.0
+_FILM_WIDTH_MM = 36.0
+"""Width of a frame of 35 mm film, millimetres."""
+_FILM_HEIGHT_MM = 24.0
+"""Height of a frame of 35 mm film, millimetres."""
 _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 _TIME = re.compile(
     r"([0-9]{4})[:\-/.]([0-9]{1,2})[:\-/.]([0-9]{1,2})[ T]+([0-9]{1,2}):([0-9]{2}):([0-9]{2})(?:[.,]([0-9]+))?"
@@ -34,9 +37,12 @@ _QUARTER, _MOST_QUARTERS, _ZONE_TOLERANCE = timedelta(minutes=15), 56, 0.2
 """Time zones differ from UTC by whole quarters of an hour, by 14 h at most; a clock may be 3 min wrong."""
 _FOCAL_WIDTHS = (0.25, 50.0)
 """Times the longer side: from 9 mm on 35 mm film, the shortest lens that draws straight lines straight."""
-_SMALLEST_SENSOR, _SHORTEST_MM = 16.0, 9.5
-"""A sensor's diagonal goes that many times into that of 35 mm film, and lenses for film itself are no shorter."""
+_SMALLEST_SENSOR = 16.0
+"""Number of times that the smallest sensor's diagonal goes into that of 35 mm film."""
+_SHORTEST_MM = 9.5
+"""Shortest lens for film itself, millimetres."""
 _MOST_DIGITAL_ZOOM = 200.0
+"""Largest digital zoom that is believed."""
 
 
 def focal_in_pixels(focal_35mm: float, width: int, height: int) -> float:

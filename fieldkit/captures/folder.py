@@ -33,6 +33,7 @@ _OTHER_IMAGES = {"HEIC", "AVIF", "WebP", "GIF", "BMP", "JPEG 2000", "JPEG XL"}
 _MASK = re.compile(r"(^|[._-])mask\.[a-z]+$", re.IGNORECASE)
 _THUMBNAIL_SUFFIXES = frozenset({".thm"})
 _HEAD_BYTES = 64
+"""Bytes of a file by which its kind is told."""
 _CONTROL_POINTS_UNUSED = (
     "ground control points are not read; scale and place come from poses.csv, geo.txt, GPS or printed markers"
 )

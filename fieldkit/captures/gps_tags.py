@@ -17,15 +17,18 @@ from fieldkit.results.finding import Finding
 
 _GPS = ExifTags.GPS
 _ALTITUDE_RANGE_M = (-1000.0, 10000.0)
+"""Altitudes that are believed, metres."""
 _SAME_PLACE_DEG = 0.01
 """EXIF and XMP within this are one position: post-processing moves it by metres."""
 _ZERO_DEG = 1e-6
+"""Size below which a coordinate is the zero of a receiver without a fix, degrees."""
 
 Problem = tuple[str, str]
 """A finding's code and message, the file's name still to be put to it."""
 
 
 _NEAR_DEG = 0.5
+"""Difference to other photographs' coordinates within which theirs decide a sign, degrees."""
 _LETTERS = {"latitude": ("GPSLatitudeRef", "north or south"), "longitude": ("GPSLongitudeRef", "east or west")}
 
 

@@ -25,8 +25,11 @@ BAROMETER_ACCURACY_M = 0.3
 """A height above take-off within one flight; an absolute altitude that states less is better."""
 
 _TAKE_OFF_SPREAD_M = 3.0
+"""Range of altitudes less heights above take-off within one take-off, metres: barometers drift."""
 _ZERO_AMONG_M = 5.0
+"""Median altitude below which a zero among others may be measured, metres."""
 _MIRRORED_SPREAD_M = 20.0
+"""Range below which altitudes of both signs are believed, metres."""
 
 
 @dataclass(frozen=True)

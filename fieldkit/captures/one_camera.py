@@ -10,11 +10,14 @@ from fieldkit.captures.model import Photo
 from fieldkit.results.finding import Finding
 from fieldkit.wording import count
 
-_SAME_FOCAL, _SAME_SIZE = 1.25, 2.0
-"""Times: a lens's focal length as cameras round it, and a picture's longer side; beyond, it is another lens or camera,
-or a preview."""
+_SAME_FOCAL = 1.25
+"""Ratio of focal lengths up to which a lens is the same, as cameras round them."""
+_SAME_SIZE = 2.0
+"""Ratio of longer sides up to which pictures are one camera's; beyond, one is a preview."""
 _ENOUGH = 0.5
+"""Least share of the places that the main camera photographed."""
 _BANDS_AT_A_PLACE = 5
+"""Number of bands of a multispectral camera, which nothing tells apart."""
 _PREFERRED = (
     ("", "visible", "wide"), ("zoom",), ("panchromatic",), ("green",), ("red",), ("red edge",), ("near infrared",),
     ("blue",), ("grey",),

@@ -28,12 +28,18 @@ _LIMITS = {
     "longitude": (-180.0, 180.0), "latitude": (-90.0, 90.0),
 }  # fmt: skip
 _FAR_M = 1e8
-_DEGREES_EXTENT, _DEGREES_DECIMALS = 0.1, 5
-"""Degrees of one capture differ by less, and take at least so many decimals to tell its photographs apart."""
+"""Largest coordinate that is believed, metres."""
+_DEGREES_EXTENT = 0.1
+"""Extent of a capture below which coordinates may be degrees."""
+_DEGREES_DECIMALS = 5
+"""Least decimals that degrees take to tell a capture's photographs apart."""
 
 
 LAYOUT = "image,x_m,y_m,z_m[,yaw_deg,pitch_deg[,roll_deg]][,accuracy_m]"
-_FOOT_M, _SURVEY_FOOT_M = 0.3048, 1200.0 / 3937.0
+_FOOT_M = 0.3048
+"""International foot, metres."""
+_SURVEY_FOOT_M = 1200.0 / 3937.0
+"""US survey foot, metres."""
 _NAMES = {
     "image": "image name filename file photo label imagename photoname imagefile imagefilename",
     "x": "x e east easting",

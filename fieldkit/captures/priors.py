@@ -26,8 +26,13 @@ from fieldkit.results.finding import Finding
 from fieldkit.wording import count
 
 _MIN_FOR_SCALE = 3
-_WIDE_SPACING_M, _NARROW_EXTENT_M = 15.0, 0.02
+"""Least number of positions that give a scale."""
+_WIDE_SPACING_M = 15.0
+"""Distance between neighbours beyond which positions are hardly metres, metres."""
+_NARROW_EXTENT_M = 0.02
+"""Extent of a capture below which positions are hardly metres, metres."""
 _MAX_EXTENT_M = 50_000.0
+"""Distance from the others beyond which a position is left out, metres."""
 _SAME_M = 1e-3
 """What receivers' last digits change by at least."""
 _CLIMBED_M = 0.5

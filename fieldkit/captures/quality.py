@@ -19,13 +19,24 @@ from fieldkit.results.finding import Finding
 WORKING_SIDE = 1024
 """Longer side in pixels at which quality is measured, so that cameras of different resolution compare."""
 
-_DARK, _BRIGHT = 3, 252
+_DARK = 3
+"""Grey level up to which a pixel is clipped dark."""
+_BRIGHT = 252
+"""Grey level from which a pixel is clipped bright."""
 _EMPTY_CONTRAST = 3.0
+"""Contrast below which a photograph shows nothing, grey levels."""
 _MIN_SHARPNESS = 3.0
+"""Sharpness below which a photograph is blurred whatever the others are, grey levels squared."""
 _BLURRED_SHARE = 0.33
+"""Share of the median sharpness below which a photograph is blurred."""
 _CLIPPED_SHARE = 0.5
+"""Share of clipped pixels beyond which a photograph is wrongly exposed whatever the others are."""
 _CLIPPED_EXCESS = 0.25
-_SHADOW_END, _LIGHT_END = 96, 144
+"""Share of clipped pixels above the median's beyond which a photograph is wrongly exposed."""
+_SHADOW_END = 96
+"""Grey level that the brightest hundredth of an under-exposed photograph stays below."""
+_LIGHT_END = 144
+"""Grey level that the darkest hundredth of an over-exposed photograph stays above."""
 
 _MESSAGES = {
     "unreadable": "the pixels cannot be decoded",

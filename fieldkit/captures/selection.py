@@ -21,6 +21,7 @@ from fieldkit.results.finding import Finding
 from fieldkit.runtime.progress import Progress, Silent
 
 _MAX_FOLDERS = 100_000
+"""Most folders that are searched."""
 _MASKS = "masks"
 
 

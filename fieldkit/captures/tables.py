@@ -16,6 +16,7 @@ from fieldkit.documents.file_bytes import file_bytes
 from fieldkit.errors import MetadataError
 
 _MAX_BYTES = 64 << 20
+"""Largest table that is read, bytes."""
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
 _ANY_NUMBER = re.compile(r"[+-]?[0-9.,]*[0-9][0-9.,]*(?:[eE][+-]?[0-9]{1,3})?")
 _GROUP = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")

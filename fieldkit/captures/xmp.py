@@ -70,10 +70,12 @@ _SENSOR_NAMES = {"ImageSource": "image_source", "BandName": "bands", "Projection
 _MAKERS = ("dji", "like dji", "skydio", "parrot", "yuneec", "pix4d")
 """In the order in which they count where a photograph has tags of several."""
 _MAX_BYTES = 1 << 20
+"""Largest XMP packet that is read, bytes."""
 _SEXAGESIMAL = re.compile(r"([0-9]+),([0-9]+(?:\.[0-9]+)?)(?:,([0-9]+(?:\.[0-9]+)?))?\s*([NSEW])")
 RTK_FIXED = 50
 """RtkFlag of a fixed solution (DJI Zenmuse P1 and Mavic 3M manuals); 0 is none, 16 single point, 32–49 float."""
 RTK_FLOAT = 32
+"""Least RtkFlag of a float solution (DJI Zenmuse P1 and Mavic 3M manuals)."""
 _STALE_M = 0.3
 """A single-point solution is good to metres: a smaller deviation beside it is one of an RTK solution before."""
 LOOKING_DOWN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])

@@ -23,15 +23,25 @@ from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
 REFERENCE_REACH_M = 0.05
 """From how far a plot's cloud, placed by its photographs' positions, is moved onto the plot's reference."""
 _LEVELS = 3
+"""Number of levels, each with half the reach of the one before."""
 _SHAPE_NEIGHBORS = 12
+"""Number of neighbours that a point's normal and covariance are taken from."""
 _ITERATIONS = 60
+"""Most iterations of a level, after which it counts as not converged."""
 _LEAST_PAIRS = 10
+"""Least number of paired points; of fewer no motion is taken."""
 _MOST_POINTS = 600_000
 """Of the thinned target: more align no better, and each takes some 400 bytes of memory."""
 _SCALE_ROUNDS = 40
+"""Most steps of a fit with scale, after which it counts as not converged."""
 _SCALE_SETTLED = 5e-5
+"""Change of the scale below which a fit has settled, as a share: 0.1 mm over 2 m."""
 _MAX_SCALE_STEP = 0.2
-_OVERLAP, _NO_WORSE = 0.5, 1.05
+"""Largest change of the scale in a step, as a share; a larger one is a failure."""
+_OVERLAP = 0.5
+"""Least share of points with a partner within reach for a motion to fit."""
+_NO_WORSE = 1.05
+"""Most by which the distance may grow for a motion to fit, as a factor."""
 
 
 @dataclass(frozen=True)

@@ -14,14 +14,23 @@ from scipy.spatial import cKDTree
 from fieldkit.arrays import BoolArray, FloatArray, IntArray
 
 STRAY_M2 = (0.0005, 0.005)
+"""Surface below which a piece never counts, and from which it always does, square metres: 5 and 50 cm²."""
 STRAY_SHARE = 0.05
-"""A piece with less surface than 5 % of the largest one does not count, nor one below 5 cm²; one of 50 cm² does."""
+"""Share of the largest piece's surface below which a piece between these does not count."""
 _REACH_VOXELS = 3
-VOXEL_M, VOXEL_GSD = 0.010, 10.0
-_CELL_M, _GAP_M = 0.03, 0.10
+"""Gap that a piece may have, in voxels."""
+VOXEL_M = 0.010
+"""Least edge of the voxels in which strays are looked for, metres."""
+VOXEL_GSD = 10.0
+"""Edge of these voxels in ground sampling distances, where that is more."""
+_CELL_M = 0.03
+"""Edge of the cells of covered ground in which the stand is looked for, metres."""
+_GAP_M = 0.10
+"""Widest gap within a piece of covered ground, metres."""
 _LARGE_SHARE = 0.2
 """A piece that covers at least this share of the largest one's ground belongs to the stand wherever it is."""
 _BESIDE_M = 0.25
+"""Distance from the stand's box beyond which ground lies apart, metres."""
 
 
 def cell_keys(cells: IntArray, limits: IntArray | None = None) -> IntArray | None:

@@ -21,20 +21,28 @@ from fieldkit.files import write_atomic
 from fieldkit.regular_files import open_regular
 
 _FINEST_SCALE_M = 1e-4
+"""Finest step of written coordinates, metres: below a cloud's own noise."""
 _CHUNK_POINTS = 500_000  # what is allocated at a time, whatever the header promises
 _NORMALS = ("nx", "ny", "nz")
 _OTHER_NORMALS = (_NORMALS, ("NormalX", "NormalY", "NormalZ"), ("normal_x", "normal_y", "normal_z"))
 _WITH_COLOR = (2, 3, 5, 7, 8, 10)  # point formats
-_LINEAR_UNITS, _VERTICAL_UNITS = 3076, 4099  # GeoTIFF keys (OGC 19-008r4, 7.5)
+_LINEAR_UNITS = 3076
+"""GeoTIFF key of the unit of easting and northing (ProjLinearUnitsGeoKey, OGC 19-008r4, 7.5)."""
+_VERTICAL_UNITS = 4099
+"""GeoTIFF key of the unit of heights (VerticalUnitsGeoKey, OGC 19-008r4, 7.5)."""
 _UNITS_M = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}  # by EPSG code: metre, foot, US survey foot
 _NOISE = (7, 18)  # classes of low and high noise
 _CREATION_DATE = slice(90, 94)  # of the header: day of year and year
 _DAMAGED = "The file is damaged or was not copied completely: copy or export it again."
 _LEAST_HEADER = 227  # bytes, LAS 1.0 to 1.2
-_RECORD_HEADER, _EXTENDED_RECORD_HEADER = 54, 60
+_RECORD_HEADER = 54
+"""Bytes before the content of a variable length record (LAS 1.4)."""
+_EXTENDED_RECORD_HEADER = 60
+"""Bytes before the content of an extended variable length record (LAS 1.4)."""
 _MAX_RATIO = 200
 """LAZ makes scans 5 to 20 times smaller; equal points thousands of times, and such a file of 7 KB fills gigabytes."""
 _FREE_BYTES = 64 << 20
+"""Bytes that a packed file may come to whatever its size."""
 _LEAST_CHUNK_BYTES = 20  # a chunk starts with one uncompressed point, 20 bytes in the shortest format
 
 

@@ -16,8 +16,10 @@ from fieldkit.arrays import FloatArray, IntArray
 from fieldkit.runtime.kernels import kernel
 
 _LEAF_POINTS = 16
+"""Number of points in a leaf of the tree."""
 _BITS = 21  # per axis: 63 bits in all
 _QUERIES_AT_A_TIME = 1_000_000
+"""Number of points that are looked up at a time, which bounds memory."""
 _STACK = 64  # deeper than any hierarchy of 2^63 points
 
 

@@ -13,11 +13,16 @@ LEAST_PLANTS = 4
 GAP = 1.5
 """Neighbours in a row that stand this many spacings apart or more have places without a plant between them."""
 _STEP_DEG = 0.5
+"""Step between the directions that are tried, degrees."""
 _APART = 0.5
 """Rows are this share of the least distances between plants apart, and more."""
-_MANY, _OFF, _UNEVEN = 8, (0.10, 0.25), (0.20, 0.30)
-"""How far plants stand off their row's line and off even places (RMS, shares of the distance), for few and for so many
-plants: fewer seem to stand in rows by chance."""
+_MANY = 8
+"""Number of plants from which the wider of two tolerances holds: fewer seem to stand in rows by chance."""
+_OFF = (0.10, 0.25)
+"""RMS distance of plants from their row's line for few and for many plants, as a share of the distance between
+plants."""
+_UNEVEN = (0.20, 0.30)
+"""RMS deviation from even places along a row for few and for many plants, as a share of the spacing."""
 _WIDE = 0.3
 """Rows are at most this share of the distance between rows wide."""
 

@@ -26,33 +26,53 @@ OnPlot = Callable[[FloatArray], BoolArray]
 LEAST_CLEAR = 0.8
 """Plants are told apart where at least this share of points is clearly nearer to its own foot than to any other."""
 
-_CELL_M, _CELLS_HIGH = 0.005, 100
-"""Work is done on a cloud thinned to this, or to this share of the plants' height where they are small."""
-_BAND, _WINDOW, _FILLED = 0.3, 0.12, 0.7
-"""Stems are looked for below the first of these shares of the height: columns of which over the second the third is
-filled."""
-_SHORT, _TALL, _FOOT = 0.1, 0.15, 0.12
-"""Columns count from the first of these shares of the height. A stem has the second, and begins below the third."""
+_CELL_M = 0.005
+"""Edge of the cells to which a cloud is thinned, metres."""
+_CELLS_HIGH = 100
+"""Least number of cells in the plants' height: small plants have smaller cells."""
+_BAND = 0.3
+"""Share of the plants' height below which stems' feet are looked for."""
+_WINDOW = 0.12
+"""Length of an upright column, as a share of the plants' height, over which `_FILLED` holds."""
+_FILLED = 0.7
+"""Least share of a column's voxels that hold points."""
+_SHORT = 0.1
+"""Least length of a column that counts, as a share of the plants' height."""
+_TALL = 0.15
+"""Least length of a stem's foot, as a share of the plants' height."""
+_FOOT = 0.12
+"""Share of the plants' height below which a stem's foot begins."""
 _LITTER = 0.12
 """What is connected to nothing and lies wholly below this share of the height belongs to no plant."""
 _MOST_VOXELS = 50_000_000
+"""Most voxels in which columns are looked for: 200 MB each array."""
 _LEAST_POINTS = 10
+"""Least number of points in which plants are told apart."""
 _WIDE = 0.25
 """Nine in ten points of a foot lie within this share of the height about its middle; else it is a canopy's skirt."""
-_STEM_RADIUS, _STEM_TOP, _STEM_LEAN = 5.0, 0.6, 0.3
-"""A stem is followed within so many cells of its axis up to this share of the height. The axis moves by this share of
-the way to the middle of each slice of two cells."""
+_STEM_RADIUS = 5.0
+"""Distance from a stem's axis within which points are its own, in cells."""
+_STEM_TOP = 0.6
+"""Share of the plants' height up to which a stem is followed."""
+_STEM_LEAN = 0.3
+"""Share of the way to the middle of each slice of two cells by which a stem's axis moves."""
 _STEM_COST = 2.0
-_UPRIGHT_BANDS, _AWAY = ((0.25, 0.5), (0.4, 0.6)), 16.0
-"""A column through one of these bands of the plants' height, more than so many cells from any stem that was followed,
-is a stem whose foot was not found."""
-_REACH, _BEND = 2.4, 30.0
-"""Neighbours on a surface are so many cells apart. Steps out of a surface, or to one that faces elsewhere, count up to
-``1 + 2 · _BEND`` times: that is what keeps paths from changing leaves where two cross."""
-_JUMP, _JUMP_COST = 8.0, 6.0
-"""Gaps of up to so many cells are crossed at this cost per metre."""
+"""Cost of a metre along a stem, in metres along a leaf."""
+_UPRIGHT_BANDS = ((0.25, 0.5), (0.4, 0.6))
+"""Bands, as shares of the plants' height, through which a column is a stem, with or without a foot."""
+_AWAY = 16.0
+"""Distance from every stem that was followed beyond which such a column is another, in cells."""
+_REACH = 2.4
+"""Distance between neighbours on a surface, in cells."""
+_BEND = 30.0
+"""Weight of steps out of a surface, or to one that faces elsewhere: up to ``1 + 2 · _BEND`` times their length. It
+keeps paths from changing leaves where two cross."""
+_JUMP = 8.0
+"""Widest gap that a path may cross, in cells."""
+_JUMP_COST = 6.0
+"""Cost of a metre across a gap, in metres along a leaf."""
 _CLEARLY = 1.1
-"""A point is clearly nearer to one foot when the next is this much further."""
+"""Factor by which the way to any other foot must be longer for a point to be clearly one plant's."""
 
 
 @dataclass(frozen=True, eq=False)

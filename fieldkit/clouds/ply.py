@@ -31,6 +31,7 @@ _SCALARS = {
 """PLY's scalar types, old and new names, as NumPy's type codes."""
 _FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _MAX_HEADER_BYTES = 1 << 20
+"""Most bytes that are searched for the header's end."""
 _COLOR_NAMES = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
 _NORMAL_NAMES = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
 _FLOAT32_LIMIT_M = 16.0  # below it float32 is within 0.5 µm

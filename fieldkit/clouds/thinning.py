@@ -13,6 +13,7 @@ from fieldkit.clouds.cloud import Cloud, concatenate
 # in 2^-30 of the voxel's edge, a normal's component in 2^-30.
 _STEPS = float(2**30)
 _POINTS_AT_A_TIME = 1_000_000
+"""Number of points that are worked on at a time, which bounds memory."""
 
 
 def voxel_thin(cloud: Cloud, size_m: float, *, origin: ArrayLike = (0.0, 0.0, 0.0)) -> Cloud:

@@ -29,15 +29,25 @@ from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.wording import count
 
 _GIMBAL_REACH_S = 2.0
+"""Time to the nearest sample beyond which a gimbal's angles are unknown, seconds."""
 _FASTEST_GIMBAL_DPS = 100.0
 """Camera gimbals on multicopters turn at 30 to 100 °/s when they are told to."""
 _ACCURACY_REACH_S = 10.0
+"""Time to the nearest sample beyond which the receiver's accuracy is unknown, seconds."""
 _FIXED_M = 0.1
 """Of a height: a fixed solution of RTK is good to some centimetres, a float one to decimetres, like the barometer."""
 _MOST_LISTED = 8
-_YAW_LOCK, _YAW_VEHICLE, _YAW_NORTH = 16, 32, 64
+"""Most missing triggers that are named."""
+_YAW_LOCK = 16
+"""GIMBAL_DEVICE_FLAGS_YAW_LOCK (MAVLink common.xml)."""
+_YAW_VEHICLE = 32
+"""GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME (MAVLink common.xml)."""
+_YAW_NORTH = 64
+"""GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME (MAVLink common.xml)."""
 _UTC_RANGE = (1.0e9, 4.2e9)
+"""Seconds since 1970 that a clock which was set may show: 2001 to 2103."""
 _BOOT_LIMIT_S = 4.4e6
+"""Most seconds since boot: 50 days, where MAVLink's 32-bit milliseconds end."""
 
 Commanded = Callable[[float], Gimbal | None]
 """The gimbal's attitude that a mission had commanded when a message was recorded."""

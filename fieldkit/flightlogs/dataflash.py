@@ -37,16 +37,20 @@ _LAYOUT = Layout(
     home=("ORGN", ("Lat", "Lng", "Alt")),
 )
 _HOME = 1
+"""ORGN's type of the home position (ArduPilot's log_Origin)."""
 _INSTANCES = ("I", "C", "Instance")
 _GPS_EPOCH_S = 315964800.0
-"""1980-01-06, the zero of GPS time, in seconds since 1970."""
+"""Seconds from 1970 to the beginning of GPS time, 6 January 1980."""
 _LEAP_SECONDS = 18.0
 """GPS time less UTC since 2017-01-01 (IERS Bulletin C)."""
 _LAST_MESSAGE = 255
 """Bytes: power is cut while the last one is written."""
 _REMEDY = "Copy the log again from the autopilot's card."
 _HEADER = b"\xa3\x95"
-_FMT, _FMT_SIZE = 128, 89
+_FMT = 128
+"""Number of the message that describes the others."""
+_FMT_SIZE = 89
+"""Bytes of that message."""
 _NAME = re.compile(r"[A-Za-z0-9_]{1,64}")
 _TYPES: dict[str, tuple[str, float]] = {
     "a": ("(32,)<i2", 1.0), "b": ("<i1", 1.0), "B": ("<u1", 1.0), "h": ("<i2", 1.0), "H": ("<u2", 1.0),

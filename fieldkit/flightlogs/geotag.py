@@ -26,7 +26,10 @@ from fieldkit.regular_files import check_replaceable
 from fieldkit.wording import count
 
 _HEADER = ("image", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "accuracy_m")
-_LENGTH_DECIMALS, _ANGLE_DECIMALS = 4, 3
+_LENGTH_DECIMALS = 4
+"""Decimals of positions in metres."""
+_ANGLE_DECIMALS = 3
+"""Decimals of angles in degrees."""
 
 
 @dataclass(frozen=True)

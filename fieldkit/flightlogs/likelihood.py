@@ -18,11 +18,25 @@ _RARE = math.log(20.0)
 _JITTERS_S = (0.01, 0.02, 0.05, 0.1, 0.2)
 """Standard deviations that shutter lag may have."""
 _START_GATE_S = 0.6
+"""Time to a trigger within which a photograph may be its own before the clock offset is refined, seconds."""
 _GATE_SIGMAS = 4.0
-_PLACE_START_M, _PLACE_RANGE_M = 3.0, (0.02, 10.0)
-_LEAST_AREA_M2, _LEAST_SPAN_S = 400.0, 60.0
-_DRIFT_PAIRS, _DRIFT_SPAN_S, _DRIFT_LIMIT = 8, 300.0, 5e-4
+"""Time to a trigger within which a photograph may be its own afterwards, in standard deviations of the lag."""
+_PLACE_START_M = 3.0
+"""Standard deviation of positions before anything is known of it, metres: that of consumer GPS."""
+_PLACE_RANGE_M = (0.02, 10.0)
+"""Least and largest standard deviation that positions may have, metres."""
+_LEAST_AREA_M2 = 400.0
+"""Least ground on which an extra photograph may have been taken, square metres."""
+_LEAST_SPAN_S = 60.0
+"""Least time in which an extra photograph may have been taken, seconds."""
+_DRIFT_PAIRS = 8
+"""Least number of pairs of which a clock's drift is fitted."""
+_DRIFT_SPAN_S = 300.0
+"""Least time over which a clock's drift is fitted, seconds."""
+_DRIFT_LIMIT = 5e-4
+"""Largest drift of a camera's clock, seconds per second: 43 s a day."""
 _WORST = 1e6
+"""Cost of a pair beyond the gates, above any other."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,16 +27,21 @@ from fieldkit.geometry.geodesy import LocalFrame, geodetic_to_ecef
 from fieldkit.wording import count
 
 _HYPOTHESES = 12
+"""Most clock offsets that are tried."""
 _VOTES = 4_000_000
+"""Most pairs of a photograph and a trigger from which clock offsets are guessed: 32 MB."""
 _ROUNDS = 5
+"""Most rounds of assigning and fitting in turn."""
 _LEAST_PAIRS = 3
+"""Least number of pairs that a clock offset found by itself needs."""
 _OFFSET_TOLERANCE_S = 2.0
+"""Deviation from a clock offset that people state, seconds."""
 _SAME_M = 0.05
 """Between two cameras' triggers: that they fire together or hover makes no difference."""
 _DOUBT = 3.0
+"""Natural logarithm of how many times likelier an assignment must be than the next one at its clock offset."""
 _OFFSET_DOUBT = 5.0
-"""Natural logarithms of how many times likelier an assignment must be than the next one, at one clock offset and at
-another."""
+"""Natural logarithm of how many times likelier an assignment must be than that at another clock offset."""
 
 
 @dataclass(frozen=True)

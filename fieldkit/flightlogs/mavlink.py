@@ -23,14 +23,20 @@ from pymavlink.dialects.v20 import ardupilotmega
 mavlink = ardupilotmega
 
 MAGIC_2 = 0xFD
+"""First byte of a frame of MAVLink 2."""
 MAGIC_1 = 0xFE
+"""First byte of a frame of MAVLink 1."""
 SIGNED = 0x01
 """MAVLINK_IFLAG_SIGNED, in the third byte of a MAVLink 2 frame."""
 SIGNATURE_BYTES = 13
+"""Bytes of a signature at a frame's end."""
 _HEADER_2 = 10
+"""Bytes before the payload of a frame of MAVLink 2."""
 _HEADER_1 = 6
+"""Bytes before the payload of a frame of MAVLink 1."""
 _STAMP = struct.Struct(">Q")
 _STAMP_BYTES = 8
+"""Bytes of the time before each frame of a .tlog, microseconds since 1970."""
 _LEAST = 8
 """Bytes of a frame of MAVLink 1 without payload; those of MAVLink 2 have more."""
 _HEAD = 10

@@ -20,9 +20,13 @@ LogKind = Literal["tlog", "dataflash", "ulog"]
 YawFrame = Literal["vehicle", "north"]
 
 _REACH_S = 1.0
+"""Time to the nearest sample beyond which a series is unknown, seconds."""
 _DOUBLED_S = 0.3
-_BURST_S, _HOVER_M = 3.0, 0.3
-"""Between two triggers of a burst at most."""
+"""Time within which a trigger may repeat the one before, seconds."""
+_BURST_S = 3.0
+"""Most time between two triggers of a burst, seconds."""
+_HOVER_M = 0.3
+"""Most distance between two triggers of a burst, metres."""
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,11 @@ from fieldkit.flightlogs.model import FlightLog
 MAX_BYTES = 1 << 30
 """A larger log is refused, packed or unpacked: an hour of ArduPilot's at full rate is about 200 MB."""
 _CHUNK = 1 << 16
+"""Bytes that are unpacked at a time."""
 _MAX_RATIO = 60
 """Packed logs come out 2 to 10 times as large; a bomb up to 1,030 times."""
 _FREE_BYTES = 16 << 20
+"""Bytes that a packed log may come to whatever its size."""
 _GZIP, _ULOG, _DATAFLASH = b"\x1f\x8b", b"ULog\x01\x12\x35", b"\xa3\x95"
 _REMEDY = "Give a flight's .tlog, ArduPilot's .BIN (or .BIN.gz) or PX4's .ulg."
 

@@ -76,13 +76,25 @@ _LAYOUT = Layout(
     home=("HOME_POSITION", ("latitude", "longitude", "altitude")),
 )  # fmt: skip
 _STATION_SYSTEMS = (255,)
+"""System numbers of ground stations: that of QGroundControl and Mission Planner."""
 _REMEDY = "Give the .tlog that the ground station wrote, or the autopilot's own log (.BIN, .ulg)."
 
-_MOUNT_CONTROL, _PITCHYAW = 205, 1000
+_MOUNT_CONTROL = 205
+"""MAV_CMD_DO_MOUNT_CONTROL."""
+_PITCHYAW = 1000
+"""MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW."""
 _ROI = (195, 197, 201)
-_DIGICAM, _CAPTURE, _DISTANCE = 203, 2000, 206
+"""MAV_CMD_DO_SET_ROI_LOCATION, _NONE and MAV_CMD_DO_SET_ROI."""
+_DIGICAM = 203
+"""MAV_CMD_DO_DIGICAM_CONTROL."""
+_CAPTURE = 2000
+"""MAV_CMD_IMAGE_START_CAPTURE."""
 _YAW_LOCK = 16
-_MISSION, _ACCEPTED = 0, 0
+"""GIMBAL_MANAGER_FLAGS_YAW_LOCK."""
+_MISSION = 0
+"""MAV_MISSION_TYPE_MISSION."""
+_ACCEPTED = 0
+"""MAV_MISSION_ACCEPTED."""
 
 Stamped = tuple[float, Any]
 

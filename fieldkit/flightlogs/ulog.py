@@ -53,9 +53,13 @@ _TYPES = {
     "int64_t": "<i8", "uint64_t": "<u8", "float": "<f4", "double": "<f8", "bool": "<u1", "char": "<u1",
 }  # fmt: skip
 _MOST_BYTES = 65536
+"""Most bytes of a row: the message's size has 16 bits."""
 _APPENDED = 1
+"""Incompatible flag that says data was appended after a crash (ULog, flag bits message)."""
 _HEADER_BYTES = 16
+"""Bytes of the file's header."""
 _NO_INSTANCE = 256
+"""Number above any instance, whose numbers have 8 bits."""
 _KINDS = frozenset(b"BFIMPQARDLCSO")
 
 

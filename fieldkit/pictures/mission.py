@@ -18,7 +18,9 @@ from fieldkit.pictures.projection import FRONT, SIDE, TOP, Direction
 
 _CAMERA, _LEG, _OUTLINE = "#c0262d", "#2f6db3", "#8a5a2b"
 _SHARE = 0.1
+"""Length of a frustum as a share of the cameras' spread."""
 _MOST_NAMES = 100
+"""Most plots that are named."""
 
 
 def draw_plan(

@@ -35,15 +35,25 @@ from fieldkit.pictures.panels import (
 from fieldkit.pictures.projection import FRONT, SIDE, TOP, Direction
 from fieldkit.results.evaluation import ImageReport, PlotEvaluation, ReconstructionEntry, ReferenceReport
 
-_WIDTH, _HEIGHT = 15.0, 10.0
-_MARGIN, _GAP = 0.45, 0.55
+_WIDTH = 15.0
+"""Width of the picture, inches."""
+_HEIGHT = 10.0
+"""Height of the picture, inches."""
+_MARGIN = 0.45
+"""Room about the panels, inches."""
+_GAP = 0.55
+"""Room between panels, inches."""
 _UPPER = (4.55, 4.65)  # bottom and height of the row of panels with the plants
 _LOWER = (0.75, 3.15)
+"""Bottom and height of the row of panels with the cameras, inches."""
 _GROUND, _BOX = "#8a5a2b", "#7a6fb0"
 _RIGHT, _WRONG, _MISSING = "#1f5fa8", "#c0262d", "#d98300"
 _TEXT_COLUMNS = 51
+"""Most letters of a line of text."""
 _LABELS_WIDTH = 1.65
+"""Width of the text's labels, inches."""
 _CAMERAS_WIDTH = 4.25
+"""Width of a panel with the cameras, inches."""
 _WEAKEST, _ARROW_SHARE = "#8b1a8b", 0.2
 
 

@@ -21,8 +21,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DPI = 150
+"""Resolution of pictures, pixels an inch."""
 PAPER, INK, FAINT = "#fbfaf6", "#2b2b2b", "#8c8a82"
-_ROW_WIDTH, _ROW_HEIGHT, _ROW_MARGIN, _ROW_GAP, _ROW_TOP = 15.0, 5.6, 0.5, 0.4, 1.0
+_ROW_WIDTH = 15.0
+"""Width of a picture of one row, inches."""
+_ROW_HEIGHT = 5.6
+"""Height of a picture of one row, inches."""
+_ROW_MARGIN = 0.5
+"""Room about its panels, inches."""
+_ROW_GAP = 0.4
+"""Room between its panels, inches."""
+_ROW_TOP = 1.0
+"""Room above its panels for the title, inches."""
 
 
 @dataclass(frozen=True)

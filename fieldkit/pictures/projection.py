@@ -13,7 +13,9 @@ import numpy as np
 from fieldkit.arrays import ByteArray, FloatArray, IntArray
 
 _POINTS_AT_A_TIME = 100_000
+"""Number of points that are drawn at a time, which bounds memory."""
 _SHADING = 0.5
+"""Strength of the shade behind steps in depth."""
 _FULL_SHADE_SHARE = 0.04  # of the depth range; deeper steps are fully shaded
 
 

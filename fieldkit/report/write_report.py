@@ -18,6 +18,7 @@ POINTS = 1_000_000
 """Default limit of the points of all 3D views of a report together."""
 
 MOST_POINTS = 10_000_000
+"""Largest limit of the points of all 3D views together."""
 _SUFFIXES = (".html", ".htm", "")
 
 

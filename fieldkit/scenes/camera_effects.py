@@ -21,9 +21,11 @@ from fieldkit.scenes.sensor_noise import developed, with_grain
 USUAL_GRAIN = 3.5
 """Of consumer cameras: between the recorded rigs' (docs/decisions.md)."""
 _MAX_TAPS = 15
-_DRIFT_M_S, _TURN_DEG_S = 0.15, 2.0
-"""Standard deviations of the camera's velocity per axis, and of its rate of turn about each of its axes, while it
-exposes."""
+"""Most renderings that a motion's blur is averaged from."""
+_DRIFT_M_S = 0.15
+"""Standard deviation per axis of the camera's velocity while it exposes, metres a second."""
+_TURN_DEG_S = 2.0
+"""Standard deviation about each of its axes of the camera's rate of turn while it exposes, degrees a second."""
 
 
 @dataclass(frozen=True)

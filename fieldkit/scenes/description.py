@@ -27,8 +27,10 @@ _OVERSAMPLING = 1.7
 SURFACE_DENSITY = 10
 """Points of the surface in `sample_truth` for each one of the reference."""
 _MOST_POINTS = 20_000_000
+"""Most points of a truth."""
 
 MAX_WIND_M = 0.2
+"""Largest deflection of leaves that is simulated, metres."""
 
 
 @dataclass(frozen=True)

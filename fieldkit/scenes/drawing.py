@@ -13,8 +13,10 @@ from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.runtime.kernels import inline_kernel, kernel
 from fieldkit.scenes.renderer import Renderer
 
-_LEAST_STEP, _LEAST_SHARE = 16, 0.15
-"""A step is smoothed from so many grey levels, and from that share of the brighter side."""
+_LEAST_STEP = 16
+"""Step from which an edge is smoothed, grey levels."""
+_LEAST_SHARE = 0.15
+"""The same as a share of the brighter side."""
 _REACH = 10
 """Pixels that a stair is followed to either side."""
 _LONE = 0.5
@@ -92,7 +94,9 @@ def _smooth(image: ByteArray, luma: NDArray[np.int32], result: ByteArray) -> Non
 
 
 _SAMPLES = 4
+"""Samples a pixel of photographs that are not economical."""
 KEPT_BYTES = 384 << 20
+"""Default limit of kept drawings, bytes."""
 
 
 class Drawing(NamedTuple):

@@ -32,14 +32,21 @@ PLANTS_FILE = "plants.ply"
 GROUND_FILE = "ground.ply"
 ATLAS_FILES = ("plants.png", "ground.png")
 MAX_GROUND_SURFELS = 1_000_000
+"""Most surfels of what is no plant."""
 _OVERLAP = 1.8
 """Side of a surfel in median distances between neighbouring points."""
 _SAMPLE = 20_000
+"""Number of points from which a cloud's spacing is taken."""
 _NEIGHBORS = 16
-_PLANT_STRAY, _GROUND_STRAY = 3.0, 1.7
+"""Number of the neighbour whose distance tells a stray."""
+_PLANT_STRAY = 3.0
+"""Distance of that neighbour beyond which a plant's point is a stray, in medians: stems and leaf tips are thin."""
+_GROUND_STRAY = 1.7
+"""The same of other points."""
 _FRINGE = 8.0
+"""Distance to a plant's point within which another point may repeat it, in spacings of the plants' points."""
 _ISLAND = 0.002
-"""Stems and leaf tips are thin, so plants' points may stand further apart than the ground's."""
+"""Share of the plants' points below which a piece of them is left out."""
 _REMEDY = "Build it again: `fieldkit reference IMAGES -o REF --overwrite`."
 
 

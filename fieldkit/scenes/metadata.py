@@ -15,6 +15,7 @@ _SENSOR_WIDTH_MM = 13.2
 """A one-inch sensor's, which gives the focal length in millimetres its scale."""
 _FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
 _RTK_FIXED = 50
+"""RtkFlag of a fixed solution (DJI Zenmuse P1 and Mavic 3M manuals)."""
 
 
 @dataclass(frozen=True)

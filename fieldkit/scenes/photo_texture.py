@@ -21,6 +21,7 @@ _DEPTH_SIZE = 800
 _CELL_SIDES = 8.0
 """Neighbouring surfels, in cells of so many sides, are judged by their mean normal and toned together."""
 _MOST_GAIN = 2.5
+"""Factor up to which a patch's tone is brought to its neighbours'."""
 _HIDDEN_SIDES = 4.0
 """How many surfel sides behind the depth map a point may be and still count as seen."""
 

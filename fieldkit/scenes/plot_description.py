@@ -22,9 +22,10 @@ STAGES: tuple[Stage, ...] = get_args(Stage)
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 SUFFIXES = (".obj", ".ply", ".glb", ".gltf", ".stl")
 MAX_BYTES = 512 << 20
+"""Largest mesh file that is read, bytes."""
 _CONVERT = "Open it in MeshLab or Blender and export it as binary PLY or GLB."
 SCATTER_M = 1.25
-"""Stones and residue lie in the square of twice this side about the origin, metres."""
+"""Half the side of the square on which stones and straw lie, metres."""
 SoilKind = Literal["tilled", "crumb", "crusted", "printed"]
 SCALE_RANGE = (0.9, 1.1)
 """BOSfM scales each plant within ±10 %."""

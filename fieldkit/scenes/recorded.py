@@ -17,7 +17,9 @@ from fieldkit.errors import CloudError, SceneError
 from fieldkit.scenes.scene import Mesh, Scene
 
 MAX_SURFELS = 5_000_000
+"""Most surfels that are drawn."""
 _GROUND_REACH_M = 30.0
+"""Half the side of the fitted ground, metres."""
 _BELOW_M = 0.004
 """The fitted ground lies this far below its surfels, which rise and fall by some millimetres."""
 

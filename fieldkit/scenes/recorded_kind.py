@@ -30,8 +30,14 @@ LEFT_OUT_EVERY = 4
 """One in so many variations lacks a plant."""
 LONGER = 1.3
 """A plot this many times as long as it is wide has rows, whose direction is kept."""
-_PURPOSE_CHANGE, _PURPOSE_LEFT_OUT, _PURPOSE_ORDER = 41, 42, 43
+_PURPOSE_CHANGE = 41
+"""Seed's part for how a plot's plants are turned."""
+_PURPOSE_LEFT_OUT = 42
+"""Seed's part for which views are left out."""
+_PURPOSE_ORDER = 43
+"""Seed's part for the order of rehearsals."""
 _MARGIN_M = 0.01
+"""Room about plants in their bounds, metres."""
 
 
 @dataclass(frozen=True)

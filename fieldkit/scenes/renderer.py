@@ -37,8 +37,10 @@ _ELSEWHERE_REMEDY = (
     "photographs work without it."
 )
 
-_NEAR_M, _FAR_M = 0.05, 200.0
-"""Clipping distances along the optical axis."""
+_NEAR_M = 0.05
+"""Nearest distance along the optical axis that is drawn, metres."""
+_FAR_M = 200.0
+"""Farthest distance along the optical axis that is drawn, metres."""
 
 
 class RenderingError(InputError):

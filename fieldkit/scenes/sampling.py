@@ -18,7 +18,10 @@ from fieldkit.scenes.scene import Mesh, Scene
 
 WEED_NAMES = ("cover", "cover-around", "weeds")
 NEIGHBOUR_NAME = "neighbour-"
-_DIRECTIONS, _PIXELS = 36, 1600
+_DIRECTIONS = 36
+"""Number of directions from which visible surface is looked for, over the upper half space."""
+_PIXELS = 1600
+"""Default side of the depth maps in which it is, pixels."""
 
 
 def sample_visible(scene: Scene, counts: Sequence[int], seed: int = 0, *, pixels: int = _PIXELS) -> list[Cloud]:

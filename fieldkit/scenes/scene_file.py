@@ -26,7 +26,9 @@ from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.plot_description import MeshPlantDescription, check_mesh_file
 
 FORMAT = 1
+"""Number of the format of scene files."""
 _MAX_BYTES = 16 << 20
+"""Largest scene file that is read, bytes."""
 _REMEDY = f"{shipped_page('sim/README.md')} lists the keys of a scene file."
 _MISSING = "`fieldkit scene new` makes a scene file; `fieldkit scene show` lists those that come with fieldkit."
 _ADAPTER = TypeAdapter(SceneDescription)

@@ -13,6 +13,7 @@ from fieldkit.arrays import ByteArray, Float32Array
 from fieldkit.runtime.kernels import kernel
 
 _STEPS = 1 << 16
+"""Number of quantiles in the table of normal deviates."""
 
 
 def with_noise(image: ByteArray, sigma: float, rng: np.random.Generator) -> ByteArray:

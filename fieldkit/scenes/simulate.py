@@ -26,14 +26,20 @@ from fieldkit.scenes.sensor_noise import with_noise, with_tabled_noise
 from fieldkit.scenes.sway import Motion
 from fieldkit.vocabulary import BURST_INTERVAL_S
 
-_ANGLE_DECIMALS, _LENGTH_DECIMALS = 4, 5
+_ANGLE_DECIMALS = 4
+"""Decimals of angles in degrees."""
+_LENGTH_DECIMALS = 5
+"""Decimals of positions in metres."""
 
-_FLIGHT_S, _SINGLE_S = 5.0, 4.0
-"""From a station's last photograph to the next one's first: after bursts (those of five begin 8 s apart), and after
-single photographs."""
-_HOVER_M, _HOVER_DEG = 0.01, 0.3
-"""Standard deviations within a burst, per axis: over seconds a hovering vehicle keeps its place far better than it
-finds it, and a gimbal its angles. Estimates."""
+_FLIGHT_S = 5.0
+"""Time from a burst's last photograph to the next one's first, seconds: bursts of five begin 8 s apart."""
+_SINGLE_S = 4.0
+"""Time from a single photograph to the next, seconds."""
+_HOVER_M = 0.01
+"""Standard deviation of a position within a burst per axis, metres: over seconds a hovering vehicle keeps its place far
+better than it finds it. An estimate."""
+_HOVER_DEG = 0.3
+"""Standard deviation of each angle within a burst, degrees. An estimate."""
 
 
 @dataclass(frozen=True)

@@ -23,15 +23,23 @@ GUST_SHARE = 0.4
 spectrum peaks at 0.1 Hz, has 38 to 43 % of its variance below 0.2 Hz (16 to 57 % for peaks at 0.25 to 0.05 Hz): an
 estimate. What a vehicle's wash moves has the same share, for leaves are also held aside while it stays."""
 
-_GUST_M, _WIND_MPS = 5.0, 2.0
-"""Gusts' correlation falls as exp(−r² / 2 L²) and is carried along by the wind: 0.92 after 1 s, 0.28 after 4, 0.01
-after 8."""
+_GUST_M = 5.0
+"""Length L of gusts, whose correlation falls as exp(−r² / 2 L²), metres: 0.92 after 1 s, 0.28 after 4 s."""
+_WIND_MPS = 2.0
+"""Speed at which the wind carries gusts along, metres a second."""
 _WAVES = 32  # of which the gusts are made
 _OWN_HZ = (1.12, 2.70)  # of a leaf: 1 to 3 Hz with its tones
-_TONES, _DETUNED = 3, 0.10  # a leaf's swing swells and fades within seconds, as a damped one does under turbulence
+_TONES = 3
+"""Number of tones of a leaf's swing, which so swells and fades within seconds, as a damped one does under
+turbulence."""
+_DETUNED = 0.10
+"""Largest deviation of a tone from the leaf's own frequency, as a share."""
 _LAG_RAD_M = 2.0  # a leaf's tip comes after its middle
 _TURNED_RAD = 1.0  # at most, of a leaf's answer to a gust against its neighbour's
-_PLACES_M, _PLACES_RAD = 0.20, 4.0  # of phases where leaves are not known, by eye
+_PLACES_M = 0.20
+"""Length over which phases change where leaves are not known, metres. By eye."""
+_PLACES_RAD = 4.0
+"""Range of these phases, radians. By eye."""
 _POWER = 1.6  # of the deflection along a leaf; a cantilever of even stiffness has 2 near its foot and 1 at its end
 _UPWARDS = 0.5  # of the sideways motion
 

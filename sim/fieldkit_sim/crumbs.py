@@ -16,6 +16,7 @@ from fieldkit.scenes.scene import Mesh
 from fieldkit_sim.faces import vertex_normals
 
 _SHAPES = 24
+"""Number of different clods and of different stones."""
 
 
 @dataclass(frozen=True)

@@ -37,9 +37,21 @@ WIND_M = 0.010
 _REACH_M = 0.55
 """How far leaves reach from the foot of a plant."""
 _JITTER_M = 0.015
-_PURPOSE_PLACES, _PURPOSE_FORM, _PURPOSE_VARIATION, _PURPOSE_LIGHT, _PURPOSE_KIND = 21, 22, 23, 24, 25
-_OTHER_PLANTS, _MISSING = 0.5, 0.25
-"""Shares of `plots_of_kind`."""
+"""Standard deviation of plants' feet from even places per axis, metres."""
+_PURPOSE_PLACES = 21
+"""Seed's part for plants' feet."""
+_PURPOSE_FORM = 22
+"""Seed's part for plants' forms."""
+_PURPOSE_VARIATION = 23
+"""Seed's part for a plot's variation."""
+_PURPOSE_LIGHT = 24
+"""Seed's part for the light."""
+_PURPOSE_KIND = 25
+"""Seed's part for plots of a kind."""
+_OTHER_PLANTS = 0.5
+"""Share of `plots_of_kind` that have another number of plants."""
+_MISSING = 0.25
+"""Share of `plots_of_kind` in which a plant is missing."""
 
 
 def new_scene(

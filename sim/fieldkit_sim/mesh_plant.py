@@ -15,8 +15,11 @@ from fieldkit.scenes.scene import Mesh
 from fieldkit_sim.faces import vertex_normals
 
 MAX_TRIANGLES = 2_000_000
+"""Most triangles that are drawn."""
 _FINE_EDGE_M = 0.003
+"""Median edge to which coarse triangles are divided, metres."""
 _FINE_TRIANGLES = 200_000
+"""Most triangles that dividing leads to."""
 _CONVERT = "Open it in MeshLab or Blender and export it as binary PLY or GLB."
 
 

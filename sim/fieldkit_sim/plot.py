@@ -126,9 +126,15 @@ def build_neighbours(
 Material = tuple[float, float]
 """Translucency and gloss of a surface, both in [0, 1] and by eye."""
 
-_LEAF, _PLAIN_LEAF, _WEED = (0.45, 0.20), (0.45, 0.10), (0.40, 0.10)
+_LEAF = (0.45, 0.20)
+"""Material of leaves."""
+_PLAIN_LEAF = (0.45, 0.10)
+"""Material of leaves without markings."""
+_WEED = (0.40, 0.10)
+"""Material of weeds."""
 _GROUND: dict[str, Material] = {"soil": (0.0, 0.012), "stones": (0.0, 0.03), "residue": (0.1, 0.05)}
 _CRUMB: Material = (0.0, 0.012)
+"""Material of crumbs."""
 
 
 def build_scene(plot: PlotDescription, advance: Advance = ignore) -> Scene:

@@ -24,7 +24,9 @@ from fieldkit.scenes.simulate import CaptureNoise, Outdoors, Sidecars, simulate_
 
 Stations = Callable[[Scene, Intrinsics], Sequence[Pose]]
 _RING_PITCH_DEG = 35.0
+"""Angle at which a ring looks down by default, degrees."""
 _DENSE_PITCHES_DEG = (18.0, 38.0, 60.0)
+"""Angles at which a dense capture's levels look down, degrees."""
 _FILL = 1.05
 """The plants' sphere fills the smaller side of the image but for this."""
 

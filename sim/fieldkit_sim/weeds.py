@@ -15,6 +15,7 @@ from fieldkit_sim.leaflets import Leaves, leaf_mesh
 
 Height = Callable[[FloatArray, FloatArray], FloatArray]
 _NEAR_M = 1.2
+"""Distance from the middle within which ground cover is dense, metres."""
 
 
 def build_weeds(weeds: WeedsDescription, height: Height) -> list[Mesh]:

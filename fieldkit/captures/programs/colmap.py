@@ -29,7 +29,9 @@ if TYPE_CHECKING:
 
 _NEEDED, _SINCE_3_12 = ("cameras", "images"), ("rigs", "frames")
 _LARGEST = 1e12
+"""Largest coordinate that is believed."""
 _MAX_BYTES = 4 << 30
+"""Largest file that is read, bytes."""
 _REMEDY = "Give the folder that COLMAP wrote, with cameras and images as .bin or .txt."
 
 

@@ -29,8 +29,10 @@ from fieldkit.wording import count
 
 _REMEDY = "Export the cameras again: File > Export > Export Cameras, Agisoft XML."
 _MAX_BYTES = 128 << 20
+"""Largest file that is read, bytes."""
 _EARTH_M = (6.3e6, 6.45e6)  # distances of places near the ground from the Earth's centre
 _LARGEST = 1e12
+"""Largest number that is believed."""
 
 
 def read_metashape_xml(given: PosesFile) -> ProgramPoses:

@@ -28,7 +28,11 @@ from fieldkit.geometry.pose import rotation_from_vector
 SHOTS, CAMERAS = "shots.geojson", "cameras.json"
 _REMEDY = "Copy the file again from the program's results."
 _MAX_BYTES = 512 << 20
-_FALSE_EASTING_M, _UTM_SCALE = 500_000.0, 0.9996
+"""Largest file that is read, bytes."""
+_FALSE_EASTING_M = 500_000.0
+"""Easting of a UTM zone's central meridian, metres."""
+_UTM_SCALE = 0.9996
+"""Scale of UTM along its central meridian."""
 _NEAR_M = 20_000.0  # the approximate easting is good to a few kilometres, other zones' are hundreds of them away
 
 

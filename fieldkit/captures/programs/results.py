@@ -22,7 +22,9 @@ _COLMAP_FILES = ("images", "cameras", "points3D", "rigs", "frames")
 _COLMAP_PLACES = ("sparse/0", *(f"sparse/{k}" for k in range(1, 10)), "sparse", ".")
 _ODM_PLACES = (f"odm_report/{SHOTS}", SHOTS)
 _HEAD_BYTES = 4096
+"""Bytes of a file by which its kind is told."""
 _MOST_FILES = 50
+"""Most files of a folder that are looked into."""
 _KINDS = "Give a COLMAP model's folder, OpenDroneMap's shots.geojson, or Metashape's cameras as Agisoft XML."
 
 

@@ -11,8 +11,18 @@ from dataclasses import dataclass
 
 from fieldkit.figures.drawings import LineChart, SeriesStyle
 
-WIDTH, HEIGHT = 560.0, 320.0
-_LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 14.0, 14.0, 50.0
+WIDTH = 560.0
+"""Width of a chart, CSS pixels."""
+HEIGHT = 320.0
+"""Height of a chart, CSS pixels."""
+_LEFT = 62.0
+"""Room left of the axes for ticks' labels, CSS pixels."""
+_RIGHT = 14.0
+"""Room right of the axes, CSS pixels."""
+_TOP = 14.0
+"""Room above the axes, CSS pixels."""
+_BOTTOM = 50.0
+"""Room below the axes for labels, CSS pixels."""
 _LABEL = 12  # letters of a tick's label that room is kept for
 _NARROWEST = 1e-11  # a range below it counts as one value: ticks have twelve decimals
 

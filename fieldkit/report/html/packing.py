@@ -24,8 +24,12 @@ from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.clouds.neighbors import z_order
 
 NO_VALUE = 255
+"""Level of points without a distance."""
 _STEP_M = 1e-4  # finer than the accuracy of any cloud here
-_LEAST_STEPS, _STEPS = 4095, 65535
+_LEAST_STEPS = 4095
+"""Least number of steps along a cloud's longest side."""
+_STEPS = 65535
+"""Most steps along a cloud's longest side: 16 bits."""
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,25 @@ from fieldkit.figures.style import DISTANCE_RAMP
 from fieldkit.pictures.panels import nice_length
 
 WIDTH = 640.0
-_MARGIN, _LEGEND = 26.0, 44.0
-_MOST_HEIGHT, _FEW_HEIGHT, _LEAST_HEIGHT = 560.0, 360.0, 180.0  # few plots leave room for their figures below
-_MOST_LABELS_BELOW, _LONGEST_BELOW = 24, 12
-_LETTER, _NARROW_LETTER = 12.0, 22.0  # of the plots' names; drawings are shown smaller on a narrow screen
+"""Width of the map, CSS pixels."""
+_MARGIN = 26.0
+"""Room about the plots, CSS pixels."""
+_LEGEND = 44.0
+"""Room below them for the legend, CSS pixels."""
+_MOST_HEIGHT = 560.0
+"""Most height of the plots, CSS pixels."""
+_FEW_HEIGHT = 360.0
+"""The same of few plots, which leave room for their figures below."""
+_LEAST_HEIGHT = 180.0
+"""Least height of the plots, CSS pixels."""
+_MOST_LABELS_BELOW = 24
+"""Most plots whose names may stand below them."""
+_LONGEST_BELOW = 12
+"""Most letters of a name that stands below its plot."""
+_LETTER = 12.0
+"""Size of letters of plots' names, CSS pixels."""
+_NARROW_LETTER = 22.0
+"""The same on a narrow screen, where drawings are shown smaller."""
 _LIGHT = 0.18  # relative luminance above which black reads better than white (WCAG 2.2)
 _POINT_M = 1.0  # half the side of a plot known only as a point
 

@@ -39,8 +39,12 @@ from fieldkit.results.finding import OTHER_PLANTS
 from fieldkit.results.visit import Visit
 from fieldkit.wording import by_key, count, listed
 
-_MOST_LINES, _MOST_NAMED = 200, 5  # plots of a chart, and of one in which each has a colour
+_MOST_LINES = 200
+"""Most plots of a chart."""
+_MOST_NAMED = 5
+"""Most plots of a chart in which each has a colour."""
 _FARTHEST_M = 200_000.0
+"""Distance from the first plot beyond which no map is drawn, metres."""
 _FOLLOWED = sorted(TRENDS, key=lambda figure: figure.group != "trait")  # what grows comes first
 _MOST_VISITS = 2000  # with rows of their own
 _NAMED = 5  # problems named one by one

@@ -36,7 +36,9 @@ from fieldkit.results.traits import TraitsEntry
 from fieldkit.wording import by_key, count, listed
 
 _OPEN_ROWS = 14
+"""Most rows of a table that is not folded."""
 _MOST_NAMES = 20
+"""Most photographs that a finding names."""
 _TOO_LOW = re.compile("the pictures end|tips are missed")  # reasons of fieldkit/evaluation/traits.py
 _WITH_ROOM = (
     "`fieldkit export-mission PLAN --vehicle VEHICLE --site site.toml --plant-height METRES --fit -o mission.plan`"

@@ -12,6 +12,7 @@ from fieldkit.results.comparison import ComparisonReport
 from fieldkit.wording import count, listed
 
 _MOST_NAMES = 6
+"""Most evaluations that are named."""
 
 
 def comparison_section(result: Loaded[ComparisonReport], anchor: str, _: Shown) -> Section:

@@ -35,16 +35,19 @@ if TYPE_CHECKING:
 
 DEPTH = 2
 """Levels below the folder that are searched."""
-LARGEST, LARGEST_COUNT = 1e9, 2**64
-"""Largest numbers that are shown, of measurements (metres, pixels, seconds, degrees) and of counts: beyond them
-drawings would overflow."""
+LARGEST = 1e9
+"""Largest measurement that is shown (metres, pixels, seconds, degrees): beyond it drawings overflow."""
+LARGEST_COUNT = 2**64
+"""Largest count that is shown."""
 
 _REMEDY = (
     "Give a folder that a command of fieldkit wrote (reference, plan, export-mission, evaluate, compare, campaign, "
     "demo), or one that holds such folders."
 )
 _MOST_FOLDERS = 5000
+"""Most folders that are searched."""
 _MOST_MISSIONS = 100
+"""Most missions of a folder."""
 
 T = TypeVar("T")
 

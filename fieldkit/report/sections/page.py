@@ -32,7 +32,9 @@ from fieldkit.runtime.progress import Progress
 from fieldkit.version import __version__
 
 _MOST_SETTINGS = 200
+"""Most settings that are listed."""
 _LONGEST = 200
+"""Most letters of a setting that are shown."""
 _SHA256 = Column("SHA-256", mono=True)
 _OF_REFERENCES = ("right_share", "reprojection_px", "track_length", "gsd_m")
 

@@ -28,8 +28,11 @@ OVERVIEW_SIDE = 1400
 """The same of a result's overview, shown at its size."""
 
 _QUALITY = 72
+"""JPEG quality of photographs in the page."""
 _LARGEST_BYTES = 64 << 20
+"""Largest file that is shown, bytes."""
 _MOST_FOLDERS = 400
+"""Most folders that are searched for photographs."""
 
 
 def add_photographs(

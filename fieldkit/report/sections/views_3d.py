@@ -39,9 +39,12 @@ _ACHIEVED, _PLANNED, _WRONG = "#2f9e6e", "#3b7dd8", "#d0383f"
 _WAY, _FENCE, _ZONE = "#d9812b", "#7b61c4", "#d0383f"
 _HALF_VIEW = (0.55, 0.41)  # of an unknown camera
 _LARGEST_SCALE_M = 10.0
+"""Largest distance that a scale of colours ends at, metres."""
 _WEAKEST, _ARROW_SHARE = "#8b1a8b", 0.2
 _FARTHEST_M = 100_000.0
+"""Distance from the plot's centre beyond which points are not shown, metres."""
 _PLANT_GREEN = (70, 140, 70)
+"""RGB of plants' points without colours of their own."""
 _MOST_PLANTS = 1_000_000  # points over all of a mission's plots; the first ones count
 
 

@@ -23,7 +23,9 @@ from fieldkit_sim.maize.organs import Leaf, Strip, blade
 
 _STRIP = 96  # texture rows per leaf
 _STEM_STRIP = 160
+"""Texture rows of the stem."""
 _TEXTURE_WIDTH = 2048
+"""Texture columns along a leaf or stem."""
 
 
 def build_compact_maize(plant: MaizeDescription, leaves_count: int, ground_m: float = 0.0) -> Mesh:

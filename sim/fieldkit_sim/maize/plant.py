@@ -73,7 +73,12 @@ def ear(place: FloatArray, azimuth: float, strip: Strip, rng: np.random.Generato
     return parts
 
 
-_BLADE_ROWS, _STEM_ROWS, _FLOWER_ROWS = 96, 128, 32
+_BLADE_ROWS = 96
+"""Texture rows of a leaf."""
+_STEM_ROWS = 128
+"""Texture rows of a stem."""
+_FLOWER_ROWS = 32
+"""Texture rows of a tassel's branch."""
 
 
 def build_maize(plant: MaizeDescription, ground_m: float = 0.0, *, coarse: bool = False, textured: bool = True) -> Mesh:

@@ -19,10 +19,18 @@ from fieldkit.link.items import MAX_ITEMS, WireItem, stored
 from fieldkit.missions.autopilots.accepting import Result
 
 ASK_AGAIN_S = 1.0
+"""Time after which an item is asked for again, seconds."""
 GIVE_UP_S = 8.0
+"""Time without an answer after which an upload ends, seconds."""
 
-_COMMAND_ACCEPTED, _COMMAND_UNSUPPORTED, _COMMAND_FAILED = 0, 3, 4
+_COMMAND_ACCEPTED = 0
+"""MAV_RESULT_ACCEPTED."""
+_COMMAND_UNSUPPORTED = 3
+"""MAV_RESULT_UNSUPPORTED."""
+_COMMAND_FAILED = 4
+"""MAV_RESULT_FAILED."""
 _SET_INTERVAL = 511
+"""MAV_CMD_SET_MESSAGE_INTERVAL."""
 _ASKED_FOR = {410: mavlink.MAVLINK_MSG_ID_HOME_POSITION, 512: None, 520: mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION}
 """By command, the message that a station asks for; None where the command has its number."""
 

@@ -24,9 +24,10 @@ _KEPT_ALIVE = (
 )  # fmt: skip
 """What a station needs to keep a vehicle for connected and to know where it is."""
 _MAX_BYTES = 2 << 30
+"""Largest log that is read, bytes."""
 _REMEDY = "Give a telemetry log as QGroundControl, Mission Planner or MAVProxy writes it (.tlog)."
 _MAX_GAP_S = 60.0
-"""A longer silence in a recording is left out."""
+"""Longest pause of a recording that counts towards its time, seconds."""
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,9 @@ from fieldkit_sim.standin.recording import Recording, Telemetry, TelemetrySource
 _HOME = mavlink.MAVLINK_MSG_ID_HOME_POSITION
 _ADDRESS = re.compile(r"(udpin|udpout)://([^:/]+):([0-9]{1,5})")
 _TICK_S = 0.05
+"""Time between two looks at what has to be sent, seconds."""
 _MAX_WAIT_S = 0.1
+"""Longest wait for a packet, seconds."""
 
 
 @dataclass(frozen=True)
