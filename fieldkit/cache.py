@@ -30,6 +30,7 @@ from fieldkit.regular_files import check_regular, open_regular
 _STAGE = re.compile(r"[a-z0-9][a-z0-9_-]*")
 _KEY = re.compile(r"[0-9a-f]{8,128}")
 _ABANDONED_AFTER_S = 3600.0
+"""Age from which a half-written entry is abandoned, seconds."""
 
 
 class CacheWarning(UserWarning):

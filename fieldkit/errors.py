@@ -20,7 +20,9 @@ from pathlib import Path
 from typing import Any
 
 EXIT_OK = 0
+"""Exit code of a command that did what was asked."""
 EXIT_INTERRUPTED = 130
+"""Exit code after Ctrl-C: 128 and SIGINT's number, as shells have it."""
 
 
 class FieldkitError(Exception):

@@ -38,7 +38,9 @@ _REMEDIES = {
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _PARTIAL = ".partial"
 _AT_FDCWD = -100
+"""AT_FDCWD of fcntl.h: paths are relative to the working folder."""
 _RENAME_EXCHANGE = 2
+"""RENAME_EXCHANGE of renameat2(2)."""
 
 
 def open_folder(path: Path) -> int | None:

@@ -1,4 +1,4 @@
-"""Name numeric constants of a module that share a line or have no text: one constant a line, with meaning, unit and reason.
+"""Name numeric constants of modules that share a line or have no text (meaning, unit and reason).
 
 python scripts/constants.py FOLDER…        fail where there are some
 """

@@ -16,9 +16,12 @@ from fieldkit.missions.files.reading import read_mission
 from fieldkit.runtime.shipped import shipped_folder
 
 FLOWN = "mount_then_yaw"
-STANDING, _STANDS_AT_HOME_S = "probe_items", 45.0
-"""A recording in which the vehicle stays on the ground, and from when on it has a position there."""
+STANDING = "probe_items"
+"""Recording in which the vehicle stays on the ground."""
+_STANDS_AT_HOME_S = 45.0
+"""Time from which on it has a position there, seconds."""
 _SPEED = 8.0
+"""Factor by which the recording is replayed faster."""
 
 
 @dataclass(frozen=True)

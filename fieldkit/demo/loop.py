@@ -47,10 +47,15 @@ from fieldkit.vehicles.vehicle_file import load_vehicle, missions_folder
 
 VEHICLE = "ardupilot-pitch"
 CAMERAS = 10
+"""Number of photographs of the plan and of the circle."""
 PLANNED, CIRCLE = "planned", "circle"
 PLOTS = (SEEN, UNSEEN)
-_FINALISTS, _REPEATS = 3, 2
+_FINALISTS = 3
+"""Number of plans that are confirmed."""
+_REPEATS = 2
+"""Number of confirmations of each."""
 _AIMS = 3
+"""Number of heights that circles are aimed at."""
 
 
 @dataclass(frozen=True)

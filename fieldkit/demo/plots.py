@@ -28,8 +28,9 @@ SEEN, UNSEEN = "seen", "unseen"
 SCENES = {SEEN: "demo", UNSEEN: "demo-unseen"}
 """The plot that is planned on, and one of the same crop with other plants."""
 DENSE_VIEWS = 24
+"""Number of photographs of the dense capture."""
 DENSE_NOISE = (0.005, 0.5)
-"""Of poses, metres and degrees: a dense capture is flown slowly."""
+"""Noise of its poses, metres and degrees: a dense capture is flown slowly."""
 # The photographs are small and their poses well known: half the features and neighbours are enough.
 _SETTINGS = ReconstructionSettings(
     features=FeatureSettings(max_features=2048), prior=PriorMappingSettings(max_neighbours=12)

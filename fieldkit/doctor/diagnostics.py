@@ -28,9 +28,13 @@ Status = Literal["ok", "warn", "fail"]
 
 _LINUX = sys.platform == "linux"
 _GIB = 1 << 30
+"""Bytes of a gibibyte."""
 _PROBE_TIMEOUT_S = 120.0
+"""Time for a probe to answer, seconds: the first import of libraries takes up to a minute."""
 _LOW_MEMORY_BYTES = 4 * _GIB
+"""Free memory below which an evaluation may fail, bytes."""
 _LOW_SPACE_BYTES = 2 * _GIB
+"""Free space below which a cache fills the disk, bytes."""
 _INSTALL = "In a checkout run `make setup`; elsewhere install fieldkit's wheel again."
 _INSTALL_PAGE = shipped_page("docs/install.md")
 _EXTRAS = {

@@ -146,7 +146,10 @@ _MARKERS = {
 }  # fmt: skip
 """By the file that a result's folder holds; campaigns and demos hold others' files, too."""
 _KEYS = {"home": "site file", "dialect": "vehicle profile", "mount": "vehicle profile", "plot": "scene file"}
-_MOST_BYTES, _MOST_ENTRIES = 1 << 20, 200
+_MOST_BYTES = 1 << 20
+"""Most bytes of a file that is looked into."""
+_MOST_ENTRIES = 200
+"""Most entries of a folder that are looked at."""
 
 
 def refuse_other(path: Path, noun: str, remedy: str, *, error: type[InputError] = MetadataError) -> None:

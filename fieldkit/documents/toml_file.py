@@ -19,16 +19,20 @@ from fieldkit.errors import InputError, MetadataError
 MOST_CHARACTERS = 16 << 20
 """Of any TOML text; the parser takes some seconds for so many."""
 _MOST_SHOWN = 200
+"""Most letters of a value in a message."""
 
 
 _NUMBER = re.compile(r"(?<![\w.])[+-]?\d{1,20}\.\d{1,20}(?:[eE][+-]?\d{1,3})?(?![\w.])")
 _DOTS = re.compile(r"\.+")
 _MOST_DOTS = 64
+"""Most parts of a dotted key: the parser's time grows with their square."""
 FORMAT = 1
+"""Number of the format of fieldkit's TOML files."""
 Model = TypeVar("Model", bound=BaseModel)
 Value = TypeVar("Value")
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _WIDTH = 120
+"""Width to which written arrays are wrapped, letters."""
 
 
 def read_toml(

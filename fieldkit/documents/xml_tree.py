@@ -14,7 +14,9 @@ from defusedxml import DTDForbidden
 from defusedxml.ElementTree import DefusedXMLParser
 
 _MAX_DEPTH = 64
+"""Most levels of elements."""
 _MAX_ELEMENTS = 1_000_000
+"""Most elements of a document."""
 _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 

@@ -14,10 +14,12 @@ from numpy.typing import ArrayLike
 from fieldkit.arrays import FloatArray
 
 SEMI_MAJOR_M = 6378137.0
+"""Semi-major axis of the WGS 84 ellipsoid (NGA.STND.0036, EPSG:7030), metres."""
 FLATTENING = 1.0 / 298.257223563
-"""WGS 84 ellipsoid (NGA.STND.0036, EPSG:7030)."""
+"""Flattening of the WGS 84 ellipsoid."""
 
 _MEAN_RADIUS_M = 6_371_000.0
+"""Mean radius of the Earth, metres."""
 _SEMI_MINOR_M = SEMI_MAJOR_M * (1.0 - FLATTENING)
 _E2 = FLATTENING * (2.0 - FLATTENING)
 _EP2 = _E2 / (1.0 - _E2)

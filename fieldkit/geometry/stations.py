@@ -29,9 +29,13 @@ MOST_OFFSET_M = 10.0
 _OFFSET_PRICE = 0.02
 """Of a metre of common horizontal offset: of those that fit alike, as on a grid of stations, the smallest counts."""
 _APART_M = 0.25
+"""Distance between offsets that are tried, metres."""
 _BEST = 12
+"""Most offsets that are refined."""
 _ROUNDS = 4
+"""Most rounds of pairing and fitting in turn."""
 _MOST_CANDIDATES = 4000
+"""Most offsets that are looked at."""
 _LEAST = 3
 """Pairs that tell a common error of headings, or a turn of the frame."""
 

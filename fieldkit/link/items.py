@@ -16,7 +16,10 @@ from fieldkit.routing.mission import Home
 from fieldkit.wording import count
 
 MAX_ITEMS = 650  # of a mission; measured with the stock parameters of the simulator
-ARDUPILOT, PX4 = 3, 12  # MAV_AUTOPILOT of those that fieldkit writes missions for
+ARDUPILOT = 3
+"""MAV_AUTOPILOT_ARDUPILOTMEGA."""
+PX4 = 12
+"""MAV_AUTOPILOT_PX4."""
 _UNITS = 1e7  # of latitude and longitude, to a degree
 _NEAR_M = 0.011  # tolerance of a height where an autopilot's own rounding was not measured; of a place it is one unit
 

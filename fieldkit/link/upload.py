@@ -19,6 +19,7 @@ from fieldkit.missions.items import MissionItem, command_name
 from fieldkit.routing.mission import Home
 
 _ATTEMPTS = 3
+"""Number of times that an upload is tried."""
 _REFUSALS = frozenset(range(Result.UNSUPPORTED_FRAME, Result.INVALID_SEQUENCE))  # another try would not change these
 
 

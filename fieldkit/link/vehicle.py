@@ -18,8 +18,14 @@ from fieldkit.errors import LinkError, UsageError
 from fieldkit.link.items import ARDUPILOT, MAX_ITEMS, PX4, WireItem
 from fieldkit.missions.autopilots.accepting import Result
 
-_STATION = (245, 190)  # MAVSDK's own system and component id as a ground station
-_ARMED, _NO_AUTOPILOT, _WARNING = 128, 8, 4  # of MAV_MODE_FLAG, MAV_AUTOPILOT and MAV_SEVERITY; smaller is worse
+_STATION = (245, 190)
+"""MAVSDK's own system and component id as a ground station."""
+_ARMED = 128
+"""MAV_MODE_FLAG_SAFETY_ARMED."""
+_NO_AUTOPILOT = 8
+"""MAV_AUTOPILOT_INVALID: a heartbeat of something else."""
+_WARNING = 4
+"""MAV_SEVERITY_WARNING; smaller numbers are worse."""
 _REQUESTS = ("MISSION_REQUEST", "MISSION_REQUEST_INT")
 _HEARD = ("HEARTBEAT", "STATUSTEXT", *_REQUESTS, "MISSION_ACK", "MISSION_COUNT", "MISSION_ITEM_INT")
 _ASKED = 12  # times that a question is sent before it is given up

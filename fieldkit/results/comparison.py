@@ -12,6 +12,7 @@ from fieldkit.results.fields import Length, Sha256, Strict
 
 COMPARE_FILE = "compare.json"
 _MAX_BYTES = 1 << 26
+"""Largest comparison that is read, bytes."""
 _AGAIN = "Run `fieldkit compare` again."
 
 NoiseSource = Literal["repeats", "flights"]

@@ -11,6 +11,7 @@ from fieldkit.results.traits import TraitsEntry
 
 DEMO_FILE = "demo.json"
 _MAX_BYTES = 1 << 20
+"""Largest report of a demo that is read, bytes."""
 _AGAIN = "Run `fieldkit demo` again."
 
 PlotName = Literal["seen", "unseen"]

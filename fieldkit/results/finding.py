@@ -70,6 +70,7 @@ TOLD = DOUBTFUL | {
 
 _NUMBER = re.compile(r"[-+]?[0-9][0-9.,:]*")
 _MOST_KINDS = 6
+"""Most kinds of findings that are told."""
 
 
 @dataclass(frozen=True, config=STRICT)

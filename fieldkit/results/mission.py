@@ -22,9 +22,10 @@ from fieldkit.results.plan import station_number
 
 MISSION_FILE = "mission.json"
 _MAX_BYTES = 128 << 20
+"""Largest mission.json that is read, bytes."""
 _AGAIN = "Give the mission.json that `fieldkit export-mission` wrote beside the mission, or export it again."
 FARTHEST_M = 100_000.0
-"""From home; no battery lasts that long."""
+"""Largest coordinate in a plot's or mission's frame, metres."""
 
 Height = Annotated[float, Field(ge=-20_000, le=20_000)]
 Slope = Annotated[float, Field(ge=-10, le=10)]

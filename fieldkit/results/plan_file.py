@@ -15,6 +15,7 @@ from fieldkit.version import __version__
 PLAN_FILE = "plan.json"
 SETTINGS_FILE = "search.json"
 _MAX_BYTES = 16 << 20
+"""Largest plan that is read, bytes."""
 _AGAIN = "Give the plan.json of a plan, or the folder that holds it."
 
 

@@ -31,6 +31,7 @@ SCHEMA_FILES: dict[str, type[BaseModel]] = {
 }
 
 _MAX_BYTES = 256 << 20
+"""Largest report that is read, bytes."""
 _Report = TypeVar("_Report", ReferenceReport, EvaluationReport)
 
 

@@ -19,6 +19,7 @@ CAMPAIGN_FILE = "campaign.toml"
 """What makes a folder a campaign's."""
 VISITS_FOLDER, VISIT_FILE = "visits", "visit.json"
 _MAX_BYTES = 8 << 20
+"""Largest visit that is read, bytes."""
 _SAME = ("images", "registered", "right", "chamfer_m", "accuracy_m", "completeness_m", "traits", "doubts")
 """Fields of a visit that are those of its evaluation."""
 _PREDICTED = ("chamfer_m", "low_m", "high_m")

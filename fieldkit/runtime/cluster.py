@@ -19,6 +19,7 @@ from fieldkit.runtime.threads import limit_threads
 from fieldkit.runtime.worker import Limits, NoWorkersError, WorkerError
 
 _TOO_LONG = 4
+"""Exit code of a worker whose item took too long."""
 TRUSTED = "FIELDKIT_TRUSTED_NETWORK"
 
 

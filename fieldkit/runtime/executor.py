@@ -32,9 +32,13 @@ from fieldkit.runtime.worker import Answer, Limits, NoWorkersError, WorkerError,
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 _ATTEMPTS = 2
+"""Number of workers that an item may end before it fails."""
 _FAILED_STARTS = 2
+"""Number of failed starts for each worker before none can be had."""
 _POLL_S = 0.2
+"""Time between two looks at limits, seconds."""
 _STOP_S = 2.0
+"""Time for a worker to end by itself, seconds."""
 _START_S = 300.0
 """Time for a worker to start: importing libraries, making its state."""
 _FINISH_S = 10.0

@@ -19,6 +19,7 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 _SHARE = 0.5
 """Of the memory that is free, beyond which arrays go to files."""
 _PIECE_BYTES = 1 << 24
+"""Bytes that are written at a time."""
 
 
 @dataclass(frozen=True)

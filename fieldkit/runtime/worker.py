@@ -21,6 +21,7 @@ from fieldkit.errors import FieldkitError
 from fieldkit.runtime.threads import limit_threads
 
 _ORPHANED = 3
+"""Exit code of a worker whose parent is gone."""
 
 
 class WorkerError(FieldkitError):

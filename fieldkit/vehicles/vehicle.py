@@ -17,6 +17,7 @@ NotNegative = Annotated[float, Field(ge=0, le=1e6)]
 _ONE_FLIGHT_M = 0.1
 """Positions of a flight without RTK share an offset: that well stations are held against each other."""
 _APART = 3.0
+"""Distance between stations that are told apart, in accuracies of their positions."""
 _ROUNDING_DEG = 1e-3
 """Of angles in files, no leeway."""
 

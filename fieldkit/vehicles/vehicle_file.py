@@ -15,6 +15,7 @@ from fieldkit.vehicles.vehicle import Vehicle
 
 _SUFFIX = ".toml"
 _MAX_BYTES = 256 << 10
+"""Largest vehicle profile that is read, bytes."""
 _REMEDY = f"{shipped_page('missions/README.md')} lists the keys of a vehicle profile."
 
 

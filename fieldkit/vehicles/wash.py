@@ -17,14 +17,19 @@ _DOWNWASH = 20.0
 """m/s at 1 m below 1 kg, of a round jet: 6.9 · √(thrust / density) / z (Pope, Turbulent Flows, 2000, 5.1)."""
 _FASTEST_MPS = 9.0
 """Of a wake: √(2 · thrust / (density · area of the rotors)) at 5 kg per square metre of rotors."""
-_WAKE_M, _SPREAD = 0.25, 0.10
-"""Half width of the downwash of 1 kg at the rotors, and its growth with depth (Pope)."""
+_WAKE_M = 0.25
+"""Half width of the downwash of 1 kg at the rotors, metres (Pope)."""
+_SPREAD = 0.10
+"""Growth of that half width with depth (Pope)."""
 
 WINDY_M = 0.010
 """Leaves that move so far half a metre out: planned views miss 9 to 13 cm of height, more than traits claim
 (docs/traits.md)."""
-_SWAY_M, _POWER = 0.53e-3, 2.5
-"""The leaf motion of 4 mm at 2 to 2.5 m/s and 10 mm at 3 to 3.5 m/s, from leaf anemometry (arXiv 2504.10584)."""
+_SWAY_M = 0.53e-3
+"""Motion of leaves at 1 m/s, metres: 4 mm at 2 to 2.5 m/s and 10 mm at 3 to 3.5 m/s, from leaf anemometry (arXiv
+2504.10584)."""
+_POWER = 2.5
+"""Power of the air's speed with which leaves' motion grows (the same)."""
 
 
 def air_speed_mps(distance_m: ArrayLike, mass_kg: float, below_m: ArrayLike = 0.0) -> FloatArray:

@@ -18,6 +18,7 @@ ACHIEVED_BY = {
 """Sources of achieved poses, by `AdherenceEntry.achieved_by`."""
 
 _MOST_NAMES = 20
+"""Most photographs that are named."""
 _AXES = {
     "east_m": (Column("east, m", True), 2),
     "north_m": (Column("north, m", True), 2),

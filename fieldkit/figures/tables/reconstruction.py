@@ -12,6 +12,7 @@ from fieldkit.results.frame import CameraReport
 from fieldkit.wording import by_key, count, listed
 
 _MOST_CAMERAS = 4
+"""Most cameras that are listed."""
 
 
 def quality_rows(report: ReconstructionEntry) -> tuple[tuple[str, str], ...]:

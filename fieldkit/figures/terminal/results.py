@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 _MOST_NAMES = 3
+"""Most photographs that a finding names."""
 
 
 def reference_output(report: ReferenceReport) -> Iterator[RenderableType]:
