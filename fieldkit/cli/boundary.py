@@ -21,8 +21,11 @@ from typing import Any, TextIO
 from fieldkit.errors import EXIT_INTERRUPTED, FieldkitError, MissionError, UsageError
 
 EXIT_BUG = 1
+"""Exit code of an error that nobody foresaw."""
 EXIT_TERMINATED = 143
+"""Exit code after SIGTERM: 128 and its number, as shells have it."""
 _AGAIN_S = 0.5
+"""Time after which SIGTERM is sent again where the first was swallowed, seconds."""
 _NO_TEXT = ("surrogates not allowed", "unable to parse raw data as a unicode string")
 """What Python and pydantic say where a file's name in an unknown encoding is to be written into a result."""
 

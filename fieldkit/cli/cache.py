@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from fieldkit.cache import StageCache
 
 _DAY_S = 86400.0
+"""Seconds of a day."""
 Action = Literal["show", "prune", "clear"]
 
 

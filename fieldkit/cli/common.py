@@ -30,8 +30,11 @@ if TYPE_CHECKING:
     from fieldkit.sites.site_file import Tell
 
 _MOST_NOISE_M = 5.0
+"""Largest pose noise that is believed, metres."""
 _MOST_ROWS = 30
+"""Most kinds of findings that are printed."""
 _MOST_MOVED = 20
+"""Most kinds of moved stations that are printed."""
 _REMEDY = {1: "Write one number", 2: "Write two numbers with a comma between", 3: "Write three numbers with commas"}
 RUN, OUTPUT = "Run", "Output"
 """Headings in help of the options that every command has."""

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
 _LEVELS: dict[str, Level] = {"ok": "good", "warn": "note", "fail": "problem"}
 EXIT_UNUSABLE = 3
+"""Exit code where this machine cannot run fieldkit."""
 
 
 def command(as_json: JsonOption = False) -> int:

@@ -14,7 +14,9 @@ from fieldkit.figures.style import format_seconds
 from fieldkit.runtime.progress import Advance, Progress, Silent
 
 _LINE_EVERY_S = 10.0
+"""Time between lines where output is no terminal, seconds."""
 _REWRITTEN_EVERY_S = 0.25
+"""Time between drawings of the bar, seconds."""
 _BAR = 20  # characters
 _ERASE = "\r\x1b[K"
 

@@ -45,6 +45,7 @@ _NO_LEVEL = "how high above home it is flown is not known everywhere"
 _OF_A_PROFILE = frozenset({"too-low"})
 """Codes that say nothing without one, beside those that the limits of `_any_vehicle` leave out."""
 _MOST_LEG_FINDINGS = 50
+"""Most findings about legs; the others are counted."""
 _FILM_MM = 43.27
 """Diagonal of 35 mm film."""
 _ZOOMED = 1.2

@@ -22,7 +22,9 @@ from fieldkit.wording import count
 FAR_M = 5000.0
 """Farther from home than few-view missions go: a coordinate is wrong."""
 _AMSL_BELOW_HOME_M = 5.0
+"""Depth below home from which a height above sea level looks like one above home, metres."""
 _HIGH_M = 120.0
+"""Height above home from which it looks like one above sea level, metres."""
 
 
 def item_findings(read: ReadMission, vehicle: Vehicle, dialect: str) -> Iterator[Finding]:

@@ -23,10 +23,16 @@ from fieldkit.vehicles.vehicle import Vehicle
 LEAST_SETTLE_S = 0.5
 """Below it a photograph counts as not settled at all; less than the profile's time is a warning."""
 _SLACK_S = 0.05
+"""Time by which a limit may be missed, seconds: files round it."""
 
-OFF_M, OFF_DEG = 0.25, 5.0
-"""From the plan: an error beyond these."""
-_NEAR_M, _NEAR_DEG = 0.05, 1.0
+OFF_M = 0.25
+"""Distance from the plan from which a photograph is an error, metres."""
+OFF_DEG = 5.0
+"""Angle from the plan from which a photograph is an error, degrees."""
+_NEAR_M = 0.05
+"""Distance from the plan from which a photograph is a warning, metres."""
+_NEAR_DEG = 1.0
+"""Angle from the plan from which a photograph is a warning, degrees."""
 
 
 def photograph_findings(

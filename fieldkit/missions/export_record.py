@@ -27,6 +27,7 @@ from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.version import __version__
 
 _TRANSIT_M = 5.0
+"""Height of take-off and transit, which mission.json does not hold, metres."""
 
 
 def mission_record(

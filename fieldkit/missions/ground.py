@@ -25,8 +25,10 @@ NO_PLOTS = "no plots are given, and no mission.json lies beside the file"
 _NO_HEIGHT = "the height of its plants is not known"
 _NOWHERE = "neither a plan nor the plot's outline says where its plants stand"
 _NOT_GIVEN = "mission.json says that it is flown over, and it is none of the plots given"
-_SAME_M, _SAME_DEG = 0.05, 0.5
-"""By which a plot's frame may differ from that in mission.json."""
+_SAME_M = 0.05
+"""Distance by which a plot's frame may differ from that in mission.json, metres."""
+_SAME_DEG = 0.5
+"""Heading by which it may, degrees."""
 
 
 @dataclass(frozen=True, eq=False)

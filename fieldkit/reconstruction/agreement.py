@@ -18,6 +18,7 @@ from fieldkit.runtime.colmap import pycolmap
 # A position counts as right within 4.03 standard deviations: 99.9 % of a 3D normal error (χ², 3 degrees of freedom).
 POSITION_SIGMAS = 4.03
 ANGLE_SIGMAS = 4.03
+"""Standard deviations within which angles count as right: 99.9 % of a 3D normal error (χ², 3 degrees of freedom)."""
 
 
 def bound_m(known: PosePrior) -> float:

@@ -61,11 +61,21 @@ def worth_of_angles(degrees: FloatArray) -> FloatArray:
 
 
 _POINTS = 1500
-_SIDES, _OF_SIDES, _MOST_VIEWS = 36, 40, 60
+"""Most points of a cloud that are looked at."""
+_SIDES = 36
+"""Number of directions that a plant's upright side may have."""
+_OF_SIDES = 40
+"""Most points whose sides are looked at."""
+_MOST_VIEWS = 60
+"""Most views that are looked at."""
 _SHOWN = 0.4
+"""Least share of points for a side to be shown."""
 _LEVER = 100.0
+"""Standard deviation of a similarity's parameters before positions are known, in a unit of their noise."""
 _MOVED = 100
+"""Number of points whose motion is looked at."""
 _LOOSE = 5.0
+"""Leverage of a group that positions do not hold, and the most of any."""
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,17 @@ from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.geometry import Intrinsics
 from fieldkit.reconstruction.features import Features, FeatureSettings, detect, reduced
 
-_LEAST_DEG, _MOST_DEG = 25.0, 80.0
-"""How far off straight down an optical axis must point for turning to gain, and rays may point to be drawn."""
+_LEAST_DEG = 25.0
+"""Least angle off straight down of an optical axis for turning to gain, degrees."""
+_MOST_DEG = 80.0
+"""Largest angle off straight down of rays that are drawn, degrees."""
 _MAX_FEATURES = 2048
+"""Most features of a turned photograph."""
 _MAX_SIDE = 1600
+"""Longest side of a turned photograph, pixels."""
 _EDGE_PX = 8.0
+"""Distance to a photograph's border within which features are left out, pixels: the drawing's own outline is full of
+corners."""
 
 
 class _Turned(NamedTuple):

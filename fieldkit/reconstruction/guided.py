@@ -22,7 +22,10 @@ from fieldkit.geometry.pose import cross_matrix
 from fieldkit.reconstruction.features import Features
 from fieldkit.runtime.kernels import kernel
 
-_STRIP_PX, _CELL_PX = 64.0, 4.0
+_STRIP_PX = 64.0
+"""Width of the strips that features are sorted into, pixels."""
+_CELL_PX = 4.0
+"""Height of the cells of a strip, pixels."""
 
 
 @dataclass(frozen=True)

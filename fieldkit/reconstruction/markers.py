@@ -25,8 +25,11 @@ from fieldkit.reconstruction.colmap_model import to_colmap_camera, to_rigid, tri
 from fieldkit.runtime.colmap import pycolmap
 
 _MIN_SIDE_PX = 16.0
+"""Least side of a marker, and of a photograph, pixels."""
 _STEP_PX = 0.25
+"""Step of samples across a marker's edge, pixels."""
 _ROUNDS = 3
+"""Number of rounds in which corners are refined."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +156,9 @@ AGREE = 0.02
 """A length that differs from the scale's by more than this share is an outlier: a tape reads to a few millimetres per
 metre, printers scale to "fit the page" by 3 % and more."""
 _SQUARE = 0.1
+"""Largest difference of a marker's sides, as a share."""
 _MIN_ANGLE_DEG = 1.0
+"""Least angle between the rays to a corner, degrees."""
 _MAX_ERROR_PX = 4.0
 """Largest reprojection error of a view that counts, in pixels of a 1600-pixel-wide photograph."""
 

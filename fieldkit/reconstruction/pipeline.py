@@ -62,8 +62,12 @@ from fieldkit.vocabulary import Mask
 from fieldkit.wording import count
 
 _MIN_DENSE_VIEWS = 2
+"""Least number of views for dense stereo."""
 _WELL_SEEN = 3  # photographs that have a sparse point which is hardly by chance
-_COUNTED, _COUNTED_PX = 10, 800  # photographs that plants' pixels are counted in, and their longer side
+_COUNTED = 10
+"""Number of photographs that plants' pixels are counted in."""
+_COUNTED_PX = 800
+"""Their longer side, pixels."""
 _SHOWN_BY_MASKS = 1.0 / 3.0  # of the pixels, supposed before masks are there
 _BESIDE_M = 0.5  # photographs that look so far beside the volume are of another place
 _MASKS: Mapping[Mask, str] = {

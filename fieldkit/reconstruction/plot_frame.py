@@ -22,8 +22,10 @@ from fieldkit.vocabulary import LEAST_POSITIONS
 from fieldkit.wording import count
 
 _UP = (0.0, 0.0, 1.0)
+"""Upward direction of a frame whose z is up."""
 _LOOKING_UP = 0.5  # sine of the optical axis' elevation
 _RECORDED_UP_DEG = 10.0
+"""Recorded pitch from which a camera that looks up in the model was meant to, degrees."""
 
 
 def known_up(poses: Mapping[str, Pose], priors: Priors, *, metric: bool) -> FloatArray | None:
@@ -137,11 +139,14 @@ def moved_plane(plane: Plane, motion: Similarity) -> Plane:
 
 _SHARED_BY = 0.5  # of the cameras see a point of a converging capture
 _TRIM = 0.005
+"""Share of points at each end of an axis that is left out."""
 _MARGIN = 0.15  # of the box's edges, on every side but the top
 _TOP_MARGIN = 0.35  # few sparse points lie on the tips of leaves
 _MIN_POINTS = 20
+"""Least number of sparse points that give a volume."""
 _CUT_LAYER = 0.005  # of the box's height
 _CUT_POINTS = 20
+"""Number of points in the volume's top layer from which it cuts plants."""
 
 
 def volume_of_interest(points: FloatArray, poses: Mapping[str, Pose], intrinsics: Mapping[str, Intrinsics]) -> Volume:

@@ -20,6 +20,7 @@ from fieldkit.results.frame import Plane
 from fieldkit.wording import count
 
 _FEW_POINTS = 100
+"""Number of points below which a plants' cloud is nearly empty."""
 _STEEP_DEG = 8.0
 """Fields that are worked by machines are rarely steeper than 15 %."""
 _NO_GROUND = (
@@ -27,12 +28,14 @@ _NO_GROUND = (
     "ground, and heights are not known; photograph some bare soil beside the plants or between them"
 )
 _OFF_LEVEL_DEG = 15.0
+"""Median roll from which a frame or camera stands askew, degrees."""
 _WHERE = ("center", "forward")
 _LEAST_DOWN = 0.1
-"""Of an optical axis along the vertical: flatter ones meet the ground anywhere."""
+"""Least sine by which an axis points down."""
 _SIDEWAYS_DEG = 70.0
 """Pitch below which a camera's roll is hardly determined: it looks down."""
 _LEAST_CAMERAS = 3
+"""Least number of cameras whose rolls tell that."""
 _AROUND_M = 0.10  # about the stand, in the bounds that are suggested
 
 

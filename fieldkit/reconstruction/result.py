@@ -17,6 +17,7 @@ from fieldkit.results.frame import Plane
 from fieldkit.runtime.colmap import pycolmap
 
 _CLEARANCE_RMS = 3.0
+"""Height above the ground below which points are soil, in the ground's RMS roughness."""
 
 
 @dataclass(frozen=True, eq=False)

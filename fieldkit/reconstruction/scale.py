@@ -30,6 +30,7 @@ POSITIONS_TOO_COARSE = "positions-too-coarse"
 LARGEST_SCALE_ERROR = 0.2
 """Relative standard error from which positions give no scale: chance alone never comes near five times its spread."""
 _TOLD_SCALE_ERROR = 0.03
+"""Relative standard error of a scale from which it is told."""
 _LEAST_APART = 0.25
 """Of a stated σ: so much at least differs between the photographs of a flight."""
 _SIMILARITY = 7  # parameters

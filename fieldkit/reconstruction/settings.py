@@ -15,6 +15,7 @@ from fieldkit.vocabulary import LEAST_POSITIONS, Fidelity, MappingChoice, Mask, 
 BLIND_METHODS = ("incremental", "global")
 """In the order in which they are tried where neither is asked for."""
 _SHARE_FOR_PRIOR = 0.8
+"""Least share of photographs with known positions for prior mapping."""
 
 
 @dataclass(frozen=True)

@@ -27,11 +27,15 @@ _AGREE_PX = 1.0
 _LEAST_AGREEING = 0.4
 """Share of a photograph's flows; of 0.8 to 0.9 in bursts, 0.1 between photographs of other views."""
 _MEDIAN_PX = 5
+"""Side of the median filter over the mean motion, pixels of half size."""
 _REFINEMENTS = 1  # of 5 by default; more cost time and smooth leaves' motion away
 _STEP_PX = 8  # of the map of motion, pixels of half size
 _ROUNDS = 6
+"""Number of rounds in which a plane's flow is fitted."""
 _FLOOR_PX = 0.2
+"""Least scale of what is off a plane's flow, pixels of half size."""
 _LEAST_CELLS = 50
+"""Least number of cells on plants that tell sway."""
 
 
 @contextmanager

@@ -27,8 +27,9 @@ SPOOL_S = 3.4
 TOUCHDOWN_S = 2.1
 """From the ground's touch until the motors stop; measured in the same flights."""
 LANDING_MPS = 0.5
+"""Speed of the last metres down, metres a second: ArduCopter's LAND_SPEED as it comes; PX4's MPC_LAND_SPEED is 0.7."""
 LANDING_BELOW_M = 10.0
-"""ArduCopter's LAND_SPEED and LAND_ALT_LOW as they come: the last metres down. PX4's MPC_LAND_SPEED is 0.7 m/s."""
+"""Height below which that speed holds, metres: ArduCopter's LAND_ALT_LOW as it comes."""
 
 
 @dataclass(frozen=True)

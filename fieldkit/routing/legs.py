@@ -19,6 +19,7 @@ from fieldkit.vehicles.vehicle import Speeds
 
 Place = tuple[float, float, float]
 _SAME_M = 1e-9
+"""Distance within which places are one, metres."""
 _TINY_S = 1e-9  # zero would be no edge
 
 

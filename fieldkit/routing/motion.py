@@ -34,7 +34,9 @@ TURN_LAG_S = 0.15
 """Added to every turn: acceleration about the vertical axis (measured: 0.1 to 0.2 s)."""
 
 _NO_LENGTH_M = 1e-6
+"""Length of a leg that counts as none, metres."""
 _NO_TIME_S = 1e-300
+"""Least time, which keeps quotients finite, seconds."""
 
 
 @dataclass(frozen=True)

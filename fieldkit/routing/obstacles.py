@@ -32,6 +32,7 @@ Corners = tuple[tuple[float, float], ...]
 Kind = Literal["plants", "obstacle", "no-fly zone", "fence", "ceiling"]
 _ARC = 8  # sides in a quarter turn; they stand at most 0.5 % of the clearance inside of the arc
 _MANY_CORNERS = 12
+"""Number of corners beyond which a way round an obstacle goes by its octagon."""
 
 
 @dataclass(frozen=True)

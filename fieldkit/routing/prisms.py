@@ -15,6 +15,7 @@ from fieldkit.arrays import BoolArray, FloatArray, IntArray
 from fieldkit.runtime.kernels import kernel
 
 _ROUNDING_M = 1e-9
+"""Length that rounding may make of none, metres."""
 _BLOCK = 16  # solids that are looked at only if a leg comes near any of them
 _THIRDS = 60
 """Steps by a third that find a leg's nearest place to 1e-10 of its length."""

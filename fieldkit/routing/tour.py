@@ -18,8 +18,11 @@ EXACT_PLACES = 13
 """Places between a start and an end that are put in order exactly: 2¹³ subsets."""
 
 _UNITS = 10_000_000
+"""Length of the longest way in PyVRP's whole numbers."""
 _ITERATIONS_A_PLACE = 10
+"""Iterations of the search for every place."""
 _FEWEST_ITERATIONS = 1000
+"""Least iterations of the search."""
 
 
 def shortest_tour(

@@ -80,11 +80,16 @@ LOWER_SHARE = 0.8
 SEEN_SHARE = 0.9
 """Of a plot, that a plan has to show in three photographs or more."""
 _VIEWS = 3
+"""Number of photographs that a place of a plot has to be in."""
 _GRID = 15
+"""Number of places along each side of a plot."""
 _FAR = 2.0  # times the median distance at which the plan photographs: what is farther is hardly resolved
 _TURNED_DEG = 45.0
+"""Angle between the rows of plot and plan from which the plan is turned against them, degrees."""
 _NAMED = 4
+"""Most stations that are named."""
 _VIEWS_APART = 1.33
+"""Ratio of field widths from which cameras differ."""
 _SIGHTS = 60
 """Places of a plot's plants that its stations are asked to see."""
 _IN_PLOT = np.array([(x, y) for x in (-0.8, 0.0, 0.8) for y in (-0.8, 0.0, 0.8)])

@@ -13,9 +13,12 @@ from fieldkit.results.plan import Plan, PlanEnvelope, PlanFit, PlanPlants, Plans
 from fieldkit.sites.plot_plants import BESIDE_M, STANDS_SHARE, PlanFacts, same_height_m
 from fieldkit.sites.site import SitePlot
 
-SMALLEST, LARGEST = 0.5, 2.0
-"""Factors of height and size between which a plan is still the same plan."""
+SMALLEST = 0.5
+"""Least factor of height and size at which a plan is still the same plan."""
+LARGEST = 2.0
+"""Largest such factor."""
 _NEAREST_AIM_M = 0.2
+"""Least distance of the place that a station is taken to look at, metres."""
 _NO_SIZE = {"length_m": None, "width_m": None}
 
 

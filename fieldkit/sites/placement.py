@@ -47,9 +47,11 @@ from fieldkit.sites.terrain import LEVEL, Gradient
 from fieldkit.vehicles.vehicle import Vehicle
 
 MAX_SHOTS = 100_000
+"""Most photographs of an export."""
 FARTHEST_STATION_M = 10_000.0
 """From its plot's origin."""
 _NEAR_PLOT_M = 25.0
+"""Distance from every plot beyond which the ground is home's, metres."""
 
 Geodetic = tuple[FloatArray, FloatArray, FloatArray]
 """Latitudes and longitudes (degrees, WGS 84) and heights (metres above home), (n,) each."""

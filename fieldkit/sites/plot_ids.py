@@ -14,7 +14,9 @@ from fieldkit.wording import count
 ID_FIELDS = ("plot_id", "id", "name", "fid")
 """Looked for in this order, whatever their case."""
 _MOST_FIELDS = 12
+"""Most fields that are named."""
 _MAX_NAME_BYTES = 200
+"""Most bytes of a file's name that a plot gives; disks take 255."""
 _DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
 _UNSAFE = set('/\\:*?"<>|%')
 

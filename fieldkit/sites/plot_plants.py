@@ -20,8 +20,10 @@ from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.terrain import LEVEL, Gradient
 
 BAND_M = 0.05
+"""Height of the bands that plants are cut into as obstacles, metres."""
 _ARC = 4  # sides in a quarter turn
 _SIMPLER_M = 0.01
+"""Distance by which outlines are simplified, metres."""
 SAME_SPACING = 0.1
 """Share by which a row spacing may differ and still be the plan's."""
 BESIDE_M = 0.25
@@ -33,22 +35,32 @@ HEIGHT_TAKEN = "plant-height-taken"
 PlantHeight = float | Literal["unknown"]
 """Metres, for all plots; or "unknown"."""
 _STEP_M = 0.05
+"""Step in which plants are made higher, metres."""
 _SHORT_M = BAND_M + 0.02  # by which bands may lie inside the spheres about the points
-_FARTHEST_M, _HIGHEST_M = 10_000.0, 100.0
+_FARTHEST_M = 10_000.0
+"""Largest distance of a plant from the plot's origin, metres."""
+_HIGHEST_M = 100.0
+"""Largest height of a plant above or below it, metres."""
 
 # Of rows of plants.
 _BIN_M = 0.02
+"""Width of the bins across rows, metres."""
 _SMOOTH_M = 0.06
+"""Standard deviation over which they are smoothed, metres."""
 _TURNS_DEG = tuple(range(-12, 13, 3))
+"""Directions against x that rows are looked for in, degrees."""
 STANDS_SHARE = 0.4
 """Of the plants' height: stems and the feet of leaves, which stand in rows also where leaves meet."""
 _CELL_M = 0.05
+"""Side of the cells that plants' feet are counted in, metres."""
 _GAP = 0.5  # of the lower of two rows, that the ground between them has at most
 _ROW = 0.3  # of the strongest row, that a row has at least
 _EVEN = 0.2  # by which a spacing may differ from the others'
 _LONG = 1.2  # spacings that a row is long
 _LEAST_POINTS = 30
+"""Least number of points, and of cells, that show rows."""
 _ROWS_WITHIN_M = 1000.0
+"""Largest distance of a point from the plot's origin where rows are looked for, metres."""
 
 
 @dataclass(frozen=True)

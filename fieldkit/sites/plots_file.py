@@ -31,9 +31,13 @@ _PROPERTIES = (*NUMBERS, "datum", "ground_points")
 _NEAR = 0.87
 """Likeness from which a column's name is a slip: plant_heigth_m and lenght_m are, height and length are not."""
 _MOST_COLUMNS = 12
+"""Most columns that are named."""
 _SIDES_M = (0.1, 1000.0)
+"""Sides of a plot that are taken from its outline, metres."""
 _LARGEST_M = 10_000.0
+"""Largest half width of a plot, metres."""
 _SQUARE = 1.05
+"""Ratio of sides below which a drawing decides which one is longer."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,12 +31,15 @@ from fieldkit.vehicles.vehicle import Vehicle
 TOLERANCE_M = 1e-4
 """Rounding, not leeway: files hold heights to 0.1 mm."""
 
-SAME_M, SAME_DEG = 0.1, 2.0
-"""Poses nearer than both are one photograph: flown ones miss by up to 0.07 m and 0.85° (sim/sitl)."""
+SAME_M = 0.1
+"""Distance within which two poses may be one photograph, metres: flown ones miss by up to 0.07 m (sim/sitl)."""
+SAME_DEG = 2.0
+"""Angle within which two poses may be one photograph, degrees: flown ones miss by up to 0.85° (sim/sitl)."""
 
 Limit = Literal["pitch", "height", "plants"]
 
 _CENTIMETRES = 100.0
+"""Centimetres of a metre."""
 _WRITTEN_M = 0.02
 """By which places of one plan may differ, as files of missions hold them."""
 RTK_REMEDY = (

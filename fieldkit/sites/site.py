@@ -25,10 +25,12 @@ Datum = Literal["home", "amsl", "ellipsoid"]
 UNDULATION_M = 110.0
 """The geoid is nowhere farther than this from the ellipsoid (EGM96: −107 m to 86 m)."""
 _MIXED_UP_M = 10.0
+"""Difference within which a height looks like home's above another datum, metres."""
 _TOLD = 5  # plots with a wrong datum
 _STEEPEST = 1.0  # no field is taken off from across such a slope
 _DRAWN_TWICE = 0.3  # of the smaller of two plots; neighbours drawn by hand share less
 _SAME_PLACE_M = 0.1
+"""Side of a plot without a size, where two at one place are looked for, metres."""
 _COVERED = 0.5
 """Share of a plot below other plots from which it is drawn anew by them, and no neighbour."""
 _NAMED = 60

@@ -27,6 +27,7 @@ from fieldkit.sites.vector_files import read_features
 FARTHEST_M = 100_000.0
 """From home; what lies farther away is not where it was meant to be."""
 _MAX_BYTES = 256 << 10
+"""Largest site file that is read, bytes."""
 _REMEDY = f"A site file is TOML with format = 1, [home] and plots: {shipped_page('missions/README.md')} lists its keys."
 _NO_PLOTS = 'Give it [[plots]], or plots = "plots.geojson"; --plots takes such a file, too.'
 

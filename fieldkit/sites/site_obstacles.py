@@ -20,9 +20,13 @@ from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.terrain import LEVEL, Gradient
 
 _AROUND_M = 1.0
+"""Width about a plan's stations and plants over which the ground is an obstacle, metres."""
 _OFF_GROUND_M = 0.5
+"""Distance to a landing place within which the ground is none, metres."""
 _LEAST_AREA_M2 = 1e-6
+"""Least area of a step, square metres."""
 _MOST_STRIPS = 400
+"""Most steps of a slope."""
 
 
 def site_obstacles(site: Site, clearance_m: float, plans: Plans | None = None) -> Obstacles:

@@ -16,12 +16,16 @@ STEEPEST_PERCENT = 100.0
 FARTHEST_POINT_M = 1000.0
 """Of the points of a plane from the plot's origin."""
 _LEAST_M = 0.5
+"""Least distance of three points from one line, metres."""
 _LEVEL_PERCENT = 1e-9
+"""Slope below which ground is level, %."""
 _POINTS = 3
+"""Number of points that give a plane."""
 
 Gradient = tuple[float, float]
 """Rise per horizontal metre along x and y of a plot frame."""
 LEVEL: Gradient = (0.0, 0.0)
+"""Gradient of level ground."""
 GroundPoint = tuple[float, float, float]
 """Latitude, longitude (degrees) and height (metres above the plot's datum)."""
 

@@ -28,8 +28,9 @@ from fieldkit.geometry.geodesy import on_earth
 MAX_BYTES = 16 << 20
 """Of a file, and of what an archive holds unpacked."""
 MAX_FEATURES = 2000
+"""Most features of a file."""
 MAX_CORNERS = 20_000
-"""Of all polygons of a file together."""
+"""Most corners of all polygons of a file together."""
 NUMBERS = (
     "height_m", "slope_percent", "slope_deg", "uphill_heading_deg", "plant_height_m", "row_spacing_m",
     "row_heading_deg", "length_m", "width_m",

@@ -31,9 +31,13 @@ _PX4_PLACELESS = frozenset({
 
 
 _RELATIVE_M = (-100.0, 1000.0)
+"""Heights above home or ground that are believed, metres."""
 _AMSL_M = (-500.0, 9000.0)
+"""Heights above sea level that are believed, metres."""
 _LONGEST_WAIT_S = 3600.0
+"""Longest hold or delay that is believed, seconds."""
 _FASTEST_MPS = 50.0
+"""Largest speed that is believed, metres a second."""
 
 # A take-off or landing at 0/0 is one at the present place; so is item 0's where home is not known yet.
 _HERE = frozenset({Command.NAV_TAKEOFF, Command.NAV_LAND})

@@ -50,6 +50,7 @@ _RELEASE = -3.0
 _SLOWEST_MPS = 0.01
 """Of a waypoint's own speed; with less, 0 above all, the app's counts."""
 _NO_WAY_M = 0.01
+"""Length of a way that counts as none, metres."""
 _REFUSED = "the autopilot refuses the item"
 
 

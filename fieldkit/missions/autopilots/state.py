@@ -30,6 +30,7 @@ from fieldkit.routing.motion import TURN_LAG_S, Even, Leg, Way, corner, leg, tur
 from fieldkit.vehicles.vehicle import Speeds, Vehicle
 
 _NO_TURN_DEG = 1e-3
+"""Turn that counts as none, degrees."""
 _OFF_NOSE_DEG = 1.0
 """A gimbal without an axis of its own for yaw may be asked for so much: headings are rounded."""
 _RETURN_M = 2.0

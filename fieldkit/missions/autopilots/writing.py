@@ -35,6 +35,7 @@ LEAST_HOLD_S = 1
 _TARGETING = 2.0
 """MAV_MOUNT_MODE_MAVLINK_TARGETING, in param 7 of DO_MOUNT_CONTROL."""
 _HOLD_S = 1.0
+"""Hold of a waypoint without a photograph of its own, seconds."""
 _LEVEL = 12.0
 """GIMBAL_MANAGER_FLAGS: roll and pitch locked to the horizon (4 + 8), yaw follows the vehicle."""
 _NAN = math.nan

@@ -12,7 +12,9 @@ from pathlib import Path, PurePosixPath
 from fieldkit.errors import MetadataError
 
 _MAX_MEMBERS = 1024
+"""Most members of an archive."""
 _MAX_MEMBER_BYTES = 32 << 20
+"""Most bytes of a member unpacked."""
 _STAMP = (1980, 1, 1, 0, 0, 0)  # the earliest that zip can say: the same mission gives the same bytes at any time
 _REMEDY = "Save it again with DJI Pilot 2, or export it with `fieldkit export-mission --format wpml`."
 

@@ -10,9 +10,11 @@ from fieldkit.documents.file_bytes import decoded, file_bytes
 from fieldkit.errors import MetadataError
 
 MAX_BYTES = 16 << 20
+"""Largest mission that is read, bytes."""
 MAX_ITEMS = 10_000
+"""Most items of a mission."""
 MAX_POINTS = 5_000
-"""Corners of fences and the like."""
+"""Most corners of fences and the like."""
 
 MOST_WAYPOINTS = {"litchi": 99, "wpml": 200}
 """By format, where the apps that fly it have a limit. Litchi's: its forum's list, "DJI SDK limits". WPML's: not in the

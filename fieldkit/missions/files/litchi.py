@@ -23,9 +23,19 @@ from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.wording import count
 
 _ACTIONS = 15
-_NONE, _STAY, _PHOTO = -1, 0, 1
-_FOCUS, _INTERPOLATE = 1, 2
+"""Number of actions of a waypoint."""
+_NONE = -1
+"""Action that is none."""
+_STAY = 0
+"""Action that waits, milliseconds."""
+_PHOTO = 1
+"""Action that takes a photograph."""
+_FOCUS = 1
+"""Gimbal mode that looks at a point of interest."""
+_INTERPOLATE = 2
+"""Gimbal mode that takes the waypoint's pitch."""
 _FEET_M = 0.3048
+"""International foot, metres."""
 _REMEDY = "Export it again from Litchi's Mission Hub, or with `fieldkit export-mission --format litchi`."
 
 COLUMNS = (

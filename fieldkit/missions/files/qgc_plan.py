@@ -29,7 +29,13 @@ _DIALECT = {number: name for name, number in _FIRMWARE.items()}
 _ALTITUDE_MODE = {0: 2, 3: 1, 10: 4}
 """QGroundControl's AltitudeMode by plain frame: 1 relative to home, 2 above mean sea level, 4 terrain frame."""
 _QUADROTOR = 2
-_PLAN_VERSION, _MISSION_VERSION, _FENCE_VERSIONS = 1, 2, (1, 2)
+"""MAV_TYPE_QUADROTOR."""
+_PLAN_VERSION = 1
+"""Version of QGroundControl's plan files."""
+_MISSION_VERSION = 2
+"""Version of their mission."""
+_FENCE_VERSIONS = (1, 2)
+"""Versions of their fence that are read."""
 _MOST_CIRCLES = 80
 """Of a fence; each is checked as a polygon of many corners."""
 _REMEDY = "Save it again with QGroundControl, or export it with `fieldkit export-mission`."

@@ -26,6 +26,7 @@ from fieldkit.vehicles.vehicle import Vehicle
 
 TEMPLATE, WAYLINES = "wpmz/template.kml", "wpmz/waylines.wpml"
 _LEAST_TAKEOFF_M = 1.2
+"""Least takeOffSecurityHeight that DJI's apps take, metres (WPML documentation)."""
 
 
 @dataclass(frozen=True)

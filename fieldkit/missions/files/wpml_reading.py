@@ -43,6 +43,7 @@ from fieldkit.routing.mission import GeoPoint, Home
 
 _REMEDY = "Save it again with DJI Pilot 2, or export it with `fieldkit export-mission --format wpml`."
 _SAME_DEG = 0.05
+"""Difference within which two pitches are one, degrees."""
 _COLOUR = frozenset({"wide", "visable", "visible"})
 """payloadLensIndex of a colour camera; the second is DJI's spelling. Others are "zoom", "ir" and "narrow_band"."""
 _INTERVALS = {"multipleTiming": "s", "multipleDistance": "m"}

@@ -29,17 +29,27 @@ what their red neighbours found."""
 COARSEST_SWEEPS, SWEEPS, GEOMETRIC = (Sweep(4.0), Sweep(2.0), Sweep(1.0)), (Sweep(1.5), Sweep(0.75)), Sweep(1.0)
 LARGE_SWEEPS, LARGE_GEOMETRIC = (Sweep(1.5, (3, 1)),), Sweep(1.0, (4, 2))
 """By the photographs alone, on the coarsest and the finer levels; in geometric passes; the same on large levels."""
-COARSE_PASSES, GEOMETRIC_PASSES = 2, 1
-"""Geometric passes, on levels of reduced views and on the last one. They take over planes of the source views and also
-ask for agreement with their depths."""
+COARSE_PASSES = 2
+"""Number of geometric passes on levels of reduced views. They take over planes of the source views and also ask for
+agreement with their depths."""
+GEOMETRIC_PASSES = 1
+"""Number of geometric passes on the last level."""
 STARTS = 8
 """Random planes per pixel."""
-BEYOND, BEYOND_UNMASKED = 0.3, 4.0
-"""How far behind the volume depths are sought, in views with a mask and without, as a share of the depth at which the
+BEYOND = 0.3
+"""Depth behind the volume down to which depths are sought in views with a mask, as a share of the depth at which the
 ray leaves it. What is found there is dropped, but otherwise the background would have to match something inside."""
-_CPU_S_OF_MATCHED, _BYTES_OF_PIXEL, _BYTES_OF_MATCHED = 9e-6, 40, 50  # measured (docs/decisions.md)
+BEYOND_UNMASKED = 4.0
+"""The same in views without a mask."""
+_CPU_S_OF_MATCHED = 9e-6
+"""CPU seconds a matched pixel (measured, docs/decisions.md)."""
+_BYTES_OF_PIXEL = 40
+"""Bytes a pixel (measured, docs/decisions.md)."""
+_BYTES_OF_MATCHED = 50
+"""Bytes a matched pixel (measured, docs/decisions.md)."""
 _VERSION = STAGES["depth"]
 _KEPT = 32
+"""Number of views of which what others need is kept."""
 _GEOMETRIC_SWEEP = 1.5
 """A geometric pass' sweep takes half as long again as one by the photographs alone."""
 

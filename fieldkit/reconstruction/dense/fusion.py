@@ -31,23 +31,37 @@ from fieldkit.runtime.room import MEMORY, Room
 MIN_AGREEING = 2
 """Other views that have to agree for a point to be kept; so many more views must have its depth at its pixel than see
 through it."""
-MAX_RELATIVE_DEPTH, MAX_REPROJECTION_PX = 0.012, 1.5
-"""Largest relative difference of two depths that agree, and largest round-trip distance of their pixels, where nothing
-moves."""
-STILL_PX, WIDER, WIDEST_PX = 0.6, 3.0, 12.0
-"""Where leaves sway, the round-trip distance may be so many times what `depth_scatter_px` has above the first, at most
-the last; the relative difference is larger by the same factor. Fitted on tuning-1 and -2 (docs/decisions.md)."""
-_SCATTER_GATE_PX, _SCATTER_GATE_DEPTH, _SCATTER_STEP = 20.0, 0.15, 4
-"""Depths farther apart are of two surfaces; and which pixels are looked at, by row and column."""
+MAX_RELATIVE_DEPTH = 0.012
+"""Largest relative difference of two depths that agree, where nothing moves."""
+MAX_REPROJECTION_PX = 1.5
+"""Largest round-trip distance of the pixels of two depths that agree, where nothing moves, pixels."""
+STILL_PX = 0.6
+"""Scatter of the depths of leaves that keep still, pixels (`depth_scatter_px`). Fitted on tuning-1 and -2
+(docs/decisions.md)."""
+WIDER = 3.0
+"""Factor of the scatter above `STILL_PX` that the round-trip distance may have where leaves sway; the relative
+difference grows alike. Fitted with it."""
+WIDEST_PX = 12.0
+"""Largest round-trip distance where leaves sway, pixels. Fitted with it."""
+_SCATTER_GATE_PX = 20.0
+"""Round-trip distance beyond which depths are of two surfaces, pixels."""
+_SCATTER_GATE_DEPTH = 0.15
+"""Relative difference beyond which depths are of two surfaces."""
+_SCATTER_STEP = 4
+"""Step between the pixels that are looked at, by row and column."""
 _SCATTER_QUANTILE = 0.75
+"""Quantile of the round trips that is the scatter."""
 MOST_OFF = 1.0 / 3.0
 """Share of the masks that may show background at a point's pixel: leaves in the shade, and stems, fall out of masks."""
-FILLING_AGREEING, FILLING_MASKS = 0, 5
-"""Other views that have to agree for a depth to fill a hole, and masks that have to show plants there: all, at least so
-many."""
-SEE_THROUGH_PX, SEE_THROUGH_DEPTHS = 2, 3.0
-"""A view sees through a point if all of its pixels within so many are background or so many times farther behind than
-`MAX_RELATIVE_DEPTH`. Masks miss thin parts, and poses are off by a pixel."""
+FILLING_AGREEING = 0
+"""Number of other views that have to agree for a depth to fill a hole."""
+FILLING_MASKS = 5
+"""Least number of masks that have to show plants for a depth to fill a hole; all that see it do."""
+SEE_THROUGH_PX = 2
+"""Distance within which all pixels of a view must be background or farther for it to see through a point, pixels: masks
+miss thin parts, and poses are off by a pixel."""
+SEE_THROUGH_DEPTHS = 3.0
+"""Factor of `MAX_RELATIVE_DEPTH` from which a depth is farther."""
 
 
 def fuse(

@@ -15,7 +15,9 @@ EXG_THRESHOLD = 0.10
 DARKEST = 75.0
 """Sum of the three channels below which a pixel's hue says nothing: JPEG's coarser colour bleeds into dark pixels."""
 _THIN_PX = 5
+"""Width below which a part of a mask is thin and grown by a pixel, pixels."""
 _FARTHER_IN_PX = 3.0
+"""Distance to a pixel farther in from which an edge's pixel may take its colour, pixels."""
 
 
 def excess_green(image: ByteArray) -> Float32Array:

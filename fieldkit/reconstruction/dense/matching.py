@@ -36,8 +36,10 @@ NOISE = 1.0
 SLACK = 0.4
 """None of a hypothesis' best source views counts more than this above the lowest: the surface may be hidden in all but
 one."""
-GEOMETRIC_WEIGHT, GEOMETRIC_CAP_PX = 0.2, 3.0
-"""Geometric passes add weight · min(round-trip error in pixels, cap) to the cost."""
+GEOMETRIC_WEIGHT = 0.2
+"""Weight in a geometric pass's cost of the round-trip error in pixels."""
+GEOMETRIC_CAP_PX = 3.0
+"""Cap of that error, pixels."""
 BEST_SOURCES = 2
 """A plane costs the mean over its best so many source views, so that the others may be occluded; 1 to 3."""
 MAX_COST = 0.6

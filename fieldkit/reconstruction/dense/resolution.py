@@ -28,6 +28,7 @@ _STEPS = 8
 """Views are reduced in steps of 2^(1/8), so that the last digits of a pose change neither a view nor its random
 numbers."""
 _RAYS = (24, 18)
+"""Columns and rows of the rays by which the plants' depth is taken."""
 
 
 class Resolution(NamedTuple):

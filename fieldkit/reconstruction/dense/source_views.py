@@ -14,8 +14,10 @@ _GRID = 4
 """Points along each edge of the volume for which overlap and angle are counted."""
 BEST_ANGLE_DEG = 12.0
 """Angle between two views about the volume at which a source view is worth most."""
-MIN_ANGLE_DEG, MAX_ANGLE_DEG = 3.0, 50.0
-"""Between a reference and a source view, about the volume."""
+MIN_ANGLE_DEG = 3.0
+"""Least angle between a reference and a source view about the volume, degrees."""
+MAX_ANGLE_DEG = 50.0
+"""Largest angle between a reference and a source view about the volume, degrees."""
 SOURCES = 4
 """Source views per reference view."""
 FUSION_NEIGHBORS = 10

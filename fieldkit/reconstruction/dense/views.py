@@ -17,6 +17,7 @@ from fieldkit.reconstruction.dense.patchmatch import Active
 from fieldkit.vocabulary import Mask
 
 _NEAREST_SHARE = 0.05
+"""Least depth of a ray's way through the volume, as a share of its largest: a camera inside it."""
 
 
 @dataclass(frozen=True, eq=False)
