@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from fieldkit.reconstruction.settings import ReconstructionSettings
 
 _MAX_BYTES = 1 << 20
+"""Largest campaign.toml that is read, bytes."""
 _REMEDY = f"{shipped_page('docs/campaigns.md')} lists the keys of campaign.toml."
 
 FileName = Annotated[str, Field(min_length=1, max_length=1000, pattern=r"^[^\x00]+$")]

@@ -32,6 +32,7 @@ from fieldkit.wording import listed
 
 SITE_FILE, PLOTS_FILE, VEHICLE_FILE, CAMERA_FILE = "site.toml", "plots.geojson", "vehicle.toml", "camera.toml"
 _SITE_BYTES = 256 << 10
+"""Largest site file that is read, bytes."""
 _ZONES = ("geofence", "no_fly", "plots", "neighbours")
 
 

@@ -34,6 +34,7 @@ LIMITS = 1.96
 """Standard deviations of the differences between which 95 % of them lie."""
 _PLOT, _HEIGHT = ("plot", "plot_id", "id", "name"), {"height_m": 1.0, "height_cm": 0.01, "height": 1.0}
 _MOST_BYTES = 4 << 20
+"""Largest table of heights that is read, bytes."""
 _REMEDY = "Write a row for each plot and date: plot,date,height_m, then for instance A1,2026-07-02,1.25."
 
 

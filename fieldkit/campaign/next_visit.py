@@ -42,8 +42,11 @@ from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
 
 GROWTH = 1.15
-"""By which plants are taken to have grown since the last visit, where nobody says."""
-_MARGIN_M, _STEP_M = 0.03, 0.10
+"""Factor by which plants are taken to have grown since the last visit, where nobody says."""
+_MARGIN_M = 0.03
+"""Width of the box about the plants beyond them, metres."""
+_STEP_M = 0.10
+"""Step between the points that stand for a plot's box, metres."""
 _RIM = 0.3
 """Of the clearance, by which points lie beyond and above an outline's upper edges, so that spheres hold the corner."""
 _AROUND, _ANYWHERE = Effort(moves=600), Effort(designs=16, starts=2, moves=600)

@@ -18,7 +18,9 @@ from fieldkit.version import __version__
 from fieldkit.wording import by_key, count, listed
 
 _MANY_DATES = 12
+"""Most dates that are shown."""
 _NAMED = 5
+"""Most visits that are named."""
 MOST_SHOWN = 100
 """Rows of a table on a terminal: Rich takes milliseconds for each, and --json has all."""
 

@@ -28,6 +28,7 @@ from fieldkit.sites.vector_files import read_features
 PLANS_FOLDER = "plans"
 _REMEDY = "Make a campaign with `fieldkit campaign init`."
 _SITE_BYTES = 256 << 10
+"""Largest site file that is read, bytes."""
 
 
 class CampaignPlot(SitePlot):

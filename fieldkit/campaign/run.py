@@ -37,9 +37,11 @@ from fieldkit.wording import count
 
 LOCK_FILE = ".lock"
 _POLL_S = 0.5
+"""Time between two tries to lock a campaign, seconds."""
 _RESULTS = (EVALUATION_FILE, REFERENCE_FILE)
 _OUTER_FOLDERS = 2  # names above the searched folder that may say plot and date
 _SHOWN = 8
+"""Most findings that are told."""
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,11 @@ _DATE = re.compile(r"(\d{4})-?(\d{2})-?(\d{2})")
 NEIGHBOURS = timedelta(seconds=60)
 """Photographs of one flight follow each other faster than this."""
 _LEAST_REACH_M = 1.5
+"""Least distance from a plot within which photographs are its, metres."""
 _MOST_REACH_M = 25.0
+"""Largest such distance, metres."""
 _MOST_ACCURACY_M = 5.0
+"""Largest accuracy of a tag that widens it, metres."""
 _NO_PLOT = "no-plot"
 _FAR = "far-from-plots"
 _AMBIGUOUS = 0.25  # of the distance between the two plots

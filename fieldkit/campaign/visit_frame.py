@@ -34,9 +34,12 @@ ON_STATION_M = 0.5
 """poses.csv is in the plot frame where its positions are this near to the plan's stations (median)."""
 _MARGIN = 0.15  # of the plants' width, on every side
 _LEAST_MARGIN_M = 0.10
+"""Least width about the plants on every side, metres."""
 _GROWTH = 0.5  # of the plants' height: other plots and later dates are higher than what was planned on
 _LEAST_GROWTH_M = 0.30
+"""Least height above the plants, metres."""
 _BELOW_M = 0.05
+"""Depth of the volume below the ground, metres."""
 
 
 @dataclass(frozen=True, eq=False)

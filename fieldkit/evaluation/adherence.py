@@ -44,6 +44,7 @@ ACHIEVED: tuple[AchievedSource, ...] = ("reported", "reconstructed", "tagged")
 are flown by it; then structure from motion, good to millimetres within a plot; then tags, which may be the commanded
 poses copied, or GPS without corrections."""
 _LEAST_STATIONS = 3
+"""Least number of stations that say how a flight kept to its plan."""
 _OWN_FRAME = "poses.csv"
 _STEEP_SINE = float(np.sin(np.radians(75.0)))
 

@@ -39,10 +39,18 @@ _FRAME_REMEDY = (
 _MARGIN = 0.05  # of the cloud's diagonal, about its box
 _FAR_M = 1000.0  # coordinates beyond are shifted, as those of positions are
 _COARSE_STEP_M = 0.001
+"""Step of coordinates from which they are told as coarse, metres."""
 _CHUNK = 500_000
+"""Number of points that are transformed at a time, which bounds memory."""
 _CELL = 0.02  # of the cloud's width
-_GROUND_COVERS, _MOST_BELOW, _MOST_GREEN = 0.25, 0.01, 0.5
+_GROUND_COVERS = 0.25
+"""Least share of the plot's cells that a ground covers."""
+_MOST_BELOW = 0.01
+"""Largest share of points below a ground."""
+_MOST_GREEN = 0.5
+"""Largest share of green points on a ground."""
 _MAX_DIAGONAL_M = 2_000.0
+"""Largest diagonal of a plot's cloud, metres."""
 
 
 @dataclass(frozen=True, eq=False)

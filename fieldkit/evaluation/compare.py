@@ -38,9 +38,12 @@ from fieldkit.wording import by_key, listed
 
 TABLE_FILE = "compare.csv"
 MOST_EVALUATIONS = 100
+"""Most evaluations that are compared."""
 _NORMAL_95 = 1.959964
+"""Standard deviations within which 95 % of normal differences lie."""
 _LARGEST = 1e12  # numbers of hostile files
 _NAMED = 5
+"""Most plots that are named."""
 
 
 @dataclass(frozen=True, eq=False)

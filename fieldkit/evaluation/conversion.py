@@ -44,6 +44,7 @@ from fieldkit.version import __version__
 from fieldkit.vocabulary import MappingName
 
 _TOLD_HIDDEN = 1.0 / 12.0
+"""Share of azimuths with hidden sides from which it is told."""
 
 
 def reference_report(

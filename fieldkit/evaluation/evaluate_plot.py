@@ -41,6 +41,7 @@ PLOTS_FILE = "plots.csv"
 RESERVED = (EVALUATION_FILE, PLOTS_FILE, TRAITS_FILE)
 """Names of an evaluation's own files, which no plot's folder has."""
 _DOUBTS = 3.0
+"""Standard errors of the scale beyond which a fitted one contradicts it."""
 _OTHER_SHARE = 0.04
 """Chamfer distance of what is taken for other plants, as a share of the diagonal of the reference's box. Others, and
 the same ones turned, have 5 % and more on simulated plots, the reference's own 1 % even where a capture is poor.

@@ -20,8 +20,10 @@ from fieldkit.results.traits import PlantEntry, Trait
 
 _BEYOND_M = 0.75
 """Leaves of plants that stand no farther outside the outline are told from the plot's own: leaves reach as far."""
-_TOP_M, _OWN = 0.05, 0.8
-"""A plant's top is its own where this share of its points within so much of its height is clearly nearest to it."""
+_TOP_M = 0.05
+"""Height below a plant's highest point that is its top, metres."""
+_OWN = 0.8
+"""Least share of a top's points that are clearly nearest to the plant for it to be its own."""
 _NO_ROWS = (
     f"the plants stand in no rows: there are fewer than {LEAST_PLANTS}, or no direction in which all stand in evenly "
     "spaced lines"

@@ -27,6 +27,7 @@ NO_CLOUD = "too little was reconstructed"
 LEAST_IMAGES = 3
 TOO_FEW = f"fewer than {LEAST_IMAGES} photographs count"
 _MARGIN = 0.10
+"""Width beyond the fitted range of a feature within which a prediction holds, as a share."""
 
 RESTING_M = 0.008
 """What the best few-view captures of maize come to, however well their cameras are placed."""

@@ -21,7 +21,9 @@ from fieldkit.reconstruction.mapping.angle_conventions import find_convention
 LEAST_PHOTOGRAPHS = 3
 """With recorded angles and an orientation found without them, that tell how angles are to be read."""
 _QUARTERS = (0.0, 180.0, 90.0, -90.0)
+"""Turns of a photograph that are tried, degrees."""
 _MOST = 0.5
+"""Least share of photographs that agree."""
 
 
 @dataclass(frozen=True)

@@ -41,14 +41,26 @@ from fieldkit.sites.site_file import load_site, named_plots
 from fieldkit.wording import count, listed
 
 MAX_STATIONS = 200
+"""Most stations of a plan that is checked."""
 MAX_PHOTOGRAPHS = 300
-_PRIOR_M, _PRIOR_DEG = 0.05, 2.0
+"""Most photographs of a check."""
+_PRIOR_M = 0.05
+"""Least standard deviation of tags' positions, metres."""
+_PRIOR_DEG = 2.0
+"""Standard deviation of tags' angles, degrees."""
 _NO_DATUM_M = 120.0
-_MOVED_M, _TOLD_SIGMAS, _TOLD_TURN_DEG = 0.5, 2.0, 2.0
+"""Height difference that no two datums explain, metres."""
+_MOVED_M = 0.5
+"""Accuracy beyond which a receiver counts as one without corrections, metres."""
+_TOLD_SIGMAS = 2.0
+"""Standard deviations of positions from which a common shift is told."""
+_TOLD_TURN_DEG = 2.0
+"""Common turn of headings from which it is told, degrees."""
 _COARSE_SCATTER_M = 0.12
+"""Scatter of positions about the plan from which it is told, metres."""
 _OF_THE_WAY = 0.3  # to another plot: nearer to it than that, photographs are its
 _SWAY_STATIONS = 4
-"""Stations whose bursts tell how far leaves move: half a second of CPU each."""
+"""Most stations whose bursts tell sway."""
 _SWAY_PHOTOGRAPHS = 3
 """Photographs of each of these bursts."""
 _SWAY_SIDE_PX = 500

@@ -24,24 +24,43 @@ from fieldkit.runtime.progress import Advance
 
 WORKING_SIDE = 1600
 """Longer side in pixels at which sharpness is measured: that of features and depth maps."""
-_DARK, _BRIGHT = 3, 252
+_DARK = 3
+"""Grey level up to which a pixel is black."""
+_BRIGHT = 252
+"""Grey level from which a pixel is white."""
 _GAMMA = 2.2
+"""Exponent that makes grey levels light."""
 _EMPTY_CONTRAST = 3.0
-_SKY, _HORIZON = 1.9, 0.04
-"""How much lighter sky is than the ground: grey values, 2 stops; the share of rows that the horizon may be askew."""
+"""Contrast below which a photograph shows nothing, grey levels."""
+_SKY = 1.9
+"""Factor by which sky is lighter than the ground, grey levels: two stops."""
+_HORIZON = 0.04
+"""Share of rows by which the horizon may be askew."""
 
 
 DIRECTIONS = 6
-_BEFORE_PX, _BLUR_PX = 1.0, 1.5
+"""Number of directions of edges."""
+_BEFORE_PX = 1.0
+"""Standard deviation of the first blur, pixels."""
+_BLUR_PX = 1.5
+"""Standard deviation of the second blur, which tells an edge's width, pixels."""
 _STRONGEST = 0.03
+"""Share of gradients that are strong."""
 _SHARPEST = 0.25
+"""Share of strong edges that are sharper than the width that counts."""
 _GOOD_SHARE = 0.3
+"""Quantile of a capture's widths that is usual."""
 _WIDEST_PX = 50.0
-_BLUR_RATIO, _EDGE_PX = 1.3, 1.75
-"""Edges that many times as wide as in the capture's other photographs are blurred; and, whatever the others are, a
-median width (σ) of strong edges, in a picture 1600 pixels wide: twice what the recorded sets have in focus."""
-_EXPOSURE_STOPS, _CLIPPED_SHARE = 1.5, 0.15
-"""Farthest from the capture's median brightness; most that may be black or white beyond the median photograph's."""
+"""Largest width of an edge, pixels."""
+_BLUR_RATIO = 1.3
+"""Factor between an edge's width and the capture's usual one from which it is blurred."""
+_EDGE_PX = 1.75
+"""Median width (σ) of strong edges from which a picture 1600 pixels wide is blurred whatever the others are, pixels:
+twice what the recorded sets have in focus."""
+_EXPOSURE_STOPS = 1.5
+"""Distance from the capture's median brightness from which a photograph is wrongly exposed, stops."""
+_CLIPPED_SHARE = 0.15
+"""Share of black or white pixels beyond the median photograph's from which it is."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,11 +23,19 @@ from fieldkit.sites.placement import PlotFrame
 from fieldkit.sites.site import Site, SitePlot
 
 _STEP_DEG = 4.0
+"""Step between turns that are tried, degrees."""
 _ALIKE_M = 0.15
+"""Difference of mean costs within which two assignments fit alike, metres."""
 _FITS_WELL_M = 0.2
+"""Mean cost of an assignment that fits well, metres."""
 _FAR_BETTER = 0.5
+"""Share of another assignment's mean cost from which one by shape is better."""
 _MUCH_WORSE = 2.0
-_STEEP_DEG, _ROLLED_DEG = 75.0, 20.0
+"""Factor from which heights scatter much more than positions, as barometers' do."""
+_STEEP_DEG = 75.0
+"""Pitch below which a rolled camera's yaw is no heading, degrees."""
+_ROLLED_DEG = 20.0
+"""Roll from which it is none, degrees."""
 
 
 _BOUND_DEG = 30.0

@@ -52,24 +52,41 @@ from fieldkit.runtime.executor import map_threads
 from fieldkit.wording import by_key
 
 _FIRST_FEATURES = 2000
+"""Most features of a photograph in the first matching."""
 _FIRST_MATCHES = 14
+"""Matches of the first matching from which a pair is verified."""
 _MIN_MATCHES = 15
 """Verified matches of two photographs from which on they tie each other."""
 _ALL_PAIRS_UP_TO = 24
+"""Number of photographs up to which all pairs are matched."""
 _NEIGHBOURS = 14
+"""Number of nearest photographs that each of more is matched with."""
 _LEAST_DEPTHS = 5
+"""Features with a depth in both ties from which these compare the ties' lengths."""
 _MIN_RATIO_SIGMA = 0.03
+"""Least standard deviation of a ratio of lengths, as a logarithm."""
 _APART_SIGMA = 0.3
+"""Standard deviation of a ratio of lengths from medians of other features, as a logarithm."""
 
 Pair = tuple[int, int]
 
 
 _FEW = 30
+"""Matches of a photograph below which guided matching looks for more."""
 _FARTHEST_DEG = 48.0
+"""Angle about the plants to the farthest neighbour that it looks at, degrees."""
 _GUIDED_NEIGHBOURS = 4
+"""Most neighbours that it looks at."""
 _LEAST = 12
-_SIGMA_M, _SIGMA_DEG = 0.05, 2.0
-_TURN_DEG, _DIRECTION_DEG = 10.0, 20.0
+"""Least verified matches of a guided tie."""
+_SIGMA_M = 0.05
+"""Standard deviation of believed positions, metres."""
+_SIGMA_DEG = 2.0
+"""Standard deviation of believed angles, degrees."""
+_TURN_DEG = 10.0
+"""Largest turn of a guided tie off the believed poses, degrees."""
+_DIRECTION_DEG = 20.0
+"""Largest angle of its direction off theirs, degrees."""
 
 
 @dataclass(frozen=True, eq=False)

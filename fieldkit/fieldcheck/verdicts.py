@@ -23,15 +23,28 @@ from fieldkit.wording import count
 _FLY = "Fly this station again."
 _TAGS = "Put the tags right (poses.csv beside the photographs comes before EXIF), or fly the station again."
 _SCATTER_SIGMAS = 4.5
+"""Scatters of positions beyond which a photograph is not at its station."""
 _SEEN_SIGMAS = 3.0
-_IDENTIFIED_M, _IDENTIFIED_DEG = 0.35, 12.0
+"""Standard deviations of what matches show beyond which it is not."""
+_IDENTIFIED_M = 0.35
+"""Distance to a station within which a photograph without a good tag may be its, metres."""
+_IDENTIFIED_DEG = 12.0
+"""Angle within which it may, degrees."""
 _GOOD_SCATTER_M = 0.12
-_TURN_DEG, _DIRECTION_DEG = 15.0, 35.0
+"""Scatter of positions above which matches know better, metres."""
+_TURN_DEG = 15.0
+"""Turn of a tie off the poses from which it is none, degrees."""
+_DIRECTION_DEG = 35.0
+"""Angle of its direction off theirs from which it is none, degrees."""
 _BRIDGE_DEG = 36.0
+"""Angle about the plants within which a station that is flown again will tie others, degrees."""
 _NEAR_DEG = 36.0
-"""So near about the plants, guided matching finds 100 matches and more on the recorded rigs."""
+"""Angle about the plants within which a sound neighbour must show the same, degrees: guided matching finds 100 matches
+and more on the recorded rigs."""
 _GAP_SHARE = 0.8
+"""Share of the angle to a station that is flown again within which it must."""
 _THIN = 30
+"""Matches of a station below which it is weakly tied."""
 
 
 @dataclass(frozen=True)

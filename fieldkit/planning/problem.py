@@ -23,7 +23,9 @@ POSE_NOISE_M = 0.010
 """Usual standard deviation of a commanded position: the simulated source's claim, and RTK's error (docs/objective.md).
 """
 _LEAST = 3
+"""Least number of cameras of a plan."""
 _SAMPLE_STREAM = 31
+"""Seed's part for random sets."""
 
 
 @dataclass(frozen=True, eq=False)

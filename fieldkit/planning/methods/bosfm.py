@@ -17,12 +17,20 @@ from fieldkit.planning.space.cameras import PER_CAMERA, Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.surrogate.ensemble import suggest
 
-_STREAM, _RANDOM_STREAM = 42, 41
+_STREAM = 42
+"""Seed's part for the model that suggests a trial."""
+_RANDOM_STREAM = 41
+"""Seed's part for random trials."""
 _DRAWS = 20
+"""Most draws of a random set that is new."""
 _FEW = 1000
+"""Most sets of recorded views that are all compared."""
 _SPREADS = (0.02, 0.1, 0.3)
+"""Standard deviations of moves, as shares of an entry's range."""
 _MOVED_ENTRIES = 20
+"""Mean number of entries that are moved (Regis and Shoemaker 2013)."""
 _SWAPS = 3
+"""Most recorded views that are swapped."""
 _AHEAD = 1e-3
 """Least cosine between an optical axis and the direction to the middle."""
 _NORTH, _EAST = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])

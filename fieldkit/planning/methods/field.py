@@ -21,25 +21,33 @@ from fieldkit.planning.space.families import Circle, circles, families
 from fieldkit.planning.surrogate.set_process import FEATURES, NO_PLOT, TERMS, SetEmbedding, SetSurrogate, fit_sets
 
 _STREAM = 44
-_EXACT, _ON_ANOTHER_PLOT = 0.01, 0.07
-"""Noise, as a share: if a set has the same value at every seed; and if trials are on several plots of a kind, for the
-effect of a plot on single sets beyond the score's (9 sets on 4 plots of tuning-1 and -2).
-"""
+"""Seed's part for a turn's draws."""
+_EXACT = 0.01
+"""Noise of a value where a set has the same value at every seed, as a share."""
+_ON_ANOTHER_PLOT = 0.07
+"""Noise of a value where trials are on several plots of a kind, as a share: the effect of a plot on single sets beyond
+the score's (9 sets on 4 plots of tuning-1 and -2)."""
 _CENTERS = 2
+"""Number of best sets that moves begin from."""
 _REGISTERED = 16
+"""Number of trials after which sets that did not register whole count, if fewer than three did."""
 _PLOTS_TRIED = 3
 """Largest number of plots that trials are spread over: each has to be built, and kept by every worker."""
 _IN_REACH = 3.0
 """How far a finalist may be behind the best, in standard deviations of an evaluation."""
 INITIAL = 6
 """Number of trials before the surrogate is used."""
-_MEMBERS, _MOVES = 12, 48
+_MEMBERS = 12
+"""Number of structured sets among a turn's candidates."""
+_MOVES = 48
+"""Number of moved sets among a turn's candidates."""
 _STEPS = (0.02, 0.4)
 """Least and largest step of moves, in D of `SetEmbedding`."""
 _ANYWHERE = 4
 """If this divides a trial's number, the score's optimum is searched everywhere, else about one of the best sets."""
 _EVERYWHERE, _NEARBY = Effort(), Effort(moves=300)
 _RANDOM_DRAWS = 100
+"""Most draws of a random set that is new."""
 
 
 class Candidate(NamedTuple):

@@ -14,9 +14,13 @@ from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import families
 
 _TOGETHER = 0.25
+"""Share of moves in which all cameras move together."""
 _MOST = 3
+"""Most cameras that move independently."""
 _FLAT = 0.5
+"""Length of steps outwards, upwards and of the point looked at, in steps around the plot."""
 _SHARES = (1.0, 0.5, 0.25, 0.125)
+"""Shares of a step that are tried until it stays within the envelope."""
 
 
 def near(cameras: Cameras, problem: PlanningProblem, size_m: float, rng: np.random.Generator) -> Cameras:
@@ -79,6 +83,7 @@ _LOOKS = (2, 4)
 first so many: a few plots of a kind tell most (docs/decisions.md)."""
 
 _STREAM = 41
+"""Seed's part for the search for the score's optimum."""
 
 
 class Effort(NamedTuple):

@@ -17,6 +17,7 @@ from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.executor import map_parallel
 
 _STREAM = 46
+"""Seed's part for a start of the search."""
 
 
 class ScoreOptimum:

@@ -35,6 +35,7 @@ from fieldkit.vocabulary import DISTANCES_M, MappingName, SearchFidelity
 from fieldkit.vocabulary import Fidelity as DenseFidelity
 
 _LEAST_CAMERAS = 2
+"""Least number of cameras that are evaluated."""
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,9 @@ from fieldkit.scenes.simulate import CaptureNoise, perturbed
 from fieldkit.wording import count
 
 _SAME_PLACE_SIGMAS = 5.0
+"""Distance from a stated position within which a reconstructed pose lends its angles, in standard deviations."""
 _LENT_SIGMA_DEG = 1.0
+"""Standard deviation of lent angles, degrees."""
 EXACT = CaptureNoise(position_m=0.0, angle_deg=0.0, image_sigma=0.0)
 
 
@@ -211,7 +213,10 @@ def _prior(view: RecordedView, pose: Pose, noise: CaptureNoise) -> PosePrior:
 
 LEAST_KEPT = 0.3
 """Least share of matches kept: the recorded rigs' matches differ by up to three times."""
-_STREAM, _GOLDEN = 53, (5**0.5 - 1) / 2
+_STREAM = 53
+"""Seed's part for rehearsals."""
+_GOLDEN = (5**0.5 - 1) / 2
+"""Step of evenly spread shares: the golden ratio's."""
 _ALL_ROUND = 1.5
 """Largest mean distance of turned views from their recorded ones, in spacings of the recorded views."""
 

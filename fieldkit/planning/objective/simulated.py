@@ -46,6 +46,7 @@ from fieldkit.scenes.simulate import CaptureNoise, Outdoors, Sidecars, simulate_
 from fieldkit.scenes.simulated_field import simulated_field
 
 _CLAIMED_M = 0.010
+"""Default standard deviation that is claimed of positions, metres."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,9 +23,13 @@ from fieldkit.vehicles.wash import swayed_m
 from fieldkit.vocabulary import CAP_M
 
 _STEPS = 4096
+"""Number of steps in the table of pairs' worth."""
 _GRID = 3
+"""Number of places of soil along each side of the plot."""
 _AROUND_M = 0.3
+"""Width of the soil about the plants, metres."""
 _PICTURED = 6
+"""Number of the plants' points that matches lie on."""
 _OF_PLANTS = 0.1
 """Matches on plants as a share of those on as many points of soil seen squarely."""
 _SWAYING = 0.7
@@ -34,10 +38,14 @@ four scenes 0.36 to 0.48, root mean square."""
 _TOLERANCE_PX = 6.0
 """Motion of a leaf between two views at which half of their matches fail: 2 ranks sets in wind worse, 4 to 20 about as
 well (docs/decisions.md)."""
-_AGREEING, _NEIGHBORS = 2, 24
-"""Least number of views with a right depth at a point, and number of nearest points that can replace a missing one."""
-_COLUMN_M, _MISSED_M = 0.10, 0.05
-"""Columns of plants, and by how much flights miss their stations and people plants' heights."""
+_AGREEING = 2
+"""Least number of views with a right depth at a point."""
+_NEIGHBORS = 24
+"""Number of nearest points that can replace a missing one."""
+_COLUMN_M = 0.10
+"""Side of the columns of plants, metres."""
+_MISSED_M = 0.05
+"""Distance by which flights miss their stations and people plants' heights, metres."""
 
 
 @dataclass(frozen=True, eq=False)

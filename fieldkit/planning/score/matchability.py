@@ -14,6 +14,7 @@ from fieldkit.runtime.kernels import fast_kernel
 from fieldkit.vocabulary import BY_CHANCE, FREE_RAD
 
 _OCTAVES = 0.5
+"""Standard deviation of the ratio of scales at which features match, octaves."""
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,11 @@ from fieldkit.arrays import FloatArray
 THRESHOLD = 23.0
 """Connectivity at which half of the sets register whole."""
 _DOUBT = 0.5
+"""Standard deviation of the threshold's logarithm before anything was registered."""
 _THRESHOLDS = np.linspace(-4.0, 4.0, 81)
 _WIDTHS = np.array([0.2, 0.3, 0.45])
 _LEAST = 1e-6
+"""Least connectivity, which keeps its logarithm finite."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,13 +19,21 @@ from fieldkit.planning.space.plots import Plot
 from fieldkit.runtime.kernels import fast_kernel, kernel
 
 _FINEST_M = 0.005
+"""Edge of the smallest voxels that a surface is thinned to, metres."""
 _COARSER = 1.12
+"""Least factor from one size of voxels to the next."""
 POINTS = 2500
+"""Default number of a surface's points."""
 _OBSTACLES = 100_000
+"""Most points that hide others."""
 _BUFFER = 400
+"""Longer side of the buffers in which points hide others, pixels."""
 _TOLERANCE = 2.0
+"""Depth behind another point within which a point is seen, in the points' spacing."""
 _STREAM = 45
+"""Seed of the draw of a surface's points."""
 _KEPT = 1024
+"""Most cameras of which values are kept."""
 
 T = TypeVar("T")
 

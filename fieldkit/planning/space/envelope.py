@@ -24,13 +24,19 @@ from fieldkit.sites.plot_plants import no_fly_bands
 TOLERANCE = 1e-9
 """Tolerance of constraints, metres or degrees, for rounding in files and changes of units."""
 _THINNED_M = 0.02
+"""Edge of the voxels that plants are thinned to for clearance, metres."""
 _PLAN_CELL_M = 0.05
+"""Edge of the voxels of plants in a plan, metres."""
 _BESIDE_M = 0.5
+"""Width about the envelope within which plants are kept in a plan, metres."""
 _OFF_BANDS_M = 0.001
 """Distance kept from the vehicle's no-fly bands; files are more exact."""
 _SAMPLE_STREAM = 21
+"""Seed's part for random cameras."""
 _BATCH = 64
+"""Number of places that are drawn at a time."""
 _BATCHES = 500
+"""Most batches that are drawn for one camera."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,6 +231,7 @@ def _nearest_other(positions: FloatArray) -> FloatArray:
 NARROWEST = 0.3
 """Least radius of a structured set, as a share of the envelope's reach."""
 _AIM = (0.1, 0.9)
+"""Heights that structured sets look at, as shares of the plants' height."""
 
 
 class Ranges(NamedTuple):

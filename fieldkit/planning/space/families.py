@@ -20,6 +20,7 @@ from fieldkit.planning.space.envelope import NARROWEST, reach_m
 SPAN_DEG = (60.0, 360.0)
 """Span of arcs: from ten cameras 6° apart to the whole circle."""
 _ELLIPTIC = 0.35
+"""Largest stretch of an ellipse."""
 
 Values = Mapping[str, float]
 

@@ -17,10 +17,16 @@ from fieldkit.scenes.sampling import neighbour_points, sample_visible
 from fieldkit.scenes.simulated_field import build_plants
 from fieldkit.sites.fitted import Stretch
 
-_POINTS, _PIXELS = 40_000, 800
+_POINTS = 40_000
+"""Number of visible points of a scene's plants."""
+_PIXELS = 800
+"""Side of the depth maps that show them, pixels."""
 LOWEST_M = 0.03
+"""Height above the ground below which plants do not count, metres."""
 _MARGIN_M = 0.03
+"""Width of the box about the plants beyond them, metres."""
 _MEASURED_M = 0.05
+"""Step in which people state plants' heights, metres."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,10 +9,15 @@ from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope, distance_to, no_room
 
 _DIRECTIONS = 192
+"""Number of directions in which a free place is looked for."""
 _RADII = 40
+"""Number of distances at which it is looked for."""
 _FIRST_RADIUS_M = 0.004
+"""Least of these distances, metres."""
 _HALVINGS = 30
+"""Number of halvings of the way back from a free place."""
 _LATTICE = 20
+"""Number of places along each axis of the lattice that is tried last."""
 
 
 def project(cameras: Cameras, envelope: Envelope) -> Cameras:

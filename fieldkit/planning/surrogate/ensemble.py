@@ -42,12 +42,24 @@ _LEAST_PERIODIC = 0.1
 """Least ℓ of the periodic kernel. Data without a pattern drive it to 0, where the kernel matrix underflows. At 0.1,
 points a tenth of a period apart are already uncorrelated (exp(−19)).
 """
-_FITS, _FIT_ITERATIONS = 2, 50
+_FITS = 2
+"""Number of starts of a model's fit."""
+_FIT_ITERATIONS = 50
+"""Most iterations of a fit."""
 _SAME = 1e-9
+"""Largest difference of entries within which two points are one."""
 _SAMPLES = 48
-_NEAR, _BEST = 16, 4
+"""Number of random points that are compared."""
+_NEAR = 16
+"""Number of points near each of the best data."""
+_BEST = 4
+"""Number of the best data that points are near to."""
 _KEPT = 6
-_CLIMBS, _CLIMB_ITERATIONS = 2, 30
+"""Number of the best starts that are made feasible."""
+_CLIMBS = 2
+"""Number of climbs from random points, and of those from points near the best."""
+_CLIMB_ITERATIONS = 30
+"""Most iterations of a climb."""
 
 
 def above(least: float) -> Any:

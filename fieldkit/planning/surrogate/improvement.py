@@ -19,6 +19,7 @@ from fieldkit.planning.surrogate.set_process import SetProcess
 from fieldkit.runtime.threads import one_torch_thread
 
 _SAMPLES = 256
+"""Number of Sobol' samples of the joint posterior."""
 _APART = 1e-8
 """Variance that a set has of its own, as a share of the process's. So the joint posterior of sets that hardly differ is
 not singular; it is far above the rounding of any BLAS and far below what tells sets apart.

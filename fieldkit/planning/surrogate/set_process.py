@@ -18,16 +18,22 @@ from fieldkit.planning.score.cost_model import LEAST_M
 from fieldkit.planning.space.cameras import Cameras
 
 FEATURES = 160
+"""Number of random Fourier features: an error of about 0.08 of the MMD."""
 TERMS = slice(FEATURES, FEATURES + 3)
 _PLOT = FEATURES + 3
 COLUMNS = FEATURES + 4
 NO_PLOT = -1.0
-"""Stands for the mean of all plots, in place of a plot's number."""
-_LENGTHSCALE, _LEAST_LENGTHSCALE = 0.4, 0.02
+"""Stand-in for a plot's number: the mean of all plots."""
+_LENGTHSCALE = 0.4
+"""Prior median of the length scale, in MMD."""
+_LEAST_LENGTHSCALE = 0.02
+"""Least length scale, in MMD."""
 _DEVIATION = 0.1
 """Standard deviation of ln(value) from the score's expectation: 7 to 9 % on tuning plots."""
 _LEAST_VARIANCE = 1e-6
+"""Least variance of ln(value)."""
 _ITERATIONS = 50
+"""Most iterations of a fit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,9 +171,11 @@ def _matern(distances: FloatArray, lengthscale: float) -> tuple[FloatArray, Floa
 
 
 _STREAM = 53
+"""Seed of the random Fourier features."""
 REACH = 0.35
 """Length scale of κ, in D: a turn of 20° about the plot."""
 _CONFIDENCE = 1.0
+"""Number of standard deviations from the mean to a bound."""
 
 
 class SetEmbedding:
