@@ -19,19 +19,20 @@ Action = Literal["show", "prune", "clear"]
 
 
 def command(
-    action: Annotated[Action, Argument(help="show sizes, prune what is old or too much, or clear all.")] = "show",
-    max_size: Annotated[
-        str, Option(metavar="SIZE", help="prune: the longest unused goes until this is left, e.g. 500M or 10G.")
-    ] = "",
-    older_than: Annotated[
-        float | None, Option(metavar="DAYS", min=0, help="prune: what was not used for so many days goes.")
-    ] = None,
+    action: Annotated[Action, Argument()] = "show",
+    max_size: Annotated[str, Option(metavar="SIZE")] = "",
+    older_than: Annotated[float | None, Option(metavar="DAYS", min=0)] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Show, prune or clear what earlier runs keep for later ones.
 
     Features, matches, models and depth maps are kept, so that a repeated or extended run computes only what changed.
     Removing them loses time, never results. FIELDKIT_CACHE chooses the folder.
+
+    Args:
+        action: show sizes, prune what is old or too much, or clear all.
+        max_size: prune: the longest unused goes until this is left, e.g. 500M or 10G.
+        older_than: prune: what was not used for so many days goes.
 
     Examples:
         fieldkit cache

@@ -13,13 +13,9 @@ from fieldkit.wording import count
 
 
 def command(
-    output: Annotated[
-        Path, Option("--output", "-o", help="File to write: .csv, .geojson or .gpkg; with --rasters a folder.")
-    ],
+    output: Annotated[Path, Option("--output", "-o")],
     folder: CampaignArgument = None,
-    rasters: Annotated[
-        bool, Option("--rasters", help="Canopy height and surface models of all plots and dates, in a folder for QGIS.")
-    ] = False,
+    rasters: bool = False,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -31,6 +27,10 @@ def command(
     With --rasters, OUTPUT is a folder with the height models of all visits of a campaign that makes them (campaign init
     --rasters, or rasters = true in campaign.toml), in the same colours, and the GeoPackage. rasters.csv has a row per
     visit, and says why one has none.
+
+    Args:
+        output: File to write: .csv, .geojson or .gpkg; with --rasters a folder.
+        rasters: Canopy height and surface models of all plots and dates, in a folder for QGIS.
 
     Examples:
         fieldkit campaign export season -o season.gpkg

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from typer import Argument, Option
+from typer import Option
 
 from fieldkit.cli.common import (
     JsonOption,
@@ -22,20 +22,15 @@ from fieldkit.errors import UsageError
 
 
 def command(
-    folder: Annotated[Path, Argument(help="The campaign's folder: new, or empty.")],
-    plan: Annotated[Path, Option("--plan", help="plan.json, or its folder: flown over every plot.")],
-    site: Annotated[Path, Option("--site", help="Site file: home, fence, plots.")],
+    folder: Path,
+    plan: Annotated[Path, Option()],
+    site: Annotated[Path, Option()],
     *,
     plots: PlotsOption = None,
     plot_id: PlotIdOption = None,
     vehicle: VehicleOption = None,
-    camera: Annotated[
-        Path | None, Option("--camera-file", help="camera.toml for photographs that have none beside them.")
-    ] = None,
-    reference: Annotated[
-        list[str] | None,
-        Option("--reference", metavar="PLOT=REF", help="A plot's own reference. May be given several times."),
-    ] = None,
+    camera: Annotated[Path | None, Option("--camera-file")] = None,
+    reference: Annotated[list[str] | None, Option(metavar="PLOT=REF")] = None,
     reconstruction: ReconstructionOptions,
     rasters: RasterOptions,
     seed: SeedOption = 0,
@@ -46,6 +41,13 @@ def command(
     Holds campaign.toml (every setting, to be edited), copies of the plan, the site and its plots, and the vehicle's
     profile. `fieldkit evaluate CAPTURES` in it sorts photographs into plots and dates and scores them. To add plots,
     edit plots.geojson there.
+
+    Args:
+        folder: The campaign's folder: new, or empty.
+        plan: plan.json, or its folder: flown over every plot.
+        site: Site file: home, fence, plots.
+        camera: camera.toml for photographs that have none beside them.
+        reference: A plot's own reference. May be given several times.
 
     Examples:
         fieldkit campaign init season --plan plan/plan.json --site field.toml --plots plots.gpkg

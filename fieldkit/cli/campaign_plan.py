@@ -33,12 +33,8 @@ from fieldkit.errors import UsageError
 def command(
     output: MissionOutputOption,
     folder: CampaignArgument = None,
-    date: Annotated[
-        str, Option("--date", metavar="DATE", help="Of the visit, 2026-07-02; today where not given.")
-    ] = "",
-    growth: Annotated[
-        float, Option("--growth", metavar="FACTOR", help="By which plants have grown since the last visit.")
-    ] = 1.15,
+    date: Annotated[str, Option(metavar="DATE")] = "",
+    growth: Annotated[float, Option(metavar="FACTOR")] = 1.15,
     vehicle: VehicleOption = None,
     height: PlantHeightOption = None,
     only: OnlyOption = None,
@@ -55,6 +51,10 @@ def command(
     geometric score; nothing is photographed. Plots without a cloud get the campaign's plan. One mission over all plots
     is written as by export-mission. The plans are kept in the campaign, and `fieldkit evaluate` compares visits from
     that date on with them.
+
+    Args:
+        date: Of the visit, 2026-07-02; today where not given.
+        growth: By which plants have grown since the last visit.
 
     Examples:
         fieldkit campaign plan season --date 2026-07-02 -o next.plan

@@ -12,16 +12,16 @@ from fieldkit.cli.common import CampaignArgument, JsonOption, campaign_folder, e
 
 def command(
     folder: CampaignArgument = None,
-    measured: Annotated[
-        Path | None,
-        Option("--measured", metavar="CSV", help="Heights by hand: plot, date, height_m. Kept for later, and reports."),
-    ] = None,
+    measured: Annotated[Path | None, Option(metavar="CSV")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Show a campaign: its plots and dates, which plots are best, and what changed over the dates.
 
     Ranks are by chamfer distance, measured against the plot's own reference or predicted without one. Plots that differ
     less than the figures scatter share a rank. Changes are told from noise where that is known.
+
+    Args:
+        measured: Heights by hand: plot, date, height_m. Kept for later, and reports.
 
     Examples:
         fieldkit campaign show season

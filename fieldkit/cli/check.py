@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from typer import Argument, Option
+from typer import Option
 
 from fieldkit.cli.common import (
     AdjustOption,
@@ -43,10 +43,8 @@ class AgainOptions:
     """The mission that flies stations again."""
 
     vehicle: VehicleOption = None
-    output: Annotated[
-        Path | None,
-        Option("--output", "-o", help="Mission file for the stations to fly again; needs --vehicle and --site."),
-    ] = None
+    output: Annotated[Path | None, Option("--output", "-o")] = None
+    """Mission file for the stations to fly again; needs --vehicle and --site."""
     format: MissionFormatOption = None
     adjust: AdjustOption = False
     height: PlantHeightOption = None
@@ -60,21 +58,15 @@ class AgainOptions:
 
 
 def command(
-    captures: Annotated[Path, Argument(help="Folder of photographs of one plot, or a folder of such folders.")],
+    captures: Path,
     *,
-    plan: Annotated[
-        Path | None, Option("--plan", help="plan.json that was flown, or the folder that holds it; none: quality only.")
-    ] = None,
+    plan: Path | None = None,
     place: SitePlotOptions,
     log: LogOption = None,
     fit: FitOption = None,
     again: AgainOptions,
-    position_tolerance: Annotated[
-        float, Option("--position-tolerance", metavar="M", min=0.01, max=100.0, help="Farthest from a station.")
-    ] = 0.25,
-    angle_tolerance: Annotated[
-        float, Option("--angle-tolerance", metavar="DEG", min=0.1, max=180.0, help="Most turned from the plan.")
-    ] = 8.0,
+    position_tolerance: Annotated[float, Option(metavar="M", min=0.01, max=100.0)] = 0.25,
+    angle_tolerance: Annotated[float, Option(metavar="DEG", min=0.1, max=180.0)] = 8.0,
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
     no_cache: NoCacheOption = False,
@@ -86,6 +78,12 @@ def command(
     that contradict it, photographs without enough matches. Takes seconds, without dense stereo. With --vehicle, --site
     and -o it writes the mission that flies again what has to be. Without --plan it tells which photographs are blurred,
     dark or bright, and whether matches join them all. The exit code is 0 whatever was found: see "ok" of --json.
+
+    Args:
+        captures: Folder of photographs of one plot, or a folder of such folders.
+        plan: plan.json that was flown, or the folder that holds it; none: quality only.
+        position_tolerance: Farthest from a station.
+        angle_tolerance: Most turned from the plan.
 
     Examples:
         fieldkit check dense/

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from typer import Argument, Option
+from typer import Option
 
 from fieldkit.cli.common import (
     VEHICLE,
@@ -30,15 +30,13 @@ if TYPE_CHECKING:
 
 
 def command(
-    file: Annotated[Path, Argument(help="A .plan, .waypoints, .kmz (DJI WPML) or Litchi .csv file.")],
+    file: Path,
     vehicle: Annotated[str, VEHICLE],
-    plan: Annotated[Path | None, Option("--plan", help="plan.json: compare the photographs with its stations.")] = None,
+    plan: Path | None = None,
     *,
     place: SiteOptions,
     height: PlantHeightOption = None,
-    burst: Annotated[
-        int | None, Option("--burst", metavar="K", min=1, help="Photographs per station. Without: as most have.")
-    ] = None,
+    burst: Annotated[int | None, Option(metavar="K", min=1)] = None,
     fit: FitOption = None,
     as_json: JsonOption = False,
 ) -> int:
@@ -47,6 +45,11 @@ def command(
     The items are carried out as the vehicle's autopilot does, also in files that other programs wrote. Plants fill each
     plot's outline up to plant_height_m, also of plots that are not flown; leaves of a plan may make it higher. What is
     not checked against plants is never said to be fit to fly.
+
+    Args:
+        file: A .plan, .waypoints, .kmz (DJI WPML) or Litchi .csv file.
+        plan: plan.json: compare the photographs with its stations.
+        burst: Photographs per station. Without: as most have.
 
     Examples:
         fieldkit check-mission plot.plan --vehicle ardupilot-pitch --plan plan.json --site site.toml

@@ -98,9 +98,8 @@ PlotIdOption = Annotated[
 class SiteOptions:
     """A site with its plots."""
 
-    site: Annotated[
-        Path | None, Option("--site", help="Site file: where the plots lie, fence, zones and obstacles.")
-    ] = None
+    site: Path | None = None
+    """Site file: where the plots lie, fence, zones and obstacles."""
     plots: PlotsOption = None
     plot_id: PlotIdOption = None
 
@@ -120,7 +119,8 @@ class SiteOptions:
 class SitePlotOptions(SiteOptions):
     """A plot of a site."""
 
-    plot: Annotated[str | None, Option("--plot", metavar="NAME", help="Of the site, where it has several.")] = None
+    plot: Annotated[str | None, Option(metavar="NAME")] = None
+    """Of the site, where it has several."""
 
 
 PlantHeightOption = Annotated[

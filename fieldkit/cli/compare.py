@@ -11,13 +11,8 @@ from fieldkit.cli.common import JsonOption, OverwriteOption, emit_json, show
 
 
 def command(
-    evaluations: Annotated[
-        list[str],
-        Argument(metavar="EVAL...", help="What `fieldkit evaluate` wrote, in order of dates: PATH, or LABEL=PATH."),
-    ],
-    output: Annotated[
-        Path | None, Option("--output", "-o", help="The result's folder. Without: only the tables.")
-    ] = None,
+    evaluations: Annotated[list[str], Argument(metavar="EVAL...")],
+    output: Annotated[Path | None, Option("--output", "-o")] = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -26,6 +21,10 @@ def command(
     Plots are matched by their names. Each evaluation is compared with the first and with the one before it. Distances
     and F-scores are compared only where all were scored against the same reference. Evaluations of one label repeat one
     another: their scatter is then the noise; else traits and predictions have the errors that the benchmark found.
+
+    Args:
+        evaluations: What `fieldkit evaluate` wrote, in order of dates: PATH, or LABEL=PATH.
+        output: The result's folder. Without: only the tables.
 
     Examples:
         fieldkit compare may-scores june-scores -o spring

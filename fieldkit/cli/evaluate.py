@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from typer import Argument, Context, Option
+from typer import Context, Option
 
 from fieldkit.cli.common import JsonOption, LogOption, emit_json, show
 from fieldkit.cli.reconstruction_options import (
@@ -44,36 +44,20 @@ class FlightOptions:
     """What was flown."""
 
     log: LogOption = None
-    plan: Annotated[Path | None, Option("--plan", help="plan.json that was flown: how the photographs kept to it.")] = (
-        None
-    )
+    plan: Path | None = None
+    """plan.json that was flown: how the photographs kept to it."""
 
 
 def command(
     context: Context,
-    captures: Annotated[
-        Path, Argument(help="Folder of photographs of one plot, or a folder of such folders; in a campaign any folder.")
-    ],
+    captures: Path,
     *,
-    output: Annotated[
-        Path | None, Option("--output", "-o", help="The result's folder. It appears when the run is complete.")
-    ] = None,
-    campaign: Annotated[
-        Path | None, Option("--campaign", help="Campaign to add to. Without -o: the one about the current folder.")
-    ] = None,
-    reference: Annotated[
-        Path | None,
-        Option(
-            "--reference", help="What `fieldkit reference` wrote, or a cloud (PLY, LAS, LAZ). Without: no distances."
-        ),
-    ] = None,
-    reference_frame: Annotated[
-        str, Option("--reference-frame", metavar="FRAME", help="Of a cloud that does not say it: EPSG:CODE or metres.")
-    ] = "",
+    output: Annotated[Path | None, Option("--output", "-o")] = None,
+    campaign: Path | None = None,
+    reference: Path | None = None,
+    reference_frame: Annotated[str, Option(metavar="FRAME")] = "",
     flight: FlightOptions,
-    refine: Annotated[
-        bool, Option("--refine", help="Move each cloud onto the reference by ICP first; the motion is reported.")
-    ] = False,
+    refine: bool = False,
     distances: DistancesOption = DISTANCES,
     reconstruction: ReconstructionOptions,
     poses: PosesOptions,
@@ -92,6 +76,14 @@ def command(
     In a campaign's folder, or with --campaign, the photographs are sorted into its plots and dates by geotag and time,
     or by folders, and every visit that is new or changed is scored by the campaign's settings. A run that was stopped
     goes on when the same command is given again.
+
+    Args:
+        captures: Folder of photographs of one plot, or a folder of such folders; in a campaign any folder.
+        output: The result's folder. It appears when the run is complete.
+        campaign: Campaign to add to. Without -o: the one about the current folder.
+        reference: What `fieldkit reference` wrote, or a cloud (PLY, LAS, LAZ). Without: no distances.
+        reference_frame: Of a cloud that does not say it: EPSG:CODE or metres.
+        refine: Move each cloud onto the reference by ICP first; the motion is reported.
 
     Examples:
         fieldkit evaluate flights/ --reference plot_7-reference -o scores

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from typer import Argument, Option
+from typer import Option
 
 from fieldkit.cli.boundary import finding_entry
 from fieldkit.cli.common import (
@@ -38,28 +38,19 @@ if TYPE_CHECKING:
 
 
 def command(
-    plan: Annotated[Path, Argument(help="plan.json, or the folder that holds it.")],
+    plan: Path,
     vehicle: Annotated[str, VEHICLE],
-    site: Annotated[Path, Option("--site", help="Site file: home, plots, fence, obstacles.")],
+    site: Annotated[Path, Option()],
     output: MissionOutputOption,
     format: MissionFormatOption = None,  # noqa: A002 - the option's name
     plots: PlotsOption = None,
     plot_id: PlotIdOption = None,
     only: OnlyOption = None,
     height: PlantHeightOption = None,
-    fit: Annotated[
-        bool | None,
-        Option(
-            "--fit/--no-fit",
-            help="Fit the plan to each plot's plant height and size, as the site gives them. Without: a plan for "
-            "plots of a kind is fitted to the height.",
-        ),
-    ] = None,
+    fit: Annotated[bool | None, Option("--fit/--no-fit")] = None,
     adjust: AdjustOption = False,
-    burst: Annotated[
-        int, Option("--burst", metavar="K", min=1, max=30, help="Photographs per station: wind's swing averages out.")
-    ] = 1,
-    no_picture: Annotated[bool, Option("--no-picture", help="Do not draw the flights.")] = False,
+    burst: Annotated[int, Option(metavar="K", min=1, max=30)] = 1,
+    no_picture: bool = False,
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
@@ -71,6 +62,14 @@ def command(
     not do. Beside them mission.json says what is flown where; each route is written as GeoJSON, and one picture of all
     flights is drawn. Whatever is unsafe or out of reach is an error; where a plot is sloping, larger or planted
     otherwise than the plan's, that is said.
+
+    Args:
+        plan: plan.json, or the folder that holds it.
+        site: Site file: home, plots, fence, obstacles.
+        fit: Fit the plan to each plot's plant height and size, as the site gives them. Without: a plan for plots of a
+            kind is fitted to the height.
+        burst: Photographs per station: wind's swing averages out.
+        no_picture: Do not draw the flights.
 
     Examples:
         fieldkit export-mission maize-plan --vehicle ardupilot-pitch --site site.toml -o mission.plan

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from typer import Argument, Option
+from typer import Option
 
 from fieldkit.cli.common import JsonOption, OverwriteOption, SitePlotOptions, answer, emit_json, read_numbers, say
 from fieldkit.errors import UsageError
@@ -24,12 +24,8 @@ if TYPE_CHECKING:
 class FrameOptions:
     """Where the local frame lies."""
 
-    origin: Annotated[
-        str,
-        Option(
-            "--origin", metavar="LAT,LON,ALT", help="Of the local frame, altitude above sea level. Without: the home."
-        ),
-    ] = ""
+    origin: Annotated[str, Option(metavar="LAT,LON,ALT")] = ""
+    """Of the local frame, altitude above sea level. Without: the home."""
 
     def frame(self, place: SitePlotOptions, *, tell: Tell | None) -> tuple[LocalFrame | None, float]:
         """The origin, None for the log's home, and the compass heading of the x axis: a plot's rows, else east."""
@@ -50,24 +46,16 @@ class FrameOptions:
 
 
 def command(
-    images: Annotated[Path, Argument(help="Folder of the photographs of one flight.")],
-    log: Annotated[Path, Option("--log", help="Flight log: .tlog, .BIN or .ulg, also as .gz.")],
-    output: Annotated[Path, Option("--output", "-o", help="poses.csv to write.")] = Path("poses.csv"),
+    images: Path,
+    log: Annotated[Path, Option()],
+    output: Annotated[Path, Option("--output", "-o")] = Path("poses.csv"),
     *,
     frame: FrameOptions,
     place: SitePlotOptions,
-    mount: Annotated[
-        str, Option("--mount", metavar="PITCH[,YAW]", help="Of a camera without a gimbal, against the vehicle.")
-    ] = "",
-    accuracy: Annotated[
-        float | None, Option("--accuracy", metavar="M", min=0.001, help="Of the positions. Without: the log's.")
-    ] = None,
-    camera_offset: Annotated[
-        float | None, Option("--camera-offset", metavar="S", help="Camera's clock less UTC, where several offsets fit.")
-    ] = None,
-    camera: Annotated[
-        int | None, Option("--camera", metavar="N", help="Whose triggers, of several cameras'. Without: what fits.")
-    ] = None,
+    mount: Annotated[str, Option(metavar="PITCH[,YAW]")] = "",
+    accuracy: Annotated[float | None, Option(metavar="M", min=0.001)] = None,
+    camera_offset: Annotated[float | None, Option(metavar="S")] = None,
+    camera: Annotated[int | None, Option(metavar="N")] = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -75,6 +63,15 @@ def command(
 
     Photographs and triggers are matched by time and place, never by order: the camera's clock may be off, photographs
     may be missing, and others may lie between them. The photographs are only read.
+
+    Args:
+        images: Folder of the photographs of one flight.
+        log: Flight log: .tlog, .BIN or .ulg, also as .gz.
+        output: poses.csv to write.
+        mount: Of a camera without a gimbal, against the vehicle.
+        accuracy: Of the positions. Without: the log's.
+        camera_offset: Camera's clock less UTC, where several offsets fit.
+        camera: Whose triggers, of several cameras'. Without: what fits.
 
     Examples:
         fieldkit geotag flight_7/ --log 00000042.BIN -o flight_7/poses.csv

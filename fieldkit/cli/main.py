@@ -9,17 +9,15 @@ from __future__ import annotations
 import inspect
 import sys
 from collections.abc import Callable, Sequence
-from copy import copy
-from dataclasses import fields, is_dataclass
 from importlib import import_module
-from typing import Annotated, Any, TypeVar, get_args, get_type_hints
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from fieldkit.cli.boundary import Boundary
-from fieldkit.cli.common import DebugOption
 from fieldkit.cli.given import check_given
+from fieldkit.cli.options import grouped
 from fieldkit.errors import EXIT_OK
 from fieldkit.version import __version__
 
@@ -42,10 +40,6 @@ _GROUPS = {
     "campaign": "One plan over many plots and dates: make it, plan the next visit, look at it, export it.",
 }
 _HELP = {"help_option_names": ["--help", "-h"]}
-
-
-_Result = TypeVar("_Result")
-_KEYWORD = inspect.Parameter.KEYWORD_ONLY
 
 
 class Parser(TyperCommand):
@@ -112,53 +106,6 @@ def parser_of(command: Callable[..., int | None], name: str | None = None, stage
     return parser
 
 
-def grouped(command: Callable[..., _Result]) -> Callable[..., _Result]:
-    """A command as Typer takes it: with --debug, and the fields of a parameter that is a dataclass in its place.
-
-    Each field is annotated as a parameter would be, and has a default. A class variable ``panel`` is the heading in
-    help of those of its options that name none.
-    """
-    groups: dict[str, type[Any]] = {}
-    parameters: list[inspect.Parameter] = []
-    for parameter in inspect.signature(command, eval_str=True).parameters.values():
-        group = parameter.annotation
-        if not is_dataclass(group):
-            parameters.append(parameter)
-            continue
-        assert isinstance(group, type)
-        groups[parameter.name] = group
-        hints, panel = get_type_hints(group, include_extras=True), getattr(group, "panel", None)
-        parameters += [
-            parameter.replace(name=each.name, default=each.default, annotation=_in(panel, hints[each.name]))
-            for each in fields(group)
-        ]
-    parameters.append(inspect.Parameter("debug", _KEYWORD, default=False, annotation=DebugOption))
-    signature = inspect.Signature(parameters)
-
-    def flat(*args: Any, **options: Any) -> _Result:
-        given = signature.bind(*args, **options)
-        given.apply_defaults()
-        values = given.arguments
-        del values["debug"]  # the boundary looks for it
-        made = {
-            name: group(**{each.name: values.pop(each.name) for each in fields(group)})
-            for name, group in groups.items()
-        }
-        return command(**made, **values)
-
-    flat.__name__, flat.__doc__ = command.__name__, command.__doc__
-    flat.__signature__ = signature  # type: ignore[attr-defined]
-    flat.__annotations__ = {}
-    return flat
-
-
-def _in(panel: str | None, annotation: Any) -> Any:
-    kind, option = get_args(annotation)
-    own = copy(option)  # others may share it
-    own.rich_help_panel = option.rich_help_panel or panel
-    return Annotated[kind, own]
-
-
 def module_name(command: str) -> str:
     """The module in fieldkit.cli that holds a command."""
     return command.replace("-", "_").replace(" ", "_")
@@ -177,8 +124,11 @@ def _group(name: str, says: str) -> Any:
 
 
 def _page(command: Callable[..., object]) -> str:
-    """A command's docstring for Typer: paragraphs as one line each, sections as they are, no brackets as markup."""
-    blocks = inspect.cleandoc(command.__doc__ or "").split("\n\n")
+    """A command's docstring for Typer: paragraphs as one line each, examples as they are, no brackets as markup.
+
+    The section Args is told beside each option.
+    """
+    blocks = [block for block in inspect.cleandoc(command.__doc__ or "").split("\n\n") if block[:5] != "Args:"]
     text = "\n\n".join(block if block.startswith("Example") else " ".join(block.split()) for block in blocks)
     return text.replace("[", r"\[")
 

@@ -32,38 +32,18 @@ class PlotOptions:
 
     panel: ClassVar[str] = "What to plan on"
 
-    scenes: Annotated[
-        list[Path] | None,
-        Option(
-            "--scene",
-            metavar="SCENE",
-            autocompletion=scenes_like,
-            help="Plan on a scene: a file, a folder or a name such as case-1. Repeatable.",
-        ),
-    ] = None
-    references: Annotated[
-        list[Path] | None,
-        Option(
-            "--reference",
-            metavar="REF",
-            help="Plan on a proxy of a reference; repeatable. With --captures: their truth.",
-        ),
-    ] = None
-    captures: Annotated[Path | None, Option("--captures", help="Choose of recorded photographs with known poses.")] = (
-        None
-    )
-    images: Annotated[
-        list[Path] | None,
-        Option("--images", metavar="FOLDER", help="Photographs of each --reference, for a finer proxy."),
-    ] = None
-    purpose: Annotated[
-        Purpose | None,
-        Option("--for", help="kind: plots like this one, which field and score plan for; this-plot: it alone."),
-    ] = None
-    plots: Annotated[
-        int | None,
-        Option("--vary", metavar="K", min=1, help="Plots of the kind, those given among them; 8 where not given."),
-    ] = None
+    scenes: Annotated[list[Path] | None, Option("--scene", metavar="SCENE", autocompletion=scenes_like)] = None
+    """Plan on a scene: a file, a folder or a name such as case-1. Repeatable."""
+    references: Annotated[list[Path] | None, Option("--reference", metavar="REF")] = None
+    """Plan on a proxy of a reference; repeatable. With --captures: their truth."""
+    captures: Path | None = None
+    """Choose of recorded photographs with known poses."""
+    images: Annotated[list[Path] | None, Option(metavar="FOLDER")] = None
+    """Photographs of each --reference, for a finer proxy."""
+    purpose: Annotated[Purpose | None, Option("--for")] = None
+    """kind: plots like this one, which field and score plan for; this-plot: it alone."""
+    plots: Annotated[int | None, Option("--vary", metavar="K", min=1)] = None
+    """Plots of the kind, those given among them; 8 where not given."""
 
 
 @dataclass(frozen=True)
@@ -72,35 +52,20 @@ class SearchOptions:
 
     panel: ClassVar[str] = "Search"
 
-    cameras: Annotated[
-        int | None,
-        Option("--cameras", "-n", rich_help_panel="Options", min=3, max=200, help="10 where not given."),
-    ] = None
-    method: Annotated[
-        PlanningMethod | None,
-        Option("--method", help="score where plans are for a kind and nothing of a search is given, else field."),
-    ] = None
-    evaluations: Annotated[int | None, Option("--evaluations", min=1, help="At most; 100 where not given.")] = None
-    fidelity: Annotated[
-        SearchFidelity | None, Option("--fidelity", help="Of the search; standard where not given.")
-    ] = None
-    repeats: Annotated[
-        int | None, Option("--repeats", min=0, help="Fresh seeds that finalists are confirmed at; 0: none.")
-    ] = None
-    preset: Annotated[
-        Preset,
-        Option(
-            "--preset",
-            help="What plans for a kind expect: a flight outdoors, or the paper's still air and exact poses.",
-        ),
-    ] = "outdoors"
-    pose_noise: Annotated[
-        str,
-        Option(
-            metavar="M,DEG",
-            help="Plan for flights that miss stations by this; from:EVAL as one. For a kind: the vehicle's; 0,0: none.",
-        ),
-    ] = ""
+    cameras: Annotated[int | None, Option("--cameras", "-n", rich_help_panel="Options", min=3, max=200)] = None
+    """10 where not given."""
+    method: PlanningMethod | None = None
+    """score where plans are for a kind and nothing of a search is given, else field."""
+    evaluations: Annotated[int | None, Option(min=1)] = None
+    """At most; 100 where not given."""
+    fidelity: SearchFidelity | None = None
+    """Of the search; standard where not given."""
+    repeats: Annotated[int | None, Option(min=0)] = None
+    """Fresh seeds that finalists are confirmed at; 0: none."""
+    preset: Preset = "outdoors"
+    """What plans for a kind expect: a flight outdoors, or the paper's still air and exact poses."""
+    pose_noise: Annotated[str, Option(metavar="M,DEG")] = ""
+    """Plan for flights that miss stations by this; from:EVAL as one. For a kind: the vehicle's; 0,0: none."""
 
     def values(self) -> dict[str, Any]:
         """By the keys of `SearchSettings`; None where nothing is given."""
@@ -113,19 +78,12 @@ class EnvelopeOptions:
 
     panel: ClassVar[str] = "Where cameras may be"
 
-    height: Annotated[str, Option(metavar="LOW,HIGH", help="Above the ground, metres.")] = ""
-    clearance_m: Annotated[float | None, Option("--clearance", metavar="M", min=0, help="From cameras to plants.")] = (
-        None
-    )
-    vehicle: Annotated[
-        str | None,
-        Option(
-            "--vehicle",
-            autocompletion=vehicles_like,
-            metavar="NAME",
-            help="A profile's name or file: plan what it can fly, with its camera.",
-        ),
-    ] = None
+    height: Annotated[str, Option(metavar="LOW,HIGH")] = ""
+    """Above the ground, metres."""
+    clearance_m: Annotated[float | None, Option("--clearance", metavar="M", min=0)] = None
+    """From cameras to plants."""
+    vehicle: Annotated[str | None, Option(autocompletion=vehicles_like, metavar="NAME")] = None
+    """A profile's name or file: plan what it can fly, with its camera."""
 
     def values(self) -> dict[str, Any]:
         """By the keys of `EnvelopeSettings`; None where nothing is given."""

@@ -51,34 +51,16 @@ class ReconstructionOptions:
 
     panel: ClassVar[str] = "Reconstruction"
 
-    mapping: Annotated[
-        MappingChoice,
-        Option("--mapping", help="How poses are found; auto: prior with known positions, else incremental."),
-    ] = "auto"
-    ties: Annotated[
-        TiesChoice,
-        Option(
-            "--ties",
-            help="Matches that tie photographs: SIFT's; learned: networks', too, where poses are loose; auto: if "
-            "installed.",
-        ),
-    ] = "auto"
-    fidelity: Annotated[
-        Fidelity,
-        Option("--fidelity", help="What a pixel covers at the plants: 4, 2 or 1.2 mm, or the photographs' own."),
-    ] = "standard"
-    mask: Annotated[
-        Mask, Option("--mask", help="What is plant: exg what is green, none everything, file masks/NAME.png.")
-    ] = "exg"
-    bounds: Annotated[
-        str,
-        Option(
-            "--bounds",
-            metavar="X,Y,Z,X,Y,Z",
-            help="Lowest and highest corner of the volume of interest, metres in the plot frame. Found where not "
-            "given.",
-        ),
-    ] = ""
+    mapping: MappingChoice = "auto"
+    """How poses are found; auto: prior with known positions, else incremental."""
+    ties: TiesChoice = "auto"
+    """Matches that tie photographs: SIFT's; learned: networks', too, where poses are loose; auto: if installed."""
+    fidelity: Fidelity = "standard"
+    """What a pixel covers at the plants: 4, 2 or 1.2 mm, or the photographs' own."""
+    mask: Mask = "exg"
+    """What is plant: exg what is green, none everything, file masks/NAME.png."""
+    bounds: Annotated[str, Option(metavar="X,Y,Z,X,Y,Z")] = ""
+    """Lowest and highest corner of the volume of interest, metres in the plot frame. Found where not given."""
 
     @property
     def corners(self) -> Box | None:
@@ -104,22 +86,11 @@ class PosesOptions:
 
     panel: ClassVar[str] = "Another program's poses"
 
-    poses: Annotated[
-        Path | None,
-        Option(
-            "--poses",
-            help="A COLMAP model's folder, OpenDroneMap's shots.geojson, or Metashape's cameras as XML. Without: what "
-            "lies beside the photographs.",
-        ),
-    ] = None
-    poses_frame: Annotated[
-        str,
-        Option(
-            "--poses-frame",
-            metavar="FRAME",
-            help="Of --poses, where it says none, as COLMAP's do: metres, or EPSG:CODE.",
-        ),
-    ] = ""
+    poses: Path | None = None
+    """A COLMAP model's folder, OpenDroneMap's shots.geojson, or Metashape's cameras as XML. Without: what lies
+    beside the photographs."""
+    poses_frame: Annotated[str, Option(metavar="FRAME")] = ""
+    """Of --poses, where it says none, as COLMAP's do: metres, or EPSG:CODE."""
 
     def given(self) -> PosesFile | None:
         """The file and its frame; None where none was given."""
@@ -173,16 +144,10 @@ def parse_frame(option: str, text: str) -> str:
 class RasterOptions:
     """Height models."""
 
-    rasters: Annotated[
-        bool,
-        Option("--rasters", help="Also write canopy-height.tif and surface.tif (GeoTIFF in UTM, with QGIS styles)."),
-    ] = False
-    gsd: Annotated[
-        float | None,
-        Option(
-            "--gsd", metavar="M", help="With --rasters: edge of their cells, metres; 5 mm or the depth maps' pixel."
-        ),
-    ] = None
+    rasters: bool = False
+    """Also write canopy-height.tif and surface.tif (GeoTIFF in UTM, with QGIS styles)."""
+    gsd: Annotated[float | None, Option(metavar="M")] = None
+    """With --rasters: edge of their cells, metres; 5 mm or the depth maps' pixel."""
 
     def wanted(self) -> Rasters | None:
         """What is to be written; None without --rasters."""

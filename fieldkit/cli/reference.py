@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-from typer import Argument, Option
 
 from fieldkit.cli.common import JsonOption, OutputOption, emit_json, show
 from fieldkit.cli.reconstruction_options import (
@@ -20,14 +17,14 @@ from fieldkit.errors import UsageError
 
 
 def command(
-    images: Annotated[Path, Argument(help="Folder of photographs of one plot, 45 or more for a good reference.")],
+    images: Path,
     output: OutputOption,
     reconstruction: ReconstructionOptions,
     poses: PosesOptions,
     rasters: RasterOptions,
     run: RunOptions,
     scheduler: SchedulerOption = "",
-    no_scene: Annotated[bool, Option("--no-scene", help="The plants alone, without scene.ply.")] = False,
+    no_scene: bool = False,
     as_json: JsonOption = False,
 ) -> None:
     """Build the reference cloud of a plot from a dense capture.
@@ -37,6 +34,10 @@ def command(
     model in COLMAP's format and overview.png. The scene about the plants comes after that, and takes most of the time:
     OUTPUT holds the plants' whole reference by then, also where the run is interrupted. Plans of new poses need the
     scene; scores do not.
+
+    Args:
+        images: Folder of photographs of one plot, 45 or more for a good reference.
+        no_scene: The plants alone, without scene.ply.
 
     Examples:
         fieldkit reference plot_7/ -o plot_7-reference

@@ -5,20 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from typer import Argument, Option
+from typer import Option
 
 from fieldkit.cli.common import JsonOption, OverwriteOption, answer, emit_json, say
 
 
 def command(
-    folder: Annotated[
-        Path, Argument(help="Folder of a reference, plan, mission, evaluation, campaign, or of several of these.")
-    ],
-    output: Annotated[
-        Path | None, Option("--output", "-o", help="The HTML file; DIR/report.html where not given.")
-    ] = None,
-    points: Annotated[int, Option("--points", help="At most so many points in all 3D views together.")] = 1_000_000,
-    title: Annotated[str, Option("--title", help="Of the report; the folder's name where not given.")] = "",
+    folder: Path,
+    output: Annotated[Path | None, Option("--output", "-o")] = None,
+    points: int = 1_000_000,
+    title: str = "",
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -26,6 +22,12 @@ def command(
 
     Whatever fieldkit wrote in the folder or up to two levels below is joined: references, plans, missions, evaluations
     and campaigns, with a summary in words, tables, charts, 3D views and where every figure comes from.
+
+    Args:
+        folder: Folder of a reference, plan, mission, evaluation, campaign, or of several of these.
+        output: The HTML file; DIR/report.html where not given.
+        points: At most so many points in all 3D views together.
+        title: Of the report; the folder's name where not given.
 
     Examples:
         fieldkit report season/ -o season.html

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-from typer import Argument, Option
 
 from fieldkit.cli.common import JsonOption, OutputOption, OverwriteOption, answer, emit_json
 
 
 def command(
-    reference: Annotated[Path, Argument(help="What `fieldkit reference` wrote, with scene.ply.")],
+    reference: Path,
     output: OutputOption,
-    images: Annotated[
-        Path | None, Option("--images", help="Its photographs: surfels take their pixels from them.")
-    ] = None,
+    images: Path | None = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -23,6 +18,10 @@ def command(
 
     Every point becomes a small square in its photographed colour, with --images in the photographs' own resolution.
     The result is a folder with scene.toml that goes wherever a scene file does.
+
+    Args:
+        reference: What `fieldkit reference` wrote, with scene.ply.
+        images: Its photographs: surfels take their pixels from them.
 
     Examples:
         fieldkit scene from-reference plot_7-reference --images plot_7/ -o plot_7-scene

@@ -14,14 +14,12 @@ Layout = Literal["rows", "grid", "random"]
 
 
 def command(
-    plants: Annotated[int, Option("--plants", min=1, max=60, help="How many.")] = 3,
-    layout: Annotated[Layout, Option("--layout", help="In rows along x, on a grid, or at random.")] = "rows",
-    spacing: Annotated[float, Option("--spacing", min=0.05, max=2.0, help="Between plants, metres.")] = 0.22,
-    row_spacing: Annotated[float, Option("--row-spacing", min=0.05, max=3.0, help="Between rows, metres.")] = 0.50,
-    output: Annotated[
-        Path | None, Option("--output", "-o", help="The scene file. Without: the text goes to stdout.")
-    ] = None,
-    complete: Annotated[bool, Option("--complete", help="Write every key, also those at their default.")] = False,
+    plants: Annotated[int, Option(min=1, max=60)] = 3,
+    layout: Layout = "rows",
+    spacing: Annotated[float, Option(min=0.05, max=2.0)] = 0.22,
+    row_spacing: Annotated[float, Option(min=0.05, max=3.0)] = 0.50,
+    output: Annotated[Path | None, Option("--output", "-o")] = None,
+    complete: bool = False,
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
@@ -29,6 +27,14 @@ def command(
     """Write a new scene file: maize plants of their own forms, soil and sun, all from the seed.
 
     Edit it as you like; the command says which page explains every key.
+
+    Args:
+        plants: How many.
+        layout: In rows along x, on a grid, or at random.
+        spacing: Between plants, metres.
+        row_spacing: Between rows, metres.
+        output: The scene file. Without: the text goes to stdout.
+        complete: Write every key, also those at their default.
 
     Examples:
         fieldkit scene new --plants 6 --seed 7 --layout rows -o plot.toml

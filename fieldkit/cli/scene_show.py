@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 
 
 def command(
-    scene: Annotated[
-        Path | None, Argument(help="Scene file, folder or name. Without: lists fieldkit's own scenes.")
-    ] = None,
-    output: Annotated[
-        Path | None, Option("--output", "-o", help="Draw the scene into this picture (PNG or JPEG).")
-    ] = None,
+    scene: Annotated[Path | None, Argument()] = None,
+    output: Annotated[Path | None, Option("--output", "-o")] = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """List the scenes that come with fieldkit, or check a scene file and draw it.
+
+    Args:
+        scene: Scene file, folder or name. Without: lists fieldkit's own scenes.
+        output: Draw the scene into this picture (PNG or JPEG).
 
     Examples:
         fieldkit scene show

@@ -35,18 +35,16 @@ if TYPE_CHECKING:
 class StationOptions:
     """Where photographs are taken from."""
 
-    plan: Annotated[Path | None, Option("--plan", help="plan.json: photograph from its stations.")] = None
-    plant_height: Annotated[
-        float | None,
-        Option("--plant-height", metavar="M", help="Fit a plan for plots of a kind to plants of this height first."),
-    ] = None
-    poses: Annotated[Path | None, Option("--poses", help="poses.csv with yaw_deg and pitch_deg, plot frame.")] = None
-    ring: Annotated[
-        str, Option("--ring", metavar="N[,RADIUS,HEIGHT]", help="N stations on a circle about the plants.")
-    ] = ""
-    dense: Annotated[
-        int, Option("--dense", metavar="N", min=0, help="N stations on three circles, for a reference.")
-    ] = 0
+    plan: Path | None = None
+    """plan.json: photograph from its stations."""
+    plant_height: Annotated[float | None, Option(metavar="M")] = None
+    """Fit a plan for plots of a kind to plants of this height first."""
+    poses: Path | None = None
+    """poses.csv with yaw_deg and pitch_deg, plot frame."""
+    ring: Annotated[str, Option(metavar="N[,RADIUS,HEIGHT]")] = ""
+    """N stations on a circle about the plants."""
+    dense: Annotated[int, Option(metavar="N", min=0)] = 0
+    """N stations on three circles, for a reference."""
 
     def circle(self) -> tuple[float, ...]:
         """The numbers of --ring, which may be none."""
@@ -83,30 +81,19 @@ class StationOptions:
 
 
 def command(
-    scene: Annotated[
-        Path,
-        Argument(autocompletion=scenes_like, help="Scene file, a folder with scene.toml, or a name such as case-1."),
-    ],
+    scene: Annotated[Path, Argument(autocompletion=scenes_like)],
     output: OutputOption,
     stations: StationOptions,
     *,
-    burst: Annotated[int, Option("--burst", metavar="K", min=1, max=100, help="Photographs per station.")] = 1,
-    interval: Annotated[
-        float, Option("--interval", metavar="S", min=0.05, max=60.0, help="Time between the photographs of a burst.")
-    ] = BURST_INTERVAL_S,
+    burst: Annotated[int, Option(metavar="K", min=1, max=100)] = 1,
+    interval: Annotated[float, Option(metavar="S", min=0.05, max=60.0)] = BURST_INTERVAL_S,
     vehicle: VehicleOption = None,
-    size: Annotated[str, Option("--size", metavar="WxH", help="Of the photographs, pixels.")] = "",
-    pose_noise: Annotated[
-        str, Option("--pose-noise", metavar="M,DEG", help="True against commanded poses, standard deviations.")
-    ] = "",
-    blur: Annotated[
-        float | None, Option("--blur", metavar="S", min=0.0, max=1.0, help="Exposure time, in which the drone drifts.")
-    ] = None,
-    no_poses: Annotated[bool, Option("--no-poses", help="Leave out poses.csv and camera.toml.")] = False,
-    no_gps: Annotated[bool, Option("--no-gps", help="Leave out GPS and gimbal angles.")] = False,
-    truth_cloud: Annotated[
-        Path | None, Option("--truth-cloud", help="Also write the plants' true surfaces there (PLY).")
-    ] = None,
+    size: Annotated[str, Option(metavar="WxH")] = "",
+    pose_noise: Annotated[str, Option(metavar="M,DEG")] = "",
+    blur: Annotated[float | None, Option(metavar="S", min=0.0, max=1.0)] = None,
+    no_poses: bool = False,
+    no_gps: bool = False,
+    truth_cloud: Path | None = None,
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
@@ -117,6 +104,17 @@ def command(
     `fieldkit reference` and `fieldkit evaluate` take. The true poses go to CAPTURES.truth.csv beside the folder. Noise
     and exposure that are not given, the camera's other effects and the wind are the scene file's. Leaves move from
     photograph to photograph by the wind, and with --vehicle by its wash, which depends on its mass.
+
+    Args:
+        scene: Scene file, a folder with scene.toml, or a name such as case-1.
+        burst: Photographs per station.
+        interval: Time between the photographs of a burst.
+        size: Of the photographs, pixels.
+        pose_noise: True against commanded poses, standard deviations.
+        blur: Exposure time, in which the drone drifts.
+        no_poses: Leave out poses.csv and camera.toml.
+        no_gps: Leave out GPS and gimbal angles.
+        truth_cloud: Also write the plants' true surfaces there (PLY).
 
     Examples:
         fieldkit simulate case-1 --dense 45 -o case-1-dense

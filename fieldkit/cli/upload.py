@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from typer import Argument, Option
+from typer import Option
 
 from fieldkit.cli.common import (
     JsonOption,
@@ -27,20 +27,23 @@ if TYPE_CHECKING:
 
 
 def command(
-    mission: Annotated[Path, Argument(help="Mission with MAVLink items: .plan or .waypoints.")],
-    connect: Annotated[
-        str, Option("--connect", metavar="URL", help="udpin://0.0.0.0:14550, udpout://…, tcpout://… or serial://…")
-    ],
+    mission: Path,
+    connect: Annotated[str, Option(metavar="URL")],
     *,
     site: SiteOptions,
     vehicle: VehicleOption = None,
-    force: Annotated[bool, Option("--force", help="Send a mission that check-mission finds errors in.")] = False,
+    force: bool = False,
     as_json: JsonOption = False,
 ) -> None:
     """Check a mission, upload it, read it back and compare it; clear it and try again, three times in all.
 
     What check-mission calls an error is refused, unless --force is given. However it ends, it says what the vehicle
     holds: the new mission whole, none, or that it is not known. Fences and rally points stay as they are.
+
+    Args:
+        mission: Mission with MAVLink items: .plan or .waypoints.
+        connect: udpin://0.0.0.0:14550, udpout://…, tcpout://… or serial://…
+        force: Send a mission that check-mission finds errors in.
 
     Examples:
         fieldkit upload field.plan --connect udpin://0.0.0.0:14550 --site site.toml

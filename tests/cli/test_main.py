@@ -46,7 +46,7 @@ class TestHelp:
 
     def test_every_file_is_a_command_or_shared(self) -> None:
         shared = {
-            "__init__", "boundary", "common", "given", "live_plan", "main", "plan_options", "progress",
+            "__init__", "boundary", "common", "given", "live_plan", "main", "options", "plan_options", "progress",
             "reconstruction_options",
         }  # fmt: skip
         files = {path.stem for path in (ROOT / "fieldkit" / "cli").glob("*.py")} - shared

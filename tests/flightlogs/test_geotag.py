@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from fieldkit.captures import read_capture
 from fieldkit.captures.poses_csv import parse_poses_csv
 from fieldkit.cli.geotag import command as geotag_command
-from fieldkit.cli.main import grouped
+from fieldkit.cli.options import grouped
 from fieldkit.errors import CaptureError, MetadataError, UsageError
 from fieldkit.flightlogs import FixedMount, read_flight_log
 from fieldkit.flightlogs.adherence import PlannedPose, adherence

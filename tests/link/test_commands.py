@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.cli.main import grouped
+from fieldkit.cli.options import grouped
 from fieldkit.cli.upload import command
 from fieldkit.errors import MissionError
 from fieldkit.missions.items import MissionItem

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from fieldkit.cli.check_mission import command as check_mission_command
-from fieldkit.cli.main import grouped
+from fieldkit.cli.options import grouped
 from fieldkit.errors import UsageError
 from fieldkit.missions.autopilots.writing import action, render
 from fieldkit.missions.check import check_mission, findings_by_dialect
