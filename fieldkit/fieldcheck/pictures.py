@@ -8,7 +8,7 @@ sharp as its sharpest things; and measured by direction, motion shows: it widens
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -16,6 +16,8 @@ import numpy as np
 from fieldkit.arrays import ByteArray, Float32Array, FloatArray
 from fieldkit.cache import digest
 from fieldkit.captures import Capture, Photo, read_image
+from fieldkit.captures.decode import decoders_complaints
+from fieldkit.captures.quality import DAMAGED, damaged_files
 from fieldkit.errors import CaptureError
 from fieldkit.reconstruction.versions import BESIDE
 from fieldkit.runtime.context import Context
@@ -32,6 +34,8 @@ _GAMMA = 2.2
 """Exponent that makes grey levels light."""
 _EMPTY_CONTRAST = 3.0
 """Contrast below which a photograph shows nothing, grey levels."""
+_AT_ONCE = 4
+"""Number of photographs that are measured at once at most: each takes 0.1 GB."""
 _SKY = 1.9
 """Factor by which sky is lighter than the ground, grey levels: two stops."""
 _HORIZON = 0.04
@@ -78,6 +82,8 @@ class Picture:
     """Standard deviation of the grey values."""
     readable: bool = True
     """Whether it could be decoded; all else is 0 otherwise."""
+    damaged: bool = False
+    """Whether the decoder complained of it."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +96,7 @@ class PictureVerdict:
     clipped: float
     """See `StationCheck`."""
     problem: str = ""
-    """"", "unreadable", "empty", "blurred", "too-dark" or "too-bright"."""
+    """"", "unreadable", "damaged", "empty", "blurred", "too-dark" or "too-bright"."""
     message: str = ""
     """The same in words."""
 
@@ -134,13 +140,13 @@ def load_pictures(photos: Sequence[Photo], context: Context, advance: Advance) -
         kept = cache.get("pictures", key)
         if kept is None:
             found = _measured(photo)
-            values = np.array([found.light, found.dark, found.bright, found.contrast, float(found.readable)])
-            kept = {"widths": found.widths, "values": values}
+            values = [found.light, found.dark, found.bright, found.contrast, found.readable, found.damaged]
+            kept = {"widths": found.widths, "values": np.array(values, dtype=np.float64)}
             cache.put("pictures", key, kept)
-        light, dark, bright, contrast, readable = (float(v) for v in kept["values"])
-        return Picture(kept["widths"], light, dark, bright, contrast, bool(readable))
+        light, dark, bright, contrast, readable, damaged = (float(v) for v in kept["values"])
+        return Picture(kept["widths"], light, dark, bright, contrast, bool(readable), bool(damaged))
 
-    found = map_threads(load, photos, workers=context.workers, advance=advance)
+    found = map_threads(load, photos, workers=min(context.workers, _AT_ONCE), advance=advance)
     return {photo.name: each for photo, each in zip(photos, found, strict=True)}
 
 
@@ -155,9 +161,11 @@ def judge_pictures(capture: Capture, pictures: Mapping[str, Picture]) -> dict[st
             if len(usable) >= 3
             else (None, 0.0, 0.0)
         )
+        damaged = damaged_files({name: pictures[name].damaged for name in group.photos})
         for name in group.photos:
             usual = (None if light is None else float(light), float(dark), float(bright))
-            verdicts[name] = _judged(pictures[name], ratios.get(name, np.ones(DIRECTIONS)), usual)
+            picture = replace(pictures[name], damaged=name in damaged)
+            verdicts[name] = _judged(picture, ratios.get(name, np.ones(DIRECTIONS)), usual)
     return verdicts
 
 
@@ -169,6 +177,8 @@ def _judged(picture: Picture, ratios: FloatArray, usual: tuple[float | None, flo
     problem, message = "", ""
     if not picture.readable:
         problem, message = "unreadable", "it cannot be decoded"
+    elif picture.damaged:
+        problem, message = "damaged", DAMAGED
     elif stops < -_EXPOSURE_STOPS or picture.dark - dark > _CLIPPED_SHARE:
         problem = "too-dark"
         message = f"{abs(min(stops, 0.0)):.1f} stops darker than the others, {picture.dark:.0%} of it black"
@@ -193,9 +203,11 @@ def _kind(ratios: FloatArray) -> str:
 
 def _measured(photo: Photo) -> Picture:
     try:
-        return measure_picture(read_image(photo, max_side=WORKING_SIDE, gray=True))
+        with decoders_complaints() as complaints:
+            gray = read_image(photo, max_side=WORKING_SIDE, gray=True)
     except CaptureError:
         return Picture(np.zeros(DIRECTIONS), 0.0, 0.0, 0.0, 0.0, readable=False)
+    return replace(measure_picture(gray), damaged=bool(complaints))
 
 
 def edge_widths(gray: ByteArray) -> FloatArray:

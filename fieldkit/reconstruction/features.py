@@ -120,9 +120,9 @@ def extract_features(gray: ByteArray, settings: FeatureSettings) -> Features:
 
     Sorted by their values, so that the order does not depend on the detector's.
     """
-    small = reduced(gray, settings)
-    enlarged = (gray.shape[1] / small.shape[1], gray.shape[0] / small.shape[0])
-    return detect(small, settings, settings.max_features, enlarged)
+    height, width = gray.shape
+    gray = reduced(gray, settings)  # the full size is not kept meanwhile
+    return detect(gray, settings, settings.max_features, (width / gray.shape[1], height / gray.shape[0]))
 
 
 def reduced(gray: ByteArray, settings: FeatureSettings) -> ByteArray:

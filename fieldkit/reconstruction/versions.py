@@ -34,5 +34,5 @@ STAGES: Mapping[str, int] = MappingProxyType(
 )
 """Version by stage, in the order in which they run."""
 
-BESIDE: Mapping[str, int] = MappingProxyType({"match-graph": 1, "field-check-picture": 2, "check-pair": 1})
+BESIDE: Mapping[str, int] = MappingProxyType({"match-graph": 1, "field-check-picture": 3, "check-pair": 1})
 """The same of what is kept in the cache and no score depends on."""

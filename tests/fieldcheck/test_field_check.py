@@ -13,13 +13,21 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from fieldkit.captures import CameraGroup, Capture, Photo
+from fieldkit.cache import StageCache
+from fieldkit.captures import CameraGroup, Capture, Photo, read_capture
 from fieldkit.errors import UsageError
 from fieldkit.fieldcheck import CheckSettings, StationCheck, write_refly
 from fieldkit.fieldcheck.check import common_findings
 from fieldkit.fieldcheck.consistency import Consistency, check_tags
 from fieldkit.fieldcheck.model import CheckReport, finding_of
-from fieldkit.fieldcheck.pictures import DIRECTIONS, blur_ratios, edge_widths, judge_pictures, measure_picture
+from fieldkit.fieldcheck.pictures import (
+    DIRECTIONS,
+    blur_ratios,
+    edge_widths,
+    judge_pictures,
+    load_pictures,
+    measure_picture,
+)
 from fieldkit.fieldcheck.placement import Placed, Tags, angles_as_meant, axis_turn_deg, place_tags
 from fieldkit.fieldcheck.ties import LengthRatio, Tie, TieGraph
 from fieldkit.fieldcheck.verdicts import connect, tag_pose
@@ -35,6 +43,7 @@ from fieldkit.results.finding import Finding
 from fieldkit.results.mission import load_mission
 from fieldkit.results.plan import Plan, PlanPlants
 from fieldkit.results.plan_file import plan_bytes, plan_from_poses
+from fieldkit.runtime.context import Context
 from fieldkit.sites.fitted import flown_plan
 from fieldkit.sites.plot_plants import with_plant_height
 from fieldkit.sites.site import Site, SiteHome, SitePlot
@@ -115,6 +124,19 @@ class TestPictures:
         found = judge_pictures(capture_of([None] * 5), {n: measure_picture(i) for n, i in images.items()})
         assert {v.problem for v in found.values()} == {""}
         assert abs(found["2.jpg"].stops) < 0.3
+
+    @pytest.mark.parametrize("damaged", [1, 4])
+    def test_damage_that_the_decoder_reports_counts_unless_most_files_have_it(
+        self, tmp_path: Path, damaged: int
+    ) -> None:
+        for k in range(5):
+            data = cv2.imencode(".jpg", texture(k))[1].tobytes()
+            half = len(data) // 2
+            (tmp_path / f"{k}.jpg").write_bytes(data[:half] + data[half + 500 * (k < damaged) :])
+        capture = read_capture(tmp_path)
+        pictures = load_pictures(capture.photos, Context(StageCache(None), workers=2), lambda _: None)
+        found = {name for name, verdict in judge_pictures(capture, pictures).items() if verdict.problem == "damaged"}
+        assert found == ({"0.jpg"} if damaged == 1 else set())
 
     def test_a_capture_out_of_focus_is_blurred_without_a_sharp_one_to_compare(self) -> None:
         pictures = {f"{k}.jpg": measure_picture(defocused(texture(k), 2.5)) for k in range(4)}
