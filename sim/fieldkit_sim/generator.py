@@ -31,7 +31,7 @@ FIELD_CAMERA = CameraEffects(
     grain=USUAL_GRAIN, jpeg_quality=85,
 )  # fmt: skip
 """A small camera that exposes automatically, under a drone that hovers. Set on the tuning scenes, with `WIND_M` and the
-leaves' markings, against the recorded rigs (docs/simulated-scenes.md)."""
+leaves' markings, against the recorded rigs (sim/README.md)."""
 WIND_M = 0.010
 """A light air: half a metre out a leaf moves by a centimetre between photographs."""
 _REACH_M = 0.55

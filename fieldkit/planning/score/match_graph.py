@@ -20,7 +20,7 @@ from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import map_threads
 
 _WIDEST_DEG = 60.0
-"""Leaves hardly match beyond: docs/simulated-scenes.md has 9 of 309 matches left at 48°."""
+"""Leaves hardly match beyond: sim/README.md has 9 of 309 matches left at 48°."""
 _BAND_PX = 10.0
 """In a photograph 1600 pixels wide; commanded poses are good enough for it."""
 

@@ -22,7 +22,7 @@ class Matchability:
     """Expected matches of two views: matches · exp(−angle / decay).
 
     The default is the least-squares fit of log(1 + matches) to the medians of tuning-1 to tuning-5 in
-    docs/simulated-scenes.md ("How realistic"): 309, 204, 104, 40, 16 and 9 matches at 6, 12, 18, 27, 36 and 48°. Of
+    sim/README.md ("How realistic"): 309, 204, 104, 40, 16 and 9 matches at 6, 12, 18, 27, 36 and 48°. Of
     these 5 are chance matches at any angle and are left out here.
     """
 
