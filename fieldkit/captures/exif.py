@@ -20,6 +20,7 @@ from fieldkit.captures.model import Photo
 from fieldkit.captures.one_camera import sensor_of
 from fieldkit.captures.xmp import XmpData, parse_xmp
 from fieldkit.documents.xml_tree import XmlError
+from fieldkit.geometry import Intrinsics
 
 _BASE, _GPS = ExifTags.Base, ExifTags.GPS
 _FILM_WIDTH_MM = 36.0
@@ -37,6 +38,8 @@ _QUARTER, _MOST_QUARTERS, _ZONE_TOLERANCE = timedelta(minutes=15), 56, 0.2
 """Time zones differ from UTC by whole quarters of an hour, by 14 h at most; a clock may be 3 min wrong."""
 _FOCAL_WIDTHS = (0.25, 50.0)
 """Times the longer side: from 9 mm on 35 mm film, the shortest lens that draws straight lines straight."""
+_SAME_FOCAL = 0.2
+"""Share of the EXIF's focal length by which the XMP's may differ: equivalents are whole millimetres of other frames."""
 _SMALLEST_SENSOR = 16.0
 """Number of times that the smallest sensor's diagonal goes into that of 35 mm film."""
 _SHORTEST_MM = 9.5
@@ -72,6 +75,7 @@ def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) 
     focal_mm = _number(detail.get(_BASE.FocalLength), positive=True)
     focal_35mm = _number(detail.get(_BASE.FocalLengthIn35mmFilm), positive=True)
     zoom = _digital_zoom(detail)
+    focal_px = _focal_px(detail, photo, focal_mm, focal_35mm, zoom, problems)
     taken = _time(base, detail, gps)
     tagged = replace(
         photo,
@@ -84,8 +88,8 @@ def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) 
         focal_35mm=focal_35mm,
         digital_zoom=zoom,
         projection=xmp.projection or "",
-        calibration=None if zoom > 1.0 else calibration_of(xmp.calibration, photo.width, photo.height),
-        focal_px=_focal_px(detail, photo, focal_mm, focal_35mm, zoom, problems),
+        calibration=None if zoom > 1.0 else _calibration(xmp, photo, focal_px, problems),
+        focal_px=focal_px,
         captured_at=taken,
         clock_ahead=_clock_ahead(taken, detail, gps),
         orientation=_orientation(base.get(_BASE.Orientation)),
@@ -222,6 +226,18 @@ def _focal_px(
             found = None
     problems += [("focal-implausible", doubt) for doubt in doubts]
     return found
+
+
+def _calibration(xmp: XmpData, photo: Photo, focal_px: float | None, problems: list[Problem]) -> Intrinsics | None:
+    """The maker's calibration; not a designed focal length that contradicts the EXIF's."""
+    found = calibration_of(xmp.calibration, photo.width, photo.height)
+    if found is None or focal_px is None or found.model != "SIMPLE_RADIAL":
+        return found
+    if abs(found.fx / focal_px - 1.0) <= _SAME_FOCAL:
+        return found
+    doubt = f"the XMP's focal length is {found.fx:.0f} px where the EXIF's is {focal_px:.0f} px; not used"
+    problems.append(("focal-implausible", doubt))
+    return None
 
 
 def _plausible(focal_px: float, longer_side: int) -> bool:

@@ -37,6 +37,7 @@ _DJI_NAMES = {
     "RtkStdHgt": "rtk_std_height",
     "DewarpFlag": "dewarp_flag",
     "DewarpData": "dewarp",
+    "CalibratedFocalLength": "focal",
     "CalibratedOpticalCenterX": "center_x",
     "CalibratedOpticalCenterY": "center_y",
 }
@@ -159,7 +160,7 @@ def parse_xmp(packet: bytes) -> XmpData:
         accuracy_of=stated[2],
         image_source=own.get("image_source"),
         projection=own.get("projection"),
-        calibration={k: merged[k] for k in ("dewarp_flag", "dewarp", "center_x", "center_y") if k in merged},
+        calibration={k: merged[k] for k in ("dewarp_flag", "dewarp", "focal", "center_x", "center_y") if k in merged},
         bands=tuple(band.strip() for band in own.get("bands", "").split(",") if band.strip()),
         makers=frozenset(fields) & frozenset(_MAKERS),
     )
