@@ -1,6 +1,6 @@
 """What a plot's chamfer distance is likely to be where it has no reference: a fit to simulated plots. Pure functions.
 
-docs/scores.md has the figures it is made from, how it was fitted and checked, and where it fails.
+docs/traits.md has the figures it is made from, how it was fitted and checked, and where it fails.
 """
 
 from __future__ import annotations
