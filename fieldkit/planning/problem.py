@@ -20,7 +20,7 @@ from fieldkit.planning.space.projection import project
 from fieldkit.scenes.simulate import Outdoors
 
 POSE_NOISE_M = 0.010
-"""Usual standard deviation of a commanded position: the simulated source's claim, and RTK's error (docs/objective.md).
+"""Usual standard deviation of a commanded position: the simulated source's claim, and RTK's error (docs/planning.md).
 """
 _LEAST = 3
 """Least number of cameras of a plan."""

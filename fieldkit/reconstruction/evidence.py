@@ -82,7 +82,7 @@ _LOOSE = 5.0
 class Evidence:
     """Figures of a cloud with its cameras. How full and how clean it is, `silhouettes` says.
 
-    They follow the planner's geometric score (docs/objective.md), with the reconstructed cloud in the true one's place
+    They follow the planner's geometric score (docs/planning.md), with the reconstructed cloud in the true one's place
     and without occlusion.
     """
 

@@ -1,4 +1,4 @@
-"""The result of an evaluation, and its value r(z): the rule for poor, tiny and missing clouds (docs/objective.md)."""
+"""The result of an evaluation, and its value r(z): the rule for poor, tiny and missing clouds (docs/planning.md)."""
 
 from __future__ import annotations
 
