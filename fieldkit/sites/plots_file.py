@@ -57,8 +57,7 @@ class PlotsFile:
     def told(self) -> list[str]:
         """For people, before anything is computed: where the ids are from, and what is passed over."""
         unused = f"Columns that are not used: {listed(list(self.unused), _MOST_COLUMNS)}."
-        datum = f"{self.file.datum}."
-        return [f"{self.ids.sentence()}.", *([unused] if self.unused else []), *([datum] if self.file.datum else [])]
+        return [f"{self.ids.sentence()}.", *([unused] if self.unused else []), *self.file.told]
 
     def geojson(self) -> bytes | None:
         """The plots as GeoJSON in WGS 84 that gives the same plots to any reader, its ids under "plot_id".

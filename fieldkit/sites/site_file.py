@@ -22,7 +22,7 @@ from fieldkit.geometry.geodesy import LocalFrame, great_circle_m
 from fieldkit.runtime.shipped import shipped_page
 from fieldkit.sites.plots_file import PLOTS_REMEDY, load_plots, read_plots
 from fieldkit.sites.site import Site, SiteHome, SitePlot
-from fieldkit.sites.vector_files import read_features
+from fieldkit.sites.vector_files import read_wgs84, wgs84_features
 
 FARTHEST_M = 100_000.0
 """From home; what lies farther away is not where it was meant to be."""
@@ -41,17 +41,17 @@ def load_site(
 ) -> Site:  # fmt: skip
     """Read a site file.
 
-    ``geofence``, ``no_fly``, ``plots`` and ``neighbours`` may name files (`read_features`), relative to the site file
+    ``geofence``, ``no_fly``, ``plots`` and ``neighbours`` may name files (`read_wgs84`), relative to the site file
     and in its folder or below it; only an absolute path may lead elsewhere.
 
     Args:
         plots: a file whose plots are flown in place of the site's own, which become their neighbours.
         plot_id: field of the plots file that holds the plots' ids. None takes the site file's ``plot_id`` for the file
             that it names itself, and else looks for one (`plot_ids`).
-        tell: is told where the ids are from, before they are used.
+        tell: is told where the ids are from, before they are used, and datums of files that are not WGS 84.
         converted: ``plots`` may hold what the site's own file held, where that is missing, as in a campaign.
     """
-    path = Path(path)
+    path, tell = Path(path), tell or _nobody
     refuse_other(path, "site file", _REMEDY)
     document = read_versioned(path, "site file", _REMEDY, _MAX_BYTES)
     document.setdefault("name", path.stem)
@@ -73,20 +73,23 @@ def load_site(
         del document["neighbours"]
     for key in ("geofence", "no_fly"):
         if isinstance(document.get(key), str):
-            document[key] = list(_zones(named_file(document[key], path, key, what="site file"), named=key == "no_fly"))
+            zones = named_file(document[key], path, key, what="site file")
+            document[key] = list(_zones(zones, tell, named=key == "no_fly"))
     site = validated_toml(Site, document, path, _REMEDY)
     _check_places(site.home, _surroundings(site), path)
     _check_polygons(site, path)
     neighbours = site.neighbours
     if isinstance(beside, str):
-        neighbours = load_plots(named_file(beside, path, "neighbours", what="site file"))
+        others = read_plots(named_file(beside, path, "neighbours", what="site file"))
+        neighbours = others.plots
+        for text in others.file.told:
+            tell(text)
     if own and (isinstance(own, tuple) or isinstance(beside, str)):
         site = _changed(site, path, plots=own if isinstance(own, tuple) else site.plots, neighbours=neighbours)
     if plots is not None:
         found = read_plots(plots, plot_id)
-        if tell is not None:
-            for text in found.told:
-                tell(text)
+        for text in found.told:
+            tell(text)
         if own:
             return with_plots(site, found.plots, path=plots)
         return _changed(site, plots, plots=found.plots, neighbours=neighbours)
@@ -134,9 +137,16 @@ def named_plots(site: Site, names: Sequence[str]) -> tuple[SitePlot, ...]:
     return tuple(plot for plot in site.plots if plot.name in names)
 
 
-def _zones(path: Path, *, named: bool) -> Iterator[Any]:
-    """The polygons of a file as a site file has them inline."""
-    for feature in read_features(path):
+def _nobody(text: str) -> None:
+    """Listens to nothing."""
+
+
+def _zones(path: Path, tell: Tell, *, named: bool) -> Iterator[Any]:
+    """The polygons of a file as a site file has them inline; ``tell`` is told their datum where it is not WGS 84."""
+    file = read_wgs84(path)
+    for text in file.told:
+        tell(text)
+    for feature in wgs84_features(file.document, path):
         if feature.kind != "Polygon":
             raise MetadataError(
                 f"feature {feature.number}: is a point, not a polygon", path=path, remedy="Draw the zone as a polygon."

@@ -78,6 +78,11 @@ class VectorFile:
     datum: str = ""
     """What is to be known of coordinates whose datum is not WGS 84."""
 
+    @property
+    def told(self) -> list[str]:
+        """The same for people, where there is anything."""
+        return [f"{self.datum}."] if self.datum else []
+
 
 def read_features(path: Path) -> tuple[Feature, ...]:
     """The points and polygons of a file, in its order, in WGS 84."""

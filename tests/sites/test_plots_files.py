@@ -338,7 +338,9 @@ def test_a_campaign_takes_all_parts_of_a_fence_along(tmp_path: Path) -> None:
     text = SITE.partition("[[plots]]")[0].replace(
         "format = 1", 'format = 1\ngeofence = "fence.shp"\nplots = "field.gpkg"\nplot_id = "entry"'
     )
-    made = init_campaign(tmp_path / "season", CampaignSources(tmp_path / "plan.json", site_file(tmp_path, text)))
+    sources, said = CampaignSources(tmp_path / "plan.json", site_file(tmp_path, text)), list[str]()
+    made = init_campaign(tmp_path / "season", sources, tell=said.append)
+    assert "ETRS89 / UTM zone 32N to WGS 84 to 1 m" in said[0]
     assert len(made.site.fence) == 1
     assert [plot.name for plot in made.plots] == list(IDS)
     # A file given beside the site's own has its own field.
