@@ -17,6 +17,7 @@ from fieldkit.planning.methods.score import ScoreOptimum
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import SimulatedSource
+from fieldkit.planning.plan_settings import PlanSettings
 from fieldkit.planning.run.flyable import flight_noise
 from fieldkit.planning.run.outcome import plants_of
 from fieldkit.planning.run.request import search_settings
@@ -124,7 +125,7 @@ def older(description: SceneDescription) -> SceneDescription:
 
 
 def _campaign_plan(scene: str, progress: Progress) -> Plan:
-    settings = search_settings(scene=Path(scene), cameras=_CAMERAS, method="score")
+    settings = search_settings(PlanSettings(scene=scene, cameras=_CAMERAS, method="score"))
     with tempfile.TemporaryDirectory() as folder:
         problem = set_up_run(settings, Path(folder), Context(progress=progress)).problem
     cameras = ScoreOptimum(problem, settings.weights).choose(2)[0].cameras

@@ -14,15 +14,17 @@ from benchmarks.result import Cell, spread
 from fieldkit import __version__
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
+from fieldkit.planning.plan_settings import PlanSettings
 from fieldkit.planning.run.folder import LogEntry, read_log, read_settings, searched
 from fieldkit.planning.run.outcome import Outcome, best_so_far, read_outcome
-from fieldkit.planning.run.plan_views import plan_views, resume_plan
+from fieldkit.planning.run.plan import plan
 from fieldkit.planning.run.request import KIND_CONFIRMED, KIND_METHOD, RECORDED_CONFIRMED
 from fieldkit.planning.run.sources import describe_sources
 from fieldkit.planning.settings import GivenPlot, SearchSettings, lag_for
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.plan import Plan, PlanSource
 from fieldkit.results.plan_file import PLAN_FILE, SETTINGS_FILE, load_plan
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.vocabulary import MappingName, SearchFidelity
 
@@ -45,7 +47,7 @@ class Place:
     @classmethod
     def scene(cls, name: str) -> Place:
         """One of fieldkit's scenes, or a file's. Raises SceneError."""
-        (plot,) = describe_sources([Path(name)], (), None)
+        (plot,) = describe_sources(PlanSettings(scene=name))
         return cls(Path(plot.path).stem, plot.source, Path(plot.path))
 
     def settings(self, **more: Any) -> SearchSettings:
@@ -207,11 +209,12 @@ def _refuse_another(output: Path, settings: SearchSettings) -> None:
 
 
 def _outcome(output: Path, settings: SearchSettings, workers: int, cache: StageCache, progress: Progress) -> Outcome:
+    context = Context(cache, progress, workers)
     if not (output / SETTINGS_FILE).is_file():
-        return plan_views(output, settings, cache=cache, workers=workers, progress=progress, methods=PLANNERS)
+        return plan(output, settings, context, methods=PLANNERS)
     if read_settings(output) == settings and (output / PLAN_FILE).is_file():
         return read_outcome(output)
-    return resume_plan(output, settings, cache=cache, workers=workers, progress=progress, methods=PLANNERS)
+    return plan(output, settings, context, resume=True, methods=PLANNERS)
 
 
 def _ran(settings: SearchSettings, outcome: Outcome, plan: Plan, entries: Sequence[LogEntry]) -> Ran:

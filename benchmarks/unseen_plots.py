@@ -27,13 +27,12 @@ from fieldkit.geometry import Similarity
 from fieldkit.geometry.priors import SourceFrame
 from fieldkit.planning.objective.objective import FIDELITIES
 from fieldkit.planning.objective.simulated import Proxy
+from fieldkit.planning.plan_settings import EnvelopeSettings, NoiseSettings, PlanSettings
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.run.evaluations import Job, evaluating
 from fieldkit.planning.run.flyable import OUTDOORS_ENVELOPE, flight_noise
-from fieldkit.planning.run.plan_views import plan_views
-from fieldkit.planning.run.request import search_settings
+from fieldkit.planning.run.plan import plan
 from fieldkit.planning.run.run_setup import set_up_run
-from fieldkit.planning.settings import EnvelopeSettings, NoiseSettings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import Circle
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
@@ -176,10 +175,8 @@ def _plan(preset: Preset, options: UnseenOptions, progress: Progress) -> Plan:
     if not (output / PLAN_FILE).is_file():
         scenes = [_scene(_PLANTS, seed, options.runs) for seed in _PLANNED]
         kg = _noise(preset).vehicle_kg
-        settings = search_settings(
-            scene=scenes, preset=preset, noise={"vehicle_kg": kg}, cameras=_CAMERAS, workers=options.workers
-        )
-        plan_views(output, settings, cache=options.cache, workers=options.workers, overwrite=True, progress=progress)
+        settings = PlanSettings(scene=scenes, preset=preset, noise={"vehicle_kg": kg}, cameras=_CAMERAS)
+        plan(output, settings, Context(options.cache, progress, options.workers), overwrite=True)
     return load_plan(output / PLAN_FILE)
 
 
@@ -200,7 +197,7 @@ class _Plot:
         noise = _noise(preset)
         settings = Place.scene(str(_scene(plants, seed, options.runs))).settings(
             cameras=_CAMERAS, method="given", plots=1, noise=noise, refine=noise.any,
-            envelope=EnvelopeSettings(**OUTDOORS_ENVELOPE) if preset == "outdoors" else EnvelopeSettings(),
+            envelope=OUTDOORS_ENVELOPE if preset == "outdoors" else EnvelopeSettings(),
         )  # fmt: skip
         self._context, self._progress = Context(options.cache, progress, options.workers), progress
         self._setup = set_up_run(settings, options.runs / "proxies", self._context)

@@ -19,11 +19,9 @@ if TYPE_CHECKING:
     from fieldkit.evaluation.reference import build_reference as build_reference
     from fieldkit.missions.export_mission import export_mission as export_mission
     from fieldkit.notebook import evaluate as evaluate
-    from fieldkit.notebook import plan as plan
+    from fieldkit.planning.plan_settings import PlanSettings as PlanSettings
     from fieldkit.planning.run.outcome import Outcome as Outcome
-    from fieldkit.planning.run.plan_views import plan_views as plan_views
-    from fieldkit.planning.run.plan_views import resume_plan as resume_plan
-    from fieldkit.planning.run.request import search_settings as search_settings
+    from fieldkit.planning.run.plan import plan as plan
     from fieldkit.planning.settings import SearchSettings as SearchSettings
     from fieldkit.reconstruction.settings import ReconstructionSettings as ReconstructionSettings
     from fieldkit.report.write_report import write_report as write_report
@@ -33,6 +31,7 @@ if TYPE_CHECKING:
     from fieldkit.results.plan_file import load_plan as load_plan
     from fieldkit.results.report_files import load_evaluation_report as load_evaluation_report
     from fieldkit.results.report_files import load_reference_report as load_reference_report
+    from fieldkit.runtime.context import Context as Context
 
 _HOMES = {
     name: f"fieldkit.{module}"
@@ -43,10 +42,10 @@ _HOMES = {
         ("evaluation.evaluate", "evaluate_captures"),
         ("evaluation.reference", "build_reference"),
         ("missions.export_mission", "export_mission"),
-        ("notebook", "evaluate plan"),
+        ("notebook", "evaluate"),
+        ("planning.plan_settings", "PlanSettings"),
         ("planning.run.outcome", "Outcome"),
-        ("planning.run.plan_views", "plan_views resume_plan"),
-        ("planning.run.request", "search_settings"),
+        ("planning.run.plan", "plan"),
         ("planning.settings", "SearchSettings"),
         ("reconstruction.settings", "ReconstructionSettings"),
         ("report.write_report", "write_report"),
@@ -54,6 +53,7 @@ _HOMES = {
         ("results.plan", "Plan"),
         ("results.plan_file", "load_plan"),
         ("results.report_files", "load_evaluation_report load_reference_report"),
+        ("runtime.context", "Context"),
     )
     for name in names.split()
 }

@@ -13,19 +13,12 @@ from fieldkit.cli.progress import open_progress
 from fieldkit.documents.mistaken import check_names
 from fieldkit.errors import ReconstructionError
 from fieldkit.evaluation.evaluate import evaluate_captures, find_plots
-from fieldkit.planning.run.plan_views import plan_views
-from fieldkit.planning.run.request import search_settings
-from fieldkit.planning.settings import SearchSettings
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import EvaluationReport
-from fieldkit.results.plan import Plan
-from fieldkit.results.plan_file import load_plan
 from fieldkit.runtime.executor import lacks_main_guard
 from fieldkit.runtime.machine import usual_workers
 from fieldkit.runtime.progress import Progress
 from fieldkit.runtime.threads import limit_threads
-
-_OF_RUN = ("cache", "overwrite", "scheduler", "watch", "expect", "methods")
 
 
 def evaluate(
@@ -67,33 +60,6 @@ def evaluate(
     if report.failed == len(report.plots) and first.error is not None:
         raise ReconstructionError(first.error.message, remedy=first.error.remedy)
     return report
-
-
-def plan(
-    output: Path | str | None = None, *, workers: int | None = None, progress: Progress | None = None, **more: Any
-) -> Plan:
-    """Find the best camera poses, as `fieldkit plan` does.
-
-    Args:
-        output: the plan's folder; None keeps the plan alone.
-        workers, progress: as `evaluate`.
-        more: arguments of `search_settings` (scene, reference, cameras …) and of `plan_views`.
-
-    Raises:
-        FieldkitError: as both of these.
-
-    Example:
-        >>> plan = fieldkit.plan(scene="case-1", cameras=10)
-        >>> plan.stations[0]
-    """
-    limit_threads()
-    workers = workers or usual_workers()
-    known = [*inspect.signature(search_settings).parameters, *SearchSettings.model_fields, *_OF_RUN]
-    check_names("plan", more, known)
-    run = {name: more.pop(name) for name in _OF_RUN if name in more}
-    with _folder(output) as folder, _shown(progress) as shown:
-        plan_views(folder, search_settings(workers=workers, **more), workers=workers, progress=shown, **run)
-        return load_plan(folder)
 
 
 @contextmanager

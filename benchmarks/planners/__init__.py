@@ -1,4 +1,4 @@
-"""The paper's baselines and rivals of fieldkit's planner, as methods of a run: `plan_views(…, methods=PLANNERS)`."""
+"""The paper's baselines and rivals of fieldkit's planner, as methods of a run: `plan(…, methods=PLANNERS)`."""
 
 from benchmarks.planners.registry import PLANNERS
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from small_plot import SETTINGS, photograph
 
-from fieldkit import build_reference, load_plan, plan_views, search_settings
+from fieldkit import Context, PlanSettings, build_reference, load_plan, plan
 from fieldkit.cache import StageCache
 from fieldkit.runtime.progress import Silent
 
@@ -25,7 +25,7 @@ if __name__ == "__main__":  # evaluations run in processes that import this file
     cache = StageCache(folder / "cache")
     captures = photograph(folder / "plot_7")
     build_reference(captures, folder / "reference", SETTINGS, cache=cache, progress=Silent())
-    settings = search_settings(
+    settings = PlanSettings(
         captures=captures,
         reference=folder / "reference",
         cameras=6,
@@ -35,7 +35,7 @@ if __name__ == "__main__":  # evaluations run in processes that import this file
         fidelity="draft",
         confirm_fidelity="draft",
     )
-    outcome = plan_views(folder / "plot_7-views", settings, cache=cache)
+    outcome = plan(folder / "plot_7-views", settings, Context(cache))
 
 # %% [markdown]
 # The plan's stations are the chosen photographs' poses; the run's log names the photographs.

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from small_plot import scene
 
-from fieldkit import load_plan, plan_views, resume_plan, search_settings
+from fieldkit import Context, PlanSettings, load_plan, plan
 from fieldkit.cache import StageCache
 from fieldkit.scenes.scene_file import write_scene
 
@@ -24,9 +24,9 @@ from fieldkit.scenes.scene_file import write_scene
 # %%
 if __name__ == "__main__":
     folder = Path(tempfile.mkdtemp(prefix="fieldkit-"))
-    cache = StageCache(folder / "cache")
+    context = Context(StageCache(folder / "cache"))
     write_scene(folder / "plot.toml", scene())
-    settings = search_settings(
+    settings = PlanSettings(
         scene=folder / "plot.toml",
         vehicle="ardupilot-pitch",
         cameras=4,
@@ -37,7 +37,7 @@ if __name__ == "__main__":
         fidelity="draft",
         confirm_fidelity="draft",
     )
-    outcome = plan_views(folder / "maize-plan", settings, cache=cache)
+    outcome = plan(folder / "maize-plan", settings, context)
     print(f"{outcome.evaluations} evaluations; the best is {1000 * outcome.chamfer_m:.1f} mm from the plants")
 
 # %% [markdown]
@@ -45,8 +45,7 @@ if __name__ == "__main__":
 
 # %%
 if __name__ == "__main__":
-    more = settings.model_copy(update={"evaluations": 4})
-    outcome = resume_plan(folder / "maize-plan", more, cache=cache)
-    plan = load_plan(folder / "maize-plan")
-    print(f"{outcome.evaluations} evaluations; {len(plan.stations)} stations, the lowest at "
-          f"{min(station.position_m[2] for station in plan.stations):.2f} m")  # fmt: skip
+    outcome = plan(folder / "maize-plan", PlanSettings(evaluations=4), context, resume=True)
+    stations = load_plan(folder / "maize-plan").stations
+    print(f"{outcome.evaluations} evaluations; {len(stations)} stations, the lowest at "
+          f"{min(station.position_m[2] for station in stations):.2f} m")  # fmt: skip

@@ -21,11 +21,11 @@ from fieldkit.errors import MissionError, UsageError
 from fieldkit.files import atomic_folder
 from fieldkit.missions.export_mission import ExportedMission, export_mission
 from fieldkit.planning.methods.optimise import Effort, optimise
+from fieldkit.planning.plan_settings import EnvelopeSettings
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.run.flyable import vehicle_envelope
 from fieldkit.planning.run.outcome import plants_of
-from fieldkit.planning.score.cost_model import WEIGHTS, CostModel
-from fieldkit.planning.settings import EnvelopeSettings
+from fieldkit.planning.score.cost_model import CostModel
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
@@ -40,6 +40,7 @@ from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.site_file import named_plots, with_plots
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
+from fieldkit.vocabulary import WEIGHTS
 
 GROWTH = 1.15
 """Factor by which plants are taken to have grown since the last visit, where nobody says."""
@@ -196,7 +197,7 @@ def plan_for_plants(
 
 def _problem(plan: Plan, vehicle: Vehicle | None, plants: Cloud, plot: SitePlot | None) -> PlanningProblem:
     assert plan.camera is not None
-    limits = _limits(plan) if vehicle is None else EnvelopeSettings(**vehicle_envelope(vehicle, {}))
+    limits = _limits(plan) if vehicle is None else vehicle_envelope(vehicle, EnvelopeSettings())
     volume = Volume.around(plants.points, margin_m=_MARGIN_M)
     kept_clear = (
         plants

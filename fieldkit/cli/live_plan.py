@@ -4,51 +4,33 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 from fieldkit.cli.boundary import say
 from fieldkit.figures.style import format_length
 
 if TYPE_CHECKING:
-    from fieldkit.planning.run.folder import LogEntry
-    from fieldkit.planning.settings import SearchSettings
+    from fieldkit.planning.run.folder import LogEntry, RunFolder
     from fieldkit.runtime.progress import Advance, Progress
 
 
-@contextmanager
-def open_watch(
-    settings: SearchSettings, before: Sequence[LogEntry], progress: Progress, *, as_json: bool
-) -> Iterator[tuple[Callable[[LogEntry], None], Callable[[int], None]]]:
-    """What is told of every evaluation of a run, and of the number that its search can have.
+class Watched(ExitStack):
+    """Counts a run's evaluations, and knows its search's best."""
 
-    Args:
-        before: what its log holds already.
-    """
-    with ExitStack() as stages:
-        watched = _Watched(settings, before, progress, stages, as_json=as_json)
-        yield watched.watch, watched.expect
-
-
-class _Watched:
-    """Counts evaluations, and knows the search's best."""
-
-    def __init__(
-        self, settings: SearchSettings, before: Sequence[LogEntry], progress: Progress, stages: ExitStack, *,
-        as_json: bool,
-    ) -> None:  # fmt: skip
-        searched = [entry for entry in before if entry.stage == "search"]
-        self._progress, self._stages, self._as_json = progress, stages, as_json
-        self._plots, self._total, self._done = settings.plots, settings.evaluations, len(searched)
-        self._confirmations = settings.finalists * settings.repeats - (len(before) - len(searched))
-        self._best_m = min((entry.value_m for entry in searched if entry.measured), default=math.inf)
+    def __init__(self, progress: Progress, *, as_json: bool) -> None:
+        super().__init__()
+        self._progress, self._as_json = progress, as_json
         self._advance: Advance | None = None
         self._confirming = False
 
-    def expect(self, total: int) -> None:
-        """The search has this many evaluations, at most."""
-        self._total = total
+    def expect(self, run: RunFolder, total: int) -> None:
+        """The search of a run has this many evaluations, at most, with those that its log holds already."""
+        settings = run.settings
+        searched = [entry for entry in run.entries if entry.stage == "search"]
+        self._plots, self._total, self._done = settings.plots, total, len(searched)
+        self._confirmations = settings.finalists * settings.repeats - (len(run.entries) - len(searched))
+        self._best_m = min((entry.value_m for entry in searched if entry.measured), default=math.inf)
         if total > self._done:
             self._begin(f"Searching, at most {total} evaluations", total - self._done)
 
@@ -66,12 +48,12 @@ class _Watched:
                 on = f" on plot {entry.plot}" if self._plots > 1 else ""
                 self._progress.note(f"best so far{on}: {format_length(entry.value_m)} ({entry.origin})")
         if self._as_json:
-            told: dict[str, Any] = {
+            line: dict[str, Any] = {
                 "stage": entry.stage, "number": entry.number, "origin": entry.origin, "value_m": entry.value_m,
                 "best_m": None if math.isinf(self._best_m) else self._best_m, "done": self._done, "of": self._total,
             }  # fmt: skip
-            say(json.dumps(told, ensure_ascii=False))
+            say(json.dumps(line, ensure_ascii=False))
 
     def _begin(self, name: str, evaluations: int) -> None:
-        self._stages.close()  # the search may have ended before its limit
-        self._advance = self._stages.enter_context(self._progress.stage(name, evaluations))
+        self.close()  # the search may have ended before its limit
+        self._advance = self.enter_context(self._progress.stage(name, evaluations))

@@ -19,7 +19,8 @@ from fieldkit.cli.common import DebugOption
 from fieldkit.errors import UsageError
 
 Panels = Mapping[str | None, Mapping[str, Any]]
-"""Options (None for a plain one) by fields of a class of settings, by the heading in help."""
+"""Options of a class of settings by their heading in help and by field: a `typer.Option`, ``Annotated[type, option]``
+where Typer needs another type, or None for a plain one."""
 Result = TypeVar("Result")
 _KEYWORD = inspect.Parameter.KEYWORD_ONLY
 
@@ -94,10 +95,12 @@ def _options(owner: Any, panels: Panels | None) -> Iterator[inspect.Parameter]:
     ).items():
         for name, option in options.items():
             kind, info = _parts(hints[name])
-            info = copy(option or (info if isinstance(info, OptionInfo) else Option()))
+            if isinstance(option, OptionInfo):
+                info = option
+            elif option is not None:
+                kind, info = _parts(option)
+            info = copy(info) if isinstance(info, OptionInfo) else Option()
             info.rich_help_panel = info.rich_help_panel or panel
-            if get_origin(kind) is tuple and info.parser is None:
-                kind = list[get_args(kind)[0]]  # type: ignore[misc]
             # A pydantic model has no attributes of its fields: what nobody gives is None.
             parameter = inspect.Parameter(name, _KEYWORD, default=getattr(owner, name, None))
             yield _parameter(parameter, kind, info, texts.get(name))

@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated
 
 from fieldkit.cli.boundary import finding_entry
 from fieldkit.cli.common import JsonOption, OutputOption, emit_json, show
-from fieldkit.cli.plan_options import (
-    EnvelopeOptions,
-    PlanRunOptions,
-    PlotOptions,
-    SearchOptions,
-    plan_arguments,
-)
+from fieldkit.cli.plan_options import ENVELOPE, SETTINGS, PlanRunOptions
 from fieldkit.cli.reconstruction_options import processes, run_context
 from fieldkit.errors import FieldkitError, UsageError
-from fieldkit.vocabulary import Preset
+from fieldkit.planning.plan_settings import EnvelopeSettings, PlanSettings
 from fieldkit.wording import count
 
 if TYPE_CHECKING:
@@ -29,9 +22,8 @@ if TYPE_CHECKING:
 
 def command(
     output: OutputOption,
-    plot: PlotOptions,
-    search: SearchOptions,
-    envelope: EnvelopeOptions,
+    settings: Annotated[PlanSettings, SETTINGS],
+    envelope: Annotated[EnvelopeSettings, ENVELOPE],
     run: PlanRunOptions,
     as_json: JsonOption = False,
 ) -> None:
@@ -50,48 +42,31 @@ def command(
         fieldkit plan --scene case-1 --method bosfm --evaluations 200 -o case-1-bosfm
         fieldkit plan --resume --evaluations 150 -o plot_7-plan
     """
-    arguments = plan_arguments(plot, search, envelope, run)
+    asked = settings.model_copy(update={"envelope": envelope})
+    if not run.resume or asked.sources:
+        asked.check_sources()
     if run.resume and run.overwrite:
         raise UsageError("--resume goes on with what --overwrite would replace", remedy="Give one of them.")
-    settings, outcome = _planned(output, arguments, search.preset, run, as_json=as_json)
-    found = _needs_rtk(output, settings, envelope.vehicle)
+    from fieldkit.cli.live_plan import Watched
+    from fieldkit.planning.run.folder import read_settings
+    from fieldkit.planning.run.plan import plan
+    from fieldkit.runtime.context import Context
+
+    with run_context(as_json=as_json) as progress, Watched(progress, as_json=as_json) as watched:
+        outcome = plan(
+            output, asked, Context.usual(progress=progress, workers=processes(run.workers), scheduler=run.scheduler),
+            overwrite=run.overwrite, resume=run.resume, watch=watched.watch, expect=watched.expect,
+        )  # fmt: skip
+    planned = read_settings(output)
+    found = _needs_rtk(output, planned, settings.vehicle)
     if as_json:
         fit = {"fit": [finding_entry(each) for each in found]} if found else {}
         emit_json({"output": output, **outcome.model_dump(), **fit})
     else:
-        _show(output, settings, outcome, found)
+        _show(output, planned, outcome, found)
 
 
-def _planned(
-    output: Path, arguments: Mapping[str, Any], preset: Preset, options: PlanRunOptions, *, as_json: bool
-) -> tuple[SearchSettings, Outcome]:
-    """Plan, or go on with a plan, while telling of it."""
-    from fieldkit.cache import StageCache, default_cache_root
-    from fieldkit.cli.live_plan import open_watch
-    from fieldkit.planning.run.folder import read_log, read_settings
-    from fieldkit.planning.run.plan_views import plan_views, resume_plan
-    from fieldkit.planning.run.request import resumed_settings, search_settings
-
-    workers = processes(options.workers)
-    cache = StageCache(default_cache_root())
-    given = any(arguments[key] for key in ("scene", "reference", "captures"))
-    # A run that was interrupted before its folder begins anew.
-    resumed = options.resume and (output.exists() or not given)
-    with run_context(as_json=as_json) as progress:
-        if resumed:
-            settings = resumed_settings(read_settings(output), **arguments)
-        else:
-            settings = search_settings(**arguments, preset=preset, workers=workers)
-        before = read_log(output) if resumed else []
-        with open_watch(settings, before, progress, as_json=as_json) as (watch, expect):
-            verb = partial(resume_plan) if resumed else partial(plan_views, overwrite=options.overwrite)
-            return settings, verb(
-                output, settings, cache=cache, workers=workers, scheduler=options.scheduler, progress=progress,
-                watch=watch, expect=expect,
-            )  # fmt: skip
-
-
-def _needs_rtk(output: Path, settings: SearchSettings, given: str | None) -> list[Finding]:
+def _needs_rtk(output: Path, settings: SearchSettings, given: str | Path | None) -> list[Finding]:
     """Where the plan's stations stand nearer than its vehicle's GNSS can hold them, if its profile is still there."""
     from fieldkit.planning.run.flyable import plan_needs_rtk, read_vehicle
     from fieldkit.results.plan_file import load_plan

@@ -29,12 +29,12 @@ from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.geometry import Pose
 from fieldkit.missions.export_mission import ExportedMission, export_mission
 from fieldkit.planning.methods.circle import expected_circle
+from fieldkit.planning.plan_settings import NoiseSettings, PlanSettings
 from fieldkit.planning.run.flyable import flight_noise
 from fieldkit.planning.run.outcome import Outcome
-from fieldkit.planning.run.plan_views import plan_views
+from fieldkit.planning.run.plan import plan
 from fieldkit.planning.run.request import search_settings
 from fieldkit.planning.run.run_setup import set_up_run
-from fieldkit.planning.settings import NoiseSettings
 from fieldkit.report.write_report import REPORT_FILE, write_report
 from fieldkit.results.demo import DEMO_FILE, DemoEntry, DemoReport
 from fieldkit.results.evaluation import CLOUD_FILE, EvaluationReport, PlotEvaluation, ReferenceReport
@@ -140,11 +140,11 @@ def _references(folder: Path, noise: NoiseSettings, context: Context) -> dict[st
 
 def _plan(output: Path, context: Context) -> tuple[Plan, Outcome]:
     """The plan for plots like the seen one, and what came of its finalists."""
-    settings = search_settings(
+    settings = PlanSettings(
         scene=scene_path(SEEN), vehicle=VEHICLE, cameras=CAMERAS, method="score", finalists=_FINALISTS,
-        repeats=_REPEATS, confirm_fidelity="draft", seed=context.seed, workers=context.workers,
+        repeats=_REPEATS, confirm_fidelity="draft", seed=context.seed,
     )  # fmt: skip
-    outcome = plan_views(output, settings, cache=context.cache, workers=context.workers, progress=context.progress)
+    outcome = plan(output, settings, context)
     return load_plan(output), outcome
 
 
@@ -152,10 +152,8 @@ def _best_circle(noise: NoiseSettings, folder: Path, plot: str) -> list[Pose]:
     """What the plan is compared with on a plot: of 75 circles about its own plants the one that the geometric score
     likes best, for the same vehicle, noise and wind.
     """
-    settings = search_settings(
-        scene=scene_path(plot), vehicle=VEHICLE, cameras=CAMERAS, purpose="this-plot", noise=noise.model_dump()
-    )
-    return expected_circle(set_up_run(settings, folder, Context(StageCache(None))).problem, _AIMS).poses()
+    asked = PlanSettings(scene=scene_path(plot), vehicle=VEHICLE, cameras=CAMERAS, purpose="this-plot", noise=noise)
+    return expected_circle(set_up_run(search_settings(asked), folder, Context(StageCache(None))).problem, _AIMS).poses()
 
 
 def _mission(folder: Path, context: Context) -> ExportedMission:

@@ -42,8 +42,9 @@ class Context:
 
     @classmethod
     def usual(
-        cls, cache: StageCache | None, progress: Progress | None, workers: int, seed: int, scheduler: str
-    ) -> Context:
+        cls, cache: StageCache | None = None, progress: Progress | None = None, workers: int = 1, seed: int = 0,
+        scheduler: str = "",
+    ) -> Context:  # fmt: skip
         """A context with the cache in the usual place, and silence, where there is None."""
         return cls(cache or StageCache(default_cache_root()), progress or Silent(), workers, seed, scheduler)
 

@@ -9,20 +9,20 @@ import pytest
 
 from fieldkit import __version__
 from fieldkit.captures import read_capture
-from fieldkit.cli.live_plan import open_watch
+from fieldkit.cli.live_plan import Watched
 from fieldkit.cli.main import main
 from fieldkit.cli.progress import Lines
+from fieldkit.planning.plan_settings import NoiseSettings
 from fieldkit.planning.run.folder import create_run, open_run, read_log
 from fieldkit.planning.run.outcome import read_outcome
 from fieldkit.planning.run.run_setup import set_up_run
-from fieldkit.planning.score.cost_model import WEIGHTS
-from fieldkit.planning.settings import NoiseSettings
 from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import save_report
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.renderer import RenderingError
+from fieldkit.vocabulary import WEIGHTS
 from tests.cli.test_scene_commands import TINY
 from tests.evaluation.test_adherence import flown
 from tests.planning.bowl import bowl_settings
@@ -120,21 +120,23 @@ def test_a_run_of_another_version_says_so(tmp_path: Path, capsys: pytest.Capture
         assert ("begun with fieldkit 0.0.1" in capsys.readouterr().err) == told
 
 
-def test_progress_goes_on_from_what_the_log_holds(capsys: pytest.CaptureFixture[str]) -> None:
+def test_progress_goes_on_from_what_the_log_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     settings = bowl_settings(evaluations=4, finalists=1, repeats=1)
     better, worse = (entry(2).model_copy(update={"value_m": value}) for value in (1e-4, 1e3))
     again = entry(0).model_copy(update={"stage": "confirmation"})
-    with open_watch(settings, [entry(0), entry(1)], Lines(), as_json=False) as (watch, expect):
-        expect(4)
+    with create_run(tmp_path / "run", settings) as run, Watched(Lines(), as_json=False) as watched:
+        for number in (0, 1):
+            run.append(entry(number))
+        watched.expect(run, 4)
         for each in (worse, better, again):
-            watch(each)
+            watched.watch(each)
     told = capsys.readouterr().err.splitlines()
     assert told[:2] == ["Searching, at most 4 evaluations …", f"note: best so far: 0.10 mm ({better.origin})"]
     stages = [line.split(":")[0].removesuffix(" …") for line in told[2:]]
     assert stages == [told[0].removesuffix(" …"), "Confirming", "Confirming"]
-    with open_watch(settings, [], Silent(), as_json=True) as (watch, expect):
-        expect(0)
-        watch(again)
+    with create_run(tmp_path / "new", settings) as run, Watched(Silent(), as_json=True) as watched:
+        watched.expect(run, 0)
+        watched.watch(again)
     assert json.loads(capsys.readouterr().err)["best_m"] is None
 
 

@@ -13,7 +13,6 @@ import pytest
 
 import fieldkit
 from fieldkit.results.traits import TraitsEntry, TraitTable
-from tests.cli.test_scene_commands import TINY
 
 ROOT = Path(__file__).parents[2]
 
@@ -64,9 +63,8 @@ def test_figures_are_floats_even_where_there_are_none() -> None:
     ("call", "words"),
     [
         (lambda: fieldkit.evaluate("photos", fidelty="draft"), "evaluate has no fidelty. Did you mean fidelity?"),
-        (lambda: fieldkit.plan(scen="case-1"), "plan has no scen. Did you mean scene?"),
-        (lambda: fieldkit.search_settings(scene="case-1", camras=4), "no camras. Did you mean cameras?"),
-        (lambda: fieldkit.search_settings(scene="case-1", noise={"pose": 1}), "no pose. Did you mean pose_m?"),
+        (lambda: fieldkit.PlanSettings(scen="case-1"), "PlanSettings has no scen. Did you mean scene?"),
+        (lambda: fieldkit.PlanSettings(scene="case-1", noise={"pose": 1}), "noise.pose: is not known"),
         (lambda: fieldkit.export_mission("p", "v", "s", "m", adjst=True), "no adjst. Did you mean adjust?"),
         (lambda: fieldkit.export_mission("plan"), "missing a required argument: 'vehicle'. It takes"),
     ],
@@ -90,16 +88,6 @@ def test_paths_may_be_text(tmp_path: Path, call: Callable[[str], Any]) -> None:
     with pytest.raises(fieldkit.FieldkitError, match=r"(?i)no such") as caught:
         call(str(tmp_path / "nowhere"))
     assert caught.value.remedy in str(caught.value)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("_frames")
-def test_a_plan_needs_a_scene_alone(tmp_path: Path) -> None:
-    (tmp_path / "tiny.toml").write_text(TINY)
-    plan = fieldkit.plan(scene="tiny.toml", cameras=4, purpose="this-plot", method="score", repeats=0, workers=1)
-    assert len(plan.stations) == 4
-    assert len(repr(plan)) < 1000
-    assert [path.name for path in tmp_path.iterdir() if path.name != "cache"] == ["tiny.toml"]
 
 
 def test_without_pandas_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

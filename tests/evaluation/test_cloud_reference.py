@@ -21,6 +21,7 @@ from fieldkit.evaluation.rasters import write_georeferenced
 from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.planning.plan_settings import PlanSettings
 from fieldkit.planning.run.sources import describe_sources
 from fieldkit.reconstruction.result import MetricFrame
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -225,7 +226,7 @@ def test_photographs_and_cloud_in_unrelated_frames(tmp_path: Path) -> None:
 def test_no_plan_is_made_on_a_bare_cloud(tmp_path: Path) -> None:
     write_cloud(tmp_path / "a.ply", plot_cloud())
     with pytest.raises(UsageError, match="bare cloud"):
-        describe_sources((), (tmp_path / "a.ply",), None)
+        describe_sources(PlanSettings(reference=tmp_path / "a.ply"))
 
 
 @pytest.mark.slow

@@ -11,9 +11,10 @@ from functools import cached_property
 import numpy as np
 
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
-from fieldkit.planning.score.cost_model import WEIGHTS, CostModel, Weights
+from fieldkit.planning.score.cost_model import CostModel, Weights
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import Circle, circles
+from fieldkit.vocabulary import WEIGHTS
 
 _GRID = 5
 """Number of altitudes, and of radii, of the grid."""

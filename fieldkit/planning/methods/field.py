@@ -14,11 +14,12 @@ from fieldkit.arrays import FloatArray
 from fieldkit.planning.methods.optimise import Effort, near, optimise
 from fieldkit.planning.methods.subsets import MatchGraph, Uniform
 from fieldkit.planning.problem import Gain, PlanningProblem, Result, Trial, lowest
-from fieldkit.planning.score.cost_model import DOUBT, LEAST_M, NOISE, WEIGHTS, CostModel, Weights, fit_slopes
+from fieldkit.planning.score.cost_model import DOUBT, LEAST_M, NOISE, CostModel, Weights, fit_slopes
 from fieldkit.planning.score.registration import Registration
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import Circle, circles, families
 from fieldkit.planning.surrogate.set_process import FEATURES, NO_PLOT, TERMS, SetEmbedding, SetSurrogate, fit_sets
+from fieldkit.vocabulary import WEIGHTS
 
 _STREAM = 44
 """Seed's part for a turn's draws."""

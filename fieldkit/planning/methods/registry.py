@@ -85,4 +85,4 @@ _OWN: dict[PlanningMethod, MethodEntry] = {
     "uniform": MethodEntry(_uniform),
 }
 METHODS: Mapping[str, MethodEntry] = dict(_OWN.items())
-"""Every method of `fieldkit plan`. Others plug in by the same protocols: `plan_views` takes any such mapping."""
+"""Every method of `fieldkit plan`. Others plug in by the same protocols: `plan` takes any such mapping."""

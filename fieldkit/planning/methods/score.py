@@ -11,10 +11,11 @@ from fieldkit.arrays import FloatArray
 from fieldkit.planning.methods.field import Field
 from fieldkit.planning.methods.optimise import Effort, optimise
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
-from fieldkit.planning.score.cost_model import WEIGHTS, CostModel, Weights
+from fieldkit.planning.score.cost_model import CostModel, Weights
 from fieldkit.planning.score.registration import Registration
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.executor import map_parallel
+from fieldkit.vocabulary import WEIGHTS
 
 _STREAM = 46
 """Seed's part for a start of the search."""

@@ -6,15 +6,16 @@ A pose is limited by the mount's pitch, the least height, and the clearance to p
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
+from pydantic import BaseModel
 from scipy.spatial import KDTree
 
 from fieldkit.errors import UsageError
-from fieldkit.planning.settings import EnvelopeSettings, NoiseSettings, SearchSettings, SearchVehicle
+from fieldkit.planning.plan_settings import EnvelopeSettings, NoiseSettings
+from fieldkit.planning.settings import SearchSettings, SearchVehicle
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan
@@ -25,13 +26,14 @@ from fieldkit.sites.reach import RTK_REMEDY, needs_rtk
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import find_vehicle, load_vehicle, vehicles_folder
 
+Given = TypeVar("Given", bound=BaseModel)
 _LEAST_BAND_M = 1.0
 _WIND_M, _MASS_KG = 0.010, 1.0
 """Leaves sway by a centimetre in air of 3 m/s; mass of a vehicle that is not known."""
 _APART_M = 0.3
 """Least distance between stations: a step that pilots see."""
-OUTDOORS_ENVELOPE: dict[str, Any] = {"height_m": (0.8, 3.0), "clearance_m": 0.8, "separation_m": _APART_M}
-"""Of a vehicle that is not known, by the keys of `EnvelopeSettings`."""
+OUTDOORS_ENVELOPE = EnvelopeSettings(height_m=(0.8, 3.0), clearance_m=0.8, separation_m=_APART_M)
+"""Limits of a vehicle that is not known."""
 _RTK_M, _TURNED_DEG = 0.02, 1.0
 
 
@@ -49,8 +51,14 @@ def flight_noise(vehicle: Vehicle | None) -> NoiseSettings:
     return NoiseSettings(pose_m=held_m, pose_deg=_TURNED_DEG, wind_m=_WIND_M, vehicle_kg=mass_kg)
 
 
-def vehicle_envelope(vehicle: Vehicle, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields of `EnvelopeSettings`: the given ones, and the vehicle's limits for the rest.
+def filled(given: Given, usual: Given) -> Given:
+    """Settings as given, and as usual where they are not. Raises ValidationError: they contradict each other."""
+    own = {name: getattr(given, name) for name in given.model_fields_set}
+    return type(usual).model_validate(dict(usual) | own)
+
+
+def vehicle_envelope(vehicle: Vehicle, given: EnvelopeSettings) -> EnvelopeSettings:
+    """The given limits, and the vehicle's for the rest.
 
     Cameras are at least at the vehicle's least height, at most at the usual 2.5 m or a metre above the least, and keep
     the vehicle's clearance to plants beyond the error of a station; stations are apart by three such errors. The
@@ -58,24 +66,23 @@ def vehicle_envelope(vehicle: Vehicle, given: Mapping[str, Any]) -> dict[str, An
     """
     low, high = vehicle.mount.pitch_deg
     least = vehicle.min_height_m
-    usual = EnvelopeSettings()
-    limits: dict[str, Any] = {
-        "height_m": (least, max(usual.height_m[1], least + _LEAST_BAND_M)), "pitch_deg": (low, high),
-        "clearance_m": vehicle.clearance_m + vehicle.held_m, "vehicle_clearance_m": vehicle.clearance_m,
-        "separation_m": max(_APART_M, vehicle.apart_m),
-    }  # fmt: skip
-    wanted = limits | dict(given)
+    limits = EnvelopeSettings(
+        height_m=(least, max(EnvelopeSettings().height_m[1], least + _LEAST_BAND_M)), pitch_deg=(low, high),
+        clearance_m=vehicle.clearance_m + vehicle.held_m, vehicle_clearance_m=vehicle.clearance_m,
+        separation_m=max(_APART_M, vehicle.apart_m),
+    )  # fmt: skip
+    wanted = filled(given, limits)
     what = ""
-    if wanted["height_m"][0] < least:
-        from_m = wanted["height_m"][0]
+    if wanted.height_m[0] < least:
+        from_m = wanted.height_m[0]
         what = f"heights from {from_m:g} m are asked for, but {vehicle.title} flies no lower than {least:g} m"
-    elif wanted["clearance_m"] < vehicle.clearance_m:
+    elif wanted.clearance_m < vehicle.clearance_m:
         what = (
-            f"a clearance of {wanted['clearance_m']:g} m to plants is asked for, but {vehicle.title} keeps "
+            f"a clearance of {wanted.clearance_m:g} m to plants is asked for, but {vehicle.title} keeps "
             f"{vehicle.clearance_m:g} m"
         )
-    elif wanted["pitch_deg"][0] < low or wanted["pitch_deg"][1] > high:
-        first, last = wanted["pitch_deg"]
+    elif wanted.pitch_deg[0] < low or wanted.pitch_deg[1] > high:
+        first, last = wanted.pitch_deg
         reach = f"is fixed at {low:g}°" if low == high else f"reaches {low:g}° to {high:g}°"
         what = f"pitches from {first:g}° to {last:g}° are asked for, but the mount of {vehicle.title} {reach}"
     if what:

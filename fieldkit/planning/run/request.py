@@ -1,45 +1,32 @@
-"""From a person's request to a run's settings: its defaults, and what may change when a run is resumed."""
+"""From what a person asks to a run's settings: its defaults, and what may change when a run is resumed."""
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.documents.json_file import first_problem
-from fieldkit.documents.mistaken import check_names
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.methods.registry import METHODS, MethodEntry, method_entry
-from fieldkit.planning.run.flyable import OUTDOORS_ENVELOPE, flight_noise, read_vehicle, vehicle_envelope
+from fieldkit.planning.plan_settings import EnvelopeSettings, NoiseSettings, PlanSettings, SearchChoices
+from fieldkit.planning.run.flyable import OUTDOORS_ENVELOPE, filled, flight_noise, read_vehicle, vehicle_envelope
 from fieldkit.planning.run.sources import describe_sources
-from fieldkit.planning.settings import (
-    CHANGEABLE,
-    EnvelopeSettings,
-    GivenPlot,
-    NoiseSettings,
-    SearchSettings,
-    lag_for,
-    unchanging,
-)
+from fieldkit.planning.settings import CHANGEABLE, GivenPlot, SearchSettings, lag_for, unchanging
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.version import __version__
-from fieldkit.vocabulary import Preset
 
-_METHOD = "field"
 KIND_METHOD = "score"
 KIND_CONFIRMED: dict[str, int] = {"finalists": 4, "repeats": 3}
 """Plots differ by more than good sets do, so several optima are confirmed on several plots."""
 RECORDED_CONFIRMED: dict[str, int] = {"finalists": 6, "repeats": 6}
 """The withheld matches change a value by more than sets differ; evaluations are cheap."""
-_OF_SEARCHES = ("method", "evaluations", "at_least", "initial", "time_budget_s", "fidelity")
-Paths = Path | str | Sequence[Path | str]
-Settings = TypeVar("Settings", bound=BaseModel)
-_DEFAULT_CAMERAS, KIND_PLOTS = 10, 8
+_OF_SEARCHES = {"method", "evaluations", "at_least", "initial", "time_budget_s", "fidelity"}
+KIND_PLOTS = 8
+"""Plots of a kind that a plan is for where nobody says how many."""
 _LIMITS = {
     "margin_m": "a margin", "height_m": "--height", "clearance_m": "--clearance", "pitch_deg": "a range of pitch",
     "separation_m": "a separation",
@@ -47,87 +34,67 @@ _LIMITS = {
 
 
 def search_settings(
-    *, scene: Paths = (), reference: Paths = (), captures: Path | str | None = None, images: Paths = (),
-    vehicle: str | Path | None = None, camera: Path | str | None = None, purpose: str | None = None,
-    noise: Mapping[str, Any] | None = None, envelope: Mapping[str, Any] | None = None,
-    preset: Preset = "outdoors", methods: Mapping[str, MethodEntry] | None = None, workers: int = 1, **more: Any,
-) -> SearchSettings:  # fmt: skip
-    """The settings of a new run, for `plan_views`.
+    asked: PlanSettings, *, methods: Mapping[str, MethodEntry] = METHODS, workers: int = 1
+) -> SearchSettings:
+    """The settings of a new run.
+
+    Plans for a kind expect a flight's noise of poses, wind and the vehicle's wash, and stations as a vehicle can keep
+    them, or with the preset "paper" exact poses, still air and nearer stations. A vehicle's limits and camera hold
+    where nothing is asked. Without a method and without settings of a search, the method is `score`, except for
+    recorded photographs.
 
     Args:
-        scene, reference, captures: the source of the plan, as `fieldkit plan` takes it: one or several scenes or
-            references, or captures.
-        images: the references' photographs, in the same order.
-        vehicle: a profile's name or file: its camera, and its limits where ``envelope`` says nothing.
-        camera: calibration (camera.toml) to use instead of the vehicle's or the scene's.
-        purpose: "kind" (plots like this one) or "this-plot"; None takes the method's: `field` and `score` plan for the
-            kind. Without a method and without settings of a search, the method is `score`, except for recorded
-            photographs.
-        noise: fields of `NoiseSettings`.
-        envelope: fields of `EnvelopeSettings`.
-        preset: what plans for a kind take where these say nothing: "outdoors" (a flight's noise of poses, wind and the
-            vehicle's wash; stations as a vehicle can keep them) or "paper" (exact poses, still air, nearer stations).
-        methods: by name, as `plan_views` takes them.
-        more: fields of `SearchSettings`: cameras, evaluations, method, seed and others.
+        asked: by a person.
+        methods: by name, as `plan` takes them.
+        workers: number of processes, by which proposals run ahead of results.
 
     Raises:
-        UsageError: they contradict themselves, or leave the vehicle's limits.
+        UsageError: it contradicts itself, or leaves the vehicle's limits.
         InputError: the source, the vehicle or the camera cannot be used.
-
-    Example:
-        >>> settings = search_settings(scene="case-1", cameras=10, evaluations=60)
     """
-    known = [*SearchSettings.model_fields, *inspect.signature(search_settings).parameters]
-    check_names("search_settings", more, known)
-    check_names("noise", noise or {}, NoiseSettings.model_fields)
-    check_names("envelope", envelope or {}, EnvelopeSettings.model_fields)
-    plots_given = describe_sources(_paths(scene), _paths(reference), captures, _paths(images))
-    first, *others = plots_given
-    recorded, given = first.source.kind == "captures", _given(more)
-    method = given.get("method", _METHOD) if recorded or _searches(purpose, given) else KIND_METHOD
+    first, *others = plots_given = describe_sources(asked)
+    given = asked.model_fields_set
+    recorded = asked.recorded
+    method = asked.method if recorded or _searches(asked) else KIND_METHOD
     entry = method_entry(method, methods)
-    plots = _plots(purpose, given.get("plots"), method, len(plots_given), for_a_kind=entry.for_a_kind)
+    plots = _plots(asked, method, len(plots_given), for_a_kind=entry.for_a_kind)
     if "weights" in given and not entry.weights:
         raise UsageError(
             f"weights would change nothing: {method} does not go by the geometric score",
             remedy=f"Leave them out, or choose one of {', '.join(n for n in METHODS if METHODS[n].weights)}.",
         )
-    flyer, record = (None, None) if vehicle is None else read_vehicle(vehicle)
-    limits = _given(envelope)
+    flyer, record = (None, None) if asked.vehicle is None else read_vehicle(asked.vehicle)
     if recorded and flyer is None:  # with one they limit the views
-        _refuse_limits(limits)
+        _refuse_limits(asked.envelope)
+    # Recorded photographs have fixed places.
+    flown = plots > 1 and not recorded and asked.preset == "outdoors"
+    noise = filled(asked.noise, flight_noise(flyer) if flown else NoiseSettings())
+    confirmed = _confirmations(plots, method, recorded=recorded, exact=unchanging(first.source, noise))
+    own = {name: getattr(asked, name) for name in given & SearchChoices.model_fields.keys()}
     try:
-        # Recorded photographs have fixed places.
-        flown = plots > 1 and not recorded and preset == "outdoors"
-        expected = _changed(flight_noise(flyer) if flown else NoiseSettings(), _given(noise))
-        limits = limits if flyer is None else vehicle_envelope(flyer, limits)
         usual = SearchSettings(
             fieldkit=__version__,
             source=first.source,
             path=first.path,
-            reference_path=str(_paths(reference)[0].resolve()) if recorded and reference else None,
+            reference_path=str(asked.reference[0].resolve()) if recorded and asked.reference else None,
             images_path=first.images_path,
             others=tuple(others),
-            cameras=_DEFAULT_CAMERAS,
-            camera=_planned_camera(camera, flyer, recorded=recorded),
+            camera=_planned_camera(asked, flyer),
             vehicle=record,
-            method=method,
             plots=plots,
             # Else the cloud's random shift would outweigh the cameras' places.
-            refine=plots > 1 and expected.pose_m > 0,
+            refine=plots > 1 and noise.pose_m > 0,
             lag=lag_for(workers),
-            noise=expected,
-            envelope=EnvelopeSettings(**(OUTDOORS_ENVELOPE | limits if flown else limits)),
         )
-        confirmed = _confirmations(plots, method, recorded=recorded, exact=unchanging(first.source, expected))
-        return _changed(usual, confirmed | given | {"method": method, "plots": plots})
+        limits = (
+            filled(asked.envelope, OUTDOORS_ENVELOPE if flown else EnvelopeSettings())
+            if flyer is None
+            else vehicle_envelope(flyer, asked.envelope)
+        )
+        settled = {"method": method, "plots": plots, "noise": noise, "envelope": limits}
+        return SearchSettings.model_validate(dict(usual) | confirmed | own | settled)
     except ValidationError as error:
         raise UsageError(first_problem(error), remedy="`fieldkit plan --help` explains the options.") from error
-
-
-def _changed(settings: Settings, given: Mapping[str, Any]) -> Settings:
-    """Settings with what was given instead, validated."""
-    return type(settings).model_validate(dict(settings) | dict(given))
 
 
 def _confirmations(plots: int, method: str, *, recorded: bool, exact: bool) -> dict[str, int]:
@@ -137,71 +104,69 @@ def _confirmations(plots: int, method: str, *, recorded: bool, exact: bool) -> d
     return RECORDED_CONFIRMED if recorded else KIND_CONFIRMED if method == KIND_METHOD else {}
 
 
-def _planned_camera(file: Path | str | None, vehicle: Vehicle | None, *, recorded: bool) -> Intrinsics | None:
+def _planned_camera(asked: PlanSettings, vehicle: Vehicle | None) -> Intrinsics | None:
     """The camera of a file, else the vehicle's; None for the source's own."""
-    if file is None:
-        return None if recorded or vehicle is None else vehicle.camera
-    if recorded:
+    if asked.camera is None:
+        return None if asked.recorded or vehicle is None else vehicle.camera
+    if asked.recorded:
         raise UsageError("recorded photographs have their camera", remedy="Leave camera out.")
-    return _camera(file)
+    return _camera(asked.camera)
 
 
-def _searches(purpose: str | None, given: Mapping[str, Any]) -> bool:
+def _searches(asked: PlanSettings) -> bool:
     """Whether a plan is searched for: it is for one plot, or a method or settings of a search are given."""
-    return purpose == "this-plot" or given.get("plots", 2) < 2 or not given.keys().isdisjoint(_OF_SEARCHES)
+    given = asked.model_fields_set
+    return asked.purpose == "this-plot" or ("plots" in given and asked.plots < 2) or not given.isdisjoint(_OF_SEARCHES)
 
 
-def _plots(purpose: str | None, plots: int | None, method: str, given: int, *, for_a_kind: bool) -> int:
+def _plots(asked: PlanSettings, method: str, given: int, *, for_a_kind: bool) -> int:
     """Number of plots that a plan is for."""
-    if purpose == "this-plot":
+    if asked.purpose == "this-plot":
         if given > 1:
             raise UsageError(f"--for this-plot, and {given} are given", remedy="Give one, or leave --for out.")
-        if (plots or 1) > 1:
-            raise UsageError(f"--vary {plots} plans for more than this plot", remedy="Give --for or --vary.")
+        if asked.plots > 1:
+            raise UsageError(f"--vary {asked.plots} plans for more than this plot", remedy="Give --for or --vary.")
         return 1
     if given > 1 and not for_a_kind:
         raise UsageError(
             f"{method} plans for one plot, and {given} are given",
             remedy=f"Give one, or choose one of {', '.join(name for name in METHODS if METHODS[name].for_a_kind)}.",
         )
-    if plots is not None:
-        return plots
-    return max(given, KIND_PLOTS if purpose == "kind" or for_a_kind else 1)
+    if "plots" in asked.model_fields_set:
+        return asked.plots
+    return max(given, KIND_PLOTS if asked.purpose == "kind" or for_a_kind else 1)
 
 
-def resumed_settings(
-    settings: SearchSettings, *, scene: Paths = (), reference: Paths = (), captures: Path | str | None = None,
-    images: Paths = (), vehicle: str | Path | None = None, camera: Path | str | None = None,
-    purpose: str | None = None, noise: Mapping[str, Any] | None = None, envelope: Mapping[str, Any] | None = None,
-    **more: Any,
-) -> SearchSettings:  # fmt: skip
-    """The settings to resume with: the run's own, with changes where they are allowed.
+def resumed_settings(settings: SearchSettings, asked: PlanSettings) -> SearchSettings:
+    """The settings to resume with: the run's own, with what is asked where it may change; its preset changes nothing.
 
-    The arguments are those of `search_settings`, whose ``preset`` changes nothing of a run that has begun.
+    Raises UsageError: the run did not begin with what is asked.
     """
-    given = _given(more)
-    if purpose is not None and (purpose == "kind") != (settings.plots > 1):
-        given["plots"] = 1 if purpose == "this-plot" else KIND_PLOTS
-    fixed = {key: value for key, value in given.items() if key not in CHANGEABLE and getattr(settings, key) != value}
-    for own, wished in ((settings.noise, noise), (settings.envelope, envelope)):
-        fixed |= {key: value for key, value in _given(wished).items() if getattr(own, key) != value}
-    if vehicle is not None:
-        _, record = read_vehicle(vehicle)
+    fixed = {}
+    for own, wished in ((settings, asked), (settings.noise, asked.noise), (settings.envelope, asked.envelope)):
+        for key in type(wished).model_fields:
+            known = key in type(own).model_fields and key not in {*CHANGEABLE, "vehicle", "camera", "noise", "envelope"}
+            if known and key in wished.model_fields_set and getattr(own, key) != getattr(wished, key):
+                fixed[key] = getattr(wished, key)
+    if asked.purpose is not None and (asked.purpose == "kind") != (settings.plots > 1):
+        fixed["plots"] = 1 if asked.purpose == "this-plot" else KIND_PLOTS
+    if asked.vehicle is not None:
+        _, record = read_vehicle(asked.vehicle)
         if settings.vehicle is None or settings.vehicle.sha256 != record.sha256:
             fixed["vehicle"] = record.name if settings.vehicle is None else f"{record.name} as it is now"
-    if camera is not None and _camera(camera) != settings.camera:
-        fixed["camera"] = Path(camera).name
+    if asked.camera is not None and _camera(asked.camera) != settings.camera:
+        fixed["camera"] = asked.camera.name
     if fixed:
         key, value = next(iter(fixed.items()))
         raise UsageError(
             f"this run did not begin with {key} = {value}",
             remedy="Leave it out to go on with this run, or start another one in another folder.",
         )
-    if any((scene, reference, captures, images)):
-        settings = _moved(settings, describe_sources(_paths(scene), _paths(reference), captures, _paths(images)))
-    changed = {key: value for key, value in given.items() if key in CHANGEABLE}
+    if asked.sources:
+        settings = _moved(settings, describe_sources(asked))
+    changed = {key: getattr(asked, key) for key in asked.model_fields_set.intersection(CHANGEABLE)}
     if "evaluations" in changed:  # a converged run goes on
-        changed.setdefault("at_least", changed["evaluations"])
+        changed.setdefault("at_least", asked.evaluations)
     return settings.model_copy(update=changed)
 
 
@@ -221,30 +186,20 @@ def _moved(settings: SearchSettings, found: Sequence[GivenPlot]) -> SearchSettin
     return settings.model_copy(update={"path": found[0].path, "others": others})
 
 
-def _paths(given: Paths) -> tuple[Path, ...]:
-    return tuple(map(Path, [given] if isinstance(given, Path | str) else given))
-
-
-def _refuse_limits(envelope: Mapping[str, Any]) -> None:
+def _refuse_limits(envelope: EnvelopeSettings) -> None:
     """Refuse limits of cameras for recorded views, whose places are fixed."""
     for key, option in _LIMITS.items():
-        if key in envelope:
+        if key in envelope.model_fields_set:
             raise UsageError(
                 f"recorded photographs have their places: {option} would not change the choice among them",
                 remedy="Leave it out, or plan on --reference or --scene.",
             )
 
 
-def _camera(file: Path | str) -> Intrinsics:
-    cameras = read_camera_file(Path(file))
+def _camera(file: Path) -> Intrinsics:
+    cameras = read_camera_file(file)
     if len(cameras) != 1:
         raise MetadataError(
-            f"holds {len(cameras)} cameras; a plan is made for one",
-            path=Path(file),
-            remedy="Give a file of one camera.",
+            f"holds {len(cameras)} cameras; a plan is made for one", path=file, remedy="Give a file of one camera."
         )
     return cameras[0].intrinsics
-
-
-def _given(values: Mapping[str, Any] | None) -> dict[str, Any]:
-    return {key: value for key, value in (values or {}).items() if value is not None}

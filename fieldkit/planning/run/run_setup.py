@@ -20,11 +20,12 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.planning.objective.objective import ObjectiveSettings, PlotsObjective
 from fieldkit.planning.objective.recorded import RecordedKind, RecordedSource
 from fieldkit.planning.objective.simulated import Kind
+from fieldkit.planning.plan_settings import EnvelopeSettings
 from fieldkit.planning.problem import POSE_NOISE_M, PlanningProblem
 from fieldkit.planning.run.flyable import check_views
 from fieldkit.planning.run.sources import check_unchanged, source_doubts
 from fieldkit.planning.score.match_graph import match_graph
-from fieldkit.planning.settings import EnvelopeSettings, GivenPlot, SearchSettings, unchanging
+from fieldkit.planning.settings import GivenPlot, SearchSettings, unchanging
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import zip_longest
 from pathlib import Path
 
@@ -10,7 +9,7 @@ from fieldkit.captures import read_capture
 from fieldkit.errors import SceneError, UsageError
 from fieldkit.evaluation.cloud_reference import is_cloud, reference_file
 from fieldkit.evaluation.reference import Reference
-from fieldkit.planning.run.given import check_given
+from fieldkit.planning.plan_settings import PlanSettings
 from fieldkit.planning.settings import GivenPlot
 from fieldkit.results.finding import DOUBTFUL, PLANTS_APART
 from fieldkit.results.plan import PlanSource
@@ -18,26 +17,21 @@ from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_refe
 from fieldkit.scenes.library import find_scene, scene_reference
 
 
-def describe_sources(
-    scenes: Sequence[Path], references: Sequence[Path], captures: Path | str | None, images: Sequence[Path] = ()
-) -> tuple[GivenPlot, ...]:
-    """The plots of a run: paths, or names of scenes that come with fieldkit.
-
-    ``images`` are the references' photographs in the same order; none, or a folder for each.
-    """
-    for reference in references:
+def describe_sources(asked: PlanSettings) -> tuple[GivenPlot, ...]:
+    """The plots that a plan is asked for. Raises UsageError: they do not go together."""
+    for reference in asked.reference:
         if is_cloud(reference) and reference_file(reference) == reference:
             raise UsageError(
                 "a plan needs a reference's cameras and ground, which a bare cloud does not have", path=reference,
                 remedy="Build one of photographs: `fieldkit reference IMAGES -o REF`.",
             )  # fmt: skip
-    if check_given(scenes, references, captures, images):
-        assert captures is not None
-        folder = Path(captures).resolve()
+    asked.check_sources()
+    if asked.captures is not None and asked.recorded:
+        folder = asked.captures.resolve()
         read_capture(folder)
         return (GivenPlot(source=PlanSource(kind="captures", name=folder.name), path=str(folder)),)
-    found = [_described_scene(scene) for scene in scenes]
-    found += [_described_reference(*each) for each in zip_longest(references, images)]
+    found = [_described_scene(scene) for scene in asked.scene]
+    found += [_described_reference(*each) for each in zip_longest(asked.reference, asked.images)]
     for number, plot in enumerate(found):
         if any(plot.path == same.path or plot.source.sha256 == same.source.sha256 for same in found[:number]):
             raise UsageError(

@@ -19,9 +19,6 @@ from fieldkit.planning.space.cameras import Cameras
 Weights = tuple[float, float, float]
 TERMS = 3
 """Gap, noise and tie."""
-WEIGHTS: Weights = (0.55, 1.1, 0.15)
-"""Metres of value per metre of each term, fitted on 24 sets outdoors and 12 in still air about tuning-1 and tuning-2:
-used until a plot has its own results."""
 DOUBT = 0.1
 """Standard deviation of each weight, over plots whose values are as large as the score expects."""
 CERTAINTY = 0.15

@@ -7,7 +7,8 @@ from benchmarks.planners.rings import Cap, CircleAim, Hemisphere, TwoRings
 from benchmarks.planners.staged import StagedSearch
 from fieldkit.planning.methods.circle import CircleSearch, expected_circle, plain_ring
 from fieldkit.planning.problem import Result, Trial
-from fieldkit.planning.score.cost_model import WEIGHTS, CostModel
+from fieldkit.planning.score.cost_model import CostModel
+from fieldkit.vocabulary import WEIGHTS
 from tests.planning.leafy import problem, recorded
 
 PROBLEM = problem(6)

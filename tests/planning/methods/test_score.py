@@ -8,9 +8,10 @@ import pytest
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.methods.optimise import Effort
 from fieldkit.planning.methods.score import ScoreOptimum
-from fieldkit.planning.score.cost_model import CERTAINTY, WEIGHTS, CostModel
+from fieldkit.planning.score.cost_model import CERTAINTY, CostModel
 from fieldkit.planning.score.geometric import GeometricScore
 from fieldkit.scenes.simulate import Outdoors
+from fieldkit.vocabulary import WEIGHTS
 from tests.planning.leafy import problem, recorded
 
 PROBLEM = problem(5)

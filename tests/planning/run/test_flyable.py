@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from fieldkit.clouds import Cloud, Volume
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.missions.export import route_plan
+from fieldkit.planning.plan_settings import EnvelopeSettings, PlanSettings
 from fieldkit.planning.run.flyable import check_views, plan_needs_rtk, read_vehicle, vehicle_envelope
 from fieldkit.planning.run.request import resumed_settings, search_settings
-from fieldkit.planning.settings import EnvelopeSettings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.projection import project
@@ -53,7 +53,7 @@ def palms() -> Cloud:
 
 @lru_cache
 def envelope_of(name: str) -> Envelope:
-    limits = EnvelopeSettings(**vehicle_envelope(load_vehicle(name), {}))
+    limits = vehicle_envelope(load_vehicle(name), EnvelopeSettings())
     return Envelope.around(palms(), TARGET, **limits.model_dump())
 
 
@@ -111,29 +111,29 @@ def test_below_leaves_is_no_place_for_a_vehicle() -> None:
 )
 def test_what_leaves_the_vehicles_limits_is_refused(given_: dict[str, Any], words: str) -> None:
     with pytest.raises(UsageError, match=words) as caught:
-        search_settings(scene=Path("demo"), vehicle="ardupilot-pitch", envelope=given_)
+        search_settings(PlanSettings(scene="demo", vehicle="ardupilot-pitch", envelope=given_))
     assert "--vehicle" in caught.value.remedy
 
 
 def test_what_is_given_wins_within_the_limits() -> None:
     own = {"height_m": (1.4, 3.0), "clearance_m": 0.8, "pitch_deg": (-60.0, -10.0), "margin_m": 0.7}
-    found = search_settings(scene=Path("demo"), vehicle="ardupilot-pitch", envelope=own)
+    found = search_settings(PlanSettings(scene="demo", vehicle="ardupilot-pitch", envelope=own))
     assert {key: getattr(found.envelope, key) for key in own} == own
     assert found.envelope.vehicle_clearance_m == 0.5
     assert found.camera == load_vehicle("ardupilot-pitch").camera
     high = load_vehicle("ardupilot-pitch").model_copy(update={"min_height_m": 4.0})
-    assert vehicle_envelope(high, {})["height_m"] == (4.0, 5.0)
+    assert vehicle_envelope(high, EnvelopeSettings()).height_m == (4.0, 5.0)
 
 
 def test_a_camera_that_is_given_is_taken_instead(tmp_path: Path) -> None:
     file = tmp_path / "camera.toml"
     file.write_text(NO_CAMERA)
-    found = search_settings(scene=Path("demo"), vehicle="px4-gimbal", camera=file)
+    found = search_settings(PlanSettings(scene="demo", vehicle="px4-gimbal", camera=file))
     assert found.camera.width == 640
     assert found.vehicle is not None
     with pytest.raises(UsageError, match="did not begin with camera"):
-        resumed_settings(found, camera=_other(tmp_path))
-    assert resumed_settings(found, camera=file) == found
+        resumed_settings(found, PlanSettings(camera=_other(tmp_path)))
+    assert resumed_settings(found, PlanSettings(camera=file)) == found
 
 
 def _other(folder: Path) -> Path:
@@ -143,20 +143,20 @@ def _other(folder: Path) -> Path:
 
 
 def test_a_run_goes_on_for_the_vehicle_it_began_with(tmp_path: Path) -> None:
-    began = search_settings(scene=Path("demo"), vehicle="ardupilot-pitch")
+    began = search_settings(PlanSettings(scene="demo", vehicle="ardupilot-pitch"))
     assert (began.vehicle.name, began.vehicle.title) == ("ardupilot-pitch", "ArduCopter quad with a pitch gimbal")
-    assert resumed_settings(began) == began
-    assert resumed_settings(began, envelope={"height_m": (1.0, 2.5)}, vehicle="ardupilot-pitch") == began
+    assert resumed_settings(began, PlanSettings()) == began
+    assert resumed_settings(began, PlanSettings(envelope={"height_m": (1.0, 2.5)}, vehicle="ardupilot-pitch")) == began
     with pytest.raises(UsageError, match="did not begin with vehicle = px4-gimbal"):
-        resumed_settings(began, vehicle="px4-gimbal")
+        resumed_settings(began, PlanSettings(vehicle="px4-gimbal"))
     with pytest.raises(UsageError, match="did not begin with vehicle"):
-        resumed_settings(bowl_settings(), vehicle="ardupilot-pitch")
+        resumed_settings(bowl_settings(), PlanSettings(vehicle="ardupilot-pitch"))
     copy = tmp_path / "mine.toml"
     copy.write_bytes((vehicles_folder() / "ardupilot-pitch.toml").read_bytes())
-    assert resumed_settings(began, vehicle=copy) == began
+    assert resumed_settings(began, PlanSettings(vehicle=copy)) == began
     copy.write_text(copy.read_text().replace("min_height_m = 1.0", "min_height_m = 1.1"))
     with pytest.raises(UsageError, match=r"did not begin with vehicle = mine\.toml as it is now"):
-        resumed_settings(began, vehicle=copy)
+        resumed_settings(began, PlanSettings(vehicle=copy))
 
 
 class Notes(Silent):
@@ -171,7 +171,7 @@ class Notes(Silent):
 
 def test_recorded_views_are_compared_with_the_vehicle() -> None:
     vehicle, entry = read_vehicle("fixed-gimbal")
-    limits = EnvelopeSettings(**vehicle_envelope(vehicle, {}))
+    limits = vehicle_envelope(vehicle, EnvelopeSettings())
     run = bowl_settings(vehicle=entry, envelope=limits)
     height = np.array([0.8, 1.2, 1.3, 1.4, 1.5, 1.6])
     views = Cameras(np.stack([height, height, height], axis=1), np.zeros(6), np.array([-45.0] * 5 + [-44.0]))

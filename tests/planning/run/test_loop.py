@@ -11,12 +11,13 @@ import pytest
 from benchmarks.planners.random_sets import Random
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.objective import Objective
+from fieldkit.planning.plan_settings import NoiseSettings, PlanSettings
 from fieldkit.planning.problem import Gain, PlanningProblem, Result, Trial, lowest
 from fieldkit.planning.run.evaluations import Evaluations, evaluating
 from fieldkit.planning.run.folder import LogEntry, RunFolder, create_run, open_run
 from fieldkit.planning.run.loop import Ending, confirm, evaluate_again, search
 from fieldkit.planning.run.request import resumed_settings
-from fieldkit.planning.settings import NoiseSettings, SearchSettings
+from fieldkit.planning.settings import SearchSettings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.plan import PlanSource
 from fieldkit.runtime.context import Context
@@ -185,7 +186,7 @@ def test_a_run_stops_where_nothing_is_left_to_gain_and_goes_on_when_told(tmp_pat
         evaluations = serial(noise_m=0.1)
         assert search(method, evaluations, run, out_of_time=never, watch=ignore) == stopped
         assert len(run.entries) == 7
-        run.save_settings(resumed_settings(run.settings, evaluations=12))
+        run.save_settings(resumed_settings(run.settings, PlanSettings(evaluations=12)))
         assert search(method, evaluations, run, out_of_time=never, watch=ignore) == Ending("evaluations")
         assert plain(run.entries) == [entry for entry in whole if entry["stage"] == "search"]
 

@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from fieldkit.errors import UsageError
 from fieldkit.planning.methods.registry import METHODS, MethodEntry
+from fieldkit.planning.plan_settings import PlanSettings
 from fieldkit.planning.run.outcome import plants_of, run_schemas
 from fieldkit.planning.run.request import resumed_settings, search_settings
 from tests.planning.bowl import bowl_problem
@@ -23,20 +24,22 @@ def test_the_schemas_are_those_in_the_documentation() -> None:
 
 
 def test_settings_without_a_command_line() -> None:
-    settings = search_settings(scene=Path("case-1"), cameras=12, method="bosfm", noise={"wind_m": 0.01}, workers=3)
+    asked = PlanSettings(scene=Path("case-1"), cameras=12, method="bosfm", noise={"wind_m": 0.01})
+    settings = search_settings(asked, workers=3)
     assert (settings.source.name, settings.cameras, settings.method, settings.lag) == ("case-1.toml", 12, "bosfm", 4)
     assert settings.noise.wind_m == 0.01
     with pytest.raises(UsageError, match="plan on what"):
-        search_settings()
+        search_settings(PlanSettings())
     for wrong, words in (
         ({"cameras": 1}, "cameras"), ({"weights": (0.0, 0.0, 0.0)}, "one of them must be above 0"),
         ({"method": "circle", "weights": (1.0, 1.0, 1.0)}, "would change nothing"),
         ({"method": "cirlce"}, "no method 'cirlce'"),
     ):  # fmt: skip
         with pytest.raises(UsageError, match=words):
-            search_settings(scene=Path("case-1"), **wrong)
+            search_settings(PlanSettings(scene="case-1", **wrong))
     own = {"mine": MethodEntry(METHODS["circle"].make, weights=True)}
-    assert search_settings(scene=Path("case-1"), method="mine", methods=own, weights=(1.0, 1.0, 1.0)).plots == 1
+    mine = PlanSettings(scene="case-1", method="mine", weights=(1.0, 1.0, 1.0))
+    assert search_settings(mine, methods=own).plots == 1
 
 
 @pytest.mark.parametrize(
@@ -48,7 +51,7 @@ def test_settings_without_a_command_line() -> None:
     ],
 )  # fmt: skip
 def test_plans_are_for_plots_of_the_kind_where_the_method_knows_how(asked: dict[str, Any], plots: int) -> None:
-    assert search_settings(**{"scene": Path("case-1")} | asked).plots == plots
+    assert search_settings(PlanSettings(**{"scene": "case-1"} | asked)).plots == plots
 
 
 @pytest.mark.parametrize(
@@ -60,7 +63,7 @@ def test_plans_are_for_plots_of_the_kind_where_the_method_knows_how(asked: dict[
     ],
 )  # fmt: skip
 def test_plans_for_a_kind_are_chosen_and_confirmed_where_no_search_is_asked_for(asked, method, confirmed) -> None:
-    settings = search_settings(scene=Path("case-1"), **asked)
+    settings = search_settings(PlanSettings(scene="case-1", **asked))
     assert (settings.method, (settings.finalists, settings.repeats)) == (method, confirmed)
 
 
@@ -78,7 +81,7 @@ def test_plans_for_a_kind_are_chosen_and_confirmed_where_no_search_is_asked_for(
     ],
 )
 def test_plans_for_a_kind_expect_the_flights_noise(asked, noise, refined) -> None:
-    settings = search_settings(scene=Path("case-1"), **asked)
+    settings = search_settings(PlanSettings(scene="case-1", **asked))
     assert (settings.noise.pose_m, settings.noise.pose_deg) == noise
     assert (settings.noise.wind_m > 0) == (asked.get("purpose") != "this-plot" and asked.get("preset") != "paper")
     assert settings.refine == refined
@@ -96,17 +99,17 @@ def test_plans_for_a_kind_expect_the_flights_noise(asked, noise, refined) -> Non
 )
 def test_several_plots_are_refused_where_they_make_no_sense(asked: dict[str, Any], message: str) -> None:
     with pytest.raises(UsageError, match=message):
-        search_settings(**{"scene": [Path("case-1"), Path("case-2")]} | asked)
+        search_settings(PlanSettings(**{"scene": ["case-1", "case-2"]} | asked))
 
 
 def test_a_run_on_several_plots_goes_on_with_them_only(tmp_path: Path) -> None:
     names = ("case-1", "case-2", "case-3")
-    settings = search_settings(scene=[Path(name) for name in names[:2]])
+    settings = search_settings(PlanSettings(scene=names[:2]))
     assert [given.source.name for given in settings.given] == ["case-1.toml", "case-2.toml"]
-    assert resumed_settings(settings, scene=names[:2]) == settings
+    assert resumed_settings(settings, PlanSettings(scene=names[:2])) == settings
     for wrong in (("case-1",), ("case-1", "case-3"), names):
         with pytest.raises(UsageError, match="planned on"):
-            resumed_settings(settings, scene=wrong)
+            resumed_settings(settings, PlanSettings(scene=wrong))
 
 
 def test_a_plan_says_where_the_plants_are() -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.conversion import reference_report
+from fieldkit.planning.plan_settings import PlanSettings
 from fieldkit.planning.run.request import search_settings
 from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.planning.run.sources import source_doubts
@@ -22,7 +23,7 @@ from tests.evaluation.examples import reconstruction
 
 
 def test_a_scene_of_fieldkits_own_is_planned_on_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    settings = search_settings(scene=Path("demo"), cameras=4)
+    settings = search_settings(PlanSettings(scene="demo", cameras=4))
     assert settings.path == "demo"  # on any machine
     monkeypatch.chdir(tmp_path)
     setup = set_up_run(settings, tmp_path, Context())
@@ -31,7 +32,7 @@ def test_a_scene_of_fieldkits_own_is_planned_on_by_its_name(tmp_path: Path, monk
     assert setup.problem.contains(setup.problem.sample(0))
     assert not setup.problem.blind
     assert not setup.problem.exact  # photographs are taken anew at every seed
-    blind = search_settings(scene=Path("demo"), cameras=4, mapping="incremental")
+    blind = search_settings(PlanSettings(scene="demo", cameras=4, mapping="incremental"))
     assert set_up_run(blind, tmp_path, Context()).problem.blind
 
 
@@ -49,7 +50,7 @@ def test_what_a_reference_says_against_itself_is_told_before_a_plan_for_it(tmp_p
 
 
 def test_plans_for_a_kind_are_stated_for_the_given_plots_height(tmp_path: Path) -> None:
-    settings = search_settings(scene=Path("demo"), cameras=4, method="score", plots=3)
+    settings = search_settings(PlanSettings(scene="demo", cameras=4, method="score", plots=3))
     setup = set_up_run(settings, tmp_path, Context())
     problem, height_m = setup.problem, setup.plant_height_m
     given, *drawn = problem.plots
@@ -66,14 +67,14 @@ def test_plans_for_a_kind_are_stated_for_the_given_plots_height(tmp_path: Path) 
             GeometricScore(problem, plot=p).score(c) for p, c in ((plot, cameras), (replace(plot, stretch=None), flown))
         )
         assert of_plan.distance_m == of_flown.distance_m
-    alone = search_settings(scene=Path("demo"), cameras=4, purpose="this-plot")
+    alone = search_settings(PlanSettings(scene="demo", cameras=4, purpose="this-plot"))
     setup = set_up_run(alone, tmp_path, Context())
     assert setup.plant_height_m is None
     assert setup.problem.plots[0].stretch is None
 
 
 def test_a_scene_that_is_no_longer_the_same_is_refused(tmp_path: Path) -> None:
-    settings = search_settings(scene=Path("demo"), cameras=4)
+    settings = search_settings(PlanSettings(scene="demo", cameras=4))
     other = settings.model_copy(update={"path": "case-1"})
     with pytest.raises(UsageError, match="has changed"):
         set_up_run(other, tmp_path, Context())

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from fieldkit.cache import StageCache
 from fieldkit.errors import FieldkitError, ReconstructionError
 from fieldkit.planning.methods.circle import expected_ring
 from fieldkit.planning.methods.registry import METHODS, MethodEntry, method_entry
 from fieldkit.planning.methods.subsets import even_subsets
+from fieldkit.planning.plan_settings import PlanSettings
 from fieldkit.planning.problem import Chooser, Limited, PlanningProblem, Trial
 from fieldkit.planning.run.evaluations import Evaluations, evaluating
 from fieldkit.planning.run.folder import RunFolder, create_run, open_run
@@ -27,29 +28,28 @@ from fieldkit.planning.run.loop import (
     unless_ahead,
 )
 from fieldkit.planning.run.outcome import Outcome, write_outcome
+from fieldkit.planning.run.request import resumed_settings, search_settings
 from fieldkit.planning.run.run_setup import RunSetup, set_up_run
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import Spent
-from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.renderer import RenderingError
 from fieldkit.version import __version__
 
+Expect = Callable[[RunFolder, int], None]
 _NEARER = 0.1
 """By which share of its distance an optimum has to beat the even ring, which has the better traits."""
 
 
-def plan_views(
+def plan(
     output: Path | str,
-    settings: SearchSettings,
+    settings: PlanSettings | SearchSettings,
+    context: Context | None = None,
     *,
-    cache: StageCache | None = None,
-    workers: int = 1,
-    scheduler: str = "",
     overwrite: bool = False,
-    progress: Progress | None = None,
-    watch: Watch | None = None,
-    expect: Callable[[int], None] = lambda _: None,
+    resume: bool = False,
+    watch: Watch = no_watch,
+    expect: Expect = lambda _run, _total: None,
     methods: Mapping[str, MethodEntry] = METHODS,
 ) -> Outcome:
     """Find the cameras and write the plan.
@@ -57,78 +57,64 @@ def plan_views(
     Args:
         output: the run's folder: search.json before the start, evaluations.jsonl during the run; at the end plan.json,
             outcome.json and plan.png.
-        settings: of the run.
-        cache, progress: None takes the usual folder, and says nothing.
-        scheduler: address of a Dask scheduler whose workers evaluate instead.
+        settings: what is asked; or all that search.json holds.
+        context: None takes the usual cache and one process, and says nothing.
         overwrite: replace an earlier run in ``output``.
+        resume: go on with the run in ``output``, or extend a finished one; no evaluation is repeated. What is asked
+            has to be the run's own but for `settings.CHANGEABLE` and paths. Without such a run a new one begins.
         watch: called with every evaluation.
-        expect: called with the most evaluations that the search can have, before the first.
+        expect: called before the first evaluation, with the run and the most evaluations that its search can have.
         methods: by name; other planners plug in here.
 
     Raises:
-        UsageError: ``output`` exists, the settings contradict themselves, or the method's packages are not installed.
-        InputError: the source cannot be used, or this machine cannot render.
+        UsageError: ``output`` exists, the settings contradict themselves or the run that goes on, or the method's
+            packages are not installed.
+        InputError: the source cannot be used, this machine cannot render, or the run's folder is damaged.
         ReconstructionError: no set of cameras could be evaluated.
         StorageError: the disk is full; the run can be resumed if anything was evaluated.
+
+    Example:
+        >>> plan("maize-plan", PlanSettings(scene="case-1", cameras=10, evaluations=60))
     """
-    method_entry(settings.method, methods)
-    with create_run(Path(output), settings, overwrite=overwrite) as run:
+    output, context = Path(output), context or Context.usual()
+    planned = partial(_planned, context=context, watch=watch, expect=expect, methods=methods)
+    asked = settings if isinstance(settings, PlanSettings) else None
+    if resume and (asked is None or output.exists() or not asked.sources):
+        with open_run(output) as run:
+            method_entry(run.settings.method, methods)
+            wanted = settings if isinstance(settings, SearchSettings) else resumed_settings(run.settings, settings)
+            if wanted != run.settings:
+                run.save_settings(wanted)
+            if run.settings.fieldkit != __version__:
+                context.progress.note(
+                    f"this run was begun with fieldkit {run.settings.fieldkit} and goes on with {__version__}: where "
+                    "the changelog names the objective, values of the two do not compare"
+                )
+            return planned(run)
+    new = settings if asked is None else search_settings(asked, methods=methods, workers=context.workers)
+    assert isinstance(new, SearchSettings)
+    method_entry(new.method, methods)
+    with create_run(output, new, overwrite=overwrite) as run:
         try:
-            context = Context.usual(cache, progress, workers, settings.seed, scheduler)
-            return _planned(run, context, watch or no_watch, expect, methods)
+            return planned(run)
         except FieldkitError:
             if not run.entries:  # so that the same call, put right, is not refused
                 shutil.rmtree(run.path, ignore_errors=True)
             raise
 
 
-def resume_plan(
-    output: Path | str,
-    settings: SearchSettings | None = None,
-    *,
-    cache: StageCache | None = None,
-    workers: int = 1,
-    scheduler: str = "",
-    progress: Progress | None = None,
-    watch: Watch | None = None,
-    expect: Callable[[int], None] = lambda _: None,
-    methods: Mapping[str, MethodEntry] = METHODS,
-) -> Outcome:
-    """Resume an interrupted run, or extend a finished one; no evaluation is repeated.
-
-    Args:
-        output: the run's folder.
-        settings: to go on with; None takes the run's own. Only `settings.CHANGEABLE` and paths may differ.
-        cache, workers, scheduler, progress, watch, expect, methods: as `plan_views`.
-
-    Raises:
-        MetadataError: ``output`` is not a run's folder, or is damaged.
-        FieldkitError: as `plan_views`.
-    """
-    with open_run(Path(output)) as run:
-        method_entry(run.settings.method, methods)
-        if settings is not None and settings != run.settings:
-            run.save_settings(settings)
-        context = Context.usual(cache, progress, workers, run.settings.seed, scheduler)
-        if run.settings.fieldkit != __version__:
-            context.progress.note(
-                f"this run was begun with fieldkit {run.settings.fieldkit} and goes on with {__version__}: where the "
-                "changelog names the objective, values of the two do not compare"
-            )
-        return _planned(run, context, watch or no_watch, expect, methods)
-
-
 def _planned(
-    run: RunFolder, context: Context, watch: Watch, expect: Callable[[int], None], methods: Mapping[str, MethodEntry]
+    run: RunFolder, context: Context, watch: Watch, expect: Expect, methods: Mapping[str, MethodEntry]
 ) -> Outcome:
     settings = run.settings
+    context = replace(context, seed=settings.seed)
     entry = method_entry(settings.method, methods)
     setup = set_up_run(settings, run.path, context, count_matches=entry.matches)
     method = entry.make(setup.problem, settings)
     if isinstance(method, Chooser):
-        expect(0)
+        expect(run, 0)
         return _chosen(method, run, setup, context, watch)
-    expect(min(settings.evaluations, method.trials) if isinstance(method, Limited) else settings.evaluations)
+    expect(run, min(settings.evaluations, method.trials) if isinstance(method, Limited) else settings.evaluations)
     budget = settings.time_budget_s
     with evaluating(setup.objective, context) as evaluations:
         ending = search(
