@@ -92,20 +92,15 @@ def command(
         fieldkit check flight_7/ --plan plan.json --site field.toml --vehicle ardupilot-pitch -o again.plan
     """
     again.check(place.site)
-    site = place.load(tell=None if as_json else say)
-    if site is not None and plan is not None and again.height is not None:
-        from fieldkit.results.plan_file import load_plan
-        from fieldkit.sites.plot_plants import with_plant_height
-
-        site = with_plant_height(site, load_plan(plan), plant_height(again.height))
+    site, height = place.load(tell=None if as_json else say), plant_height(again.height)
     cache = open_cache(no_cache=no_cache, resume=False)
     from fieldkit.fieldcheck import CheckSettings, check_captures
 
     settings = CheckSettings(position_m=position_tolerance, angle_deg=angle_tolerance, seed=seed)
     with run_context(as_json=as_json) as progress:
         reports = check_captures(
-            captures, plan, site=site, plot=place.plot, log=log, fit=fit, settings=settings, cache=cache,
-            progress=progress,
+            captures, plan, site=site, plot=place.plot, plant_height=height, log=log, fit=fit, settings=settings,
+            cache=cache, progress=progress,
         )  # fmt: skip
     files = list(_missions(reports, plan, site, again, fit=fit, overwrite=overwrite, seed=seed))
     if as_json:
@@ -134,8 +129,8 @@ def _missions(
             continue
         target = output if len(reports) == 1 else output.with_name(f"{output.stem}-{report.name}{output.suffix}")
         yield from write_refly(
-            report.fly_again, plan, vehicle, site, target, plot=report.plot, format=again.format, fit=fit,
-            adjust=again.adjust, burst=report.burst, overwrite=overwrite, seed=seed,
+            report.fly_again, plan, vehicle, site, target, plot=report.plot, plant_height=plant_height(again.height),
+            format=again.format, fit=fit, adjust=again.adjust, burst=report.burst, overwrite=overwrite, seed=seed,
         )  # fmt: skip
 
 

@@ -36,6 +36,7 @@ from fieldkit.runtime.machine import Spent, usual_workers
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.sites.fitted import flown_plan
 from fieldkit.sites.placement import PlotFrame
+from fieldkit.sites.plot_plants import PlantHeight, heights_taken, with_plant_height
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.site_file import load_site, named_plots
 from fieldkit.wording import count, listed
@@ -75,6 +76,7 @@ def check_captures(
     *,
     site: Path | Site | None = None,
     plot: str | None = None,
+    plant_height: PlantHeight | None = None,
     log: Path | None = None,
     fit: bool | None = None,
     settings: CheckSettings | None = None,
@@ -89,6 +91,7 @@ def check_captures(
         plan: that was flown; None looks at sharpness, exposure and matches only.
         site: where the plots lie; None takes the plan's row heading, or fits by shape.
         plot: of the site, where there is one folder; None takes the one with the folder's name, or the only one.
+        plant_height: as of `fieldkit.missions.export_mission`.
         log: flight log whose poses count instead of the photographs' own.
         fit: whether the plan was fitted to each plot of the site, as of `fieldkit.missions.export_mission`.
     """
@@ -108,7 +111,9 @@ def check_captures(
             f"the plan has {len(loaded.stations)} stations; {MAX_STATIONS} are the most that are checked",
             remedy="Leave --plan out: a dense capture is checked without one.",
         )
-    place = load_site(site) if isinstance(site, Path) else site
+    stated = load_site(site) if isinstance(site, Path) else site
+    place = None if stated is None else with_plant_height(stated, loaded, plant_height)
+    taken = () if stated is None or place is None else heights_taken(stated, place, plant_height)
     flight = None if log is None else LoggedFlight.read(log, plots)
     settings = settings or CheckSettings()
     context = Context(
@@ -121,7 +126,9 @@ def check_captures(
         flown = loaded if chosen is None or loaded is None else flown_plan(loaded, chosen, fit)
         capture = by_station((None if flight is None else flight.capture(name)) or read_capture(folder))
         report = check_capture(flown, settings, context, name, folder, capture, place, chosen)
-        reports.append(replace(report, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds))
+        own = (each for each in taken if chosen is not None and each.subject == chosen.name)
+        findings = (*report.findings, *(replace(each, subject="", message=str(each)) for each in own))
+        reports.append(replace(report, findings=findings, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds))
     return tuple(reports)
 
 

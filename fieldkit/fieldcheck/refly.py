@@ -13,6 +13,7 @@ from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan
 from fieldkit.routing.mission import Mission, Shot
 from fieldkit.sites.fitted import flown_plan
+from fieldkit.sites.plot_plants import PlantHeight, with_plant_height
 from fieldkit.sites.site import Site
 from fieldkit.sites.site_file import load_site, with_plots
 from fieldkit.vehicles.vehicle import Vehicle
@@ -27,6 +28,7 @@ def write_refly(
     output: Path,
     *,
     plot: str | None = None,
+    plant_height: PlantHeight | None = None,
     format: str | None = None,  # noqa: A002
     fit: bool | None = None,
     adjust: bool = False,
@@ -38,11 +40,12 @@ def write_refly(
 
     Args:
         stations: indices in the plan, from 0.
+        plant_height: as of `fieldkit.missions.export_mission`.
     """
     output, format = mission_file(output, format)  # noqa: A001
     loaded = plan if isinstance(plan, Plan) else load_plan(plan)
     profile = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
-    whole = site if isinstance(site, Site) else load_site(site)
+    whole = with_plant_height(site if isinstance(site, Site) else load_site(site), loaded, plant_height)
     chosen = plot_of(whole, plot)
     flown = flown_plan(loaded, chosen, fit)
     own = {} if flown is loaded else {chosen.name: flown}

@@ -110,7 +110,7 @@ def _plot_of(plot: MissionOutline) -> SitePlot:
     return SitePlot(
         name=plot.name, latitude_deg=plot.origin.latitude_deg, longitude_deg=plot.origin.longitude_deg,
         height_m=plot.ground_m, datum="home", row_heading_deg=plot.row_heading_deg, slope_percent=percent,
-        uphill_heading_deg=uphill, length_m=plot.length_m, width_m=plot.width_m,
+        uphill_heading_deg=uphill, length_m=plot.length_m, width_m=plot.width_m, row_spacing_m=plot.row_spacing_m,
         plant_height_m=None if plot.plants is None else plot.plants.height_m,
     )  # fmt: skip
 
@@ -127,7 +127,7 @@ def _outline(site: Site, plot: SitePlot, routed: Routed, vehicle: Vehicle) -> Mi
         name=plot.name,
         origin=LocalFrame(tangent.latitude_deg, tangent.longitude_deg, tangent.altitude_m, datum),
         ground_m=frame.ground_m, row_heading_deg=frame.row_heading_deg, gradient=frame.gradient,
-        length_m=plot.length_m, width_m=plot.width_m, plants=plants,
+        length_m=plot.length_m, width_m=plot.width_m, row_spacing_m=plot.row_spacing_m, plants=plants,
     )  # fmt: skip
 
 

@@ -90,6 +90,8 @@ class MissionOutline(Strict):
     """Of the plot, along x and about the origin; null where nobody said."""
     width_m: Length | None = None
     """Across."""
+    row_spacing_m: Length | None = None
+    """From row to row; null where nobody said."""
     plants: MissionPlants | None = None
 
 

@@ -278,7 +278,7 @@ def ground_below(site: Site, places: Sequence[GeoPoint]) -> FloatArray:
     """(n,) heights above home of the ground below places: the nearest plot's, home's own farther than 25 m from all."""
     table = np.array([(p.latitude_deg, p.longitude_deg, p.height_m) for p in places]).reshape(-1, 3)
     found, least = np.zeros(len(table)), np.full(len(table), _NEAR_PLOT_M)
-    for frame in (PlotFrame.of(site, plot) for plot in site.plots):
+    for frame in (PlotFrame.of(site, plot) for plot in site.all_plots):
         local = frame.to_plot(*np.nan_to_num(table).T)
         away = np.hypot(local[:, 0], local[:, 1])
         found = np.where(away < least, frame.ground_m + frame.rise_m(local), found)

@@ -464,13 +464,19 @@ class TestShift:
         assert ("--plot B" in found.remedy) is there
 
 
-def test_a_plan_is_checked_and_flown_again_as_it_was_fitted_to_the_plot(tmp_path: Path) -> None:
-    """The export fits it to the plot's plants: the plan's own stations would send good photographs back."""
+@pytest.mark.parametrize("height_m", [1.3, None])
+def test_a_plan_is_checked_and_flown_again_as_it_was_fitted_to_the_plot(tmp_path: Path, height_m: float | None) -> None:
+    """The export fits it to the plot's plants, or the tallest known and 30 %: the plan's own stations would send good
+    photographs back.
+    """
     poses = [Pose(p.rotation, p.center + np.array([0.0, 0.0, 1.5])) for p in stations()]
     plants = PlanPlants(points_m=((-0.5, -0.5, 1.0), (0.5, 0.5, 1.0)), cell_m=0.05)
     plan = plan_from_poses(poses).model_copy(update={"plant_height_m": 1.0, "plants": plants})
     plot = SitePlot(name="B2", latitude_deg=50.0, longitude_deg=6.0, plant_height_m=1.3)
-    site = Site(name="trial", home=SiteHome(latitude_deg=50.0, longitude_deg=6.0, amsl_m=90.0), plots=(plot,))
+    home = SiteHome(latitude_deg=50.0, longitude_deg=6.0, amsl_m=90.0)
+    other = SitePlot(name="A1", latitude_deg=50.001, longitude_deg=6.0, plant_height_m=1.0)
+    flown = plot.model_copy(update={"plant_height_m": height_m})
+    site = Site(name="trial", home=home, plots=(flown,), neighbours=(other,))
     fitted = flown_plan(plan, plot)
     assert fitted.stations[3].position_m[2] > plan.stations[3].position_m[2] + 0.1
     assert flown_plan(plan, plot, fit=False) is plan

@@ -220,9 +220,11 @@ def test_a_record_counts_for_the_very_file_plots_plants_and_clearance(field: Fie
 def test_fitted_plans_beside_a_mission_say_where_its_plants_are(field: Field) -> None:
     stated = field.plan.model_copy(update={"plant_height_m": 0.9})
     save_plan(field.folder / "plan" / "plan.json", stated)
-    plots = plots_file(field.folder, "p.geojson", [1.1, 0.9])
+    plots = plots_file(field.folder, "p.geojson", [1.1, 0.9], row_spacing_m=0.75)
     assert field.export("ardupilot-pitch", "plan", plots)[0] == 0
     ground = ground_of(field.folder / "m.plan", None, 0.5)
+    assert ground is not None
+    assert [plot.row_spacing_m for plot in ground.site.plots] == [0.75, 0.75]
     assert set(ground.plans) == {"P0"}
     assert field.check(".plan", "ardupilot-pitch")[1]["ok"] is True
     (field.folder / "m-P0.json").write_text("{}")  # another file of that name

@@ -13,7 +13,7 @@ from fieldkit.arrays import FloatArray
 from fieldkit.errors import MetadataError, MissionError
 from fieldkit.results.plan import Plan, Station
 from fieldkit.routing.mission import GeoPoint
-from fieldkit.sites.placement import MAX_SHOTS, PlotFrame, SiteFrame, home_of, place
+from fieldkit.sites.placement import MAX_SHOTS, PlotFrame, SiteFrame, ground_below, home_of, place
 from fieldkit.sites.site import Site, SiteHome, SitePlot
 
 SITL = Path(__file__).parents[2] / "sim" / "sitl"
@@ -164,6 +164,8 @@ def test_plots_in_their_order_with_their_names() -> None:
     assert [shot.pitch_deg for shot in shots] == [-90, -60] * 3
     assert shots[1].name == "station 2 of b"
     assert home_of(site).amsl_m == 90.0
+    beside = Site(home=home, plots=plots[:1], neighbours=plots[1:])
+    assert ground_below(beside, [shot.place for shot in shots]).tolist() == pytest.approx([0, 0, 1, 1, 2, 2], abs=1e-6)
 
 
 def test_outlines() -> None:
