@@ -80,7 +80,8 @@ class Shown:
         return self._pictures.get((anchor, plot), {})
 
     def first_still(self, nouns: Iterable[str]) -> Iterator[Still]:
-        """An overview of the first kind of result that has any, to begin a report with."""
-        places = (k for noun in nouns for (anchor, _), k in self._places.items() if anchor.startswith(f"{noun}-"))
+        """An overview of the first kind of result that has any, to begin a report with: a plot's by the plan first."""
+        ordered = sorted(self._places.items(), key=lambda item: item[0][1] != "planned")
+        places = (k for noun in nouns for (anchor, _), k in ordered if anchor.startswith(f"{noun}-"))
         found = ((self._scenes[place].title, picture) for place in places if (picture := self._stills[place]))
         yield from (Still(picture, title) for title, picture in islice(found, 1))

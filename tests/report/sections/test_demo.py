@@ -2,7 +2,10 @@
 
 import pytest
 
+from fieldkit.figures.content import Picture
+from fieldkit.figures.drawings import ViewerScene
 from fieldkit.report.sections.demo import MEASURED, demo_statements, demo_traits
+from fieldkit.report.sections.shown import Shown
 from fieldkit.results.demo import DemoEntry, DemoReport
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.traits import TraitsEntry
@@ -19,6 +22,13 @@ def report(**planned_mm: float) -> DemoReport:
         seed=0, pose_noise=(0.02, 1.0), wind_m=0.01, vehicle_kg=1.5, reference_to_true_plants_m=0.004,
         scores=tuple(entries), truth={},
     )  # fmt: skip
+
+
+def test_a_report_begins_with_the_planned_views() -> None:
+    shown = Shown()
+    views = [(name, ViewerScene(name), "") for name in ("circle", "planned")]
+    shown.add_views("evaluation-1", views, lambda name: Picture(b"", 1, 1, name))
+    assert [still.caption for still in shown.first_still(("evaluation",))] == ["planned"]
 
 
 def test_measured_traits_stand_beside_true_ones() -> None:
