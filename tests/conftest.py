@@ -3,11 +3,14 @@
 import os
 import signal
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from fcntl import LOCK_EX, flock
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from fieldkit.runtime.threads import set_thread_environment
 
 # The same examples in every run, and no deadline, for a busy machine is no failure. `make test-all` takes more of them
 # (thorough); HYPOTHESIS_PROFILE=explore looks further.
@@ -15,6 +18,8 @@ settings.register_profile("fast", deadline=None, derandomize=True, max_examples=
 settings.register_profile("thorough", deadline=None, derandomize=True, max_examples=100)
 settings.register_profile("explore", deadline=None, max_examples=1000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
+
+set_thread_environment()  # before anything imports NumPy
 
 # A shell's background jobs ignore Ctrl-C, and so would the commands that tests start and interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -34,6 +39,25 @@ def data_folder() -> Path:
 def _one_worker(monkeypatch: pytest.MonkeyPatch) -> None:
     """Commands without --workers take one process: the tests themselves run on every core."""
     monkeypatch.setattr("fieldkit.runtime.machine.usual_workers", lambda: 1)
+
+
+@pytest.fixture(scope="session")
+def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], object]], Path]:
+    """made_once(name, make): a folder of the session, made by the first of the workers that asks for it."""
+    base = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        base = base.parent
+
+    def folder(name: str, make: Callable[[Path], object]) -> Path:
+        with (base / f"{name}.lock").open("w") as lock:
+            flock(lock, LOCK_EX)
+            if not (base / name).exists():
+                making = tmp_path_factory.mktemp(name)
+                make(making)
+                making.rename(base / name)
+        return base / name
+
+    return folder
 
 
 @pytest.fixture

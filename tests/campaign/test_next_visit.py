@@ -81,8 +81,6 @@ def test_every_plot_with_a_cloud_has_its_own_plan_and_no_worse_score(tmp_path: P
         assert each.plan.plants is not None
         assert (each.plan.method.name, each.plan.method.repeats) == ("score", 0)
     assert plans[2].plan is found.plan
-    again = next_plans(found, vehicle, Context(), growth=1.2)
-    assert [each.plan for each in again] == [each.plan for each in plans]
 
 
 @pytest.mark.parametrize("growth", [0.9, 3.1, float("nan")])
@@ -94,7 +92,9 @@ def test_no_plant_shrinks_or_triples(tmp_path: Path, growth: float) -> None:
 def test_visits_are_compared_with_the_plan_that_was_made_for_them(tmp_path: Path) -> None:
     found = season(tmp_path)
     with pytest.raises(MissionError, match="too low over the plants of r1c"):
-        plan_next_visit(found, "2026-07-02", tmp_path / "next.plan", vehicle="ardupilot-pitch", progress=Silent())
+        plan_next_visit(
+            found, "2026-07-02", tmp_path / "next.plan", vehicle="ardupilot-pitch", only=["r1c2"], progress=Silent()
+        )
     made = plan_next_visit(
         found, "2026-07-02", tmp_path / "next.plan", vehicle="ardupilot-pitch", plant_height=0.6, adjust=True,
         only=["r1c1", "r1c3"], progress=Silent(),

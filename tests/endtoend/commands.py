@@ -6,12 +6,16 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
+import pytest
 from PIL import Image
 
+from fieldkit.cli.main import main
 from tests.captures.photographs import exif_block, gps_tags
 
 LIMIT_S = 600
@@ -45,23 +49,29 @@ class Finished:
 
 @dataclass(frozen=True)
 class CommandLine:
-    """`python -m fieldkit` in a folder, with a stage cache of its own."""
+    """`fieldkit` in a folder, with a stage cache of its own."""
 
     folder: Path
     cache: Path
 
-    def start(self, *arguments: str, hash_seed: int | None = None, by: Sequence[str] = ()) -> subprocess.Popen[str]:
+    def start(self, *arguments: str, by: Sequence[str] = ()) -> subprocess.Popen[str]:
+        """The command in a process of its own."""
         environment = {**os.environ, "FIELDKIT_CACHE": str(self.cache), "COLUMNS": "200"}
-        if hash_seed is not None:
-            environment["PYTHONHASHSEED"] = str(hash_seed)
         return subprocess.Popen(
             [*by, sys.executable, "-m", "fieldkit", *arguments],
             cwd=self.folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             encoding="utf-8",
         )  # fmt: skip
 
-    def run(self, *arguments: str, hash_seed: int | None = None) -> Finished:
-        return finish(self.start(*arguments, hash_seed=hash_seed))
+    def run(self, *arguments: str) -> Finished:
+        """The command in this process, which has imported everything already."""
+        out, err = StringIO(), StringIO()
+        with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+            patch.chdir(self.folder)
+            patch.setenv("FIELDKIT_CACHE", str(self.cache))
+            patch.setenv("COLUMNS", "200")
+            code = main(arguments)
+        return _finished(code, out.getvalue(), err.getvalue())
 
     def run_measured(self, *arguments: str) -> tuple[Finished, int]:
         """What a command gave, and the most memory one of its processes held, in bytes (Linux).
@@ -85,8 +95,12 @@ def finish(process: subprocess.Popen[str]) -> Finished:
         process.kill()
         process.communicate()
         raise
+    return _finished(process.returncode, out, err)
+
+
+def _finished(code: int, out: str, err: str) -> Finished:
     assert "Traceback" not in err, err
-    return Finished(process.returncode, out, err)
+    return Finished(code, out, err)
 
 
 def wait_until(process: subprocess.Popen[str], reached: Callable[[], bool]) -> bool:

@@ -1,5 +1,6 @@
 """A small capture, and the reference made from it once."""
 
+import json
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -35,13 +36,18 @@ def small_plot() -> Path:
 
 
 @pytest.fixture(scope="session")
-def built(small_plot: Path, tmp_path_factory: pytest.TempPathFactory) -> Built:
+def built(small_plot: Path, made_once: Callable[[str, Callable[[Path], object]], Path]) -> Built:
     """The small plot's reference, made with an empty cache."""
-    folder = tmp_path_factory.mktemp("built")
-    line = CommandLine(folder, folder / "cache")
-    done = line.run("reference", str(small_plot), "-o", "reference", *DRAFT, "--json")
-    assert done.code == 0, done.err
-    return Built(folder / "reference", line.cache, done.json)
+
+    def build(folder: Path) -> None:
+        done = CommandLine(folder, folder / "cache").run(
+            "reference", str(small_plot), "-o", "reference", *DRAFT, "--json"
+        )
+        assert done.code == 0, done.err
+        (folder / "report.json").write_text(done.out, "utf-8")
+
+    folder = made_once("built", build)
+    return Built(folder / "reference", folder / "cache", json.loads((folder / "report.json").read_text("utf-8")))
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """Runs that are killed or interrupted, and go on with the same result."""
 
 import random
+import shutil
 import signal
 import time
 from pathlib import Path
@@ -8,16 +9,17 @@ from pathlib import Path
 import pytest
 
 from fieldkit.evaluation.reference import Reference
-from tests.endtoend.commands import DRAFT, CommandLine, differing, finish, partial_folders, wait_until
+from tests.endtoend.commands import DRAFT, CommandLine, Finished, differing, finish, partial_folders, wait_until
 from tests.endtoend.conftest import Built
 
 
-def resumed(line: CommandLine, images: Path, built: Built) -> None:
+def resumed(line: CommandLine, images: Path, built: Built) -> Finished:
     """The same command with --resume ends as the unbroken run did, and tidies up after the killed one."""
     done = line.run("reference", str(images), "-o", "out", *DRAFT, "--resume", "--json")
     assert done.code == 0, done.err
     assert differing(line.folder / "out", built.reference) == []
     assert partial_folders(line.folder) == []
+    return done
 
 
 def test_killed_in_dense_stereo(line: CommandLine, small_plot: Path, built: Built) -> None:
@@ -28,10 +30,7 @@ def test_killed_in_dense_stereo(line: CommandLine, small_plot: Path, built: Buil
     assert not (line.folder / "out").exists()
     kept = {path: path.stat().st_mtime_ns for path in line.cache.glob("features/*/*.npz")}
     assert len(kept) == 16  # the photographs' own features, and the ground's
-    done = line.run("reference", str(small_plot), "-o", "out", *DRAFT, "--resume", "--json")
-    assert done.code == 0, done.err
-    assert differing(line.folder / "out", built.reference) == []
-    assert partial_folders(line.folder) == []
+    done = resumed(line, small_plot, built)
     features = next(stage for stage in done.json["times"] if stage["name"] == "Features")
     assert features["cached"] == 8
 
@@ -47,7 +46,7 @@ def test_killed_while_writing_the_result(warm: CommandLine, small_plot: Path, bu
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_interrupted(number: signal.Signals, line: CommandLine, small_plot: Path, built: Built) -> None:
+def test_interrupted(number: signal.Signals, line: CommandLine, small_plot: Path) -> None:
     process = line.start("reference", str(small_plot), "-o", "out", *DRAFT, "--json")
     assert wait_until(process, lambda: line.entries("features") >= 4)
     process.send_signal(number)
@@ -60,7 +59,6 @@ def test_interrupted(number: signal.Signals, line: CommandLine, small_plot: Path
     if number == signal.SIGINT:
         assert "--resume" in done.error["remedy"]
         assert "--resume" in done.err
-        resumed(line, small_plot, built)
 
 
 def test_interrupted_in_the_scene_keeps_the_plants(line: CommandLine, small_plot: Path, built: Built) -> None:
@@ -86,8 +84,7 @@ def test_interrupted_in_the_scene_keeps_the_plants(line: CommandLine, small_plot
 
 
 def test_an_interrupted_overwrite_keeps_the_old_result(warm: CommandLine, small_plot: Path, built: Built) -> None:
-    first = warm.run("reference", str(small_plot), "-o", "out", *DRAFT)
-    assert first.code == 0, first.err
+    shutil.copytree(built.reference, warm.folder / "out")
     process = warm.start("reference", str(small_plot), "-o", "out", *DRAFT, "--overwrite", "--seed", "5")
     assert wait_until(process, lambda: bool(partial_folders(warm.folder)))
     process.send_signal(signal.SIGINT)

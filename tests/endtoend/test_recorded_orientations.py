@@ -16,7 +16,7 @@ from fieldkit.runtime.progress import Silent
 from tests.endtoend.commands import DRAFT
 
 
-def test_photographs_that_were_turned_after_their_yaw_was_written(line, photographs) -> None:
+def test_photographs_that_were_turned_after_their_yaw_was_written(warm, photographs) -> None:
     folder = photographs()
     table = (folder / "poses.csv").read_text("utf-8").splitlines()
     yaw = table[0].split(",").index("yaw_deg")
@@ -24,7 +24,7 @@ def test_photographs_that_were_turned_after_their_yaw_was_written(line, photogra
     row[yaw] = str((float(row[yaw]) + 180.0) % 360.0)
     table[5] = ",".join(row)
     (folder / "poses.csv").write_text("\n".join(table) + "\n", "utf-8")
-    done = line.run("reference", "photos", "-o", "out", *DRAFT, "--no-scene", "--json")
+    done = warm.run("reference", "photos", "-o", "out", *DRAFT, "--no-scene", "--json")
     assert done.code == 0, done.err
     assert done.json["right"] == 8
     note = " ".join(done.json["frame"]["notes"])
@@ -41,14 +41,14 @@ def test_photographs_that_were_turned_after_their_yaw_was_written(line, photogra
         (lambda yaw, pitch, k: (yaw, pitch + 90.0 * (k % 2)), "follow no one convention"),
     ],
 )
-def test_angles_of_another_convention_are_read_by_it(photographs, tmp_path, write, said) -> None:
+def test_angles_of_another_convention_are_read_by_it(photographs, built, write, said) -> None:
     folder = photographs()
     table = [line.split(",") for line in (folder / "poses.csv").read_text("utf-8").splitlines()]
     yaw, pitch = table[0].index("yaw_deg"), table[0].index("pitch_deg")
     for k, row in enumerate(table[1:]):
         row[yaw], row[pitch] = map(str, write(float(row[yaw]), float(row[pitch]), k))
     (folder / "poses.csv").write_text("\n".join(map(",".join, table)) + "\n", "utf-8")
-    sparse, _ = place(read_capture(folder), ReconstructionSettings(), [], Context(StageCache(tmp_path / "c")))
+    sparse, _ = place(read_capture(folder), ReconstructionSettings(), [], Context(StageCache(built.cache)))
     # What a mixture leaves of the eight is oriented by its matches.
     assert sparse.right >= (7 if "no one" in said else 8)
     notes = " ".join(sparse.frame.notes)

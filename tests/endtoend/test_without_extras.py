@@ -5,6 +5,7 @@ import os
 import pkgutil
 import subprocess
 import sys
+from importlib.machinery import PathFinder
 from pathlib import Path
 
 import pytest
@@ -36,9 +37,15 @@ print(json.dumps(failed))
 
 @pytest.fixture(autouse=True)
 def without_torch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Processes that are started, and those that they start, cannot import PyTorch."""
+    """This process, and those that it starts, cannot import PyTorch."""
+    for name in [*sys.modules]:
+        if name.partition(".")[0] in ("torch", "gpytorch", "botorch", "linear_operator"):
+            monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(PathFinder, "find_spec", PathFinder.find_spec)  # put back at the end
+    exec(HIDE, {})
     (tmp_path / "hide").mkdir()
     (tmp_path / "hide" / "sitecustomize.py").write_text(HIDE)
+    monkeypatch.setenv("PYOPENGL_PLATFORM", "egl")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path / "hide"), str(ROOT)]))
 
 

@@ -14,11 +14,11 @@ from fieldkit_sim.plot import build_scene
 from fieldkit_sim.simulation import ring
 from tests.scenes.conftest import SMALL_PLOT
 
-CAMERA = Intrinsics.pinhole(640, 480, 560.0)
+CAMERA = Intrinsics.pinhole(480, 360, 420.0)
 
 
 def small_proxy() -> Proxy:
-    """Two plants on coarse soil, 640 × 480 pixels, with the plants' own surface as the truth."""
+    """Two plants on coarse soil, 480 × 360 pixels, with the plants' own surface as the truth."""
     scene = build_scene(SMALL_PLOT)
     return Proxy(scene, *above_soil(sample_visible(scene, (20_000,), 0)[0]), CAMERA)
 

@@ -13,7 +13,7 @@ from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.vocabulary import SearchFidelity
 
-EXIT, SEGFAULT, HANG, GROW, RAISE, REFUSE, ONCE, SLOW = (100.0 + k for k in range(8))
+SEGFAULT, HANG, GROW, RAISE, REFUSE, SLOW = (100.0 + k for k in range(6))
 
 
 class Trap(Objective):
@@ -39,8 +39,6 @@ class Trap(Objective):
         what = float(cameras.positions[0, 0])
         with (self.folder / "attempts").open("a") as file:
             file.write(f"{what:g}\n")
-        if what == EXIT:
-            os._exit(7)
         if what == SEGFAULT:
             os.kill(os.getpid(), signal.SIGSEGV)
         if what == HANG:
@@ -54,11 +52,6 @@ class Trap(Objective):
             raise RuntimeError("a bug")
         if what == REFUSE:
             raise UsageError("these cameras cannot be had")
-        if what == ONCE:
-            flag = self.folder / "crashed-once"
-            if not flag.exists():
-                flag.touch()
-                os._exit(5)
         if what == SLOW:
             time.sleep(0.5)
         value = float(cameras.vector().sum()) + (seed or 0)

@@ -131,6 +131,7 @@ print(run(Bosfm(problem(4), QUICK, 3), 6)[-1].trial.cameras.vector().tobytes().h
 """
 
 
+@pytest.mark.slow
 def test_another_process_proposes_the_same() -> None:
     ours = begun()[1][-1].trial.cameras.vector().tobytes().hex()
     found = subprocess.run([sys.executable, "-c", OTHER], capture_output=True, text=True, cwd=HERE, check=True)

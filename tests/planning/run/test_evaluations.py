@@ -20,7 +20,7 @@ from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.worker import Limits, NoWorkersError
 from tests.planning.bowl import here
-from tests.planning.traps import EXIT, GROW, HANG, RAISE, REFUSE, SEGFAULT, SLOW, Trap, job_cameras
+from tests.planning.traps import GROW, HANG, RAISE, REFUSE, SEGFAULT, SLOW, Trap, job_cameras
 
 
 def evaluate_all(evaluations: Evaluations, cameras: Sequence[Cameras], seed: int | None = None) -> list[Evaluation]:
@@ -44,11 +44,11 @@ def test_results_come_in_order_and_as_in_this_process(tmp_path: Path) -> None:
     [
         # Only what hangs is stopped by the clock: a busy machine takes longer than that to fill its memory.
         (1.5, {HANG: "longer than 1.5 s"}),
-        (60.0, {EXIT: "exit code 7", SEGFAULT: "SIGSEGV", GROW: "GiB of memory", RAISE: "RuntimeError: a bug"}),
+        (60.0, {SEGFAULT: "SIGSEGV", GROW: "GiB of memory", RAISE: "RuntimeError: a bug"}),
     ],
 )
 def test_what_breaks_costs_itself_only(tmp_path: Path, seconds: float, reasons: dict[float, str]) -> None:
-    with evaluating(Trap(tmp_path), Context(workers=2), Limits(seconds, memory_bytes=700 << 20)) as pool:
+    with evaluating(Trap(tmp_path), Context(), Limits(seconds, memory_bytes=700 << 20)) as pool:
         first, *broken, last = evaluate_all(pool, [job_cameras(x) for x in (1.0, *reasons, 2.0)])
         after = evaluate_all(pool, [job_cameras(5.0)])
     assert (first.value_m, last.value_m, after[0].value_m) == (3.0, 4.0, 7.0)
@@ -62,12 +62,12 @@ def test_what_breaks_costs_itself_only(tmp_path: Path, seconds: float, reasons: 
 
 
 def test_errors_for_people_come_through(tmp_path: Path) -> None:
-    with evaluating(Trap(tmp_path), Context(workers=2)) as pool:
+    with evaluating(Trap(tmp_path), Context()) as pool:
         with pytest.raises(UsageError, match="cannot be had"):
             evaluate_all(pool, [job_cameras(REFUSE), job_cameras(1.0)])
         assert evaluate_all(pool, [job_cameras(1.0)])[0].value_m == 3.0  # and the pool can be used again
     with (
-        evaluating(Trap(tmp_path, unusable=True), Context(workers=2)) as pool,
+        evaluating(Trap(tmp_path, unusable=True), Context()) as pool,
         pytest.raises(InputError, match="rendered"),
     ):
         evaluate_all(pool, [job_cameras(1.0)])
@@ -103,8 +103,8 @@ def test_no_orphans_when_the_parent_ends(tmp_path: Path, ending: signal.Signals)
             from tests.planning.traps import HANG, Trap, job_cameras
 
             if __name__ == "__main__":
-                with evaluating(Trap(Path({str(tmp_path)!r})), Context(workers=2)) as pool:
-                    list(pool.each([Job(job_cameras(HANG))] * 2))
+                with evaluating(Trap(Path({str(tmp_path)!r})), Context(workers=1)) as pool:
+                    list(pool.each([Job(job_cameras(HANG))]))
             """
         )
     )
@@ -116,9 +116,9 @@ def test_no_orphans_when_the_parent_ends(tmp_path: Path, ending: signal.Signals)
     attempts = tmp_path / "attempts"
     with parent:
         try:
-            wait_until(lambda: attempts.exists() and len(attempts.read_text().split()) == 2)
+            wait_until(lambda: attempts.exists() and attempts.read_text())
             workers = [int(path.name.removeprefix("worker-")) for path in tmp_path.glob("worker-*")]
-            assert len(workers) == 2
+            assert len(workers) == 1
             if ending == signal.SIGINT:
                 os.killpg(parent.pid, signal.SIGINT)  # as a terminal does: to the whole group
             else:
