@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -196,10 +197,17 @@ class TestWriteAtomic:
         assert names(tmp_path) == ["a.bin"]
 
 
+def _make_folder(path: Path, data: bytes = b"") -> None:
+    with atomic_folder(path) as folder:
+        (folder / "cloud.ply").write_bytes(data)
+
+
 class TestStorageErrors:
-    def test_full_disk(self, small_disk: Path) -> None:
-        with pytest.raises(StorageError) as caught, atomic_folder(small_disk / "reference") as folder:
-            (folder / "cloud.ply").write_bytes(bytes(8 << 20))
+    @pytest.mark.parametrize("write", [_make_folder, write_atomic])
+    def test_full_disk(self, small_disk: Path, write: Callable[[Path, bytes], None]) -> None:
+        """Every writer of the package goes through one of these two; nothing half written is left."""
+        with pytest.raises(StorageError) as caught:
+            write(small_disk / "reference", bytes(8 << 20))
         assert "space" in str(caught.value).lower()
         assert "Free some space" in caught.value.remedy
         assert names(small_disk) == []
@@ -234,11 +242,6 @@ class TestStorageErrors:
         (tmp_path / "file").write_text("")
         with pytest.raises(StorageError):
             check_writable(tmp_path / "file" / "below")
-
-
-def _make_folder(path: Path) -> None:
-    with atomic_folder(path):
-        pass
 
 
 def test_a_named_file_lies_in_its_owners_folder_or_is_named_absolutely(tmp_path: Path) -> None:

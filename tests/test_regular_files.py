@@ -81,6 +81,10 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
 }
 
 
+LENIENT = {"search's log", "telemetry", "mesh"}
+"""Readers of rows, of which the damaged ones are passed over, and one that looks at kind and size only."""
+
+
 @pytest.fixture(autouse=True)
 def _limited() -> Iterator[None]:
     with limited():
@@ -94,6 +98,17 @@ def test_every_reader_refuses_what_is_no_file(reader: str, kind: str, tmp_path: 
     path = put(kind, tmp_path / name)
     with pytest.raises(FieldkitError) as caught:
         read(path)
+    assert caught.value.remedy
+    assert caught.value.exit_code == 3
+
+
+@pytest.mark.parametrize("content", [b"", b"[]", b"\xff", b"{}", b"[" * 100_000])
+@pytest.mark.parametrize("reader", sorted(READERS.keys() - LENIENT))
+def test_every_reader_refuses_what_is_no_document(reader: str, content: bytes, tmp_path: Path) -> None:
+    name, read = READERS[reader]
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(FieldkitError) as caught:
+        read(tmp_path / name)
     assert caught.value.remedy
     assert caught.value.exit_code == 3
 

@@ -62,7 +62,7 @@ _LENGTHS = {
     **dict.fromkeys(("ftus", "usft", "ussurveyfeet", "ussurveyfoot", "surveyfeet"), _SURVEY_FOOT_M),
 }
 _DEGREES = frozenset({"deg", "degree", "degrees", "decimaldegrees", "dd", "°"})
-_UNIT = re.compile(r"[\s_]*[(\[]([^)\]]*)[)\]]\s*$|[\s_](m|cm|mm|ft|ftus|usft|deg)\s*$")
+_UNIT = re.compile(r"(?<![\s_])[\s_]*[(\[]([^()\[\]]*)[)\]]\s*$|[\s_](m|cm|mm|ft|ftus|usft|deg)\s*$")
 _NOT_LETTERS = re.compile(r"[^a-z°]+")
 
 

@@ -11,7 +11,6 @@ import pytest
 from fieldkit.campaign import Campaign, Visit, read_campaign
 from fieldkit.campaign.next_visit import grown, heights_flown, next_plans, plan_next_visit
 from fieldkit.campaign.visits import keep_visit
-from fieldkit.cli.main import main
 from fieldkit.clouds import Cloud
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.planning.methods.optimise import Effort
@@ -137,24 +136,6 @@ def test_stations_keep_clear_of_the_whole_plot_whose_size_is_known(tmp_path: Pat
     plans = [next_plans(each, None, Context(), growth=1.2)[0].plan for each in (found, sized)]
     stations = [np.array([station.position_m for station in plan.stations]) for plan in plans]
     assert [plants_on(None, sites[0]).among(places, 0.48).any() for places in stations] == [True, False]
-
-
-def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = str(season(tmp_path, ("r1c1",)).folder)
-    what = ["campaign", "plan", folder, "-o", str(tmp_path / "next.plan")]
-    assert main(what) == 2
-    assert "--vehicle" in capsys.readouterr().err
-    for wrong in (["--date", "July"], ["--growth", "0.5"], ["--vehicle", "kite"]):
-        assert main([*what, "--vehicle", "ardupilot-pitch", *wrong]) in (2, 3)
-        assert "Traceback" not in capsys.readouterr().err
-        assert not (tmp_path / "next.plan").exists()
-    assert (
-        main([*what, "--vehicle", "ardupilot-pitch", "--date", "2026-07-02", "--plant-height", "0.6", "--adjust"]) == 0
-    )
-    said = " ".join("".join(capsys.readouterr()).split())
-    assert "Plans for 2026-07-02" in said
-    assert "none: the campaign's plan" in said
-    assert (tmp_path / "season" / "plans" / "2026-07-02" / "r1c1.json").is_file()
 
 
 def test_plants_that_nobody_knows_may_be_taller_than_measured_ones() -> None:

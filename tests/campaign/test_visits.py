@@ -1,9 +1,6 @@
 """Visits in their folders."""
 
 import json
-import subprocess
-import sys
-import textwrap
 from pathlib import Path
 
 import pytest
@@ -112,32 +109,3 @@ def test_a_visit_has_the_figures_of_its_evaluation() -> None:
     assert "too dark" in row["error"]
     unscaled = Visit.of_evaluation(plot.model_copy(update={"metric": False}), plot="p", date="2026-06-18")
     assert unscaled.pose_rms_m is None
-
-
-@pytest.mark.slow
-def test_killed_while_writing(tmp_path: Path) -> None:
-    """Whatever was kept before the kill is there, and more can be kept."""
-    script = textwrap.dedent("""
-        import sys
-        from pathlib import Path
-        from fieldkit.campaign import Visit
-        from fieldkit.campaign.visits import keep_visit
-        for k in range(100_000):
-            plot = f"{sys.argv[2]}-{k % 50}"
-            keep_visit(Path(sys.argv[1]), Visit(plot=plot, date="2026-01-01", captures="x" * 2000, images=k))
-            print(k, flush=True)
-    """)
-    for seconds in (0.1, 0.3, 0.2):
-        command = [sys.executable, "-c", script, str(tmp_path), str(seconds)]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        said = process.stdout.readline()
-        try:
-            process.wait(seconds)
-        except subprocess.TimeoutExpired:
-            process.kill()
-        said += process.stdout.read()
-        process.wait()
-        process.stdout.close()
-        last = int(said.split()[-1])
-        newest = max(visit.images for visit in read_visits(tmp_path) if visit.plot.startswith(f"{seconds}-"))
-        assert newest in (last, last + 1)

@@ -34,6 +34,7 @@ def test_exported_and_checked(plan: Path, tmp_path: Path, capsys: pytest.Capture
     assert told["files"] == [str(tmp_path / f"mission.{suffix}") for suffix in ("plan", "json", "geojson", "png")]
     assert told["nearest_plant_m"] > 0.4
     assert told["length_m"] > 20
+    assert told["fit"][0].keys() == {"plot", "station", "code", "severity", "message", "remedy"}
     assert told["time_s"] == sum(flight["time_s"] for flight in told["flights"])
     check = ["check-mission", str(mission), "--vehicle", "ardupilot-pitch", "--json"]
     assert main([*check, "--plan", str(plan), "--site", str(SITES / "example.toml")]) == 0
@@ -75,11 +76,15 @@ def test_moved_stations_are_told_and_those_that_coincide_are_refused(plan, tmp_p
     assert not (tmp_path / "n.plan").exists()
 
 
-def test_a_faulty_mission_is_told_by_its_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_faulty_mission_is_told_by_its_exit_code(plan, tmp_path, capsys) -> None:
     file = tmp_path / "short.waypoints"
     file.write_text("QGC WPL 110\n0\t1\t0\t16\t0\t0\t0\t0\t50.8649\t6.4473\t92\t1\n")
     assert main(["check-mission", str(file), "--vehicle", "ardupilot-pitch", "--json"]) == 5
     assert json.loads(capsys.readouterr().out)["ok"] is False
+    assert main(["check-mission", str(file), "--vehicle", "ardupilot-pitch"]) == 5
+    assert "must not be flown" in capsys.readouterr().out
+    assert main(["check-mission", str(file), "--vehicle", "ardupilot-pitch", "--plan", str(plan)]) == 2
+    assert "--plan says nothing without --site" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("vehicle", "name"), [("dji-mini-4-pro", "m.csv"), ("dji-mavic-3-enterprise", "m.kmz")])

@@ -1,13 +1,20 @@
-"""Where the local frame of fieldkit geotag lies."""
+"""fieldkit geotag, and where its local frame lies."""
 
+import json
 from pathlib import Path
 
 import pytest
 
 from fieldkit.cli.common import SitePlotOptions
 from fieldkit.cli.geotag import FrameOptions
+from fieldkit.cli.main import main
 from fieldkit.errors import UsageError
+from fieldkit.flightlogs import read_flight_log
 from tests.campaign.examples import field, plots_geojson
+from tests.captures.photographs import MakePhoto
+from tests.flightlogs.recordings import recording
+from tests.flightlogs.test_geotag import make
+from tests.photo_fixture import photo_file as photo_file
 
 FIELD = field(1, 2)
 
@@ -27,6 +34,21 @@ def test_the_frame_is_a_plots(tmp_path: Path) -> None:
     assert told == ['2 plots, ids from "name": r1c1, r1c2.']
     with pytest.raises(UsageError, match="which plot"):
         FrameOptions().frame(SitePlotOptions(site, tmp_path / "plots.geojson"), tell=None)
+
+
+def test_the_command(photo_file: MakePhoto, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = recording("mount_then_yaw.tlog")
+    for k, trigger in enumerate(read_flight_log(log).triggers):
+        folder = make(photo_file, f"{k}.jpg", trigger.utc_s).parent
+    call = ["geotag", str(folder), "--log", str(log), "-o", str(tmp_path / "poses.csv")]
+    for wrong in (["--origin", "1,2"], ["--origin", "99,6,0"], ["--mount=-100"], ["--plot", "x"]):
+        assert main([*call, *wrong]) == 2
+    assert not (tmp_path / "poses.csv").exists()
+    assert main([*call, "--origin", "50.8649,6.4473,92.06", "--mount=-40,0", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["matched"], told["origin"]["altitude_m"]) == (13, 92.06)
+    assert main([*call, "--overwrite"]) == 0
+    assert "13 of 13" in capsys.readouterr().out
 
 
 def test_contradictions() -> None:

@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fieldkit.clouds import Cloud, read_ply, write_ply
-from fieldkit.errors import CloudError, StorageError
+from fieldkit.errors import CloudError
 from tests.clouds.examples import clouds
 
 in_one_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -186,11 +186,6 @@ def test_missing_files_and_folders(tmp_path: Path) -> None:
         read_ply(tmp_path / "none.ply")
     with pytest.raises(CloudError, match="directory"):
         read_ply(tmp_path)
-
-
-def test_a_full_disk(small_disk: Path) -> None:
-    with pytest.raises(StorageError):
-        write_ply(small_disk / "cloud.ply", Cloud(np.zeros((200_000, 3))))
 
 
 ASCII_EXAMPLE = (

@@ -1,8 +1,6 @@
 """Photographs of a recorded flight, geotagged from its log."""
 
-import csv
 import hashlib
-import json
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -12,8 +10,6 @@ from hypothesis import strategies as st
 
 from fieldkit.captures import read_capture
 from fieldkit.captures.poses_csv import parse_poses_csv
-from fieldkit.cli.geotag import command as geotag_command
-from fieldkit.cli.options import grouped
 from fieldkit.errors import CaptureError, MetadataError, UsageError
 from fieldkit.flightlogs import FixedMount, read_flight_log
 from fieldkit.flightlogs.adherence import PlannedPose, adherence
@@ -217,34 +213,3 @@ def test_what_cannot_be_done(photo_file: MakePhoto, tmp_path: Path) -> None:
     with pytest.raises(CaptureError):
         geotag(tmp_path / "none", recording("mount_then_yaw.tlog"), tmp_path / "poses.csv")
     assert poses_table([]).startswith("image,x_m")
-
-
-def test_the_command(photographs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    site = tmp_path / "site.toml"
-    site.write_text(
-        'format = 1\n[home]\nlatitude_deg = 50.8649\nlongitude_deg = 6.4473\namsl_m = 92.06\n'
-        '[[plots]]\nname = "plot"\nlatitude_deg = 50.865\nlongitude_deg = 6.4473\n'
-    )  # fmt: skip
-    output = tmp_path / "poses.csv"
-    log = recording("mount_then_yaw.tlog")
-    command = grouped(geotag_command)
-    command(photographs, log, output, site=site, as_json=True)
-    told = json.loads(capsys.readouterr().out)
-    assert told["matched"] == 12
-    assert told["images_without_trigger"] == ["P99_test.jpg"]
-    assert told["origin"]["altitude_m"] == pytest.approx(92.06)
-    rows = list(csv.DictReader(output.read_text().splitlines()))
-    assert len(rows) == 12
-    assert all(float(r["x_m"]) ** 2 + float(r["y_m"]) ** 2 == pytest.approx(6.25, abs=0.4) for r in rows)
-    command(photographs, log, output, origin="50.8649,6.4473,92.06", mount="-40,0", overwrite=True)
-    assert "12 of 13" in capsys.readouterr().out
-    for wrong in (
-        {"origin": "1,2"},
-        {"origin": "99,6,0"},
-        {"mount": "-100"},
-        {"plot": "x"},
-        {"origin": "1,2,3", "site": site},
-    ):
-        with pytest.raises(UsageError):
-            command(photographs, log, tmp_path / "other.csv", **wrong)
-    assert not (tmp_path / "other.csv").exists()

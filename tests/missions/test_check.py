@@ -1,6 +1,5 @@
 """What a check of a mission finds, in the recorded ones and in ones with a fault each."""
 
-import json
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,9 +8,6 @@ from typing import Any
 
 import pytest
 
-from fieldkit.cli.check_mission import command as check_mission_command
-from fieldkit.cli.options import grouped
-from fieldkit.errors import UsageError
 from fieldkit.missions.autopilots.writing import action, render
 from fieldkit.missions.check import check_mission, findings_by_dialect
 from fieldkit.missions.files.qgc_plan import plan_bytes
@@ -21,19 +17,11 @@ from fieldkit.missions.files.waypoints import waypoints_bytes
 from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.missions.findings import Finding, Report, error, group_text, ranked
 from fieldkit.missions.items import Command, MissionItem
-from fieldkit.results.plan import PlanPlants
-from fieldkit.results.plan_file import plan_from_poses, save_plan
-from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Mission, Shot
+from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Shot
 from fieldkit.routing.obstacles import Obstacles, Volume
-from fieldkit.sites.placement import home_of, place
 from fieldkit.sites.site import Obstacle, Site, SiteHome, SitePlot
-from fieldkit.sites.site_file import load_site
 from fieldkit.vehicles.vehicle import Battery, Mount
-from fieldkit.vehicles.vehicle_file import load_vehicle, missions_folder
-from fieldkit_sim.simulation import ring
 from tests.missions.vehicles import HOME, recorded_items, recorded_mission, small_mission, vehicle
-
-command = grouped(check_mission_command)
 
 
 def file_of(folder: Path, name: str, suffix: str) -> Path:
@@ -73,29 +61,6 @@ def test_the_recorded_missions(tmp_path: Path, suffix: str) -> None:
     hold0 = reports["hold0"]
     assert counted(hold0) == {"photo-moving": 13}
     assert counted(hold0, "warning")["value-dropped"] == 13  # whole degrees of the gimbal
-
-
-def test_what_fieldkit_writes_has_nothing_against_it(tmp_path: Path) -> None:
-    for dialect, name in (("ardupilot", "plan"), ("ardupilot", "waypoints"), ("px4", "plan"), ("px4", "waypoints")):
-        by = vehicle(dialect)
-        path = tmp_path / f"{dialect}.{name.upper()}"
-        path.write_bytes(mission_bytes(name, small_mission(), by))
-        report = check_mission(read_mission(path), by, planned=small_mission().shots, origin=HOME)
-        assert report.findings == ()
-        assert as_planned(report)
-    for name, suffix in (("wpml", "kmz"), ("litchi", "csv")):
-        path = tmp_path / f"dji.{suffix}"
-        path.write_bytes(mission_bytes(name, small_mission(), vehicle("dji")))
-        report = check_mission(read_mission(path), vehicle("dji"), planned=small_mission().shots, origin=HOME)
-        assert report.ok
-        assert counted(report, "warning") == ({"heading-mode": 1} if name == "litchi" else {})
-        assert as_planned(report)
-
-
-def as_planned(report: Report) -> bool:
-    """Whether the small mission's three photographs have the poses that were asked for."""
-    off = [(d.metres, abs(d.heading_deg or 0.0), abs(d.pitch_deg or 0.0)) for d in report.deviations]
-    return len(report.taken) == len(off) == 3 and all(m < 0.005 and max(turns) < 0.01 for m, *turns in off)
 
 
 NAN = float("nan")
@@ -451,56 +416,6 @@ def test_findings_that_say_the_same_are_one_and_causes_come_first(tmp_path: Path
     assert group_text(missing) == "3 times, the first: station 1 of A01 is not photographed"
     legs = ranked(error("leg-fence", f"the leg to item {k} leaves the fence", k) for k in (4, 9))[0]
     assert group_text(legs) == ("2 legs, the first at item 4: the leg to item 4 leaves the fence")
-
-
-def test_the_command_with_a_plan_and_a_site(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    site_file = missions_folder() / "sites" / "example.toml"
-    plan = plan_from_poses(ring(9, 2.5, 2.0), plants=PlanPlants(points_m=((0.0, 0.0, 0.9),), cell_m=0.05))
-    save_plan(tmp_path / "plan.json", plan)
-    site = load_site(site_file)
-    start = GeoPoint(site.home.latitude_deg, site.home.longitude_deg, 5.0)
-    mission = Mission(
-        "ring", home_of(site), 5.0, place(plan, site), start, speed_mps=2.0, settle_s=4.0, exposure_s=1.0
-    )  # fmt: skip
-    by = load_vehicle("ardupilot-pitch")
-    (tmp_path / "ring.plan").write_bytes(mission_bytes("plan", mission, by))
-    options: dict[str, Any] = {"plan": tmp_path / "plan.json", "site": site_file, "height": "0.9", "as_json": True}
-    assert command(tmp_path / "ring.plan", "ardupilot-pitch", **options) == 0
-    answer = json.loads(capsys.readouterr().out)
-    assert answer["findings"] == []
-    assert (answer["ok"], answer["checked_against_plants"]) == (True, True)
-    assert max(pose["off_plan_m"] for pose in answer["poses"]) < 0.002
-    # To the weather station, a no-fly zone of the site.
-    astray = replace(mission, landing=GeoPoint(50.86516, 6.44699, 5.0))
-    (tmp_path / "astray.plan").write_bytes(mission_bytes("plan", astray, by))
-    assert command(tmp_path / "astray.plan", "ardupilot-pitch", **options) == 5
-    answer = json.loads(capsys.readouterr().out)
-    assert {f["code"] for f in answer["findings"]} == {"leg-no-fly"}
-    with pytest.raises(UsageError, match="--plan says nothing without --site"):
-        command(tmp_path / "ring.plan", "ardupilot-pitch", plan=tmp_path / "plan.json")
-
-
-def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    good = file_of(tmp_path, "mount_then_yaw", "plan")
-    bad = file_of(tmp_path, "naive", "waypoints")
-    assert command(good, "ardupilot-pitch", as_json=True) == 0
-    shown = capsys.readouterr()
-    answer = json.loads(shown.out)
-    assert (answer["ok"], answer["checked_against_plants"], answer["photographs"]) == (None, False, 13)
-    assert answer["findings"][0].keys() >= {"code", "station", "message"}
-    assert len(answer["poses"]) == 13
-    assert command(bad, "ardupilot-pitch", as_json=True) == 5
-    answer = json.loads(capsys.readouterr().out)
-    assert not answer["ok"]
-    assert {f["photograph"] for f in answer["findings"] if f["code"] == "photo-late"} == set(range(1, 14))
-    assert command(bad, "ardupilot-pitch") == 5
-    shown = capsys.readouterr()
-    assert shown.err == ""
-    assert "must not be flown" in shown.out
-    assert "13 photographs" in shown.out
-    assert shown.out.count("photo-late") == 1
-    assert "--json lists each of them" in shown.out
-    assert "photo-late" in shown.out
 
 
 # What speaks against an upload, with a vehicle's profile and without.

@@ -8,10 +8,8 @@ from typing import Any
 import pytest
 
 from fieldkit.cli.main import main
-from fieldkit.errors import MissionError
 from fieldkit.missions.export_mission import export_mission
 from fieldkit.missions.ground import ground_of
-from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import save_plan
 from fieldkit.sites.site_file import load_site
 from fieldkit.vehicles.vehicle_file import load_vehicle
@@ -275,14 +273,6 @@ def test_plots_that_are_not_flown_are_kept_clear_of_with_and_without_the_record(
             (field.folder / "m.plan").write_text(edited)
             assert field.check(".plan", "ardupilot-pitch")[1]["ok"] is False
             assert field.export("ardupilot-pitch", "plan", first, "--adjust")[0] == 0
-
-
-def test_python_says_no_more_than_the_commands(tmp_path: Path) -> None:
-    (tmp_path / "site.toml").write_text(SITE)
-    plots = plots_file(tmp_path, "unknown.geojson", [None])
-    plan: Plan = planned(6, height_m=2.0)
-    with pytest.raises(MissionError, match="nobody says how high its plants are"):
-        export_mission(plan, "ardupilot-pitch", tmp_path / "site.toml", tmp_path / "m", plots=plots, picture=False)
 
 
 @pytest.mark.parametrize(("vehicle", "form", "suffix"), FLOWN)

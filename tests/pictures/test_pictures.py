@@ -10,7 +10,7 @@ from PIL import Image
 
 from benchmarks.scaling import Cost, draw_cost_plot
 from fieldkit.clouds import Cloud
-from fieldkit.errors import CaptureError, StorageError
+from fieldkit.errors import CaptureError
 from fieldkit.evaluation.conversion import failed_plot, plot_evaluation, reference_report
 from fieldkit.pictures.mission import draw_plan
 from fieldkit.pictures.overview import draw_overview, write_overview
@@ -111,14 +111,6 @@ class TestOverview:
         failed = failed_plot("p", CaptureError("none"), seconds=0, cpu_seconds=0)
         with pytest.raises(ValueError, match="nothing to show"):
             draw_overview(failed, Cloud.empty())
-
-    def test_full_disk(self, small_disk: Path) -> None:
-        (small_disk / "filler").write_bytes(b"x" * (1000 << 10))
-        result = reconstruction()
-        with pytest.raises(StorageError):
-            write_overview(
-                small_disk / "o.png", reference_report(result, SETTINGS, seconds=1, cpu_seconds=1), result.plants
-            )
 
 
 class TestCost:

@@ -120,12 +120,3 @@ def test_plots_that_are_not_there_or_twice(tmp_path: Path, record: MissionRecord
         (tmp_path / "mission.json").write_text(json.dumps(document | {"plots": plots}))
         with pytest.raises(MetadataError, match=message):
             load_mission(tmp_path / "mission.json")
-
-
-@pytest.mark.parametrize("content", [b"", b"[]", b"\xff", b"[" * 100_000])
-def test_not_json(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "mission.json").write_bytes(content)
-    with pytest.raises(MetadataError):
-        load_mission(tmp_path / "mission.json")
-    with pytest.raises(MetadataError, match="no such file"):
-        load_mission(tmp_path / "other.json")

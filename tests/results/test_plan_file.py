@@ -72,12 +72,3 @@ def test_errors(tmp_path: Path, change: dict[str, Any], message: str) -> None:
         load_plan(tmp_path)
     assert caught.value.path == tmp_path / "plan.json"
     assert caught.value.remedy
-
-
-@pytest.mark.parametrize("content", [b"", b"[]", b"\xff", b"[" * 100_000])
-def test_not_json(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "plan.json").write_bytes(content)
-    with pytest.raises(MetadataError):
-        load_plan(tmp_path)
-    with pytest.raises(MetadataError, match="no such file"):
-        load_plan(tmp_path / "other.json")

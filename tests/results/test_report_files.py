@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fieldkit.clouds import score
-from fieldkit.errors import CaptureError, MetadataError, StorageError
+from fieldkit.errors import CaptureError, MetadataError
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_evaluation, reference_report
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
@@ -60,14 +60,6 @@ def test_round_trip(tmp_path: Path, reference: ReferenceReport, evaluation: Eval
 def test_committed_schemas_are_current(name: str) -> None:
     """Else: python scripts/make_scenes.py."""
     assert (DOCS / "schemas" / name).read_text("utf-8") == json_schema(SCHEMA_FILES[name])
-
-
-def test_saving_on_a_full_disk(small_disk: Path, reference: ReferenceReport) -> None:
-    (small_disk / "filler").write_bytes(b"x" * (900 << 10))
-    large = reference.model_copy(update={"image_reports": reference.image_reports * 200})
-    with pytest.raises(StorageError):
-        save_report(small_disk / "reference.json", large)
-    assert [path.name for path in small_disk.iterdir()] == ["filler"]
 
 
 def without(key: str) -> Callable[[dict[str, Any]], Any]:

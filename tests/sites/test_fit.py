@@ -1,6 +1,5 @@
 """Whether a plan fits a plot, and what is said where it does not."""
 
-import json
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, Literal
@@ -12,7 +11,6 @@ from hypothesis import strategies as st
 
 from fieldkit.arrays import FloatArray
 from fieldkit.campaign.create import CampaignSources, init_campaign
-from fieldkit.cli.main import main
 from fieldkit.errors import MissionError
 from fieldkit.geometry import Intrinsics
 from fieldkit.missions.export import route_plan
@@ -64,22 +62,125 @@ def site_with(*plots: dict[str, Any]) -> Site:
     )
 
 
-def findings(plan: Plan, **plot: Any) -> dict[str, Finding]:
-    """What is found on a plot whose plants are those of `planned`, unless it says otherwise."""
+PLAN, BARE, HIGH, LOW = planned(), planned(plants=False), planned(height_m=2.2), planned(height_m=1.5)
+OVER = LOW.model_copy(update={"stations": (*LOW.stations, LOW.stations[0].model_copy(
+    update={"position_m": (0.0, 0.0, 1.7), "pitch_deg": -90.0}))})  # fmt: skip
+SEEN = planned(8, height_m=1.6).model_copy(update={"camera": CAMERA})
+IN_ROWS, LOW_IN_ROWS = (with_plants(planned(height_m=height), rows_of_plants(0.75)) for height in (2.0, 1.2))
+UNKNOWN = {"plant-height-unknown": ["error: ", "--plant-height METRES"]}
+LARGE = {"length_m": 12.0, "width_m": 3.0}
+UPHILL = {"uphill_heading_deg": 90.0}
+
+
+def headed(heading_deg: float | None) -> Plan:
+    return PLAN.model_copy(update={"row_heading_deg": heading_deg})
+
+
+@pytest.mark.parametrize(
+    ("plan", "plot", "expected"),
+    [
+        (PLAN, {}, {}),
+        (PLAN, {"plant_height_m": None}, UNKNOWN),
+        (BARE, {"plant_height_m": None}, UNKNOWN),
+        (PLAN.model_copy(update={"plant_height_m": 0.9}), {"plant_height_m": None}, UNKNOWN),
+        (LOW, {"plant_height_m": 0.93}, {}),
+        (HIGH, {"plant_height_m": 1.4},
+         {"plants-higher": ["warning: ", "plants of 1.40 m are 0.50 m higher than the plan's"]}),
+        (LOW, {"plant_height_m": 1.4}, {"plants-higher": []}),  # they stand beside these plants
+        (OVER, {"plant_height_m": 1.1}, {"plants-higher": []}),
+        (OVER, {"plant_height_m": 1.4},
+         {"plants-too-high": ["error: ", "station 8 would stand in them, or nearer to them than 0.5 m"]}),
+        (PLAN, {"plant_height_m": 0.5}, {"plants-lower": ["note: "]}),
+        (BARE, {"plant_height_m": 1.5, "row_spacing_m": 0.75},
+         {"plants-unknown": ["warning: ", "not checked against plants"], "row-spacing-unknown": []}),
+        (SEEN, {"length_m": 0.9, "width_m": 0.8}, {}),
+        (SEEN, LARGE, {"plot-size": [
+            "warning: ", "of the plot of 12.0 × 3.0 m is in 3 or more of the plan's photographs",
+            "the plan knows plants on 0.6 × 0.6 m",
+        ]}),
+        (planned(8), LARGE, {"plot-size": ["reaches beyond the plan's; the plan knows plants on 0.6 × 0.6 m"]}),
+        (IN_ROWS, {"row_spacing_m": 0.78}, {}),
+        (IN_ROWS, {"row_spacing_m": 0.5}, {"row-spacing": ["rows are 0.50 m apart, the plan's 0.7"]}),
+        (LOW_IN_ROWS, {"row_spacing_m": 0.5}, {"rows-elsewhere": ["error: ", "may stand among plants"]}),
+        (PLAN, {"row_spacing_m": 0.5}, {"row-spacing-unknown": []}),
+        (headed(90.0), {"row_heading_deg": 100.0}, {}),
+        (headed(350.0), {"row_heading_deg": 20.0}, {}),
+        (headed(None), {"row_heading_deg": 270.0}, {}),
+        (headed(90.0), {"row_heading_deg": 150.0}, {"turned": ["note: ", "turned by 60°"]}),
+        (headed(10.0), {"row_heading_deg": 190.0},
+         {"turned": ["turned by 180°", "row_heading_deg = 10.0, turns it by 0°"]}),
+        (headed(90.0), {"row_heading_deg": 220.0},
+         {"turned": ["turned by 130°", "row_heading_deg = 40.0, turns it by 50°"]}),
+        (PLAN, {"slope_percent": 8.0, **UPHILL}, {"slope": ["note: ", "rises by 8.0 %: stations are shifted by −0.1"]}),
+        (PLAN, {"slope_percent": 14.0, **UPHILL}, {"slope-steep": ["warning: ", "plans have been tried to 10 %"]}),
+    ],
+)  # fmt: skip
+def test_what_is_found(plan: Plan, plot: dict[str, Any], expected: dict[str, list[str]]) -> None:
+    """On a plot whose plants are those of `planned`, unless it says otherwise."""
     (known,) = site_with({"plant_height_m": 0.9, **plot}).plots
-    return {finding.code: finding for finding in fit_plot(PlanFacts(plan), known, VEHICLE.clearance_m)}
+    found = {finding.code: finding for finding in fit_plot(PlanFacts(plan), known, VEHICLE.clearance_m)}
+    assert found.keys() == expected.keys()
+    for code, words in expected.items():
+        text = f"{found[code].severity}: {found[code].message} {found[code].remedy}"
+        assert [word for word in words if word not in text] == []
 
 
-def test_nothing_is_said_of_what_nobody_said() -> None:
-    assert findings(planned()) == {}
+def test_plots_of_too_high_plants_are_refused_in_one_sentence() -> None:
+    with pytest.raises(Refused, match=r"(?s)cannot be flown: p1 and p2, the first: plants of 1\.40 m") as caught:
+        route_plan(OVER, VEHICLE, site_with(*({"plant_height_m": m} for m in (0.9, 1.4, 1.5))))
+    assert caught.value.exit_code == 5
+    assert "--fit, or plan again" in caught.value.remedy
 
 
-def test_without_a_plant_height_a_plan_does_not_fit() -> None:
-    for plan in (planned(), planned(plants=False), planned().model_copy(update={"plant_height_m": 0.9})):
-        found = findings(plan, plant_height_m=None)
-        assert found.keys() == {"plant-height-unknown"}
-        assert found["plant-height-unknown"].severity == "error"
-        assert "--plant-height METRES" in found["plant-height-unknown"].remedy
+def test_of_lower_plants_the_plans_are_kept_clear_of() -> None:
+    volumes = [site_obstacles(site_with(plot), 0.5, PLAN).volumes for plot in ({}, {"plant_height_m": 0.5})]
+    assert volumes[0] == volumes[1]
+
+
+@pytest.mark.parametrize(
+    ("plants", "outline", "low_m", "high_m", "refused", "code"),
+    [
+        (False, {"length_m": 3.0, "width_m": 2.0, "plant_height_m": 1.5}, 1.9, 2.1,
+         r"too low over the plants of p0, which are kept clear of up to 1\.98", "size-unknown"),
+        # The ring stands where the plan's plot had no plants; this one has some there.
+        (True, {"length_m": 6.0, "width_m": 3.0, "plant_height_m": 0.9}, 1.2, 2.0,
+         r", the first: is 0\.18 m too low over the plants of p0", "plot-size"),
+    ],
+)  # fmt: skip
+def test_all_of_an_outline_counts_as_full_of_plants(plants, outline, low_m, high_m, refused, code) -> None:
+    with pytest.raises(Refused, match=f"7 photographs.*{refused}"):
+        route_plan(planned(plants=plants, height_m=low_m), VEHICLE, site_with(outline))
+    routed = route_plan(planned(plants=plants, height_m=high_m), VEHICLE, site_with(outline))
+    assert [each.code for each in routed.fit] == [code]
+    assert routed.clear_m == {"p0": outline["plant_height_m"]}
+    lowest_m = min(leg[:, 2].min() for leg in routed.legs()[1:-1])
+    assert lowest_m > outline["plant_height_m"] + VEHICLE.clearance_m - 0.03
+
+
+RANDOM = np.random.default_rng(3)
+NO_ROWS = {
+    "evenly spread": RANDOM.uniform((-1, -1, 0), (1, 1, 0.9), (3000, 3)),
+    "one row": rows_of_plants(0.75, rows=1),
+    "few points": rows_of_plants(0.75)[:20],
+    "no numbers": np.full((100, 3), np.nan),
+    "nothing": np.zeros((0, 3)),
+    "rows along y": rows_of_plants(0.75, turn_deg=90.0),
+    "kilometres apart": 1e6 * RANDOM.normal(size=(100, 3)),
+    "three single plants beside each other": np.concatenate(
+        [RANDOM.normal((0.0, 0.3 * k, 0.3), (0.03, 0.03, 0.1), (200, 3)) for k in range(3)]
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("points", "expected"),
+    [
+        *((rows_of_plants(spacing, turn_deg=turn), spacing) for spacing in (0.4, 0.5, 0.75, 1.0) for turn in (0, 8)),
+        *((points, None) for points in NO_ROWS.values()),
+    ],
+)
+def test_row_spacing(points: FloatArray, expected: float | None) -> None:
+    assert row_spacing_m(points) == (expected and pytest.approx(expected, rel=0.06))
 
 
 def test_heights_that_are_given_for_all_plots_or_not_known() -> None:
@@ -96,26 +197,6 @@ def test_heights_that_are_given_for_all_plots_or_not_known() -> None:
     assert (
         heights(nobody, {"p0": plan.model_copy(update={"plant_height_m": 1.1})}, "unknown") == [pytest.approx(1.43)] * 2
     )
-
-
-def test_higher_plants_are_flown_clear_of_or_refused() -> None:
-    high, low = planned(height_m=2.2), planned(height_m=1.5)
-    assert findings(low, plant_height_m=0.93) == {}
-    warned = findings(high, plant_height_m=1.4)
-    assert warned["plants-higher"].severity == "warning"
-    assert "plants of 1.40 m are 0.50 m higher than the plan's" in warned["plants-higher"].message
-    assert findings(low, plant_height_m=1.4).keys() == {"plants-higher"}  # they stand beside these plants
-    over = low.model_copy(update={"stations": (*low.stations, low.stations[0].model_copy(
-        update={"position_m": (0.0, 0.0, 1.7), "pitch_deg": -90.0})),
-    })  # fmt: skip
-    assert findings(over, plant_height_m=1.1).keys() == {"plants-higher"}
-    refused = findings(over, plant_height_m=1.4)["plants-too-high"]
-    assert refused.severity == "error"
-    assert "station 8 would stand in them, or nearer to them than 0.5 m" in refused.message
-    with pytest.raises(Refused, match=r"(?s)cannot be flown: p1 and p2, the first: plants of 1\.40 m") as caught:
-        route_plan(over, VEHICLE, site_with(*({"plant_height_m": m} for m in (0.9, 1.4, 1.5))))
-    assert caught.value.exit_code == 5
-    assert "--fit, or plan again" in caught.value.remedy
 
 
 @settings(max_examples=15)
@@ -154,55 +235,6 @@ def test_stations_nearer_than_a_receiver_holds_them_need_rtk() -> None:
     assert needed(plan, clearance_m=0.7, gps_accuracy_m=0.1) == needed(planned(height_m=2.0)) == []
 
 
-def test_lower_plants_are_noted_and_change_nothing() -> None:
-    plan = planned()
-    found = findings(plan, plant_height_m=0.5)
-    assert found.keys() == {"plants-lower"}
-    assert found["plants-lower"].severity == "note"
-    volumes = [site_obstacles(site_with(plot), 0.5, plan).volumes for plot in ({}, {"plant_height_m": 0.5})]
-    assert volumes[0] == volumes[1]
-
-
-def test_a_plan_without_plants_cannot_keep_clear_of_them() -> None:
-    found = findings(planned(plants=False), plant_height_m=1.5, row_spacing_m=0.75)
-    assert found.keys() == {"plants-unknown", "row-spacing-unknown"}
-    assert found["plants-unknown"].severity == "warning"
-    assert "not checked against plants" in found["plants-unknown"].message
-
-
-def test_without_the_plans_plants_all_of_an_outline_counts_as_full() -> None:
-    outline = {"length_m": 3.0, "width_m": 2.0, "plant_height_m": 1.5}
-    with pytest.raises(
-        Refused, match=r"7 photographs.*too low over the plants of p0, which are kept clear of up to 1\.98"
-    ):
-        route_plan(planned(plants=False, height_m=1.9), VEHICLE, site_with(outline))
-    high = route_plan(planned(plants=False, height_m=2.1), VEHICLE, site_with(outline))
-    assert [each.code for each in high.fit] == ["size-unknown"]
-    assert high.clear_m == {"p0": 1.5}
-    assert min(leg[:, 2].min() for leg in high.legs()[1:-1]) > 1.5 + VEHICLE.clearance_m - 0.03
-
-
-def test_a_plot_that_is_not_all_photographed() -> None:
-    plan = planned(8, height_m=1.6).model_copy(update={"camera": CAMERA})
-    assert findings(plan, length_m=0.9, width_m=0.8) == {}
-    small = findings(plan, length_m=12.0, width_m=3.0)["plot-size"]
-    assert small.severity == "warning"
-    assert "of the plot of 12.0 × 3.0 m is in 3 or more of the plan's photographs" in small.message
-    assert "the plan knows plants on 0.6 × 0.6 m" in small.message
-    blind = findings(planned(8), length_m=12.0, width_m=3.0)["plot-size"]
-    assert "reaches beyond the plan's; the plan knows plants on 0.6 × 0.6 m" in blind.message
-
-
-def test_stations_over_a_plot_that_is_larger_than_the_plans() -> None:
-    """The ring stands where the plan's plot had no plants; this one has some there."""
-    larger = {"length_m": 6.0, "width_m": 3.0, "plant_height_m": 0.9}
-    with pytest.raises(Refused, match=r"7 photographs .*, the first: is 0\.18 m too low over the plants of p0"):
-        route_plan(planned(height_m=1.2), VEHICLE, site_with(larger))
-    routed = route_plan(planned(height_m=2.0), VEHICLE, site_with(larger))
-    assert [each.code for each in routed.fit] == ["plot-size"]
-    assert min(leg[:, 2].min() for leg in routed.legs()[1:-1]) > 0.9 + VEHICLE.clearance_m - 0.03
-
-
 @given(st.floats(0.2, 20), st.floats(0.2, 20))
 def test_all_of_an_outline_is_kept_clear_of_and_leaves_make_it_higher(length: float, width: float) -> None:
     """Of a plot that is flown and of a neighbour, however low the plan's own plants are."""
@@ -225,67 +257,6 @@ def test_all_of_an_outline_is_kept_clear_of_and_leaves_make_it_higher(length: fl
         )
         > 1.3 + 0.4
     )
-
-
-@pytest.mark.parametrize("spacing", [0.4, 0.5, 0.75, 1.0])
-@pytest.mark.parametrize("turn", [0.0, 8.0])
-def test_rows_are_found(spacing: float, turn: float) -> None:
-    found = row_spacing_m(rows_of_plants(spacing, turn_deg=turn))
-    assert found == pytest.approx(spacing, rel=0.06)
-
-
-def test_what_has_no_rows_has_no_spacing() -> None:
-    rng = np.random.default_rng(3)
-    assert row_spacing_m(rng.uniform((-1, -1, 0), (1, 1, 0.9), (3000, 3))) is None
-    assert row_spacing_m(rows_of_plants(0.75, rows=1)) is None
-    assert row_spacing_m(rows_of_plants(0.75)[:20]) is None
-    assert row_spacing_m(np.full((100, 3), np.nan)) is None
-    assert row_spacing_m(np.zeros((0, 3))) is None
-    assert row_spacing_m(rows_of_plants(0.75, turn_deg=90.0)) is None  # they run along y
-    assert row_spacing_m(1e6 * rng.normal(size=(100, 3))) is None
-    # Single plants beside each other are no rows: three of them, 0.3 m apart in y.
-    clumps = [rng.normal((0.0, 0.3 * k, 0.3), (0.03, 0.03, 0.1), (200, 3)) for k in range(3)]
-    assert row_spacing_m(np.concatenate(clumps)) is None
-
-
-def test_other_rows() -> None:
-    plan = with_plants(planned(height_m=2.0), rows_of_plants(0.75))
-    assert findings(plan, row_spacing_m=0.78) == {}
-    warned = findings(plan, row_spacing_m=0.5)
-    assert warned.keys() == {"row-spacing"}
-    assert "rows are 0.50 m apart, the plan's 0.7" in warned["row-spacing"].message
-    low = with_plants(planned(height_m=1.2), rows_of_plants(0.75))
-    refused = findings(low, row_spacing_m=0.5)["rows-elsewhere"]
-    assert refused.severity == "error"
-    assert "may stand among plants" in refused.message
-    assert findings(planned(), row_spacing_m=0.5).keys() == {"row-spacing-unknown"}
-
-
-@pytest.mark.parametrize(
-    ("own", "plot", "message", "remedy"),
-    [
-        (90.0, 100.0, None, ""), (350.0, 20.0, None, ""), (None, 270.0, None, ""),
-        (90.0, 150.0, "turned by 60°", ""), (10.0, 190.0, "turned by 180°", "row_heading_deg = 10.0, turns it by 0°"),
-        (90.0, 220.0, "turned by 130°", "row_heading_deg = 40.0, turns it by 50°"),
-    ],
-)  # fmt: skip
-def test_headings(own: float | None, plot: float, message: str | None, remedy: str) -> None:
-    found = findings(planned().model_copy(update={"row_heading_deg": own}), row_heading_deg=plot)
-    if message is None:
-        assert found == {}
-        return
-    assert message in found["turned"].message
-    assert remedy in found["turned"].remedy
-    assert found["turned"].severity == "note"
-
-
-def test_slopes() -> None:
-    note = findings(planned(), slope_percent=8.0, uphill_heading_deg=90.0)["slope"]
-    assert note.severity == "note"
-    assert "rises by 8.0 %: stations are shifted by −0.1" in note.message
-    steep = findings(planned(), slope_percent=14.0, uphill_heading_deg=90.0)["slope-steep"]
-    assert steep.severity == "warning"
-    assert "plans have been tried to 10 %" in steep.message
 
 
 def test_measured_plants_that_have_outgrown_the_plan() -> None:
@@ -335,28 +306,6 @@ def test_stations_in_what_is_kept_clear_of_are_named_with_those_that_do_not_fit(
     assert {(each.subject, each.code) for each in report.findings if each.severity == "error"} == {
         ("p1", "not-fitted"), ("p0", "in-obstacle"),
     }  # fmt: skip
-
-
-def test_the_command_says_what_does_not_fit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    save_plan(tmp_path / "plan.json", planned(4, height_m=2.0))
-    site = tmp_path / "site.toml"
-    site.write_text("format = 1\n[home]\nlatitude_deg = 50.8649\nlongitude_deg = 6.4473\n", encoding="utf-8")
-    features = [
-        {"type": "Feature", "properties": {"row_heading_deg": 90, "plant_height_m": height, "name": f"n{k}"},
-         "geometry": {"type": "Point", "coordinates": [6.4473, 50.865 + 1e-4 * k]}}
-        for k, height in enumerate([1.3, 1.3, 1.3, 1.3, 0.9])
-    ]  # fmt: skip
-    plots = tmp_path / "plots.geojson"
-    plots.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
-    call = ["export-mission", str(tmp_path / "plan.json"), "--vehicle", "ardupilot-pitch", "--site", str(site)]
-    call += ["--plots", str(plots), "--no-picture", "-o", str(tmp_path / "m.plan")]
-    assert main(call) == 0
-    told = " ".join(capsys.readouterr().out.split())
-    assert "Warning: n0, n1, n2 and n3: plants of 1.30 m are 0.40 m higher than the plan's" in told
-    assert main([*call, "--overwrite", "--json"]) == 0
-    fit = json.loads(capsys.readouterr().out)["fit"]
-    assert [each["plot"] for each in fit if each["code"] == "plants-higher"] == [f"n{k}" for k in range(4)]
-    assert fit[0].keys() == {"plot", "station", "code", "severity", "message", "remedy"}
 
 
 def test_the_rotors_wash_is_told_where_it_moves_leaves() -> None:

@@ -15,7 +15,6 @@ from fieldkit.errors import MissionError
 from fieldkit.missions.export_mission import export_mission
 from fieldkit.results.plan import Plan, PlanEnvelope, PlanPlants
 from fieldkit.results.plan_file import load_plan, save_plan
-from fieldkit.sites.fit import fit_report
 from fieldkit.sites.fitted import fitted, fitted_to, fitted_to_height, flown_plans
 from fieldkit.sites.plot_plants import BAND_M, Band, PlanFacts, no_fly_bands
 from fieldkit.sites.site import SitePlot
@@ -110,13 +109,6 @@ def test_a_plan_stated_for_plants_of_a_height_is_fitted_unless_it_must_not_be() 
     assert flown_plans(flown, plots) is flown
     assert flown_plans(plan_in_envelope(), plots) == plan_in_envelope()
     assert fitted_to_height(plan_in_envelope(), 1.2) == plan_in_envelope()
-
-
-def test_where_no_height_is_known_that_is_said() -> None:
-    plan = plan_in_envelope().model_copy(update={"plant_height_m": 0.9})
-    site = site_with({"name": "a"}, {"name": "b", "plant_height_m": 0.9})
-    (finding,) = (each for each in fit_report(plan, site, VEHICLE).findings if each.severity == "error")
-    assert (finding.subject, finding.code, finding.severity) == ("a", "plant-height-unknown", "error")
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """Plots on slopes: how a slope is given, and where a plan comes to lie on it."""
 
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -15,11 +14,8 @@ from fieldkit.arrays import FloatArray
 from fieldkit.errors import MetadataError, MissionError
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.missions.check import check_mission
 from fieldkit.missions.export import route_plan
-from fieldkit.missions.export_mission import export_mission
-from fieldkit.missions.files.reading import read_mission
-from fieldkit.sites.placement import PlotFrame, SiteFrame, grounds_m, home_of, place
+from fieldkit.sites.placement import PlotFrame, SiteFrame, grounds_m, place
 from fieldkit.sites.plots_file import load_plots
 from fieldkit.sites.site import Site, SiteHome, SitePlot
 from fieldkit.sites.site_file import load_site
@@ -28,6 +24,7 @@ from fieldkit.sites.terrain import gradient, plane_through
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from tests.missions.test_export import planned
 from tests.sites.test_placement import plan_of
+from tests.sites.test_site_file import geojson, point, polygon, rectangle
 
 VEHICLE = load_vehicle("ardupilot-pitch")
 LATITUDE, LONGITUDE = 50.8650, 6.4473
@@ -161,51 +158,34 @@ def test_what_no_ground_is(given_: dict[str, Any], message: str) -> None:
         SitePlot.model_validate({"latitude_deg": LATITUDE, "longitude_deg": LONGITUDE, **given_})
 
 
-def plots_file(folder: Path, geometry: dict[str, Any], **properties: Any) -> Path:
-    path = folder / "plots.geojson"
-    path.write_text(json.dumps({"type": "Feature", "properties": properties, "geometry": geometry}), encoding="utf-8")
-    return path
-
-
-def rectangle(length: float, width: float, heading: float) -> dict[str, Any]:
-    """A polygon of GeoJSON about the origin, its first side along a heading."""
-    angle = math.radians(heading)
-    along, left = np.array([math.sin(angle), math.cos(angle)]), np.array([-math.cos(angle), math.sin(angle)])
-    corners = [0.5 * (a * length * along + b * width * left) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    latitudes, longitudes, _ = LocalFrame(LATITUDE, LONGITUDE).to_geodetic([(x, y, 0.0) for x, y in corners])
-    ring = [[lon, lat] for lat, lon in zip(latitudes.tolist(), longitudes.tolist(), strict=True)]
-    return {"type": "Polygon", "coordinates": [[*ring, ring[0]]]}
-
-
 @given(st.floats(1, 40), st.floats(0.3, 0.9), st.floats(0, 359), st.floats(-30, 30))
 def test_a_polygons_size_is_that_of_its_own_rectangle(tmp_path_factory, length, share, heading, off) -> None:
     folder = tmp_path_factory.mktemp("plots")
-    shape = rectangle(length, share * length, heading)
-    drawn, along, across = (
-        load_plots(plots_file(folder, shape, **more))[0].size_m
-        for more in ({}, {"row_heading_deg": (heading + off) % 360}, {"row_heading_deg": (heading + off + 90) % 360})
-    )
+    ring = rectangle((LATITUDE, LONGITUDE), heading, length, share * length)
+
+    def size_m(**known: float) -> Any:
+        return load_plots(geojson(folder, polygon(ring, **known)))[0].size_m
+
+    drawn, along, across = (size_m(), *(size_m(row_heading_deg=(heading + off + k) % 360) for k in (0, 90)))
     assert drawn == pytest.approx((length, share * length), rel=1e-5)
     assert along == pytest.approx((length, share * length), rel=1e-5)
     assert across == pytest.approx((share * length, length), rel=1e-5)
-    stated = plots_file(folder, shape, length_m=3.0, width_m=1.5)
-    assert load_plots(stated)[0].size_m == (3.0, 1.5)
+    assert size_m(length_m=3.0, width_m=1.5) == (3.0, 1.5)
 
 
 def test_geojson_gives_slope_and_plants_with_the_longitude_first(tmp_path: Path) -> None:
     north = LATITUDE + 8.99e-5
-    where = {"type": "Point", "coordinates": [LONGITUDE, LATITUDE]}
     points = [[LONGITUDE, LATITUDE, 91.0], [LONGITUDE, north, 92.0], [6.4475, LATITUDE, 91.0]]
     more = {"row_heading_deg": 90, "datum": "amsl", "plant_height_m": 1.2, "row_spacing_m": 0.75}
-    (plot,) = load_plots(plots_file(tmp_path, where, ground_points=points, **more))
+    (plot,) = load_plots(geojson(tmp_path, point(ground_points=points, **more)))
     assert (plot.slope_percent, plot.height_m) == pytest.approx((10.0, 91.0), abs=0.01)
     assert (plot.plant_height_m, plot.row_spacing_m, plot.size_m) == (1.2, 0.75, None)
     with pytest.raises(MetadataError, match=r"feature 1: .*rises by 3 %, but where to"):
-        load_plots(plots_file(tmp_path, where, row_heading_deg=90, slope_percent=3))
+        load_plots(geojson(tmp_path, point(row_heading_deg=90, slope_percent=3)))
     odd: tuple[Any, ...] = ([[1]], "x", [[None, 2, 3]] * 3, [[1e999, 2, 3]] * 3, {}, [[], [], []])
     for hostile in odd:
         with pytest.raises(MetadataError, match="feature 1"):
-            load_plots(plots_file(tmp_path, where, row_heading_deg=90, datum="amsl", ground_points=hostile))
+            load_plots(geojson(tmp_path, point(row_heading_deg=90, datum="amsl", ground_points=hostile)))
 
 
 def test_what_is_flown_over_a_slope_keeps_clear_of_plants_and_ground() -> None:
@@ -260,17 +240,3 @@ def test_home_on_a_sloping_plot_is_taken_off_from() -> None:
     home = SiteHome(latitude_deg=LATITUDE, longitude_deg=LONGITUDE, ellipsoid_m=140.0)
     site = site_with(home, slope_percent=15.0, uphill_heading_deg=200.0)
     assert route_plan(planned(plants=False), VEHICLE, site).photographs == 7
-
-
-def test_a_mission_over_a_slope_passes_its_check(tmp_path: Path) -> None:
-    plan = planned(height_m=2.0)
-    site = site_with(slope_percent=12.0, uphill_heading_deg=310.0, row_heading_deg=75.0)
-    done = export_mission(plan, VEHICLE, site, tmp_path / "slope.plan", picture=False)
-    report = check_mission(
-        read_mission(done.files[0]), VEHICLE, planned=place(plan, site), origin=home_of(site),
-        obstacles=site_obstacles(site, VEHICLE.clearance_m, plan),
-    )  # fmt: skip
-    assert report.ok, report.findings
-    assert len(report.deviations) == 7
-    assert max(deviation.metres for deviation in report.deviations) < 0.02
-    assert max(abs(deviation.pitch_deg or 0.0) for deviation in report.deviations) < 0.01
