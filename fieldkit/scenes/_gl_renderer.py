@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from OpenGL import EGL, GL
+from OpenGL import GL
 from pyrender.constants import RenderFlags
 from pyrender.platforms import egl
 from pyrender.renderer import Renderer as PyrenderRenderer
@@ -22,6 +22,8 @@ class EGLPlatform(egl.EGLPlatform):  # type: ignore[misc]
 
     def delete_context(self) -> None:
         """End this context alone. A second call does nothing."""
+        from OpenGL import EGL  # once it is imported PyOpenGL 3.1.0 can load no more of GL's extensions
+
         context = self._egl_context
         self._egl_context: Any = None
         if context is not None:

@@ -91,9 +91,7 @@ def test_no_plant_shrinks_or_triples(tmp_path: Path, growth: float) -> None:
 def test_visits_are_compared_with_the_plan_that_was_made_for_them(tmp_path: Path) -> None:
     found = season(tmp_path)
     with pytest.raises(MissionError, match="too low over the plants of r1c"):
-        plan_next_visit(
-            found, "2026-07-02", tmp_path / "next.plan", vehicle="ardupilot-pitch", only=["r1c2"], progress=Silent()
-        )
+        plan_next_visit(found, "2026-07-02", tmp_path / "next.plan", vehicle="ardupilot-pitch", progress=Silent())
     made = plan_next_visit(
         found, "2026-07-02", tmp_path / "next.plan", vehicle="ardupilot-pitch", plant_height=0.6, adjust=True,
         only=["r1c1", "r1c3"], progress=Silent(),
