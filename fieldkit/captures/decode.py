@@ -6,7 +6,6 @@ import io
 import os
 import re
 import tempfile
-import threading
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -32,8 +31,6 @@ _DETAIL_PX = 256
 _SAME_DETAIL = 0.9
 """Least correlation of the details of one photograph in two files."""
 _COMPLAINT = re.compile(r"Corrupt JPEG data|Premature end of JPEG|Inconsistent progression|libpng error")
-_STDERR = threading.Lock()
-"""Lock of the process's stderr while it is caught."""
 _STANDALONE = frozenset({0x01, *range(0xD0, 0xD9)})
 _REDUCED = {
     2: (cv2.IMREAD_REDUCED_COLOR_2, cv2.IMREAD_REDUCED_GRAYSCALE_2),
@@ -88,15 +85,15 @@ def read_image(photo: Photo | Path, *, max_side: int | None = None, gray: bool =
 def decoders_complaints() -> Iterator[list[str]]:
     """What libjpeg and libpng say of damage meanwhile: they write it to the process's stderr and go on.
 
-    What else is written there meanwhile is passed on. Other threads that ask for theirs wait.
+    What else is written there meanwhile is passed on. Not for two threads at once.
     """
     lines: list[str] = []
-    with _STDERR, tempfile.TemporaryFile() as caught:
-        try:
-            usual = os.dup(2)
-        except OSError:  # no stderr
-            yield lines
-            return
+    try:
+        usual = os.dup(2)
+    except OSError:  # no stderr
+        yield lines
+        return
+    with tempfile.TemporaryFile() as caught:
         os.dup2(caught.fileno(), 2)
         try:
             yield lines

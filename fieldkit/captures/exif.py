@@ -19,8 +19,8 @@ from fieldkit.captures.maker_calibration import calibration_of
 from fieldkit.captures.model import Photo
 from fieldkit.captures.one_camera import sensor_of
 from fieldkit.captures.xmp import XmpData, parse_xmp
+from fieldkit.documents.csv_text import finite_numbers
 from fieldkit.documents.xml_tree import XmlError
-from fieldkit.geometry import Intrinsics
 
 _BASE, _GPS = ExifTags.Base, ExifTags.GPS
 _FILM_WIDTH_MM = 36.0
@@ -75,7 +75,7 @@ def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) 
     focal_mm = _number(detail.get(_BASE.FocalLength), positive=True)
     focal_35mm = _number(detail.get(_BASE.FocalLengthIn35mmFilm), positive=True)
     zoom = _digital_zoom(detail)
-    focal_px = _focal_px(detail, photo, focal_mm, focal_35mm, zoom, problems)
+    maker = {} if zoom > 1.0 else xmp.calibration
     taken = _time(base, detail, gps)
     tagged = replace(
         photo,
@@ -88,8 +88,8 @@ def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) 
         focal_35mm=focal_35mm,
         digital_zoom=zoom,
         projection=xmp.projection or "",
-        calibration=None if zoom > 1.0 else _calibration(xmp, photo, focal_px, problems),
-        focal_px=focal_px,
+        calibration=calibration_of(maker, photo.width, photo.height),
+        focal_px=_designed_px(maker, photo, _focal_px(detail, photo, focal_mm, focal_35mm, zoom, problems), problems),
         captured_at=taken,
         clock_ahead=_clock_ahead(taken, detail, gps),
         orientation=_orientation(base.get(_BASE.Orientation)),
@@ -228,16 +228,24 @@ def _focal_px(
     return found
 
 
-def _calibration(xmp: XmpData, photo: Photo, focal_px: float | None, problems: list[Problem]) -> Intrinsics | None:
-    """The maker's calibration; not a designed focal length that contradicts the EXIF's."""
-    found = calibration_of(xmp.calibration, photo.width, photo.height)
-    if found is None or focal_px is None or found.model != "SIMPLE_RADIAL":
-        return found
-    if abs(found.fx / focal_px - 1.0) <= _SAME_FOCAL:
-        return found
-    doubt = f"the XMP's focal length is {found.fx:.0f} px where the EXIF's is {focal_px:.0f} px; not used"
-    problems.append(("focal-implausible", doubt))
-    return None
+def _designed_px(
+    maker: Mapping[str, str], photo: Photo, by_exif: float | None, problems: list[Problem]
+) -> float | None:
+    """The focal length that the lens was designed with (DJI's manual of the Matrice 4), in this picture's pixels, where
+    it does not contradict the EXIF's; else the EXIF's.
+
+    It is stated beside the middle of the whole picture, which may have been resized or cropped since.
+    """
+    numbers = finite_numbers(",".join(maker.get(key, "") for key in ("focal", "center_x", "center_y")))
+    if len(numbers) != 3 or min(numbers) <= 0.0:
+        return by_exif
+    focal, x, y = numbers
+    stated = 0.5 * focal * max(photo.width / x, photo.height / y)
+    if by_exif is not None and abs(stated / by_exif - 1.0) > _SAME_FOCAL:
+        doubt = f"the XMP's focal length is {stated:.0f} px where the EXIF's is {by_exif:.0f} px; not used"
+        problems.append(("focal-implausible", doubt))
+        return by_exif
+    return stated if _plausible(stated, max(photo.width, photo.height)) else by_exif
 
 
 def _plausible(focal_px: float, longer_side: int) -> bool:

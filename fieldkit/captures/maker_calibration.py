@@ -2,8 +2,7 @@
 
 DJI's guides to image processing (P4 Multispectral, Mavic 3M) define DewarpData as
 ``date;fx,fy,cx,cy,k1,k2,p1,p2,k3``: pixels of the whole picture, cx and cy from its middle, OpenCV's distortion.
-DewarpFlag is 1 where the camera has straightened the picture already. CalibratedFocalLength is the lens's as it was
-designed, pixels (manual of the Matrice 4).
+DewarpFlag is 1 where the camera has straightened the picture already.
 """
 
 from __future__ import annotations
@@ -32,39 +31,26 @@ def calibration_of(fields: Mapping[str, str], width: int, height: int) -> Intrin
     """The calibration of a picture of that size by the fields of DJI's XMP; None without a plausible one.
 
     The middle of the sensor (CalibratedOpticalCenterX and Y), where it is given, says how large the picture was before
-    it was resized. Where only the designed focal length is stated, beside it, the camera is SIMPLE_RADIAL.
+    it was resized.
     """
-    middle = finite_numbers(f"{fields.get('center_x', '')},{fields.get('center_y', '')}")
-    stated = len(middle) == 2 and min(middle) > 0.0
-    whole = (round(2 * middle[0]), round(2 * middle[1])) if stated else (width, height)
-    found = _measured(fields, whole)
-    focal = finite_numbers(fields.get("focal", ""))
-    if found is None and stated and focal and _plausible(focal[0], whole):
-        found = Intrinsics("SIMPLE_RADIAL", *whole, (focal[0], *middle, 0.0))
-    return None if found is None else CameraEntry(found).at_size(width, height)
-
-
-def _plausible(focal: float, whole: tuple[int, int]) -> bool:
-    return _FOCAL_SIDES[0] < focal / max(whole) < _FOCAL_SIDES[1]
-
-
-def _measured(fields: Mapping[str, str], whole: tuple[int, int]) -> Intrinsics | None:
-    """What DewarpData says of pictures of a size, (width, height)."""
     flag = fields.get("dewarp_flag", "").strip()
     numbers = finite_numbers(fields.get("dewarp", "").rpartition(";")[2])
     if flag not in ("0", "1") or len(numbers) != _VALUES:
         return None
     fx, fy, dx, dy, *bend = numbers
-    if not (_plausible(fx, whole) and _plausible(fy, whole)):
+    middle = finite_numbers(f"{fields.get('center_x', '')},{fields.get('center_y', '')}")
+    whole = (round(2 * middle[0]), round(2 * middle[1])) if len(middle) == 2 and min(middle) > 0.0 else (width, height)
+    side = max(whole)
+    if not all(_FOCAL_SIDES[0] < f / side < _FOCAL_SIDES[1] for f in (fx, fy)):
         return None
-    if max(abs(dx), abs(dy)) > _OFF_CENTRE * max(whole) or max(map(abs, bend)) > _MOST_K:
+    if max(abs(dx), abs(dy)) > _OFF_CENTRE * side or max(map(abs, bend)) > _MOST_K:
         return None
     centre = whole[0] / 2 + dx, whole[1] / 2 + dy
     if flag == "1":
-        return Intrinsics("PINHOLE", *whole, (fx, fy, *centre))
+        return CameraEntry(Intrinsics("PINHOLE", *whole, (fx, fy, *centre))).at_size(width, height)
     k1, k2, p1, p2, k3 = bend
     k1, k2 = _without_k3(k1, k2, k3, float(np.hypot(*whole)) / (fx + fy))
-    return Intrinsics("OPENCV", *whole, (fx, fy, *centre, k1, k2, p1, p2))
+    return CameraEntry(Intrinsics("OPENCV", *whole, (fx, fy, *centre, k1, k2, p1, p2))).at_size(width, height)
 
 
 def _without_k3(k1: float, k2: float, k3: float, corner: float) -> tuple[float, float]:

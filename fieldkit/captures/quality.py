@@ -38,11 +38,9 @@ _SHADOW_END = 96
 _LIGHT_END = 144
 """Grey level that the darkest hundredth of an over-exposed photograph stays above."""
 
-DAMAGED = "its data are damaged, says the decoder, so parts show something else: copy it again from the camera"
-"""Sentence of a file that decoders complain of."""
 _MESSAGES = {
     "unreadable": "the pixels cannot be decoded",
-    "damaged": DAMAGED,
+    "damaged": "its data are damaged, says the decoder, so parts show something else: copy it again from the camera",
     "empty": "nothing can be seen in it",
     "blurred": "blurred",
     "under-exposed": "too dark",
@@ -115,7 +113,10 @@ def flag_set(qualities: Mapping[str, Quality]) -> dict[str, Quality]:
     usable = [q for q in qualities.values() if not {"unreadable", "empty"} & set(q.flags)]
     if len(usable) < 3:
         return dict(qualities)
-    damaged = damaged_files({name: "damaged" in quality.flags for name, quality in qualities.items()})
+    if 2 * sum("damaged" in quality.flags for quality in usable) > len(usable):  # that camera's way to write files
+        qualities = {
+            name: replace(q, flags=tuple(f for f in q.flags if f != "damaged")) for name, q in qualities.items()
+        }
     sharpness, dark, bright = np.median([(q.sharpness, q.clipped_dark, q.clipped_bright) for q in usable], axis=0)
     flagged = {}
     for name, quality in qualities.items():
@@ -126,19 +127,9 @@ def flag_set(qualities: Mapping[str, Quality]) -> dict[str, Quality]:
         }
         if {"unreadable", "empty"} & set(quality.flags):
             more = {}
-        own = tuple(flag for flag in quality.flags if flag != "damaged" or name in damaged)
-        new = tuple(flag for flag, applies in more.items() if applies and flag not in own)
-        flagged[name] = replace(quality, flags=(*own, *new))
+        new = tuple(flag for flag, applies in more.items() if applies and flag not in quality.flags)
+        flagged[name] = replace(quality, flags=(*quality.flags, *new)) if new else quality
     return flagged
-
-
-def damaged_files(complaints: Mapping[str, bool]) -> frozenset[str]:
-    """Names of a camera's files that are damaged, of whether the decoder complained of each.
-
-    Where it complains of more than half of three or more, none is: that is the camera's way to write files.
-    """
-    names = frozenset(name for name, complained in complaints.items() if complained)
-    return names if len(complaints) < 3 or 2 * len(names) <= len(complaints) else frozenset()
 
 
 def assess_quality(capture: Capture, *, measure: Callable[[Photo], Quality] | None = None) -> dict[str, Quality]:

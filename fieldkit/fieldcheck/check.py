@@ -18,7 +18,7 @@ from fieldkit.evaluation.adherence import LoggedFlight
 from fieldkit.evaluation.evaluate import find_plots
 from fieldkit.fieldcheck.consistency import Consistency, check_tags
 from fieldkit.fieldcheck.model import OTHER_PLOT, CheckReport, CheckSettings, finding_of
-from fieldkit.fieldcheck.pictures import PictureVerdict, judge_pictures, load_pictures
+from fieldkit.fieldcheck.pictures import PictureVerdict, judge_pictures, load_pictures, with_damage
 from fieldkit.fieldcheck.placement import Placed, angles_as_meant, place_tags, read_tags
 from fieldkit.fieldcheck.ties import TieGraph, find_ties, with_guided_ties
 from fieldkit.fieldcheck.verdicts import Evidence, believed_poses, judge, tag_pose
@@ -162,7 +162,7 @@ def check_capture(
     known = [capture.priors.get(name) for name in capture.names]
     positions = [None if p is None else p.position for p in known]
     graph = find_ties(capture, context, fallback=None if plan is None else plan.camera, positions=positions)
-    looks = judge_pictures(capture, pictures)
+    looks = with_damage(judge_pictures(capture, pictures), capture, context.cache)
     sizes = [max(1, len(photo.burst)) for photo in capture.photos]
     burst, plot_name = int(np.bincount(sizes).argmax()), None if plot is None else plot.name
     report = CheckReport(name, sum(sizes), (), (), plot_name, burst=burst)

@@ -14,11 +14,11 @@ import cv2
 import numpy as np
 
 from fieldkit.arrays import ByteArray, Float32Array, FloatArray
-from fieldkit.cache import digest
+from fieldkit.cache import StageCache, digest
 from fieldkit.captures import Capture, Photo, read_image
-from fieldkit.captures.decode import decoders_complaints
-from fieldkit.captures.quality import DAMAGED, damaged_files
+from fieldkit.captures.quality import quality_findings
 from fieldkit.errors import CaptureError
+from fieldkit.reconstruction.stages import load_quality
 from fieldkit.reconstruction.versions import BESIDE
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import map_threads
@@ -82,8 +82,6 @@ class Picture:
     """Standard deviation of the grey values."""
     readable: bool = True
     """Whether it could be decoded; all else is 0 otherwise."""
-    damaged: bool = False
-    """Whether the decoder complained of it."""
 
 
 @dataclass(frozen=True)
@@ -137,14 +135,8 @@ def load_pictures(photos: Sequence[Photo], context: Context, advance: Advance) -
 
     def load(photo: Photo) -> Picture:
         key = digest("field-check-picture", BESIDE["field-check-picture"], photo.sha256)
-        kept = cache.get("pictures", key)
-        if kept is None:
-            found = _measured(photo)
-            values = [found.light, found.dark, found.bright, found.contrast, found.readable, found.damaged]
-            kept = {"widths": found.widths, "values": np.array(values, dtype=np.float64)}
-            cache.put("pictures", key, kept)
-        light, dark, bright, contrast, readable, damaged = (float(v) for v in kept["values"])
-        return Picture(kept["widths"], light, dark, bright, contrast, bool(readable), bool(damaged))
+        kept = cache.kept("pictures", key, lambda: {k: np.asarray(v) for k, v in vars(_measured(photo)).items()})
+        return Picture(**{name: value if value.ndim else value.item() for name, value in kept.items()})  # type: ignore[arg-type]
 
     found = map_threads(load, photos, workers=min(context.workers, _AT_ONCE), advance=advance)
     return {photo.name: each for photo, each in zip(photos, found, strict=True)}
@@ -161,12 +153,18 @@ def judge_pictures(capture: Capture, pictures: Mapping[str, Picture]) -> dict[st
             if len(usable) >= 3
             else (None, 0.0, 0.0)
         )
-        damaged = damaged_files({name: pictures[name].damaged for name in group.photos})
         for name in group.photos:
             usual = (None if light is None else float(light), float(dark), float(bright))
-            picture = replace(pictures[name], damaged=name in damaged)
-            verdicts[name] = _judged(picture, ratios.get(name, np.ones(DIRECTIONS)), usual)
+            verdicts[name] = _judged(pictures[name], ratios.get(name, np.ones(DIRECTIONS)), usual)
     return verdicts
+
+
+def with_damage(looks: Mapping[str, PictureVerdict], capture: Capture, cache: StageCache) -> dict[str, PictureVerdict]:
+    """The verdicts, and which files a decoder says are damaged."""
+    found = {each.subject: each for each in quality_findings(load_quality(capture, cache)) if each.code == "damaged"}
+    return dict(looks) | {
+        name: replace(looks[name], problem=each.code, message=each.message) for name, each in found.items()
+    }
 
 
 def _judged(picture: Picture, ratios: FloatArray, usual: tuple[float | None, float, float]) -> PictureVerdict:
@@ -177,8 +175,6 @@ def _judged(picture: Picture, ratios: FloatArray, usual: tuple[float | None, flo
     problem, message = "", ""
     if not picture.readable:
         problem, message = "unreadable", "it cannot be decoded"
-    elif picture.damaged:
-        problem, message = "damaged", DAMAGED
     elif stops < -_EXPOSURE_STOPS or picture.dark - dark > _CLIPPED_SHARE:
         problem = "too-dark"
         message = f"{abs(min(stops, 0.0)):.1f} stops darker than the others, {picture.dark:.0%} of it black"
@@ -203,11 +199,9 @@ def _kind(ratios: FloatArray) -> str:
 
 def _measured(photo: Photo) -> Picture:
     try:
-        with decoders_complaints() as complaints:
-            gray = read_image(photo, max_side=WORKING_SIDE, gray=True)
+        return measure_picture(read_image(photo, max_side=WORKING_SIDE, gray=True))
     except CaptureError:
         return Picture(np.zeros(DIRECTIONS), 0.0, 0.0, 0.0, 0.0, readable=False)
-    return replace(measure_picture(gray), damaged=bool(complaints))
 
 
 def edge_widths(gray: ByteArray) -> FloatArray:

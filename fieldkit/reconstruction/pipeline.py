@@ -243,16 +243,11 @@ def _undetermined(
 ) -> list[Finding]:
     """What cameras that all look the same way cannot tell: heights without a focal length, and their distortion."""
     sources = {name: mapped.intrinsics_source[capture.group_of(name).key] for name in poses}
-    assumed = [
-        name
-        for name in poses
-        if sources[name] in ("EXIF", "XMP") and intrinsics[name].model == "SIMPLE_RADIAL"
-        if not intrinsics[name].distorted
-    ]
+    assumed = [name for name in poses if sources[name] == "EXIF" and not intrinsics[name].distorted]
     if assumed and spread_deg(poses.values()) < PARALLEL_DEG:
         message = (
             "the photographs look the same way, which calibrates no lens: it is held without distortion, of which the "
-            "photographs say nothing. Where the ground comes out bent or poses are wrong, give a camera.toml"
+            "EXIF says nothing. Where the ground comes out bent or poses are wrong, give a camera.toml"
         )
         return [Finding(assumed[0], "lens-uncalibrated", message)]
     unknown = [name for name in poses if sources[name] == "self-calibrated"]

@@ -50,16 +50,9 @@ def _hash(ix: int, iy: int, seed: int) -> np.uint64:
     return h
 
 
-@inline_kernel
-def _gradient(ix: int, iy: int, seed: int, dx: float, dy: float) -> float:
-    h: np.uint64 = _hash(ix, iy, seed)
-    gx = (h & np.uint64(0xFFFF)) / 32767.5 - 1.0
-    gy = (h >> np.uint64(16)) / 32767.5 - 1.0
-    return gx * dx + gy * dy
-
-
 @kernel
 def _fractal(xs: FloatArray, ys: FloatArray, seed: int, octaves: int, gain: float, out: Float32Array) -> None:
+    cells, slopes = np.full((octaves, 2), 1 << 62), np.empty((octaves, 8))
     for i in range(xs.size):
         total, amplitude, x, y = 0.0, 1.0, xs[i], ys[i]
         for octave in range(octaves):
@@ -67,9 +60,15 @@ def _fractal(xs: FloatArray, ys: FloatArray, seed: int, octaves: int, gain: floa
             ix, iy, dx, dy = int(fx), int(fy), x - fx, y - fy
             u = dx * dx * dx * (dx * (dx * 6.0 - 15.0) + 10.0)
             v = dy * dy * dy * (dy * (dy * 6.0 - 15.0) + 10.0)
-            s = seed + 7919 * octave
-            a, b = _gradient(ix, iy, s, dx, dy), _gradient(ix + 1, iy, s, dx - 1.0, dy)
-            c, d = _gradient(ix, iy + 1, s, dx, dy - 1.0), _gradient(ix + 1, iy + 1, s, dx - 1.0, dy - 1.0)
+            cell, g = cells[octave], slopes[octave]
+            if cell[0] != ix or cell[1] != iy:  # neighbours in a picture mostly lie in one cell
+                cell[0], cell[1] = ix, iy
+                for k in range(4):
+                    h = _hash(ix + k % 2, iy + k // 2, seed + 7919 * octave)
+                    g[2 * k] = (h & np.uint64(0xFFFF)) / 32767.5 - 1.0
+                    g[2 * k + 1] = (h >> np.uint64(16)) / 32767.5 - 1.0
+            a, b = g[0] * dx + g[1] * dy, g[2] * (dx - 1.0) + g[3] * dy
+            c, d = g[4] * dx + g[5] * (dy - 1.0), g[6] * (dx - 1.0) + g[7] * (dy - 1.0)
             total += amplitude * 1.6 * (a + u * (b - a) + v * (c - a + u * (a - b - c + d)))
             # An irrational step keeps the octaves' lattices from lining up.
             amplitude, x, y = amplitude * gain, x * 2.03 + 17.13, y * 2.03 - 9.71

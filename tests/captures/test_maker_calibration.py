@@ -10,14 +10,13 @@ from tests.captures.photographs import MakePhoto, dji_xmp, exif_block
 
 DATA = "2019-09-10;1913.3,1913.3,1.5,-3.0,-0.3942,0.2456,0.001,-0.002,0.0"
 """As of a Phantom 4 Multispectral, 1600 × 1300."""
-WHOLE = (1913.3, 1913.3, 801.5, 647.0, -0.3942, 0.2456, 0.001, -0.002)
 MIDDLE = {"center_x": "800.000000", "center_y": "650.000000"}
 
 
 @pytest.mark.parametrize(
     ("fields", "size", "model", "params"),
     [
-        ({}, (1600, 1300), "OPENCV", WHOLE),
+        ({}, (1600, 1300), "OPENCV", (1913.3, 1913.3, 801.5, 647.0, -0.3942, 0.2456, 0.001, -0.002)),
         (MIDDLE, (800, 650), "OPENCV", (956.65, 956.65, 400.75, 323.5, -0.3942, 0.2456, 0.001, -0.002)),
         ({"dewarp_flag": "1"}, (1600, 1300), "PINHOLE", (1913.3, 1913.3, 801.5, 647.0)),
         (MIDDLE, (1600, 900), "", ()),  # a crop of it
@@ -26,9 +25,6 @@ MIDDLE = {"center_x": "800.000000", "center_y": "650.000000"}
         ({"dewarp": DATA.replace("-0.3942", "-39.42")}, (1600, 1300), "", ()),
         ({"dewarp": DATA.replace("1.5", "nan")}, (1600, 1300), "", ()),
         ({"dewarp": "2019-09-10;1913.3,1913.3"}, (1600, 1300), "", ()),
-        ({"dewarp": "", "focal": "1900.0", **MIDDLE}, (800, 650), "SIMPLE_RADIAL", (950.0, 400.0, 325.0, 0.0)),
-        ({"dewarp": "", "focal": "1900.0"}, (800, 650), "", ()),  # of which size?
-        ({"focal": "1900.0", **MIDDLE}, (1600, 1300), "OPENCV", WHOLE),
     ],
 )
 def test_what_is_made_of_it(fields, size, model, params) -> None:
@@ -55,15 +51,20 @@ def test_a_photographs_own_is_its_cameras(photo_file: MakePhoto) -> None:
     assert group.intrinsics.params == pytest.approx((60.0, 60.0, 32.5, 24.0, -0.1, 0.0, 0.0, 0.0))
 
 
-@pytest.mark.parametrize(("focal", "used"), [("63.0", 63.0), ("83.0", None)])
-def test_a_designed_focal_length_that_contradicts_the_exif_is_not_used(photo_file: MakePhoto, focal, used) -> None:
-    xmp = dji_xmp(CalibratedFocalLength=focal, CalibratedOpticalCenterX="32.0", CalibratedOpticalCenterY="24.0")
-    path = photo_file("a.jpg", size=(64, 48), exif=exif_block(detail={41989: 35}), xmp=xmp)
-    capture = read_capture(path.parent)
-    (group,) = capture.groups
-    by_exif = 35 * 80 / 43.2666
-    assert (group.source, group.intrinsics.fx) == ("XMP", used) if used else ("EXIF", pytest.approx(by_exif, rel=1e-4))
-    assert [f.code for f in capture.findings if f.code.startswith("focal")] == ([] if used else ["focal-implausible"])
+@pytest.mark.parametrize(
+    ("focal", "x", "used"),
+    [
+        ("63.0", "32.0", 63.0),
+        ("126.0", "64.0", 63.0),
+        ("83.0", "32.0", 35 * 80 / 43.2666),
+        ("63.0", "", 35 * 80 / 43.2666),
+    ],
+)
+def test_a_designed_focal_length_that_contradicts_the_exif_is_not_used(photo_file: MakePhoto, focal, x, used) -> None:
+    xmp = dji_xmp(CalibratedFocalLength=focal, CalibratedOpticalCenterX=x, CalibratedOpticalCenterY="48.0")
+    capture = read_capture(photo_file("a.jpg", size=(64, 48), exif=exif_block(detail={41989: 35}), xmp=xmp).parent)
+    assert capture.groups[0].intrinsics.fx == pytest.approx(used, rel=1e-4)
+    assert ("focal-implausible" in {f.code for f in capture.findings}) is (focal == "83.0")
 
 
 def test_a_panorama_is_no_photograph(photo_file: MakePhoto) -> None:

@@ -27,6 +27,7 @@ from fieldkit.fieldcheck.pictures import (
     judge_pictures,
     load_pictures,
     measure_picture,
+    with_damage,
 )
 from fieldkit.fieldcheck.placement import Placed, Tags, angles_as_meant, axis_turn_deg, place_tags
 from fieldkit.fieldcheck.ties import LengthRatio, Tie, TieGraph
@@ -134,9 +135,9 @@ class TestPictures:
             half = len(data) // 2
             (tmp_path / f"{k}.jpg").write_bytes(data[:half] + data[half + 500 * (k < damaged) :])
         capture = read_capture(tmp_path)
-        pictures = load_pictures(capture.photos, Context(StageCache(None), workers=2), lambda _: None)
-        found = {name for name, verdict in judge_pictures(capture, pictures).items() if verdict.problem == "damaged"}
-        assert found == ({"0.jpg"} if damaged == 1 else set())
+        looks = judge_pictures(capture, load_pictures(capture.photos, Context(workers=2), lambda _: None))
+        found = with_damage(looks, capture, StageCache(None))
+        assert [n for n, look in found.items() if look.problem == "damaged"] == (["0.jpg"] if damaged == 1 else [])
 
     def test_a_capture_out_of_focus_is_blurred_without_a_sharp_one_to_compare(self) -> None:
         pictures = {f"{k}.jpg": measure_picture(defocused(texture(k), 2.5)) for k in range(4)}
