@@ -14,7 +14,7 @@ import typer
 from fieldkit.cli.boundary import Boundary
 from fieldkit.cli.common import JsonOption, OverwriteOption, emit_json, show, table
 from fieldkit.cli.main import parser_of
-from fieldkit.cli.reconstruction_options import open_cache, run_context
+from fieldkit.cli.reconstruction_options import run_context
 from fieldkit.runtime.threads import set_memory_environment, set_thread_environment
 
 
@@ -171,10 +171,10 @@ def command(
     from benchmarks.planner import PlannerOptions, run_planner
     from benchmarks.suite import report
 
-    cache = open_cache(no_cache=False, resume=False)
     data = Path(os.environ["FIELDKIT_DATA"]) if os.environ.get("FIELDKIT_DATA") else None
     names = [study.value for study in only or []]
-    with run_context(as_json=as_json) as progress:
+    with run_context(as_json=as_json) as context:
+        cache, progress = context.cache, context.progress
         if suite is Suite.ENGINE:
             engine = EngineOptions(
                 data, cache, draws=draws, scene=not no_scene, whole_grid=whole_grid, scenes=tuple(scene or ())

@@ -15,7 +15,7 @@ from benchmarks.field_faults import Fault, FaultyCapture, PlotPhotographs, draw_
 from benchmarks.result import Cell, ResultTable, StudyResult
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
-from fieldkit.fieldcheck.check import check_capture, check_captures
+from fieldkit.fieldcheck.check import check, check_capture
 from fieldkit.fieldcheck.model import CheckReport, CheckSettings
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import this_machine
@@ -221,9 +221,9 @@ def time_checks(plot: PlotPhotographs, folder: Path, *, workers: int) -> list[tu
         with tempfile.TemporaryDirectory(prefix="fieldkit-") as fresh:
             spent = []
             for _ in range(2):
-                (report,) = check_captures(
-                    where, plot.plan, site=plot.site if where == plot.flown else None, cache=StageCache(Path(fresh)),
-                    workers=workers,
+                (report,) = check(
+                    where, context=Context(StageCache(Path(fresh)), workers=workers), plan=plot.plan,
+                    site=plot.site if where == plot.flown else None,
                 )  # fmt: skip
                 spent.append((report.seconds, report.cpu_seconds))
         count = len(plot.plan.stations)

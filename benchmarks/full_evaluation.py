@@ -127,7 +127,7 @@ def basil_cases(folder: Path, data: Path, cache: StageCache, progress: Progress)
     """
     rig = load_rig(data, "basil_rig", cache=cache, progress=progress)
     reference = folder / "basil-reference"
-    build_reference(data / "basil_rig" / "images", reference, cache=cache, progress=progress, scene=False)
+    build_reference(data / "basil_rig" / "images", reference, context=Context(cache, progress), scene=False)
     read = Reference(reference)
     plot = replace(read.known_plot(), volume=Volume.around(read.cloud.points, margin_m=_MARGIN_M, trim=0.001))
     accuracy = float(np.hypot(NOISE_M, rig.accuracy_m))

@@ -26,6 +26,7 @@ from fieldkit.pictures.panels import png
 from fieldkit.planning.run.outcome import PLAN_PICTURE
 from fieldkit.planning.run.request import KIND_PLOTS
 from fieldkit.results.plan import PlanSource
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.scene_file import read_scene, write_scene
@@ -220,8 +221,7 @@ def _rig_place(data: Path, name: str, options: PlannerOptions, progress: Progres
         part.rename(images)  # so that an interrupted copy is not taken for a complete one
     if not reference.is_dir():
         build_reference(
-            data / name / "images", reference, cache=options.cache, progress=progress, workers=options.workers,
-            scene=False,
+            data / name / "images", reference, context=Context(options.cache, progress, options.workers), scene=False,
         )  # fmt: skip
     return Place(name, PlanSource(kind="captures", name=name), images.resolve(), reference.resolve())
 

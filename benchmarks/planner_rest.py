@@ -36,7 +36,7 @@ def value_against_rest(
         table = (rest / "poses.csv").read_text(encoding="utf-8").splitlines()
         kept = [line for line in table if line.split(",", 1)[0] not in chosen]
         (rest / "poses.csv").write_text("\n".join(kept) + "\n", encoding="utf-8")
-        build_reference(rest, reference, cache=cache, progress=progress, workers=workers, scene=False)
+        build_reference(rest, reference, context=Context(cache, progress, workers), scene=False)
         shutil.rmtree(rest)
     settings = read_settings(run).model_copy(update={"reference_path": str(reference)})
     objective = set_up_run(settings, run, Context(cache, progress, workers)).objective.on(0)

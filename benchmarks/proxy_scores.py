@@ -27,6 +27,7 @@ from fieldkit.planning.objective.objective import Objective, ObjectiveSettings, 
 from fieldkit.planning.objective.recorded import RecordedSource
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.planning.space.cameras import Cameras
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.scene_file import read_scene
@@ -90,7 +91,7 @@ def run_proxy(
     rig = load_rig(data, rig_name, cache=cache, progress=progress)
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as temporary:
         root, images = Path(temporary), data / rig_name / "images"
-        build_reference(images, root / "reference", cache=cache, progress=progress)
+        build_reference(images, root / "reference", context=Context(cache, progress))
         made = make_proxy(root / "reference", root / "proxy", images=images, progress=progress)
         read, description = Reference(root / "reference"), read_scene(made.scene)
         commanded = _source(root / "commanded", rig, rig.nominal, read, cache)

@@ -64,7 +64,7 @@ def run_recorded(
     candidates, witnesses = split_rig(rig.names)
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as temporary:
         folder, reference = Path(temporary) / "rig", Path(temporary) / "reference"
-        build_reference(data / rig_name / "images", reference, cache=cache, progress=progress, scene=False)
+        build_reference(data / rig_name / "images", reference, context=Context(cache, progress), scene=False)
         rig_capture(folder, rig, candidates, rig.nominal, rig.accuracy_m)
         read = Reference(reference)
         plot, capture = read.known_plot(), read_capture(folder)

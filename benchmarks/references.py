@@ -18,6 +18,7 @@ from fieldkit.evaluation.reference import OVERVIEW_FILE, build_reference
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.results.evaluation import CLOUD_FILE, SCENE_FILE, ReferenceReport
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 
 SETS = ("basil_rig", "arabidopsis_rig", "drone_trees")
@@ -98,7 +99,7 @@ def reference_table(results: Sequence[ReferenceResult]) -> ResultTable:
 def reference_of_set(name: str, data: Path, output: Path, *, cache: StageCache, progress: Progress) -> ReferenceResult:
     """Build the reference of ``data``/``name``/images and compare it with known data of the set."""
     folder = output / name
-    report = build_reference(data / name / "images", folder, cache=cache, progress=progress)
+    report = build_reference(data / name / "images", folder, context=Context(cache, progress))
     published = data / name / "reference_cloud.ply"
     recall = None
     if published.is_file():

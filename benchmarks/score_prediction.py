@@ -334,7 +334,7 @@ def rig_plots(data: Path, sizes: Mapping[str, Sequence[int]], *, cache: StageCac
         rig = load_rig(data, name, cache=cache, progress=progress)
         with tempfile.TemporaryDirectory(prefix="fieldkit-") as temporary:
             place = Path(temporary) / "reference"
-            build_reference(data / name / "images", place, cache=cache, progress=progress, scene=False)
+            build_reference(data / name / "images", place, context=Context(cache, progress), scene=False)
             reference = Reference(place)
             accuracy = float(np.hypot(_NOISE_M, rig.accuracy_m))
             for count in counts:

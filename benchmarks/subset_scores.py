@@ -14,9 +14,11 @@ from benchmarks.few_views import SUBSETS
 from benchmarks.result import Cell, ResultTable, StudyResult
 from benchmarks.rigs import load_rig, perturb, uniform_subset
 from fieldkit.cache import StageCache
-from fieldkit.evaluation.evaluate import evaluate_captures
+from fieldkit.evaluation.evaluate import evaluate
 from fieldkit.evaluation.reference import build_reference
+from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.results.evaluation import PlotEvaluation, distance_key
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 
 NOISE_M, NOISE_DEG = 0.010, 1.0
@@ -39,7 +41,7 @@ def run_subset_scores(
         accuracy = float(np.hypot(NOISE_M, rig.accuracy_m))
         with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
             reference, captures = Path(folder) / "reference", Path(folder) / "captures"
-            build_reference(data / name / "images", reference, cache=cache, progress=progress, scene=False)
+            build_reference(data / name / "images", reference, context=Context(cache, progress), scene=False)
             captures.mkdir()
             for phase in (0, 1):
                 poses = perturb(rig.nominal, NOISE_M, NOISE_DEG, phase)
@@ -47,9 +49,9 @@ def run_subset_scores(
                     target = captures / f"{size}-views-phase-{phase}"
                     rig_capture(target, rig, uniform_subset(rig.names, size, phase), poses, accuracy)
             for refine in (False, True):
-                report = evaluate_captures(
-                    captures, Path(folder) / f"evaluation-{refine}", reference=reference, refine=refine,
-                    cache=cache, progress=progress,
+                report = evaluate(
+                    captures, Path(folder) / f"evaluation-{refine}", EvaluationSettings(refine=refine),
+                    Context(cache, progress), reference=reference,
                 )  # fmt: skip
                 plots = sorted(report.plots, key=lambda plot: (plot.images, plot.name))
                 rows += [score_row(name, plot, refine=refine) for plot in plots]

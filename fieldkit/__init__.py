@@ -1,6 +1,6 @@
 """fieldkit: reference clouds, capture scores, camera plans and missions of field plots from photographs.
 
-The commands as functions: `build_reference`, `plan`, `export_mission`, `evaluate`, `compare_evaluations` and
+The commands as functions: `build_reference`, `plan`, `export_mission`, `check`, `evaluate`, `compare_evaluations` and
 `write_report`. They are imported when first used, so that ``import fieldkit`` stays light.
 """
 
@@ -15,10 +15,12 @@ if TYPE_CHECKING:
     from fieldkit.errors import FieldkitError as FieldkitError
     from fieldkit.evaluation.compare import Comparison as Comparison
     from fieldkit.evaluation.compare import compare_evaluations as compare_evaluations
-    from fieldkit.evaluation.evaluate import evaluate_captures as evaluate_captures
+    from fieldkit.evaluation.evaluate import evaluate as evaluate
     from fieldkit.evaluation.reference import build_reference as build_reference
+    from fieldkit.evaluation.settings import EvaluationSettings as EvaluationSettings
+    from fieldkit.fieldcheck.check import check as check
+    from fieldkit.fieldcheck.model import CheckSettings as CheckSettings
     from fieldkit.missions.export_mission import export_mission as export_mission
-    from fieldkit.notebook import evaluate as evaluate
     from fieldkit.planning.plan_settings import PlanSettings as PlanSettings
     from fieldkit.planning.run.outcome import Outcome as Outcome
     from fieldkit.planning.run.plan import plan as plan
@@ -39,10 +41,12 @@ _HOMES = {
         ("clouds.io", "read_cloud"),
         ("errors", "FieldkitError"),
         ("evaluation.compare", "Comparison compare_evaluations"),
-        ("evaluation.evaluate", "evaluate_captures"),
+        ("evaluation.evaluate", "evaluate"),
         ("evaluation.reference", "build_reference"),
+        ("evaluation.settings", "EvaluationSettings"),
+        ("fieldcheck.check", "check"),
+        ("fieldcheck.model", "CheckSettings"),
         ("missions.export_mission", "export_mission"),
-        ("notebook", "evaluate"),
         ("planning.plan_settings", "PlanSettings"),
         ("planning.run.outcome", "Outcome"),
         ("planning.run.plan", "plan"),

@@ -112,7 +112,7 @@ def test_builds_without_a_warning_and_loads_nothing_from_elsewhere(tmp_path: Pat
     for path in [*pages, *tmp_path.rglob("*.css")]:
         assert not loaded.search(path.read_text("utf-8")), path
     verbs = (tmp_path / "api" / "verbs.html").read_text("utf-8")
-    for name in ("build_reference", "plan", "evaluate_captures", "export_mission", "write_report"):
+    for name in ("build_reference", "plan", "check", "evaluate", "export_mission", "write_report"):
         assert f'id="fieldkit.{name}"' in verbs
     assert "find the cameras" in verbs.lower()
     found = (tmp_path / "search" / "search_index.json").read_text("utf-8")

@@ -10,10 +10,9 @@ from pathlib import Path
 
 from small_plot import SETTINGS, photograph
 
-from fieldkit import build_reference, load_reference_report
+from fieldkit import Context, build_reference, load_reference_report
 from fieldkit.cache import StageCache
 from fieldkit.clouds import read_cloud
-from fieldkit.runtime.progress import Silent
 
 folder = Path(tempfile.mkdtemp(prefix="fieldkit-"))
 captures = photograph(folder / "plot_7")
@@ -23,8 +22,8 @@ captures = photograph(folder / "plot_7")
 # `default_cache_root()` is the one of the command line.
 
 # %%
-cache = StageCache(folder / "cache")
-report = build_reference(captures, folder / "plot_7-reference", SETTINGS, cache=cache, progress=Silent())
+context = Context(StageCache(folder / "cache"))
+report = build_reference(captures, folder / "plot_7-reference", SETTINGS, context)
 print(f"{report.right} of {report.images} photographs have a pose that counts")
 print(f"their positions are {1000 * report.pose_rms_m:.1f} mm (RMS) from those of poses.csv")
 

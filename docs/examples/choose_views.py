@@ -13,7 +13,6 @@ from small_plot import SETTINGS, photograph
 
 from fieldkit import Context, PlanSettings, build_reference, load_plan, plan
 from fieldkit.cache import StageCache
-from fieldkit.runtime.progress import Silent
 
 # %% [markdown]
 # Without `reference` one of all photographs is built first. `uniform` takes every k-th view; `field`, the default,
@@ -22,9 +21,9 @@ from fieldkit.runtime.progress import Silent
 # %%
 if __name__ == "__main__":  # evaluations run in processes that import this file
     folder = Path(tempfile.mkdtemp(prefix="fieldkit-"))
-    cache = StageCache(folder / "cache")
+    context = Context(StageCache(folder / "cache"))
     captures = photograph(folder / "plot_7")
-    build_reference(captures, folder / "reference", SETTINGS, cache=cache, progress=Silent())
+    build_reference(captures, folder / "reference", SETTINGS, context)
     settings = PlanSettings(
         captures=captures,
         reference=folder / "reference",
@@ -35,7 +34,7 @@ if __name__ == "__main__":  # evaluations run in processes that import this file
         fidelity="draft",
         confirm_fidelity="draft",
     )
-    outcome = plan(folder / "plot_7-views", settings, Context(cache))
+    outcome = plan(folder / "plot_7-views", settings, context)
 
 # %% [markdown]
 # The plan's stations are the chosen photographs' poses; the run's log names the photographs.

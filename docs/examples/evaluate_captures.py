@@ -10,13 +10,12 @@ from pathlib import Path
 
 from small_plot import SETTINGS, STATIONS, photograph
 
-from fieldkit import build_reference, evaluate_captures, load_evaluation_report
+from fieldkit import Context, build_reference, evaluate, load_evaluation_report
 from fieldkit.cache import StageCache
-from fieldkit.runtime.progress import Silent
 
 folder = Path(tempfile.mkdtemp(prefix="fieldkit-"))
-cache, progress = StageCache(folder / "cache"), Silent()
-build_reference(photograph(folder / "dense"), folder / "reference", SETTINGS, cache=cache, progress=progress)
+context = Context(StageCache(folder / "cache"))
+build_reference(photograph(folder / "dense"), folder / "reference", SETTINGS, context)
 
 # %% [markdown]
 # Two flights, one of all stations and one of six. A folder of folders is evaluated plot by plot.
@@ -24,9 +23,7 @@ build_reference(photograph(folder / "dense"), folder / "reference", SETTINGS, ca
 # %%
 photograph(folder / "flights" / "monday", seed=4)
 photograph(folder / "flights" / "tuesday", STATIONS[:6], seed=5)
-evaluate_captures(
-    folder / "flights", folder / "scores", SETTINGS, reference=folder / "reference", cache=cache, progress=progress
-)
+evaluate(folder / "flights", folder / "scores", SETTINGS, context, reference=folder / "reference")
 
 # %%
 for plot in load_evaluation_report(folder / "scores").plots:

@@ -12,12 +12,11 @@ from small_plot import SETTINGS, photograph, plan
 
 from fieldkit import write_report
 from fieldkit.cache import StageCache
-from fieldkit.campaign.campaign_file import EvaluationTable
 from fieldkit.campaign.create import CampaignSources, init_campaign
 from fieldkit.campaign.export import export_campaign
 from fieldkit.campaign.run import evaluate_campaign
 from fieldkit.results.plan_file import save_plan
-from fieldkit.runtime.progress import Silent
+from fieldkit.runtime.context import Context
 
 # %% [markdown]
 # A plan and a site with two plots make a campaign.
@@ -25,7 +24,7 @@ from fieldkit.runtime.progress import Silent
 # %%
 if __name__ == "__main__":  # visits are evaluated in processes that import this file
     folder = Path(tempfile.mkdtemp(prefix="fieldkit-"))
-    cache, progress = StageCache(folder / "cache"), Silent()
+    context = Context(StageCache(folder / "cache"))
     save_plan(folder / "plan.json", plan())
     (folder / "site.toml").write_text(
         """\
@@ -44,12 +43,7 @@ latitude_deg = 52.29600
 longitude_deg = 10.43710
 """
     )
-    bounds = (*SETTINGS.bounds.lower, *SETTINGS.bounds.upper)
-    init_campaign(
-        folder / "season",
-        CampaignSources(folder / "plan.json", folder / "site.toml"),
-        EvaluationTable(fidelity="draft", bounds_m=bounds),
-    )
+    init_campaign(folder / "season", CampaignSources(folder / "plan.json", folder / "site.toml"), SETTINGS)
 
 # %% [markdown]
 # Photographs lie in folders named for the plots, or have geotags that say where they belong. The second time only what
@@ -58,10 +52,10 @@ longitude_deg = 10.43710
 # %%
 if __name__ == "__main__":
     photograph(folder / "captures" / "A", seed=3)
-    run = evaluate_campaign(folder / "season", folder / "captures", cache=cache, progress=progress)
+    run = evaluate_campaign(folder / "season", folder / "captures", context)
     print(f"first: {len(run.evaluated)} evaluated")
     photograph(folder / "captures" / "B", seed=4)
-    run = evaluate_campaign(folder / "season", folder / "captures", cache=cache, progress=progress)
+    run = evaluate_campaign(folder / "season", folder / "captures", context)
     print(f"then: {len(run.evaluated)} evaluated, {len(run.kept)} there already")
     for visit in run.campaign.visits:
         height = "of unknown height" if visit.height_m is None else f"{visit.height_m:.2f} m high"

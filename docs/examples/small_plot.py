@@ -12,8 +12,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from fieldkit import Plan, ReconstructionSettings
-from fieldkit.clouds import Volume
+from fieldkit import EvaluationSettings, Plan
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.scenes.description import SceneDescription, build
@@ -28,7 +27,7 @@ CAMERA = Intrinsics.pinhole(320, 240, 304.0)
 STATIONS = ring(8, 0.85, 0.75, (0.0, 0.0, 0.18))  # on a circle of 0.85 m, 0.75 m above the ground
 
 # Small photographs and a small volume of interest; for a real plot the defaults are right.
-SETTINGS = ReconstructionSettings(fidelity="draft", bounds=Volume((-0.25, -0.25, -0.03), (0.25, 0.25, 0.5)))
+SETTINGS = EvaluationSettings(fidelity="draft", bounds_m=(-0.25, -0.25, -0.03, 0.25, 0.25, 0.5))
 
 
 # %%

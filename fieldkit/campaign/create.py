@@ -10,13 +10,14 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from fieldkit.campaign.campaign_file import CampaignTable, EvaluationTable, ReferenceTable, campaign_text
+from fieldkit.campaign.campaign_file import CampaignTable, ReferenceTable, campaign_text
 from fieldkit.campaign.reading import Campaign, plots_file_of, read_campaign
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.documents.mistaken import check_order
 from fieldkit.documents.toml_file import read_versioned, sentence
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.cloud_reference import is_cloud
+from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.files import atomic_folder, file_beside, write_atomic
 from fieldkit.regular_files import check_regular
 from fieldkit.results.finding import Refused
@@ -56,7 +57,7 @@ class CampaignSources:
 
 
 def init_campaign(
-    folder: Path, sources: CampaignSources, evaluation: EvaluationTable | None = None, *, name: str | None = None,
+    folder: Path, sources: CampaignSources, evaluation: EvaluationSettings | None = None, *, name: str | None = None,
     tell: Tell | None = None,
 ) -> Campaign:  # fmt: skip
     """Make a campaign's folder, whole or not at all.
@@ -96,7 +97,7 @@ def init_campaign(
                 plots=plots,
                 vehicle=None if sources.vehicle is None else VEHICLE_FILE,
                 camera=None if sources.camera is None else _camera_name(sources.camera),
-                evaluation=evaluation or EvaluationTable(),
+                evaluation=evaluation or EvaluationSettings(),
                 references=tuple(references),
             )
         except ValidationError as error:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from fieldkit.cache import StageCache
-from fieldkit.campaign.campaign_file import EvaluationTable
 from fieldkit.campaign.reading import CampaignPlot
 from fieldkit.campaign.visit_frame import place_visit, wanted_sidecars
 from fieldkit.campaign.visits import stage_versions, visit_place
@@ -20,6 +19,7 @@ from fieldkit.evaluation.adherence import ComparedPlan
 from fieldkit.evaluation.conversion import evaluation_report
 from fieldkit.evaluation.evaluate_plot import RESERVED, PlotCapture, Scoring, evaluate_plot, write_evaluation
 from fieldkit.evaluation.reference import Reference
+from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.files import atomic_folder
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.fields import clean_text
@@ -51,7 +51,7 @@ class VisitJob:
     """Of the campaign."""
     plan: Plan
     """That was flown."""
-    evaluation: EvaluationTable
+    evaluation: EvaluationSettings
     camera: Path | None
     """Calibration of photographs without one."""
     cache: Path | None
@@ -110,7 +110,7 @@ def _paths(job: VisitJob) -> dict[str, str]:
 
 def _evaluated(job: VisitJob, folder: Path) -> Visit:
     spent = Spent.now()
-    settings, notes = job.evaluation.settings, list(job.notes)
+    settings, notes = job.evaluation.reconstruction, list(job.notes)
 
     def given() -> PlotCapture:
         reference = _reference(job.plot)

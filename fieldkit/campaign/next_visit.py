@@ -32,7 +32,6 @@ from fieldkit.planning.space.plots import Plot
 from fieldkit.results.plan import Plan, PlanMethod, PlanPlants, PlanSource
 from fieldkit.results.plan_file import plan_from_poses, save_plan
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.progress import Progress
 from fieldkit.sites.fitted import fitted_to_height
 from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.sites.plot_plants import PlanFacts, PlantHeight, heights_taken, plants_on, with_plant_height
@@ -253,9 +252,9 @@ class NextVisit:
 
 
 def plan_next_visit(
-    campaign: Campaign, date: str, output: Path, *, vehicle: str | None = None, growth: float = GROWTH,
-    plant_height: PlantHeight | None = None, only: Sequence[str] | None = None, adjust: bool = False,
-    format: str | None = None, seed: int = 0, workers: int = 1, overwrite: bool = False, progress: Progress,  # noqa: A002
+    campaign: Campaign, date: str, output: Path, context: Context, *, vehicle: str | None = None,
+    growth: float = GROWTH, plant_height: PlantHeight | None = None, only: Sequence[str] | None = None,
+    adjust: bool = False, format: str | None = None, overwrite: bool = False,  # noqa: A002
 ) -> NextVisit:  # fmt: skip
     """`next_plans`, kept in the campaign's folder (plans/DATE/PLOT.json), and one mission over all plots.
 
@@ -273,7 +272,6 @@ def plan_next_visit(
     profile = load_vehicle(given)
     stated = campaign.site if only is None else with_plots(campaign.site, named_plots(campaign.site, only))
     site = with_plant_height(stated, campaign.plan, plant_height)
-    context = Context(progress=progress, workers=workers, seed=seed)
     plans = next_plans(replace(campaign, site=site), profile, context, growth=growth)
     tops = {each.plot: PlanFacts(each.plan).top_m for each in plans if each.date is not None}
     for plot in site.neighbours:
@@ -283,7 +281,8 @@ def plan_next_visit(
     measured, flown = heights_flown(stated, campaign.plan, plant_height, tops)
     mission = export_mission(
         {each.plot: each.plan for each in plans}, profile, flown, output,
-        adjust=adjust, format=format, overwrite=overwrite, seed=seed, plans=False, progress=progress,
+        adjust=adjust, format=format, overwrite=overwrite, seed=context.seed, plans=False,
+        progress=context.progress,
     )  # fmt: skip
     mission = replace(
         mission,

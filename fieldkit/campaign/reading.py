@@ -8,11 +8,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from fieldkit.campaign.campaign_file import CampaignTable, EvaluationTable, read_campaign_file
+from fieldkit.campaign.campaign_file import CampaignTable, read_campaign_file
 from fieldkit.campaign.visits import read_visits
 from fieldkit.documents.mistaken import refuse_other
 from fieldkit.documents.toml_file import read_versioned
 from fieldkit.errors import MetadataError, MissionError
+from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.files import file_beside, named_file
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.plan import Plan, plan_on
@@ -67,7 +68,7 @@ class Campaign:
     """In the order of their file."""
     visits: tuple[Visit, ...]
     """By plot in that order (plots that are gone come last), then by date."""
-    evaluation: EvaluationTable
+    evaluation: EvaluationSettings
     """How every visit is evaluated."""
     plan_file: Path
     vehicle_file: Path | None = None

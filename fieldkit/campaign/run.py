@@ -22,11 +22,9 @@ from fieldkit.campaign.visits import Visits, keep_visit, stage_versions
 from fieldkit.captures import find_mask
 from fieldkit.captures.selection import FoundPhoto, FoundPhotos, capture_of, find_photographs, photographs_at
 from fieldkit.errors import CaptureError, FieldkitError, MetadataError, StorageError
-from fieldkit.evaluation.rasters import require_rasters
 from fieldkit.figures.spreadsheets import TRAITS_FILE, trait_row, traits_csv
 from fieldkit.figures.style import format_length
 from fieldkit.files import check_writable, remove_if_abandoned, storage_errors, write_atomic
-from fieldkit.reconstruction.learned import ties_name
 from fieldkit.results.finding import Finding
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE, file_sha256
 from fieldkit.results.visit import VISITS_FOLDER, Visit
@@ -67,14 +65,7 @@ class CampaignRun:
 
 
 def evaluate_campaign(
-    folder: Path,
-    captures: Path,
-    *,
-    cache: StageCache,
-    progress: Progress,
-    workers: int = 1,
-    scheduler: str = "",
-    overwrite: bool = False,
+    folder: Path, captures: Path, context: Context | None = None, *, overwrite: bool = False
 ) -> CampaignRun:
     """Sort photographs into a campaign's plots and dates, and evaluate every visit that is new or changed.
 
@@ -83,20 +74,19 @@ def evaluate_campaign(
     and what changed is computed again. A run that is killed leaves whole visits only. At its end traits.csv
     is made of all visits.
     """
-    context = Context(cache, progress, workers, scheduler=scheduler)
+    context = context or Context.usual()
+    progress = context.progress
     campaign = read_campaign(folder)
     folder = campaign.folder
     check_writable(folder)
-    if campaign.evaluation.rasters:
-        require_rasters()
-    ties_name(campaign.evaluation.ties)  # refuses what is not installed
+    _ = (campaign.evaluation.reconstruction, campaign.evaluation.wanted_rasters)  # refuse what is not installed
     with campaign_lock(folder, note=progress.note):
         sweep(folder)
         campaign = read_campaign(folder)  # another run may have ended meanwhile
         visits = {visit.key: visit for visit in campaign.visits}
         found, sorting = _sorted(campaign, captures, visits, progress)
         _say(campaign, sorting, found, progress)
-        jobs = _jobs(campaign, captures, found, sorting, cache)
+        jobs = _jobs(campaign, captures, found, sorting, context.cache)
         kept = [] if overwrite else unchanged(jobs, visits)
         same = {visit.key for visit in kept}
         todo = [job for job in jobs if (job.plot.name, job.date) not in same]

@@ -11,14 +11,13 @@ from fieldkit.cli.common import (
     JsonOption,
     PlotIdOption,
     PlotsOption,
-    SeedOption,
     VehicleOption,
     answer,
     emit_json,
     say,
 )
-from fieldkit.cli.reconstruction_options import RasterOptions, ReconstructionOptions
-from fieldkit.errors import UsageError
+from fieldkit.cli.reconstruction_options import RECONSTRUCTION, TiesOption, with_ties
+from fieldkit.evaluation.settings import EvaluationSettings
 
 
 def command(
@@ -31,9 +30,8 @@ def command(
     vehicle: VehicleOption = None,
     camera: Annotated[Path | None, Option("--camera-file")] = None,
     reference: Annotated[list[str] | None, Option(metavar="PLOT=REF")] = None,
-    reconstruction: ReconstructionOptions,
-    rasters: RasterOptions,
-    seed: SeedOption = 0,
+    settings: Annotated[EvaluationSettings, RECONSTRUCTION],
+    ties: TiesOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Make a campaign: a folder that carries one plan from plot to plot and from date to date.
@@ -53,29 +51,15 @@ def command(
         fieldkit campaign init season --plan plan/plan.json --site field.toml --plots plots.gpkg
         fieldkit campaign init season --plan plan --site field.toml --vehicle px4-gimbal --rasters
     """
-    corners, wanted = reconstruction.corners, rasters.wanted()
-    from pydantic import ValidationError
-
-    from fieldkit.campaign.campaign_file import EvaluationTable
     from fieldkit.campaign.create import CampaignSources, init_campaign, split_references
-    from fieldkit.documents.toml_file import sentence
-    from fieldkit.reconstruction.learned import ties_name
     from fieldkit.sites.site_file import load_site
     from fieldkit.wording import count
 
-    try:
-        evaluation = EvaluationTable(
-            mapping=reconstruction.mapping, ties=ties_name(reconstruction.ties), fidelity=reconstruction.fidelity,
-            mask=reconstruction.mask, bounds_m=corners, seed=seed,
-            rasters=wanted is not None, gsd_m=None if wanted is None else wanted.cell_m,
-        )  # fmt: skip
-    except ValidationError as error:
-        raise UsageError(sentence(error), remedy="'fieldkit campaign init --help' explains the options.") from error
     references = {}
     if reference:
         references = split_references(reference, [plot.name for plot in load_site(site, plots, plot_id).plots])
     sources = CampaignSources(plan, site, plots, vehicle, camera, references, plot_id)
-    made = init_campaign(folder, sources, evaluation, tell=None if as_json else say)
+    made = init_campaign(folder, sources, with_ties(settings, ties), tell=None if as_json else say)
     if as_json:
         emit_json(
             {

@@ -26,7 +26,7 @@ from fieldkit.cli.common import (
     table,
     tell_fit,
 )
-from fieldkit.cli.reconstruction_options import WorkersOption, processes, run_context
+from fieldkit.cli.reconstruction_options import WorkersOption, run_context
 from fieldkit.errors import UsageError
 
 
@@ -67,11 +67,10 @@ def command(
 
     limit_threads(1)
     campaign = read_campaign(folder)
-    with run_context(as_json=as_json) as progress:
+    with run_context(as_json=as_json, workers=workers, seed=seed) as context:
         made = plan_next_visit(
-            campaign, day, output, vehicle=vehicle, growth=growth, plant_height=plant_height(height),
-            only=only_plots(only), adjust=adjust, format=format, seed=seed, workers=processes(workers),
-            overwrite=overwrite, progress=progress,
+            campaign, day, output, context, vehicle=vehicle, growth=growth, plant_height=plant_height(height),
+            only=only_plots(only), adjust=adjust, format=format, overwrite=overwrite,
         )  # fmt: skip
     if as_json:
         plots = [

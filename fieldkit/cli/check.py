@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Option
 
 from fieldkit.cli.common import (
+    RUN,
     AdjustOption,
     FitOption,
     JsonOption,
@@ -25,7 +26,7 @@ from fieldkit.cli.common import (
     say,
     show,
 )
-from fieldkit.cli.reconstruction_options import NoCacheOption, open_cache, run_context
+from fieldkit.cli.reconstruction_options import run_context
 from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def command(
     angle_tolerance: Annotated[float, Option(metavar="DEG", min=0.1, max=180.0)] = 8.0,
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
-    no_cache: NoCacheOption = False,
+    no_cache: Annotated[bool, Option(rich_help_panel=RUN)] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Before leaving the field: will the photographs do, and which stations are to be flown again?
@@ -84,6 +85,7 @@ def command(
         plan: plan.json that was flown, or the folder that holds it; none: quality only.
         position_tolerance: Farthest from a station.
         angle_tolerance: Most turned from the plan.
+        no_cache: Neither use nor keep what stages computed.
 
     Examples:
         fieldkit check dense/
@@ -93,15 +95,14 @@ def command(
     """
     again.check(place.site)
     site, height = place.load(tell=None if as_json else say), plant_height(again.height)
-    cache = open_cache(no_cache=no_cache, resume=False)
-    from fieldkit.fieldcheck import CheckSettings, check_captures
+    from fieldkit.fieldcheck import CheckSettings
+    from fieldkit.fieldcheck.check import check
 
     settings = CheckSettings(position_m=position_tolerance, angle_deg=angle_tolerance, seed=seed)
-    with run_context(as_json=as_json) as progress:
-        reports = check_captures(
-            captures, plan, site=site, plot=place.plot, plant_height=height, log=log, fit=fit, settings=settings,
-            cache=cache, progress=progress,
-        )  # fmt: skip
+    with run_context(as_json=as_json, no_cache=no_cache) as context:
+        reports = check(
+            captures, settings, context, plan=plan, site=site, plot=place.plot, plant_height=height, log=log, fit=fit
+        )
     files = list(_missions(reports, plan, site, again, fit=fit, overwrite=overwrite, seed=seed))
     if as_json:
         plots = [_plain(report) for report in reports]

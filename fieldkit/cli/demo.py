@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fieldkit.cli.common import JsonOption, OutputOption, emit_json, show
+from fieldkit.cli.common import JsonOption, OutputOption, SeedOption, emit_json, show
 from fieldkit.cli.reconstruction_options import RunOptions, run_context
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from fieldkit.figures.content import Paragraph
 
 
-def command(output: OutputOption, run: RunOptions, as_json: JsonOption = False) -> None:
+def command(output: OutputOption, run: RunOptions, seed: SeedOption = 0, as_json: JsonOption = False) -> None:
     """Try fieldkit without a drone: the whole way from a dense capture to scores, on two simulated plots of maize.
 
     Photographs two plots densely and builds their references; plans ten views for plots like the first; writes the
@@ -25,15 +25,12 @@ def command(output: OutputOption, run: RunOptions, as_json: JsonOption = False) 
     Examples:
         fieldkit demo -o demo-output --workers 2
     """
-    cache = run.cache()
     from fieldkit.demo.loop import figures, run_demo
     from fieldkit.results.demo import DEMO_FILE
 
     overwrite = run.overwrite or (run.resume and not (output / DEMO_FILE).exists())
-    with run_context(as_json=as_json) as progress:
-        demo = run_demo(
-            output, seed=run.seed, cache=cache, progress=progress, overwrite=overwrite, workers=run.processes
-        )
+    with run_context(as_json=as_json, workers=run.workers, seed=seed, no_cache=run.no_cache) as context:
+        demo = run_demo(output, context, overwrite=overwrite)
     if as_json:
         emit_json({"output": output, **figures(demo)})
         return

@@ -2,40 +2,37 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
-from typer import Context, Option
+from typer import Option
 
 from fieldkit.cli.common import JsonOption, LogOption, emit_json, show
+from fieldkit.cli.options import Panels
 from fieldkit.cli.reconstruction_options import (
-    DISTANCES,
-    DistancesOption,
+    RECONSTRUCTION,
     PosesOptions,
-    RasterOptions,
-    ReconstructionOptions,
     RunOptions,
     SchedulerOption,
+    TiesOption,
     parse_distances,
     parse_frame,
     run_context,
+    with_ties,
 )
 from fieldkit.errors import EXIT_OK, ReconstructionError, UsageError
+from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.wording import count
 
-if TYPE_CHECKING:
-    from fieldkit.cache import StageCache
-
-# Parameters of which campaign.toml says for all visits alike what they are.
-_OF_CAMPAIGN = {
-    "reference",
-    "reference_frame",
-    "plan",
-    "refine",
-    "distances",
-    "seed",
-    *(each.name for group in (ReconstructionOptions, RasterOptions) for each in fields(group)),
+SETTINGS: Panels = {
+    **RECONSTRUCTION,
+    "Options": {
+        "refine": None,
+        "distances_m": Annotated[str, Option("--distances", parser=parse_distances, metavar="M,M,…")],
+        **RECONSTRUCTION["Options"],
+    },
 }
 
 
@@ -49,7 +46,6 @@ class FlightOptions:
 
 
 def command(
-    context: Context,
     captures: Path,
     *,
     output: Annotated[Path | None, Option("--output", "-o")] = None,
@@ -57,11 +53,9 @@ def command(
     reference: Path | None = None,
     reference_frame: Annotated[str, Option(metavar="FRAME")] = "",
     flight: FlightOptions,
-    refine: bool = False,
-    distances: DistancesOption = DISTANCES,
-    reconstruction: ReconstructionOptions,
+    settings: Annotated[EvaluationSettings, SETTINGS],
+    ties: TiesOption = None,
     poses: PosesOptions,
-    rasters: RasterOptions,
     run: RunOptions,
     scheduler: SchedulerOption = "",
     as_json: JsonOption = False,
@@ -83,32 +77,31 @@ def command(
         campaign: Campaign to add to. Without -o: the one about the current folder.
         reference: What `fieldkit reference` wrote, or a cloud (PLY, LAS, LAZ). Without: no distances.
         reference_frame: Of a cloud that does not say it: EPSG:CODE or metres.
-        refine: Move each cloud onto the reference by ICP first; the motion is reported.
 
     Examples:
         fieldkit evaluate flights/ --reference plot_7-reference -o scores
         fieldkit evaluate flight_7/ --log flight_7.tlog --plan plot_7-plan --reference plot_7-reference -o scores
         fieldkit evaluate card/DCIM --campaign season --workers 2
     """
-    distances_m = parse_distances(distances)
-    cache = run.cache()
     if output is None:
-        folder = _campaign_folder(context, campaign, flight, poses)
-        return _in_campaign(folder, captures, cache, run, scheduler, as_json=as_json)
+        own = settings.model_fields_set
+        given = [f"--{name.removesuffix('_m')}" for name in type(settings).model_fields if name in own]
+        others = {"--reference": reference, "--reference-frame": reference_frame, "--plan": flight.plan, "--ties": ties}
+        given += [option for option, value in others.items() if value]
+        return _in_campaign(_campaign_folder(campaign, given, flight, poses), captures, run, scheduler, as_json=as_json)
     if campaign is not None:
         raise UsageError("a campaign's results go into its own folder", remedy="Leave -o out, or --campaign.")
-    wanted, settings = rasters.wanted(), reconstruction.settings(run.seed)
-    given, frame = poses.given(), parse_frame("--reference-frame", reference_frame)
+    settings, found_poses = with_ties(settings, ties), poses.given()
+    frame = parse_frame("--reference-frame", reference_frame)
     if frame and reference is None:
         raise UsageError("--reference-frame is that of --reference", remedy="Give --reference with it.")
-    from fieldkit.evaluation.evaluate import evaluate_captures
+    from fieldkit.evaluation.evaluate import evaluate
 
-    with run_context(as_json=as_json) as progress:
-        report = evaluate_captures(
-            captures, output, settings, reference=reference, reference_frame=frame, refine=refine,
-            distances_m=distances_m, log=flight.log, plan=flight.plan, poses=given, rasters=wanted,
-            cache=cache, progress=progress, overwrite=run.overwrite, workers=run.processes,
-            scheduler=scheduler,
+    computing = run_context(as_json=as_json, workers=run.workers, scheduler=scheduler, no_cache=run.no_cache)
+    with computing as context:
+        report = evaluate(
+            captures, output, settings, context, reference=reference, reference_frame=frame, log=flight.log,
+            plan=flight.plan, poses=found_poses, overwrite=run.overwrite,
         )  # fmt: skip
     if as_json:
         emit_json(
@@ -121,19 +114,17 @@ def command(
     return ReconstructionError.exit_code if report.failed == len(report.plots) else EXIT_OK
 
 
-def _campaign_folder(context: Context, campaign: Path | None, flight: FlightOptions, poses: PosesOptions) -> Path:
-    """The campaign that is meant."""
+def _campaign_folder(campaign: Path | None, given: Sequence[str], flight: FlightOptions, poses: PosesOptions) -> Path:
+    """The campaign that is meant; ``given`` are options of which campaign.toml says for all visits what they are."""
     from fieldkit.results.visit import find_campaign
 
     folder = campaign or find_campaign(Path.cwd())
     if folder is None:
         raise UsageError("missing option '--output' / '-o'", remedy="Give -o FOLDER, or --campaign CAMPAIGN.")
-    for param in context.command.params:
-        if param.name in _OF_CAMPAIGN and _was_given(context, param.name):
-            raise UsageError(
-                f"{param.opts[0]} is one for all visits of a campaign",
-                remedy=f"Edit campaign.toml in {folder}, or give -o.",
-            )
+    for option in given:
+        raise UsageError(
+            f"{option} is one for all visits of a campaign", remedy=f"Edit campaign.toml in {folder}, or give -o."
+        )
     if flight.log is not None:
         raise UsageError(
             "--log is not taken in a campaign", remedy="Write the poses with `fieldkit geotag` first, or give -o."
@@ -143,17 +134,13 @@ def _campaign_folder(context: Context, campaign: Path | None, flight: FlightOpti
     return folder
 
 
-def _in_campaign(
-    folder: Path, captures: Path, cache: StageCache, run: RunOptions, scheduler: str, *, as_json: bool
-) -> int:
+def _in_campaign(folder: Path, captures: Path, run: RunOptions, scheduler: str, *, as_json: bool) -> int:
     """Evaluate the photographs' visits in a campaign."""
     from fieldkit.campaign.run import evaluate_campaign
 
-    with run_context(as_json=as_json) as progress:
-        done = evaluate_campaign(
-            folder, captures, cache=cache, progress=progress, workers=run.processes, scheduler=scheduler,
-            overwrite=run.overwrite,
-        )  # fmt: skip
+    computing = run_context(as_json=as_json, workers=run.workers, scheduler=scheduler, no_cache=run.no_cache)
+    with computing as context:
+        done = evaluate_campaign(folder, captures, context, overwrite=run.overwrite)
     if as_json:
         emit_json(
             {
@@ -176,8 +163,3 @@ def _in_campaign(
             rendered(campaign_tables(done.campaign), most_rows=MOST_SHOWN),
         )
     return ReconstructionError.exit_code if done.failed == len(done.evaluated) + len(done.kept) else EXIT_OK
-
-
-def _was_given(context: Context, name: str) -> bool:
-    source = context.get_parameter_source(name)
-    return source is not None and source.name == "COMMANDLINE"

@@ -12,7 +12,7 @@ from dataclasses import fields
 from itertools import pairwise
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
-from typer import Argument, Context, Option
+from typer import Argument, Option
 from typer.models import OptionInfo
 
 from fieldkit.cli.common import DebugOption
@@ -38,9 +38,7 @@ def grouped(command: Callable[..., Result]) -> Callable[..., Result]:
     texts = argument_texts(command)
     for parameter in inspect.signature(command, eval_str=True).parameters.values():
         kind, info = _parts(parameter.annotation)
-        if kind is Context:
-            parameters.append(parameter)
-        elif hasattr(kind, "__dataclass_fields__") or hasattr(kind, "model_fields"):
+        if hasattr(kind, "__dataclass_fields__") or hasattr(kind, "model_fields"):
             options = [option.replace(kind=parameter.kind) for option in _options(kind, info)]
             groups[parameter.name] = kind, [option.name for option in options]
             parameters += options
@@ -124,6 +122,6 @@ def _made(kind: Any, values: Mapping[str, Any]) -> Any:
     try:
         return kind(**{name: value for name, value in values.items() if value is not None})
     except ValueError as error:
-        from fieldkit.documents.json_file import first_problem
+        from fieldkit.documents.toml_file import sentence
 
-        raise UsageError(first_problem(error), remedy="--help explains the options.") from error  # type: ignore[arg-type]
+        raise UsageError(sentence(error), remedy="--help explains the options.") from error  # type: ignore[arg-type]

@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from typer import Option
+
 from fieldkit.cli.boundary import finding_entry
 from fieldkit.cli.common import JsonOption, OutputOption, emit_json, show
-from fieldkit.cli.plan_options import ENVELOPE, SETTINGS, PlanRunOptions
-from fieldkit.cli.reconstruction_options import processes, run_context
+from fieldkit.cli.plan_options import ENVELOPE, SETTINGS, PlanRunOptions, pose_noise
+from fieldkit.cli.reconstruction_options import run_context
 from fieldkit.errors import FieldkitError, UsageError
 from fieldkit.planning.plan_settings import EnvelopeSettings, PlanSettings
 from fieldkit.wording import count
@@ -25,6 +27,8 @@ def command(
     settings: Annotated[PlanSettings, SETTINGS],
     envelope: Annotated[EnvelopeSettings, ENVELOPE],
     run: PlanRunOptions,
+    *,
+    noise: Annotated[str, Option("--pose-noise", metavar="M,DEG", rich_help_panel="Search")] = "",
     as_json: JsonOption = False,
 ) -> None:
     """Find the camera poses that reconstruct a plot best.
@@ -34,6 +38,9 @@ def command(
     goes on with an interrupted run, and with more --evaluations a finished one. With --json a line per evaluation goes
     to stderr.
 
+    Args:
+        noise: Plan for flights that miss stations by this; from:EVAL as one. For a kind: the vehicle's; 0,0: none.
+
     Examples:
         fieldkit plan --reference plot_7-reference --images plot_7/ -n 12 -o trial-plan
         fieldkit plan --reference plot_7-reference --vehicle ardupilot-pitch --pose-noise from:flight_1 -o plot_7-plan
@@ -42,7 +49,8 @@ def command(
         fieldkit plan --scene case-1 --method bosfm --evaluations 200 -o case-1-bosfm
         fieldkit plan --resume --evaluations 150 -o plot_7-plan
     """
-    asked = settings.model_copy(update={"envelope": envelope})
+    own = {"noise": pose_noise(noise)} if noise else {}
+    asked = settings.model_copy(update={"envelope": envelope, **own})
     if not run.resume or asked.sources:
         asked.check_sources()
     if run.resume and run.overwrite:
@@ -50,12 +58,12 @@ def command(
     from fieldkit.cli.live_plan import Watched
     from fieldkit.planning.run.folder import read_settings
     from fieldkit.planning.run.plan import plan
-    from fieldkit.runtime.context import Context
 
-    with run_context(as_json=as_json) as progress, Watched(progress, as_json=as_json) as watched:
+    computing = run_context(as_json=as_json, workers=run.workers, scheduler=run.scheduler)
+    with computing as context, Watched(context.progress, as_json=as_json) as watched:
         outcome = plan(
-            output, asked, Context.usual(progress=progress, workers=processes(run.workers), scheduler=run.scheduler),
-            overwrite=run.overwrite, resume=run.resume, watch=watched.watch, expect=watched.expect,
+            output, asked, context, overwrite=run.overwrite, resume=run.resume, watch=watched.watch,
+            expect=watched.expect,
         )  # fmt: skip
     planned = read_settings(output)
     found = _needs_rtk(output, planned, settings.vehicle)

@@ -44,7 +44,7 @@ def _height(text: str) -> Range:
     return low, high
 
 
-def _pose_noise(text: str) -> NoiseSettings:
+def pose_noise(text: str) -> NoiseSettings:
     """M,DEG, or from:EVAL."""
     if not text.startswith(_FROM):
         pose_m, pose_deg = read_pose_noise(text)
@@ -79,12 +79,6 @@ SETTINGS: Panels = {
         "fidelity": None,
         "repeats": Option(min=0),
         "preset": None,
-        "noise": Option(
-            "--pose-noise",
-            parser=_pose_noise,
-            metavar="M,DEG",
-            help="Plan for flights that miss stations by this; from:EVAL as one. For a kind: the vehicle's; 0,0: none.",
-        ),
     },
     "Where cameras may be": {"vehicle": Annotated[str, Option(autocompletion=vehicles_like, metavar="NAME")]},
     RUN: {"seed": SEED},

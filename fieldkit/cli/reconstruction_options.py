@@ -10,25 +10,29 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, TypeAlias
 
 from typer import Option
 
-from fieldkit.cli.common import RUN, OverwriteOption, ResumeOption, SeedOption
+from fieldkit.cli.common import RUN, SEED, OverwriteOption, ResumeOption
+from fieldkit.cli.options import Panels
 from fieldkit.documents.csv_text import finite_numbers
 from fieldkit.errors import UsageError
-from fieldkit.vocabulary import DISTANCES_M, Fidelity, MappingChoice, Mask, TiesChoice
+from fieldkit.vocabulary import TiesChoice
 
 if TYPE_CHECKING:
-    from fieldkit.cache import StageCache
     from fieldkit.captures.programs import PosesFile
-    from fieldkit.evaluation.rasters import Rasters
-    from fieldkit.reconstruction.settings import ReconstructionSettings
-    from fieldkit.runtime.progress import Progress
+    from fieldkit.evaluation.settings import EvaluationSettings
+    from fieldkit.runtime.context import Context
 
 Box: TypeAlias = tuple[float, float, float, float, float, float]
 _DISTANCES_REMEDY = "Write it like --distances 0.002,0.005,0.01 (metres)."
 _FARTHEST_M = 100.0
 """Of --bounds; a plot is smaller, in metres."""
-DISTANCES = ",".join(f"{distance:.3f}" for distance in DISTANCES_M)
-DistancesOption = Annotated[
-    str, Option("--distances", metavar="M,M,…", help="Distances for precision, recall and F-score, metres.")
+TiesOption = Annotated[
+    TiesChoice | None,
+    Option(
+        "--ties",
+        rich_help_panel="Reconstruction",
+        help="Matches that tie photographs: SIFT's; learned: networks', too, where poses are loose; auto (where not "
+        "given): if installed.",
+    ),
 ]
 WorkersOption = Annotated[
     int | None,
@@ -43,41 +47,6 @@ SchedulerOption = Annotated[
 NoCacheOption = Annotated[
     bool, Option("--no-cache", rich_help_panel=RUN, help="Neither use nor keep what stages computed.")
 ]
-
-
-@dataclass(frozen=True)
-class ReconstructionOptions:
-    """How photographs are reconstructed."""
-
-    panel: ClassVar[str] = "Reconstruction"
-
-    mapping: MappingChoice = "auto"
-    """How poses are found; auto: prior with known positions, else incremental."""
-    ties: TiesChoice = "auto"
-    """Matches that tie photographs: SIFT's; learned: networks', too, where poses are loose; auto: if installed."""
-    fidelity: Fidelity = "standard"
-    """What a pixel covers at the plants: 4, 2 or 1.2 mm, or the photographs' own."""
-    mask: Mask = "exg"
-    """What is plant: exg what is green, none everything, file masks/NAME.png."""
-    bounds: Annotated[str, Option(metavar="X,Y,Z,X,Y,Z")] = ""
-    """Lowest and highest corner of the volume of interest, metres in the plot frame. Found where not given."""
-
-    @property
-    def corners(self) -> Box | None:
-        """The numbers of --bounds."""
-        return parse_bounds(self.bounds) if self.bounds else None
-
-    def settings(self, seed: int) -> ReconstructionSettings:
-        """The library's settings for these options."""
-        corners = self.corners
-        from fieldkit.clouds.volume import Volume
-        from fieldkit.reconstruction.learned import ties_name
-        from fieldkit.reconstruction.settings import ReconstructionSettings
-
-        return ReconstructionSettings(
-            mapping=self.mapping, ties=ties_name(self.ties), fidelity=self.fidelity, mask=self.mask,
-            bounds=None if corners is None else Volume(corners[:3], corners[3:]), seed=seed,
-        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -107,27 +76,20 @@ class PosesOptions:
 class RunOptions:
     """How the stages of a reconstruction are run."""
 
+    panel: ClassVar[str] = RUN
+
     workers: WorkersOption = None
-    seed: SeedOption = 0
     overwrite: OverwriteOption = False
     resume: ResumeOption = False
-    no_cache: NoCacheOption = False
+    no_cache: bool = False
+    """Neither use nor keep what stages computed."""
 
-    @property
-    def processes(self) -> int:
-        """The number of --workers, or the usual one."""
-        return processes(self.workers)
-
-    def cache(self) -> StageCache:
-        """The stage cache, as `open_cache` gives it."""
-        return open_cache(no_cache=self.no_cache, resume=self.resume)
-
-
-def processes(workers: int | None) -> int:
-    """The number of --workers, or the usual one."""
-    from fieldkit.runtime.machine import usual_workers
-
-    return workers or usual_workers()
+    def __post_init__(self) -> None:
+        if self.no_cache and self.resume:
+            raise UsageError(
+                "--resume goes on from what the cache holds, and --no-cache does without",
+                remedy="Give one of the two.",
+            )
 
 
 def parse_frame(option: str, text: str) -> str:
@@ -138,29 +100,6 @@ def parse_frame(option: str, text: str) -> str:
     if kind.upper() == "EPSG" and colon and code.replace("+", "").isdecimal() and 4 <= len(code) <= 12:
         return f"EPSG:{code}"
     raise UsageError(f"{option}: neither metres nor EPSG:CODE: {text}", remedy=f"Write it like {option} EPSG:32633.")
-
-
-@dataclass(frozen=True)
-class RasterOptions:
-    """Height models."""
-
-    rasters: bool = False
-    """Also write canopy-height.tif and surface.tif (GeoTIFF in UTM, with QGIS styles)."""
-    gsd: Annotated[float | None, Option(metavar="M")] = None
-    """With --rasters: edge of their cells, metres; 5 mm or the depth maps' pixel."""
-
-    def wanted(self) -> Rasters | None:
-        """What is to be written; None without --rasters."""
-        if not self.rasters:
-            if self.gsd is not None:
-                raise UsageError("--gsd is the cells of --rasters", remedy="Give --rasters, too, or leave --gsd out.")
-            return None
-        if self.gsd is not None and not 0.0 < self.gsd <= 1.0:
-            raise UsageError(f"--gsd: no edge of cells in metres: {self.gsd:g}", remedy="Write it like --gsd 0.01.")
-        from fieldkit.evaluation.rasters import Rasters, require_rasters
-
-        require_rasters()
-        return Rasters(self.gsd)
 
 
 def parse_bounds(text: str) -> Box:
@@ -189,23 +128,41 @@ def parse_distances(text: str) -> tuple[float, ...]:
     return tuple(numbers)
 
 
-def open_cache(*, no_cache: bool, resume: bool) -> StageCache:
-    """The stage cache; one that keeps nothing with --no-cache."""
-    if no_cache and resume:
-        raise UsageError(
-            "--resume goes on from what the cache holds, and --no-cache does without", remedy="Give one of the two."
-        )
-    from fieldkit.cache import StageCache, default_cache_root
+RECONSTRUCTION: Panels = {
+    "Reconstruction": {
+        "mapping": None,
+        "fidelity": None,
+        "mask": None,
+        "bounds_m": Annotated[str, Option("--bounds", parser=parse_bounds, metavar="X,Y,Z,X,Y,Z")],
+    },
+    "Options": {"rasters": None, "gsd_m": Annotated[float, Option("--gsd", metavar="M")]},
+    RUN: {"seed": SEED},
+}
+"""Options of the commands that reconstruct, for `EvaluationSettings`."""
 
-    return StageCache(None if no_cache else default_cache_root())
+
+def with_ties(settings: EvaluationSettings, choice: TiesChoice | None) -> EvaluationSettings:
+    """The settings with what --ties stands for on this machine."""
+    from fieldkit.reconstruction.learned import ties_name
+
+    return settings.model_copy(update={"ties": ties_name(choice or "auto")})
 
 
 @contextmanager
-def run_context(*, as_json: bool) -> Iterator[Progress]:
-    """One thread in every library, and progress that suits where stderr goes."""
+def run_context(
+    *, as_json: bool, workers: int | None = None, seed: int = 0, scheduler: str = "", no_cache: bool = False
+) -> Iterator[Context]:
+    """How a command computes: one thread in every library, and progress that suits where stderr goes.
+
+    ``workers`` is the number of --workers, None for the usual one.
+    """
+    from fieldkit.cache import StageCache, default_cache_root
     from fieldkit.cli.progress import open_progress
+    from fieldkit.runtime.context import Context
+    from fieldkit.runtime.machine import usual_workers
     from fieldkit.runtime.threads import limit_threads
 
     limit_threads()
     with open_progress(as_json=as_json) as progress:
-        yield progress
+        cache = StageCache(None if no_cache else default_cache_root())
+        yield Context(cache, progress, workers or usual_workers(), seed, scheduler)

@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
 from fieldkit.cli.common import JsonOption, OutputOption, emit_json, show
 from fieldkit.cli.reconstruction_options import (
+    RECONSTRUCTION,
     PosesOptions,
-    RasterOptions,
-    ReconstructionOptions,
     RunOptions,
     SchedulerOption,
+    TiesOption,
     run_context,
+    with_ties,
 )
 from fieldkit.errors import UsageError
+from fieldkit.evaluation.settings import EvaluationSettings
 
 
 def command(
     images: Path,
     output: OutputOption,
-    reconstruction: ReconstructionOptions,
+    settings: Annotated[EvaluationSettings, RECONSTRUCTION],
     poses: PosesOptions,
-    rasters: RasterOptions,
+    ties: TiesOption = None,
+    *,
     run: RunOptions,
     scheduler: SchedulerOption = "",
     no_scene: bool = False,
@@ -46,16 +50,16 @@ def command(
         fieldkit reference plot_7/ --poses sparse/0 --poses-frame metres -o plot_7-reference
         fieldkit reference plot_7/ --bounds -1.5,-0.75,0,1.5,0.75,1.2 --resume -o plot_7-reference
     """
-    if rasters.rasters and no_scene:
+    if settings.rasters and no_scene:
         raise UsageError("--rasters need the scene", remedy="Leave --no-scene out.")
-    wanted, cache = rasters.wanted(), run.cache()
-    settings, given = reconstruction.settings(run.seed), poses.given()
+    settings, found_poses = with_ties(settings, ties), poses.given()
     from fieldkit.evaluation.reference import build_reference
 
-    with run_context(as_json=as_json) as progress:
+    computing = run_context(as_json=as_json, workers=run.workers, scheduler=scheduler, no_cache=run.no_cache)
+    with computing as context:
         report = build_reference(
-            images, output, settings, cache=cache, progress=progress, overwrite=run.overwrite, resume=run.resume,
-            workers=run.processes, scheduler=scheduler, scene=not no_scene, poses=given, rasters=wanted,
+            images, output, settings, context, scene=not no_scene, poses=found_poses, overwrite=run.overwrite,
+            resume=run.resume,
         )  # fmt: skip
     if as_json:
         emit_json({"output": output, **report.model_dump(mode="json", exclude={"image_reports"})})

@@ -41,7 +41,6 @@ from fieldkit.results.evaluation import CLOUD_FILE, EvaluationReport, PlotEvalua
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.progress import Progress
 from fieldkit.sites.fitted import fitted_to_height
 from fieldkit.vehicles.vehicle_file import load_vehicle, missions_folder
 
@@ -81,9 +80,7 @@ class Demo:
     """Of wall time."""
 
 
-def run_demo(
-    output: Path, *, seed: int = 0, cache: StageCache, progress: Progress, overwrite: bool = False, workers: int = 1
-) -> Demo:
+def run_demo(output: Path, context: Context, *, overwrite: bool = False) -> Demo:
     """Do what fieldkit is for, once, on two simulated plots of young maize.
 
     Args:
@@ -91,8 +88,7 @@ def run_demo(
             evaluation-unseen/, report.html and demo.json. It appears with the references; demo.json comes last.
         overwrite: replace an earlier demo in ``output``.
     """
-    begun = time.perf_counter()
-    context = Context(cache, progress, workers, seed)
+    begun, progress = time.perf_counter(), context.progress
     noise = flight_noise(load_vehicle(VEHICLE))
     with atomic_folder(output, overwrite=overwrite, marker=reference_folder(output, UNSEEN).name) as folder:
         references = _references(folder, noise, context)
@@ -105,7 +101,7 @@ def run_demo(
     with progress.stage("Upload to the stand-in vehicle"):
         items = upload_to_stand_in(mission.files[0]).items
     evaluations = _captures_and_scores(output, plan, circles, noise, context)
-    compared = _compared(output, evaluations, noise, seed)
+    compared = _compared(output, evaluations, noise, context.seed)
     write_atomic(output / DEMO_FILE, compared.model_dump_json(indent=2) + "\n")
     write_report(output, title="fieldkit demo", overwrite=True, progress=progress)
     seconds = time.perf_counter() - begun

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from fieldkit.cache import StageCache
 from fieldkit.demo.truth import true_traits
-from fieldkit.evaluation.evaluate import evaluate_captures
+from fieldkit.evaluation.evaluate import evaluate as evaluate_captures
 from fieldkit.evaluation.reference import build_reference
+from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.planning.space.plots import Plot
 from fieldkit.reconstruction.features import FeatureSettings
@@ -17,7 +18,7 @@ from fieldkit.reconstruction.mapping.prior import PriorMappingSettings
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
 from fieldkit.results.traits import TraitsEntry
-from fieldkit.runtime.progress import Silent
+from fieldkit.runtime.context import Context
 from fieldkit.scenes.description import build as build_scene
 from fieldkit.scenes.library import scenes_folder
 from fieldkit.scenes.scene_file import read_scene
@@ -94,7 +95,7 @@ def photograph(job: Shooting) -> int:
 def build(seed: int, cache: StageCache, place: tuple[str, Path, Path]) -> ReferenceReport:
     """Build a reference from a dense capture; ``place`` are the plot and the folders of both."""
     plot, captures, output = place
-    return build_reference(captures, output, _settings(plot, seed), cache=cache, progress=Silent(), scene=False)
+    return build_reference(captures, output, context=Context(cache), scene=False, reconstruction=_settings(plot, seed))
 
 
 def evaluate(seed: int, cache: StageCache, place: tuple[str, Path, Path, Path]) -> EvaluationReport:
@@ -104,8 +105,9 @@ def evaluate(seed: int, cache: StageCache, place: tuple[str, Path, Path, Path]) 
     """
     plot, captures, reference, output = place
     return evaluate_captures(
-        captures, output, _settings(plot, seed), reference=reference, refine=True, cache=cache, progress=Silent()
-    )
+        captures, output, EvaluationSettings(refine=True), Context(cache), reference=reference,
+        reconstruction=_settings(plot, seed),
+    )  # fmt: skip
 
 
 def _settings(plot: str, seed: int) -> ReconstructionSettings:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.captures.bursts import by_station
 from fieldkit.captures.folder import instead_of, list_capture, natural_key
@@ -22,7 +21,7 @@ from fieldkit.evaluation.cloud_reference import (
 )
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot
 from fieldkit.evaluation.evaluate_plot import RESERVED, PlotCapture, Scoring, evaluate_plot, write_evaluation
-from fieldkit.evaluation.rasters import Rasters
+from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.files import atomic_folder
 from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -32,30 +31,24 @@ from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import EVALUATION_FILE, file_sha256
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import Spent
-from fieldkit.runtime.progress import Progress
+from fieldkit.runtime.threads import limit_threads
 from fieldkit.runtime.worker import NoWorkersError
 from fieldkit.sites.plot_ids import plot_file_name
-from fieldkit.vocabulary import DISTANCES_M
 
 
-def evaluate_captures(
+def evaluate(
     captures: Path | str,
     output: Path | str,
-    settings: ReconstructionSettings | None = None,
+    settings: EvaluationSettings | None = None,
+    context: Context | None = None,
     *,
     reference: Path | str | None = None,
     reference_frame: str = "",
-    refine: bool = False,
-    distances_m: Sequence[float] = DISTANCES_M,
     log: Path | str | None = None,
     plan: Path | str | None = None,
     poses: PosesFile | None = None,
-    rasters: Rasters | None = None,
-    cache: StageCache | None = None,
-    progress: Progress | None = None,
+    reconstruction: ReconstructionSettings | None = None,
     overwrite: bool = False,
-    workers: int = 1,
-    scheduler: str = "",
 ) -> EvaluationReport:
     """Reconstruct and score captures of one plot or of many.
 
@@ -64,17 +57,15 @@ def evaluate_captures(
         output: folder of the result: evaluation.json, plots.csv, traits.csv and, per plot, a folder with cloud.ply
             and overview.png.
         settings: choices; None takes the defaults. Bounds default to the reference's volume.
+        context: None takes the usual cache and one process, and says nothing.
         reference: folder that `build_reference` wrote, or a cloud (PLY, LAS, LAZ); None gives figures that need none.
         reference_frame: of a cloud, as `open_reference` takes it.
-        refine: align each plot's cloud to the reference by ICP before scoring; the correction is reported.
-        distances_m: of precision, recall and F-score.
         log: flight log; the photographs' poses are then those of the triggers they match, and not those of poses.csv,
             geo.txt or GPS.
         plan: that was flown, on the reference's plot: the report says how the photographs kept to it.
         poses: that another program found, of all plots; None takes what lies beside each one's photographs.
-        rasters: to be written into each plot's folder.
+        reconstruction: all that a reconstruction can be told, in place of what ``settings`` say of it.
         overwrite: replace an earlier evaluation in ``output``.
-        cache, progress, scheduler: as `build_reference`.
 
     Returns:
         The report; plots that failed are in it with their error, and do not stop the others.
@@ -84,11 +75,16 @@ def evaluate_captures(
             ``poses`` with a log.
         InputError: there are no captures, or the log or the reference cannot be used. With a single plot its own error
             is raised.
+
+    Example:
+        >>> evaluate("flight_7", "scores", EvaluationSettings(fidelity="draft")).traits.to_dataframe()
     """
-    settings = settings or ReconstructionSettings()
+    asked = settings or EvaluationSettings()
+    chosen, rasters = reconstruction or asked.reconstruction, asked.wanted_rasters
+    limit_threads()
     captures, output = Path(captures), Path(output)
     reference, log, plan = (None if each is None else Path(each) for each in (reference, log, plan))
-    context, spent = Context.usual(cache, progress, workers, settings.seed, scheduler), Spent.now()
+    context, spent = replace(context or Context.usual(), seed=chosen.seed), Spent.now()
     progress = context.progress
     if poses is not None and log is not None:
         raise UsageError("poses come from a flight log or from another program", remedy="Give --log or --poses.")
@@ -96,24 +92,24 @@ def evaluate_captures(
         plots, empty = find_plots(captures)
         if empty:
             progress.note(f"passed over, for there are no photographs in them: {', '.join(empty)}")
-        read = None if reference is None else open_reference(reference, reference_frame, settings.bounds)
+        read = None if reference is None else open_reference(reference, reference_frame, chosen.bounds)
         for finding in read.findings if isinstance(read, CloudReference) else ():
             progress.note(finding.message)
         flight = None if log is None else LoggedFlight.read(log, plots)
         flown = None if plan is None else ComparedPlan.of(load_plan(plan), _place(read), flight)
-        scoring = Scoring.against(read, refine=refine, distances_m=tuple(distances_m))
+        scoring = Scoring.against(read, refine=asked.refine, distances_m=asked.distances_m)
 
         def given(name: str, path: Path) -> PlotCapture:
             by_log = None if flight is None else flight.capture(name)
             read_alone = read_capture(path, poses=poses) if by_log is None else by_log
-            capture = by_station(read_alone, settings.mask)
+            capture = by_station(read_alone, chosen.mask)
             return PlotCapture(capture, scoring, known_plot_of(read, capture), rasters=rasters, flown=flown)
 
         def evaluated(name: str, path: Path) -> PlotEvaluation:
             alone, begun = len(plots) == 1, Spent.now()
             try:
                 return evaluate_plot(
-                    name, partial(given, name, path), folder, plot_file_name(name, RESERVED), settings,
+                    name, partial(given, name, path), folder, plot_file_name(name, RESERVED), chosen,
                     context, alone=alone,
                 )  # fmt: skip
             except Exception as error:
@@ -135,11 +131,11 @@ def evaluate_captures(
         report = evaluation_report(
             Path(captures).absolute().name,
             results,
-            settings,
+            chosen,
             reference_sha256=None if reference is None else file_sha256(reference_file(reference)),
             reference_frame=reference_frame if isinstance(read, CloudReference) else None,
-            refine=refine,
-            distances_m=distances_m,
+            refine=asked.refine,
+            distances_m=asked.distances_m,
             seconds=spent.seconds,
             cpu_seconds=spent.cpu_seconds,
         )

@@ -6,7 +6,6 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.captures.bursts import by_station
 from fieldkit.captures.programs import PosesFile
@@ -14,6 +13,7 @@ from fieldkit.clouds import Cloud, Volume, read_cloud, write_cloud
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.conversion import reference_report, settings_entry
 from fieldkit.evaluation.rasters import Rasters, coarse_place, write_georeferenced, write_rasters
+from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.figures.spreadsheets import TRAITS_FILE, trait_row, traits_csv
 from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.pictures.overview import write_overview
@@ -37,17 +37,14 @@ MODEL_FOLDER = "model"
 def build_reference(
     images: Path | str,
     output: Path | str,
-    settings: ReconstructionSettings | None = None,
+    settings: EvaluationSettings | None = None,
+    context: Context | None = None,
     *,
-    cache: StageCache | None = None,
-    progress: Progress | None = None,
-    overwrite: bool = False,
-    resume: bool = False,
-    workers: int = 1,
-    scheduler: str = "",
     scene: bool = True,
     poses: PosesFile | None = None,
-    rasters: Rasters | None = None,
+    reconstruction: ReconstructionSettings | None = None,
+    overwrite: bool = False,
+    resume: bool = False,
 ) -> ReferenceReport:
     """Build a reference from a folder of photographs.
 
@@ -58,37 +55,37 @@ def build_reference(
         output: folder of the result: reference.json, cloud.ply (plants), scene.ply (with the ground), model/ (COLMAP's
             binary format, plot frame), overview.png, traits.csv and, where it is georeferenced, cloud.laz and
             scene.laz in UTM.
-        settings: choices; None takes the defaults.
-        cache, progress: None takes the usual folder, and says nothing.
-        overwrite: replace an earlier reference in ``output``.
-        resume: add the scene to an earlier reference in ``output`` that was made alike and has none.
-        scheduler: address of a Dask cluster that computes instead of processes; its workers see the same files.
+        settings: choices; None takes the defaults. Rasters need the scene; a note says where they cannot be.
+        context: None takes the usual cache and one process, and says nothing.
         scene: also reconstruct what is not plant.
         poses: that another program found; None takes what lies beside the photographs.
-        rasters: to be written, too; they need the scene. A note says where they cannot be.
+        reconstruction: all that a reconstruction can be told, in place of what ``settings`` say of it.
+        overwrite: replace an earlier reference in ``output``.
+        resume: add the scene to an earlier reference in ``output`` that was made alike and has none.
 
     Raises:
         UsageError: ``output`` exists.
         InputError: the photographs or what lies beside them cannot be used.
         ReconstructionError: they do not reconstruct.
     """
-    settings = settings or ReconstructionSettings()
+    asked = settings or EvaluationSettings()
+    chosen, rasters = reconstruction or asked.reconstruction, asked.wanted_rasters
     images, output = Path(images), Path(output)
-    context = Context.usual(cache, progress, workers, settings.seed, scheduler)
+    context = replace(context or Context.usual(), seed=chosen.seed)
     progress = context.progress
     spent = Spent.now()
-    goes_on = resume and scene and _lacks_scene(output, images, settings)
+    goes_on = resume and scene and _lacks_scene(output, images, chosen)
     with ExitStack() as pictures:
         with atomic_folder(output, overwrite=overwrite or goes_on, marker=REFERENCE_FILE) as folder:
-            capture = by_station(read_capture(images, poses=poses), settings.mask)
+            capture = by_station(read_capture(images, poses=poses), chosen.mask)
             capture = pictures.enter_context(steady_capture(capture, context))
-            found = reconstruct(capture, settings, context)
+            found = reconstruct(capture, chosen, context)
             color_points(found.sparse.model, found.sparse.capture.photos)
             if not scene:
                 found = replace(found, scene=None)
             elif goes_on or _is_here(output):
-                found = with_scene(found, settings, context)
-            report = _write(folder, found, settings, progress, spent, rasters)
+                found = with_scene(found, chosen, context)
+            report = _write(folder, found, chosen, progress, spent, rasters)
         if not scene or found.scene is not None:
             return report
         progress.note(
@@ -96,8 +93,8 @@ def build_reference(
             "(--no-scene leaves it out, and --resume adds it later)"
         )
         with atomic_folder(output, overwrite=True, marker=REFERENCE_FILE) as folder:
-            found = with_scene(found, settings, context)
-            return _write(folder, found, settings, progress, spent, rasters)
+            found = with_scene(found, chosen, context)
+            return _write(folder, found, chosen, progress, spent, rasters)
 
 
 def _lacks_scene(output: Path, images: Path, settings: ReconstructionSettings) -> bool:

@@ -1,7 +1,6 @@
 """Before leaving the field: will the photographs of a plot do, and which stations are to be flown again?"""
 
-from fieldkit.fieldcheck.check import check_captures
 from fieldkit.fieldcheck.model import CheckReport, CheckSettings, StationCheck
 from fieldkit.fieldcheck.refly import write_refly
 
-__all__ = ["CheckReport", "CheckSettings", "StationCheck", "check_captures", "write_refly"]
+__all__ = ["CheckReport", "CheckSettings", "StationCheck", "write_refly"]

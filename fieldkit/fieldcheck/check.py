@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from fieldkit.arrays import FloatArray
-from fieldkit.cache import StageCache
 from fieldkit.captures import Capture, Photo, read_capture
 from fieldkit.captures.bursts import by_station
 from fieldkit.errors import CaptureError, UsageError
@@ -32,8 +31,7 @@ from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import map_threads
-from fieldkit.runtime.machine import Spent, usual_workers
-from fieldkit.runtime.progress import Progress, Silent
+from fieldkit.runtime.machine import Spent
 from fieldkit.sites.fitted import flown_plan
 from fieldkit.sites.placement import PlotFrame
 from fieldkit.sites.plot_plants import PlantHeight, heights_taken, with_plant_height
@@ -70,24 +68,24 @@ _HALF_METRE_OUT = 4.0
 """Motion half a metre out along leaves, as traits' errors are by, is 3 to 5 times the mean over plants (simulated)."""
 
 
-def check_captures(
+def check(
     captures: Path,
-    plan: Path | Plan | None = None,
+    settings: CheckSettings | None = None,
+    context: Context | None = None,
     *,
+    plan: Path | Plan | None = None,
     site: Path | Site | None = None,
     plot: str | None = None,
     plant_height: PlantHeight | None = None,
     log: Path | None = None,
     fit: bool | None = None,
-    settings: CheckSettings | None = None,
-    cache: StageCache | None = None,
-    workers: int | None = None,
-    progress: Progress | None = None,
 ) -> tuple[CheckReport, ...]:
     """Say of one or several plots whether the photographs will do, and which stations to fly again.
 
     Args:
         captures: folder of the photographs of one plot, or of such folders, one per plot; they are only read.
+        settings: tolerances and the seed; None takes the usual ones.
+        context: None takes the usual cache and one process, and says nothing.
         plan: that was flown; None looks at sharpness, exposure and matches only.
         site: where the plots lie; None takes the plan's row heading, or fits by shape.
         plot: of the site, where there is one folder; None takes the one with the folder's name, or the only one.
@@ -95,9 +93,11 @@ def check_captures(
         log: flight log whose poses count instead of the photographs' own.
         fit: whether the plan was fitted to each plot of the site, as of `fieldkit.missions.export_mission`.
     """
+    settings = settings or CheckSettings()
+    context = replace(context or Context.usual(), seed=settings.seed)
     plots, empty = find_plots(captures)
-    if empty and progress is not None:
-        progress.note(f"passed over, for there are no photographs in them: {', '.join(empty)}")
+    if empty:
+        context.progress.note(f"passed over, for there are no photographs in them: {', '.join(empty)}")
     if plot is not None and len(plots) > 1:
         raise UsageError(
             f"--plot names one plot, and there are {len(plots)} folders of photographs", path=captures,
@@ -115,10 +115,6 @@ def check_captures(
     place = None if stated is None else with_plant_height(stated, loaded, plant_height)
     taken = () if stated is None or place is None else heights_taken(stated, place, plant_height)
     flight = None if log is None else LoggedFlight.read(log, plots)
-    settings = settings or CheckSettings()
-    context = Context(
-        cache or StageCache(None), progress or Silent(), workers or usual_workers(), settings.seed
-    )  # fmt: skip
     reports = []
     for name, folder in plots:
         spent = Spent.now()

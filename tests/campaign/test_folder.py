@@ -16,7 +16,7 @@ from pyogrio import list_layers
 from pyogrio.raw import read
 
 from fieldkit.campaign import Campaign, Visit, find_campaign, read_campaign
-from fieldkit.campaign.campaign_file import CampaignTable, EvaluationTable, campaign_text, read_campaign_file
+from fieldkit.campaign.campaign_file import CampaignTable, campaign_text, read_campaign_file
 from fieldkit.campaign.create import CampaignSources, init_campaign, split_references
 from fieldkit.campaign.export import campaign_csv, export_campaign
 from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks, verdict
@@ -25,6 +25,7 @@ from fieldkit.campaign.visits import keep_visit
 from fieldkit.cli.boundary import emit_json
 from fieldkit.errors import FieldkitError, MetadataError, UsageError
 from fieldkit.evaluation.conversion import evaluation_report
+from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.finding import OTHER_PLANTS
 from fieldkit.results.plan import PlanMethod
@@ -60,7 +61,7 @@ def campaign(tmp_path: Path, visits: tuple[Visit, ...] = VISITS) -> Campaign:
 
 class TestInit:
     def test_the_folder_holds_everything(self, tmp_path: Path) -> None:
-        folder = campaign_folder(tmp_path, FIELD, evaluation=EvaluationTable(fidelity="draft", refine=True))
+        folder = campaign_folder(tmp_path, FIELD, evaluation=EvaluationSettings(fidelity="draft", refine=True))
         assert sorted(path.name for path in folder.iterdir()) == [
             "campaign.toml", "plan.json", "plots.geojson", "site.toml"
         ]  # fmt: skip
@@ -68,7 +69,7 @@ class TestInit:
         found = read_campaign(folder)
         assert found.name == "season"
         assert found.plan.stations == PLAN.stations
-        assert found.evaluation == EvaluationTable(fidelity="draft", refine=True)
+        assert found.evaluation == EvaluationSettings(fidelity="draft", refine=True)
         assert found.visits == ()
         assert [plot.name for plot in found.plots] == [plot.name for plot in FIELD]
         for plot, drawn in zip(found.plots, FIELD, strict=True):
@@ -139,7 +140,7 @@ class TestReading:
     def test_the_file_round_trips(self, tmp_path: Path) -> None:
         table = CampaignTable(
             name='say "ü"', plots="p.geojson", vehicle="v.toml",
-            evaluation=EvaluationTable(bounds_m=(-1, -1, 0, 1, 1, 1.5), seed=3, rasters=True, gsd_m=0.01),
+            evaluation=EvaluationSettings(bounds_m=(-1, -1, 0, 1, 1, 1.5), seed=3, rasters=True, gsd_m=0.01),
             references=(),
         )  # fmt: skip
         (tmp_path / "campaign.toml").write_text(campaign_text(table))

@@ -13,12 +13,12 @@ import pytest
 from filelock import FileLock, Timeout
 
 from fieldkit.campaign import Visit, read_campaign
-from fieldkit.campaign.campaign_file import EvaluationTable
 from fieldkit.campaign.evaluate_visit import VisitJob
 from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks
 from fieldkit.campaign.run import LOCK_FILE, _evaluated, campaign_lock, unchanged, visit_inputs
 from fieldkit.campaign.visits import changed_stages, is_current, keep_visit, stage_versions
 from fieldkit.captures.selection import FoundPhoto
+from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.runtime.context import Context
 from tests.campaign.examples import PLAN, campaign_folder, field, flown
@@ -31,7 +31,7 @@ def job(folder: Path) -> VisitJob:
     """Eight photographs that nobody took."""
     named = [(shot.photo, shot.place.rpartition("/")[2]) for shot in flown(FIELD[0])]
     photos = tuple(FoundPhoto(replace(photo, path=folder / name, name=name), name, {}) for photo, name in named)
-    made = VisitJob(FIELD[0], DATE, photos, "DCIM", (), folder, PLAN, EvaluationTable(), None, None)
+    made = VisitJob(FIELD[0], DATE, photos, "DCIM", (), folder, PLAN, EvaluationSettings(), None, None)
     return replace(made, inputs=visit_inputs(made))
 
 
@@ -66,7 +66,7 @@ def test_another_fit_of_the_prediction_is_another_visit(tmp_path: Path, monkeypa
     "change",
     [
         {"date": "2026-06-19"}, {"captures": "elsewhere"}, {"notes": ("x",)}, {"cache": Path("cache")},
-        {"evaluation": EvaluationTable(seed=1)}, {"evaluation": EvaluationTable(rasters=True)},
+        {"evaluation": EvaluationSettings(seed=1)}, {"evaluation": EvaluationSettings(rasters=True)},
         {"plan": PLAN.model_copy(update={"row_heading_deg": 3.0})},
         {"plot": FIELD[0].model_copy(update={"row_heading_deg": 1.0})},
         {"plot": FIELD[0].model_copy(update={"reference_sha256": "0" * 64})},
@@ -82,9 +82,9 @@ def test_what_a_result_depends_on(change: dict[str, object], tmp_path: Path) -> 
 
 def test_the_rasters_cells_count_and_no_rasters_leave_digests_as_they_were(tmp_path: Path) -> None:
     made = job(tmp_path)
-    tables = (EvaluationTable(), EvaluationTable(rasters=True), EvaluationTable(rasters=True, gsd_m=0.01))
+    tables = (EvaluationSettings(), EvaluationSettings(rasters=True), EvaluationSettings(rasters=True, gsd_m=0.01))
     assert len({visit_inputs(replace(made, evaluation=table)) for table in tables}) == 3
-    assert set(EvaluationTable().model_dump(exclude={"rasters", "gsd_m"})) == {
+    assert set(EvaluationSettings().model_dump(exclude={"rasters", "gsd_m"})) == {
         "mapping", "ties", "fidelity", "mask", "bounds_m", "refine", "distances_m", "seed",
     }  # fmt: skip
 

@@ -34,7 +34,7 @@ def test_init_takes_the_settings(place, capsys, monkeypatch) -> None:
     made = answer(capsys, "campaign", "init", "new", *arguments, "--vehicle", "ardupilot-pitch")
     assert made == {"output": "new", "campaign": "new", "plots": ["r1c1", "r1c2"], "stations": 8, "references": []}
     found = read_campaign(place / "new")
-    settings = found.evaluation.settings
+    settings = found.evaluation.reconstruction
     assert (settings.fidelity, settings.mask, settings.seed) == ("fine", "none", 7)
     assert settings.bounds.upper == (1, 1, 2)
     assert answer(capsys, "campaign", "init", "new", *arguments, code=2)["error"]["type"] == "UsageError"
@@ -46,7 +46,7 @@ def test_init_takes_the_settings(place, capsys, monkeypatch) -> None:
         error = answer(capsys, "evaluate", ".", "--campaign", "maps", code=2)["error"]
         assert error["message"] == "rasters need the extra 'geo'"
     error = answer(capsys, "campaign", "init", "x", *arguments, "--gsd", "0.01", code=2)["error"]
-    assert "--rasters" in error["message"]
+    assert "rasters = true" in error["message"]
     error = answer(capsys, "campaign", "init", "x", *arguments, "--reference", "nowhere=x", code=2)["error"]
     assert "names no plot" in error["message"]
     error = answer(capsys, "campaign", "init", "x", *arguments, "--reference", "r1c1=x", code=3)["error"]
@@ -108,8 +108,7 @@ def test_where_evaluate_puts_its_results(place, capsys, monkeypatch) -> None:
         ["--seed", "0"],
         ["--reference", "."],
         ["--plan", "."],
-        ["--rasters"],
-        ["--gsd", "0.01"],
+        ["--rasters", "--gsd", "0.01"],
     ):
         error = answer(capsys, "evaluate", "photos", "--campaign", "season", *option, code=2)["error"]
         assert error["message"].startswith(option[0])

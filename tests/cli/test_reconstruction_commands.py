@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.cli.main import main
-from fieldkit.cli.reconstruction_options import ReconstructionOptions, parse_bounds, parse_distances
+from fieldkit.cli.reconstruction_options import parse_bounds, parse_distances
 from fieldkit.errors import UsageError
-from fieldkit.reconstruction import settings
+from fieldkit.evaluation.settings import EvaluationSettings
+from fieldkit.reconstruction.settings import ReconstructionSettings
 
 
 @pytest.fixture(autouse=True)
@@ -20,12 +21,13 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_settings() -> None:
-    made = ReconstructionOptions(mapping="prior", fidelity="fine", mask="none", bounds="-1,-2,0,1,2,3.5").settings(
-        seed=7
+    asked = EvaluationSettings(
+        mapping="prior", fidelity="fine", mask="none", bounds_m=parse_bounds("-1,-2,0,1,2,3.5"), seed=7
     )
+    made = asked.reconstruction
     assert (made.mapping, made.fidelity, made.mask, made.seed) == ("prior", "fine", "none", 7)
     assert (made.bounds.lower, made.bounds.upper) == ((-1, -2, 0), (1, 2, 3.5))
-    assert settings.ReconstructionSettings() == ReconstructionOptions(ties="sift").settings(seed=0)
+    assert EvaluationSettings().reconstruction == ReconstructionSettings()
 
 
 @pytest.mark.parametrize("command", ["reference", "evaluate"])
@@ -40,8 +42,8 @@ class TestUsage:
             (["photos", "-o", "out", "--seed", "-1"], "invalid value for '--seed'"),
             (["photos", "-o", "out", "--bounds", "-1,0,0,1,1"], "--bounds: not six numbers: -1,0,0,1,1"),
             (["photos", "-o", "out", "--bounds", "0,0,0,1,1,0"], "--bounds: the lowest corner is not below"),
-            (["photos", "-o", "out", "--gsd", "0.01"], "--gsd is the cells of --rasters"),
-            (["photos", "-o", "out", "--rasters", "--gsd", "-1"], "--gsd: no edge of cells in metres: -1"),
+            (["photos", "-o", "out", "--gsd", "0.01"], "gsd_m: it is the cells of rasters"),
+            (["photos", "-o", "out", "--rasters", "--gsd", "-1"], "gsd_m: input should be greater than 0"),
             (["photos", "-o", "out", "--resume", "--no-cache"], "--resume goes on from what the cache holds"),
         ],
     )

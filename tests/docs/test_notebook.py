@@ -29,7 +29,7 @@ def _frames(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("_frames")
-def test_every_cell_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_cell_runs(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "docs" / "plot_7", tmp_path / "plot_7")
     known: dict[str, Any] = {}
     for cell in json.loads(NOTEBOOK.read_text("utf-8"))["cells"]:
@@ -39,7 +39,6 @@ def test_every_cell_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert known["traits"]["height_m"] == pytest.approx([0.80], abs=0.03)
     assert len(known["cloud"]) > 100
     assert known["report"].output.stat().st_size > 1000
-    assert "Features: done in" in capsys.readouterr().err
     shown = [repr(known["result"]), repr(known["result"].plots[0]), repr(known["result"].traits)]
     assert max(map(len, shown)) < 2000, shown
     assert shown[2] == "<traits of 1 plot>"
@@ -62,7 +61,7 @@ def test_figures_are_floats_even_where_there_are_none() -> None:
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: fieldkit.evaluate("photos", fidelty="draft"), "evaluate has no fidelty. Did you mean fidelity?"),
+        (lambda: fieldkit.evaluate("photos", "out", refrence="ref"), "no refrence. Did you mean reference?"),
         (lambda: fieldkit.PlanSettings(scen="case-1"), "PlanSettings has no scen. Did you mean scene?"),
         (lambda: fieldkit.PlanSettings(scene="case-1", noise={"pose": 1}), "noise.pose: is not known"),
         (lambda: fieldkit.export_mission("p", "v", "s", "m", adjst=True), "no adjst. Did you mean adjust?"),

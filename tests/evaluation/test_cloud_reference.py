@@ -16,16 +16,17 @@ from fieldkit.clouds.cloud import concatenate
 from fieldkit.errors import CloudError, EmptyCloudError, MetadataError, UsageError
 from fieldkit.evaluation.cloud_reference import CloudReference, open_reference
 from fieldkit.evaluation.compare import compare_evaluations
-from fieldkit.evaluation.evaluate import evaluate_captures
+from fieldkit.evaluation.evaluate import evaluate
 from fieldkit.evaluation.rasters import write_georeferenced
 from fieldkit.evaluation.reference import Reference, build_reference
+from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.planning.plan_settings import PlanSettings
 from fieldkit.planning.run.sources import describe_sources
 from fieldkit.reconstruction.result import MetricFrame
-from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.report_files import load_evaluation_report
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
 from tests.evaluation.examples import plant_cloud
 
@@ -231,9 +232,9 @@ def test_no_plan_is_made_on_a_bare_cloud(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_an_evaluation_against_a_bare_cloud_is_that_against_its_reference(tmp_path: Path) -> None:
-    draft, cache = ReconstructionSettings(fidelity="draft"), StageCache(tmp_path / "cache")
+    draft, cache = EvaluationSettings(fidelity="draft"), StageCache(tmp_path / "cache")
     folder = tmp_path / "reference"
-    report = build_reference(PHOTOGRAPHS, folder, draft, cache=cache, progress=Silent(), scene=False)
+    report = build_reference(PHOTOGRAPHS, folder, draft, context=Context(cache), scene=False)
     assert isinstance(open_reference(folder / "cloud.ply"), Reference)
     with pytest.raises(UsageError, match="bare cloud"):
         open_reference(folder, "metres")
@@ -241,9 +242,8 @@ def test_an_evaluation_against_a_bare_cloud_is_that_against_its_reference(tmp_pa
     to_source = Similarity.from_matrix(np.array(report.frame.plot_from_source)).inverse()
     write_cloud(tmp_path / "scan.ply", read_cloud(folder / "cloud.ply").transformed(to_source))
     for name, reference, frame in (("whole", folder, ""), ("bare", tmp_path / "scan.ply", "metres")):
-        evaluate_captures(
-            PHOTOGRAPHS, tmp_path / name, draft, reference=reference, reference_frame=frame, cache=cache,
-            progress=Silent(),
+        evaluate(
+            PHOTOGRAPHS, tmp_path / name, draft, reference=reference, reference_frame=frame, context=Context(cache),
         )  # fmt: skip
     whole, bare = (load_evaluation_report(tmp_path / name) for name in ("whole", "bare"))
     assert whole.plots[0].chamfer_m == pytest.approx(0.0, abs=1e-5)  # the same photographs, the same volume

@@ -6,12 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.cache import StageCache
 from fieldkit.captures import Capture, read_capture
 from fieldkit.errors import CaptureError, StorageError
-from fieldkit.evaluation.evaluate import evaluate_captures, find_plots
+from fieldkit.evaluation.evaluate import evaluate, find_plots
 from fieldkit.results.report_files import load_evaluation_report
-from fieldkit.runtime.progress import Silent
+from fieldkit.runtime.context import Context
 
 PHOTOGRAPHS = Path(__file__).parents[1] / "data" / "small_plot"
 
@@ -32,14 +31,14 @@ def test_an_error_that_nobody_foresaw_is_its_plots(tmp_path: Path, monkeypatch: 
         return read_capture(folder)
 
     monkeypatch.setattr("fieldkit.evaluation.evaluate.read_capture", read)
-    evaluate_captures(day, tmp_path / "out", cache=StageCache(None), progress=Silent())
+    evaluate(day, tmp_path / "out", context=Context())
     report = load_evaluation_report(tmp_path / "out")
     first, second = (plot.error for plot in report.plots)
     assert "ZeroDivisionError" in first.message
     assert "--debug" in first.remedy
     assert second.type != first.type
     with pytest.raises(ZeroDivisionError):  # alone, it is told with its traceback
-        evaluate_captures(day / "plot 1", tmp_path / "out 1", cache=StageCache(None), progress=Silent())
+        evaluate(day / "plot 1", tmp_path / "out 1", context=Context())
 
 
 def test_no_space_is_nobodys_plot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -50,7 +49,7 @@ def test_no_space_is_nobodys_plot(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr("fieldkit.evaluation.evaluate.read_capture", read)
     with pytest.raises(StorageError):
-        evaluate_captures(day, tmp_path / "out", cache=StageCache(None), progress=Silent())
+        evaluate(day, tmp_path / "out", context=Context())
     assert not (tmp_path / "out").exists()
 
 

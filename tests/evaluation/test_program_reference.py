@@ -5,27 +5,26 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.cache import StageCache
 from fieldkit.captures.programs import METRES, PosesFile, read_result
 from fieldkit.errors import ReconstructionError
-from fieldkit.evaluation.evaluate import evaluate_captures
+from fieldkit.evaluation.evaluate import evaluate
 from fieldkit.evaluation.reference import build_reference
+from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.geometry import Pose
-from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import ReferenceReport
-from fieldkit.runtime.progress import Silent
+from fieldkit.runtime.context import Context
 from tests.captures.programs.known_set import apart, moved, some_motion, write_colmap
 
 pytestmark = pytest.mark.slow
 PHOTOGRAPHS = Path(__file__).parents[1] / "data" / "small_plot"
-DRAFT = ReconstructionSettings(fidelity="draft")
+DRAFT = EvaluationSettings(fidelity="draft")
 
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ReferenceReport]:
     folder = tmp_path_factory.mktemp("reference") / "ref"
     return folder, build_reference(
-        PHOTOGRAPHS, folder, DRAFT, cache=StageCache(None), progress=Silent(), scene=False
+        PHOTOGRAPHS, folder, DRAFT, context=Context(), scene=False
     )  # fmt: skip
 
 
@@ -56,7 +55,7 @@ def test_our_own_model_reads_back_with_the_same_poses(built: tuple[Path, Referen
 def test_a_model_without_scale_registers_all_photographs_and_claims_no_metres(built, bare, tmp_path) -> None:
     model = read_result(PosesFile(built[0] / "model"))
     write_colmap(bare / "sparse" / "0", moved(model.poses, some_motion()), model.cameras[0].intrinsics)
-    report = build_reference(bare, tmp_path / "out", DRAFT, cache=StageCache(None), progress=Silent(), scene=False)
+    report = build_reference(bare, tmp_path / "out", DRAFT, context=Context(), scene=False)
     assert (report.method, report.registered, report.right) == ("prior", 8, 8)
     assert not report.metric
     assert (report.metric_source, report.pose_rms_m, report.position_bound_m) == ("none", None, None)
@@ -67,9 +66,7 @@ def test_a_model_without_scale_registers_all_photographs_and_claims_no_metres(bu
 
 
 def evaluate_with(photographs: Path, reference: Path, output: Path, poses: PosesFile | None = None) -> float | None:
-    report = evaluate_captures(
-        photographs, output, DRAFT, reference=reference, poses=poses, cache=StageCache(None), progress=Silent()
-    )
+    report = evaluate(photographs, output, DRAFT, reference=reference, poses=poses, context=Context())
     (plot,) = report.plots
     if plot.error is not None:
         raise ReconstructionError(plot.error.message)
@@ -78,8 +75,6 @@ def evaluate_with(photographs: Path, reference: Path, output: Path, poses: Poses
 
 def test_a_model_in_metres_is_a_metric_source(built: tuple[Path, ReferenceReport], bare: Path, tmp_path: Path) -> None:
     poses = PosesFile(built[0] / "model", METRES)
-    report = build_reference(
-        bare, tmp_path / "out", DRAFT, cache=StageCache(None), progress=Silent(), scene=False, poses=poses
-    )
+    report = build_reference(bare, tmp_path / "out", DRAFT, context=Context(), scene=False, poses=poses)
     assert (report.right, report.metric, report.metric_source) == (8, True, "COLMAP")
     assert report.pose_rms_m < 0.01

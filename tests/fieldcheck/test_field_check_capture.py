@@ -15,8 +15,8 @@ from benchmarks.rigs import RIG_FILE, read_rig
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.errors import CaptureError, MetadataError, UsageError
-from fieldkit.fieldcheck import CheckReport, StationCheck, check_captures
-from fieldkit.fieldcheck.check import burst_findings, leaves_move_m
+from fieldkit.fieldcheck import CheckReport, StationCheck
+from fieldkit.fieldcheck.check import burst_findings, check, leaves_move_m
 from fieldkit.fieldcheck.ties import TieGraph, find_ties
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.cameras import CameraSet
@@ -64,8 +64,8 @@ def copy(rig: tuple[Path, Plan, StageCache], tmp_path: Path) -> Path:
     return Path(shutil.copytree(rig[0], tmp_path / "plot"))
 
 
-def check(folder: Path, rig: tuple[Path, Plan, StageCache]) -> CheckReport:
-    (report,) = check_captures(folder, rig[1], cache=rig[2], workers=1)
+def checked(folder: Path, rig: tuple[Path, Plan, StageCache]) -> CheckReport:
+    (report,) = check(folder, context=Context(rig[2]), plan=rig[1])
     return report
 
 
@@ -78,7 +78,7 @@ def codes(report: CheckReport) -> dict[int, str]:
 
 
 def test_sound_photographs_will_do(rig: tuple[Path, Plan, StageCache]) -> None:
-    report = check(rig[0], rig)
+    report = checked(rig[0], rig)
     assert report.ok, report.findings
     assert report.placement == "poses.csv"
     assert report.components == (COUNT,)
@@ -87,19 +87,19 @@ def test_sound_photographs_will_do(rig: tuple[Path, Plan, StageCache]) -> None:
 
 
 def test_missing_and_blurred(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
-    order = [row.photograph for row in check(rig[0], rig).stations]
+    order = [row.photograph for row in checked(rig[0], rig).stations]
     (copy / order[2]).unlink()
     image = cv2.imread(str(copy / order[5]))
     assert image is not None
     cv2.imwrite(str(copy / order[5]), cv2.blur(image, (9, 1)))
-    report = check(copy, rig)
+    report = checked(copy, rig)
     assert report.fly_again == (2, 5)
     assert codes(report) == {2: "missing", 5: "blurred"}
     assert report.components == (6,)
 
 
 def test_without_a_plan_photographs_are_judged_by_themselves(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
-    (sound,) = check_captures(copy, cache=rig[2], workers=1)
+    (sound,) = check(copy, context=Context(rig[2]))
     assert (sound.ok, sound.components, sound.findings) == (True, (COUNT,), ())
     first, second, third, *_ = photographs(copy)
     first.write_bytes(first.read_bytes()[:20000])  # half copied
@@ -108,7 +108,7 @@ def test_without_a_plan_photographs_are_judged_by_themselves(rig: tuple[Path, Pl
     cv2.imwrite(str(second), cv2.blur(image, (9, 1)))
     noise = np.random.default_rng(0).integers(0, 256, image.shape[:2], dtype=np.uint8)
     cv2.imwrite(str(third), cv2.GaussianBlur(noise, (0, 0), 1.5))  # of another place
-    (report,) = check_captures(copy, cache=rig[2], workers=1)
+    (report,) = check(copy, context=Context(rig[2]))
     assert not report.ok
     assert report.take_again == (first.name, second.name)
     assert report.components == (COUNT - 2, 1)
@@ -118,12 +118,12 @@ def test_without_a_plan_photographs_are_judged_by_themselves(rig: tuple[Path, Pl
         f"Take {first.name} and {second.name} again. Matches join {COUNT - 2} of {COUNT - 1}"
     )
     with pytest.raises(UsageError, match="no plan is given"):
-        check_captures(copy, site=Path(__file__))
+        check(copy, site=Path(__file__))
 
 
 def test_bursts_count_as_their_stations_photographs(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
     """Three of each station, a second apart and a pixel beside each other, but one of the fourth."""
-    order = [row.photograph for row in check(rig[0], rig).stations]
+    order = [row.photograph for row in checked(rig[0], rig).stations]
     header, *rows = (copy / "poses.csv").read_text("utf-8").splitlines()
     lines, sole = [header], order[3]
     for row in rows:
@@ -138,7 +138,7 @@ def test_bursts_count_as_their_stations_photographs(rig: tuple[Path, Plan, Stage
             Image.fromarray(np.roll(picture, k, axis=1)).save(copy / member, exif=exif, quality=95)
             lines.append(f"{member},{pose}")
     (copy / "poses.csv").write_text("\n".join(lines) + "\n", "utf-8")
-    report = check(copy, rig)
+    report = checked(copy, rig)
     assert (report.photographs, report.burst, report.extra) == (3 * COUNT - 2, 3, ())
     assert [row.photograph for row in report.stations] == [f"{Path(name).stem}_0.jpg" for name in order]
     (short,) = (finding for finding in report.findings if finding.code == "short-burst")
@@ -170,11 +170,11 @@ def test_leaves_that_move_far_are_too_windy(tmp_path: Path, rig: tuple[Path, Pla
 
 
 def test_exchanged_rows(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
-    order = [row.photograph for row in check(rig[0], rig).stations]
+    order = [row.photograph for row in checked(rig[0], rig).stations]
     table = (copy / "poses.csv").read_text("utf-8")
     table = table.replace(order[1], "other").replace(order[5], order[1]).replace("other", order[5])
     (copy / "poses.csv").write_text(table, "utf-8")
-    report = check(copy, rig)
+    report = checked(copy, rig)
     assert report.fix_tags == (1, 5)
     assert [report.stations[k].photograph for k in (1, 5)] == [order[1], order[5]]
     assert codes(report) == {1: "mis-tagged", 5: "mis-tagged"}
@@ -183,7 +183,7 @@ def test_exchanged_rows(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
 def test_without_positions_only_quality_is_told(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
     (copy / "poses.csv").unlink()
     photographs(copy)[0].unlink()
-    report = check(copy, rig)
+    report = checked(copy, rig)
     assert not report.ok
     assert report.stations == ()
     assert [finding.code for finding in report.findings] == ["missing"]
@@ -192,21 +192,21 @@ def test_without_positions_only_quality_is_told(rig: tuple[Path, Plan, StageCach
 
 def test_folders_of_plots(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
     Path(shutil.copytree(copy, copy.parent / "second"))
-    reports = check_captures(copy.parent, rig[1], cache=rig[2], workers=1)
+    reports = check(copy.parent, context=Context(rig[2]), plan=rig[1])
     assert [report.name for report in reports] == ["plot", "second"]
     assert all(report.ok for report in reports)
     with pytest.raises(UsageError, match="2 folders"):
-        check_captures(copy.parent, rig[1], plot="plot", cache=rig[2], workers=1)
+        check(copy.parent, context=Context(rig[2]), plan=rig[1], plot="plot")
 
 
 def test_what_cannot_be_used(rig: tuple[Path, Plan, StageCache], copy: Path, tmp_path: Path) -> None:
     empty = tmp_path / "empty"
     empty.mkdir()
     with pytest.raises(CaptureError, match="no photographs"):
-        check(empty, rig)
+        checked(empty, rig)
     (copy / "poses.csv").write_text("image,x_m,y_m,z_m\nnobody.jpg,0,0,0\n", "utf-8")
     with pytest.raises(MetadataError, match="names no photograph"):
-        check(copy, rig)
+        checked(copy, rig)
 
 
 def rewritten(folder: Path, write: Callable[[list[float]], list[float]]) -> None:
@@ -235,7 +235,7 @@ def rewritten(folder: Path, write: Callable[[list[float]], list[float]]) -> None
 )
 def test_no_station_is_sent_back_for_the_way_angles_are_written(rig, copy, write, told) -> None:
     rewritten(copy, write)
-    report = check(copy, rig)
+    report = checked(copy, rig)
     assert report.ok, report.findings
     assert [finding.code for finding in report.findings] == told
 
@@ -250,7 +250,7 @@ def test_no_station_is_sent_back_for_heights_that_nothing_measured(rig, copy, he
         cells[column] = "1.2" if heights == "one for all" else f"{float(cells[column]) + rng.normal() * 0.4}"
         lines.append(",".join(cells))
     (copy / "poses.csv").write_text("\n".join(lines) + "\n", "utf-8")
-    report = check(copy, rig)
+    report = checked(copy, rig)
     assert report.fly_again == (), report.findings
 
 
@@ -262,7 +262,7 @@ def test_photographs_turned_by_their_orientation_will_do(rig: tuple[Path, Plan, 
             exif = Image.Exif()
             exif[0x0112] = 3 if k % 2 else 6
         turned.save(path, exif=exif, quality=95)
-    report = check(copy, rig)
+    report = checked(copy, rig)
     assert report.ok, report.findings
     assert report.findings == ()
 
@@ -271,7 +271,7 @@ def test_a_second_lens_is_named_and_no_reason_to_fly(rig: tuple[Path, Plan, Stag
     for k, path in enumerate(photographs(copy)):
         with Image.open(path) as image:
             image.convert("L").resize((160, 128)).save(copy / f"DJI_{k:04}_T.JPG", format="JPEG")
-    report = check(copy, rig)
+    report = checked(copy, rig)
     assert report.ok, report.findings
     (finding,) = report.findings
     assert finding.code == "other-camera"

@@ -33,6 +33,7 @@ from fieldkit.planning.run.run_setup import RunSetup, set_up_run
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import Spent
+from fieldkit.runtime.threads import limit_threads
 from fieldkit.scenes.renderer import RenderingError
 from fieldkit.version import __version__
 
@@ -76,6 +77,7 @@ def plan(
     Example:
         >>> plan("maize-plan", PlanSettings(scene="case-1", cameras=10, evaluations=60))
     """
+    limit_threads()
     output, context = Path(output), context or Context.usual()
     planned = partial(_planned, context=context, watch=watch, expect=expect, methods=methods)
     asked = settings if isinstance(settings, PlanSettings) else None

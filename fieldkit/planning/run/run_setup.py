@@ -180,9 +180,7 @@ def _on_captures(settings: SearchSettings, folder: Path, context: Context, count
         place = Path(settings.reference_path)
     elif not place.is_dir():
         progress.note("no --reference is given: one is built of all photographs first")
-        build_reference(
-            images, place, cache=context.cache, progress=progress, workers=context.workers, scene=False
-        )  # fmt: skip
+        build_reference(images, place, context=replace(context, scheduler=""), scene=False)
     reference = Reference(place)
     plot, asked = reference.known_plot(), settings.noise
     source = RecordedSource(
