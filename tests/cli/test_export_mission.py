@@ -41,6 +41,9 @@ def test_exported_and_checked(plan: Path, tmp_path: Path, capsys: pytest.Capture
     report = json.loads(capsys.readouterr().out)
     assert (report["ok"], report["photographs"]) == (True, 5)
     assert max(pose["off_plan_m"] for pose in report["poses"]) < 0.02
+    mission.with_suffix(".json").unlink()
+    assert main(check[:-1]) == 0
+    assert "not checked against plants: no plots are given" in capsys.readouterr().out
 
 
 def test_people_are_told(plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -20,7 +20,7 @@ from fieldkit.missions.items import Command, MissionItem
 from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Shot
 from fieldkit.routing.obstacles import Obstacles, Volume
 from fieldkit.sites.site import Obstacle, Site, SiteHome, SitePlot
-from fieldkit.vehicles.vehicle import Battery, Mount
+from fieldkit.vehicles.vehicle import Battery, Mount, Vehicle
 from tests.missions.vehicles import HOME, recorded_items, recorded_mission, small_mission, vehicle
 
 
@@ -73,6 +73,13 @@ def with_items(change: Any, home: Home | None = HOME, first: int = 1) -> ReadMis
     return ReadMission("plan", tuple(change(items) or items), home=home, firmware="ardupilot", first_number=first)
 
 
+def checked(
+    items: Sequence[MissionItem], *, by: Vehicle | None = None, fence: Fence | None = None, **more: Any
+) -> Report:
+    """The check of a mission's items from home."""
+    return check_mission(ReadMission("plan", tuple(items), home=HOME, fence=fence), by or vehicle(), **more)
+
+
 def changed(command: int, **values: Any) -> Any:
     """Change items of a command: fields by name, parameters as p1 … p7."""
 
@@ -120,48 +127,48 @@ def swapped(items: list[MissionItem]) -> list[MissionItem]:
 
 
 @pytest.mark.parametrize(
-    ("read", "error"),
+    ("change", "error"),
     [
-        (with_items(without(Command.NAV_DELAY)), "no-delay"),
-        (with_items(without(Command.CONDITION_YAW)), "no-heading"),
-        (with_items(without(Command.DO_MOUNT_CONTROL)), "no-pitch"),
-        (with_items(without(Command.IMAGE_START_CAPTURE)), "no-photographs"),
-        (with_items(without(Command.NAV_TAKEOFF)), "no-takeoff"),
-        (with_items(changed(Command.NAV_WAYPOINT, p1=0.0)), "photo-moving"),
-        (with_items(changed(Command.IMAGE_START_CAPTURE, p4=float("nan"))), "item-rejected"),
-        (with_items(changed(Command.IMAGE_START_CAPTURE, p4=float("nan"))), "photo-never"),
-        (with_items(changed(Command.IMAGE_START_CAPTURE, p2=2.0, p3=0.0)), "photo-interval"),
-        (with_items(changed(Command.NAV_DELAY, p1=-1.0, p2=14.0, p3=30.0)), "delay-until"),
-        (with_items(changed(Command.NAV_DELAY, p1=0.0)), "delay-until"),
-        (with_items(as_digicam), "photo-never"),
-        (with_items(lambda items: [*items, action(Command.DO_GIMBAL_MANAGER_CONFIGURE, -2.0, -2.0)]), "item-rejected"),
-        (with_items(changed(Command.NAV_WAYPOINT, frame=0)), "datum"),
-        (with_items(changed(Command.NAV_WAYPOINT, p7=94.0)), "datum"),
-        (with_items(changed(Command.NAV_WAYPOINT, p7=-5000.0)), "datum"),
-        (with_items(changed(Command.CONDITION_YAW, p2=5.0, p3=1.0)), "photo-late"),
-        (with_items(changed(Command.DO_MOUNT_CONTROL, p1=40.0)), "pitch-limit"),
-        (with_items(changed(Command.NAV_WAYPOINT, p7=0.5)), "too-low"),
-        (with_items(changed(Command.NAV_WAYPOINT, p1=-1.0)), "endurance"),
-        (with_items(swapped), "lat-lon-swapped"),
-        (with_items(changed(Command.NAV_WAYPOINT, p5=51.5)), "far-from-home"),
+        (without(Command.NAV_DELAY), "no-delay"),
+        (without(Command.CONDITION_YAW), "no-heading"),
+        (without(Command.DO_MOUNT_CONTROL), "no-pitch"),
+        (without(Command.IMAGE_START_CAPTURE), "no-photographs"),
+        (without(Command.NAV_TAKEOFF), "no-takeoff"),
+        (changed(Command.NAV_WAYPOINT, p1=0.0), "photo-moving"),
+        (changed(Command.IMAGE_START_CAPTURE, p4=float("nan")), "item-rejected"),
+        (changed(Command.IMAGE_START_CAPTURE, p4=float("nan")), "photo-never"),
+        (changed(Command.IMAGE_START_CAPTURE, p2=2.0, p3=0.0), "photo-interval"),
+        (changed(Command.NAV_DELAY, p1=-1.0, p2=14.0, p3=30.0), "delay-until"),
+        (changed(Command.NAV_DELAY, p1=0.0), "delay-until"),
+        (as_digicam, "photo-never"),
+        (lambda items: [*items, action(Command.DO_GIMBAL_MANAGER_CONFIGURE, -2.0, -2.0)], "item-rejected"),
+        (changed(Command.NAV_WAYPOINT, frame=0), "datum"),
+        (changed(Command.NAV_WAYPOINT, p7=94.0), "datum"),
+        (changed(Command.NAV_WAYPOINT, p7=-5000.0), "datum"),
+        (changed(Command.CONDITION_YAW, p2=5.0, p3=1.0), "photo-late"),
+        (changed(Command.DO_MOUNT_CONTROL, p1=40.0), "pitch-limit"),
+        (changed(Command.NAV_WAYPOINT, p7=0.5), "too-low"),
+        (changed(Command.NAV_WAYPOINT, p1=-1.0), "endurance"),
+        (swapped, "lat-lon-swapped"),
+        (changed(Command.NAV_WAYPOINT, p5=51.5), "far-from-home"),
         (with_items(lambda _: None, home=None, first=0), "first-item-lost"),
-        (with_items(lambda items: 50 * items), "too-many-items"),
-        (with_items(inserted(action(206, 2.0))), "photo-interval"),
-        (with_items(inserted(MissionItem(17, 3, (0.0, 0, 0, 0, 50.865, 6.4473, 3.0)))), "stops-there"),
-        (with_items(inserted(MissionItem(21, 3, (0.0,) * 7))), "photo-never"),
-        (with_items(behind(Command.DO_MOUNT_CONTROL, pitch_yaw(flags=1.0))), "no-pitch"),
-        (with_items(behind(Command.DO_MOUNT_CONTROL, pitch_yaw(flags=2.0 + 16.0))), "no-pitch"),
-        (with_items(changed(Command.IMAGE_START_CAPTURE, p1=2.0)), "no-photographs"),
-        (with_items(inserted(action(203, 0.0, 0.0, 1.0, p5=1.0))), "unknown-item"),
-        (with_items(inserted(action(534, 1.0, 2.0))), "unknown-item"),
-        (with_items(inserted(action(2003, 1.0))), "item-rejected"),
-        (with_items(inserted(MissionItem(82, 3, (1.0, 0, 0, 0, 50.865, 6.4473, 3.0)))), "unknown-item"),
+        (lambda items: 50 * items, "too-many-items"),
+        (inserted(action(206, 2.0)), "photo-interval"),
+        (inserted(MissionItem(17, 3, (0.0, 0, 0, 0, 50.865, 6.4473, 3.0))), "stops-there"),
+        (inserted(MissionItem(21, 3, (0.0,) * 7)), "photo-never"),
+        (behind(Command.DO_MOUNT_CONTROL, pitch_yaw(flags=1.0)), "no-pitch"),
+        (behind(Command.DO_MOUNT_CONTROL, pitch_yaw(flags=2.0 + 16.0)), "no-pitch"),
+        (changed(Command.IMAGE_START_CAPTURE, p1=2.0), "no-photographs"),
+        (inserted(action(203, 0.0, 0.0, 1.0, p5=1.0)), "unknown-item"),
+        (inserted(action(534, 1.0, 2.0)), "unknown-item"),
+        (inserted(action(2003, 1.0)), "item-rejected"),
+        (inserted(MissionItem(82, 3, (1.0, 0, 0, 0, 50.865, 6.4473, 3.0))), "unknown-item"),
         (ReadMission("plan"), "empty"),
         (ReadMission("plan", ITEMS, home=HOME, firmware="dji"), "wrong-vehicle"),
     ],
 )  # fmt: skip
-def test_every_fault_is_found(read: ReadMission, error: str) -> None:
-    report = check_mission(read, vehicle())
+def test_every_fault_is_found(change: Any, error: str) -> None:
+    report = check_mission(change if isinstance(change, ReadMission) else with_items(change), vehicle())
     assert not report.ok
     assert counted(report)[error] > 0, report.findings
 
@@ -171,7 +178,7 @@ def test_a_capture_without_interval_and_number_is_one_photograph_of_ardupilot(di
     items = render(small_mission(), vehicle(dialect))[int(dialect == "ardupilot") :]
     items = list(items)
     changed(Command.IMAGE_START_CAPTURE, p2=0.0, p3=0.0)(items)
-    assert check_mission(ReadMission("plan", tuple(items), home=HOME), vehicle(dialect)).ok == ok
+    assert checked(items, by=vehicle(dialect)).ok == ok
 
 
 @pytest.mark.parametrize(("dialect", "command", "name"), [
@@ -182,30 +189,31 @@ def test_what_nobody_can_say_the_photographs_of_is_refused_by_name(dialect: Any,
     items = render(small_mission(), vehicle(dialect))[int(dialect == "ardupilot") :]
     place = (50.865, 6.4473, 3.0) if command == 18 else (0.0, 0.0, 0.0)
     strange = MissionItem(command, 3 if command == 18 else 2, (1.0, 0.0, 0.0, 0.0, *place))
-    report = check_mission(ReadMission("plan", (*items[:2], strange, *items[2:]), home=HOME), vehicle(dialect))
+    report = checked((*items[:2], strange, *items[2:]), by=vehicle(dialect))
     assert counted(report)["unknown-item"] == 1
     assert report.findings[0].message == f"item 3 is {name}: fieldkit cannot say what photographs this gives"
 
 
 @pytest.mark.parametrize(
-    ("read", "warning"),
+    ("change", "warning"),
     [
-        (with_items(changed(Command.NAV_WAYPOINT, p1=2.5)), "value-dropped"),
-        (with_items(changed(Command.NAV_WAYPOINT, p1=2.0)), "short-settle"),
-        (with_items(changed(Command.NAV_DELAY, p1=0.5)), "short-delay"),
-        (with_items(changed(Command.NAV_WAYPOINT, p4=90.0)), "value-dropped"),
-        (with_items(changed(Command.CONDITION_YAW, p4=1.0)), "heading-unknown"),
-        (with_items(changed(Command.NAV_TAKEOFF, p7=0.5)), "takeoff-raised"),
-        (with_items(changed(Command.DO_MOUNT_CONTROL, p7=0.0)), "mount-mode"),
-        (with_items(without(Command.NAV_LAND)), "no-landing"),
-        (with_items(changed(Command.NAV_WAYPOINT, frame=10)), "datum"),
-        (with_items(changed(Command.IMAGE_START_CAPTURE, p1=2.0)), "other-camera"),
-        (with_items(behind(Command.DO_MOUNT_CONTROL, pitch_yaw(gimbal=2.0))), "other-camera"),
+        (changed(Command.NAV_WAYPOINT, p1=2.5), "value-dropped"),
+        (changed(Command.NAV_WAYPOINT, p1=2.0), "short-settle"),
+        (changed(Command.NAV_DELAY, p1=0.5), "short-delay"),
+        (changed(Command.NAV_WAYPOINT, p4=90.0), "value-dropped"),
+        (changed(Command.CONDITION_YAW, p4=1.0), "heading-unknown"),
+        (changed(Command.NAV_TAKEOFF, p7=0.5), "takeoff-raised"),
+        (changed(Command.DO_MOUNT_CONTROL, p7=0.0), "mount-mode"),
+        (without(Command.NAV_LAND), "no-landing"),
+        (changed(Command.NAV_WAYPOINT, frame=10), "datum"),
+        (changed(Command.IMAGE_START_CAPTURE, p1=2.0), "other-camera"),
+        (behind(Command.DO_MOUNT_CONTROL, pitch_yaw(gimbal=2.0)), "other-camera"),
         (replace(with_items(lambda _: None), firmware="px4"), "wrong-vehicle"),
     ],
 )  # fmt: skip
-def test_what_is_worth_knowing_is_said(read: ReadMission, warning: str) -> None:
-    assert counted(check_mission(read, vehicle()), "warning")[warning] > 0
+def test_what_is_worth_knowing_is_said(change: Any, warning: str) -> None:
+    report = check_mission(change if isinstance(change, ReadMission) else with_items(change), vehicle())
+    assert counted(report, "warning")[warning] > 0
 
 
 @pytest.mark.parametrize(
@@ -215,7 +223,7 @@ def test_what_is_worth_knowing_is_said(read: ReadMission, warning: str) -> None:
 def test_a_mission_that_photographs_at_intervals_takes_photographs(dialect: Any, trigger: int) -> None:
     there = action(trigger, 2.0)
     items = tuple(there if item.command == Command.IMAGE_START_CAPTURE else item for item in ITEMS)
-    found = counted(check_mission(ReadMission("plan", items, home=HOME), vehicle(dialect)))
+    found = counted(checked(items, by=vehicle(dialect)))
     assert (found["no-photographs"], found["photo-interval"]) == (0, 3)
 
 
@@ -234,24 +242,19 @@ def test_a_mission_that_photographs_at_intervals_takes_photographs(dialect: Any,
 def test_what_turns_the_first_gimbal_of_a_px4(item: MissionItem, pitch: float | None) -> None:
     items = [i for i in render(small_mission(), vehicle("px4")) if i.command != Command.DO_GIMBAL_MANAGER_PITCHYAW]
     configured = [i.command for i in items].index(Command.DO_GIMBAL_MANAGER_CONFIGURE) + 1
-    denied = check_mission(ReadMission("plan", (*items[:1], item, *items[configured:]), home=HOME), vehicle("px4"))
+    denied = checked((*items[:1], item, *items[configured:]), by=vehicle("px4"))
     assert denied.ok == (pitch is not None and item.command == Command.DO_MOUNT_CONTROL)
-    read = ReadMission("plan", (*items[:configured], item, *items[configured:]), home=HOME)
-    report = check_mission(read, vehicle("px4"))
+    report = checked((*items[:configured], item, *items[configured:]), by=vehicle("px4"))
     assert {shot.pitch_deg for shot in report.taken} == {pitch}
     assert report.ok == (pitch is not None)
 
 
-def test_the_cameras_mode_on_px4() -> None:
-    items = render(small_mission(), vehicle("px4"))
-
-    def with_mode(mode: float) -> ReadMission:
-        camera = action(Command.SET_CAMERA_MODE, 0.0, mode, NAN, NAN)
-        return ReadMission("plan", (items[0], camera, *items[1:]), home=HOME, firmware="px4")
-
-    assert check_mission(with_mode(0.0), vehicle("px4")).findings == ()
-    assert check_mission(with_mode(2.0), vehicle("px4")).findings == ()
-    assert counted(check_mission(with_mode(1.0), vehicle("px4")), "warning") == {"camera-mode": 1}
+@pytest.mark.parametrize(("mode", "warned"), [(0.0, {}), (2.0, {}), (1.0, {"camera-mode": 1})])
+def test_the_cameras_mode_on_px4(mode: float, warned: dict[str, int]) -> None:
+    first, *items = render(small_mission(), vehicle("px4"))
+    report = checked((first, action(Command.SET_CAMERA_MODE, 0.0, mode, NAN, NAN), *items), by=vehicle("px4"))
+    assert report.ok
+    assert counted(report, "warning") == warned
 
 
 def test_px4_refuses_ardupilots_words() -> None:
@@ -286,24 +289,25 @@ def test_a_stay_that_litchi_does_not_hold(tmp_path: Path) -> None:
         assert counted(check_mission(read_mission(tmp_path / "long.csv"), vehicle("dji"))) == found
 
 
-def test_the_files_own_model_against_the_profile(tmp_path: Path) -> None:
-    def by(title: str) -> Any:
-        return vehicle("dji", title=title)
-
+@pytest.mark.parametrize(
+    ("title", "change", "expected"),
+    [
+        ("Mavic 3 E, ours", {}, ""),
+        ("DJI Matrice 4E", {}, "error"),
+        ("DJI Mavic 3 Thermal", {}, "warning"),
+        ("a drone without a number", {}, ""),
+        ("DJI Matrice 4E", {"drone": None}, ""),
+        ("Mavic 3 E", {"payload": 68}, "warning"),
+        ("DJI Matrice 350 with H20T", {"drone": (89, 0), "payload": 50}, "error"),
+    ],
+)
+def test_the_files_own_model_against_the_profile(tmp_path, title, change, expected) -> None:
     path = tmp_path / "enterprise.kmz"
-    path.write_bytes(mission_bytes("wpml", small_mission(), by("DJI Mavic 3 Enterprise")))
+    path.write_bytes(mission_bytes("wpml", small_mission(), vehicle("dji", title="DJI Mavic 3 Enterprise")))
     read = read_mission(path)
     assert read.drone == (77, 0)
-    assert check_mission(read, by("Mavic 3 E, ours")).findings == ()
-    assert counted(check_mission(read, by("DJI Matrice 4E"))) == {"wrong-vehicle": 1}
-    thermal = check_mission(read, by("DJI Mavic 3 Thermal"))
-    assert thermal.ok
-    assert counted(thermal, "warning") == {"wrong-vehicle": 1}
-    assert check_mission(read, by("a drone without a number")).findings == ()
-    assert check_mission(replace(read, drone=None), by("DJI Matrice 4E")).findings == ()
-    assert counted(check_mission(replace(read, payload=68), by("Mavic 3 E")), "warning") == {"wrong-vehicle": 1}
-    other = replace(read, drone=(89, 0), payload=50)
-    assert counted(check_mission(other, by("DJI Matrice 350 with H20T"))) == {"wrong-vehicle": 1}
+    found = check_mission(replace(read, **change), vehicle("dji", title=title)).findings
+    assert [(finding.severity, finding.code) for finding in found] == [(expected, "wrong-vehicle")] * bool(expected)
 
 
 def test_legs_are_tested_along_their_length_not_at_waypoints() -> None:
@@ -314,20 +318,19 @@ def test_legs_are_tested_along_their_length_not_at_waypoints() -> None:
     d = 2e-6
     zone = tuple((middle[0] + x * d, middle[1] + y * d) for x, y in ((-1, -1), (-1, 1), (1, 1), (1, -1)))
     ring = ((50.8648, 6.4470), (50.8648, 6.4476), (50.8652, 6.4476), (50.8652, 6.4470))
-    fenced = ReadMission("plan", items, home=HOME, fence=Fence((ring,), (zone,)))
-    assert counted(check_mission(fenced, vehicle())) == {"leg-no-fly": 1}
+    assert counted(checked(items, fence=Fence((ring,), (zone,)))) == {"leg-no-fly": 1}
     narrow = ((50.8648, 6.4470), (50.8648, 6.4476), (50.86505, 6.4476), (50.86497, 6.4473), (50.86505, 6.4470))
-    out = check_mission(ReadMission("plan", items, home=HOME, fence=Fence((narrow,))), vehicle())
+    out = checked(items, fence=Fence((narrow,)))
     assert counted(out)["leg-fence"] > 0
     home = (HOME.latitude_deg, HOME.longitude_deg)
     small = Fence(inside_circles=(Circle(*home, 5.0),))
-    assert counted(check_mission(ReadMission("plan", items, home=HOME, fence=small), vehicle()))["leg-fence"] > 0
+    assert counted(checked(items, fence=small))["leg-fence"] > 0
     circled = Fence(inside_circles=(Circle(*home, 60.0),), outside_circles=(Circle(middle[0], middle[1], 0.2),))
-    assert counted(check_mission(ReadMission("plan", items, home=HOME, fence=circled), vehicle())) == {"leg-no-fly": 1}
+    assert counted(checked(items, fence=circled)) == {"leg-no-fly": 1}
     sky = changed(Command.NAV_WAYPOINT, p7=5e5)
     high = check_mission(replace(with_items(sky), fence=Fence((ring,))), vehicle())
     assert counted(high, "warning")["datum"] > 0
-    bad = check_mission(ReadMission("plan", items, home=HOME, fence=Fence((tuple(reversed(zone))[:2],))), vehicle())
+    bad = checked(items, fence=Fence((tuple(reversed(zone))[:2],)))
     assert counted(bad, "warning")["fence"] == 1
 
 
@@ -337,7 +340,7 @@ def test_plants_obstacles_and_the_ceiling_of_a_site() -> None:
     plants = Volume("plot-1", ((-2.0, 10.0), (2.0, 10.0), (2.0, 13.0), (-2.0, 13.0)), 1.8, kind="plants")
     mast = Volume.cylinder("mast", (0.0, 6.0), 0.5, 8.0, 0.5)
     obstacles = Obstacles((plants, mast), ceiling_m=5.5)
-    report = check_mission(ReadMission("plan", items, home=HOME), vehicle(), obstacles=obstacles, origin=HOME)
+    report = checked(items, obstacles=obstacles, origin=HOME)
     assert set(counted(report)) == {"leg-plants", "leg-obstacle", "leg-ceiling"}
     assert any("mast" in finding.message for finding in report.findings)
 
@@ -348,9 +351,7 @@ def test_against_a_plan() -> None:
     turned = replace(mission.shots[1], yaw_deg=mission.shots[1].yaw_deg + 2.0)
     other = Shot.at(GeoPoint(50.8651, 6.4473, 2.0), 0.0, -30.0, "plot-1", 3)
     elsewhere = Shot.at(GeoPoint(50.8660, 6.4473, 2.0), 0.0, -30.0, "plot-2", 0)
-    report = check_mission(
-        ReadMission("plan", ITEMS, home=HOME), vehicle(), planned=(moved, turned, other, elsewhere)
-    )  # fmt: skip
+    report = checked(ITEMS, planned=(moved, turned, other, elsewhere))
     assert counted(report) == {"off-plan": 1, "missing-photo": 1}
     assert counted(report, "warning") == {"off-plan": 1, "extra-photo": 1, "missing-plot": 1}
     assert report.deviations[0].metres == pytest.approx(0.4, abs=0.01)
@@ -364,7 +365,7 @@ def test_the_least_height_is_above_the_plots_own_ground() -> None:
     assert counted(check_mission(read, vehicle(), planned=low))["too-low"] == len(shots)
     below = check_mission(read, vehicle(), planned=low, grounds=[-2.0] * len(low))
     assert counted(below)["too-low"] == 0
-    uphill = check_mission(ReadMission("plan", ITEMS, home=HOME), vehicle(), planned=shots, grounds=[1.4] * len(shots))
+    uphill = checked(ITEMS, planned=shots, grounds=[1.4] * len(shots))
     assert {f.message.split(" is ")[0] for f in uphill.findings if f.code == "too-low"} >= {
         f"{shots[0].place.height_m - 1.4:.2f} m above its plot's ground"
     }
@@ -374,9 +375,7 @@ def test_two_stations_at_one_place_are_told_apart_by_where_they_look() -> None:
     here = GeoPoint(50.865, 6.4473, 2.0)
     shots = tuple(Shot.at(here, yaw, -30.0, "p", k) for k, yaw in enumerate((0.0, 90.0, 180.0)))
     mission = replace(small_mission(), stops=shots)
-    report = check_mission(
-        ReadMission("plan", render(mission, vehicle())[1:], home=HOME), vehicle(), planned=tuple(reversed(shots))
-    )
+    report = checked(render(mission, vehicle())[1:], planned=tuple(reversed(shots)))
     assert [d.planned.name for d in report.deviations] == ["station 1 of p", "station 2 of p", "station 3 of p"]
     assert report.ok
 
@@ -391,9 +390,9 @@ def test_the_site_and_another_home() -> None:
 
 def test_a_vehicles_battery_and_mount_count() -> None:
     tired = vehicle(battery=Battery(endurance_s=60.0, reserve=0.5))
-    assert counted(check_mission(with_items(lambda _: None), tired)) == {"endurance": 1}
+    assert counted(checked(ITEMS, by=tired)) == {"endurance": 1}
     fixed = vehicle(mount=Mount(kind="fixed", pitch_deg=(-90.0, -90.0)))
-    assert counted(check_mission(with_items(lambda _: None), fixed), "warning")["item-ignored"] == 3
+    assert counted(checked(ITEMS, by=fixed), "warning")["item-ignored"] == 3
 
 
 def test_findings_that_say_the_same_are_one_and_causes_come_first(tmp_path: Path) -> None:

@@ -91,44 +91,38 @@ def codes(answer: Answer, severity: str = "error") -> set[str]:
 def test_a_mission_into_the_plants_is_found_with_and_without_its_record_and_plan(field, vehicle, form, suffix) -> None:
     as_planned, tall = (plots_file(field.folder, f"{h}.geojson", [h, h]) for h in (0.9, 2.3))
     unknown, one = (plots_file(field.folder, f"one-{k}.geojson", [None, k]) for k in (None, 0.9))
+    with_plan = ["--plan", str(field.folder / "plan")]
     code, told = field.export(vehicle, form, as_planned, "--adjust")
     assert code == 0
     assert "clear of plants up to 0.90 m high" in told
-    record = field.folder / "m.mission.json"
+
+    def expect(ok: bool | None, *given: Any, code: int | None = None) -> Answer:
+        found, answer, told = field.check(suffix, vehicle, *given)
+        assert (found, answer["ok"]) == (0 if ok else 5 if code is None else code, ok), answer
+        assert ("may be flown" in told, "must not be flown" in told) == (ok is True, ok is False)
+        assert told.startswith("not checked against plants") == (ok is None)
+        return answer
+
     # By mission.json, alone and for the same plots: nothing is among plants of the height that it was exported for.
     for given in (None, as_planned, unknown):
-        code, answer, told = field.check(suffix, vehicle, given)
-        assert (code, answer["ok"], answer["checked_against_plants"]) == (0, True, True), answer
-        assert told.endswith("may be flown")
+        assert expect(True, given)["checked_against_plants"]
     # Taller ones, by the plots' outlines and by the plan.
-    for more in ([], ["--plan", str(field.folder / "plan")]):
-        code, answer, told = field.check(suffix, vehicle, tall, *more)
-        assert (code, answer["ok"]) == (5, False)
-        assert "leg-plants" in codes(answer)
-        assert "must not be flown" in told
-    record.unlink()
-    code, answer, told = field.check(suffix, vehicle, tall)
-    assert (code, answer["ok"], codes(answer)) == (5, False, {"leg-plants"})
-    code, answer, told = field.check(suffix, vehicle, as_planned)
-    assert (code, answer["ok"]) == (0, True)  # 2 m high, all of them are over the outline
+    for more in ([], with_plan):
+        assert "leg-plants" in codes(expect(False, tall, *more))
+    (field.folder / "m.mission.json").unlink()
+    assert codes(expect(False, tall)) == {"leg-plants"}
+    expect(True, as_planned)  # 2 m high, all of them are over the outline
     # Nobody says how high: never "may be flown".
-    for more in ([], ["--plan", str(field.folder / "plan")]):
-        code, answer, told = field.check(suffix, vehicle, unknown, *more)
-        assert (code, answer["ok"], answer["checked_against_plants"]) == (5, None, False)
-        assert not any(plot["checked"] for plot in answer["plants"])
+    for more in ([], with_plan):
+        answer = expect(None, unknown, *more)
+        assert not answer["checked_against_plants"]
+        assert [plot["plot"] for plot in answer["plants"] if not plot["checked"]] == ["P0", "P1"]
         assert "plants-unchecked" in codes(answer, "warning")
-        assert told.startswith("not checked against plants")
-        assert told.endswith(": P0 and P1" if suffix == ".plan" else "plants")
-    code, answer, told = field.check(suffix, vehicle, one)  # 30 % higher than the other's
-    assert (code, answer["ok"], answer["plants"][0]["plant_height_m"]) == (0, True, pytest.approx(1.17))
+    answer = expect(True, one)  # 30 % higher than the other's
+    assert answer["plants"][0]["plant_height_m"] == pytest.approx(1.17)
     assert "plant-height-taken" in codes(answer, "warning")
-    code, answer, told = field.check(suffix, vehicle, unknown, "--plant-height", "0.9")
-    assert (code, answer["ok"]) == (0, True)
-    code, answer, told = field.check(suffix, vehicle)
-    assert (code, answer["ok"], answer["checked_against_plants"]) == (0, None, False)
-    assert "may be flown" not in told
-    assert told.startswith("not checked against plants")
-    assert suffix != ".plan" or ": no plots are given" in told
+    expect(True, unknown, "--plant-height", "0.9")
+    assert not expect(None, code=0)["checked_against_plants"]
 
 
 def test_a_mission_that_needs_rtk_is_told_at_its_export_and_at_its_check(field: Field) -> None:
@@ -145,30 +139,25 @@ def test_a_mission_that_needs_rtk_is_told_at_its_export_and_at_its_check(field: 
         assert ("needs RTK: two stations are 0.23 m apart" in told, bool(found)) == (needed, needed)
 
 
-@pytest.mark.parametrize(("vehicle", "form"), [("ardupilot-pitch", "plan"), ("dji-mini-4-pro", "litchi")])
-def test_an_export_needs_the_height_of_the_plants(field: Field, vehicle: str, form: str) -> None:
-    none = plots_file(field.folder, "none.geojson", [None, None, None])
-    unknown = plots_file(field.folder, "unknown.geojson", [0.9, None, None])
-    code, told = field.export(vehicle, form, none, "--adjust")
-    assert code == 5
-    assert "P1" in told
-    assert "--plant-height METRES" in told
+def test_an_export_needs_the_height_of_the_plants(field: Field) -> None:
+    none, unknown = (plots_file(field.folder, f"{h}.geojson", [h, None, None]) for h in (None, 0.9))
+
+    def exported(plots: Path, *more: str, code: int = 0) -> str:
+        done, told = field.export("dji-mini-4-pro", "litchi", plots, "--adjust", *more)
+        assert done == code, told
+        return told
+
+    assert "--plant-height METRES" in exported(none, code=5)
     assert not list(field.folder.glob("m.*"))
-    assert field.export(vehicle, form, unknown, "--adjust", "--plant-height", "164")[0] == 2
-    code, told = field.export(vehicle, form, unknown, "--adjust", "--plant-height", "1.2")
-    assert code == 0
-    assert "clear of plants up to 1.20 m high" in told
-    code, told = field.export(vehicle, form, none, "--adjust", "--plant-height", "unknown")
-    assert code == 0
-    assert "clear of plants up to 1.17 m high" in told
-    code, told = field.export(vehicle, form, unknown, "--adjust")
-    assert code == 0
+    exported(unknown, "--plant-height", "164", code=2)
+    assert "clear of plants up to 1.20 m high" in exported(unknown, "--plant-height", "1.2")
+    assert "clear of plants up to 1.17 m high" in exported(none, "--plant-height", "unknown")
+    told = exported(unknown)
     assert "clear of each plot's plants, 0.90 to 1.17 m high" in told
     assert "Warning: P1 and P2: nobody says how high its plants are: they count as 1.17 m high" in told
     record = json.loads((field.folder / "m.mission.json").read_text())
-    unknown_m = pytest.approx(1.17, abs=0.01)
-    assert [plot["plants"]["height_m"] for plot in record["plots"]] == [0.9, unknown_m, unknown_m]
-    code, told = field.export(vehicle, form, unknown, "--plant-height", "2.1")
+    assert [plot["plants"]["height_m"] for plot in record["plots"]] == pytest.approx([0.9, 1.17, 1.17], abs=0.01)
+    code, told = field.export("dji-mini-4-pro", "litchi", unknown, "--plant-height", "2.1")
     assert code == 5
     assert "too low over the plants of P0" in told
 

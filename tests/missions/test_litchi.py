@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -18,10 +19,11 @@ DJI = vehicle("dji")
 TEXT = mission_bytes("litchi", small_mission(), DJI).decode()
 
 
-def read_of(folder: Path, text: str) -> ReadMission:
-    path = folder / "a.csv"
-    path.write_bytes(text.encode())
-    return read_litchi(path)
+def read_of(text: str) -> ReadMission:
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "a.csv")
+        path.write_bytes(text.encode())
+        return read_litchi(path)
 
 
 def test_columns() -> None:
@@ -41,11 +43,11 @@ def test_columns() -> None:
     assert rows[3]["heading(deg)"] == rows[4]["heading(deg)"]
 
 
-def test_other_spellings(tmp_path: Path) -> None:
-    expected = read_of(tmp_path, TEXT)
+def test_other_spellings() -> None:
+    expected = read_of(TEXT)
     for variant in ("\ufeff" + TEXT, TEXT.replace("\n", "\r\n"), TEXT.replace(",", ";"), TEXT + "\n\n"):
-        assert read_of(tmp_path, variant) == expected
-    feet = read_of(tmp_path, "latitude,longitude,altitude(ft),heading(deg)\n50.865,6.4473,10,90\n")
+        assert read_of(variant) == expected
+    feet = read_of("latitude,longitude,altitude(ft),heading(deg)\n50.865,6.4473,10,90\n")
     assert feet.stops[0].place.height_m == pytest.approx(3.048)
     assert interpret(feet, DJI, "dji").photographs == ()
 
@@ -76,12 +78,12 @@ def test_what_litchi_cannot_hold_is_not_written() -> None:
         ("latitude,longitude,altitude(m)\n350,2,3\n", "latitude 350 is outside"),
     ],
 )
-def test_errors(tmp_path: Path, text: str, message: str) -> None:
+def test_errors(text: str, message: str) -> None:
     with pytest.raises(MetadataError, match=message):
-        read_of(tmp_path, text)
+        read_of(text)
 
 
-def checked(folder: Path, *rows: dict[str, object], units: str = "m") -> Report:
+def checked(*rows: dict[str, object], units: str = "m") -> Report:
     """The check of waypoints 11.12 m apart to the north, each with these cells, 5 m high and facing east.
 
     One is enough here.
@@ -93,7 +95,7 @@ def checked(folder: Path, *rows: dict[str, object], units: str = "m") -> Report:
         cells |= {"photo_timeinterval": -1, "photo_distinterval": -1}
         cells |= {"latitude": 50.865 + 1e-4 * k, "longitude": 6.4473, f"altitude({units})": 5.0, "heading(deg)": 90}
         lines.append(",".join(str((cells | row)[name]) for name in columns))
-    report = check_mission(read_of(folder, "\n".join(lines)), DJI)
+    report = check_mission(read_of("\n".join(lines)), DJI)
     return replace(report, findings=tuple(f for f in report.findings if f.code != "too-few-waypoints"))
 
 
@@ -116,28 +118,26 @@ def codes(report: Report) -> set[str]:
     return {finding.code for finding in report.findings} - {"heading-mode"}
 
 
-def test_actions_are_carried_out_in_order_with_time(tmp_path: Path) -> None:
+def test_actions_are_carried_out_in_order_with_time() -> None:
     row = acts(*SHOT, (5, -90.0), *SHOT, (4, 270.0), *SHOT, **TILTED)
-    report = checked(tmp_path, row, TILTED)
+    report = checked(row, TILTED)
     assert poses(report) == [(90.0, -45.0), (90.0, -90.0), (270.0, -90.0)]
     assert codes(report) == set()
-    plain = checked(tmp_path, acts(*SHOT, *SHOT, *SHOT, **TILTED), TILTED)
+    plain = checked(acts(*SHOT, *SHOT, *SHOT, **TILTED), TILTED)
     assert report.seconds - plain.seconds == pytest.approx(180.0 / 60.0 + 0.15)
-    assert codes(checked(tmp_path, acts((0, 4000.0), (5, -90.0), (1, 0.0), (0, 1000.0), **TILTED), TILTED)) == {
-        "no-settle"
-    }
-    assert codes(checked(tmp_path, acts((5, -90.0), (0, 4000.0), (1, 0.0), (4, 0.0), **TILTED), TILTED)) == {"no-delay"}
+    assert codes(checked(acts((0, 4000.0), (5, -90.0), (1, 0.0), (0, 1000.0), **TILTED), TILTED)) == {"no-settle"}
+    assert codes(checked(acts((5, -90.0), (0, 4000.0), (1, 0.0), (4, 0.0), **TILTED), TILTED)) == {"no-delay"}
 
 
-def test_a_tilt_stays_where_the_gimbals_mode_is_off(tmp_path: Path) -> None:
-    report = checked(tmp_path, acts((5, -60.0)), acts(*SHOT), acts(*SHOT, **TILTED), TILTED)
+def test_a_tilt_stays_where_the_gimbals_mode_is_off() -> None:
+    report = checked(acts((5, -60.0)), acts(*SHOT), acts(*SHOT, **TILTED), TILTED)
     assert poses(report) == [(90.0, -60.0), (90.0, -45.0)]
-    assert codes(checked(tmp_path, acts(*SHOT))) == {"no-pitch"}
-    alone = checked(tmp_path, {}, acts(*SHOT, **TILTED), {})
+    assert codes(checked(acts(*SHOT))) == {"no-pitch"}
+    alone = checked({}, acts(*SHOT, **TILTED), {})
     assert (poses(alone), codes(alone)) == ([(90.0, -45.0)], {"not-modelled"})
 
 
-def test_a_point_of_interest_is_faced(tmp_path: Path) -> None:
+def test_a_point_of_interest_is_faced() -> None:
     for units, scale in (("m", 1.0), ("ft", 1.0 / 0.3048)):
         poi = {
             "poi_latitude": 50.865,
@@ -145,29 +145,29 @@ def test_a_point_of_interest_is_faced(tmp_path: Path) -> None:
             f"poi_altitude({units})": 1 * scale,
             f"altitude({units})": 5 * scale,
         }
-        report = checked(tmp_path, acts(*SHOT, **poi, gimbalmode=1), acts(*SHOT, **poi, **TILTED), units=units)
+        report = checked(acts(*SHOT, **poi, gimbalmode=1), acts(*SHOT, **poi, **TILTED), units=units)
         # It lies 49 m east, then 49 m east and 11 m south, and 4 m lower.
         (first, steep), (second, pitch) = poses(report)
         assert (first, steep) == (pytest.approx(90.0, abs=0.01), pytest.approx(-4.6, abs=0.1))
         assert (second, pitch) == (pytest.approx(102.7, abs=0.1), -45.0)
         assert codes(report) == set()
-    ground = checked(tmp_path, acts(*SHOT, **poi, gimbalmode=1, poi_altitudemode=1), units="ft")
-    for report in (ground, checked(tmp_path, acts(*SHOT, gimbalmode=1))):
+    ground = checked(acts(*SHOT, **poi, gimbalmode=1, poi_altitudemode=1), units="ft")
+    for report in (ground, checked(acts(*SHOT, gimbalmode=1))):
         assert (codes(report), poses(report)[0][1]) == ({"unknown-item", "no-pitch"}, None)
         assert not report.ok
 
 
-def test_photographs_at_intervals_are_an_error_and_not_counted(tmp_path: Path) -> None:
+def test_photographs_at_intervals_are_an_error_and_not_counted() -> None:
     for name, unit in (("photo_distinterval", "m"), ("photo_timeinterval", "s")):
-        report = checked(tmp_path, TILTED | {name: 5}, acts(*SHOT, **TILTED), TILTED | {name: 5})
+        report = checked(TILTED | {name: 5}, acts(*SHOT, **TILTED), TILTED | {name: 5})
         assert len(report.photographs) == 1
         (found,) = (f for f in report.findings if f.code == "photo-interval")
         assert (found.item, f"every 5 {unit} up to waypoint 1" in found.message) == (0, True)
 
 
-def test_actions_that_nobody_can_say_the_photographs_of_are_refused(tmp_path: Path) -> None:
-    assert codes(checked(tmp_path, acts((3, 0.0), (5, -45.0), *SHOT))) == set()
+def test_actions_that_nobody_can_say_the_photographs_of_are_refused() -> None:
+    assert codes(checked(acts((3, 0.0), (5, -45.0), *SHOT))) == set()
     for kind in (2, 9, 4.5):
-        report = checked(tmp_path, acts((kind, 0.0), (5, -45.0), *SHOT))
+        report = checked(acts((kind, 0.0), (5, -45.0), *SHOT))
         assert (codes(report), report.ok) == ({"unknown-item"}, False)
         assert f"waypoint 0 has an action {kind:g}" in report.findings[0].message

@@ -16,7 +16,7 @@ from fieldkit.missions.files.qgc_plan import read_plan
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.writing import FORMATS, mission_bytes
 from fieldkit.missions.items import Command
-from fieldkit.routing.mission import Circle, Fence, GeoPoint, Mission
+from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Mission
 from tests.missions.random_missions import missions
 from tests.missions.vehicles import HOME, small_mission, vehicle
 
@@ -148,22 +148,20 @@ def test_a_complex_item_without_items_is_an_error_and_says_where(tmp_path: Path,
     assert (remark.code, remark.severity, remark.item) == ("unknown-item", "error", 2)
 
 
-@pytest.mark.parametrize("altitude", [[None], [], [0]])
-def test_home_without_an_altitude(tmp_path: Path, altitude: list[Any]) -> None:
+@pytest.mark.parametrize(
+    ("position", "home"),
+    [
+        *(([HOME.latitude_deg, HOME.longitude_deg, *above], replace(HOME, amsl_m=None)) for above in ([None], [], [0])),
+        *((nowhere, None) for nowhere in (None, [None, None, None], [0, 0, 0], [0.0, 0.0])),
+    ],
+)
+def test_home_without_an_altitude_and_none_at_all(tmp_path: Path, position: Any, home: Home | None) -> None:
     document = written(small_mission())
-    document["mission"]["plannedHomePosition"][2:] = altitude
+    document["mission"]["plannedHomePosition"] = position
     read = read_of(tmp_path, document)
-    assert read.home == replace(HOME, amsl_m=None)
-    assert check_mission(read, vehicle()).findings == ()
-
-
-@pytest.mark.parametrize("home", [None, [None, None, None], [0, 0, 0], [0.0, 0.0]])
-def test_no_home(tmp_path: Path, home: Any) -> None:
-    document = written(small_mission())
-    document["mission"]["plannedHomePosition"] = home
-    read = read_of(tmp_path, document)
-    assert read.home is None
-    assert [remark.code for remark in read.remarks] == ["no-home"]
+    assert read.home == home
+    assert [remark.code for remark in read.remarks] == ["no-home"] * (home is None)
+    assert home is None or check_mission(read, vehicle()).findings == ()
 
 
 @pytest.mark.parametrize("version", [1, 3, 7, "2", True])
@@ -227,11 +225,9 @@ def test_errors(tmp_path: Path, path: list[Any], value: Any, message: str) -> No
     for key in path[:-1]:
         here = here[key]
     here[path[-1]] = value
-    file = tmp_path / "bad.plan"
-    file.write_text(json.dumps(document))
     with pytest.raises(MetadataError, match=message) as caught:
-        read_plan(file)
-    assert caught.value.path == file
+        read_of(tmp_path, document)
+    assert caught.value.path == tmp_path / "some.plan"
     assert caught.value.remedy
 
 

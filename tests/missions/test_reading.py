@@ -1,20 +1,16 @@
 """Reading any mission file, and whatever else somebody calls one."""
 
-import io
 import json
-import random
-import re
-import zipfile
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from benchmarks.fuzzing import Target, fuzz
 from fieldkit.documents.json_file import json_number
 from fieldkit.errors import FieldkitError, MetadataError
 from fieldkit.missions.check import check_mission
-from fieldkit.missions.files.archive import zip_bytes
 from fieldkit.missions.files.limits import MAX_BYTES, number
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.writing import mission_bytes
@@ -53,64 +49,23 @@ def test_numbers() -> None:
         assert json_number(value) is None
 
 
-NUMBERS = [b"0", b"-1", b"-0.0", b"1e30", b"1e-30", b"90.1", b"-180.5", b"65536", b"22", b"201", b"2.5", b"16", b"null"]
-PIECES = [
-    b"1e999", b"-", b"NaN", b"Infinity", b"[[[[", b"\0", b"\xff", b"99999999999", b'"', b"{}", b"<!DOCTYPE a>", b"\n",
-]  # fmt: skip
-
-
-def mutated(content: bytes, rng: random.Random) -> bytes:
-    """A copy with numbers replaced, and at times bytes changed, cut out, doubled or inserted."""
-    data = bytearray(content)
-    for _ in range(rng.randint(1, 3)):
-        at = rng.randrange(len(data) + 1)
-        match rng.randrange(10):
-            case 0 if data:
-                data[at % len(data)] = rng.randrange(256)
-            case 1:
-                del data[at : at + rng.randint(1, 40)]
-            case 2:
-                data[at:at] = rng.choice(PIECES)
-            case 3:
-                data[at:at] = data[at : at + rng.randint(1, 200)]
-            case 4 if rng.random() < 0.2:
-                data = data[:at]
-            case _:
-                found = re.compile(rb"-?[0-9]+(\.[0-9]+)?").search(data, at)
-                if found is not None:
-                    data[found.start() : found.end()] = rng.choice(NUMBERS)
-    return bytes(data)
-
-
-def mutated_waylines(rng: random.Random) -> bytes:
-    """A sound archive of a mutated document."""
-    with zipfile.ZipFile(io.BytesIO(FILES[".kmz"])) as archive:
-        members = [(name, archive.read(name)) for name in archive.namelist()]
-    return zip_bytes([(name, mutated(content, rng)) for name, content in members])
-
-
 @pytest.mark.parametrize("suffix", FILES)
-def test_mutated_files_are_read_or_refused_and_checked(tmp_path: Path, suffix: str) -> None:
-    rng = random.Random(suffix)
-    path = tmp_path / f"a{suffix}"
-    read_back = 0
-    refused: list[FieldkitError] = []
-    for k in range(300):
-        path.write_bytes(mutated_waylines(rng) if suffix == ".kmz" and k % 2 else mutated(FILES[suffix], rng))
+def test_files_changed_at_random_are_read_or_refused_and_checked(tmp_path: Path, suffix: str) -> None:
+    def checked(path: Path) -> None:
+        try:
+            read = read_mission(path)
+        except FieldkitError as error:
+            if error.path != path or "\n" in error.message:
+                raise ValueError(error.message) from error
+            raise
         for by in (ARDUPILOT, vehicle("px4"), DJI):
-            try:
-                report = check_mission(
-                    read_mission(path), by, planned=small_mission().shots, origin=small_mission().home
-                )
-            except FieldkitError as error:
-                refused.append(error)
-                break
-            read_back += 1
-            json.dumps([f.message for f in report.findings])
-    assert [p.name for p in tmp_path.iterdir()] == [path.name]
-    assert read_back > 0
-    assert refused
-    assert all(error.path == path and "\n" not in error.message for error in refused)
+            report = check_mission(read, by, planned=small_mission().shots, origin=small_mission().home)
+            json.dumps([finding.message for finding in report.findings])
+
+    found = fuzz(Target(suffix, [FILES[suffix]], checked), 200, tmp_path, seed=7)
+    assert not found.defects
+    assert (found.hangs, found.written) == (0, ())
+    assert 0 < found.refused < found.files
 
 
 VALUES = st.one_of(

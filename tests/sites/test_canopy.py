@@ -34,17 +34,17 @@ def field(seed: int, plots: int) -> Site:
 
 def brute_m(site: Site, ways: list[np.ndarray]) -> float:
     """Least distance between places every 2 cm along ways and the boxes of all plots, the ground taken as it lies."""
+    places = np.concatenate([
+        a + np.linspace(0.0, 1.0, 2 + int(np.linalg.norm(b - a) / _STEP_M))[:, None] * (b - a)
+        for way in ways for a, b in pairwise(way)
+    ])  # fmt: skip
+    earth = SiteFrame(site.home).to_geodetic(places)
     least = np.inf
-    for way in ways:
-        for a, b in pairwise(way):
-            count = 2 + int(np.linalg.norm(b - a) / _STEP_M)
-            places = a + np.linspace(0.0, 1.0, count)[:, None] * (b - a)
-            for plot in site.all_plots:
-                frame = PlotFrame.of(site, plot)
-                local = frame.to_plot(*SiteFrame(site.home).to_geodetic(places))
-                beyond = np.maximum(np.abs(local[:, :2]) - 0.5 * np.array(plot.size_m), 0.0)
-                above = np.maximum(local[:, 2] - plot.plant_height_m, 0.0)
-                least = min(least, float(np.sqrt((beyond**2).sum(axis=1) + above**2).min()))
+    for plot in site.all_plots:
+        local = PlotFrame.of(site, plot).to_plot(*earth)
+        beyond = np.maximum(np.abs(local[:, :2]) - 0.5 * np.array(plot.size_m), 0.0)
+        above = np.maximum(local[:, 2] - plot.plant_height_m, 0.0)
+        least = min(least, float(np.sqrt((beyond**2).sum(axis=1) + above**2).min()))
     return least
 
 

@@ -20,10 +20,10 @@ from fieldkit.sites.plots_file import heading_near, load_plots, plot_shape
 from fieldkit.sites.site import NoFly, Obstacle, Site, SiteHome, SitePlot
 from fieldkit.sites.site_file import load_site, with_plots
 from fieldkit.sites.vector_files import read_features
+from tests.vehicles.test_vehicle_file import check_table
 
 ROOT = Path(__file__).parents[2]
 SITES = ROOT / "missions" / "sites"
-README = (ROOT / "missions" / "README.md").read_text(encoding="utf-8")
 SITE = """format = 1
 [home]
 latitude_deg = 50.8649
@@ -89,21 +89,15 @@ def test_the_example() -> None:
     assert many.home == site.home
 
 
-def test_the_readme_lists_the_keys() -> None:
-    sections: list[tuple[str, type[BaseModel]]] = [
+@pytest.mark.parametrize(
+    ("section", "model"),
+    [
         ("At the top of a site file", Site), ("`[home]`", SiteHome), ("`[[plots]]`", SitePlot),
         ("`[[no_fly]]`", NoFly), ("`[[obstacles]]`", Obstacle),
-    ]  # fmt: skip
-    for section, model in sections:
-        part = README.partition(f"### {section}\n")[2].partition("\n#")[0]
-        expected = {}
-        for name, field in model.model_fields.items():
-            default = field.default
-            shown = {"()": "[]", "None": "none"}.get(str(default), str(default))
-            shown = f'`"{default}"`' if isinstance(default, str) else shown
-            key = field.validation_alias if isinstance(field.validation_alias, str) else name
-            expected[key] = "needed" if field.is_required() else shown
-        assert dict(re.findall(r"^\| `(\w+)` \| (.+?) \|", part, re.MULTILINE)) == expected
+    ],
+)  # fmt: skip
+def test_the_readme_lists_the_keys(section: str, model: type[BaseModel]) -> None:
+    check_table(section, model)
 
 
 def test_defaults(tmp_path: Path) -> None:
@@ -208,8 +202,6 @@ def _another(name: str, size_m: float, latitude_deg: float = 50.86501) -> str:
          'obstacle "obstacle" lies'),
         ("format = 1", "format = 1\nrally = [{latitude_deg = 0, longitude_deg = 0}]", "rally 1 lies"),
         ("[[plots]]", "[plots]", "plots: "),
-        ("[home]", "[home", "is not TOML"),
-        ("[home]", "a." * 40_000 + "b = 1\n[home]", "has keys of more than 64 parts"),
     ],
 )  # fmt: skip
 def test_site_errors(tmp_path: Path, old: str, new: str, message: str) -> None:
@@ -345,14 +337,14 @@ def test_changed_at_random(tmp_path: Path) -> None:
     seeds = [(SITES / "example.toml").read_bytes(), whole.encode(), slopes.encode()]
     (sites / "slopes.toml").write_text(slopes)
     assert [round(plot.slope_percent, 1) for plot in load_site(sites / "slopes.toml").plots] == [4.5, 6.1]
-    found = fuzz(Target(".toml", seeds, load_site), 800, sites, seed=5)
+    found = fuzz(Target(".toml", seeds, load_site), 250, sites, seed=5)
     assert not found.defects
     assert (found.hangs, found.written) == (0, ())
     seeds = [(SITES / name).read_bytes() for name in ("plots.geojson", "hillside.geojson", "example-fence.geojson")]
-    found = fuzz(Target(".geojson", seeds, load_plots), 800, tmp_path, seed=6)
+    found = fuzz(Target(".geojson", seeds, load_plots), 250, tmp_path, seed=6)
     assert not found.defects
     assert (found.hangs, found.written) == (0, ())
-    assert found.refused > 100
+    assert found.refused > 30
 
 
 def test_plots_side_by_side_may_share_an_edge(tmp_path: Path) -> None:

@@ -1,11 +1,9 @@
 """Vehicle profiles."""
 
 import re
-from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -27,30 +25,24 @@ README = (ROOT / "missions" / "README.md").read_text(encoding="utf-8")
 TEXT = (ROOT / "missions" / "vehicles" / "ardupilot-pitch.toml").read_text(encoding="utf-8")
 
 
-def key_table(section: str) -> dict[str, str]:
-    """A key table of missions/README.md: keys and defaults."""
-    part = README.partition(f"### {section}\n")[2].partition("\n#")[0]
-    return dict(re.findall(r"^\| `(\w+)` \| (.+?) \|", part, re.MULTILINE))
-
-
 def check_table(section: str, model: type[BaseModel] | type[Intrinsics]) -> None:
-    """That the README's table has all keys of a model with their defaults, and no others."""
-    expected = {}
-    if model is Intrinsics:
-        assert key_table(section) == {field.name: "needed" for field in fields(Intrinsics)}
-        return
-    for name, field in model.model_fields.items():
-        alias = field.validation_alias
-        default = field.default
-        shown = {"()": "[]", "None": "none", "(0.0, 0.0)": "[0.0, 0.0]"}.get(str(default), str(default))
-        shown = f'`"{default}"`' if isinstance(default, str) else shown
-        expected[alias if isinstance(alias, str) else name] = "needed" if field.is_required() else shown
-    assert key_table(section) == expected
+    """That a key table of missions/README.md has all keys of a model with their defaults, and no others."""
+    part = README.partition(f"### {section}\n")[2].partition("\n#")[0]
+    if issubclass(model, Intrinsics):
+        expected = {field.name: "needed" for field in fields(Intrinsics)}
+    else:
+        expected = {}
+        for name, field in model.model_fields.items():
+            alias, default = field.validation_alias, field.default
+            shown = {"()": "[]", "None": "none", "(0.0, 0.0)": "[0.0, 0.0]"}.get(str(default), str(default))
+            shown = f'`"{default}"`' if isinstance(default, str) else shown
+            expected[alias if isinstance(alias, str) else name] = "needed" if field.is_required() else shown
+    assert dict(re.findall(r"^\| `(\w+)` \| (.+?) \|", part, re.MULTILINE)) == expected
 
 
-def write(folder: Path, text: str | bytes) -> Path:
+def write(folder: Path, text: str) -> Path:
     path = folder / "mine.toml"
-    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    path.write_text(text, "utf-8")
     return path
 
 
@@ -82,14 +74,15 @@ def test_the_profile_of_the_recordings() -> None:
     assert (vehicle.speeds.cruise_mps, vehicle.acceptance_m, vehicle.max_items) == (2.0, 0.2, 650)
 
 
-def test_the_readme_lists_the_keys() -> None:
-    check_table("At the top", Vehicle)
-    sections: Sequence[tuple[str, type[BaseModel]]] = (
-        ("`[mount]`", Mount), ("`[trigger]`", Trigger), ("`[camera]`", Intrinsics), ("`[speeds]`", Speeds),
-        ("`[battery]`", Battery),
-    )  # fmt: skip
-    for section, model in sections:
-        check_table(section, model)
+@pytest.mark.parametrize(
+    ("section", "model"),
+    [
+        ("At the top", Vehicle), ("`[mount]`", Mount), ("`[trigger]`", Trigger), ("`[camera]`", Intrinsics),
+        ("`[speeds]`", Speeds), ("`[battery]`", Battery),
+    ],
+)  # fmt: skip
+def test_the_readme_lists_the_keys(section: str, model: type[BaseModel] | type[Intrinsics]) -> None:
+    check_table(section, model)
 
 
 def test_by_name_by_path_and_near_misses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,7 +106,6 @@ def test_by_name_by_path_and_near_misses(tmp_path: Path, monkeypatch: pytest.Mon
     [
         ("format = 1", "", "has no 'format'"),
         ("format = 1", "format = 2", "has format 2; this fieldkit reads 1"),
-        ("format = 1", "format = true", "has format True"),
         ('title = "', 'titel = "', "title: is missing"),
         ("max_items = 650", "max_item = 650", "max_item: is not a key of this format"),
         ("max_items = 650", "max_items = 650.5", "max_items: "),
@@ -128,10 +120,7 @@ def test_by_name_by_path_and_near_misses(tmp_path: Path, monkeypatch: pytest.Mon
         ('kind = "pitch"', 'kind = "fixed"', "mount: a fixed mount has one pitch: give it twice"),
         ('"SIMPLE_RADIAL"', '"FISHEYE"', "camera: camera model 'FISHEYE'"),
         ("[battery]", "[batery]", "battery: is missing"),
-        ("[battery]", "[battery", "is not TOML"),
-        ("[battery]", "[battery]\nx = " + "[" * 5000, "is not TOML"),
         ("[battery]", "[battery]\nx = " + "9" * 5000, "is not TOML"),
-        ("[battery]", "a." * 40_000 + "b = 1\n[battery]", "has keys of more than 64 parts"),
         ("[battery]", "# " + "x" * 300_000, "far too large"),
     ],
 )  # fmt: skip
@@ -148,22 +137,13 @@ def test_a_profile_without_mass_means_a_kilogram(tmp_path: Path) -> None:
     assert load_vehicle(write(tmp_path, TEXT.replace("mass_kg = 1.5", ""))).mass_kg == 1.0
 
 
-def test_not_text(tmp_path: Path) -> None:
-    with pytest.raises(MetadataError, match="UTF-8"):
-        load_vehicle(write(tmp_path, b"\xff\xfe"))
-    assert load_vehicle(write(tmp_path, b"\xef\xbb\xbf" + TEXT.encode())) == load_vehicle("ardupilot-pitch")
-
-
 def test_changed_at_random(tmp_path: Path) -> None:
-    def read(path: Path) -> Any:
-        return load_vehicle(path)
-
     seeds = [path.read_bytes() for path in sorted(vehicles_folder().glob("*.toml"))]
-    found = fuzz(Target(".toml", seeds, read), 1000, tmp_path, seed=5)
+    found = fuzz(Target(".toml", seeds, load_vehicle), 250, tmp_path, seed=5)
     assert not found.defects
     assert not found.written
     assert found.hangs == 0
-    assert found.refused > 100
+    assert found.refused > 30
 
 
 def test_every_check_of_a_pitch_asks_the_mount() -> None:

@@ -1,12 +1,13 @@
 """What missions really photograph, compared with what was flown."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 
 from fieldkit.missions.autopilots.effects import Face
-from fieldkit.missions.autopilots.execution import Execution, Photograph, along
+from fieldkit.missions.autopilots.execution import Execution, along
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.autopilots.state import Turn
 from fieldkit.missions.autopilots.writing import action, delay, render
@@ -14,14 +15,19 @@ from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.items import Command, MissionItem
 from fieldkit.routing.mission import GeoPoint
 from fieldkit.routing.motion import leg, turn_deg
-from fieldkit.vehicles.vehicle import Mount
+from fieldkit.vehicles.vehicle import Mount, Vehicle
 from tests.missions.vehicles import HOME, metres, recorded_items, recording, small_mission, vehicle
 
 SHOT = (action(Command.IMAGE_START_CAPTURE, 0.0, 0.0, 1.0), delay(1.0))
 
 
+def executed(items: Sequence[MissionItem], *, by: Vehicle | None = None) -> Execution:
+    by = by or vehicle()
+    return interpret(ReadMission("plan", tuple(items), home=HOME), by, by.dialect)
+
+
 def flown(name: str) -> Execution:
-    return interpret(ReadMission("plan", tuple(recorded_items(name)[1:]), home=HOME), vehicle(), "ardupilot")
+    return executed(recorded_items(name)[1:])
 
 
 def test_the_measured_order_photographs_where_it_did() -> None:
@@ -47,8 +53,7 @@ def test_only_speeds_along_the_ground_are_the_cruise(dialect: str) -> None:
 
     def seconds(kind: float, speed: float) -> float:
         change = action(Command.DO_CHANGE_SPEED, kind, speed)
-        read = ReadMission("plan", (first, change, *rest), home=HOME)
-        return interpret(read, by, dialect).seconds
+        return executed((first, change, *rest), by=by).seconds
 
     assert seconds(1.0, 0.5) == seconds(0.0, 0.5) > seconds(1.0, 2.0) + 10.0
     assert seconds(2.0, by.speeds.climb_mps) == seconds(3.0, by.speeds.descent_mps) == seconds(1.0, 2.0)
@@ -79,7 +84,7 @@ def test_the_naive_order_photographs_late_and_away_from_its_places_as_it_did() -
 
 def test_px4_shoots_as_it_leaves_without_a_delay_behind() -> None:
     items = [i for i in render(small_mission(), vehicle("px4")) if i.command != Command.NAV_DELAY]
-    execution = interpret(ReadMission("plan", tuple(items), home=HOME), vehicle("px4"), "px4")
+    execution = executed(items, by=vehicle("px4"))
     assert [shot.after_s for shot in execution.photographs] == 3 * [0.0]
     assert [shot.settled_s for shot in execution.photographs] == 3 * [pytest.approx(1.0)]
 
@@ -91,7 +96,7 @@ def test_a_refused_item_and_one_that_comes_too_late_are_never_carried_out() -> N
     second = next(k for k in range(first + 1, len(items)) if items[k].command == Command.IMAGE_START_CAPTURE)
     # A turn of 5 s behind the shutter's waypoint, and a delay of 1 s: the shutter behind the turn is skipped.
     items.insert(second, action(Command.CONDITION_DELAY, 5.0))
-    execution = interpret(ReadMission("plan", tuple(items), home=HOME), vehicle(), "ardupilot")
+    execution = executed(items)
     assert [bool(shot.never) for shot in execution.photographs] == [True, True, False]
     assert "refuses" in execution.photographs[0].never
     assert "is over before" in execution.photographs[1].never
@@ -138,19 +143,15 @@ def test_a_return_climbs_first(dialect: str, north_m: float, height_m: float, ra
 
 
 def test_a_region_of_interest_aims_the_camera() -> None:
-    execution = flown_roi()
-    assert execution.heading_deg == pytest.approx(180.0, abs=0.01)
-    assert execution.pitch_deg == pytest.approx(-math.degrees(math.atan2(1.0, 2.5)), abs=0.1)
-
-
-def flown_roi() -> Photograph:
     items = (
         MissionItem(Command.NAV_TAKEOFF, 3, (0, 0, 0, 0, 0, 0, 3.0)),
         MissionItem(Command.DO_SET_ROI, 3, (0, 0, 0, 0, 50.865, 6.4473, 0.5)),
         MissionItem(Command.NAV_WAYPOINT, 3, (4.0, 0, 0, 0, 50.8650225, 6.4473, 1.5)),
         *SHOT,
     )
-    return interpret(ReadMission("plan", items, home=HOME), vehicle(), "ardupilot").photographs[0]
+    (shot,) = executed(items).photographs
+    assert shot.heading_deg == pytest.approx(180.0, abs=0.01)
+    assert shot.pitch_deg == pytest.approx(-math.degrees(math.atan2(1.0, 2.5)), abs=0.1)
 
 
 def test_the_time_of_a_leg_is_what_was_flown() -> None:
@@ -201,7 +202,7 @@ def turned(*yaws: tuple[float, float, float, float], hold: float = 4.0) -> Execu
             MissionItem(Command.NAV_WAYPOINT, 3, (hold, 0, 0, 0, 50.865 + 1e-4 * k, 6.4473, 3.0)),
             *SHOT,
         ]
-    return interpret(ReadMission("plan", tuple(items), home=HOME), vehicle(), "ardupilot")
+    return executed(items)
 
 
 @pytest.mark.parametrize(
@@ -248,7 +249,7 @@ def test_a_turn_relative_to_a_heading_of_the_autopilots_own_leads_nobody_knows_w
         MissionItem(Command.NAV_WAYPOINT, 3, (4.0, 0, 0, 0, 50.865, 6.4473, 3.0)),
         *SHOT,
     ]
-    shot = interpret(ReadMission("plan", tuple(items), home=HOME), vehicle(), "ardupilot").photographs[0]
+    shot = executed(items).photographs[0]
     assert (shot.heading_deg, bool(shot.heading_why)) == (None, True)
 
 
@@ -256,7 +257,7 @@ def test_the_mounts_own_yaw_in_front_of_a_relative_turn_is_told_of() -> None:
     items = list(render(small_mission(vias=False), vehicle())[1:])
     second = [k for k, item in enumerate(items) if item.command == Command.CONDITION_YAW][1]
     items[second] = replace(items[second], params=(90.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0))
-    shot = interpret(ReadMission("plan", tuple(items), home=HOME), vehicle(), "ardupilot").photographs[1]
+    shot = executed(items).photographs[1]
     assert shot.heading_deg == pytest.approx(270.0)
     assert "DO_MOUNT_CONTROL" in shot.heading_why
 
@@ -270,6 +271,6 @@ def test_a_pan_gimbals_yaw_is_off_the_nose_unless_it_is_locked_to_north(flags: f
         action(Command.DO_GIMBAL_MANAGER_PITCHYAW, -45.0, 30.0, p5=flags),
         *SHOT,
     )
-    shot = interpret(ReadMission("plan", items, home=HOME), pan, "ardupilot").photographs[0]
+    shot = executed(items, by=pan).photographs[0]
     assert (shot.heading_deg, shot.pitch_deg) == (pytest.approx(heading), -45.0)
     assert shot.settled_s == 0.0  # it has only just been turned

@@ -8,6 +8,7 @@ import pytest
 
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.autopilots.jumps import MOST_AGAIN, course
+from fieldkit.missions.autopilots.writing import action
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.findings import Report
@@ -21,16 +22,12 @@ def waypoint(k: int) -> MissionItem:
     return MissionItem(Command.NAV_WAYPOINT, 3, (4.0, 0.0, 0.0, 0.0, NORTH + 1e-5 * k, 6.4473, 5.0))
 
 
-def action(command: int, *params: float) -> MissionItem:
-    return MissionItem(command, 2, (*params, *(0.0,) * (7 - len(params))))
-
-
 def jump(target: float, repeats: float) -> MissionItem:
     return action(Command.DO_JUMP, target, repeats)
 
 
 TAKEOFF = MissionItem(Command.NAV_TAKEOFF, 3, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 5.0))
-SHOT = (action(Command.CONDITION_YAW, 90.0), action(Command.DO_MOUNT_CONTROL, -45.0, 0, 0, 0, 0, 0, 2.0), waypoint(1),
+SHOT = (action(Command.CONDITION_YAW, 90.0), action(Command.DO_MOUNT_CONTROL, -45.0, p7=2.0), waypoint(1),
         action(Command.IMAGE_START_CAPTURE, 0.0, 0.0, 1.0), action(Command.NAV_DELAY, 1.0, -1, -1, -1))  # fmt: skip
 LAND = MissionItem(Command.NAV_LAND, 3, (0.0, 0.0, 0.0, 0.0, NORTH, 6.4473, 0.0))
 
