@@ -18,8 +18,9 @@ from benchmarks.scene_views import CAMERA, SceneUnderStudy, load_scene, photogra
 from fieldkit.arrays import BoolArray, ByteArray
 from fieldkit.captures import read_capture, read_image
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.features import Features, FeatureSettings, extract_features
+from fieldkit.reconstruction.features import Features, extract_features
 from fieldkit.reconstruction.matching import match_features
+from fieldkit.reconstruction.settings import FeatureSettings
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.simulate import Outdoors

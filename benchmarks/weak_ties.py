@@ -13,9 +13,7 @@ from benchmarks.few_views import GOAL, Outcome, assess, map_with_noise
 from benchmarks.result import Cell, ResultTable, StudyResult, spread
 from benchmarks.rigs import RigSet, load_rig, uniform_subset
 from fieldkit.cache import StageCache
-from fieldkit.reconstruction.features import FeatureSettings
-from fieldkit.reconstruction.mapping.prior import PriorMappingSettings
-from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.settings import FeatureSettings, PriorMappingSettings, ReconstructionSettings
 from fieldkit.reconstruction.stages import load_features
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress

@@ -13,9 +13,7 @@ from fieldkit.evaluation.reference import build_reference
 from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.planning.space.plots import Plot
-from fieldkit.reconstruction.features import FeatureSettings
-from fieldkit.reconstruction.mapping.prior import PriorMappingSettings
-from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.settings import FeatureSettings, PriorMappingSettings, ReconstructionSettings
 from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
 from fieldkit.results.traits import TraitsEntry
 from fieldkit.runtime.context import Context

@@ -20,7 +20,6 @@ from fieldkit.captures.model import Photo
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.reconstruction.cameras import CameraSet, cameras_of
-from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.guided import (
     Band,
     IndexedFeatures,
@@ -36,7 +35,7 @@ from fieldkit.reconstruction.mapping.prior import (
     epipolar_sigma_px,
 )
 from fieldkit.reconstruction.matching import match_features
-from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.settings import FeatureSettings, ReconstructionSettings
 from fieldkit.reconstruction.stages import (
     RATIO,
     KeyedFeatures,

@@ -11,24 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.arrays import ByteArray, Float32Array, FloatArray, IntArray
-
-
-@dataclass(frozen=True)
-class FeatureSettings:
-    """How features are found."""
-
-    working_side: int = 1600
-    """Longer side the image is reduced to before detection, pixels; never enlarged."""
-    max_features: int = 4096
-    """The strongest are kept."""
-    contrast_threshold: float = 0.02
-    """OpenCV's `contrastThreshold`; lower finds more on dark leaves."""
-    edge_threshold: float = 10.0
-    """OpenCV's `edgeThreshold`."""
-    kept: float = 1.0
-    """Share of these that is not withheld at random: plants that match worse are rehearsed with it."""
-    draw: int = 0
-    """Which ones are withheld."""
+from fieldkit.reconstruction.settings import FeatureSettings
 
 
 class Partners(NamedTuple):

@@ -14,7 +14,8 @@ import numpy as np
 
 from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.geometry import Intrinsics
-from fieldkit.reconstruction.features import Features, FeatureSettings, detect, reduced
+from fieldkit.reconstruction.features import Features, detect, reduced
+from fieldkit.reconstruction.settings import FeatureSettings
 
 _LEAST_DEG = 25.0
 """Least angle off straight down of an optical axis for turning to gain, degrees."""

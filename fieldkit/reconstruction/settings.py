@@ -7,15 +7,56 @@ from typing import get_args
 
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import UsageError
-from fieldkit.reconstruction.features import FeatureSettings
-from fieldkit.reconstruction.mapping.prior import PriorMappingSettings
-from fieldkit.reconstruction.verification import VerificationSettings
 from fieldkit.vocabulary import LEAST_POSITIONS, Fidelity, MappingChoice, Mask, TiesName
 
 BLIND_METHODS = ("incremental", "global")
 """In the order in which they are tried where neither is asked for."""
 _SHARE_FOR_PRIOR = 0.8
 """Least share of photographs with known positions for prior mapping."""
+
+
+@dataclass(frozen=True)
+class FeatureSettings:
+    """How features are found."""
+
+    working_side: int = 1600
+    """Longer side the image is reduced to before detection, pixels; never enlarged."""
+    max_features: int = 4096
+    """The strongest are kept."""
+    contrast_threshold: float = 0.02
+    """OpenCV's `contrastThreshold`; lower finds more on dark leaves."""
+    edge_threshold: float = 10.0
+    """OpenCV's `edgeThreshold`."""
+    kept: float = 1.0
+    """Share of these that is not withheld at random: plants that match worse are rehearsed with it."""
+    draw: int = 0
+    """Which ones are withheld."""
+
+
+@dataclass(frozen=True)
+class VerificationSettings:
+    """COLMAP's two-view options that matter here."""
+
+    max_error_px: float = 4.0
+    """Of RANSAC's epipolar error, in full-size pixels."""
+    min_inliers: int = 15
+    """Fewer verified matches and the pair does not count."""
+
+
+@dataclass(frozen=True)
+class PriorMappingSettings:
+    """What callers choose about prior mapping; its other constants stand beside the code that uses them."""
+
+    max_neighbours: int = 16
+    """Per image, only that many nearest cameras are tried."""
+    bands_px: tuple[float, ...] = (12.0, 6.0, 3.0)
+    """Half widths of the bands after the first, in pixels of a 1600-pixel-wide photograph."""
+    loss_px: float = 0.5
+    """Scale of the last robust loss."""
+    max_error_px: float = 4.0
+    """Largest reprojection error of an observation that stays."""
+    min_agreeing: int = 20
+    """Least number of matches, in all pairs together, that put two of the first round's sub-models together."""
 
 
 @dataclass(frozen=True)

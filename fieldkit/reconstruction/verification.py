@@ -11,17 +11,8 @@ from fieldkit.arrays import FloatArray
 from fieldkit.geometry import Intrinsics
 from fieldkit.reconstruction.colmap_model import to_colmap_camera
 from fieldkit.reconstruction.features import Features
+from fieldkit.reconstruction.settings import VerificationSettings
 from fieldkit.runtime.colmap import pycolmap
-
-
-@dataclass(frozen=True)
-class VerificationSettings:
-    """COLMAP's two-view options that matter here."""
-
-    max_error_px: float = 4.0
-    """Of RANSAC's epipolar error, in full-size pixels."""
-    min_inliers: int = 15
-    """Fewer verified matches and the pair does not count."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from fieldkit.reconstruction.features import Features, FeatureSettings, extract_features
+from fieldkit.reconstruction.features import Features, extract_features
+from fieldkit.reconstruction.settings import FeatureSettings
 
 
 def picture(seed: int = 0, width: int = 320, height: int = 240) -> np.ndarray:

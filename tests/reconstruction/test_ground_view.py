@@ -6,9 +6,10 @@ import pytest
 
 from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.features import Features, FeatureSettings, extract_features
+from fieldkit.reconstruction.features import Features, extract_features
 from fieldkit.reconstruction.ground_view import extract_ground_features
 from fieldkit.reconstruction.guided import Band, IndexedFeatures, PosedFeatures, Region, match_guided
+from fieldkit.reconstruction.settings import FeatureSettings
 
 CAMERA = Intrinsics("PINHOLE", 800, 600, (680.0, 680.0, 400.0, 300.0))
 METRE_PX, HALF_M = 400, 2.0

@@ -22,11 +22,9 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.planning.objective.evaluation import WORST_M, Evaluation, StageCost, value_m
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.reconstruction.dense import resolution
-from fieldkit.reconstruction.features import FeatureSettings
-from fieldkit.reconstruction.mapping.prior import PriorMappingSettings
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
 from fieldkit.reconstruction.result import Reconstruction
-from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.settings import FeatureSettings, PriorMappingSettings, ReconstructionSettings
 from fieldkit.reconstruction.stages import StageTimer
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress, Silent

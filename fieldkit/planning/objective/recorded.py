@@ -25,10 +25,10 @@ from fieldkit.geometry.priors import PosePrior, SourceFrame
 from fieldkit.planning.objective.objective import Fidelity, PhotoSet
 from fieldkit.planning.space.cameras import Cameras, assign
 from fieldkit.planning.space.plots import Plot
-from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.guided import region_of_interest
 from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.reconstruction.pipeline import KnownPlot
+from fieldkit.reconstruction.settings import FeatureSettings
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.simulate import CaptureNoise, perturbed
 from fieldkit.wording import count

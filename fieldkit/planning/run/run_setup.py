@@ -29,7 +29,7 @@ from fieldkit.planning.settings import GivenPlot, SearchSettings, unchanging
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
-from fieldkit.reconstruction.features import FeatureSettings
+from fieldkit.reconstruction.settings import FeatureSettings
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.library import find_scene

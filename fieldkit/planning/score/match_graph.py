@@ -11,9 +11,9 @@ from fieldkit.cache import digest
 from fieldkit.planning.objective.recorded import RecordedSource
 from fieldkit.planning.score.matchability import view_angles_deg
 from fieldkit.reconstruction.cameras import cameras_of
-from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.guided import Band, IndexedFeatures, PosedFeatures, Region, match_guided
 from fieldkit.reconstruction.mapping.view_graph import null_model_matches
+from fieldkit.reconstruction.settings import FeatureSettings
 from fieldkit.reconstruction.stages import load_features
 from fieldkit.reconstruction.versions import BESIDE
 from fieldkit.runtime.context import Context

@@ -50,7 +50,7 @@ from fieldkit.reconstruction.guided import (
     relative_pose,
 )
 from fieldkit.reconstruction.mapping.bundle import adjust, filter_points
-from fieldkit.reconstruction.mapping.submodels import MIN_AGREEING, Joined, Joiner
+from fieldkit.reconstruction.mapping.submodels import Joined, Joiner
 from fieldkit.reconstruction.mapping.uncertainty import TIE_BAND_PX, pair_information
 from fieldkit.reconstruction.mapping.view_graph import (
     EDGE_MATCHES,
@@ -61,7 +61,8 @@ from fieldkit.reconstruction.mapping.view_graph import (
     rivalless_matches,
     usable_matches,
 )
-from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
+from fieldkit.reconstruction.settings import PriorMappingSettings, VerificationSettings
+from fieldkit.reconstruction.verification import TwoView, verify_pair
 from fieldkit.runtime.colmap import pycolmap
 
 KeepPair = Callable[[int, int, tuple[Any, ...], Callable[[], NDArray[np.uint32]]], NDArray[np.uint32]]
@@ -86,22 +87,6 @@ _SLAB_MARGIN = 0.3  # of the flying height above the scene, up and down
 _MIN_OVERLAP = 0.1
 _LOSSES_PX = (8.0, 2.0)
 _JOINED_PX = 16.0
-
-
-@dataclass(frozen=True)
-class PriorMappingSettings:
-    """What callers choose about prior mapping; its other constants stand beside the code that uses them."""
-
-    max_neighbours: int = 16
-    """Per image, only that many nearest cameras are tried."""
-    bands_px: tuple[float, ...] = (12.0, 6.0, 3.0)
-    """Half widths of the bands after the first, in pixels of a 1600-pixel-wide photograph."""
-    loss_px: float = 0.5
-    """Scale of the last robust loss."""
-    max_error_px: float = 4.0
-    """Largest reprojection error of an observation that stays."""
-    min_agreeing: int = MIN_AGREEING
-    """Least number of matches that put two of the first round's sub-models together."""
 
 
 @dataclass(frozen=True, eq=False)

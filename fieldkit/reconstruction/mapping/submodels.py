@@ -38,8 +38,6 @@ _STARTS, _REFINED = 400, 32
 """Of the search for a motion, and how many of them are followed to the end."""
 _BAND_SIGMAS = 2.5
 """Half width of the bands, in standard deviations of what is unknown."""
-MIN_AGREEING = 20
-"""Least number of a motion's inliers, in all pairs together."""
 _NULL_FACTOR = 1.5
 """Least ratio of a motion's inliers to those of randomised matches."""
 _SCALE_SIGMA = 0.1  # of what the positions of one or two cameras leave open

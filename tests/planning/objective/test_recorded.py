@@ -19,9 +19,8 @@ from fieldkit.geometry.priors import SourceFrame
 from fieldkit.planning.objective.objective import FIDELITIES, Objective, ObjectiveSettings, PlotsObjective
 from fieldkit.planning.objective.recorded import LEAST_KEPT, RecordedKind, RecordedSource, Rehearsal, recorded_views
 from fieldkit.planning.space.cameras import Cameras, assign
-from fieldkit.reconstruction.features import FeatureSettings
-from fieldkit.reconstruction.mapping.prior import PriorMappingSettings
 from fieldkit.reconstruction.pipeline import KnownPlot
+from fieldkit.reconstruction.settings import FeatureSettings, PriorMappingSettings
 from fieldkit.reconstruction.stages import load_features
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent

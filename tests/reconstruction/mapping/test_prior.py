@@ -13,9 +13,10 @@ from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_poses
-from fieldkit.reconstruction.features import Features, FeatureSettings, extract_features
+from fieldkit.reconstruction.features import Features, extract_features
 from fieldkit.reconstruction.guided import epipolar_distance, fundamental_matrix, region_of_interest
-from fieldkit.reconstruction.mapping.prior import PriorMapping, PriorMappingSettings, epipolar_sigma_px, map_with_priors
+from fieldkit.reconstruction.mapping.prior import PriorMapping, epipolar_sigma_px, map_with_priors
+from fieldkit.reconstruction.settings import FeatureSettings, PriorMappingSettings
 from fieldkit_sim.simulation import poses_from_csv
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, perturbed, random_descriptors, ring
 

@@ -12,8 +12,9 @@ from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.features import Features
-from fieldkit.reconstruction.mapping.prior import PriorMappingSettings, map_with_priors
+from fieldkit.reconstruction.mapping.prior import map_with_priors
 from fieldkit.reconstruction.mapping.submodels import Across, best_motion, epipolar_residuals, moved, place_submodel
+from fieldkit.reconstruction.settings import PriorMappingSettings
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, perturbed, ring
 
 BAND = 0.075

@@ -11,10 +11,9 @@ from fieldkit.captures import Capture, read_capture
 from fieldkit.clouds import Volume
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.priors import SourceFrame
-from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.pipeline import KnownPlot, place
 from fieldkit.reconstruction.result import SparseResult
-from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.settings import FeatureSettings, ReconstructionSettings
 from fieldkit.runtime.context import Context
 from tests.reconstruction.test_unknown_focal_length import codes, photographed
 
