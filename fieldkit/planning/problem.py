@@ -13,15 +13,15 @@ from fieldkit.arrays import FloatArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics
+from fieldkit.planning.plan_settings import NoiseSettings
 from fieldkit.planning.space.cameras import Cameras, assign
 from fieldkit.planning.space.envelope import Envelope, Ranges
 from fieldkit.planning.space.plots import Plot
 from fieldkit.planning.space.projection import project
-from fieldkit.scenes.simulate import Outdoors
 
 POSE_NOISE_M = 0.010
-"""Usual standard deviation of a commanded position: the simulated source's claim, and RTK's error (docs/planning.md).
-"""
+"""Least standard deviation that the score expects of a commanded position, metres: what evaluations claim of exact
+ones, and RTK's error (docs/planning.md)."""
 _LEAST = 3
 """Least number of cameras of a plan."""
 _SAMPLE_STREAM = 31
@@ -48,10 +48,9 @@ class PlanningProblem:
     """Whether a set has the same value at every seed."""
     unmet: tuple[Plot, ...] = ()
     """Further plots of the kind, numbered after ``plots``, on which finalists are only confirmed."""
-    pose_noise_m: float = POSE_NOISE_M
-    """Standard deviation of a commanded position."""
-    outdoors: Outdoors = field(default_factory=Outdoors)
-    """Wind and the vehicle's wash, which move leaves between photographs; still air by default."""
+    noise: NoiseSettings = field(default_factory=NoiseSettings)
+    """Noise that the plan must survive. The score goes by positions, wind and wash: a camera that is turned about its
+    centre sees the same plants from the same place."""
 
     def __post_init__(self) -> None:
         views = 0 if self.views is None else len(self.views)

@@ -21,7 +21,7 @@ from fieldkit.planning.objective.objective import ObjectiveSettings, PlotsObject
 from fieldkit.planning.objective.recorded import RecordedKind, RecordedSource
 from fieldkit.planning.objective.simulated import Kind
 from fieldkit.planning.plan_settings import EnvelopeSettings
-from fieldkit.planning.problem import POSE_NOISE_M, PlanningProblem
+from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.run.flyable import check_views
 from fieldkit.planning.run.sources import check_unchanged, source_doubts
 from fieldkit.planning.score.match_graph import match_graph
@@ -86,8 +86,7 @@ def _problem(
     return PlanningProblem(
         settings.cameras, envelope, camera, tuple(plots[:met]), views, blind=settings.blind,
         exact=met == 1 and unchanging(settings.source, settings.noise), unmet=tuple(plots[met:]),
-        # At least what evaluations claim of exact positions.
-        pose_noise_m=max(settings.noise.pose_m, POSE_NOISE_M), outdoors=settings.noise.outdoors,
+        noise=settings.noise,
     )  # fmt: skip
 
 

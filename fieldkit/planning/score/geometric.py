@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from fieldkit.arrays import BoolArray, Float32Array, FloatArray
 from fieldkit.clouds.canopy import with_room_m
-from fieldkit.planning.problem import PlanningProblem
+from fieldkit.planning.problem import POSE_NOISE_M, PlanningProblem
 from fieldkit.planning.score.matchability import GUIDED, Matchability, camera_sigmas_m, expected_matches, overlap
 from fieldkit.planning.score.visibility import POINTS, PerCamera, Surface, in_picture, look
 from fieldkit.planning.space.cameras import Cameras
@@ -142,7 +142,7 @@ class GeometricScore:
             shared = overlap(seen > 0.0) if self.problem.blind else seen @ seen.T / self._matched
             matches = expected_matches(cameras.positions, self.problem.center, shared, self.matchability)
         variance = (ERROR_PX * matched[:, :, 4]) ** 2 + matched[:, :, 5]
-        points, prior_m = self._free[: self._matched], self.problem.pose_noise_m
+        points, prior_m = self._free[: self._matched], max(self.problem.noise.pose_m, POSE_NOISE_M)
         sigmas = camera_sigmas_m(cameras.positions, points, seen, variance, matches, prior_m)
         tie = float(np.sqrt((sigmas**2).mean()))
         return Geometry(gap + spread, tie, gap, spread, float(p.mean()), matches, hidden)
@@ -154,7 +154,7 @@ class GeometricScore:
         return found
 
     def _look(self, cameras: Cameras) -> list[_View]:
-        camera, air = self.problem.camera, self.problem.outdoors
+        camera, air = self.problem.camera, self.problem.noise.outdoors
         rays = cameras.positions[:, None] - self._free
         away = np.linalg.norm(rays, axis=2)
         rays /= np.maximum(away, 1e-9)[:, :, None]

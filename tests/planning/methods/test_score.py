@@ -8,9 +8,9 @@ import pytest
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.methods.optimise import Effort
 from fieldkit.planning.methods.score import ScoreOptimum
+from fieldkit.planning.plan_settings import NoiseSettings
 from fieldkit.planning.score.cost_model import CERTAINTY, CostModel
 from fieldkit.planning.score.geometric import GeometricScore
-from fieldkit.scenes.simulate import Outdoors
 from fieldkit.vocabulary import WEIGHTS
 from tests.planning.leafy import problem, recorded
 
@@ -62,8 +62,8 @@ def test_room_above_the_plants_is_left_for_heights() -> None:
 
 def test_plans_stand_farther_away_where_their_wash_moves_leaves() -> None:
     away = []
-    for outdoors in (Outdoors(), Outdoors(0.0, 2.0)):
-        (found,) = ScoreOptimum(replace(PROBLEM, outdoors=outdoors), effort=SMALL).choose(1)
+    for noise in (NoiseSettings(), NoiseSettings(vehicle_kg=2.0)):
+        (found,) = ScoreOptimum(replace(PROBLEM, noise=noise), effort=SMALL).choose(1)
         away.append(np.linalg.norm(found.cameras.positions - PROBLEM.center, axis=1).mean())
     assert away[1] > away[0]
 
@@ -71,7 +71,7 @@ def test_plans_stand_farther_away_where_their_wash_moves_leaves() -> None:
 def test_leaves_that_sway_are_reconstructed_less_and_noisier() -> None:
     cameras = PROBLEM.sample(0)
     still, windy = (
-        GeometricScore(replace(PROBLEM, outdoors=Outdoors(wind_m))).score(cameras) for wind_m in (0.0, 0.01)
+        GeometricScore(replace(PROBLEM, noise=NoiseSettings(wind_m=wind_m))).score(cameras) for wind_m in (0.0, 0.01)
     )
     assert windy.covered < still.covered
     assert windy.noise_m > still.noise_m

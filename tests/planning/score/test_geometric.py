@@ -8,6 +8,7 @@ import pytest
 
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.canopy import with_room_m
+from fieldkit.planning.plan_settings import NoiseSettings
 from fieldkit.planning.score.geometric import GeometricScore, room_above
 from fieldkit.planning.score.visibility import Surface, in_picture, look
 from fieldkit.planning.space.cameras import Cameras
@@ -183,8 +184,8 @@ def test_a_surface_is_of_the_references_own_points_and_always_of_the_same() -> N
 def test_sets_are_looser_where_more_noise_of_poses_is_expected() -> None:
     cameras = around(np.r_[np.arange(3) * 6.0, 150 + np.arange(3) * 6.0])
     usual = GeometricScore(PROBLEM, points=400).score(cameras)
-    same = GeometricScore(replace(PROBLEM, pose_noise_m=0.010), points=400).score(cameras)
-    noisy = GeometricScore(replace(PROBLEM, pose_noise_m=0.05), points=400).score(cameras)
+    same = GeometricScore(replace(PROBLEM, noise=NoiseSettings(pose_m=0.010)), points=400).score(cameras)
+    noisy = GeometricScore(replace(PROBLEM, noise=NoiseSettings(pose_m=0.05)), points=400).score(cameras)
     assert (same.tie_m, same.distance_m) == (usual.tie_m, usual.distance_m)
     assert noisy.tie_m > 1.1 * usual.tie_m
     assert noisy.distance_m == usual.distance_m
