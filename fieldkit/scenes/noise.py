@@ -60,9 +60,9 @@ def _fractal(xs: FloatArray, ys: FloatArray, seed: int, octaves: int, gain: floa
             ix, iy, dx, dy = int(fx), int(fy), x - fx, y - fy
             u = dx * dx * dx * (dx * (dx * 6.0 - 15.0) + 10.0)
             v = dy * dy * dy * (dy * (dy * 6.0 - 15.0) + 10.0)
-            cell, g = cells[octave], slopes[octave]
-            if cell[0] != ix or cell[1] != iy:  # neighbours in a picture mostly lie in one cell
-                cell[0], cell[1] = ix, iy
+            g = slopes[octave]
+            if cells[octave, 0] != ix or cells[octave, 1] != iy:  # neighbours in a picture mostly lie in one cell
+                cells[octave, 0], cells[octave, 1] = ix, iy
                 for k in range(4):
                     h = _hash(ix + k % 2, iy + k // 2, seed + 7919 * octave)
                     g[2 * k] = (h & np.uint64(0xFFFF)) / 32767.5 - 1.0
