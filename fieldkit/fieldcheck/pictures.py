@@ -148,13 +148,9 @@ def judge_pictures(capture: Capture, pictures: Mapping[str, Picture]) -> dict[st
     for group in capture.groups:
         usable = [name for name in group.photos if pictures[name].readable and pictures[name].contrast >= 1.0]
         ratios = dict(zip(usable, blur_ratios([pictures[name].widths for name in usable]), strict=True))
-        light, dark, bright = (
-            (np.median([(pictures[n].light, pictures[n].dark, pictures[n].bright) for n in usable], axis=0))
-            if len(usable) >= 3
-            else (None, 0.0, 0.0)
-        )
+        shown = np.array([(pictures[n].light, pictures[n].dark, pictures[n].bright) for n in usable])
+        usual = np.median(shown, axis=0) if len(usable) >= 3 else np.zeros(3)
         for name in group.photos:
-            usual = (None if light is None else float(light), float(dark), float(bright))
             verdicts[name] = _judged(pictures[name], ratios.get(name, np.ones(DIRECTIONS)), usual)
     return verdicts
 
@@ -167,8 +163,9 @@ def with_damage(looks: Mapping[str, PictureVerdict], capture: Capture, cache: St
     }
 
 
-def _judged(picture: Picture, ratios: FloatArray, usual: tuple[float | None, float, float]) -> PictureVerdict:
-    light, dark, bright = usual
+def _judged(picture: Picture, ratios: FloatArray, usual: FloatArray) -> PictureVerdict:
+    """``usual`` are (3,) light and clipped shares of the others; no light where that is not known."""
+    light, dark, bright = usual.tolist()
     stops = 0.0 if not light else float(np.log2(max(picture.light, 1e-6) / light))
     worst = int(np.argmax(ratios))
     ratio, edge = float(ratios[worst]), float(picture.widths.max())

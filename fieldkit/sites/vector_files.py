@@ -75,13 +75,8 @@ class VectorFile:
     document: Mapping[str, Any]
     as_is: bool
     """Whether the file itself is that document."""
-    datum: str = ""
-    """What is to be known of coordinates whose datum is not WGS 84."""
-
-    @property
-    def told(self) -> list[str]:
-        """The same for people, where there is anything."""
-        return [f"{self.datum}."] if self.datum else []
+    told: tuple[str, ...] = ()
+    """Sentences on coordinates whose datum is not WGS 84."""
 
 
 def read_features(path: Path) -> tuple[Feature, ...]:
@@ -189,7 +184,9 @@ def _converted(path: Path, kind: str, source: str) -> VectorFile:
     except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, ProjError, shapely.GEOSException) as error:
         why = re.sub(r"\s+", " ", str(error))[:200]
         raise MetadataError(f"is {kind} that cannot be read: {why}", path=path, remedy=_REMEDY) from error
-    return VectorFile({"type": "FeatureCollection", "features": rows}, as_is=False, datum=datum)
+    return VectorFile(
+        {"type": "FeatureCollection", "features": rows}, as_is=False, told=(f"{datum}.",) if datum else ()
+    )
 
 
 def _layers(found: Any, kind: str, path: Path) -> list[str]:
