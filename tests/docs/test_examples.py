@@ -31,6 +31,7 @@ SLOW = {
     "evaluate_captures": r"monday: 8 of 8 .*mm, F-score at 10 mm [01]\.\d\d\ntuesday: .*\n",
     "plan_on_scene": r"3 evaluations; the best is \d+\.\d mm .*\n4 evaluations; 4 stations, .* [12]\.\d+ m\n",
     "run_campaign": r"first: 1 evaluated\nthen: 1 evaluated, 1 .*\nA .*\nB .*\nplot,date,.*\nseason\.html: \d+ kB\n",
+    "tour": r"((Photo|Capture|Priors|CheckReport|PlotEvaluation|Finding|Cameras|Plan|Site|Mission|Visit) +\S.*\n){11}",
     "use_objective": r"from 0\.35 m: .*\nfrom 0\.9 m: [56] of 6 photographs, \d+\.\d mm ?\n",
 }
 
