@@ -29,7 +29,7 @@ def output(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict:
     return json.loads(capsys.readouterr().out)
 
 
-def test_show(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_prune_and_clear(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shown = output(capsys, "show")
     assert shown["folder"] == str(root)
     assert shown["stages"]["features"]["entries"] == 4
@@ -38,20 +38,10 @@ def test_show(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     people = capsys.readouterr()
     assert people.err == ""
     assert "features" in people.out
-
-
-def test_prune_by_age(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert output(capsys, "prune", "--older-than", "3.5")["removed_entries"] == 6
     assert output(capsys, "show")["stages"].keys() == {"features"}
-
-
-def test_prune_by_size(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert output(capsys, "prune", "--max-size", "20KiB")["bytes"] <= 20 << 10
-
-
-def test_clear(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert output(capsys, "clear")["removed_entries"] == 10
-    assert output(capsys, "show")["bytes"] == 0
+    assert output(capsys, "clear")["bytes"] == 0
     assert main(["cache", "clear"]) == 0
     assert "removed 0 entries" in capsys.readouterr().out
 

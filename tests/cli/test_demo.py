@@ -1,9 +1,5 @@
 """The demo, and the commands a person would run after it."""
 
-import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -11,25 +7,17 @@ import pytest
 from fieldkit import load_evaluation_report, load_reference_report
 from fieldkit.clouds import read_cloud
 from fieldkit.results.demo import load_demo
+from tests.endtoend.commands import CommandLine
 
 pytestmark = pytest.mark.slow
-
-
-def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    script = "import sys; from fieldkit.cli.main import main; sys.exit(main())"
-    return subprocess.run(
-        [sys.executable, "-c", script, *arguments],
-        cwd=folder, env={**os.environ, "FIELDKIT_CACHE": str(folder / "cache")}, capture_output=True, text=True,
-        check=False, timeout=900,
-    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
     folder = tmp_path_factory.mktemp("demo")
-    done = run(folder, "demo", "-o", "out", "--workers", "2", "--json")
-    assert done.returncode == 0, done.stderr
-    return folder, json.loads(done.stdout)
+    done = CommandLine(folder, folder / "cache").run("demo", "-o", "out", "--workers", "2", "--json")
+    assert done.code == 0, done.err
+    return folder, done.json
 
 
 def test_figures(demo: tuple[Path, dict]) -> None:
@@ -83,10 +71,11 @@ def test_files(demo: tuple[Path, dict]) -> None:
 
 def test_a_second_run_needs_overwrite_and_then_uses_the_cache(demo: tuple[Path, dict]) -> None:
     folder, found = demo
-    assert run(folder, "demo", "-o", "out").returncode == 2
-    again = run(folder, "demo", "-o", "out", "--workers", "2", "--overwrite", "--resume", "--json")
-    assert again.returncode == 0, again.stderr
-    repeated = json.loads(again.stdout)
+    line = CommandLine(folder, folder / "cache")
+    assert line.run("demo", "-o", "out").code == 2
+    again = line.run("demo", "-o", "out", "--workers", "2", "--overwrite", "--resume", "--json")
+    assert again.code == 0, again.err
+    repeated = again.json
     assert [s["chamfer_m"] for s in repeated["scores"]] == [s["chamfer_m"] for s in found["scores"]]
     assert repeated["reference"]["cpu_seconds"] < 0.5 * found["reference"]["cpu_seconds"]
     hashes = [{f["name"]: f["sha256"] for f in run["reference"]["files"]} for run in (found, repeated)]

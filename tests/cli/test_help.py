@@ -2,8 +2,6 @@
 
 import inspect
 import shlex
-import subprocess
-import sys
 from importlib import import_module
 from pathlib import Path
 
@@ -62,16 +60,6 @@ def test_every_command_stands_under_its_stage_once() -> None:
     assert [name for names in STAGES.values() for name in names] == list(COMMANDS)
 
 
-def completed(line: str) -> list[str]:
-    script = "import sys; from fieldkit.cli.main import main; sys.exit(main())"
-    done = subprocess.run(
-        [sys.executable, "-c", script],
-        env={"_FIELDKIT_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(line.count(" "))},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    return done.stdout.split()
-
-
 @pytest.mark.parametrize(
     ("line", "offered"),
     [
@@ -84,5 +72,8 @@ def completed(line: str) -> list[str]:
         ("fieldkit simulate test-case-5", {"test-case-5"}),
     ],
 )
-def test_the_tab_key(line: str, offered: set[str]) -> None:
-    assert set(completed(line)) == offered
+def test_the_tab_key(line, offered, monkeypatch, capsys) -> None:
+    for name, value in (("_FIELDKIT_COMPLETE", "complete_bash"), ("COMP_WORDS", line), ("COMP_CWORD", line.count(" "))):
+        monkeypatch.setenv(name, str(value))
+    main([])
+    assert set(capsys.readouterr().out.split()) == offered

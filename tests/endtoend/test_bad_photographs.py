@@ -3,7 +3,6 @@
 import json
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ from PIL import Image
 
 from fieldkit.cli.main import main
 from tests.captures.photographs import bomb_png
-from tests.endtoend.commands import DRAFT, CommandLine, partial_folders, set_gps
+from tests.endtoend.commands import DRAFT, CommandLine, partial_folders
 
 Photographs = Callable[..., Path]
 
@@ -56,66 +55,44 @@ def no_pose_fits(photographs: Photographs) -> None:
     (folder / "poses.csv").write_text("image,x_m,y_m,z_m\nDJI_0001.jpg,0,0,1\nDJI_0002.jpg,1,0,1\n")
 
 
-@dataclass(frozen=True)
-class Case:
-    make: Callable[[Photographs], None]
-    code: int
-    kind: str
-    message: str
-    remedy: str
-    path: str = "photos"
-
-
-AGAIN = "Copy the photographs again"
-CASES = [
-    Case(no_images, 3, "CaptureError", "there are no photographs in this folder", ""),
-    Case(one_image, 4, "ReconstructionError", "needs at least two photographs", ""),
-    Case(two_without_overlap, 4, "ReconstructionError", "no two of them match: they overlap too little", ""),
-    Case(truncated, 3, "CaptureError", "IMG_0001.jpg: the file is cut short", AGAIN),
-    Case(no_pose_fits, 3, "MetadataError", "names no photograph of the folder", "Write the photographs' file names",
+@pytest.mark.parametrize("command", ["reference", "evaluate"])
+@pytest.mark.parametrize(
+    ("make", "code", "kind", "message", "remedy", "path"),
+    [
+        (no_images, 3, "CaptureError", "there are no photographs in this folder", "", "photos"),
+        (one_image, 4, "ReconstructionError", "needs at least two photographs", "", "photos"),
+        (two_without_overlap, 4, "ReconstructionError", "no two of them match: they overlap too little", "", "photos"),
+        (truncated, 3, "CaptureError", "IMG_0001.jpg: the file is cut short", "Copy the photographs again", "photos"),
+        (no_pose_fits, 3, "MetadataError", "names no photograph of the folder", "Write the photographs' file names",
          "photos/poses.csv"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.make.__name__)
-class TestNothingUsable:
+    ],
+)  # fmt: skip
+def test_nothing_usable(make, code, kind, message, remedy, path, command, place, photographs, capsys) -> None:
     """A kind of each; every kind of bad file is a case of tests/captures/test_folder.py."""
-
-    @pytest.mark.parametrize("command", ["reference", "evaluate"])
-    def test_json(self, case, command, place, photographs, capsys) -> None:
-        case.make(photographs)
-        code = main([command, "photos", "-o", "out", *DRAFT, "--json"])
-        output = capsys.readouterr()
-        assert code == case.code, output.err
-        assert "Traceback" not in output.err
-        found = json.loads(output.out)
-        if command == "evaluate" and code == 4:  # a plot that does not reconstruct is a result
-            (plot,) = found["plots"]
-            error = plot["error"] | {"findings": plot["findings"]}
-            assert "photos" in error["message"]
-        else:
-            error = found["error"]
-            assert error["path"] in (case.path, str(place / case.path))
-            assert not Path("out").exists()
-        assert error["type"] == case.kind
-        assert case.message in error["message"]
-        assert error["remedy"]
-        assert case.remedy in error["remedy"]
-        names = [finding["name"] for finding in error.get("findings", [])]
-        assert ("zero.jpg" in names) == (case.make is one_image)
-        assert partial_folders(place) == []
-
-    def test_for_people(self, case: Case, photographs: Photographs, capsys: pytest.CaptureFixture[str]) -> None:
-        case.make(photographs)
-        assert main(["reference", "photos", "-o", "out", *DRAFT]) == case.code
-        output = capsys.readouterr()
-        assert output.out == ""
-        assert "Traceback" not in output.err
-        line, remedy = output.err[output.err.index("Error: ") :].splitlines()[:2]
-        assert f"{case.path}: " in line
-        assert case.message in line
-        assert remedy.startswith("  ")
-        assert case.remedy in remedy
+    make(photographs)
+    assert main([command, "photos", "-o", "out", *DRAFT, "--json"]) == code
+    output = capsys.readouterr()
+    assert "Traceback" not in output.err
+    found = json.loads(output.out)
+    if command == "evaluate" and code == 4:  # a plot that does not reconstruct is a result
+        (plot,) = found["plots"]
+        error = plot["error"] | {"findings": plot["findings"]}
+        assert "photos" in error["message"]
+    else:
+        error = found["error"]
+        assert error["path"] in (path, str(place / path))
+        line, advice = output.err[output.err.index("Error: ") :].splitlines()[:2]
+        assert f"{path}: " in line
+        assert message in line
+        assert advice == f"  {error['remedy']}"
+        assert not Path("out").exists()
+    assert error["type"] == kind
+    assert message in error["message"]
+    assert error["remedy"]
+    assert remedy in error["remedy"]
+    names = [finding["name"] for finding in error.get("findings", [])]
+    assert ("zero.jpg" in names) == (make is one_image)
+    assert partial_folders(place) == []
 
 
 @pytest.mark.slow
@@ -166,49 +143,6 @@ def test_long_and_strange_folder_names(line: CommandLine, photographs: Photograp
     assert done.json["plots"][0]["name"] == name
     # The plot's folder has the name's first bytes: other files' names come behind it.
     assert len(list((line.folder / "scores").glob(f"{name[:100]}*/cloud.ply"))) == 1
-
-
-class TestPositions:
-    def test_gps_of_zero_everywhere(self, line: CommandLine, photographs: Photographs) -> None:
-        folder = photographs(poses=False)
-        for photo in folder.glob("*.jpg"):
-            set_gps(photo, 0.0, 0.0, 0.0)
-        done = line.run("reference", "photos", "-o", "out", *DRAFT, "--no-scene", "--json")
-        assert done.code == 0, done.err
-        report = done.json
-        assert (report["metric"], report["metric_source"], report["pose_rms_m"]) == (False, "none", None)
-        assert report["frame"]["origin"] is None
-        findings = [(finding["name"], finding["code"]) for finding in report["findings"]]
-        # Eight small photographs alone make no firm model.
-        doubts = [("photos", code) for code in ("weakly-tied", "no-ground")]
-        assert findings == [*((f"IMG_{n:04d}.jpg", "gps-zero") for n in range(1, 9)), *doubts]
-        assert any("no scale" in note for note in report["frame"]["notes"])
-        refused = line.run("evaluate", "photos", "--reference", "out", "-o", "scores", "--json")
-        assert refused.code == 3
-        assert "no metric scale" in refused.error["message"]
-        assert "poses.csv" in refused.error["remedy"]
-
-    def test_gps_of_zero_in_one(self, line: CommandLine, photographs: Photographs) -> None:
-        """Its position is not used; the others still lie where they lie, not off the coast of Africa."""
-        folder = photographs()
-        rows = [row.split(",") for row in (folder / "poses.csv").read_text("utf-8").splitlines()[1:]]
-        lines = ["EPSG:4326"]
-        for number, (name, x, y, z, *_) in enumerate(rows):
-            # Near enough to a local tangent plane at 52.296° N: 111 265 m per degree of latitude, 68 205 of longitude.
-            latitude, longitude = 52.296 + float(y) / 111_265.0, 10.437 + float(x) / 68_205.0
-            if number == 0:
-                set_gps(folder / name, 0.0, 0.0, 0.0)
-            else:
-                set_gps(folder / name, latitude, longitude, 81.0 + float(z))
-                lines.append(f"{name} {longitude:.9f} {latitude:.9f} {81.0 + float(z):.4f}")
-        (folder / "poses.csv").unlink()
-        done = line.run("reference", "photos", "-o", "out", *DRAFT, "--no-scene", "--json")
-        assert done.code == 0, done.err
-        report = done.json
-        assert ("IMG_0001.jpg", "gps-zero") in [(finding["name"], finding["code"]) for finding in report["findings"]]
-        assert report["metric_source"] == "EXIF GPS"
-        assert report["frame"]["origin"]["latitude_deg"] == pytest.approx(52.296, abs=1e-4)
-        assert report["frame"]["crs_epsg"] == 32632
 
 
 def write_mask(path: Path, photograph: Path, share: float = 1.0) -> None:

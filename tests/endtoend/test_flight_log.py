@@ -11,7 +11,6 @@ from PIL import Image
 
 from fieldkit.evaluation.adherence import flown_noise
 from fieldkit.evaluation.reference import Reference
-from fieldkit.flightlogs import read_flight_log
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.results.plan_file import save_plan
@@ -24,7 +23,7 @@ from fieldkit_sim.simulation import dense_about
 from tests.endtoend.commands import CommandLine
 from tests.endtoend.test_simulated_plot import run, write_scene
 from tests.evaluation.test_adherence import plan_of_the_flight
-from tests.flightlogs.recordings import description, recording
+from tests.flightlogs.recordings import description, flight_log, recording
 
 FIELD = LocalFrame(50.8650, 6.4473, 92.06, "sea level")
 """The middle of the stations that the recordings were flown about, and home's height in the log."""
@@ -69,7 +68,7 @@ def photograph_the_field(folder: Path, triggers: list[dict[str, Any]]) -> None:
         simulate_capture(folder / "flight", renderer, flown, far, noise=exact, economy=True)
     for photo in (folder / "dense").glob("*.jpg"):
         tag(photo, accuracy_m=0.02)
-    for k, logged in enumerate(read_flight_log(recording("mount_then_yaw.tlog")).triggers, 1):
+    for k, logged in enumerate(flight_log("mount_then_yaw.tlog").triggers, 1):
         tag(folder / "flight" / f"IMG_{k:04d}.jpg", taken=datetime.fromtimestamp(logged.utc_s + 3600.1, UTC))
 
 

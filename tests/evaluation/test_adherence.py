@@ -9,7 +9,6 @@ import pytest
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.adherence import ComparedPlan, LoggedFlight, flown_noise, planned_poses
 from fieldkit.evaluation.conversion import failed_plot
-from fieldkit.flightlogs import read_flight_log
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.geodesy import LocalFrame, utm_epsg_of
 from fieldkit.geometry.pose import rotation_from_vector
@@ -19,7 +18,7 @@ from fieldkit.results.evaluation import AdherenceEntry, EvaluationReport, Statio
 from fieldkit.results.plan import Plan, Station
 from tests.captures.conftest import photo_file
 from tests.captures.photographs import MakePhoto
-from tests.flightlogs.recordings import description, recording
+from tests.flightlogs.recordings import description, flight_log, recording
 from tests.flightlogs.test_geotag import make
 
 __all__ = ["photo_file"]
@@ -28,13 +27,13 @@ __all__ = ["photo_file"]
 @pytest.fixture
 def plots(photo_file: MakePhoto) -> list[tuple[str, Path]]:
     """Two folders: photographs 0–7 of mount_then_yaw without the third, and 8–12 with an extra one."""
-    for k, trigger in enumerate(read_flight_log(recording("mount_then_yaw.tlog")).triggers):
+    for k, trigger in enumerate(flight_log("mount_then_yaw.tlog").triggers):
         if k != 2:
             path = make(photo_file, f"{'a' if k < 8 else 'b'}/{k}.jpg", trigger.utc_s + 3600.1)
     make(
         photo_file,
         "b/extra.jpg",
-        3600.1 + (read_flight_log(recording("mount_then_yaw.tlog")).triggers[9].utc_s or 0) + 4,
+        3600.1 + (flight_log("mount_then_yaw.tlog").triggers[9].utc_s or 0) + 4,
     )
     root = path.parent.parent
     return [("a", root / "a"), ("b", root / "b")]

@@ -18,7 +18,6 @@ from fieldkit.evaluation.adherence import (
 )
 from fieldkit.figures.spreadsheets import adherence_csv
 from fieldkit.figures.tables.adherence import adherence_by_plot, gaps, station_table
-from fieldkit.flightlogs import read_flight_log
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector, wrapped_deg
@@ -29,7 +28,7 @@ from tests.captures.conftest import photo_file
 from tests.captures.photographs import MakePhoto
 from tests.evaluation.adherence_examples import disturbed, plot_report
 from tests.evaluation.test_adherence import plan_of_the_flight
-from tests.flightlogs.recordings import recording
+from tests.flightlogs.recordings import flight_log, recording
 from tests.flightlogs.test_geotag import make
 
 __all__ = ["photo_file"]
@@ -43,7 +42,7 @@ Shuffled = tuple[Plan, Path, list[Pose], SourceFrame]
 @pytest.fixture
 def flight_folder(photo_file: MakePhoto) -> Path:
     """Photographs of mount_then_yaw's triggers without the third; no position in them."""
-    for k, trigger in enumerate(read_flight_log(recording("mount_then_yaw.tlog")).triggers):
+    for k, trigger in enumerate(flight_log("mount_then_yaw.tlog").triggers):
         if k != 2:
             path = make(photo_file, f"a/{k:02d}.jpg", trigger.utc_s + 3600.1)
     return path.parent

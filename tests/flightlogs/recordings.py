@@ -2,10 +2,13 @@
 
 import json
 import os
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from fieldkit.flightlogs import FlightLog, read_flight_log
 
 NEAR = Path(__file__).parents[2] / "sim" / "sitl"
 
@@ -21,6 +24,12 @@ def recording(name: str) -> Path:
     if not path.is_file():
         pytest.skip(f"there is no {path}")
     return path
+
+
+@cache
+def flight_log(name: str) -> FlightLog:
+    """A recording as it is read, once for all tests of a process."""
+    return read_flight_log(recording(name))
 
 
 def description(name: str) -> dict[str, Any]:

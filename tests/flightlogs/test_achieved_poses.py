@@ -18,7 +18,7 @@ from fieldkit.flightlogs.reading import _unpacked
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_angle_deg
-from tests.flightlogs.recordings import description, recording
+from tests.flightlogs.recordings import description, flight_log, recording
 from tests.flightlogs.test_px4_logs import quaternion
 
 FLOWN = ["mount_then_yaw", "wind4turb_settled", "roi_settled", "naive", "hold0"]
@@ -37,7 +37,7 @@ def apart_m(latitude: float, longitude: float, to: dict[str, float]) -> float:
 
 @pytest.mark.parametrize("name", LOGS)
 def test_poses_are_those_of_the_triggers(name: str) -> None:
-    log = read_flight_log(recording(name))
+    log = flight_log(name)
     told = description(name.split(".")[0])["triggers"]
     assert log.clock == "boot"
     assert [t.image for t in log.triggers] == [t["img"] for t in told]
@@ -60,7 +60,7 @@ def test_the_track_between_messages_leads_to_the_same_poses(name: str) -> None:
 
     Positions have the grid of 1e-7° (1.1 cm) and the motion between; hold0 turns at 60 °/s while it photographs.
     """
-    log = read_flight_log(recording(name))
+    log = flight_log(name)
     settled = name in SETTLED
     for trigger, t in zip(log.triggers, description(name.split(".")[0])["triggers"], strict=True):
         place, attitude = log.track.position.at(trigger.time_s), log.track.attitude.at(trigger.time_s)
@@ -79,15 +79,10 @@ def test_mavsdk4_holds_only_the_triggers() -> None:
     link = mavutil.mavlink_connection(str(path))
     told = list(iter(lambda: link.recv_match(type="CAMERA_FEEDBACK"), None))
     link.close()
-    stations = description("mount_then_yaw")["stations"]
-    planned = [
-        PlannedPose(f"station {s['i']}", s["lat"] * 1e-7, s["lon"] * 1e-7, s["h"], s["yaw"], s["pitch"])
-        for s in stations
-    ]
     for trigger, m in zip(log.triggers, told, strict=True):
         assert trigger.place.latitude_deg == pytest.approx(m.lat * 1e-7, abs=1e-10)
         assert trigger.utc_s == pytest.approx(m.time_usec * 1e-6, abs=1e-5)
-    found = adherence(planned, log.triggers, [f"{k}.jpg" for k in range(13)])
+    found = adherence(planned("mount_then_yaw"), log.triggers, [f"{k}.jpg" for k in range(13)])
     assert [e.image for e in found.stations] == [f"{k}.jpg" for k in range(13)]
     assert max(np.hypot(e.east_m, e.north_m) for e in found.stations) < 0.1
     assert max(abs(e.yaw_deg or 0.0) for e in found.stations) < 3.0
@@ -97,7 +92,7 @@ def test_mavsdk4_holds_only_the_triggers() -> None:
 
 def test_utc_of_the_two_logs_agree() -> None:
     """The dataflash log's UTC is late by its GPS receiver's latency."""
-    tlog, dataflash = (read_flight_log(recording(f"mount_then_yaw.{kind}")) for kind in ("tlog", "BIN.gz"))
+    tlog, dataflash = (flight_log(f"mount_then_yaw.{kind}") for kind in ("tlog", "BIN.gz"))
     offsets = [[t.utc_s - t.time_s for t in log.triggers if t.utc_s is not None] for log in (tlog, dataflash)]
     assert np.median(offsets[1]) == pytest.approx(np.median(offsets[0]), abs=0.2)
     assert tlog.home is not None
@@ -183,9 +178,9 @@ def test_series_wrap_and_end() -> None:
 
 
 def test_naive_triggers_come_while_the_camera_turns() -> None:
-    log: FlightLog = read_flight_log(recording("naive.tlog"))
+    log: FlightLog = flight_log("naive.tlog")
     assert sum((t.turning_dps or 0.0) > 50.0 for t in log.triggers) >= 10
-    calm = read_flight_log(recording("mount_then_yaw.tlog"))
+    calm = flight_log("mount_then_yaw.tlog")
     assert all((t.turning_dps or 0.0) < 2.0 for t in calm.triggers)
 
 
@@ -206,7 +201,7 @@ def planned(name: str) -> list[PlannedPose]:
 @pytest.mark.parametrize("name", ["mount_then_yaw", "naive", "hold0"])
 def test_errors_are_those_of_the_recording(name: str) -> None:
     """The JSON's err_est are its triggers' estimates less their stations; north is 2 % off there (a round factor)."""
-    triggers = read_flight_log(recording(f"{name}.tlog")).triggers
+    triggers = flight_log(f"{name}.tlog").triggers
     found = adherence(planned(name), triggers, names(triggers))
     told = {t["img"]: t for t in description(name)["triggers"]}
     assert not found.missing
@@ -223,7 +218,7 @@ def test_errors_are_those_of_the_recording(name: str) -> None:
 
 
 def test_missing_and_extra_whatever_the_order() -> None:
-    triggers = read_flight_log(recording("mount_then_yaw.tlog")).triggers
+    triggers = flight_log("mount_then_yaw.tlog").triggers
     plan = planned("mount_then_yaw")
     rng = np.random.default_rng(1)
     order = rng.permutation(13)
@@ -240,7 +235,7 @@ def test_missing_and_extra_whatever_the_order() -> None:
 
 
 def test_nothing_is_assigned_far_away() -> None:
-    triggers = read_flight_log(recording("mount_then_yaw.tlog")).triggers
+    triggers = flight_log("mount_then_yaw.tlog").triggers
     far = [PlannedPose("far", 50.9, 6.5, 2.0, 0.0, -30.0)]
     found = adherence(far, triggers, names(triggers))
     assert found.stations == ()

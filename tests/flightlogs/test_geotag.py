@@ -18,7 +18,7 @@ from fieldkit.flightlogs.model import bursts_of
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.sites.placement import PlotFrame
 from tests.captures.photographs import MakePhoto, exif_block, gps_tags
-from tests.flightlogs.recordings import description, recording
+from tests.flightlogs.recordings import description, flight_log, recording
 from tests.flightlogs.test_px4_logs import UTC_US, flight
 from tests.flightlogs.ulog_file import write_ulog
 
@@ -29,7 +29,7 @@ CAMERA_OFFSET_S = 7200.0 - 41.0
 @pytest.fixture
 def photographs(photo_file: MakePhoto) -> Path:
     """The photographs of mount_then_yaw without the fifth, named in no order, and a test photograph in between."""
-    triggers = read_flight_log(recording("mount_then_yaw.tlog")).triggers
+    triggers = flight_log("mount_then_yaw.tlog").triggers
     for k, trigger in enumerate(triggers):
         if k == 4:
             continue
@@ -108,7 +108,7 @@ def test_a_plots_frame_is_the_plans(heading_deg: float, yaw_deg: float, x: float
 
 
 def test_whole_seconds_with_gps(photo_file: MakePhoto, tmp_path: Path) -> None:
-    triggers = read_flight_log(recording("hold0.tlog")).triggers
+    triggers = flight_log("hold0.tlog").triggers
     for k, trigger in enumerate(triggers):
         if k == 0:
             continue

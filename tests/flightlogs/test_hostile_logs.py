@@ -1,7 +1,6 @@
 """Logs that are cut, mutated or made to do harm end in a MetadataError, or are read as far as they make sense."""
 
 import gzip
-import os
 import struct
 from pathlib import Path
 
@@ -139,17 +138,12 @@ def test_bombs_and_other_files_are_refused(tmp_path: Path) -> None:
         read_flight_log(large, max_bytes=4000)
     with pytest.raises(MetadataError, match="no MAVLink"):
         read_flight_log(large)
-    with pytest.raises(MetadataError, match="not a file"):
-        read_flight_log(tmp_path)
     with pytest.raises(MetadataError, match="no such file"):
         read_flight_log(tmp_path / "none.tlog")
     empty = tmp_path / "empty.tlog"
     empty.touch()
     with pytest.raises(MetadataError, match="is empty"):
         read_flight_log(empty)
-    os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(MetadataError, match="not a regular file"):
-        read_flight_log(tmp_path / "pipe")
 
 
 def test_frames_with_wrong_checksums_are_given_up_in_time(tmp_path: Path) -> None:

@@ -7,9 +7,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fieldkit.flightlogs import Matches, Place, Stamp, Trigger, match, read_flight_log
+from fieldkit.flightlogs import Matches, Place, Stamp, Trigger, match
 from fieldkit.flightlogs.model import bursts_of
-from tests.flightlogs.recordings import recording
+from tests.flightlogs.recordings import flight_log
 
 HOME = (50.865, 6.4473)
 M_NORTH, M_EAST = 1.0 / 111_240.0, 1.0 / 70_370.0
@@ -200,7 +200,7 @@ def test_photographs_of_another_flight() -> None:
 def test_recorded_flights_with_every_photograph_missing_in_turn() -> None:
     """hold0 photographs every 2 s, mount_then_yaw every 9.5 s in an almost even rhythm."""
     for name in ("hold0", "mount_then_yaw"):
-        triggers = read_flight_log(recording(f"{name}.tlog")).triggers
+        triggers = flight_log(f"{name}.tlog").triggers
         for drop in range(13):
             stamps = [
                 Stamp(f"P{k}", (t.utc_s or 0.0) - 3600.0 + 0.15) for k, t in enumerate(triggers) if k != drop
