@@ -29,8 +29,15 @@ from fieldkit.reconstruction.colmap_model import (
 )
 from fieldkit.reconstruction.dense import View, compute_depth_maps, fuse, prepare_view
 from fieldkit.reconstruction.dense.depth_maps import expected_bytes, expected_cost
-from fieldkit.reconstruction.dense.fusion import depth_scatter_px, fusion_rule
-from fieldkit.reconstruction.dense.resolution import MOST_PIXELS, UNSCALED_M, Resolution, resolution, steps_finer
+from fieldkit.reconstruction.dense.fusion import STANDING_M, depth_scatter_px, fusion_rule
+from fieldkit.reconstruction.dense.resolution import (
+    MOST_PIXELS,
+    UNSCALED_M,
+    Resolution,
+    pixel_m,
+    resolution,
+    steps_finer,
+)
 from fieldkit.reconstruction.dense.views import read_mask, view_camera
 from fieldkit.reconstruction.guided import Region
 from fieldkit.reconstruction.known_poses import known_poses
@@ -176,7 +183,7 @@ def _reconstructed(
         stray=1.0 - len(nearby) / max(1, len(above)),
         scene=fused if settings.mask == "none" and not reach_m else None,
         gsd_m=gsd_m,
-        pixel_m=dense.pixel_m,
+        pixel_m=dense.pixel_m if ground is None else dense.pixel_of(plants, ground),
         scatter_px=scatter_px,
         fusion_rule=fusion_rule(settings.min_agreeing_views, scatter_px),
         times=timer.times(cached),
@@ -330,7 +337,7 @@ class _Dense:
         progress.note(f"{self._sizes()}; {expected_cost(views)}{filed}")
         maps = compute_depth_maps(views, self.volume, self.context, seed=self.settings.seed, room=room)
         with progress.stage(f"Fusion ({what})"):
-            scatter_px = depth_scatter_px(views, maps, self.volume, room)
+            scatter_px = depth_scatter_px(views, maps, self.volume, room, self.sparse.frame.ground)
             return fuse(views, maps, self.volume, self.settings.min_agreeing_views, scatter_px, room), scatter_px
 
     @cached_property
@@ -354,6 +361,15 @@ class _Dense:
     def pixel_m(self) -> float:
         """Length that a pixel of the depth maps covers at the plants, median over the views."""
         return float(np.median([size.gsd_m for size in self.sizes.values()]))
+
+    def pixel_of(self, plants: Cloud, ground: Plane) -> float:
+        """The same about the plants that were found, whatever the volume."""
+        standing = plants.points[ground.heights(plants.points) > STANDING_M]
+        about = Volume.around(standing if len(standing) else plants.points, margin_m=STANDING_M)
+        sparse = self.sparse
+        widths = {name: size.size[0] for name, size in self.sizes.items()}
+        own = [pixel_m(sparse.intrinsics[name], sparse.poses[name], about, width) for name, width in widths.items()]
+        return float(np.median(own))
 
     def _sizes(self) -> str:
         """Why views have their sizes, in words."""

@@ -24,10 +24,10 @@ STAGES: Mapping[str, int] = MappingProxyType(
         "frame": 2,  # plot frame, ground, volume of interest
         "views": 4,  # undistorted photographs and masks
         "depth": 6,  # dense stereo
-        "fusion": 5,  # depth maps into one cloud
+        "fusion": 6,  # depth maps into one cloud
         "plants": 1,  # what of the cloud is plant: above the ground, without strays, in the volume
         "scores": 1,  # refinement onto the reference, distances to it
-        "figures": 11,  # traits of plants, and what predictions are made from
+        "figures": 12,  # traits of plants, and what predictions are made from
         "adherence": 1,  # of a flight to its plan
         "visit": 1,  # where a campaign's visit is placed, and what is noted of it
     }

@@ -25,6 +25,7 @@ from fieldkit.reconstruction.dense.matching import MAX_COST
 from fieldkit.reconstruction.dense.resolution import plant_depth_m
 from fieldkit.reconstruction.dense.source_views import FUSION_NEIGHBORS, choose_sources
 from fieldkit.reconstruction.dense.views import DepthMap, View
+from fieldkit.results.frame import Plane
 from fieldkit.runtime.kernels import fast_kernel
 from fieldkit.runtime.room import MEMORY, Room
 
@@ -43,6 +44,9 @@ WIDER = 3.0
 difference grows alike. Fitted with it."""
 WIDEST_PX = 12.0
 """Largest round-trip distance where leaves sway, pixels. Fitted with it."""
+STANDING_M = 0.05
+"""Height above the ground from which plants stand, metres. Below it weeds and soil keep still, and how many of them
+there are depends on the volume."""
 _SCATTER_GATE_PX = 20.0
 """Round-trip distance beyond which depths are of two surfaces, pixels."""
 _SCATTER_GATE_DEPTH = 0.15
@@ -107,21 +111,39 @@ def tolerances(scatter_px: float) -> tuple[float, float]:
 
 
 def depth_scatter_px(
-    views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, room: Room = MEMORY
+    views: Sequence[View],
+    depth_maps: Sequence[DepthMap],
+    volume: Volume,
+    room: Room = MEMORY,
+    ground: Plane | None = None,
 ) -> float:
     """How far the views' depths of one surface lie apart, pixels: 0.9 to 1.1 of still leaves, the more the more they
     sway between photographs.
 
-    Of every depth, the round trip to the view that agrees second best (the best agrees by chance); of those of one
-    surface, the upper quartile. 0 where no three views meet.
+    Depths lower than `STANDING_M` above the ``ground`` do not count. Of every other one, the round trip to the view
+    that agrees second best (the best agrees by chance); of those of one surface, the upper quartile. 0 where no three
+    views meet.
     """
     stack = _stacked(views, depth_maps, room)
+    if ground is not None:
+        for view, depth in zip(views, stack[0], strict=True):
+            depth[_heights(view, depth, ground) < STANDING_M] = 0.0
     trips = [
         _second_trips(i, np.array(near, dtype=np.int64), *stack, _SCATTER_GATE_DEPTH, _SCATTER_GATE_PX, _SCATTER_STEP)
         for i, near in enumerate(choose_sources(views, volume, FUSION_NEIGHBORS))
     ]
     every = np.concatenate(trips) if trips else np.zeros(0)
     return float(np.quantile(every, _SCATTER_QUANTILE)) if len(every) else 0.0
+
+
+def _heights(view: View, depth: Float32Array, ground: Plane) -> Float32Array:
+    """(rows, columns) heights above the ground of a view's depths, metres."""
+    camera, (right, down, forward) = view.intrinsics, view.pose.rotation @ ground.normal
+    x = right * (np.arange(depth.shape[1]) + 0.5 - camera.cx) / camera.fx + forward
+    y = down * (np.arange(depth.shape[0]) + 0.5 - camera.cy) / camera.fy
+    own = float(ground.heights(view.pose.center[None])[0])
+    heights: Float32Array = own + depth * (x[None] + y[:, None]).astype(np.float32)
+    return heights
 
 
 def _stacked(

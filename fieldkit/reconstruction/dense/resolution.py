@@ -70,7 +70,7 @@ def resolution(
     """
     width, height = size
     if metric:
-        own_m = plant_depth_m(camera, pose, volume) / (camera.fx * width / camera.width)
+        own_m = pixel_m(camera, pose, volume, width)
         wanted_m = GSD_M[fidelity] * min(1.0, volume.diagonal / SMALL_M)
     else:
         own_m, wanted_m = math.sqrt(math.prod(UNSCALED_M) / (width * height)), GSD_M[fidelity]
@@ -79,6 +79,11 @@ def resolution(
     scale = 2.0 ** (-max(steps, least) / _STEPS)
     reduced = max(1, round(width * scale)), max(1, round(height * scale))
     return Resolution(reduced, own_m / scale, least > steps)
+
+
+def pixel_m(camera: Intrinsics, pose: Pose, volume: Volume, width: int) -> float:
+    """Length that a pixel of a view so many pixels wide covers at the plants (`plant_depth_m`), metres."""
+    return plant_depth_m(camera, pose, volume) * camera.width / (camera.fx * width)
 
 
 def plant_depth_m(camera: Intrinsics, pose: Pose, volume: Volume) -> float:

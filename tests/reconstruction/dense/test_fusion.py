@@ -17,6 +17,7 @@ from fieldkit.reconstruction.dense.fusion import (
     ground_sampling_distance,
     tolerances,
 )
+from fieldkit.results.frame import Plane as Ground
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
 
 Made = tuple[list[View], list[DepthMap]]
@@ -104,6 +105,16 @@ def test_depths_of_what_stands_still_hardly_scatter(eight):
 def test_depths_scatter_with_what_sways(eight):
     little, much = (depth_scatter_px(*swaying(eight, share), VOLUME) for share in (0.01, 0.04))
     assert 0.2 < little < 0.5 * much
+
+
+@pytest.mark.parametrize(("depth_m", "counts"), [(0.06, True), (0.04, False)])
+def test_what_lies_on_the_ground_scatters_for_nothing(eight, depth_m, counts):
+    views, maps = swaying(eight, 0.0)
+    ground = Ground(normal=(0.6, 0.0, 0.8), offset_m=-depth_m, rms_m=0.0, inlier_share=1.0, tolerance_m=0.01)
+    level = replace(ground, normal=(0.0, 0.0, 1.0))
+    expected = depth_scatter_px(views, maps, VOLUME) if counts else 0.0
+    assert depth_scatter_px(views, maps, VOLUME, ground=level) == expected
+    assert depth_scatter_px(views, maps, VOLUME, ground=ground) > 0.0  # a slope, on whose one side the plane stands
 
 
 def test_tolerances_are_wider_where_depths_scatter_only():
