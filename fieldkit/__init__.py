@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from fieldkit.fieldcheck.check import check as check
     from fieldkit.fieldcheck.model import CheckSettings as CheckSettings
     from fieldkit.missions.export_mission import export_mission as export_mission
+    from fieldkit.missions.settings import MissionSettings as MissionSettings
     from fieldkit.planning.plan_settings import PlanSettings as PlanSettings
     from fieldkit.planning.run.outcome import Outcome as Outcome
     from fieldkit.planning.run.plan import plan as plan
@@ -47,6 +48,7 @@ _HOMES = {
         ("fieldcheck.check", "check"),
         ("fieldcheck.model", "CheckSettings"),
         ("missions.export_mission", "export_mission"),
+        ("missions.settings", "MissionSettings"),
         ("planning.plan_settings", "PlanSettings"),
         ("planning.run.outcome", "Outcome"),
         ("planning.run.plan", "plan"),

@@ -23,6 +23,8 @@ SearchFidelity = Literal["draft", "standard", "fine"]
 BURST_INTERVAL_S = 0.7
 """Between the photographs of a burst at least: about what cameras such as the Mavic 3 Enterprise's keep up. Leaves
 swing at 1 to 3 Hz about where gusts of seconds hold them: five photographs, 3 to 4 s, average most of the swing out."""
+MissionFormat = Literal["plan", "waypoints", "wpml", "litchi"]
+"""A ground station's or an app's file of a mission."""
 Preset = Literal["outdoors", "paper"]
 """Conditions that a plan expects: a flight in a breeze, or the paper's exact poses in still air."""
 PlanningMethod = Literal["score", "field", "bosfm", "circle", "uniform"]

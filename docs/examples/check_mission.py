@@ -10,7 +10,7 @@ from pathlib import Path
 
 from small_plot import plan
 
-from fieldkit import export_mission
+from fieldkit import MissionSettings, export_mission
 from fieldkit.missions.check import check_mission, check_on_ground
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.ground import ground_of
@@ -33,7 +33,8 @@ width_m = 0.3
 plant_height_m = 0.4
 """
 )
-export_mission(plan(), "ardupilot-pitch", folder / "field.toml", folder / "mission.plan", adjust=True, picture=False)
+settings = MissionSettings(adjust=True)
+export_mission(plan(), "ardupilot-pitch", folder / "field.toml", folder / "mission.plan", settings, picture=False)
 
 # %%
 vehicle = load_vehicle("ardupilot-pitch")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from small_plot import plan
 
-from fieldkit import export_mission
+from fieldkit import MissionSettings, export_mission
 
 folder = Path(tempfile.mkdtemp(prefix="fieldkit-"))
 
@@ -56,8 +56,8 @@ exported = export_mission(
     "ardupilot-pitch",
     folder / "field.toml",
     folder / "mission.plan",
+    MissionSettings(adjust=True),
     plots=folder / "plots.geojson",
-    adjust=True,
     picture=False,
 )
 for file in exported.files:

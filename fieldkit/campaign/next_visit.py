@@ -20,6 +20,7 @@ from fieldkit.clouds.volume import Volume
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.files import atomic_folder
 from fieldkit.missions.export_mission import ExportedMission, export_mission
+from fieldkit.missions.settings import MissionSettings
 from fieldkit.planning.methods.optimise import Effort, optimise
 from fieldkit.planning.plan_settings import EnvelopeSettings
 from fieldkit.planning.problem import PlanningProblem
@@ -252,13 +253,12 @@ class NextVisit:
 
 
 def plan_next_visit(
-    campaign: Campaign, date: str, output: Path, context: Context, *, vehicle: str | None = None,
-    growth: float = GROWTH, plant_height: PlantHeight | None = None, only: Sequence[str] | None = None,
-    adjust: bool = False, format: str | None = None, overwrite: bool = False,  # noqa: A002
+    campaign: Campaign, date: str, output: Path, settings: MissionSettings, context: Context, *,
+    vehicle: str | None = None, growth: float = GROWTH, overwrite: bool = False,
 ) -> NextVisit:  # fmt: skip
     """`next_plans`, kept in the campaign's folder (plans/DATE/PLOT.json), and one mission over all plots.
 
-    With ``only``, over the plots of these names alone. Plants are at least as high as the grown ones of each plot's
+    ``settings`` may name the only plots that are flown. Plants are at least as high as the grown ones of each plot's
     plan.
     """
     folder = campaign.folder / PLANS_FOLDER / date
@@ -270,24 +270,24 @@ def plan_next_visit(
             "which vehicle flies? The campaign does not say", remedy="Give --vehicle NAME, as for export-mission."
         )
     profile = load_vehicle(given)
-    stated = campaign.site if only is None else with_plots(campaign.site, named_plots(campaign.site, only))
-    site = with_plant_height(stated, campaign.plan, plant_height)
+    stated = campaign.site
+    if settings.only is not None:
+        stated = with_plots(stated, named_plots(stated, settings.only))
+    site = with_plant_height(stated, campaign.plan, settings.plant_height)
+    context = replace(context, seed=settings.seed)
     plans = next_plans(replace(campaign, site=site), profile, context, growth=growth)
     tops = {each.plot: PlanFacts(each.plan).top_m for each in plans if each.date is not None}
     for plot in site.neighbours:
         _, cloud = _cloud_of(campaign, plot.name)
         if cloud is not None:
             tops[plot.name] = growth * float(read_cloud(cloud).points[:, 2].max())
-    measured, flown = heights_flown(stated, campaign.plan, plant_height, tops)
+    measured, flown = heights_flown(stated, campaign.plan, settings.plant_height, tops)
     mission = export_mission(
         {each.plot: each.plan for each in plans}, profile, flown, output,
-        adjust=adjust, format=format, overwrite=overwrite, seed=context.seed, plans=False,
-        progress=context.progress,
+        replace(settings, only=None, plant_height=None), context, plans=False, overwrite=overwrite,
     )  # fmt: skip
-    mission = replace(
-        mission,
-        routed=replace(mission.routed, fit=(*heights_taken(measured, flown, plant_height), *mission.routed.fit)),
-    )
+    taken = heights_taken(measured, flown, settings.plant_height)
+    mission = replace(mission, routed=replace(mission.routed, fit=(*taken, *mission.routed.fit)))
     with atomic_folder(folder, overwrite=overwrite) as made:
         for each in plans:
             if each.plan != campaign.carried_plan(each.plot):

@@ -8,39 +8,33 @@ from typing import Annotated
 from typer import Option
 
 from fieldkit.cli.common import (
-    AdjustOption,
+    MISSION,
+    RUN,
+    SEED,
     CampaignArgument,
     JsonOption,
-    MissionFormatOption,
     MissionOutputOption,
-    OnlyOption,
     OverwriteOption,
-    PlantHeightOption,
-    SeedOption,
     VehicleOption,
     campaign_folder,
     emit_json,
-    only_plots,
-    plant_height,
     show,
     table,
     tell_fit,
 )
 from fieldkit.cli.reconstruction_options import WorkersOption, run_context
 from fieldkit.errors import UsageError
+from fieldkit.missions.settings import MissionSettings
 
 
 def command(
     output: MissionOutputOption,
     folder: CampaignArgument = None,
+    *,
     date: Annotated[str, Option(metavar="DATE")] = "",
     growth: Annotated[float, Option(metavar="FACTOR")] = 1.15,
     vehicle: VehicleOption = None,
-    height: PlantHeightOption = None,
-    only: OnlyOption = None,
-    adjust: AdjustOption = False,
-    format: MissionFormatOption = None,  # noqa: A002
-    seed: SeedOption = 0,
+    settings: Annotated[MissionSettings, {"Options": MISSION, RUN: {"seed": SEED}}],
     workers: WorkersOption = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
@@ -67,11 +61,10 @@ def command(
 
     limit_threads(1)
     campaign = read_campaign(folder)
-    with run_context(as_json=as_json, workers=workers, seed=seed) as context:
+    with run_context(as_json=as_json, workers=workers) as context:
         made = plan_next_visit(
-            campaign, day, output, context, vehicle=vehicle, growth=growth, plant_height=plant_height(height),
-            only=only_plots(only), adjust=adjust, format=format, overwrite=overwrite,
-        )  # fmt: skip
+            campaign, day, output, settings, context, vehicle=vehicle, growth=growth, overwrite=overwrite
+        )
     if as_json:
         plots = [
             {

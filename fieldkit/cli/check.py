@@ -9,25 +9,24 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Option
 
 from fieldkit.cli.common import (
+    MISSION,
     RUN,
-    AdjustOption,
     FitOption,
     JsonOption,
     LogOption,
-    MissionFormatOption,
     OverwriteOption,
-    PlantHeightOption,
     SeedOption,
     SitePlotOptions,
     VehicleOption,
     answer,
     emit_json,
-    plant_height,
     say,
     show,
 )
+from fieldkit.cli.options import Panels
 from fieldkit.cli.reconstruction_options import run_context
 from fieldkit.errors import UsageError
+from fieldkit.missions.settings import MissionSettings
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -39,6 +38,9 @@ if TYPE_CHECKING:
 _LEVELS: Mapping[str, Level] = {"fine": "good", "fix tags": "note", "fly again": "problem"}
 
 
+AGAIN: Panels = {"Options": {name: MISSION[name] for name in ("format", "adjust", "plant_height")}}
+
+
 @dataclass(frozen=True)
 class AgainOptions:
     """The mission that flies stations again."""
@@ -46,9 +48,6 @@ class AgainOptions:
     vehicle: VehicleOption = None
     output: Annotated[Path | None, Option("--output", "-o")] = None
     """Mission file for the stations to fly again; needs --vehicle and --site."""
-    format: MissionFormatOption = None
-    adjust: AdjustOption = False
-    height: PlantHeightOption = None
 
     def check(self, site: Path | None) -> None:
         """Raise UsageError where a mission needs more than is given, or a vehicle is given without one."""
@@ -66,6 +65,7 @@ def command(
     log: LogOption = None,
     fit: FitOption = None,
     again: AgainOptions,
+    mission: Annotated[MissionSettings, AGAIN],
     position_tolerance: Annotated[float, Option(metavar="M", min=0.01, max=100.0)] = 0.25,
     angle_tolerance: Annotated[float, Option(metavar="DEG", min=0.1, max=180.0)] = 8.0,
     seed: SeedOption = 0,
@@ -94,16 +94,17 @@ def command(
         fieldkit check flight_7/ --plan plan.json --site field.toml --vehicle ardupilot-pitch -o again.plan
     """
     again.check(place.site)
-    site, height = place.load(tell=None if as_json else say), plant_height(again.height)
+    site = place.load(tell=None if as_json else say)
     from fieldkit.fieldcheck import CheckSettings
     from fieldkit.fieldcheck.check import check
 
     settings = CheckSettings(position_m=position_tolerance, angle_deg=angle_tolerance, seed=seed)
     with run_context(as_json=as_json, no_cache=no_cache) as context:
         reports = check(
-            captures, settings, context, plan=plan, site=site, plot=place.plot, plant_height=height, log=log, fit=fit
-        )
-    files = list(_missions(reports, plan, site, again, fit=fit, overwrite=overwrite, seed=seed))
+            captures, settings, context, plan=plan, site=site, plot=place.plot, plant_height=mission.plant_height,
+            log=log, fit=fit,
+        )  # fmt: skip
+    files = list(_missions(reports, plan, site, again, replace(mission, fit=fit, seed=seed), overwrite=overwrite))
     if as_json:
         plots = [_plain(report) for report in reports]
         one = plots[0] if len(plots) == 1 else {}
@@ -116,8 +117,8 @@ def command(
 
 
 def _missions(
-    reports: Sequence[CheckReport], plan: Path | None, site: Site | None, again: AgainOptions, *, fit: bool | None,
-    overwrite: bool, seed: int,
+    reports: Sequence[CheckReport], plan: Path | None, site: Site | None, again: AgainOptions,
+    settings: MissionSettings, *, overwrite: bool,
 ) -> Iterator[Path]:  # fmt: skip
     """Write the missions that are asked for, one for each plot with stations to fly again."""
     from fieldkit.fieldcheck import write_refly
@@ -130,8 +131,8 @@ def _missions(
             continue
         target = output if len(reports) == 1 else output.with_name(f"{output.stem}-{report.name}{output.suffix}")
         yield from write_refly(
-            report.fly_again, plan, vehicle, site, target, plot=report.plot, plant_height=plant_height(again.height),
-            format=again.format, fit=fit, adjust=again.adjust, burst=report.burst, overwrite=overwrite, seed=seed,
+            report.fly_again, plan, vehicle, site, target, replace(settings, burst=report.burst), plot=report.plot,
+            overwrite=overwrite,
         )  # fmt: skip
 
 

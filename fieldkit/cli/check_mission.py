@@ -11,7 +11,6 @@ from fieldkit.cli.common import (
     VEHICLE,
     FitOption,
     JsonOption,
-    PlantHeightOption,
     SiteOptions,
     answer,
     emit_json,
@@ -35,7 +34,7 @@ def command(
     plan: Path | None = None,
     *,
     place: SiteOptions,
-    height: PlantHeightOption = None,
+    height: Annotated[Any, Option("--plant-height", metavar="METRES", parser=plant_height)] = None,
     burst: Annotated[int | None, Option(metavar="K", min=1)] = None,
     fit: FitOption = None,
     as_json: JsonOption = False,
@@ -49,6 +48,8 @@ def command(
     Args:
         file: A .plan, .waypoints, .kmz (DJI WPML) or Litchi .csv file.
         plan: plan.json: compare the photographs with its stations.
+        height: Height of the highest plants of all plots; or "unknown", where plots do not say theirs, for 30 % more
+            than the plan's. Without: plant_height_m of the plots.
         burst: Photographs per station. Without: as most have.
 
     Examples:
@@ -70,7 +71,7 @@ def command(
     with open_progress(as_json=as_json):
         ground = ground_of(
             file, site, flown_by.clearance_m, plans=None if plan is None else load_plan(plan), fit=fit,
-            plant_height=plant_height(height),
+            plant_height=height,
         )  # fmt: skip
         if plan is not None and ground is None:
             raise UsageError("--plan says nothing without --site", remedy="Give the site file that says where home is.")

@@ -6,7 +6,7 @@ import math
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
@@ -18,7 +18,7 @@ from fieldkit.errors import UsageError
 from fieldkit.wording import count
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from rich.console import RenderableType
 
@@ -53,15 +53,6 @@ SeedOption = Annotated[int, SEED]
 CampaignArgument = Annotated[
     Path | None, Argument(help="The campaign's folder; the one about the current folder where not given.")
 ]
-MissionFormat = Literal["plan", "waypoints", "wpml", "litchi"]
-MissionFormatOption = Annotated[
-    MissionFormat | None,
-    Option(
-        "--format",
-        help="QGroundControl, MAVLink waypoints, DJI WPML, or Litchi. Without: by the file's suffix "
-        "(.plan, .waypoints, .kmz, .csv), else plan.",
-    ),
-]
 FitOption = Annotated[
     bool | None, Option("--fit/--no-fit", help="As at the export: compare with the stations fitted to each plot.")
 ]
@@ -73,15 +64,11 @@ PlotsOption = Annotated[
         help="Plots, in place of those of the site file: GeoJSON, Shapefile (.shp or .zip), KML or GeoPackage.",
     ),
 ]
-OnlyOption = Annotated[
-    str | None,
-    Option("--only", metavar="PLOT[,PLOT…]", help="Fly these plots; the others stay obstacles. Without: all."),
-]
 
 
-def only_plots(text: str | None) -> list[str] | None:
+def only_plots(text: str) -> list[str]:
     """The plots of --only."""
-    return None if text is None else [name for name in map(str.strip, text.split(",")) if name]
+    return [name for name in map(str.strip, text.split(",")) if name]
 
 
 PlotIdOption = Annotated[
@@ -123,23 +110,10 @@ class SitePlotOptions(SiteOptions):
     """Of the site, where it has several."""
 
 
-PlantHeightOption = Annotated[
-    str | None,
-    Option(
-        "--plant-height",
-        metavar="METRES",
-        help='Height of the highest plants of all plots; or "unknown", where plots do not say theirs, for 30 % more '
-        "than the plan's. Without: plant_height_m of the plots.",
-    ),
-]
-
-
-def plant_height(given: str | None) -> PlantHeight | None:
+def plant_height(given: str) -> PlantHeight:
     """What --plant-height says."""
     from fieldkit.sites.site import TALLEST_M
 
-    if given is None:
-        return None
     if given == "unknown":
         return "unknown"
     try:
@@ -152,6 +126,15 @@ def plant_height(given: str | None) -> PlantHeight | None:
             remedy=f'Give metres from 0 to {TALLEST_M:g}, like 1.64, or "unknown".',
         )
     return metres
+
+
+MISSION: Mapping[str, Any] = {
+    "format": Option(),
+    "only": Annotated[str | None, Option(metavar="PLOT[,PLOT…]", parser=only_plots)],
+    "plant_height": Annotated[str | None, Option(metavar="METRES", parser=plant_height)],
+    "adjust": Option(),
+}
+"""Options of the commands that write missions, for `MissionSettings`."""
 
 
 def campaign_folder(given: Path | None) -> Path:
@@ -178,9 +161,6 @@ VehicleOption = Annotated[str | None, VEHICLE]
 LogOption = Annotated[
     Path | None,
     Option("--log", help="Flight log (.tlog, .BIN, .ulg): poses of its triggers, in place of poses.csv and GPS."),
-]
-AdjustOption = Annotated[
-    bool, Option("--adjust", help="Fly the nearest poses where the vehicle cannot take the plan's.")
 ]
 OutputOption = Annotated[
     Path, Option("--output", "-o", help="The result's folder. It appears when the run is complete.")

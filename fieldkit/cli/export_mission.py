@@ -10,31 +10,35 @@ from typer import Option
 
 from fieldkit.cli.boundary import finding_entry
 from fieldkit.cli.common import (
+    MISSION,
+    RUN,
+    SEED,
     VEHICLE,
-    AdjustOption,
     JsonOption,
-    MissionFormatOption,
     MissionOutputOption,
-    OnlyOption,
     OverwriteOption,
-    PlantHeightOption,
     PlotIdOption,
     PlotsOption,
-    SeedOption,
     answer,
     emit_json,
-    only_plots,
-    plant_height,
     say,
     show,
     table,
     tell_fit,
 )
+from fieldkit.cli.options import Panels
+from fieldkit.cli.reconstruction_options import run_context
 from fieldkit.figures.style import format_length, format_seconds
+from fieldkit.missions.settings import MissionSettings
 from fieldkit.wording import by_key, count, listed
 
 if TYPE_CHECKING:
     from fieldkit.missions.export_mission import ExportedMission
+
+SETTINGS: Panels = {
+    "Options": {**MISSION, "fit": Option("--fit/--no-fit"), "burst": Option(metavar="K", min=1, max=30)},
+    RUN: {"seed": SEED},
+}
 
 
 def command(
@@ -42,16 +46,10 @@ def command(
     vehicle: Annotated[str, VEHICLE],
     site: Annotated[Path, Option()],
     output: MissionOutputOption,
-    format: MissionFormatOption = None,  # noqa: A002 - the option's name
+    settings: Annotated[MissionSettings, SETTINGS],
     plots: PlotsOption = None,
     plot_id: PlotIdOption = None,
-    only: OnlyOption = None,
-    height: PlantHeightOption = None,
-    fit: Annotated[bool | None, Option("--fit/--no-fit")] = None,
-    adjust: AdjustOption = False,
-    burst: Annotated[int, Option(metavar="K", min=1, max=30)] = 1,
     no_picture: bool = False,
-    seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -66,9 +64,6 @@ def command(
     Args:
         plan: plan.json, or the folder that holds it.
         site: Site file: home, plots, fence, obstacles.
-        fit: Fit the plan to each plot's plant height and size, as the site gives them. Without: a plan for plots of a
-            kind is fitted to the height.
-        burst: Photographs per station: wind's swing averages out.
         no_picture: Do not draw the flights.
 
     Examples:
@@ -77,19 +72,16 @@ def command(
         fieldkit export-mission maize-plan --vehicle px4-gimbal --site site.toml --plots plots.gpkg --fit -o field
         fieldkit export-mission maize-plan --vehicle dji-mini-4-pro --site site.toml --format litchi --adjust -o field
     """
-    from fieldkit.cli.progress import open_progress
     from fieldkit.documents.mistaken import check_order
     from fieldkit.missions.export_mission import export_mission
     from fieldkit.sites.site_file import load_site
 
     check_order(plan, site)
     place = load_site(site, plots, plot_id, tell=None if as_json else say)
-    with open_progress(as_json=as_json) as progress:
+    with run_context(as_json=as_json) as context:
         done = export_mission(
-            plan, vehicle, place, output, format=format, only=only_plots(only), plant_height=plant_height(height),
-            fit=fit, adjust=adjust, burst=burst, picture=not no_picture, overwrite=overwrite, seed=seed,
-            progress=progress,
-        )  # fmt: skip
+            plan, vehicle, place, output, settings, context, picture=not no_picture, overwrite=overwrite
+        )
     if as_json:
         emit_json(_facts(done))
     else:

@@ -28,6 +28,7 @@ from fieldkit.evaluation.reference import Reference
 from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.geometry import Pose
 from fieldkit.missions.export_mission import ExportedMission, export_mission
+from fieldkit.missions.settings import MissionSettings
 from fieldkit.planning.methods.circle import expected_circle
 from fieldkit.planning.plan_settings import NoiseSettings, PlanSettings
 from fieldkit.planning.run.flyable import flight_noise
@@ -156,8 +157,8 @@ def _mission(folder: Path, context: Context) -> ExportedMission:
     with context.progress.stage("Mission"):
         (folder / "mission").mkdir()
         site = missions_folder() / "sites" / "example.toml"
-        height_m = measured_height_m(SEEN)
-        return export_mission(folder / "plan", VEHICLE, site, folder / "mission" / "demo.plan", plant_height=height_m)
+        settings = MissionSettings(plant_height=measured_height_m(SEEN))
+        return export_mission(folder / "plan", VEHICLE, site, folder / "mission" / "demo.plan", settings)
 
 
 def _captures_and_scores(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -21,15 +21,17 @@ from fieldkit.missions.files.limits import APPS, MOST_WAYPOINTS
 from fieldkit.missions.files.maps import geojson_bytes
 from fieldkit.missions.files.reading import read_mission_bytes
 from fieldkit.missions.files.writing import FORMATS, mission_bytes
+from fieldkit.missions.settings import MissionSettings
 from fieldkit.regular_files import check_replaceable, read_regular
 from fieldkit.results.mission import FlownPlan, record_bytes, record_path
 from fieldkit.results.plan import Plan, Plans, station_number
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, plan_bytes
 from fieldkit.routing.flights import Room
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.sites.placement import SiteFrame
 from fieldkit.sites.plot_ids import plot_file_name
-from fieldkit.sites.plot_plants import PlantHeight, heights_taken, with_plant_height
+from fieldkit.sites.plot_plants import heights_taken, with_plant_height
 from fieldkit.sites.plots_file import load_plots
 from fieldkit.sites.site import Site
 from fieldkit.sites.site_file import load_site, named_plots, with_plots
@@ -55,20 +57,14 @@ def export_mission(
     vehicle: str | Path | Vehicle,
     site: Path | str | Site,
     output: Path | str,
+    settings: MissionSettings | None = None,
+    context: Context | None = None,
     *,
-    format: str | None = None,  # noqa: A002
     plots: Path | str | None = None,
     plot_id: str | None = None,
-    only: Sequence[str] | None = None,
-    plant_height: PlantHeight | None = None,
-    fit: bool | None = None,
-    adjust: bool = False,
-    burst: int = 1,
     picture: bool = True,
     plans: bool = True,
     overwrite: bool = False,
-    seed: int = 0,
-    progress: Progress | None = None,
 ) -> ExportedMission:
     """Write a plan as missions that a vehicle flies over every plot of a site.
 
@@ -78,14 +74,11 @@ def export_mission(
     Args:
         plan: plan.json, its folder, or a plan; or each plot's own plan by its name.
         output: the mission file; its suffix may be left out.
-        format: "plan", "waypoints", "wpml" or "litchi"; None takes the one of the output's suffix, else "plan".
-        only: names of the plots that are flown; the others stay obstacles. None flies all.
-        plant_height: of the plants of all plots, metres, or "unknown": see `with_plant_height`. It is an error where no
-            plot says one and this is not given.
-        fit: whether to fit the plan to each plot (`flown_plans`). Fitted plans are written, those of plots
-            alike once, as MISSION-PLOT.json by the first one: `evaluate --plan` and `check` have to be given these.
-        adjust: fly the nearest poses where the vehicle cannot take the plan's.
-        burst: photographs at each station, one after the other.
+        settings: choices; None takes the defaults. It is an error where no plot says how high its plants are, and the
+            settings do not either (`with_plant_height`). Fitted plans (`flown_plans`) are written, those of plots alike
+            once, as MISSION-PLOT.json by the first one: `evaluate --plan` and `check` have to be given these.
+        context: to whom progress is told.
+        plots: in place of the site's, with ``plot_id`` as the field of their ids.
         picture: draw all flights from above and from the side.
         plans: write the plans of plots that have their own.
 
@@ -95,10 +88,11 @@ def export_mission(
         MissionError: see `route_plan`; or the vehicle's dialect or the format does not take the mission.
         StorageError: the place is full or not writable.
     """
+    settings, progress = settings or MissionSettings(), (context or Context()).progress
     plan = Path(plan) if isinstance(plan, str) else plan
     site = Path(site) if isinstance(site, str) else site
     plots = None if plots is None else Path(plots)
-    output, format = mission_file(Path(output), format)  # noqa: A001
+    output, format = mission_file(Path(output), settings.format)  # noqa: A001
     if isinstance(plan, Path) and isinstance(site, Path):
         check_order(plan, site)
     loaded = load_plan(plan) if isinstance(plan, Path) else plan
@@ -106,13 +100,11 @@ def export_mission(
     place = site if isinstance(site, Site) else load_site(site, plots, plot_id)
     if isinstance(site, Site) and plots is not None:
         place = with_plots(site, load_plots(plots, plot_id))
-    if only is not None:
-        place = with_plots(place, named_plots(place, only))
-    stated, place = place, with_plant_height(place, loaded, plant_height)
-    routed = route_for_files(
-        loaded, profile, place, format, fit=fit, adjust=adjust, seed=seed, burst=burst, progress=progress
-    )
-    routed = replace(routed, fit=(*heights_taken(stated, place, plant_height), *routed.fit))
+    if settings.only is not None:
+        place = with_plots(place, named_plots(place, settings.only))
+    stated, place = place, with_plant_height(place, loaded, settings.plant_height)
+    routed = route_for_files(loaded, profile, place, format, settings, progress)
+    routed = replace(routed, fit=(*heights_taken(stated, place, settings.plant_height), *routed.fit))
     stem = output.stem
     first, written = dict[int, str](), dict[str, Path]()
     for plot, own in routed.own.items() if plans else ():
@@ -129,8 +121,8 @@ def export_mission(
 
 
 def route_for_files(
-    plan: Plans, vehicle: Vehicle, site: Site, format: str, *, fit: bool | None = None, adjust: bool = False,  # noqa: A002
-    seed: int = 0, burst: int = 1, progress: Progress | None = None,
+    plan: Plans, vehicle: Vehicle, site: Site, format: str, settings: MissionSettings,  # noqa: A002
+    progress: Progress | None = None,
 ) -> Routed:  # fmt: skip
     """As `route_plan`, with the time that the files take and the length of their way, as check-mission tells them.
 
@@ -149,9 +141,18 @@ def route_for_files(
         most = min(MOST_WAYPOINTS[format], vehicle.max_items or MOST_WAYPOINTS[format])
         room = Room(most, f"waypoints that {APPS[format]} takes", a_stop=1, a_flight=2)
     else:
-        room = Room(vehicle.max_items, a_stop=Room(None).a_stop + 2 * (burst - 1))
+        room = Room(vehicle.max_items, a_stop=Room(None).a_stop + 2 * (settings.burst - 1))
     return route_plan(
-        plan, vehicle, site, fit=fit, adjust=adjust, seed=seed, burst=burst, room=room, timed=timed, progress=progress
+        plan,
+        vehicle,
+        site,
+        fit=settings.fit,
+        adjust=settings.adjust,
+        seed=settings.seed,
+        burst=settings.burst,
+        room=room,
+        timed=timed,
+        progress=progress,
     )
 
 

@@ -13,6 +13,7 @@ from fieldkit.campaign.next_visit import grown, heights_flown, next_plans, plan_
 from fieldkit.campaign.visits import keep_visit
 from fieldkit.clouds import Cloud
 from fieldkit.errors import MissionError, UsageError
+from fieldkit.missions.settings import MissionSettings
 from fieldkit.planning.methods.optimise import Effort
 from fieldkit.results.mission import load_mission
 from fieldkit.results.plan import Plan, PlanEnvelope
@@ -90,11 +91,11 @@ def test_no_plant_shrinks_or_triples(tmp_path: Path, growth: float) -> None:
 def test_visits_are_compared_with_the_plan_that_was_made_for_them(tmp_path: Path) -> None:
     found = season(tmp_path)
     with pytest.raises(MissionError, match="too low over the plants of r1c"):
-        plan_next_visit(found, "2026-07-02", tmp_path / "next.plan", Context(), vehicle="ardupilot-pitch")
-    made = plan_next_visit(
-        found, "2026-07-02", tmp_path / "next.plan", Context(), vehicle="ardupilot-pitch", plant_height=0.6,
-        adjust=True, only=["r1c1", "r1c3"],
-    )  # fmt: skip
+        plan_next_visit(
+            found, "2026-07-02", tmp_path / "next.plan", MissionSettings(), Context(), vehicle="ardupilot-pitch"
+        )
+    settings = MissionSettings(plant_height=0.6, adjust=True, only=["r1c1", "r1c3"])
+    made = plan_next_visit(found, "2026-07-02", tmp_path / "next.plan", settings, Context(), vehicle="ardupilot-pitch")
     own = {each.plot: each.plan for each in made.plans}
     assert found.plan_of("r1c1", "2026-07-02").stations == own["r1c1"].stations
     assert found.plan_of("r1c1", "2026-07-03").stations == own["r1c1"].stations
@@ -105,7 +106,9 @@ def test_visits_are_compared_with_the_plan_that_was_made_for_them(tmp_path: Path
     assert left.name == "r1c2"
     assert left.plants.height_m == pytest.approx(1.15 * row().points[:, 2].max())  # grown since it was measured
     with pytest.raises(UsageError, match="exists already"):
-        plan_next_visit(found, "2026-07-02", tmp_path / "b.plan", Context(), vehicle="ardupilot-pitch")
+        plan_next_visit(
+            found, "2026-07-02", tmp_path / "b.plan", MissionSettings(), Context(), vehicle="ardupilot-pitch"
+        )
 
 
 def test_a_plan_for_a_kind_is_fitted_to_each_plots_plants(tmp_path: Path) -> None:

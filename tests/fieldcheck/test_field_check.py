@@ -37,6 +37,7 @@ from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.stations import PoseArray
+from fieldkit.missions.settings import MissionSettings
 from fieldkit.reconstruction.cameras import CameraSet
 from fieldkit.reconstruction.guided import relative_pose
 from fieldkit.report.sections.loaded import FlownMission, read_results
@@ -481,7 +482,7 @@ def test_a_plan_is_checked_and_flown_again_as_it_was_fitted_to_the_plot(tmp_path
     fitted = flown_plan(plan, plot)
     assert fitted.stations[3].position_m[2] > plan.stations[3].position_m[2] + 0.1
     assert flown_plan(plan, plot, fit=False) is plan
-    files = write_refly([3], plan, "px4-gimbal", site, tmp_path / "again.plan", burst=5)
+    files = write_refly([3], plan, "px4-gimbal", site, tmp_path / "again.plan", MissionSettings(burst=5))
     (flight,) = load_mission(files[1]).flights
     (station,) = flight.stations
     assert flight.photographs == 5
@@ -562,7 +563,7 @@ class TestRefly:
 
     def test_stations_keep_their_numbers(self, tmp_path: Path) -> None:
         plan = plan_from_poses([Pose(p.rotation, p.center + np.array([0.0, 0.0, 1.5])) for p in stations()])
-        files = write_refly([9, 4], plan, "px4-gimbal", self.site, tmp_path / "again.plan")
+        files = write_refly([9, 4], plan, "px4-gimbal", self.site, tmp_path / "again.plan", MissionSettings())
         assert [file.name for file in files] == ["again.plan", "again.mission.json", "again.geojson"]
         features = json.loads(files[2].read_text("utf-8"))["features"]
         flown = {f["properties"]["station"] for f in features if f["properties"].get("kind") == "station"}
@@ -576,9 +577,9 @@ class TestRefly:
         shown = read_results(tmp_path)
         assert [each.report.record for each in shown.of(FlownMission)] == [record]
         with pytest.raises(UsageError, match="exists already"):
-            write_refly([4], plan, "px4-gimbal", self.site, tmp_path / "again.plan")
+            write_refly([4], plan, "px4-gimbal", self.site, tmp_path / "again.plan", MissionSettings())
 
     def test_a_plot_that_the_site_does_not_have(self, tmp_path: Path) -> None:
         plan = plan_from_poses(stations())
         with pytest.raises(UsageError, match="no plot north"):
-            write_refly([1], plan, "px4-gimbal", self.site, tmp_path / "again.plan", plot="north")
+            write_refly([1], plan, "px4-gimbal", self.site, tmp_path / "again.plan", MissionSettings(), plot="north")

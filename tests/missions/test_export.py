@@ -13,6 +13,7 @@ from fieldkit.missions.check import check_mission
 from fieldkit.missions.export import route_plan
 from fieldkit.missions.export_mission import export_mission, mission_file
 from fieldkit.missions.files.reading import read_mission
+from fieldkit.missions.settings import MissionSettings
 from fieldkit.pictures.mission import draw_mission
 from fieldkit.results.mission import load_mission
 from fieldkit.results.plan import Plan, PlanPlants, Station
@@ -81,7 +82,9 @@ def test_every_photograph_is_the_plans_and_no_leg_comes_too_near() -> None:
 def test_what_is_written_passes_its_check_against_the_plan(tmp_path, vehicle, form, suffix, slope) -> None:
     plan, profile = planned(height_m=2.0, plants=False), load_vehicle(vehicle)
     field = site().with_each(lambda plot: plot.model_copy(update=slope))
-    done = export_mission(plan, vehicle, field, tmp_path / "mission", format=form, picture=False, adjust=True)
+    done = export_mission(
+        plan, vehicle, field, tmp_path / "mission", MissionSettings(format=form, adjust=True), picture=False
+    )
     assert [file.name for file in done.files] == [f"mission{suffix}", "mission.json", "mission.geojson"]
     read = read_mission(done.files[0])
     shots = tuple(stop for each in done.routed.flights for stop in each.mission.stops if isinstance(stop, Shot))
@@ -115,7 +118,12 @@ def test_bursts_stand_still_where_the_plan_says(tmp_path: Path, vehicle: str, fo
     plan, field, profile = planned(height_m=2.0, plants=False), site(), load_vehicle(vehicle)
     exported = {
         burst: export_mission(
-            plan, vehicle, field, tmp_path / f"m{burst}", format=form, picture=False, adjust=True, burst=burst
+            plan,
+            vehicle,
+            field,
+            tmp_path / f"m{burst}",
+            MissionSettings(format=form, adjust=True, burst=burst),
+            picture=False,
         )
         for burst in (1, 3)
     }
@@ -145,7 +153,7 @@ def test_bursts_stand_still_where_the_plan_says(tmp_path: Path, vehicle: str, fo
 
 def test_a_station_that_lost_photographs_is_named_and_so_are_hasty_ones(tmp_path: Path) -> None:
     field, file = site(), tmp_path / "m.plan"
-    done = export_mission(planned(), VEHICLE, field, file, picture=False, burst=4)
+    done = export_mission(planned(), VEHICLE, field, file, MissionSettings(burst=4), picture=False)
     document = json.loads(file.read_text())
     items = document["mission"]["items"]
     shutters = [k for k, item in enumerate(items) if item["command"] == 2000]
@@ -177,7 +185,9 @@ def test_files_hold_what_vehicle_and_app_take(
     field = site(SITES / "plots.geojson", LOW_M)
     flown_by = load_vehicle(vehicle).model_copy(update={"max_items": 300 if form == "plan" else None})
     plan = planned(5 if form == "plan" else 13, height_m=3.0)
-    done = export_mission(plan, flown_by, field, tmp_path / "m", format=form, picture=False, burst=burst, adjust=True)
+    done = export_mission(
+        plan, flown_by, field, tmp_path / "m", MissionSettings(format=form, burst=burst, adjust=True), picture=False
+    )
     assert len(done.routed.flights) == flights
     for file, each in zip(done.files, done.routed.flights, strict=False):
         read = read_mission(file)
@@ -188,13 +198,15 @@ def test_files_hold_what_vehicle_and_app_take(
 def test_some_plots_are_flown_and_the_others_stay_in_the_way(tmp_path: Path) -> None:
     field = site(SITES / "plots.geojson", LOW_M)
     names = [plot.name for plot in field.plots]
-    done = export_mission(planned(5), VEHICLE, field, tmp_path / "m", picture=False, only=[names[5], names[1]])
+    done = export_mission(
+        planned(5), VEHICLE, field, tmp_path / "m", MissionSettings(only=[names[5], names[1]]), picture=False
+    )
     record = load_mission(tmp_path / "m.mission.json")
     assert sorted(record.flights[0].plots) == sorted([names[1], names[5]])
     assert {plot.name for plot in record.neighbours} == set(names) - {names[1], names[5]}
     assert set(done.routed.clear_m) == set(names)
     with pytest.raises(UsageError, match=f"no plot {names[1]}x or 9") as caught:
-        export_mission(planned(5), VEHICLE, field, tmp_path / "n", only=[f"{names[1]}x", "9"])
+        export_mission(planned(5), VEHICLE, field, tmp_path / "n", MissionSettings(only=[f"{names[1]}x", "9"]))
     assert caught.value.remedy.startswith(f"Is {names[1]} meant?")
 
 
@@ -224,7 +236,7 @@ def test_stations_too_low_over_plants_for_a_vehicle_are_raised_over_them(tmp_pat
     with pytest.raises(MissionError, match="too low over the plants") as caught:
         route_plan(close, profile, site())
     assert "--adjust" in caught.value.remedy
-    done = export_mission(close, profile, site(), tmp_path / "m", picture=False, adjust=True)
+    done = export_mission(close, profile, site(), tmp_path / "m", MissionSettings(adjust=True), picture=False)
     assert done.routed.moved
     assert {limit for each in done.routed.moved for limit in each.limits} == {"plants"}
     assert "too low over the plants for PX4" in str(done.routed.moved[0])
@@ -241,8 +253,8 @@ def test_many_plots_take_several_flights_in_numbered_files(tmp_path: Path) -> No
         vehicle,
         SITES / "example.toml",
         tmp_path / "field.plan",
+        MissionSettings(plant_height=LOW_M),
         plots=SITES / "plots.geojson",
-        plant_height=LOW_M,
     )
     plots = [plot for each in done.routed.flights for plot in each.flight.plots]
     assert len(done.routed.flights) > 1
@@ -273,9 +285,9 @@ def test_files_are_kept_and_wrong_names_are_refused(tmp_path: Path) -> None:
     export_mission(planned(), VEHICLE, site(), file, picture=False, overwrite=True)
     assert len(read_mission(file).items) > 20
     with pytest.raises(UsageError, match=r"waypoints missions are \.waypoints files"):
-        export_mission(planned(), VEHICLE, site(), file, format="waypoints")
+        export_mission(planned(), VEHICLE, site(), file, MissionSettings(format="waypoints"))
     with pytest.raises(UsageError, match="no such format"):
-        export_mission(planned(), VEHICLE, site(), file, format="gpx")
+        export_mission(planned(), VEHICLE, site(), file, MissionSettings(format="gpx"))
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import pytest
 from fieldkit.errors import MetadataError
 from fieldkit.missions.export_mission import ExportedMission, export_mission
 from fieldkit.missions.export_record import plot_frame, site_frame
+from fieldkit.missions.settings import MissionSettings
 from fieldkit.results.mission import FlownPlan, MissionRecord, load_mission, record_bytes, record_path, records_in
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan, save_plan
@@ -23,8 +24,9 @@ PLAN = planned(5, height_m=1.6)
 
 
 def exported(folder: Path, plan: Path | Plan = PLAN, **more: Any) -> ExportedMission:
-    options = {"plots": PLOTS, "picture": False, "plant_height": LOW_M, **more}
-    return export_mission(plan, VEHICLE, SITES / "example.toml", folder / "field.plan", **options)
+    options = {"plots": PLOTS, "picture": False, **more}
+    settings = MissionSettings(plant_height=LOW_M)
+    return export_mission(plan, VEHICLE, SITES / "example.toml", folder / "field.plan", settings, **options)
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +73,7 @@ def test_plans_are_named_by_the_hash_of_their_file(tmp_path: Path) -> None:
     site = site.model_copy(update={"plots": (low, tall)})
 
     def plans(name: str, plan: Path | Plan, **more: Any) -> list[FlownPlan]:
-        export_mission(plan, VEHICLE, site, tmp_path / name / "mission.plan", picture=False, **more)
+        export_mission(plan, VEHICLE, site, tmp_path / name / "mission.plan", MissionSettings(**more), picture=False)
         return [plot.plan for plot in load_mission(tmp_path / name / "mission.json").plots]
 
     sha256 = file_sha256(tmp_path / "plan.json")

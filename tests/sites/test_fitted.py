@@ -13,6 +13,7 @@ from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.cli.main import main
 from fieldkit.errors import MissionError
 from fieldkit.missions.export_mission import export_mission
+from fieldkit.missions.settings import MissionSettings
 from fieldkit.results.plan import Plan, PlanEnvelope, PlanPlants
 from fieldkit.results.plan_file import load_plan, save_plan
 from fieldkit.sites.fitted import fitted, fitted_to, fitted_to_height, flown_plans
@@ -135,7 +136,7 @@ def test_every_kind_of_plot_has_its_own_plan_and_its_file(tmp_path: Path) -> Non
     )
     plans = fitted_to(plan, site.plots)
     assert plans["as/planned"] is plan
-    done = export_mission(plan, VEHICLE, site, tmp_path / "m.plan", fit=True, picture=False)
+    done = export_mission(plan, VEHICLE, site, tmp_path / "m.plan", MissionSettings(fit=True), picture=False)
     assert {name: file.name for name, file in done.plans.items()} == {
         "high/1": "m-high%2F1.json", "high:1": "m-high%3A1.json", "high/2": "m-high%2F1.json"
     }  # fmt: skip

@@ -14,6 +14,7 @@ from fieldkit.clouds import Cloud, score, write_cloud
 from fieldkit.errors import CaptureError
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_evaluation, reference_report
 from fieldkit.missions.export_mission import export_mission
+from fieldkit.missions.settings import MissionSettings
 from fieldkit.planning.run.folder import LogEntry
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -135,9 +136,9 @@ def write_mission(folder: Path, plots: Path | None = None) -> Path:
         "ardupilot-pitch",
         SITES / "example.toml",
         folder / "field.plan",
+        MissionSettings(plant_height=LOW_M),
         plots=plots,
         picture=False,
-        plant_height=LOW_M,
     )
     return next(file for file in done.files if file.suffix == ".json")
 

@@ -13,6 +13,7 @@ from fieldkit.campaign.reading import Campaign
 from fieldkit.errors import FieldkitError, MetadataError
 from fieldkit.missions.export_mission import export_mission
 from fieldkit.missions.export_record import site_frame, way
+from fieldkit.missions.settings import MissionSettings
 from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results, read_results
 from fieldkit.report.sections.photographs import find_photographs, thumbnails
 from fieldkit.report.sections.plan import mission_statements
@@ -144,9 +145,9 @@ class TestMissions:
             vehicle,
             SITES / "example.toml",
             tmp_path / "field.plan",
+            MissionSettings(plant_height=LOW_M),
             plots=plots,
             picture=False,
-            plant_height=LOW_M,
         )
         flights = len(done.routed.flights)
         assert flights > 1
@@ -173,8 +174,8 @@ class TestMissions:
         (tmp_path / "plan").mkdir()
         save_plan(tmp_path / "plan" / "plan.json", planned(5, height_m=2.0))
         export_mission(
-            tmp_path / "plan", "ardupilot-pitch", SITES / "example.toml", tmp_path / "mission", plots=HILLSIDE,
-            picture=False, plant_height=LOW_M,
+            tmp_path / "plan", "ardupilot-pitch", SITES / "example.toml", tmp_path / "mission",
+            MissionSettings(plant_height=LOW_M), plots=HILLSIDE, picture=False,
         )  # fmt: skip
         results = read_results(tmp_path)
         (part,), (plan,) = results.of(FlownMission), results.of(PlanRun)
