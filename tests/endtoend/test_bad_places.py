@@ -39,29 +39,6 @@ class TestOutput:
         assert "reference.json" in done.error["message"]
         assert (warm.folder / "mine" / "thesis.txt").read_text() == "years"
 
-    def test_without_permission(self, warm: CommandLine, small_plot: Path, unwritable: Path) -> None:
-        done = warm.run("reference", str(small_plot), "-o", str(unwritable / "out"), *DRAFT, "--json")
-        assert done.code == 3
-        assert done.error["type"] == "StorageError"
-        assert done.error["path"] == str(unwritable / "out")
-        assert done.error["message"].startswith("cannot write: ")
-        assert done.error["remedy"]
-        assert list(unwritable.iterdir()) == []
-
-    def test_a_full_disk(self, warm: CommandLine, small_plot: Path, built: Built, small_disk: Path) -> None:
-        """The result does not fit; nothing of it is left, and what was on the disk is still there."""
-        (small_disk / "mine.txt").write_text("kept")
-        filler = small_disk / "filler"
-        filler.write_bytes(bytes(700_000))
-        for command in ("reference", "evaluate"):
-            done = warm.run(command, str(small_plot), "-o", str(small_disk / "out"), *DRAFT, "--json")
-            assert done.code == 3, done.err
-            assert done.error["type"] == "StorageError"
-            assert done.error["path"].startswith(str(small_disk / "out"))
-            assert "No space left" in done.error["message"]
-            assert "Free some space" in done.error["remedy"]
-            assert sorted(path.name for path in small_disk.iterdir()) == ["filler", "mine.txt"]
-
     def test_a_cache_on_a_full_disk_costs_only_time(self, line, small_plot, built, small_disk) -> None:
         (small_disk / "filler").write_bytes(bytes(1_000_000))
         full = CommandLine(line.folder, small_disk / "cache")
@@ -70,25 +47,6 @@ class TestOutput:
         assert done.err.count("nothing more is kept in the cache") == 1
         assert "fieldkit cache prune" in done.err
         assert (line.folder / "out/cloud.ply").read_bytes() == (built.reference / "cloud.ply").read_bytes()
-
-    def test_a_name_of_255_bytes(self, warm: CommandLine, small_plot: Path, built: Built) -> None:
-        for name, code in (("é" * 127 + "x", 0), ("é" * 128, 3)):
-            done = warm.run("reference", str(small_plot), "-o", name, *DRAFT, "--json")
-            assert done.code == code, done.err
-            assert partial_folders(warm.folder) == []
-        assert done.error["type"] == "StorageError"
-        assert "Use a shorter name" in done.error["remedy"]
-        assert differing(warm.folder / ("é" * 127 + "x"), built.reference) == []
-
-    def test_a_result_inside_a_file(self, warm: CommandLine, small_plot: Path) -> None:
-        (warm.folder / "notes.txt").write_text("kept")
-        done = warm.run("reference", str(small_plot), "-o", "notes.txt/out", *DRAFT, "--json")
-        assert done.code == 3
-        assert done.error["type"] == "StorageError"
-        done = warm.run("reference", str(small_plot), "-o", "notes.txt", *DRAFT, "--overwrite", "--json")
-        assert done.code == 2
-        assert done.error["message"] == "exists and is not a folder"
-        assert (warm.folder / "notes.txt").read_text() == "kept"
 
 
 def without_cloud(folder: Path) -> None:

@@ -72,14 +72,14 @@ def test_poses_of_a_recorded_flight(photographs: Path, tmp_path: Path) -> None:
 
 
 def test_what_is_written_is_read_as_priors(photographs: Path) -> None:
-    report = geotag(photographs, recording("mount_then_yaw.tlog"), photographs / "poses.csv", accuracy_m=0.02)
+    report = geotag(photographs, recording("mount_then_yaw.BIN.gz"), photographs / "poses.csv", accuracy_m=0.02)
     capture = read_capture(photographs)
     assert capture.metric_source == "poses.csv"
     assert len(capture.priors) == 12
     assert {p.position_sigma_m for p in capture.priors.values()} == {0.02}
     with pytest.raises(UsageError, match="exists already"):
-        geotag(photographs, recording("mount_then_yaw.tlog"), photographs / "poses.csv")
-    again = geotag(photographs, recording("mount_then_yaw.tlog"), photographs / "poses.csv", overwrite=True)
+        geotag(photographs, recording("mount_then_yaw.BIN.gz"), photographs / "poses.csv")
+    again = geotag(photographs, recording("mount_then_yaw.BIN.gz"), photographs / "poses.csv", overwrite=True)
     assert [p.position for p in again.poses] == [p.position for p in report.poses]
 
 
@@ -206,10 +206,10 @@ def test_two_messages_of_one_trigger_count_once(photo_file: MakePhoto, tmp_path:
 def test_what_cannot_be_done(photo_file: MakePhoto, tmp_path: Path) -> None:
     folder = make(photo_file, "a.jpg", 1.7e9).parent
     with pytest.raises(MetadataError, match=r"of 1 photograph none could.*at no clock offset"):
-        geotag(folder, recording("mount_then_yaw.tlog"), tmp_path / "poses.csv")
+        geotag(folder, recording("mount_then_yaw.BIN.gz"), tmp_path / "poses.csv")
     assert not (tmp_path / "poses.csv").exists()
     with pytest.raises(MetadataError, match="holds no camera trigger"):
         geotag(folder, recording("probe_items.tlog"), tmp_path / "poses.csv", origin=LocalFrame(50, 6))
     with pytest.raises(CaptureError):
-        geotag(tmp_path / "none", recording("mount_then_yaw.tlog"), tmp_path / "poses.csv")
+        geotag(tmp_path / "none", recording("mount_then_yaw.BIN.gz"), tmp_path / "poses.csv")
     assert poses_table([]).startswith("image,x_m")

@@ -62,7 +62,7 @@ def test_files_changed_at_random_are_read_or_refused_and_checked(tmp_path: Path,
             report = check_mission(read, by, planned=small_mission().shots, origin=small_mission().home)
             json.dumps([finding.message for finding in report.findings])
 
-    found = fuzz(Target(suffix, [FILES[suffix]], checked), 200, tmp_path, seed=7)
+    found = fuzz(Target(suffix, [FILES[suffix]], checked), 200 if suffix == ".plan" else 80, tmp_path, seed=7)
     assert not found.defects
     assert (found.hangs, found.written) == (0, ())
     assert 0 < found.refused < found.files
