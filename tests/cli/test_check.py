@@ -20,8 +20,8 @@ from tests.campaign.examples import field, plots_geojson
 
 
 @pytest.fixture
-def capture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Path]:
-    """A plan of three stations, and two photographs of noise with rows in poses.csv."""
+def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The check of two photographs of noise with rows in poses.csv against a plan of three stations."""
     monkeypatch.setenv("FIELDKIT_CACHE", str(tmp_path / "cache"))
     poses = [Pose.look_at((np.sin(a), np.cos(a), 1.0), (0.0, 0.0, 0.2)) for a in (0.0, 0.5, 1.1)]
     save_plan(tmp_path / "plan.json", plan_from_poses(poses))
@@ -34,11 +34,11 @@ def capture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Path
         yaw, pitch, _ = poses[k].yaw_pitch_roll_deg()
         rows.append(f"{k}.png,{','.join(f'{v:.4f}' for v in poses[k].center)},{yaw:.3f},{pitch:.3f}")
     (folder / "poses.csv").write_text("\n".join(rows), "utf-8")
-    return folder, tmp_path / "plan.json"
+    return ["check", str(folder), "--plan", str(tmp_path / "plan.json")]
 
 
-def test_json_is_one_object(capture: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", str(capture[0]), "--plan", str(capture[1]), "--json"]) == 0
+def test_json_is_one_object(call: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*call, "--json"]) == 0
     printed = capsys.readouterr()
     found = json.loads(printed.out)
     assert printed.err == ""
@@ -47,11 +47,11 @@ def test_json_is_one_object(capture: tuple[Path, Path], capsys: pytest.CaptureFi
     assert {"code": "missing", "station": 2}.items() <= next(f for f in found["findings"] if f["station"] == 2).items()
     assert [row["photograph"] for row in found["stations"]] == ["0.png", "", "2.png"]
     assert found["plots"][0]["summary"] == found["summary"]
-    assert main(["check", str(capture[0]), "--plan", str(capture[1])]) == 0
+    assert main(call) == 0
     printed = capsys.readouterr().out
     assert "it has no photograph" in printed
     assert " of : " not in printed
-    assert main(["check", str(capture[0])]) == 0
+    assert main(call[:2]) == 0
     assert "no --plan" in capsys.readouterr().out
 
 
@@ -70,52 +70,41 @@ def test_a_narrow_terminal_shows_stations_names_and_verdicts() -> None:
     assert "…" not in text
 
 
-def test_a_mission_needs_vehicle_and_site(capture: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["check", str(capture[0]), "--plan", str(capture[1])]
-    assert main([*words, "-o", "again.plan"]) == 2
+def test_a_mission_needs_vehicle_and_site(call: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*call, "-o", "again.plan"]) == 2
     assert "--vehicle and --site" in capsys.readouterr().err
-    assert main([*words, "--vehicle", "px4-gimbal"]) == 2
+    assert main([*call, "--vehicle", "px4-gimbal"]) == 2
 
 
-def test_plots_of_a_file_of_their_own(capture, capsys, tmp_path) -> None:
+def test_plots_of_a_file_of_their_own(call, capsys, tmp_path) -> None:
     """Whoever exports with --site and --plots checks with both, and flies again with them."""
     field_of_two = field(1, 2)
     (tmp_path / "plots.geojson").write_text(plots_geojson(field_of_two))
     (tmp_path / "site.toml").write_text(
         "format = 1\n[home]\nlatitude_deg = 52.2957\nlongitude_deg = 10.437\namsl_m = 40.0\n"
     )
-    words = ["check", str(capture[0]), "--plan", str(capture[1])]
     site = ["--site", str(tmp_path / "site.toml")]
     plots = ["--plots", str(tmp_path / "plots.geojson"), "--plot-id", "name"]
-    assert main([*words, *site]) == 3
+    assert main([*call, *site]) == 3
     assert "--plots takes such a file" in capsys.readouterr().err
-    assert main([*words, *site, *plots, "--plot", "r9c9"]) == 2
+    assert main([*call, *site, *plots, "--plot", "r9c9"]) == 2
     assert "Its plots are r1c1, r1c2" in capsys.readouterr().err
     again = ["--vehicle", "px4-gimbal", "-o", str(tmp_path / "again.plan"), "--adjust", "--plant-height", "0.3"]
-    assert main([*words, *site, *plots, "--plot", "r1c2", *again]) == 0
+    assert main([*call, *site, *plots, "--plot", "r1c2", *again]) == 0
     assert 'ids from "name"' in capsys.readouterr().err
     assert json.loads((tmp_path / "again.mission.json").read_text("utf-8"))["plots"][0]["name"] == "r1c2"
 
 
 @pytest.mark.parametrize("option", ["--plots", "--plot-id", "--plot"])
-def test_plots_belong_to_a_site(option: str, capture: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", str(capture[0]), "--plan", str(capture[1]), option, str(capture[1])]) == 2
+def test_plots_belong_to_a_site(option: str, call: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*call, option, call[-1]]) == 2
     assert f"{option} goes with a site file" in capsys.readouterr().err
 
 
-def test_no_mission_for_nothing_is_said(capture, capsys, tmp_path) -> None:
-    (capture[0] / "poses.csv").unlink()  # which station is missing, nothing tells
+def test_no_mission_for_nothing_is_said(call, capsys, tmp_path) -> None:
+    Path(call[1], "poses.csv").unlink()  # which station is missing, nothing tells
     site = Path(__file__).parents[2] / "missions" / "sites" / "example.toml"
-    words = [
-        "check",
-        str(capture[0]),
-        "--plan",
-        str(capture[1]),
-        "--site",
-        str(site),
-        "--plot",
-        load_site(site).plots[0].name,
-    ]
-    assert main([*words, "--vehicle", "px4-gimbal", "-o", str(tmp_path / "again.plan")]) == 0
+    call += ["--site", str(site), "--plot", load_site(site).plots[0].name]
+    assert main([*call, "--vehicle", "px4-gimbal", "-o", str(tmp_path / "again.plan")]) == 0
     assert "again.plan was not written" in " ".join(capsys.readouterr().out.split())
     assert not (tmp_path / "again.plan").exists()

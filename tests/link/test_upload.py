@@ -31,8 +31,12 @@ SLOW = pytest.mark.slow
 Missions = Callable[[int], tuple[MissionItem, ...]]
 
 
-def standing(recording: Recording, *, faults: Faults | None = None) -> Replay:
-    return Replay(recording, speed=SPEED, begin_s=45.0, rate_hz=1.0, faults=faults)
+def standing(recording: Recording, holds: tuple[MissionItem, ...] = (), *, faults: Faults | None = None) -> Replay:
+    """A vehicle on the ground that holds a mission already."""
+    vehicle = Replay(recording, speed=SPEED, begin_s=45.0, rate_hz=1.0, faults=faults)
+    if holds:
+        vehicle.hold(holds)
+    return vehicle
 
 
 def upload(
@@ -91,8 +95,7 @@ def test_a_larger_one_is_refused_before_anything_is_sent(recording: Recording, d
 def test_a_refused_item_is_named_and_nothing_mixed_is_left(recording, flown, delays) -> None:
     bad = list(flown)
     bad[7] = MissionItem(195, 6, (0.0, 0.0, 0.0, 0.0, 50.865, 6.4473, 0.5))
-    vehicle = standing(recording)
-    vehicle.hold(delays(20))
+    vehicle = standing(recording, delays(20))
     with vehicle:
         with pytest.raises(ItemRefused, match="refuses item 8, DO_SET_ROI_LOCATION: MAV_MISSION_UNSUPPORTED") as caught:
             upload(vehicle, tuple(bad))
@@ -121,8 +124,7 @@ def test_nobody_there() -> None:
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=SLOW), pytest.param(2, marks=SLOW)])
 def test_bad_links(recording: Recording, flown: tuple[MissionItem, ...], delays: Missions, seed: int) -> None:
-    vehicle = standing(recording, faults=Faults(loss=0.1, duplicate=0.2, delay_s=0.02, seed=seed))
-    vehicle.hold(delays(30))
+    vehicle = standing(recording, delays(30), faults=Faults(loss=0.1, duplicate=0.2, delay_s=0.02, seed=seed))
     with vehicle:
         report = upload(vehicle, flown)
         assert report.read_back[1:] == vehicle.autopilot.items[1:]
@@ -139,8 +141,7 @@ def test_ctrl_c_clears_what_was_begun(recording, flown, delays, item) -> None:
         if shown >= item:
             raise KeyboardInterrupt
 
-    vehicle = standing(recording, faults=Faults(loss=0.03, seed=item))
-    vehicle.hold(delays(30))
+    vehicle = standing(recording, delays(30), faults=Faults(loss=0.03, seed=item))
     with vehicle:
         with pytest.raises(UploadInterrupted, match="holds no mission now") as caught:
             upload(vehicle, flown, advance=advance)
@@ -153,8 +154,7 @@ def test_ctrl_c_clears_what_was_begun(recording, flown, delays, item) -> None:
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=SLOW) for seed in range(2, 12))])
 def test_cut_at_any_packet_and_repeated(recording, flown, delays, seed) -> None:
     """The link breaks after some packets: the state is not known, and that is told; repeated, the mission is whole."""
-    vehicle = standing(recording, faults=Faults(loss=0.02, seed=seed))
-    vehicle.hold(delays(30))
+    vehicle = standing(recording, delays(30), faults=Faults(loss=0.02, seed=seed))
     packets = random.Random(seed).randint(3, 140)
     with vehicle:
         vehicle.cut_after(packets)
@@ -170,8 +170,7 @@ def test_cut_at_any_packet_and_repeated(recording, flown, delays, seed) -> None:
 
 
 def test_a_link_that_comes_back_in_time(recording: Recording, flown: tuple[MissionItem, ...], delays: Missions) -> None:
-    vehicle = standing(recording)
-    vehicle.hold(delays(30))
+    vehicle = standing(recording, delays(30))
     with vehicle:
         vehicle.cut_after(25)
         mend = threading.Timer(1.5, vehicle.cut_after, [None])
@@ -196,8 +195,7 @@ def test_killed_and_repeated(recording: Recording, flown: tuple[MissionItem, ...
         """
     )
     old = delays(640)
-    vehicle = standing(recording, faults=Faults(delay_s=0.02))
-    vehicle.hold(old)
+    vehicle = standing(recording, old, faults=Faults(delay_s=0.02))
     with vehicle:
         process = subprocess.Popen([sys.executable, "-c", script, vehicle.url])
         end = time.monotonic() + 60

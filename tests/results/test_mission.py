@@ -96,8 +96,6 @@ def test_names_keep_missions_of_one_folder_apart(tmp_path: Path) -> None:
     ("change", "message"),
     [
         ({"kind": "plan"}, "is not a fieldkit mission"),
-        ({"version": 2}, "version 2"),
-        ({"version": True}, "version True"),
         ({"colour": 1}, "colour: "),
         ({"flights": []}, "flights: "),
         ({"files": []}, "field.plan is a flight's, and files does not name it"),

@@ -102,14 +102,7 @@ def test_wrong_fields(tmp_path, reference, change, message) -> None:
     assert raised.value.message.startswith(message)
     assert raised.value.path == file
     assert raised.value.remedy
-
-
-def test_newer_version_asks_for_a_newer_fieldkit(tmp_path: Path, reference: ReferenceReport) -> None:
-    document = {**json.loads(reference.model_dump_json()), "version": 3}
-    (tmp_path / "reference.json").write_text(json.dumps(document))
-    with pytest.raises(MetadataError) as raised:
-        load_reference_report(tmp_path)
-    assert "newer" in raised.value.remedy
+    assert ("newer" in raised.value.remedy) == ("version 2" in message)
 
 
 @pytest.mark.parametrize(

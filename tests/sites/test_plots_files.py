@@ -188,36 +188,16 @@ def test_the_features_own_ids(tmp_path: Path) -> None:
     assert [plot.name for plot in load_plots(geojson(tmp_path, *rows))] == ["p7", "p8"]
 
 
-def _without_prj(folder: Path) -> Path:
-    file = write_plots(folder / "plots.shp", in_crs(places(), UTM), UTM, name=list(IDS))
-    file.with_suffix(".prj").unlink()
-    return file
+def _plots(name: str, crs: str = UTM, stated: str | None = UTM, *, without: str = "", part: str = "") -> Any:
+    """Writes plots in one reference system that are said to be in another; gives a part of the file, or all but one."""
 
+    def written(folder: Path) -> Path:
+        file = write_plots(folder / name, in_crs(places(), crs), stated, name=list(IDS))
+        if without:
+            file.with_suffix(without).unlink()
+        return file.with_suffix(part) if part else file
 
-def _without_dbf(folder: Path) -> Path:
-    file = write_plots(folder / "plots.shp", in_crs(places(), UTM), UTM, name=list(IDS))
-    file.with_suffix(".dbf").unlink()
-    return file
-
-
-def _a_part(folder: Path) -> Path:
-    return write_plots(folder / "plots.shp", in_crs(places(), UTM), UTM, name=list(IDS)).with_suffix(".dbf")
-
-
-def _no_crs(folder: Path) -> Path:
-    return write_plots(folder / "plots.gpkg", in_crs(places(), UTM), None, name=list(IDS))
-
-
-def _degrees_for_metres(folder: Path) -> Path:
-    return write_plots(folder / "plots.gpkg", places(), UTM, name=list(IDS))
-
-
-def _without_grid(folder: Path) -> Path:
-    return write_plots(folder / "plots.gpkg", in_crs(places(), "EPSG:31467"), "EPSG:31467", name=list(IDS))
-
-
-def _metres_for_degrees(folder: Path) -> Path:
-    return write_plots(folder / "plots.gpkg", in_crs(places(), UTM), "EPSG:4326", name=list(IDS))
+    return written
 
 
 def _layers(folder: Path) -> Path:
@@ -251,13 +231,15 @@ def _zip(*names: str) -> Any:
 @pytest.mark.parametrize(
     ("make", "message", "remedy"),
     [
-        (_without_prj, "is a Shapefile without its .prj", "with its .shx, .dbf and .prj"),
-        (_without_dbf, "is a Shapefile without its .dbf", "with its .shx, .dbf and .prj"),
-        (_a_part, "is no file of plots or zones", "Give GeoJSON, a Shapefile"),
-        (_no_crs, "reference system; metres of a map projection", "set the layer's CRS"),
-        (_degrees_for_metres, "has coordinates that are none in ETRS89", "set the layer"),
-        (_metres_for_degrees, "has coordinates that are none in WGS 84 (EPSG:4326): metres", "set the layer's CRS"),
-        (_without_grid, "without the grid de_adv_BETA2007.tif PROJ takes that to WGS 84 only to 3 m", "pyproj sync"),
+        (_plots("plots.shp", without=".prj"), "is a Shapefile without its .prj", "with its .shx, .dbf and .prj"),
+        (_plots("plots.shp", without=".dbf"), "is a Shapefile without its .dbf", "with its .shx, .dbf and .prj"),
+        (_plots("plots.shp", part=".dbf"), "is no file of plots or zones", "Give GeoJSON, a Shapefile"),
+        (_plots("plots.gpkg", stated=None), "reference system; metres of a map projection", "set the layer's CRS"),
+        (_plots("plots.gpkg", "EPSG:4326"), "has coordinates that are none in ETRS89", "set the layer"),
+        (_plots("plots.gpkg", stated="EPSG:4326"),
+         "has coordinates that are none in WGS 84 (EPSG:4326): metres", "set the layer's CRS"),
+        (_plots("plots.gpkg", "EPSG:31467", "EPSG:31467"),
+         "without the grid de_adv_BETA2007.tif PROJ takes that to WGS 84 only to 3 m", "pyproj sync"),
         (_layers, "has 2 layers with places: 2025, 2026", "export the one with the plots"),
         (_lines, "feature 1: is a LineString, not a Point or Polygon", "points or polygons"),
         (_text("m.plan", '{"fileType": "Plan"}'), "feature 1: is something else, not a Point or Polygon", "GeoJSON"),
@@ -348,17 +330,17 @@ def test_a_campaign_takes_all_parts_of_a_fence_along(tmp_path: Path) -> None:
     assert [plot.name for plot in init_campaign(tmp_path / "other", other).plots] == ["x", "y", "z", "w"]
 
 
-@pytest.mark.parametrize(("key", "value", "slip"), [("plant_height_m", 250, "2.5"), ("row_spacing_m", 75, "0.75")])
-def test_lengths_in_centimetres(tmp_path: Path, key: str, value: float, slip: str) -> None:
-    file = geojson(tmp_path, point(row_heading_deg=0, name="a", **{key: value}))
-    with pytest.raises(MetadataError, match=rf"{key}: should be .* metres and is {value}: in centimetres\?.*{slip} m"):
-        load_plots(file)
-
-
-def test_a_decimal_comma_is_told(tmp_path: Path) -> None:
-    file = geojson(tmp_path, point(row_heading_deg=0, name="a", plant_height_m="1,3"))
-    with pytest.raises(MetadataError, match='plant_height_m: should be a number and is the text "1,3": with a point'):
-        load_plots(file)
+@pytest.mark.parametrize(
+    ("known", "message"),
+    [
+        ({"plant_height_m": 250}, r"plant_height_m: should be .* metres and is 250: in centimetres\?.*2.5 m"),
+        ({"row_spacing_m": 75}, r"row_spacing_m: should be .* metres and is 75: in centimetres\?.*0.75 m"),
+        ({"plant_height_m": "1,3"}, 'plant_height_m: should be a number and is the text "1,3": with a point'),
+    ],
+)
+def test_slips_in_numbers_are_told(tmp_path: Path, known: dict[str, Any], message: str) -> None:
+    with pytest.raises(MetadataError, match=message):
+        load_plots(geojson(tmp_path, point(row_heading_deg=0, **known)))
 
 
 def test_plan_and_site_in_each_others_place(tmp_path: Path) -> None:
