@@ -29,7 +29,7 @@ demo: setup ## run the whole loop on two small simulated plots, in demo-output/
 	$(BIN)/fieldkit demo -o demo-output --overwrite --workers 2
 
 test: setup browser ## run the tests that take less than ten seconds each
-	$(BIN)/pytest -m "not slow" -n auto --dist loadfile $(PYTEST_ARGS)
+	PYTHONDONTWRITEBYTECODE= $(BIN)/pytest -m "not slow" -n auto --dist loadfile $(PYTEST_ARGS)
 
 test-all: setup browser ## run all tests, with more examples
 	HYPOTHESIS_PROFILE=thorough $(BIN)/pytest $(PYTEST_ARGS)

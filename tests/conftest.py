@@ -26,6 +26,13 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def pytest_collection_modifyitems(items: list[pytest.Function]) -> None:
+    """Tests with a browser or a built wheel are slow, but for one."""
+    for item in items:
+        if {"browser", "installed"} & {*item.fixturenames} and "something_is_seen" not in item.name:
+            item.add_marker("slow")
+
+
 @pytest.fixture(scope="session")
 def data_folder() -> Path:
     """The recorded image sets; they are not part of the repository."""

@@ -188,7 +188,6 @@ def test_messages_name_pages_that_are_there(installed: Installed) -> None:
         assert (shipped / page).is_file()
 
 
-@pytest.mark.slow
 def test_the_demo(installed: Installed) -> None:
     installed.run("demo", "-o", "Vorführung")
     assert (installed.folder / "Vorführung" / "report.html").is_file()

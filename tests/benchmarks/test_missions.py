@@ -14,6 +14,7 @@ from fieldkit.vehicles.vehicle_file import load_vehicle
 OPTIONS = MissionOptions(None, missions=4, uploads=1, plots=3, files=120)
 
 
+@pytest.mark.slow
 def test_studies_are_written(tmp_path: Path) -> None:
     results = run_missions(tmp_path / "out", ["trips", "poses", "fuzz"], OPTIONS, progress=Silent())
     trips, poses, fuzzed = results

@@ -25,6 +25,7 @@ needs_data = pytest.mark.skipif("FIELDKIT_DATA" not in os.environ, reason="FIELD
 SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
 
 
+@pytest.mark.slow
 def test_witnesses_alone_make_the_truth(monkeypatch: pytest.MonkeyPatch) -> None:
     capture, cache = read_capture(SMALL_PLOT), StageCache(None)
     whole = reconstruct(capture, ReconstructionSettings(), context=Context(cache))

@@ -12,6 +12,7 @@ def scene():
     return scene_views([Plane(slope_x=0.2)], ring(5))
 
 
+@pytest.mark.slow
 def test_the_baseline_finds_the_plane(scene):
     views, truth = scene
     for found, depth in zip(sgbm_depth_maps(views, VOLUME), truth, strict=True):

@@ -54,6 +54,7 @@ def test_dense_measures_both_methods() -> None:
     assert [row[0] for row in dense_table(runs).rows] == ["plane", "plane"]
 
 
+@pytest.mark.slow
 def test_ways_to_map(tmp_path: Path) -> None:
     small = Path(__file__).parents[1] / "data" / "small_plot"
     (tmp_path / "plot").mkdir()

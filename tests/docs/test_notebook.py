@@ -28,6 +28,7 @@ def _frames(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setitem(sys.modules, "pandas", SimpleNamespace(DataFrame=dict))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_frames")
 def test_every_cell_runs(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "docs" / "plot_7", tmp_path / "plot_7")

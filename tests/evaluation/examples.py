@@ -21,8 +21,6 @@ INTRINSICS = Intrinsics("SIMPLE_RADIAL", 1600, 1200, (1400.0, 800.0, 600.0, -0.0
 
 ORIGIN = LocalFrame(50.6, 6.98, 70.0, "sea level")
 
-REASONS = {6: "wrong pose: 3.200 m from the known position (bound 0.150 m)", 7: "no pair verified"}
-
 
 def plant_cloud(points: int = 4000, seed: int = 0) -> Cloud:
     """A stem and four leaves, 0.4 m high, with colours and normals."""

@@ -10,23 +10,17 @@ from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import above_soil
 from fieldkit.scenes.renderer import RenderingError
 from fieldkit.scenes.sampling import sample_visible
-from fieldkit_sim.plot import build_scene
 from fieldkit_sim.simulation import ring
-from tests.scenes.conftest import SMALL_PLOT
+from tests.scenes.conftest import made_scene
 
 CAMERA = Intrinsics.pinhole(480, 360, 420.0)
 
 
-def small_proxy() -> Proxy:
-    """Two plants on coarse soil, 480 × 360 pixels, with the plants' own surface as the truth."""
-    scene = build_scene(SMALL_PLOT)
-    return Proxy(scene, *above_soil(sample_visible(scene, (20_000,), 0)[0]), CAMERA)
-
-
 @pytest.fixture(scope="session")
 def proxy() -> Proxy:
-    """`small_proxy`, made once."""
-    return small_proxy()
+    """Two plants on coarse soil, 480 × 360 pixels, with the plants' own surface as the truth."""
+    scene = made_scene()
+    return Proxy(scene, *above_soil(sample_visible(scene, (20_000,), 0)[0]), CAMERA)
 
 
 @pytest.fixture(scope="session")

@@ -61,15 +61,13 @@ def photographed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def placed(folder: Path, tmp_path: Path) -> SparseResult:
-    context = Context(StageCache(tmp_path / "cache"), Silent(), 1, 0)
+def placed(folder: Path, photographed: Path) -> SparseResult:
+    context = Context(StageCache(photographed.parent / "cache"), Silent(), 1, 0)
     return place(read_capture(folder), ReconstructionSettings(), [], context)[0]
 
 
-def test_photographs_of_a_rig_count_by_stated_poses_and_are_not_called_registered(
-    photographed: Path, tmp_path: Path
-) -> None:
-    sparse = placed(photographed, tmp_path)
+def test_photographs_of_a_rig_count_by_stated_poses_and_are_not_called_registered(photographed: Path) -> None:
+    sparse = placed(photographed, photographed)
     assert (sparse.registered, sparse.right) == (0, 8)
     assert all(image.stated and image.right is None for image in sparse.images)
     assert set(sparse.groups) == set(sparse.poses)
@@ -103,7 +101,7 @@ def test_poses_that_are_not_stated_as_exact_do_not_count(
         (tmp_path / file.name).write_bytes(file.read_bytes())
     (tmp_path / "poses.csv").write_text(text.replace(*changed))
     with pytest.raises(ReconstructionError):
-        placed(tmp_path, tmp_path)
+        placed(tmp_path, photographed)
 
 
 def shown(parts: Sequence[np.ndarray]) -> list[Outline]:

@@ -1,5 +1,6 @@
 """Focal length and height of photographs that look the same way: held, and said so."""
 
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -24,6 +25,7 @@ FOCAL = TRUE_35MM * 600 / 43.2666
 CENTERS = [(x, y, FLYING_M + 0.02 * (x + y)) for y in (0.0, 4.0) for x in (0.0, 3.0, 6.0)]
 
 
+@cache
 def ground(side: int = 2000) -> np.ndarray:
     """A picture of bare ground, 100 px per metre, with detail at all scales."""
     rng = np.random.default_rng(7)
@@ -58,7 +60,7 @@ def nadir(tilt_deg: float = 0.5) -> list[Pose]:
 def mapped(folder: Path, tmp_path: Path, mapping: MappingChoice) -> SparseResult:
     capture = read_capture(folder)
     settings = ReconstructionSettings(mapping=mapping)
-    return place(capture, settings, list(capture.findings), Context(StageCache(tmp_path / "cache")))[0]
+    return place(capture, settings, list(capture.findings), Context(StageCache(tmp_path.parent / "cache")))[0]
 
 
 def codes(result: SparseResult) -> list[str]:

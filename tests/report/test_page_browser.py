@@ -16,7 +16,6 @@ from tests.report.sections.examples import SHOWN, write_everything
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
-pytestmark = pytest.mark.slow
 
 SECTIONS = (
     "summary", "reference-1", "plan-1", "mission-1", "evaluation-1", "comparison-1", "campaign-1", "glossary",

@@ -319,7 +319,6 @@ def test_damaged_data_is_told(browser: Browser, small: Path) -> None:
         assert "could not be started" in page.locator(".fk-view-message").inner_text()
 
 
-@pytest.mark.slow
 def test_many_views_start_when_they_come_near_and_make_way(browser: Browser, written: Callable[..., Path]) -> None:
     scenes = [ViewerScene(f"Plot {i}", [leaves(300, seed=i)]) for i in range(20)]  # more than a page has contexts
     with ready(browser, written("many", *scenes, gap_px=900)) as (page, _):

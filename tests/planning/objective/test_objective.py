@@ -133,7 +133,7 @@ def test_without_a_renderer_the_error_names_the_remedy(tmp_path: Path) -> None:
         from fieldkit.clouds import Cloud, Volume
         from fieldkit.geometry import Intrinsics
         from fieldkit.planning.objective.objective import Objective
-        from fieldkit.planning.objective.simulated import SimulatedSource
+        from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
         from fieldkit.scenes.scene import Scene
         proxy = Proxy(Scene(()), Cloud(np.eye(3)), Volume((0, 0, 0), (1, 1, 1)), Intrinsics.pinhole(64, 48, 50.0))
         try:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from fieldkit.cache import StageCache
 from fieldkit.captures import Photo
 from fieldkit.errors import FieldkitError, ReconstructionError
 from fieldkit.geometry.pose import rotation_angle_deg
@@ -46,7 +47,7 @@ def given(scene: FeatureScene, priors: dict[str, PosePrior]) -> tuple[Inputs, Be
     capture = SimpleNamespace(folder=Path("plot"), names=tuple(scene.names), photos=photos, priors=priors)
     keyed = [KeyedFeatures(f"{k:016x}", features, cached=False) for k, features in enumerate(scene.features)]
     cameras = CameraSet(("camera",), (scene.camera,), ("camera.toml",), (True,), (0,) * COUNT)
-    inputs = Inputs(cast("Any", capture), ReconstructionSettings(), keyed, Context())
+    inputs = Inputs(cast("Any", capture), ReconstructionSettings(), keyed, Context(StageCache(Path.cwd() / "cache")))
     return inputs, Belief(cameras, Priors(None, priors))
 
 
