@@ -19,7 +19,7 @@ from fieldkit.runtime.cluster import TRUSTED, Cluster, check_scheduler
 from fieldkit.runtime.executor import open_executor
 from fieldkit.runtime.worker import Limits, NoWorkersError, WorkerError
 from tests.planning.bowl import here
-from tests.planning.traps import EXIT, REFUSE, SLOW, Trap, job_cameras
+from tests.planning.traps import REFUSE, SEGFAULT, SLOW, Trap, job_cameras
 
 distributed = pytest.importorskip("distributed", reason="Dask is not installed (pip install 'fieldkit[cluster]')")
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
@@ -62,7 +62,7 @@ def test_a_killed_worker_costs_nothing(tmp_path: Path, client: Any) -> None:
 
 def test_what_always_kills_its_worker_is_recorded_as_failed(tmp_path: Path, client: Any) -> None:
     with on(client, tmp_path) as pool:
-        good, broken = evaluate_all(pool, [job_cameras(1.0), job_cameras(EXIT)])
+        good, broken = evaluate_all(pool, [job_cameras(1.0), job_cameras(SEGFAULT)])
     assert good.measured
     assert not broken.measured
     assert "KilledWorker" in broken.failure
