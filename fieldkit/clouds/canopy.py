@@ -28,6 +28,9 @@ _SEAM_SWAYED = 0.31
 on still and swaying maize, maize of narrow leaves and a real sorghum (docs/traits.md)."""
 _GAP_SWAYED = 0.8
 """How far apart points of one leaf may lie for every metre of sway, metres."""
+_GAP_M = 0.0042
+"""Width of the gaps in leaves that are closed, metres: two cells of the pixels that the seam was fitted with. In finer
+cells thirteen views of a pot's leaves leave more gaps than forty do (docs/traits.md)."""
 MOST_CELLS = 50_000_000
 LEAF_M2 = 0.0010
 _GAP_PIXELS = 2.0
@@ -81,16 +84,16 @@ def seam_cells(pixel_m: float, swayed_m: float = 0.0) -> float:
     return max(-1.0, still - _SEAM_SWAYED * swayed_m / pixel_m)
 
 
-def cells_within(taken: ByteArray) -> Float32Array:
+def cells_within(taken: ByteArray, reach: int = 1) -> Float32Array:
     """How far cells are from the next empty one, in cells: 1 at the edge; beyond it, as far from the next covered one
     as they are below 1.
 
     Args:
-        taken: (rows, columns) 1 where a cell holds a point. Gaps of up to two cells are closed.
+        taken: (rows, columns) 1 where a cell holds a point. Gaps of up to twice ``reach`` cells are closed.
     """
     import cv2
 
-    closed = cv2.morphologyEx(taken, cv2.MORPH_CLOSE, np.ones((3, 3), dtype=np.uint8))
+    closed = cv2.morphologyEx(taken, cv2.MORPH_CLOSE, np.ones((2 * reach + 1,) * 2, dtype=np.uint8))
     inner, outer = (cv2.distanceTransform(part, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) for part in (closed, 1 - closed))
     return np.where(closed > 0, inner, 1.0 - outer).astype(np.float32)
 
@@ -100,8 +103,9 @@ def canopy(
 ) -> Canopy:
     """The canopy of plants' points, in cells as large as a pixel of the depth maps.
 
-    Gaps of up to two cells are closed: a point falls into a cell by chance. What lies nearer than the seam to an empty
-    cell is seam; a negative one widens. Tops reach over lower ones between them, as far as leaves sway.
+    Gaps of up to two cells, or `_GAP_M` where cells are finer, are closed: a point falls into a cell by chance. What
+    lies nearer than the seam to an empty cell is seam; a negative one widens. Tops reach over lower ones between them,
+    as far as leaves sway.
 
     Args:
         points: (n, 3) of plants, plot frame, without strays; at least one.
@@ -118,15 +122,17 @@ def canopy(
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     cell = max(pixel_m, float(np.sqrt(np.prod(high - low + 6 * pixel_m) / MOST_CELLS)))
     seam = (seam_cells(pixel_m, swayed_m) if seam is None else seam) * pixel_m / cell
-    low = (np.floor(low / cell) - 3) * cell  # on a grid through the frame's origin, with empty cells all around
-    columns, rows = (np.ceil((high - low) / cell) + 4).astype(int)
+    reach = max(1, round(0.5 * _GAP_M / cell))
+    around = 2 * reach + 1  # empty cells, on a grid through the frame's origin
+    low = (np.floor(low / cell) - around) * cell
+    columns, rows = (np.ceil((high - low) / cell) + around + 1).astype(int)
     column, row = np.floor((points[:, :2] - low) / cell).astype(int).T
     tops = np.full((rows, columns), -np.inf, dtype=np.float32)
     np.maximum.at(tops, (row, column), heights.astype(np.float32))
     square = np.ones((3, 3), dtype=np.uint8)
-    within = cells_within(np.isfinite(tops).astype(np.uint8))
+    within = cells_within(np.isfinite(tops).astype(np.uint8), reach)
     cover = np.clip(within - seam, 0.0, 1.0)
-    window = np.ones((3 + 2 * math.ceil(_GAP_SWAYED * swayed_m / cell),) * 2, dtype=np.uint8)
+    window = np.ones((around + 2 * math.ceil(_GAP_SWAYED * swayed_m / cell),) * 2, dtype=np.uint8)
     over = cv2.morphologyEx(tops, cv2.MORPH_CLOSE, window, borderType=cv2.BORDER_CONSTANT, borderValue=-float("inf"))
     over = np.where(np.isfinite(over), over, cv2.dilate(tops, square))
     tops = np.where(((within > 0) | (cover > 0)) & np.isfinite(over), over, np.float32(np.nan))

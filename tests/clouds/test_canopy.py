@@ -48,6 +48,12 @@ class TestShapes:
         assert found.covered_m2 == pytest.approx((width - seam) * (depth - seam), abs=(width + depth) * PIXEL_M)
         assert found.volume_m3 == pytest.approx(found.covered_m2 * height, rel=1e-5)
 
+    @pytest.mark.parametrize(("step", "whole"), [(0.003, True), (0.006, False)])
+    def test_gaps_of_a_leaf_in_fine_cells(self, step: float, whole: bool) -> None:
+        found = seen(box(0.1, 0.06, 0.05, step), pixel_m=0.0004)
+        assert (found.covered_m2 == pytest.approx(0.006, rel=0.04)) == whole
+        assert found.volume_m3 == pytest.approx(found.covered_m2 * 0.05, rel=1e-5)
+
     def test_a_cone(self) -> None:
         points = cone(0.25, 0.6, count=200_000)
         found = seen(points)
