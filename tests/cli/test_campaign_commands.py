@@ -102,16 +102,10 @@ def test_where_evaluate_puts_its_results(place, capsys, monkeypatch) -> None:
     error = answer(capsys, "evaluate", "photos", "-o", "out", "--campaign", "season", code=2)["error"]
     assert "its own folder" in error["message"]
     # Also a value that is the default is one that campaign.toml has to say.
-    for option in (
-        ["--fidelity", "standard"],
-        ["--refine"],
-        ["--seed", "0"],
-        ["--reference", "."],
-        ["--plan", "."],
-        ["--rasters", "--gsd", "0.01"],
-    ):
-        error = answer(capsys, "evaluate", "photos", "--campaign", "season", *option, code=2)["error"]
-        assert error["message"].startswith(option[0])
+    options = ("--fidelity standard", "--refine", "--seed 0", "--reference .", "--plan .", "--rasters --gsd 0.01")
+    for option in options:
+        error = answer(capsys, "evaluate", "photos", "--campaign", "season", *option.split(), code=2)["error"]
+        assert error["message"].startswith(option.split()[0])
         assert "campaign.toml" in error["remedy"]
     error = answer(capsys, "evaluate", "photos", "--campaign", "season", "--log", ".", code=2)["error"]
     assert "--log" in error["message"]

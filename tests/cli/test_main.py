@@ -60,26 +60,26 @@ class TestUsageErrors:
     @pytest.mark.parametrize(
         ("arguments", "message"),
         [
-            (["doctr"], "Error: no such command 'doctr'. Did you mean 'doctor'?\n  'fieldkit --help' explains"),
-            (["scene", "nwe"], "Error: no such command 'nwe'. Did you mean 'new'?\n  'fieldkit scene --help' explains"),
-            (["plan", "-o", "x", "--seed", "3000000000"], "Error: invalid value for '--seed': Input should be less"),
-            (["xyzzy"], "Error: no such command 'xyzzy'\n  'fieldkit --help' explains the command.\n"),
-            (["doctor", "--x"], "Error: no such option: --x\n  'fieldkit doctor --help' explains the command.\n"),
-            (["evaluate", "-o", "x"], "Error: missing argument 'captures'"),
-            (["cache", "burn"], "Error: invalid value for 'action': 'burn' is not one of 'show', 'prune', 'clear'\n"),
-            (["cache", "show", "surplus"], "Error: got unexpected extra argument(s) (surplus)\n"),
-            (["cache", "prune"], "Error: prune what?\n  Give --max-size or --older-than, or"),
-            (["cache", "show", "--max-size", "1G"], "Error: show takes neither --max-size nor --older-than\n"),
-            (["cache", "prune", "--max-size", "big"], "Error: --max-size: not a size: big\n  Write it like 500M"),
-            (["cache", "prune", "--older-than", "-1"], "Error: invalid value for '--older-than': "),
+            ("doctr", "Error: no such command 'doctr'. Did you mean 'doctor'?\n  'fieldkit --help' explains"),
+            ("scene nwe", "Error: no such command 'nwe'. Did you mean 'new'?\n  'fieldkit scene --help' explains"),
+            ("plan -o x --seed 3000000000", "Error: invalid value for '--seed': Input should be less"),
+            ("xyzzy", "Error: no such command 'xyzzy'\n  'fieldkit --help' explains the command.\n"),
+            ("doctor --x", "Error: no such option: --x\n  'fieldkit doctor --help' explains the command.\n"),
+            ("evaluate -o x", "Error: missing argument 'captures'"),
+            ("cache burn", "Error: invalid value for 'action': 'burn' is not one of 'show', 'prune', 'clear'\n"),
+            ("cache show surplus", "Error: got unexpected extra argument(s) (surplus)\n"),
+            ("cache prune", "Error: prune what?\n  Give --max-size or --older-than, or"),
+            ("cache show --max-size 1G", "Error: show takes neither --max-size nor --older-than\n"),
+            ("cache prune --max-size big", "Error: --max-size: not a size: big\n  Write it like 500M"),
+            ("cache prune --older-than -1", "Error: invalid value for '--older-than': "),
         ],
     )
     def test_message_and_code(self, arguments, message, capsys, tmp_path) -> None:
-        assert main(arguments) == 2
+        assert main(arguments.split()) == 2
         output = capsys.readouterr()
         assert output.err.startswith(message)
         assert output.out == ""
-        assert main([*arguments, "--json"]) == 2
+        assert main([*arguments.split(), "--json"]) == 2
         error = json.loads(capsys.readouterr().out)["error"]
         assert error.keys() == {"type", "message", "path", "remedy"}
         assert error["type"] == "UsageError"

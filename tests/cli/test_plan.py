@@ -1,6 +1,7 @@
 """`fieldkit plan`: wrong calls are told in words, and a run is planned, resumed and extended on real photographs."""
 
 import json
+import shlex
 import shutil
 from pathlib import Path
 
@@ -34,32 +35,32 @@ SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        ([], 2, "plan on what?"),
-        (["--scene", "case-1", "--reference", "."], 2, "plan on what?"),
-        (["--scene", "case-9"], 3, "Did you mean case-"),
-        (["--reference", "nowhere"], 3, "nowhere"),
-        (["--captures", "nowhere"], 3, "nowhere"),
-        (["--scene", "case-1", "-n", "2"], 2, "cameras"),
-        (["--scene", "case-1", "--images", "."], 2, "--reference"),
-        (["--scene", "case-1", "--height", "2"], 2, "two numbers"),
-        (["--scene", "case-1", "--height", "3,2"], 2, "height_m: 3 is above 2"),
-        (["--scene", "case-1", "--height", "75,150"], 2, "in centimetres?"),
-        (["--scene", "case-1", "-n", "1300"], 2, "cameras"),
-        (["--scene", "case-1", "--pose-noise", "20,1"], 2, "in centimetres?"),
-        (["--captures", str(SMALL_PLOT), "--clearance", "0.5"], 2, "--clearance would not change the choice"),
-        (["--scene", "case-1", "--for", "this-plot", "--vary", "4"], 2, "--vary 4 plans for more than this plot"),
-        (["--scene", "case-1", "--method", "matchable"], 2, "matchable"),
-        (["--scene", "case-1", "--preset", "indoors"], 2, "indoors"),
-        (["--scene", "case-1", "--pose-noise", "from:"], 2, "from what?"),
-        (["--scene", "case-1", "--pose-noise", "from:nowhere"], 3, "nowhere"),
-        (["--scene", "case-1", "--vehicle", "ardupilot-pich"], 3, "Did you mean ardupilot-pitch"),
-        (["--scene", "case-1", "--vehicle", "px4-gimbal", "--height", "1,2"], 2, "flies no lower than 1.2 m"),
-        (["--resume", "--overwrite"], 2, "--overwrite"),
-        (["--resume"], 3, "search.json"),
+        ("", 2, "plan on what?"),
+        ("--scene case-1 --reference .", 2, "plan on what?"),
+        ("--scene case-9", 3, "Did you mean case-"),
+        ("--reference nowhere", 3, "nowhere"),
+        ("--captures nowhere", 3, "nowhere"),
+        ("--scene case-1 -n 2", 2, "cameras"),
+        ("--scene case-1 --images .", 2, "--reference"),
+        ("--scene case-1 --height 2", 2, "two numbers"),
+        ("--scene case-1 --height 3,2", 2, "height_m: 3 is above 2"),
+        ("--scene case-1 --height 75,150", 2, "in centimetres?"),
+        ("--scene case-1 -n 1300", 2, "cameras"),
+        ("--scene case-1 --pose-noise 20,1", 2, "in centimetres?"),
+        (f"--captures '{SMALL_PLOT}' --clearance 0.5", 2, "--clearance would not change the choice"),
+        ("--scene case-1 --for this-plot --vary 4", 2, "--vary 4 plans for more than this plot"),
+        ("--scene case-1 --method matchable", 2, "matchable"),
+        ("--scene case-1 --preset indoors", 2, "indoors"),
+        ("--scene case-1 --pose-noise from:", 2, "from what?"),
+        ("--scene case-1 --pose-noise from:nowhere", 3, "nowhere"),
+        ("--scene case-1 --vehicle ardupilot-pich", 3, "Did you mean ardupilot-pitch"),
+        ("--scene case-1 --vehicle px4-gimbal --height 1,2", 2, "flies no lower than 1.2 m"),
+        ("--resume --overwrite", 2, "--overwrite"),
+        ("--resume", 3, "search.json"),
     ],
 )
 def test_wrong_calls_are_told_in_words(tmp_path, capsys, arguments, code, words) -> None:
-    assert main(["plan", *arguments, "-o", str(tmp_path / "run")]) == code
+    assert main(["plan", *shlex.split(arguments), "-o", str(tmp_path / "run")]) == code
     told = capsys.readouterr().err
     assert words in told
     assert "Traceback" not in told
@@ -78,12 +79,12 @@ def test_a_run_that_fails_at_once_leaves_no_folder(tmp_path, capsys, monkeypatch
 
 @pytest.mark.parametrize(
     "arguments",
-    [["-n", "5"], ["--seed", "4"], ["--for", "kind"], ["--vary", "8"], ["--clearance", "2"], ["--pose-noise", "0.1,1"]],
+    ["-n 5", "--seed 4", "--for kind", "--vary 8", "--clearance 2", "--pose-noise 0.1,1"],
 )
-def test_a_run_goes_on_as_it_began(tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str]) -> None:
+def test_a_run_goes_on_as_it_began(tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: str) -> None:
     with create_run(tmp_path / "run", bowl_settings()):
         pass
-    assert main(["plan", "--resume", *arguments, "-o", str(tmp_path / "run")]) == 2
+    assert main(["plan", "--resume", *arguments.split(), "-o", str(tmp_path / "run")]) == 2
     assert "did not begin with" in capsys.readouterr().err
 
 

@@ -35,25 +35,25 @@ class TestUsage:
     @pytest.mark.parametrize(
         ("arguments", "message"),
         [
-            ([], "missing argument"),
-            (["photos"], "missing option '--output' / '-o'"),
-            (["photos", "-o", "out", "--mapping", "magic"], "'magic' is not one of 'auto', 'incremental'"),
-            (["photos", "-o", "out", "--workers", "0"], "invalid value for '--workers'"),
-            (["photos", "-o", "out", "--seed", "-1"], "invalid value for '--seed'"),
-            (["photos", "-o", "out", "--bounds", "-1,0,0,1,1"], "--bounds: not six numbers: -1,0,0,1,1"),
-            (["photos", "-o", "out", "--bounds", "0,0,0,1,1,0"], "--bounds: the lowest corner is not below"),
-            (["photos", "-o", "out", "--gsd", "0.01"], "gsd_m: it is the cells of rasters"),
-            (["photos", "-o", "out", "--rasters", "--gsd", "-1"], "gsd_m: input should be greater than 0"),
-            (["photos", "-o", "out", "--resume", "--no-cache"], "--resume goes on from what the cache holds"),
+            ("", "missing argument"),
+            ("photos", "missing option '--output' / '-o'"),
+            ("photos -o out --mapping magic", "'magic' is not one of 'auto', 'incremental'"),
+            ("photos -o out --workers 0", "invalid value for '--workers'"),
+            ("photos -o out --seed -1", "invalid value for '--seed'"),
+            ("photos -o out --bounds -1,0,0,1,1", "--bounds: not six numbers: -1,0,0,1,1"),
+            ("photos -o out --bounds 0,0,0,1,1,0", "--bounds: the lowest corner is not below"),
+            ("photos -o out --gsd 0.01", "gsd_m: it is the cells of rasters"),
+            ("photos -o out --rasters --gsd -1", "gsd_m: input should be greater than 0"),
+            ("photos -o out --resume --no-cache", "--resume goes on from what the cache holds"),
         ],
     )
     def test_message_and_code(
-        self, command: str, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path,
+        self, command: str, arguments: str, message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path,
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:  # fmt: skip
         monkeypatch.chdir(tmp_path)
         (tmp_path / "photos").mkdir()
-        assert main([command, *arguments, "--json"]) == 2
+        assert main([command, *arguments.split(), "--json"]) == 2
         error = json.loads(capsys.readouterr().out)["error"]
         assert error["type"] == "UsageError"
         assert message in error["message"]
