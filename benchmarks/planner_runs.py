@@ -182,7 +182,7 @@ def run_all(
     found: list[Ran] = []
     for output, settings in runs.items():
         with progress.stage(output.name):
-            outcome = _outcome(output, settings, workers, cache, progress)
+            outcome = _outcome(output, settings, Context(cache, progress, workers))
         found.append(_ran(settings, outcome, load_plan(output / PLAN_FILE), read_log(output)))
     return found
 
@@ -208,11 +208,8 @@ def _refuse_another(output: Path, settings: SearchSettings) -> None:
         )
 
 
-def _outcome(output: Path, settings: SearchSettings, workers: int, cache: StageCache, progress: Progress) -> Outcome:
-    context = Context(cache, progress, workers)
-    if not (output / SETTINGS_FILE).is_file():
-        return plan(output, settings, context, methods=PLANNERS)
-    if read_settings(output) == settings and (output / PLAN_FILE).is_file():
+def _outcome(output: Path, settings: SearchSettings, context: Context) -> Outcome:
+    if (output / PLAN_FILE).is_file() and read_settings(output) == settings:
         return read_outcome(output)
     return plan(output, settings, context, resume=True, methods=PLANNERS)
 

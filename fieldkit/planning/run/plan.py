@@ -81,7 +81,7 @@ def plan(
     output, context = Path(output), context or Context.usual()
     planned = partial(_planned, context=context, watch=watch, expect=expect, methods=methods)
     asked = settings if isinstance(settings, PlanSettings) else None
-    if resume and (asked is None or output.exists() or not asked.sources):
+    if resume and (output.exists() or (asked is not None and not asked.sources)):
         with open_run(output) as run:
             method_entry(run.settings.method, methods)
             wanted = settings if isinstance(settings, SearchSettings) else resumed_settings(run.settings, settings)
