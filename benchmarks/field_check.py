@@ -16,7 +16,8 @@ from benchmarks.result import Cell, ResultTable, StudyResult
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.fieldcheck.check import check, check_capture
-from fieldkit.fieldcheck.model import CheckReport, CheckSettings
+from fieldkit.fieldcheck.model import CheckReport
+from fieldkit.fieldcheck.settings import CheckSettings
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import this_machine
 from fieldkit.runtime.progress import Progress

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from fieldkit.evaluation.reference import build_reference as build_reference
     from fieldkit.evaluation.settings import EvaluationSettings as EvaluationSettings
     from fieldkit.fieldcheck.check import check as check
-    from fieldkit.fieldcheck.model import CheckSettings as CheckSettings
+    from fieldkit.fieldcheck.settings import CheckSettings as CheckSettings
     from fieldkit.missions.export_mission import export_mission as export_mission
     from fieldkit.missions.settings import MissionSettings as MissionSettings
     from fieldkit.planning.plan_settings import PlanSettings as PlanSettings
@@ -36,43 +36,26 @@ if TYPE_CHECKING:
     from fieldkit.results.report_files import load_reference_report as load_reference_report
     from fieldkit.runtime.context import Context as Context
 
-_HOMES = {
-    name: f"fieldkit.{module}"
-    for module, names in (
-        ("clouds.io", "read_cloud"),
-        ("errors", "FieldkitError"),
-        ("evaluation.compare", "Comparison compare_evaluations"),
-        ("evaluation.evaluate", "evaluate"),
-        ("evaluation.reference", "build_reference"),
-        ("evaluation.settings", "EvaluationSettings"),
-        ("fieldcheck.check", "check"),
-        ("fieldcheck.model", "CheckSettings"),
-        ("missions.export_mission", "export_mission"),
-        ("missions.settings", "MissionSettings"),
-        ("planning.plan_settings", "PlanSettings"),
-        ("planning.run.outcome", "Outcome"),
-        ("planning.run.plan", "plan"),
-        ("planning.settings", "SearchSettings"),
-        ("reconstruction.settings", "ReconstructionSettings"),
-        ("report.write_report", "write_report"),
-        ("results.evaluation", "EvaluationReport ReferenceReport"),
-        ("results.plan", "Plan"),
-        ("results.plan_file", "load_plan"),
-        ("results.report_files", "load_evaluation_report load_reference_report"),
-        ("runtime.context", "Context"),
-    )
-    for name in names.split()
-}
-__all__ = sorted([*_HOMES, "__version__"])
+
+def _homes() -> dict[str, str]:
+    """The modules of the names that are imported above, by name."""
+    import ast
+    from pathlib import Path
+
+    imports = [node for node in ast.walk(ast.parse(Path(__file__).read_text("utf-8"))) if type(node) is ast.ImportFrom]
+    return {each.asname: node.module or "" for node in imports for each in node.names if each.asname}
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
+    homes = _homes()
+    if name == "__all__":
+        return sorted(homes)
+    if name not in homes:
         raise AttributeError(f"module 'fieldkit' has no attribute {name!r}")
     from importlib import import_module
     from inspect import isfunction
 
-    value = getattr(import_module(_HOMES[name]), name)
+    value = getattr(import_module(homes[name]), name)
     if isfunction(value):
         from fieldkit.documents.mistaken import checked_call
 
@@ -82,4 +65,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *_homes()})

@@ -11,11 +11,11 @@ from typer import Option
 from fieldkit.cli.common import (
     MISSION,
     RUN,
+    SEED,
     FitOption,
     JsonOption,
     LogOption,
     OverwriteOption,
-    SeedOption,
     SitePlotOptions,
     VehicleOption,
     answer,
@@ -26,18 +26,26 @@ from fieldkit.cli.common import (
 from fieldkit.cli.options import Panels
 from fieldkit.cli.reconstruction_options import run_context
 from fieldkit.errors import UsageError
+from fieldkit.fieldcheck.settings import CheckSettings
 from fieldkit.missions.settings import MissionSettings
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from fieldkit.fieldcheck import CheckReport
+    from fieldkit.fieldcheck.model import CheckReport
     from fieldkit.figures.content import Block, Level
     from fieldkit.sites.site import Site
 
 _LEVELS: Mapping[str, Level] = {"fine": "good", "fix tags": "note", "fly again": "problem"}
 
 
+SETTINGS: Panels = {
+    "Options": {
+        "position_m": Option("--position-tolerance", metavar="M", min=0.01, max=100.0),
+        "angle_deg": Option("--angle-tolerance", metavar="DEG", min=0.1, max=180.0),
+    },
+    RUN: {"seed": SEED},
+}
 AGAIN: Panels = {"Options": {name: MISSION[name] for name in ("format", "adjust", "plant_height")}}
 
 
@@ -66,9 +74,7 @@ def command(
     fit: FitOption = None,
     again: AgainOptions,
     mission: Annotated[MissionSettings, AGAIN],
-    position_tolerance: Annotated[float, Option(metavar="M", min=0.01, max=100.0)] = 0.25,
-    angle_tolerance: Annotated[float, Option(metavar="DEG", min=0.1, max=180.0)] = 8.0,
-    seed: SeedOption = 0,
+    settings: Annotated[CheckSettings, SETTINGS],
     overwrite: OverwriteOption = False,
     no_cache: Annotated[bool, Option(rich_help_panel=RUN)] = False,
     as_json: JsonOption = False,
@@ -83,8 +89,6 @@ def command(
     Args:
         captures: Folder of photographs of one plot, or a folder of such folders.
         plan: plan.json that was flown, or the folder that holds it; none: quality only.
-        position_tolerance: Farthest from a station.
-        angle_tolerance: Most turned from the plan.
         no_cache: Neither use nor keep what stages computed.
 
     Examples:
@@ -95,16 +99,16 @@ def command(
     """
     again.check(place.site)
     site = place.load(tell=None if as_json else say)
-    from fieldkit.fieldcheck import CheckSettings
     from fieldkit.fieldcheck.check import check
 
-    settings = CheckSettings(position_m=position_tolerance, angle_deg=angle_tolerance, seed=seed)
     with run_context(as_json=as_json, no_cache=no_cache) as context:
         reports = check(
             captures, settings, context, plan=plan, site=site, plot=place.plot, plant_height=mission.plant_height,
             log=log, fit=fit,
         )  # fmt: skip
-    files = list(_missions(reports, plan, site, again, replace(mission, fit=fit, seed=seed), overwrite=overwrite))
+    files = list(
+        _missions(reports, plan, site, again, replace(mission, fit=fit, seed=settings.seed), overwrite=overwrite)
+    )
     if as_json:
         plots = [_plain(report) for report in reports]
         one = plots[0] if len(plots) == 1 else {}
@@ -121,7 +125,7 @@ def _missions(
     settings: MissionSettings, *, overwrite: bool,
 ) -> Iterator[Path]:  # fmt: skip
     """Write the missions that are asked for, one for each plot with stations to fly again."""
-    from fieldkit.fieldcheck import write_refly
+    from fieldkit.fieldcheck.refly import write_refly
 
     output, vehicle = again.output, again.vehicle
     if output is None or site is None or vehicle is None or plan is None:

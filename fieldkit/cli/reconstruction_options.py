@@ -44,9 +44,6 @@ SchedulerOption = Annotated[
         "--scheduler", metavar="URL", rich_help_panel=RUN, help="Compute on a Dask cluster instead: tcp://host:8786."
     ),
 ]
-NoCacheOption = Annotated[
-    bool, Option("--no-cache", rich_help_panel=RUN, help="Neither use nor keep what stages computed.")
-]
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,10 @@ from fieldkit.errors import CaptureError, UsageError
 from fieldkit.evaluation.adherence import LoggedFlight
 from fieldkit.evaluation.evaluate import find_plots
 from fieldkit.fieldcheck.consistency import Consistency, check_tags
-from fieldkit.fieldcheck.model import OTHER_PLOT, CheckReport, CheckSettings, finding_of
+from fieldkit.fieldcheck.model import OTHER_PLOT, CheckReport, finding_of
 from fieldkit.fieldcheck.pictures import PictureVerdict, judge_pictures, load_pictures, with_damage
 from fieldkit.fieldcheck.placement import Placed, angles_as_meant, place_tags, read_tags
+from fieldkit.fieldcheck.settings import CheckSettings
 from fieldkit.fieldcheck.ties import TieGraph, find_ties, with_guided_ties
 from fieldkit.fieldcheck.verdicts import Evidence, believed_poses, judge, tag_pose
 from fieldkit.geometry.priors import PosePrior

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fieldkit.arrays import FloatArray, IntArray
-from fieldkit.fieldcheck.model import CheckSettings
+from fieldkit.fieldcheck.settings import CheckSettings
 from fieldkit.fieldcheck.ties import TieGraph, tie_errors_deg
 from fieldkit.geometry import Pose
 from fieldkit.geometry.priors import PosePrior

@@ -24,17 +24,6 @@ Placement = Literal["site", "poses.csv", "row heading", "shape", "none"]
 heading; turned and shifted until they fit the stations; not at all, for nothing says where they were taken."""
 
 
-@dataclass(frozen=True)
-class CheckSettings:
-    """Limits of a check."""
-
-    position_m: float = 0.25
-    """Farthest that a photograph may be taken from its station. RTK flights keep to 5 cm per axis."""
-    angle_deg: float = 8.0
-    """Most that its optical axis may be turned away from the plan's."""
-    seed: int = 0
-
-
 def finding_of(code: str, station: int | None, photograph: str, message: str, remedy: str) -> Finding:
     """Something that is not as planned, at a station (from 0) or of the whole capture; docs/commands/check.md."""
     return Finding(photograph, code, message, remedy=remedy, station=station)

@@ -9,9 +9,10 @@ import numpy as np
 
 from fieldkit.arrays import FloatArray
 from fieldkit.fieldcheck.consistency import Consistency, SeenPose
-from fieldkit.fieldcheck.model import CheckReport, CheckSettings, StationCheck, Verdict, finding_of
+from fieldkit.fieldcheck.model import CheckReport, StationCheck, Verdict, finding_of
 from fieldkit.fieldcheck.pictures import PictureVerdict
 from fieldkit.fieldcheck.placement import Placed, axis_turn_deg
+from fieldkit.fieldcheck.settings import CheckSettings
 from fieldkit.fieldcheck.ties import TieGraph, tie_errors_deg
 from fieldkit.geometry import Pose
 from fieldkit.reconstruction.guided import region_of_interest

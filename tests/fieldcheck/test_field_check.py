@@ -16,10 +16,9 @@ from hypothesis import strategies as st
 from fieldkit.cache import StageCache
 from fieldkit.captures import CameraGroup, Capture, Photo, read_capture
 from fieldkit.errors import UsageError
-from fieldkit.fieldcheck import CheckSettings, StationCheck, write_refly
 from fieldkit.fieldcheck.check import common_findings
 from fieldkit.fieldcheck.consistency import Consistency, check_tags
-from fieldkit.fieldcheck.model import CheckReport, finding_of
+from fieldkit.fieldcheck.model import CheckReport, StationCheck, finding_of
 from fieldkit.fieldcheck.pictures import (
     DIRECTIONS,
     blur_ratios,
@@ -30,6 +29,8 @@ from fieldkit.fieldcheck.pictures import (
     with_damage,
 )
 from fieldkit.fieldcheck.placement import Placed, Tags, angles_as_meant, axis_turn_deg, place_tags
+from fieldkit.fieldcheck.refly import write_refly
+from fieldkit.fieldcheck.settings import CheckSettings
 from fieldkit.fieldcheck.ties import LengthRatio, Tie, TieGraph
 from fieldkit.fieldcheck.verdicts import connect, tag_pose
 from fieldkit.geometry import Pose

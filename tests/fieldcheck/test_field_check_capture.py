@@ -15,8 +15,8 @@ from benchmarks.rigs import RIG_FILE, read_rig
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.errors import CaptureError, MetadataError, UsageError
-from fieldkit.fieldcheck import CheckReport, StationCheck
 from fieldkit.fieldcheck.check import burst_findings, check, leaves_move_m
+from fieldkit.fieldcheck.model import CheckReport, StationCheck
 from fieldkit.fieldcheck.ties import TieGraph, find_ties
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.cameras import CameraSet
