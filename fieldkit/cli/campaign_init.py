@@ -51,6 +51,7 @@ def command(
         fieldkit campaign init season --plan plan/plan.json --site field.toml --plots plots.gpkg
         fieldkit campaign init season --plan plan --site field.toml --vehicle px4-gimbal --rasters
     """
+    _ = settings.wanted_rasters  # refuses what is not installed
     from fieldkit.campaign.create import CampaignSources, init_campaign, split_references
     from fieldkit.sites.site_file import load_site
     from fieldkit.wording import count

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -36,15 +35,6 @@ SETTINGS: Panels = {
 }
 
 
-@dataclass(frozen=True)
-class FlightOptions:
-    """What was flown."""
-
-    log: LogOption = None
-    plan: Path | None = None
-    """plan.json that was flown: how the photographs kept to it."""
-
-
 def command(
     captures: Path,
     *,
@@ -52,7 +42,8 @@ def command(
     campaign: Path | None = None,
     reference: Path | None = None,
     reference_frame: Annotated[str, Option(metavar="FRAME")] = "",
-    flight: FlightOptions,
+    log: LogOption = None,
+    plan: Path | None = None,
     settings: Annotated[EvaluationSettings, SETTINGS],
     ties: TiesOption = None,
     poses: PosesOptions,
@@ -77,6 +68,7 @@ def command(
         campaign: Campaign to add to. Without -o: the one about the current folder.
         reference: What `fieldkit reference` wrote, or a cloud (PLY, LAS, LAZ). Without: no distances.
         reference_frame: Of a cloud that does not say it: EPSG:CODE or metres.
+        plan: plan.json that was flown: how the photographs kept to it.
 
     Examples:
         fieldkit evaluate flights/ --reference plot_7-reference -o scores
@@ -86,9 +78,11 @@ def command(
     if output is None:
         own = settings.model_fields_set
         given = [f"--{name.removesuffix('_m')}" for name in type(settings).model_fields if name in own]
-        others = {"--reference": reference, "--reference-frame": reference_frame, "--plan": flight.plan, "--ties": ties}
+        others = {"--reference": reference, "--reference-frame": reference_frame, "--plan": plan, "--ties": ties}
         given += [option for option, value in others.items() if value]
-        return _in_campaign(_campaign_folder(campaign, given, flight, poses), captures, run, scheduler, as_json=as_json)
+        return _in_campaign(
+            _campaign_folder(campaign, given, log, poses.poses), captures, run, scheduler, as_json=as_json
+        )
     if campaign is not None:
         raise UsageError("a campaign's results go into its own folder", remedy="Leave -o out, or --campaign.")
     settings, found_poses = with_ties(settings, ties), poses.given()
@@ -100,8 +94,8 @@ def command(
     computing = run_context(as_json=as_json, workers=run.workers, scheduler=scheduler, no_cache=run.no_cache)
     with computing as context:
         report = evaluate(
-            captures, output, settings, context, reference=reference, reference_frame=frame, log=flight.log,
-            plan=flight.plan, poses=found_poses, overwrite=run.overwrite,
+            captures, output, settings, context, reference=reference, reference_frame=frame, log=log, plan=plan,
+            poses=found_poses, overwrite=run.overwrite,
         )  # fmt: skip
     if as_json:
         emit_json(
@@ -114,7 +108,7 @@ def command(
     return ReconstructionError.exit_code if report.failed == len(report.plots) else EXIT_OK
 
 
-def _campaign_folder(campaign: Path | None, given: Sequence[str], flight: FlightOptions, poses: PosesOptions) -> Path:
+def _campaign_folder(campaign: Path | None, given: Sequence[str], log: Path | None, poses: Path | None) -> Path:
     """The campaign that is meant; ``given`` are options of which campaign.toml says for all visits what they are."""
     from fieldkit.results.visit import find_campaign
 
@@ -125,11 +119,11 @@ def _campaign_folder(campaign: Path | None, given: Sequence[str], flight: Flight
         raise UsageError(
             f"{option} is one for all visits of a campaign", remedy=f"Edit campaign.toml in {folder}, or give -o."
         )
-    if flight.log is not None:
+    if log is not None:
         raise UsageError(
             "--log is not taken in a campaign", remedy="Write the poses with `fieldkit geotag` first, or give -o."
         )
-    if poses.poses is not None:
+    if poses is not None:
         raise UsageError("--poses is not taken in a campaign", remedy="Leave it out, or give -o.")
     return folder
 
