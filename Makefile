@@ -46,6 +46,7 @@ check: $(STAMP) ## lint, check the format, the types, which way imports run, and
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
 	$(BIN)/python scripts/budget.py
+	$(BIN)/python scripts/constants.py fieldkit sim
 
 wheel: setup ## build the wheel, which holds everything, into dist/
 	$(BIN)/python -m hatchling build -t wheel

@@ -19,10 +19,14 @@ from fieldkit.clouds.cells import piece_surface_m2
 Outline = tuple[tuple[float, float], ...]
 """Corners (x, y) of a plot in the plot frame, metres, the last not the first again."""
 
-SEAM_PIXELS, _SEAM_GROWTH, FITTED_PIXELS_M = 1.25, 0.6, (0.0021, 0.0042)
-"""Width of the seam about leaves in cells: ½ since a cell counts where any point lies in it, ½ for pixels that leaf and
-soil share, the rest for masks grown at thin parts. Coarser pixels leave more parts thin: it grows with this power of
-them. Fitted with pixels of this size, metres, on scenes tuning-1 to 6, and tuning-1 and -2 (docs/traits.md)."""
+SEAM_PIXELS = 1.25
+"""Width of the seam about leaves in cells of the smaller fitted pixels: ½ since a cell counts where any point lies in
+it, ½ for pixels that leaf and soil share, the rest for masks grown at thin parts. Fitted on scenes tuning-1 to 6
+(docs/traits.md)."""
+_SEAM_GROWTH = 0.6
+"""Power of the pixel with which the seam grows: coarser pixels leave more parts thin. Fitted on tuning-1 and -2."""
+FITTED_PIXELS_M = (0.0021, 0.0042)
+"""Least and largest pixels that the seam was fitted with, metres."""
 _SEAM_SWAYED = 0.31
 """What a metre of sway takes off the seam, metres: views do not agree on edges that sway, so clouds lack them. Fitted
 on still and swaying maize, maize of narrow leaves and a real sorghum (docs/traits.md)."""
@@ -32,9 +36,15 @@ _GAP_M = 0.0042
 """Width of the gaps in leaves that are closed, metres: two cells of the pixels that the seam was fitted with. In finer
 cells thirteen views of a pot's leaves leave more gaps than forty do (docs/traits.md)."""
 MOST_CELLS = 50_000_000
+"""Most cells of a canopy: 200 MB an array."""
 LEAF_M2 = 0.0010
+"""Least surface of a leaf whose highest point counts, square metres."""
 _GAP_PIXELS = 2.0
-_ROOM_SHARE, _LEAST_ROOM_M = 0.10, 0.06
+"""Distance between points of one leaf, in pixels."""
+_ROOM_SHARE = 0.10
+"""Height above the highest leaf that pictures have to show, as a share of its own."""
+_LEAST_ROOM_M = 0.06
+"""Least such height, metres."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,13 +14,16 @@ from fieldkit.results.frame import Plane
 from fieldkit.runtime.kernels import kernel
 
 _HYPOTHESES = 8192
+"""Number of planes that are tried where up is not known; a fourfold one where it is."""
 _SCORED_POINTS = 20_000
+"""Most points that planes are judged by."""
 _PLANES_AT_ONCE = 512
 """Whose sides all points are told at a time: 80 MB."""
 _TOLERANCE_SHARE = 0.005  # of the cloud's diagonal: 15 mm on a plot 3 m across
 _LEAST_SHARE = 0.015  # of the thinned points must lie on the ground
 _MOST_BELOW = 3.0  # times as many may lie below it
 _CAMERAS_ABOVE = 0.8
+"""Least share of cameras above a ground."""
 MAX_TILT_DEG = 10.0
 """Of the ground against a known upward direction: fields that are worked by machines are rarely half as steep."""
 _STANDS_OUT = 1.5
@@ -34,6 +37,7 @@ _FINER = 3.0
 _SEEN_BELOW = 0.2
 """Of the well-seen points on the ground: so many may lie below it."""
 _REFINEMENTS = 20
+"""Most rounds in which a plane is fitted to its inliers."""
 
 
 def fit_ground_plane(

@@ -25,6 +25,7 @@ NOT_TIED = "no matches tie the photographs together, so nothing tells how good t
 NO_POSITIONS = "the photographs carry no positions, so nothing says how well the plot is placed"
 NO_CLOUD = "too little was reconstructed"
 LEAST_IMAGES = 3
+"""Least number of photographs that count for a prediction."""
 TOO_FEW = f"fewer than {LEAST_IMAGES} photographs count"
 _MARGIN = 0.10
 """Width beyond the fitted range of a feature within which a prediction holds, as a share."""

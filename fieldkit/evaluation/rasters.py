@@ -28,10 +28,13 @@ COARSE_M = 0.3
 LEAST_SAMPLING_M = 0.005
 """Edge of a cell where nobody gives one, or the depth maps' pixel where that is larger."""
 MOST_CELLS = 100_000_000
+"""Most cells of a raster."""
 NODATA = -9999.0
+"""Value of a cell without a height."""
 REFUSED_TAG = "height_refused"
 """Of a canopy's raster: why the traits of its plot give no height."""
 _BLOCK = 256
+"""Side of a raster's blocks, cells."""
 _CANOPY_COLORS = ("#f7fcb9", "#addd8e", "#41ab5d", "#006837", "#00331b")
 _REFUSED_COLORS = ("#f7f7f7", "#cccccc", "#969696", "#636363", "#252525")
 _SURFACE_COLORS = ("#543005", "#bf812d", "#f6e8c3", "#80cdc1", "#003c30")

@@ -34,26 +34,47 @@ from fieldkit.vocabulary import LEAST_POSITIONS, NINE_IN_TEN
 from fieldkit.wording import count
 
 HEIGHT_ERROR_M = 0.03
-AREA_ERROR, VOLUME_ERROR = 0.11, 0.14
-"""What nine in ten plots of the benchmark were within; of area and volume as shares (docs/traits.md)."""
+"""Error of a height that nine in ten plots of the benchmark were within, metres (docs/traits.md)."""
+AREA_ERROR = 0.11
+"""Error of an area that nine in ten plots of the benchmark were within, as a share (docs/traits.md)."""
+VOLUME_ERROR = 0.14
+"""The same of a volume."""
 LEAST_PHOTOGRAPHS = 9
 """With fewer the errors above do not hold: of a plot of seven photographs the height was off by 0.33 m."""
 MOST_SCALE_DOUBT = 0.10
+"""Relative standard error of a scale beyond which there are no traits."""
 STILL_SCATTER_PX = 1.05
 """How far depths of still leaves scatter between views (`Reconstruction.scatter_px`). More is sway."""
-SCATTER_OF_HEIGHT_M, SCATTER_OF_TIPS_M, SCATTER_OF_AREA_M = 0.002, 0.005, 0.005
-"""What scatters beyond that, from where errors grow with it: of heights by the cloud, of those that outlines show, of
-areas and volumes; docs/traits.md says on what they were fitted."""
+SCATTER_OF_HEIGHT_M = 0.002
+"""Sway from which errors of heights by the cloud grow with it, metres (docs/traits.md says on what it was fitted)."""
+SCATTER_OF_TIPS_M = 0.005
+"""Sway from which errors of heights that outlines show grow with it, metres."""
+SCATTER_OF_AREA_M = 0.005
+"""Sway from which errors of areas and volumes grow with it, metres."""
 _OF_FILLING = 2.0
 """How many cells the seam is wider for every cell that outlines could be filled with less. Fitted on a real sorghum in
 4 mm of wind: depths of its fine leaves scatter as if they swayed, but its edges are all there (docs/traits.md)."""
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
-_SEEN_BY, _SEEN_SHARE = 2, 0.95
-_STEP_M, _MOST_STEPS = 0.05, 40
-_MATCH_DEG, _MATCH_FARTHER, _PARTNERS = (3.0, 36.0), 1.6, 2
+_SEEN_BY = 2
+"""Number of photographs that have to show a place."""
+_SEEN_SHARE = 0.95
+"""Least share of a plot's places that they show."""
+_STEP_M = 0.05
+"""Step between places of a plot, metres."""
+_MOST_STEPS = 40
+"""Most places along a side."""
+_MATCH_DEG = (3.0, 36.0)
+"""Angles beside it at which a photograph's partners stand for dense stereo to be right, degrees."""
+_MATCH_FARTHER = 1.6
+"""Largest ratio of their distances."""
+_PARTNERS = 2
+"""Least number of partners."""
 _MOST_ANGLES = 2_000_000
 """Angles between rays that are held at once: 16 MB an array, for 9,600 places and 150 photographs had 1.7 GB."""
-_MATCH_AT, _MATCH_SHARE = (0.3, 0.8), 0.9
+_MATCH_AT = (0.3, 0.8)
+"""Heights at which places are looked at, as shares of the highest leaf's."""
+_MATCH_SHARE = 0.9
+"""Least share of places with partners."""
 _OF_HEIGHT: tuple[Trait, ...] = ("height_m", "canopy_volume_m3")
 _OF_AREA: tuple[Trait, ...] = ("cover_percent", "covered_area_m2", "canopy_volume_m3", "plants", "row_gaps")
 _CODES: Mapping[str, tuple[Trait, ...]] = {

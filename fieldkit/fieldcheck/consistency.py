@@ -24,19 +24,41 @@ from fieldkit.fieldcheck.ties import TieGraph, tie_errors_deg
 from fieldkit.geometry import Pose
 from fieldkit.geometry.priors import PosePrior
 
-_TURN_DEG, _DIRECTION_DEG = 12.0, 20.0
+_TURN_DEG = 12.0
+"""Largest turn between two tags and their tie for these to agree, degrees."""
+_DIRECTION_DEG = 20.0
+"""Largest angle between two tags' direction and their tie's, beside what positions blur, degrees."""
 _DIRECTION_SIGMAS = 3.7
-_CONTRADICTS, _AGREES = 4.0, 3.0
-_CERTAIN_MATCHES, _GROSS = 30, 10.0
-"""On simulated plots ties of fewer matches called sound photographs wrong, by up to 8 standard deviations in wind;
-exchanged ones were 24 and more off by such ties."""
+"""Standard deviations of positions that blur a direction."""
+_CONTRADICTS = 4.0
+"""Excess over what was asked for from which photographs contradict a tag."""
+_AGREES = 3.0
+"""Excess below which a tag that was laid aside agrees again."""
+_CERTAIN_MATCHES = 30
+"""Matches of a tie from which it is certain: on simulated plots ties of fewer called sound photographs wrong, by up to
+8 standard deviations in wind."""
+_GROSS = 10.0
+"""Excess from which a photograph with uncertain ties alone is off: exchanged ones were 24 and more off by such ties."""
 _MOST_ROUNDS = 30
-_ROTATION_DEG, _ROTATION_PER_ROOT_DEG = 0.8, 8.0
-_DIRECTION_SIGMA_DEG, _DIRECTION_PER_ROOT_DEG = 2.0, 20.0
+"""Most tags that are laid aside or taken back."""
+_ROTATION_DEG = 0.8
+"""Least standard deviation of a tie's rotation, degrees."""
+_ROTATION_PER_ROOT_DEG = 8.0
+"""Standard deviation of a tie's rotation times the root of its matches, degrees."""
+_DIRECTION_SIGMA_DEG = 2.0
+"""Least standard deviation of a tie's direction, degrees."""
+_DIRECTION_PER_ROOT_DEG = 20.0
+"""Standard deviation of a tie's direction times the root of its matches, degrees."""
 _CAUCHY = 3.0
-_LOOSE_M, _LOOSE_DEG = 1.5, 60.0
+"""Scale of the loss, in standard deviations."""
+_LOOSE_M = 1.5
+"""Standard deviation of positions that are not believed, metres: nothing stays undetermined."""
+_LOOSE_DEG = 60.0
+"""Standard deviation of angles that are not believed, degrees."""
 _STEP = 1e-6
+"""Step of numeric derivatives, radians and metres."""
 _SETTLED = 3e-4
+"""Step below which a solution has settled, radians and metres."""
 _AGAIN = 6
 """Iterations from all tags' solution to the one without a tag."""
 

@@ -25,29 +25,47 @@ from fieldkit.vocabulary import Mask
 SIDE_PX = 1600
 """Longer side of the photographs that outlines are compared in."""
 _HULL_SIDE_PX = 800
+"""Longer side of the photographs that the hull is carved by, pixels."""
 _NEAR_PX = (3.0, 6.0)
-_CELLS, _ROUNDS = 64, 3  # along each edge of what is carved
+"""Distances to a point of the cloud within which outlines count as filled, pixels of a photograph 1600 wide."""
+_CELLS = 64
+"""Number of cells along each edge of what is carved."""
+_ROUNDS = 3
+"""Number of rounds of carving, each about what the one before left."""
 _OF_VIEWS = 0.8  # leaves in the shade, and stems, fall out of masks
 _MARGIN = 0.05
+"""Width of the box about the hull, as a share of its diagonal."""
 ENOUGH_VIEWS = 24
 """More photographs tell no more of the highest place."""
-_CELL_M, _LEVEL_M, _LEVELS = 0.01, 0.005, 3
+_CELL_M = 0.01
+"""Edge of the cells of a level, metres."""
+_LEVEL_M = 0.005
+"""Step between levels, metres."""
+_LEVELS = 3
+"""Number of levels, one below the other, that a tip has to be shown at."""
 _BESIDE_CELLS = 6  # a tip that sways, or that dense stereo lost, stands so far beside the plants' other points
-_UPPER, _ABOVE = 0.7, 1.2  # of the highest point's height
+_UPPER = 0.7
+"""Share of the highest point's height from which columns stand and levels are looked at."""
+_ABOVE = 1.2
+"""Share of the highest point's height up to which levels are looked at."""
 _SHOWN_BY = 0.65
+"""Share of the outlines that show a tip."""
 _TIP_PX = 8.0  # what outlines miss of a tip that grows thinner than a pixel; fitted on tuning-1, -2, -5 and -6
 _LEAST_VIEWS = 9
+"""Least number of outlines that show heights."""
 _FARTHEST_M = 0.08  # from the cloud: tips lay within 54 mm on the tuning scenes, places that only seemed plants 129
 _MAYBE_BY = 0.5
 """Share of the outlines that may show a tip: half of them, not two thirds, showed those of swaying maize."""
 _MAYBE_M = 0.16
 """Largest distance from the cloud of what may be a tip, metres: a real sorghum's had lost 144 mm of its top."""
 _SWAYS = 1.2
+"""Widening of outlines to each side, in sways."""
 _LARGEST_TIP_M2 = 0.01
+"""Largest area of a tip, square metres: what is larger are plants before others."""
 _FILLING_CELLS = 3.0
-"""What outlines show farther from a cloud's silhouettes tells nothing of its edges."""
+"""Distance from a cloud's silhouettes beyond which outlines tell nothing of its edges, cells."""
 _HALVINGS = 10
-"""Of an interval of five cells: to 5 thousandths."""
+"""Number of halvings of an interval of five cells: to 5 thousandths."""
 T = TypeVar("T")
 
 

@@ -28,13 +28,19 @@ from fieldkit.vehicles.vehicle_file import find_vehicle, load_vehicle, vehicles_
 
 Given = TypeVar("Given", bound=BaseModel)
 _LEAST_BAND_M = 1.0
-_WIND_M, _MASS_KG = 0.010, 1.0
-"""Leaves sway by a centimetre in air of 3 m/s; mass of a vehicle that is not known."""
+"""Least height of the band in which stations may stand, metres."""
+_WIND_M = 0.010
+"""Motion of leaves in air of 3 m/s, metres."""
+_MASS_KG = 1.0
+"""Mass of a vehicle that is not known, kilograms."""
 _APART_M = 0.3
-"""Least distance between stations: a step that pilots see."""
+"""Distance between stations of a vehicle that is not known, metres."""
 OUTDOORS_ENVELOPE = EnvelopeSettings(height_m=(0.8, 3.0), clearance_m=0.8, separation_m=_APART_M)
 """Limits of a vehicle that is not known."""
-_RTK_M, _TURNED_DEG = 0.02, 1.0
+_RTK_M = 0.02
+"""Standard deviation of positions of a vehicle that is not known, metres: RTK's."""
+_TURNED_DEG = 1.0
+"""Standard deviation of a flight's angles, degrees."""
 
 
 def read_vehicle(name: str | Path) -> tuple[Vehicle, SearchVehicle]:

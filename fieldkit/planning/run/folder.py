@@ -25,6 +25,7 @@ from fieldkit.vocabulary import DISTANCES_M, SearchFidelity
 
 LOG_FILE = "evaluations.jsonl"
 _MAX_BYTES = 1 << 20
+"""Largest run.json that is read, bytes."""
 _REMEDY = "Give the folder of a run of `fieldkit plan`."
 Stage = Literal["search", "confirmation"]
 Row = tuple[float, float, float, float, float]

@@ -21,9 +21,10 @@ Stopped = Literal["converged", "evaluations", "time", "exhausted"]
 Watch = Callable[[LogEntry], None]
 _FRESH_SEEDS = 1_000_000
 """First seed of confirmations; searches use smaller ones."""
-_PAIRED, _CLEARLY = 0.07, 2.0
-"""Standard deviation by which two good sets' values on the same plot differ, as a share of a value, and how many times
-the standard error is clearly more."""
+_PAIRED = 0.07
+"""Standard deviation by which two good sets' values on the same plot differ, as a share of a value."""
+_CLEARLY = 2.0
+"""Number of standard errors that are clearly more."""
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from fieldkit.results.plan_file import PLAN_FILE, plan_from_poses, save_plan
 
 OUTCOME_FILE, PLAN_PICTURE = "outcome.json", "plan.png"
 _MAX_BYTES = 16 << 20
+"""Largest outcome.json that is read, bytes."""
 _REMEDY = "Give the folder of a finished run of `fieldkit plan`."
 
 

@@ -42,7 +42,9 @@ PROXY_FOLDER, BUILT_REFERENCE, KIND_FOLDER = "proxy", "reference", "plots"
 _HEIGHT_ERROR = 0.25
 """Largest error of a plot's height as people state it: plants grow, and nobody measures each plot before a flight."""
 _GOOD_POSES_M = 0.010
+"""Median accuracy of recorded positions with which two rounds of matching do, metres."""
 _TWO_ROUNDS_PX = (10.0, 3.0)
+"""Bands of these two rounds, pixels."""
 
 
 @dataclass(frozen=True, eq=False)

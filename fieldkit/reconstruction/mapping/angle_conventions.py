@@ -28,11 +28,15 @@ Rotations = dict[str, FloatArray]
 _LEAST = 3
 """Photographs that tell a convention."""
 _AS_RECORDED_SHARE = 0.5
+"""Least share of photographs that agree with angles as they are recorded for these to count."""
 _CONVENTION_SHARE = 0.9
+"""Least share of photographs that another convention must fit."""
 _MEDIAN_SHARE = 0.5  # of the bound
 _LEVEL = float(np.sin(np.radians(-20.0)))
 _UPSIDE_DOWN = 0.3
+"""Sine of the camera's downward axis above the horizon from which it is upside down."""
 _ODD_SHARE = 0.25
+"""Least share of odd orientations that makes many."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,7 +40,9 @@ from fieldkit.vocabulary import LEAST_POSITIONS
 from fieldkit.wording import count
 
 MAX_NEIGHBOURS = 40
+"""Most nearest photographs, by position, that each is matched with."""
 _FEW_FEATURES = 50
+"""Number of features below which a photograph is not matched."""
 
 
 def verified_pairs(inputs: Inputs, belief: Belief, wanted: Sequence[Pair], *, calibrated: bool) -> dict[Pair, TwoView]:

@@ -17,12 +17,15 @@ from fieldkit.reconstruction.colmap_model import transform_model
 from fieldkit.runtime.colmap import pycolmap
 
 _FULL_TRUST = 300
+"""Number of observations from which a camera's centre counts in full."""
 COARSE_M = 0.1
 """Standard deviation of positions from which nearly all of a model's errors against them are theirs."""
 _CAUCHY = 2.385  # 95 % of least squares' efficiency on normal errors
 _MEDIAN_LENGTH = 1.538  # of a 3D normal vector with unit standard deviation per axis
 _PLACING_ROUNDS = 20
+"""Number of rounds of reweighting."""
 _MANY_CAMERAS = 5
+"""Least number of cameras of which some may count less."""
 
 
 def adjust(

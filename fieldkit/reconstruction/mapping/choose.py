@@ -35,6 +35,7 @@ from fieldkit.vocabulary import LEAST_POSITIONS
 from fieldkit.wording import count
 
 _NEAREST = 3
+"""Number of nearest photographs, and of nearest firm ones, that a weak one is matched with by networks."""
 _MISFIT = "Are the positions those of these photographs, in metres, and x, y and z in this order?"
 
 

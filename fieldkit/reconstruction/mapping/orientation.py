@@ -29,13 +29,19 @@ from fieldkit.runtime.colmap import pycolmap
 from fieldkit.vocabulary import LEAST_POSITIONS
 
 _AGREE_DEG = 8.0
+"""Angle between a pair's direction and its positions' within which they agree, degrees, for exact positions."""
 _MAX_AGREE_DEG = 40.0
+"""Largest such angle, degrees, whatever the positions' accuracy."""
 _ROUNDS = 3
+"""Most rounds in which pairs that disagree are left out."""
 _TRIALS = 500
+"""Number of random pairs of directions that are tried for a component's rotation."""
 _MIN_SHARE = 0.4  # of the pairs' matches must agree with the positions
 
-_ALIKE_DEG, _MOST_ALIKE = 20.0, 0.5
-"""Cameras look at a place alike whose mounts differ by so much at most, if so large a share of them does."""
+_ALIKE_DEG = 20.0
+"""Largest turn between the mounts of cameras that look at a place alike, degrees."""
+_MOST_ALIKE = 0.5
+"""Least share of cameras that look alike for the others to be taken to."""
 FOUND_SIGMA_DEG = 6.0
 """What orientations found from positions and pairs are good to (measured 0.3–6° on the recorded rigs)."""
 

@@ -77,16 +77,21 @@ FIRST_VERIFICATION = VerificationSettings(max_error_px=2.0, min_inliers=10)
 _FIRST_NEIGHBOURS = 8  # per image, the nearest cameras that the first round tries
 _KEPT = 64  # photographs whose sorted features are kept: some megabytes each
 _LEAST_BAND_PX = 4.0
+"""Least half width of the first round's bands, pixels."""
 _MAX_VIEW_ANGLE_DEG = 75.0  # pairs whose viewing directions differ more are not tried
 _MIN_ANGLE_DEG = 1.0  # smallest triangulation angle of a point
 _MIN_OBSERVATIONS = 15
 """An image with fewer observations of points is not registered."""
 _DIRECTION_SIGMAS = 3.72  # 99.9 % of a 2D normal error (χ², 2 degrees of freedom)
 _POINTS_FOR_SLAB = 50
+"""Number of points from which a model tells heights and overlap."""
 _SLAB_MARGIN = 0.3  # of the flying height above the scene, up and down
 _MIN_OVERLAP = 0.1
+"""Least share of a photograph's points that a pair sees in common."""
 _LOSSES_PX = (8.0, 2.0)
+"""Scales of the bundle adjustment's losses one after the other, pixels."""
 _JOINED_PX = 16.0
+"""Epipolar distance within which matches agree with sub-models put together, pixels."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,7 @@ from fieldkit.vocabulary import LEAST_POSITIONS
 
 FOCAL_CHANGE = 0.05  # of the focal length: more is none that a calibration of a known camera finds
 _LOST_SHARE = 0.1
+"""Largest share of photographs that a good model loses."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -48,15 +48,20 @@ from fieldkit.runtime.colmap import pycolmap
 from fieldkit.vocabulary import LEAST_POSITIONS
 
 _NEAR_NEIGHBOURS = 12
+"""Number of nearest photographs that blind pairs are looked for among."""
 _MANY = 30
 """Photographs that mostly match without features of the ground: 12° apart in a ring, where ten are 36°."""
 _MIN_CALIBRATION_IMAGES = 5
+"""Least number of photographs of a blind model that calibrates a camera."""
 _CORRECTION_ROUNDS = 3
+"""Most rounds in which contradicted orientations are left out."""
 _REPEATS = 4
+"""Most rounds of mapping with a focal length found before."""
 _FOCALS = (0.6, 0.67, 0.74, 0.82, 0.91, 1.0, 1.2, 1.5)
 """Of the longer side: focal lengths of lenses between 22 and 55 mm on 35 mm film."""
 _CONVERGED = 0.02  # of the focal length, where orientations come from matches
 _OFF_DEG = 15.0
+"""Angle off the known positions from which a pair's matches do not speak for a focal length, degrees."""
 _NO_PAIR = "no two of them have more matches than chance gives where their known poses let them be looked for"
 
 

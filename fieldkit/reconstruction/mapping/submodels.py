@@ -27,15 +27,23 @@ from fieldkit.reconstruction.guided import Band, PosedFeatures, Region, match_gu
 from fieldkit.reconstruction.mapping.view_graph import Pair
 
 _COARSE_PX = (24.0, 16.0, 16.0)
+"""Scales of the loss of the steps from all starts, pixels."""
 _FINE_PX = (8.0, 8.0, 4.0, 4.0, 2.0, 2.0)
+"""Scales of the loss of the steps from the best starts, pixels."""
 _NOISE_PX = 2.0
+"""Standard deviation of an epipolar distance, pixels."""
 _LEAST_WORTH = 0.5
+"""Least logarithm by which a match that agrees speaks for a motion."""
 _WIDTH_PX = 1600.0
+"""Width of the photograph that pixels here are of."""
 _PLACING_STEPS = 4
+"""Number of Gauss-Newton steps that place a sub-model."""
 _WITHIN_PX = 4.0
-"""Of its epipolar line, a match agrees with a motion."""
-_STARTS, _REFINED = 400, 32
-"""Of the search for a motion, and how many of them are followed to the end."""
+"""Largest epipolar distance of a match that agrees with a motion, pixels."""
+_STARTS = 400
+"""Number of starts of the search for a motion."""
+_REFINED = 32
+"""Number of starts that are followed to the end."""
 _BAND_SIGMAS = 2.5
 """Half width of the bands, in standard deviations of what is unknown."""
 _NULL_FACTOR = 1.5

@@ -31,19 +31,27 @@ TIE_BAND_PX = 6.0
 """Half width of the band whose matches tell a pair's information, pixels of what features are found in: at most 1600
 wide."""
 _TIE_SCALE_PX = 0.75
+"""Scale of Cauchy's loss of epipolar distances, pixels."""
 _TIE_NOISE_PX = 0.5
+"""Standard deviation of a right match's epipolar distance, pixels."""
 _FAR_PX = 100.0
+"""Distance beyond which distances are alike, pixels."""
 _INFLATION = 1.25
 """Of observations' errors: matches of one surface err alike, and lenses are no models. Calibrated on the rigs."""
 _FLOOR = 0.0015
 """Standard deviation of a centre that nothing lowers, as a share of the distance to what is seen."""
 _LEAST_SLOPE = 0.2
+"""Least mean slope of the loss's derivative, which bounds the variance."""
 _MOST_OBSERVATIONS = 400_000
 """Of more, those of every k-th point stand for all and count k times: those of 500 photographs would take gigabytes."""
 _FREE_EXTENTS = 3.0
+"""Standard deviation of an unknown position, in extents of the cameras."""
 _FOCAL_SIGMA = 0.3
+"""Relative standard deviation of a focal length before it is refined."""
 _ROUNDS = 10
+"""Number of rounds of reweighting."""
 _MOVING = 0.5
+"""Share of the largest motion from which a camera moves with it."""
 
 
 def pair_information(distances_px: FloatArray) -> float:

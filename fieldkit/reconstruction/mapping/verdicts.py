@@ -26,7 +26,9 @@ from fieldkit.wording import count, listed
 _FIXED_BY = 3
 """Photographs whose known positions fix a group's place, scale and rotation: two turn about the line between them."""
 _NAMED = 6
+"""Most photographs that a finding names."""
 _FIRST_METRE = 0.5
+"""Standard deviation from which it is told in metres, metres."""
 KNOWN_TO_M = 0.010
 """Two standard deviations of a pose that is as good as wanted, metres."""
 _KNOWN_TO = 0.0075

@@ -22,12 +22,15 @@ from fieldkit.wording import by_key
 Pair = tuple[int, int]
 Matches = dict[Pair, NDArray[np.uint32]]
 EDGE_FACTOR = 3.0
-"""An edge of the view graph has that many times the matches of the null model, a wrong geometry,"""
+"""Factor between an edge's matches and those of the null model, a wrong geometry."""
 EDGE_MATCHES = 20
-"""and at least so many. An image with fewer features in edges lacks them."""
+"""Least matches of an edge of the view graph."""
 _SHIFT = 15.0
+"""Displacement of the null model's band, in its half widths."""
 _CLEARLY = 1.5
+"""Factor by which one displaced band must tell an edge for the other not to be asked."""
 _RIVALS = 4.0
+"""Width of the band in which a match may have no rival, in widths of its own."""
 
 
 def null_model_matches(a: PosedFeatures, b: PosedFeatures, band: Band) -> float:
