@@ -34,8 +34,8 @@ ENVELOPE = PlanEnvelope(
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fieldkit.campaign.next_visit._AROUND", Effort(moves=40))
-    monkeypatch.setattr("fieldkit.campaign.next_visit._ANYWHERE", Effort(4, 1, 40))
+    monkeypatch.setattr("fieldkit.campaign.next_visit._AROUND", Effort(moves=12))
+    monkeypatch.setattr("fieldkit.campaign.next_visit._ANYWHERE", Effort(4, 1, 12))
 
 
 @cache
