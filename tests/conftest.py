@@ -4,12 +4,12 @@ import os
 import signal
 import subprocess
 from collections.abc import Callable, Iterator
-from fcntl import LOCK_EX, flock
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
+from fieldkit.files import lock
 from fieldkit.runtime.threads import set_thread_environment
 
 # The same examples in every run, and no deadline, for a busy machine is no failure. `make test-all` takes more of them
@@ -56,8 +56,8 @@ def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callab
         base = base.parent
 
     def folder(name: str, make: Callable[[Path], object]) -> Path:
-        with (base / f"{name}.lock").open("w") as lock:
-            flock(lock, LOCK_EX)
+        with (base / f"{name}.lock").open("w") as file:
+            lock(file.fileno(), wait=True)
             if not (base / name).exists():
                 making = tmp_path_factory.mktemp(name)
                 make(making)

@@ -281,35 +281,13 @@ def branin(u: np.ndarray) -> float:
     return -float(bend**2 + 10 * (1 - 1 / (8 * np.pi)) * np.cos(a) + 10)
 
 
-def hartmann(u: np.ndarray) -> float:
-    """Maximum 3.322."""
-    weights = np.array([1.0, 1.2, 3.0, 3.2])
-    scales = np.array(
-        [[10, 3, 17, 3.5, 1.7, 8], [0.05, 10, 17, 0.1, 8, 14], [3, 3.5, 1.7, 10, 17, 8], [17, 8, 0.05, 10, 0.1, 14]]
-    )
-    centers = 1e-4 * np.array(
-        [
-            [1312, 1696, 5569, 124, 8283, 5886],
-            [2329, 4135, 8307, 3736, 1004, 9991],
-            [2348, 1451, 3522, 2883, 3047, 6650],
-            [4047, 8828, 8732, 5743, 1091, 381],
-        ]
-    )
-    return float(weights @ np.exp(-(scales * (u - centers) ** 2).sum(axis=1)))
-
-
-@pytest.mark.parametrize(
-    ("function", "dimension", "initial", "steps", "reached"),
-    [(branin, 2, 8, 16, -0.7), pytest.param(hartmann, 6, 12, 16, 2.8, marks=pytest.mark.slow)],
-    ids=["branin", "hartmann-6"],
-)
-def test_a_planted_optimum_is_found(function, dimension, initial, steps, reached) -> None:
-    x, y = evaluated(function, initial, dimension, seed=3)
-    for step in range(steps):
-        found = suggest(x, y, Box(dimension), np.random.default_rng([3, step])).x
+def test_a_planted_optimum_is_found() -> None:
+    x, y = evaluated(branin, 8, 2, seed=3)
+    for step in range(16):
+        found = suggest(x, y, Box(2), np.random.default_rng([3, step])).x
         assert found is not None
-        x, y = np.vstack([x, found]), np.append(y, function(found))
-    assert y.max() > reached
+        x, y = np.vstack([x, found]), np.append(y, branin(found))
+    assert y.max() > -0.7
     # Random search needs more than twice the evaluations.
-    _, random = evaluated(function, 2 * (initial + steps), dimension, seed=12)
-    assert random.max() < reached
+    _, random = evaluated(branin, 48, 2, seed=12)
+    assert random.max() < -0.7
