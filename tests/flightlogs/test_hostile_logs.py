@@ -16,7 +16,7 @@ from tests.flightlogs.recordings import recording
 from tests.flightlogs.test_px4_logs import flight
 from tests.flightlogs.ulog_file import write_ulog
 
-QUIET = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+QUIET = settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def dataflash(rows: int = 40) -> bytes:

@@ -257,6 +257,12 @@ def test_the_cameras_mode_on_px4(mode: float, warned: dict[str, int]) -> None:
     assert counted(report, "warning") == warned
 
 
+def test_a_px4_waits_where_an_item_does_not_continue() -> None:
+    first, *items = render(small_mission(), vehicle("px4"))
+    report = checked((replace(first, autocontinue=False), *items), by=vehicle("px4"))
+    assert counted(report) == {"stops-there": 1}
+
+
 def test_px4_refuses_ardupilots_words() -> None:
     report = check_mission(with_items(lambda _: None), vehicle("px4"), planned=small_mission().shots)
     assert counted(report)["item-rejected"] == 3  # CONDITION_YAW of each photograph

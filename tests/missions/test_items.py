@@ -79,6 +79,8 @@ def test_what_ardupilot_would_take_otherwise_is_refused(item: MissionItem, probl
         (waypoint(1, 0.2, frame=2), "(UNSUPPORTED)"),
         (action(Command.DO_SET_ROI_LOCATION), "(UNSUPPORTED)"),
         (action(Command.DO_SET_ROI, 3), "INVALID_PARAM1"),
+        (waypoint(1, place=(91.0, 6.0, 2.0)), "INVALID_PARAM5_X"),
+        (waypoint(1, place=(50.0, 181.0, 2.0)), "INVALID_PARAM6_Y"),
         # Taken by the upload, rejected before the flight.
         (action(Command.CONDITION_DELAY, 3), "UNSUPPORTED"),
         (action(Command.DO_DIGICAM_CONTROL, 0, 0, 0, 0, 1), "need not release"),

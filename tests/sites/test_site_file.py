@@ -337,11 +337,11 @@ def test_changed_at_random(tmp_path: Path) -> None:
     seeds = [(SITES / "example.toml").read_bytes(), whole.encode(), slopes.encode()]
     (sites / "slopes.toml").write_text(slopes)
     assert [round(plot.slope_percent, 1) for plot in load_site(sites / "slopes.toml").plots] == [4.5, 6.1]
-    found = fuzz(Target(".toml", seeds, load_site), 250, sites, seed=5)
+    found = fuzz(Target(".toml", seeds, load_site), 400, sites, seed=5)
     assert not found.defects
     assert (found.hangs, found.written) == (0, ())
     seeds = [(SITES / name).read_bytes() for name in ("plots.geojson", "hillside.geojson", "example-fence.geojson")]
-    found = fuzz(Target(".geojson", seeds, load_plots), 250, tmp_path, seed=6)
+    found = fuzz(Target(".geojson", seeds, load_plots), 400, tmp_path, seed=6)
     assert not found.defects
     assert (found.hangs, found.written) == (0, ())
     assert found.refused > 30
