@@ -63,15 +63,16 @@ class CommandLine:
             encoding="utf-8",
         )  # fmt: skip
 
-    def run(self, *arguments: str) -> Finished:
-        """The command in this process, which has imported everything already."""
+    def run(self, *arguments: str, code: int = 0) -> Finished:
+        """The command in this process, which has imported everything already; it must end with the code."""
         out, err = StringIO(), StringIO()
         with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
             patch.chdir(self.folder)
             patch.setenv("FIELDKIT_CACHE", str(self.cache))
             patch.setenv("COLUMNS", "200")
-            code = main(arguments)
-        return _finished(code, out.getvalue(), err.getvalue())
+            done = _finished(main(arguments), out.getvalue(), err.getvalue())
+        assert done.code == code, done.err
+        return done
 
     def run_measured(self, *arguments: str) -> tuple[Finished, int]:
         """What a command gave, and the most memory one of its processes held, in bytes (Linux).

@@ -43,7 +43,6 @@ def built(small_plot: Path, made_once: Callable[[str, Callable[[Path], object]],
         done = CommandLine(folder, folder / "cache").run(
             "reference", str(small_plot), "-o", "reference", *DRAFT, "--json"
         )
-        assert done.code == 0, done.err
         (folder / "report.json").write_text(done.out, "utf-8")
 
     folder = made_once("built", build)

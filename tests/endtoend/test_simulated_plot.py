@@ -32,7 +32,6 @@ params = [680, 680, 400, 300]
 
 def run(line: CommandLine, *arguments: str) -> dict[str, object]:
     done = line.run(*arguments, "--json")
-    assert done.code == 0, done.err
     return done.json
 
 
