@@ -1,7 +1,6 @@
 """The frame, the volume and the ground of a visit."""
 
 from dataclasses import replace
-from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +33,7 @@ GROUND = Plane((0.0, 0.0, 1.0), 0.0, 0.01, 0.5, 0.02)
 
 
 def tagged(accuracy_m: float = 0.015) -> Capture:
-    photos = tuple(shot.photo for shot in flown(PLOT, start=datetime(2026, 6, 18, 9), accuracy_m=accuracy_m))
+    photos = tuple(shot.photo for shot in flown(PLOT, accuracy_m=accuracy_m))
     priors = priors_from_gps(photos)
     return Capture(Path("/x"), Path("/x"), photos, (), (), priors.priors, priors.metric_source, priors.origin)
 
