@@ -57,9 +57,10 @@ def __getattr__(name: str) -> Any:
 
     value = getattr(import_module(homes[name]), name)
     if isfunction(value):
+        from fieldkit.cli.progress import with_usual_context
         from fieldkit.documents.mistaken import checked_call
 
-        value = checked_call(value)
+        value = checked_call(with_usual_context(value))
     globals()[name] = value
     return value
 

@@ -89,14 +89,17 @@ def command(
     frame = parse_frame("--reference-frame", reference_frame)
     if frame and reference is None:
         raise UsageError("--reference-frame is that of --reference", remedy="Give --reference with it.")
-    from fieldkit.evaluation.evaluate import evaluate
+    from fieldkit.evaluation.evaluate import AllFailedError, evaluate
 
     computing = run_context(as_json=as_json, workers=run.workers, scheduler=scheduler, no_cache=run.no_cache)
     with computing as context:
-        report = evaluate(
-            captures, output, settings, context, reference=reference, reference_frame=frame, log=log, plan=plan,
-            poses=found_poses, overwrite=run.overwrite,
-        )  # fmt: skip
+        try:
+            report = evaluate(
+                captures, output, settings, context, reference=reference, reference_frame=frame, log=log, plan=plan,
+                poses=found_poses, overwrite=run.overwrite,
+            )  # fmt: skip
+        except AllFailedError as error:
+            report = error.report
     if as_json:
         emit_json(
             {"output": output, **report.model_dump(mode="json", exclude={"plots": {"__all__": {"image_reports"}}})}

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+import inspect
 import shutil
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import wraps
+from typing import ParamSpec, TypeVar
 
 from fieldkit.cli.boundary import say
 from fieldkit.figures.style import format_seconds
+from fieldkit.runtime.context import Context
+from fieldkit.runtime.executor import lacks_main_guard
+from fieldkit.runtime.machine import usual_workers
 from fieldkit.runtime.progress import Advance, Progress, Silent
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 _LINE_EVERY_S = 10.0
 """Time between lines where output is no terminal, seconds."""
@@ -41,6 +50,25 @@ def open_progress(*, as_json: bool) -> Iterator[Progress]:
         ended.set()
         beating.join()
         lines.erase()
+
+
+def with_usual_context(function: Callable[P, T]) -> Callable[P, T]:
+    """A verb that, where no context is given, shows its progress and takes as many workers as it may."""
+    signature = inspect.signature(function)
+    if "context" not in signature.parameters:
+        return function
+
+    @wraps(function)
+    def shown(*arguments: P.args, **keywords: P.kwargs) -> T:
+        bound = signature.bind(*arguments, **keywords)
+        if bound.arguments.get("context") is not None:
+            return function(*arguments, **keywords)
+        workers = 1 if lacks_main_guard() else usual_workers()
+        with open_progress(as_json=False) as progress:
+            bound.arguments["context"] = Context.usual(progress=progress, workers=workers)
+            return function(*bound.args, **bound.kwargs)
+
+    return shown
 
 
 class Lines:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from difflib import get_close_matches
 from functools import wraps
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
 from typing import NamedTuple, ParamSpec, TypeVar
@@ -104,7 +105,12 @@ def checked_call(function: Callable[P, T]) -> Callable[P, T]:
     @wraps(function)
     def called(*arguments: P.args, **keywords: P.kwargs) -> T:
         if not open_ended:
-            check_names(function.__name__, keywords, signature.parameters)
+            for name in keywords:
+                if name not in signature.parameters and name in (fields := _settings_fields(signature)):
+                    raise UsageError(
+                        f"{function.__name__} has no {name}", remedy=f"Give it as {fields[name]}({name}=…)."
+                    )
+            check_names(function.__name__, keywords, [*signature.parameters, *_settings_fields(signature)])
         try:
             signature.bind(*arguments, **keywords)
         except TypeError as error:
@@ -113,6 +119,15 @@ def checked_call(function: Callable[P, T]) -> Callable[P, T]:
 
     called.__module__ = "fieldkit"  # where it is found by its name
     return called
+
+
+def _settings_fields(signature: inspect.Signature) -> dict[str, str]:
+    """The class of settings, among fieldkit's names, of each field that a verb takes in its ``settings``."""
+    if "settings" not in signature.parameters:
+        return {}
+    kind = str(signature.parameters["settings"].annotation).partition(" |")[0]
+    owner = getattr(import_module("fieldkit"), kind)
+    return dict.fromkeys(getattr(owner, "model_fields", None) or owner.__dataclass_fields__, kind)
 
 
 def check_order(plan: Path, site: Path) -> None:

@@ -10,7 +10,7 @@ from fieldkit.captures import read_capture
 from fieldkit.captures.bursts import by_station
 from fieldkit.captures.folder import instead_of, list_capture, natural_key
 from fieldkit.captures.programs import PosesFile
-from fieldkit.errors import CaptureError, FieldkitError, StorageError, UsageError
+from fieldkit.errors import CaptureError, FieldkitError, ReconstructionError, StorageError, UsageError
 from fieldkit.evaluation.adherence import ComparedPlan, LoggedFlight
 from fieldkit.evaluation.cloud_reference import (
     AnyReference,
@@ -34,6 +34,21 @@ from fieldkit.runtime.machine import Spent
 from fieldkit.runtime.threads import limit_threads
 from fieldkit.runtime.worker import NoWorkersError
 from fieldkit.sites.plot_ids import plot_file_name
+
+
+class AllFailedError(ReconstructionError):
+    """None of several plots was reconstructed.
+
+    Args:
+        report: as it was written.
+    """
+
+    def __init__(self, report: EvaluationReport) -> None:
+        first = report.plots[0]
+        assert first.error is not None
+        problem = f"none of {len(report.plots)} plots was reconstructed; {first.name}: {first.error.message}"
+        super().__init__(problem, remedy=first.error.remedy)
+        self.report = report
 
 
 def evaluate(
@@ -75,6 +90,7 @@ def evaluate(
             ``poses`` with a log.
         InputError: there are no captures, or the log or the reference cannot be used. With a single plot its own error
             is raised.
+        AllFailedError: every plot failed; the report is written all the same.
 
     Example:
         >>> evaluate("flight_7", "scores", EvaluationSettings(fidelity="draft")).traits.to_dataframe()
@@ -139,7 +155,10 @@ def evaluate(
             seconds=spent.seconds,
             cpu_seconds=spent.cpu_seconds,
         )
-        return write_evaluation(folder, report)
+        report = write_evaluation(folder, report)
+    if report.failed == len(report.plots):
+        raise AllFailedError(report)
+    return report
 
 
 def _place(reference: AnyReference | None) -> SourceFrame | None:

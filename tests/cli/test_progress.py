@@ -9,7 +9,8 @@ import time
 import pytest
 
 from fieldkit.cli import progress
-from fieldkit.cli.progress import Lines
+from fieldkit.cli.progress import Lines, with_usual_context
+from fieldkit.runtime.context import Context
 
 SCRIPT = """
 import time
@@ -92,3 +93,16 @@ def test_bars_on_a_terminal() -> None:
     assert "░".encode() in text
     assert b"features: done in" in text
     assert b"IMG_1 [blurred]" in text
+
+
+def test_a_verb_without_a_context_shows_its_progress(capsys: pytest.CaptureFixture[str]) -> None:
+    def verb(plot: str, context: Context | None = None) -> str:
+        assert context is not None
+        with context.progress.stage(plot):
+            return plot
+
+    shown = with_usual_context(verb)
+    assert (shown("plot_7"), shown("plot_8", Context())) == ("plot_7", "plot_8")
+    lines = capsys.readouterr().err
+    assert "plot_7" in lines
+    assert "plot_8" not in lines

@@ -63,6 +63,7 @@ def test_figures_are_floats_even_where_there_are_none() -> None:
     ("call", "words"),
     [
         (lambda: fieldkit.evaluate("photos", "out", refrence="ref"), "no refrence. Did you mean reference?"),
+        (lambda: fieldkit.evaluate("photos", "out", fidelity="draft"), "Give it as EvaluationSettings(fidelity=…)."),
         (lambda: fieldkit.PlanSettings(scen="case-1"), "PlanSettings has no scen. Did you mean scene?"),
         (lambda: fieldkit.PlanSettings(scene="case-1", noise={"pose": 1}), "noise.pose: is not known"),
         (lambda: fieldkit.export_mission("p", "v", "s", "m", adjst=True), "no adjst. Did you mean adjust?"),
