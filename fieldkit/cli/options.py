@@ -99,7 +99,10 @@ def _options(owner: Any, panels: Panels | None) -> Iterator[inspect.Parameter]:
                 kind, info = _parts(option)
             info = copy(info) if isinstance(info, OptionInfo) else Option()
             info.rich_help_panel = info.rich_help_panel or panel
-            # A pydantic model has no attributes of its fields: what nobody gives is None.
+            # A pydantic model has no attributes of its fields: what nobody gives is None, and its default is told.
+            own = getattr(owner, "model_fields", {}).get(name) if name in owner.__annotations__ else None
+            if own is not None and isinstance(own.default, str) and own.default:
+                info.show_default = f"{own.default}"
             parameter = inspect.Parameter(name, _KEYWORD, default=getattr(owner, name, None))
             yield _parameter(parameter, kind, info, texts.get(name))
 
