@@ -23,7 +23,7 @@ _HOVER_M = 0.15
 """Extent of a burst's positions at most, metres: a vehicle keeps its place to centimetres over seconds."""
 _COARSE_HOVER_M = 0.6
 """The same of a receiver without corrections, metres: it wanders by decimetres."""
-_COARSE_M = 0.3
+_UNCORRECTED_M = 0.3
 """Accuracy beyond which a receiver counts as one without corrections, metres."""
 _HOVER_DEG = 5.0
 """Range of a burst's angles at most, degrees."""
@@ -93,7 +93,7 @@ def _timed(capture: Capture, names: Sequence[str]) -> list[tuple[datetime, Photo
 def _hovering(capture: Capture, photos: Sequence[Photo]) -> bool:
     """Whether photographs lie no farther apart than one that hovers, and look the same way."""
     priors = [capture.priors[photo.name] for photo in photos]
-    coarse = max(prior.position_sigma_m for prior in priors) > _COARSE_M
+    coarse = max(prior.position_sigma_m for prior in priors) > _UNCORRECTED_M
     extent = np.ptp([prior.position for prior in priors if prior.position is not None], axis=0)
     if float(np.linalg.norm(extent)) > (_COARSE_HOVER_M if coarse else _HOVER_M):
         return False

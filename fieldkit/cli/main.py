@@ -23,7 +23,7 @@ from fieldkit.version import __version__
 
 # By stage of the work. The command is the function `command` in fieldkit/cli/<name>.py; a name may be of two words, and
 # its file is then <first>_<second>.py.
-STAGES: dict[str, tuple[str, ...]] = {
+COMMAND_GROUPS: dict[str, tuple[str, ...]] = {
     "Plan, once for a field": ("reference", "scene from-reference", "plan"),
     "Fly": ("export-mission", "check-mission", "upload"),
     "Check and score, every date": ("geotag", "check", "evaluate"),
@@ -33,7 +33,7 @@ STAGES: dict[str, tuple[str, ...]] = {
     "Simulate": ("demo", "scene new", "scene show", "simulate"),
     "This machine": ("doctor", "cache"),
 }  # fmt: skip
-COMMANDS: dict[str, str] = {name: stage for stage, names in STAGES.items() for name in names}
+COMMANDS: dict[str, str] = {name: stage for stage, names in COMMAND_GROUPS.items() for name in names}
 """Every command, and the stage it stands under."""
 _GROUPS = {
     "scene": "Scenes of simulated plots: new ones, those of fieldkit, and those made from a reference.",

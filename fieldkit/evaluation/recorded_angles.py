@@ -18,7 +18,7 @@ from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.reconstruction.mapping.angle_conventions import find_convention
 
-LEAST_PHOTOGRAPHS = 3
+LEAST_COMPARED = 3
 """With recorded angles and an orientation found without them, that tell how angles are to be read."""
 _QUARTERS = (0.0, 180.0, 90.0, -90.0)
 """Turns of a photograph that are tried, degrees."""
@@ -44,7 +44,7 @@ class Reading:
     @property
     def as_recorded(self) -> bool:
         """Whether most angles are as fieldkit reads them."""
-        return self.compared >= LEAST_PHOTOGRAPHS and len(self.agreeing) >= _MOST * self.compared
+        return self.compared >= LEAST_COMPARED and len(self.agreeing) >= _MOST * self.compared
 
 
 def read_angles(
@@ -66,12 +66,12 @@ def read_angles(
     """
     quarters = _quarters(capture, found, turn, bound_deg)
     as_read = Reading(capture, agreeing=tuple(n for n, q in quarters.items() if q == 0.0), compared=len(quarters))
-    if len(quarters) < LEAST_PHOTOGRAPHS:
+    if len(quarters) < LEAST_COMPARED:
         return as_read
     agreeing = {name for name, quarter in quarters.items() if quarter is not None}
     rest = quarters.keys() - agreeing
     turned = _turned(capture, quarters)
-    if sound or len(rest) < LEAST_PHOTOGRAPHS:
+    if sound or len(rest) < LEAST_COMPARED:
         return replace(as_read, capture=turned)
     told = find_convention(turned, found, turn, bound_deg)
     kind = "recorded" if told is None else told.kind

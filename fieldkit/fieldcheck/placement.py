@@ -9,7 +9,7 @@ import numpy as np
 
 from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.captures import Capture
-from fieldkit.evaluation.recorded_angles import LEAST_PHOTOGRAPHS, Reading, read_angles, without_angles
+from fieldkit.evaluation.recorded_angles import LEAST_COMPARED, Reading, read_angles, without_angles
 from fieldkit.fieldcheck.model import Placement, finding_of
 from fieldkit.fieldcheck.ties import TieGraph
 from fieldkit.geometry import Pose
@@ -234,14 +234,14 @@ def angles_as_meant(
     if all(prior.yaw_deg is None for prior in capture.priors.values()):
         return capture, []
     reading, by = _by_matches(capture, graph, seed), "the matches"
-    if reading.compared < LEAST_PHOTOGRAPHS or reading.convention or reading.unused:
+    if reading.compared < LEAST_COMPARED or reading.convention or reading.unused:
         planned = _by_plan(capture, plan, site, plot)
-        if reading.compared < LEAST_PHOTOGRAPHS:
+        if reading.compared < LEAST_COMPARED:
             reading, by = planned, "the plan"
         elif planned.as_recorded:
             unused = tuple(name for name in reading.unused if name not in planned.agreeing)
             reading = _by_matches(capture, graph, seed, sound=True)
-            if len(unused) >= LEAST_PHOTOGRAPHS:
+            if len(unused) >= LEAST_COMPARED:
                 reading = replace(reading, capture=without_angles(reading.capture, unused), unused=unused)
     count = f"{reading.compared} photographs"
     if reading.convention:
@@ -270,7 +270,7 @@ def _by_matches(capture: Capture, graph: TieGraph, seed: int, *, sound: bool = F
 def _by_plan(capture: Capture, plan: Plan, site: Site | None, plot: SitePlot | None) -> Reading:
     """By the stations that positions alone assign; they tell another convention of all, or that there is none."""
     placed = place_tags(without_angles(capture), plan, site, plot)
-    if placed.ambiguous or len(placed.station_of) < LEAST_PHOTOGRAPHS:
+    if placed.ambiguous or len(placed.station_of) < LEAST_COMPARED:
         return Reading(capture)
     names = [capture.names[k] for k in placed.station_of]
     before = np.array([capture.priors[name].position for name in names], dtype=np.float64)

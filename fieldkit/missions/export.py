@@ -11,7 +11,7 @@ from fieldkit.arrays import FloatArray
 from fieldkit.geometry import Pose
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan, Plans
-from fieldkit.routing.flights import Flight, Room, plan_flights
+from fieldkit.routing.flights import FileCapacity, Flight, plan_flights
 from fieldkit.routing.mission import Fence, GeoPoint, Mission, Shot, Via, burst_s
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.sites.fit import PLOTS_NEAR, fit_report
@@ -113,7 +113,7 @@ class Routed:
 
 def route_plan(
     plan: Plans, vehicle: Vehicle, site: Site, *, fit: bool | None = None, adjust: bool = False, seed: int = 0,
-    burst: int = 1, room: Room | None = None, timed: Callable[[RoutedFlight], RoutedFlight] | None = None,
+    burst: int = 1, capacity: FileCapacity | None = None, timed: Callable[[RoutedFlight], RoutedFlight] | None = None,
     progress: Progress | None = None,
 ) -> Routed:  # fmt: skip
     """Put a plan on every plot of a site and find the flights over it.
@@ -127,7 +127,7 @@ def route_plan(
         fit: see `flown_plans`.
         adjust: fly the nearest poses where the plan's cannot be taken.
         burst: photographs at each station, one after the other (`Mission.interval_s`).
-        room: of each flight's mission, see `plan_flights`.
+        capacity: of each flight's mission, see `plan_flights`.
         timed: gives a flight the time that its file takes. Where that is more than a battery, the flights are planned
             for so much less of one.
     """
@@ -145,7 +145,7 @@ def route_plan(
         with progress.stage("Looking for ways", 3 * len(site.plots)) as advance:
             flights = plan_flights(
                 stops, (0.0, 0.0, 0.0), landing_of(site), report.obstacles, planned_for,
-                takeoff_m=site.takeoff_m, transit_m=site.transit_m, seed=seed, room=room, advance=advance,
+                takeoff_m=site.takeoff_m, transit_m=site.transit_m, seed=seed, capacity=capacity, advance=advance,
             )  # fmt: skip
         routed = tuple(
             RoutedFlight(replace(_mission(flight, k, len(flights), shots, frame, site, vehicle), burst=burst), flight)

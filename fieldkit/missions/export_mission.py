@@ -26,7 +26,7 @@ from fieldkit.regular_files import check_replaceable, read_regular
 from fieldkit.results.mission import FlownPlan, record_bytes, record_path
 from fieldkit.results.plan import Plan, Plans, station_number
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, plan_bytes
-from fieldkit.routing.flights import Room
+from fieldkit.routing.flights import FileCapacity
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.sites.placement import SiteFrame
@@ -139,9 +139,9 @@ def route_for_files(
 
     if format in MOST_WAYPOINTS:
         most = min(MOST_WAYPOINTS[format], vehicle.max_items or MOST_WAYPOINTS[format])
-        room = Room(most, f"waypoints that {APPS[format]} takes", a_stop=1, a_flight=2)
+        capacity = FileCapacity(most, f"waypoints that {APPS[format]} takes", a_stop=1, a_flight=2)
     else:
-        room = Room(vehicle.max_items, a_stop=Room(None).a_stop + 2 * (settings.burst - 1))
+        capacity = FileCapacity(vehicle.max_items, a_stop=FileCapacity(None).a_stop + 2 * (settings.burst - 1))
     return route_plan(
         plan,
         vehicle,
@@ -150,7 +150,7 @@ def route_for_files(
         adjust=settings.adjust,
         seed=settings.seed,
         burst=settings.burst,
-        room=room,
+        capacity=capacity,
         timed=timed,
         progress=progress,
     )

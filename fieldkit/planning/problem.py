@@ -46,7 +46,7 @@ class PlanningProblem:
     """Whether mapping works without commanded poses, so that sets may not register."""
     exact: bool = False
     """Whether a set has the same value at every seed."""
-    unmet: tuple[Plot, ...] = ()
+    unseen: tuple[Plot, ...] = ()
     """Further plots of the kind, numbered after ``plots``, on which finalists are only confirmed."""
     noise: NoiseSettings = field(default_factory=NoiseSettings)
     """Noise that the plan must survive. The score goes by positions, wind and wash: a camera that is turned about its
@@ -159,7 +159,7 @@ class Trial:
     evaluating a trial whose gain is negligible.
     """
     plot: int = 0
-    """Number of the plot that it is evaluated on: one of the problem's plots or an unmet one."""
+    """Number of the plot that it is evaluated on: one of the problem's plots or an unseen one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +210,7 @@ class Method(Protocol):
 
 
 @runtime_checkable
-class Chooser(Protocol):
+class FixedDesign(Protocol):
     """A method that needs no results. Its sets are evaluated only as finalists, if photographs can be taken."""
 
     @property
@@ -237,7 +237,7 @@ class Limited(Protocol):
 
 
 @runtime_checkable
-class Judge(Protocol):
+class FinalistSelector(Protocol):
     """A method that chooses the finalists itself; else those of the lowest values are taken."""
 
     def favourites(self, results: Sequence[Result], count: int) -> list[Trial]:
@@ -246,9 +246,9 @@ class Judge(Protocol):
 
 
 @runtime_checkable
-class Arbiter(Protocol):
+class FinalistCosts(Protocol):
     """A method that estimates costs of finalists on plots of a kind, instead of the mean of their confirmations."""
 
     def expect_m(self, sets: Sequence[Cameras], results: Sequence[Result]) -> list[float]:
-        """Mean costs over the problem's plots, metres, after results on these and on unmet plots."""
+        """Mean costs over the problem's plots, metres, after results on these and on unseen plots."""
         ...

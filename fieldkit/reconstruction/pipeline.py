@@ -64,7 +64,7 @@ from fieldkit.reconstruction.versions import STAGES
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import Plane
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.room import Room
+from fieldkit.runtime.memory import MemoryBudget
 from fieldkit.vocabulary import Mask
 from fieldkit.wording import count
 
@@ -326,19 +326,19 @@ class _Dense:
         what, progress, views = "plants" if self.settings.mask != "none" else "scene", self.context.progress, []
         pixels = sum(size.size[0] * size.size[1] for size in self.sizes.values())
         matched = pixels * (_SHOWN_BY_MASKS if self.settings.mask != "none" else 1.0)
-        room = Room.for_bytes(expected_bytes(pixels, matched), self.context.cache.root)
+        memory = MemoryBudget.for_bytes(expected_bytes(pixels, matched), self.context.cache.root)
         with progress.stage(f"Undistortion ({what})", len(self.sizes)) as advance:
             for photo in self.sparse.capture.photos:
                 if photo.name in self.sizes:
                     view = self._view(photo)
-                    views.append(replace(view, image=room.kept(view.image)))
+                    views.append(replace(view, image=memory.kept(view.image)))
                     advance(1)
-        filed = f", most of them in {room.folder} for want of memory" if room.folder is not None else ""
+        filed = f", most of them in {memory.folder} for want of memory" if memory.folder is not None else ""
         progress.note(f"{self._sizes()}; {expected_cost(views)}{filed}")
-        maps = compute_depth_maps(views, self.volume, self.context, seed=self.settings.seed, room=room)
+        maps = compute_depth_maps(views, self.volume, self.context, seed=self.settings.seed, memory=memory)
         with progress.stage(f"Fusion ({what})"):
-            scatter_px = depth_scatter_px(views, maps, self.volume, room, self.sparse.frame.ground)
-            return fuse(views, maps, self.volume, self.settings.min_agreeing_views, scatter_px, room), scatter_px
+            scatter_px = depth_scatter_px(views, maps, self.volume, memory, self.sparse.frame.ground)
+            return fuse(views, maps, self.volume, self.settings.min_agreeing_views, scatter_px, memory), scatter_px
 
     @cached_property
     def sizes(self) -> Mapping[str, Resolution]:

@@ -49,7 +49,7 @@ Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
-class Room:
+class FileCapacity:
     """What the mission of one flight may hold."""
 
     most: int | None
@@ -108,7 +108,7 @@ def plan_flights(
     takeoff_m: float,
     transit_m: float,
     seed: int = 0,
-    room: Room | None = None,
+    capacity: FileCapacity | None = None,
     advance: Advance = ignore,
 ) -> tuple[Flight, ...]:
     """The flights over all stops: as few as battery and mission allow, of these short ones.
@@ -125,7 +125,7 @@ def plan_flights(
         takeoff_m: height above home that is climbed to before anything else.
         transit_m: least height above home of the ways between plots and to and from them.
         seed: of the search for the order of plots.
-        room: of each flight's mission; None for the items that the vehicle stores.
+        capacity: of each flight's mission; None for the items that the vehicle stores.
         advance: is told of plots whose tours are found, and of those with ways from take-off and to landing.
     """
     if not stops:
@@ -140,7 +140,7 @@ def plan_flights(
     groups = [_group(plot, [stops[k] for k in rows], [names[k] for k in rows]) for plot, rows in members.items()]
     plots = _each(lambda group: plot_tour(group, obstacles, vehicle.speeds, seed=seed), groups, advance)
     ends = (_end("take-off", start), _end("landing", finish))
-    field = _Field(plots, ends, obstacles, vehicle, transit_m, room or Room(vehicle.max_items), advance)
+    field = _Field(plots, ends, obstacles, vehicle, transit_m, capacity or FileCapacity(vehicle.max_items), advance)
     flights = [_flight(field, order, list(members.values()), stops) for order in _flights_of_plots(field, seed)]
     _check(flights, obstacles)
     return tuple(flights)
@@ -226,11 +226,11 @@ class _Field:
         obstacles: Obstacles,
         vehicle: Vehicle,
         transit_m: float,
-        room: Room,
+        capacity: FileCapacity,
         advance: Advance,
     ) -> None:
         self.plots, self.ends, self.obstacles, self.vehicle, self.transit_m = plots, ends, obstacles, vehicle, transit_m
-        self.room = room
+        self.capacity = capacity
         self._between: dict[tuple[int, int], Ways] = {}
         self.outward = _each(lambda plot: self._ways(ends[0], plot.group), plots, advance)
         self.homeward = _each(lambda plot: self._ways(plot.group, ends[1]), plots, advance)
@@ -269,9 +269,9 @@ class _Field:
         return [*steps, (self.homeward[order[-1]], doors[-1][1], 0, -1)]
 
     def has_room(self, order: Sequence[int]) -> bool:
-        """Whether there is room for the mission of a flight over these plots."""
+        """Whether there is capacity for the mission of a flight over these plots."""
         plots = [self.plots[plot] for plot in order]
-        spare = self.room.spare(sum(len(plot.group) for plot in plots))
+        spare = self.capacity.spare(sum(len(plot.group) for plot in plots))
         if spare < 0 or math.isinf(spare):
             return spare > 0
         outer = [self.outward[order[0]], self.homeward[order[-1]], *(self.between(a, b) for a, b in pairwise(order))]
@@ -350,7 +350,7 @@ def _too_much(field: _Field, plot: int) -> Iterator[Finding]:
         )  # fmt: skip
     if not field.has_room([plot]):
         yield Finding(
-            name, "items", f"takes more than the {field.room.most} {field.room.what} alone",
+            name, "items", f"takes more than the {field.capacity.most} {field.capacity.what} alone",
             severity="error", remedy="Plan fewer stations.",
         )  # fmt: skip
 

@@ -18,7 +18,7 @@ Stage = Literal[
     "V4", "V5", "V6", "V7", "V8", "V9", "V10", "V11", "V12", "V13", "V14", "V15", "V16", "V17", "V18", "VT", "R1"
 ]
 """Growth stages by the leaf-collar method (Abendroth et al. 2011): Vn has n visible collars, VT a tassel, R1 silks."""
-STAGES: tuple[Stage, ...] = get_args(Stage)
+GROWTH_STAGES: tuple[Stage, ...] = get_args(Stage)
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 SUFFIXES = (".obj", ".ply", ".glb", ".gltf", ".stl")
 MAX_BYTES = 512 << 20
@@ -57,8 +57,8 @@ class MaizeDescription:
     def __post_init__(self) -> None:
         if self.leaves is not None and not 5 <= self.leaves <= 12:
             raise ValueError(f"a maize plant here has 5 to 12 leaves, not {self.leaves}")
-        if self.stage not in STAGES:
-            raise ValueError(f"{self.stage!r} is no growth stage: it is one of {', '.join(STAGES)}")
+        if self.stage not in GROWTH_STAGES:
+            raise ValueError(f"{self.stage!r} is no growth stage: it is one of {', '.join(GROWTH_STAGES)}")
         if not (math.isfinite(self.scale) and 0.2 <= self.scale <= 3.0):
             raise ValueError(f"a plant's scale is 0.2 to 3, not {self.scale}")
         if not (math.isfinite(self.markings) and 0.0 <= self.markings <= 1.5):
@@ -185,8 +185,8 @@ class NeighboursDescription:
             raise ValueError(f"0 to 5 neighbouring rows on each side, not {self.rows}")
         if not (0.2 <= self.row_spacing_m <= 3.0 and 0.05 <= self.plant_spacing_m <= 1.0 and 0 < self.length_m <= 20):
             raise ValueError("row_spacing_m is 0.2 to 3, plant_spacing_m 0.05 to 1, length_m above 0 and at most 20")
-        if self.stage not in STAGES:
-            raise ValueError(f"{self.stage!r} is no growth stage: it is one of {', '.join(STAGES)}")
+        if self.stage not in GROWTH_STAGES:
+            raise ValueError(f"{self.stage!r} is no growth stage: it is one of {', '.join(GROWTH_STAGES)}")
 
 
 Plant = MaizeDescription | MeshPlantDescription

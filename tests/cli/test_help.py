@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from fieldkit.cli.main import COMMANDS, STAGES, command_of, main, module_name
+from fieldkit.cli.main import COMMAND_GROUPS, COMMANDS, command_of, main, module_name
 
 ROOT = Path(__file__).parents[2]
 
@@ -57,7 +57,7 @@ def test_page(name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest
 
 
 def test_every_command_stands_under_its_stage_once() -> None:
-    assert [name for names in STAGES.values() for name in names] == list(COMMANDS)
+    assert [name for names in COMMAND_GROUPS.values() for name in names] == list(COMMANDS)
 
 
 @pytest.mark.parametrize(

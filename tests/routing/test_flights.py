@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from fieldkit.errors import MissionError
 from fieldkit.routing.flight_time import flight_time, landing_s, path_time_s, takeoff_s, turn_time_s
-from fieldkit.routing.flights import Flight, Room, Stop, plan_flights
+from fieldkit.routing.flights import FileCapacity, Flight, Stop, plan_flights
 from fieldkit.routing.obstacles import Obstacles, Volume
 from fieldkit.routing.plot_tours import Costs, split
 from fieldkit.vehicles.vehicle import Battery, Vehicle
@@ -50,7 +50,7 @@ def fly(stops: list[Stop], obstacles: Obstacles, flown_by: Vehicle, seed: int = 
 
 
 def spare(flight: Flight, most: int | None) -> float:
-    return Room(most).spare(len(flight.stops)) - sum(len(leg.via) for leg in flight.legs)
+    return FileCapacity(most).spare(len(flight.stops)) - sum(len(leg.via) for leg in flight.legs)
 
 
 def check(flights: tuple[Flight, ...], stops: list[Stop], obstacles: Obstacles, flown_by: Vehicle) -> None:

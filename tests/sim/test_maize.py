@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fieldkit.scenes.plot_description import STAGES, MaizeDescription, Stage
+from fieldkit.scenes.plot_description import GROWTH_STAGES, MaizeDescription, Stage
 from fieldkit_sim.maize import build_maize
 from fieldkit_sim.maize.architecture import grow, leaf_size
 
@@ -34,7 +34,7 @@ def test_the_same_seed_is_the_same_plant_and_no_two_leaves_are_alike() -> None:
     assert len({round(leaf.length, 4) for leaf in leaves}) == len(leaves)
 
 
-@given(st.sampled_from(STAGES), st.integers(0, 10_000))
+@given(st.sampled_from(GROWTH_STAGES), st.integers(0, 10_000))
 def test_architecture_at_every_stage(stage: Stage, seed: int) -> None:
     plant = grow(stage, np.random.default_rng(seed))
     heights = [leaf.collar[2] for leaf in plant.leaves]
@@ -47,7 +47,7 @@ def test_architecture_at_every_stage(stage: Stage, seed: int) -> None:
 
 
 def test_plants_grow_from_stage_to_stage() -> None:
-    tops = [np.median([grow(s, np.random.default_rng(i)).line[-1, 2] for i in range(8)]) for s in STAGES]
+    tops = [np.median([grow(s, np.random.default_rng(i)).line[-1, 2] for i in range(8)]) for s in GROWTH_STAGES]
     assert all(b > a for a, b in pairwise(tops[:-1]))
 
 

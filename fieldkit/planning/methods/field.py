@@ -269,7 +269,7 @@ class Field:
         return [result for result in measured if result.right >= right]
 
     def favourites(self, results: Sequence[Result], count: int) -> list[Trial]:
-        """See `Judge.favourites`: the sets of the largest posterior means that noise could confuse with the best.
+        """See `FinalistSelector.favourites`: the sets of the largest posterior means, as noise may confuse them.
 
         No two are near each other, unless only one would be left. If a set has the same value at every seed, those of
         the lowest values.
@@ -294,7 +294,7 @@ class Field:
         return [learnt.trials[k] for k in chosen]
 
     def expect_m(self, sets: Sequence[Cameras], results: Sequence[Result]) -> list[float]:
-        """See `Arbiter.expect_m`: the surrogate's expectation; it treats confirmations like other results."""
+        """See `FinalistCosts.expect_m`: the surrogate's expectation; it treats confirmations like other results."""
         measured = self._usable(results, len(results))
         if not measured:
             return [self._cost_model.expected_m(cameras, self.weights, None) for cameras in sets]

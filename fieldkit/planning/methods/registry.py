@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from fieldkit.errors import UsageError
-from fieldkit.planning.problem import Chooser, Method, PlanningProblem
+from fieldkit.planning.problem import FixedDesign, Method, PlanningProblem
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.runtime.shipped import shipped_page
 from fieldkit.vocabulary import PlanningMethod
@@ -20,7 +20,7 @@ _TORCH = ("torch", "gpytorch", "botorch")
 class MethodEntry:
     """A method by its maker, and what it needs and can."""
 
-    make: Callable[[PlanningProblem, SearchSettings], Method | Chooser]
+    make: Callable[[PlanningProblem, SearchSettings], Method | FixedDesign]
     torch: bool = False
     """It needs the extra `search`."""
     matches: bool = False
@@ -65,7 +65,7 @@ def _circle(problem: PlanningProblem, settings: SearchSettings) -> Method:
     return CircleSearch(problem, settings.seed)
 
 
-def _score(problem: PlanningProblem, settings: SearchSettings) -> Chooser:
+def _score(problem: PlanningProblem, settings: SearchSettings) -> FixedDesign:
     from fieldkit.planning.methods.score import ScoreOptimum
 
     return ScoreOptimum(problem, settings.weights, settings.seed)

@@ -36,7 +36,7 @@ class ScoreOptimum:
         self._problem, self._weights, self._seed, self._effort = problem, weights, seed, effort
 
     def choose(self, count: int, workers: int = 1, advance: Callable[[int], None] = lambda _: None) -> list[Trial]:
-        """See `Chooser.choose`; trial k is the set of the k-th start, its notes hold the expected value in metres."""
+        """See `FixedDesign.choose`; trial k is the set of the k-th start, its notes hold the expected value, metres."""
         find = partial(optimum, self._problem, self._weights, self._seed, self._effort)
         found: dict[Cameras, Trial] = {}
         optima = map_parallel(find, range(count), workers=workers, advance=advance)
@@ -46,7 +46,7 @@ class ScoreOptimum:
         return sorted(found.values(), key=lambda trial: (trial.notes["expected_m"], trial.number))
 
     def expect_m(self, sets: Sequence[Cameras], results: Sequence[Result]) -> list[float]:
-        """See `Arbiter.expect_m`; the same as `Field`'s."""
+        """See `FinalistCosts.expect_m`; the same as `Field`'s."""
         return Field(self._problem, seed=self._seed, weights=self._weights).expect_m(sets, results)
 
 

@@ -98,13 +98,13 @@ class InputsCache(StageCache):
     Models and depth maps are not kept: other sets cannot use them, and a search would fill the disk.
     """
 
-    STAGES = frozenset({"features", "guided", "match-graph", "matches", "pairs", "quality", "views"})
+    KEPT_STAGES = frozenset({"features", "guided", "match-graph", "matches", "pairs", "quality", "views"})
 
     def get(self, stage: str, key: str) -> dict[str, np.ndarray] | None:
-        return super().get(stage, key) if stage in self.STAGES else None
+        return super().get(stage, key) if stage in self.KEPT_STAGES else None
 
     def put(self, stage: str, key: str, arrays: dict[str, np.ndarray]) -> None:
-        if stage in self.STAGES:
+        if stage in self.KEPT_STAGES:
             super().put(stage, key, arrays)
 
 

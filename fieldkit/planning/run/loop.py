@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from fieldkit.planning.objective.evaluation import Evaluation
-from fieldkit.planning.problem import Arbiter, Gain, Judge, Method, Result, Trial, lowest
+from fieldkit.planning.problem import FinalistCosts, FinalistSelector, Gain, Method, Result, Trial, lowest
 from fieldkit.planning.run.evaluations import Evaluations, Job
 from fieldkit.planning.run.folder import LogEntry, RunFolder, searched
 from fieldkit.planning.settings import SearchSettings, unchanging
@@ -150,16 +150,16 @@ def confirm(
 ) -> list[Finalist]:
     """Evaluate the search's best sets again at fresh seeds.
 
-    A `Judge` chooses the sets; else they are those of the lowest values. The lowest of many noisy values is partly
-    luck, so the winner is chosen by values that had no part in finding it. The finalists are in the order of `ranked`;
-    none if no trial was measured.
+    A `FinalistSelector` chooses the sets; else they are those of the lowest values. The lowest of many noisy values is
+    partly luck, so the winner is chosen by values that had no part in finding it. The finalists are in the order of
+    `ranked`; none if no trial was measured.
 
     Args:
         even: the even subsets of a recorded set. The best of them is always a finalist, and the plan unless another one
             is ahead of it beyond noise.
     """
     results = [entry.result for entry in searched(run.entries)]
-    judge = method.favourites if isinstance(method, Judge) else lowest
+    judge = method.favourites if isinstance(method, FinalistSelector) else lowest
     chosen = judge(results, run.settings.finalists)
     if not chosen or not even:
         return ranked(method, run, evaluate_again(evaluations, run, chosen, watch=watch))
@@ -195,12 +195,12 @@ def _ahead(finalist: Finalist, other: Finalist, noise: float, nearer: float = 0.
 
 
 def ranked(method: object, run: RunFolder, confirmed: Sequence[Finalist]) -> list[Finalist]:
-    """Finalists, the best first: by their confirmations, or for plots of a kind by an `Arbiter`'s expectation.
+    """Finalists, the best first: by their confirmations, or for plots of a kind by an `FinalistCosts`'s expectation.
 
     Plots differ by more than good sets do, so the mean of few confirmations says less than all results together.
     """
     settings = run.settings
-    if settings.plots == 1 or not settings.repeats or not isinstance(method, Arbiter):
+    if settings.plots == 1 or not settings.repeats or not isinstance(method, FinalistCosts):
         return list(confirmed)
     costs = method.expect_m([f.trial.cameras for f in confirmed], [entry.result for entry in run.entries])
     known = [replace(finalist, kind_m=cost) for finalist, cost in zip(confirmed, costs, strict=True)]
@@ -278,9 +278,9 @@ def _plots_of_repeats(settings: SearchSettings, evaluated: bool) -> list[int]:
     """The plot of each repeat; ``evaluated`` says whether the search has evaluated trials."""
     if settings.plots == 1:
         return [0] * settings.repeats
-    unmet = list(range(settings.plots, settings.plots + settings.repeats))
+    unseen = list(range(settings.plots, settings.plots + settings.repeats))
     # The given plot is the only real one of its kind.
-    return unmet if evaluated else [0, *unmet[:-1]]
+    return unseen if evaluated else [0, *unseen[:-1]]
 
 
 def search_seed(settings: SearchSettings, number: int) -> int:

@@ -13,7 +13,7 @@ from fieldkit.planning.methods.circle import expected_ring
 from fieldkit.planning.methods.registry import METHODS, MethodEntry, method_entry
 from fieldkit.planning.methods.subsets import even_subsets
 from fieldkit.planning.plan_settings import PlanSettings
-from fieldkit.planning.problem import Chooser, Limited, PlanningProblem, Trial
+from fieldkit.planning.problem import FixedDesign, Limited, PlanningProblem, Trial
 from fieldkit.planning.run.evaluations import Evaluations, evaluating
 from fieldkit.planning.run.folder import RunFolder, create_run, open_run
 from fieldkit.planning.run.loop import (
@@ -113,7 +113,7 @@ def _planned(
     entry = method_entry(settings.method, methods)
     setup = set_up_run(settings, run.path, context, count_matches=entry.matches)
     method = entry.make(setup.problem, settings)
-    if isinstance(method, Chooser):
+    if isinstance(method, FixedDesign):
         expect(run, 0)
         return _chosen(method, run, setup, context, watch)
     expect(run, min(settings.evaluations, method.trials) if isinstance(method, Limited) else settings.evaluations)
@@ -132,7 +132,7 @@ def _planned(
     return write_outcome(run, setup, confirmed, ending)
 
 
-def _chosen(method: Chooser, run: RunFolder, setup: RunSetup, context: Context, watch: Watch) -> Outcome:
+def _chosen(method: FixedDesign, run: RunFolder, setup: RunSetup, context: Context, watch: Watch) -> Outcome:
     """The best of several sets by their confirmations; without confirmations, the one expected to be best."""
     settings, progress = run.settings, context.progress
     confirming = settings.repeats > 0

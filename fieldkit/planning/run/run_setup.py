@@ -83,11 +83,11 @@ def _problem(
     settings: SearchSettings, envelope: Envelope, camera: Intrinsics, plots: Sequence[Plot],
     views: Cameras | None = None,
 ) -> PlanningProblem:  # fmt: skip
-    """The problem on the first plots; the others are unmet."""
-    met = settings.plots
+    """The problem on the first plots; the others are unseen."""
+    seen = settings.plots
     return PlanningProblem(
-        settings.cameras, envelope, camera, tuple(plots[:met]), views, blind=settings.blind,
-        exact=met == 1 and unchanging(settings.source, settings.noise), unmet=tuple(plots[met:]),
+        settings.cameras, envelope, camera, tuple(plots[:seen]), views, blind=settings.blind,
+        exact=seen == 1 and unchanging(settings.source, settings.noise), unseen=tuple(plots[seen:]),
         noise=settings.noise,
     )  # fmt: skip
 

@@ -50,13 +50,13 @@ class CostModel:
         self._problem = problem
         self._scores = [GeometricScore(problem, plot=plot) for plot in problem.plots]
         self._sets: dict[Cameras, _Scored] = {}
-        self._unmet: dict[int, GeometricScore] = {}
+        self._unseen: dict[int, GeometricScore] = {}
 
     def terms(self, cameras: Cameras, plot: int | None = None) -> FloatArray:
         """(3,) −ln of the score's terms gap, noise and tie in metres, on one plot or as the mean of the problem's
         plots.
 
-        ``plot`` is the number of one of the problem's plots, or of an unmet one.
+        ``plot`` is the number of one of the problem's plots, or of an unseen one.
         """
         if plot is not None and plot >= len(self._scores):
             found_m = _terms_m(self._on_unmet(plot).score(cameras))
@@ -67,9 +67,9 @@ class CostModel:
         return found
 
     def _on_unmet(self, plot: int) -> GeometricScore:
-        if plot not in self._unmet:
-            self._unmet[plot] = GeometricScore(self._problem, plot=self._problem.unmet[plot - len(self._scores)])
-        return self._unmet[plot]
+        if plot not in self._unseen:
+            self._unseen[plot] = GeometricScore(self._problem, plot=self._problem.unseen[plot - len(self._scores)])
+        return self._unseen[plot]
 
     def expected_m(self, cameras: Cameras, slopes: ArrayLike, registration: Registration | None) -> float:
         """The terms times ``slopes`` (3,), raised by the set's risk of not registering; not kept."""

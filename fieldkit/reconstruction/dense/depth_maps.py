@@ -18,7 +18,7 @@ from fieldkit.reconstruction.dense.views import DepthMap, View, active_pixels
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import map_threads
-from fieldkit.runtime.room import MEMORY, Room
+from fieldkit.runtime.memory import MEMORY, MemoryBudget
 
 STAGE = "depth"
 COARSEST = 300_000
@@ -55,7 +55,7 @@ _GEOMETRIC_SWEEP = 1.5
 
 
 def compute_depth_maps(
-    views: Sequence[View], volume: Volume, context: Context, *, seed: int, room: Room = MEMORY
+    views: Sequence[View], volume: Volume, context: Context, *, seed: int, memory: MemoryBudget = MEMORY
 ) -> list[DepthMap]:
     """The depth map of every view, by PatchMatch on the CPU, one thread per view.
 
@@ -68,7 +68,7 @@ def compute_depth_maps(
         views: n views at working size.
         volume: pixels whose rays miss it are left out, and it bounds the depths.
         context: its cache keeps the hypotheses of every pass; its workers are views computed side by side.
-        room: for the hypotheses of all views, and the depth maps.
+        memory: for the hypotheses of all views, and the depth maps.
     """
     sources = choose_sources(views, volume)
     contents = [view_digest(view) for view in views]
@@ -93,7 +93,7 @@ def compute_depth_maps(
                 random = _random_key(pixels[i], level)
                 return _match(views[i], near, level, coarser[i] if coarser else None, shared, random)
 
-            results = map_threads(_cached(cache, keys, first, room), count, workers=workers, advance=advance)
+            results = map_threads(_cached(cache, keys, first, memory), count, workers=workers, advance=advance)
             for number in range(1, 1 + _passes(level)):
                 keys = [digest(_VERSION, "geometry", keys[i], [keys[j] for j in sources[i]]) for i in count]
 
@@ -102,8 +102,10 @@ def compute_depth_maps(
                     random = _random_key(pixels[i], level, number)
                     return _match_geometry(views[i], before[i], near, level, shared, random)
 
-                results = map_threads(_cached(cache, keys, later, room), count, workers=workers, advance=advance)
-    return [to_depth_map(view, shared.active(view), planes, room) for view, planes in zip(views, results, strict=True)]
+                results = map_threads(_cached(cache, keys, later, memory), count, workers=workers, advance=advance)
+    return [
+        to_depth_map(view, shared.active(view), planes, memory) for view, planes in zip(views, results, strict=True)
+    ]
 
 
 def expected_bytes(pixels: float, matched: float) -> float:
@@ -119,12 +121,12 @@ def expected_cost(views: Sequence[View]) -> str:
     return f"{sum(sizes) / 1e6:.1f} megapixels, {matched / 1e6:.1f} to match: about {cpu_s:.0f} CPU s and {gib:.1f} GiB"
 
 
-def to_depth_map(view: View, active: Active, planes: Planes, room: Room) -> DepthMap:
+def to_depth_map(view: View, active: Active, planes: Planes, memory: MemoryBudget) -> DepthMap:
     """Depths, normals and costs as images; depths behind the volume are left out."""
     shape = active.place.shape
     inside = active.inside(planes.planes[:, 0]) & (planes.costs < UNMATCHED)
     rows, columns = active.pixels[inside, 0], active.pixels[inside, 1]
-    depth, normal, cost = (room.zeros(size, np.float32) for size in (shape, (*shape, 3), shape))
+    depth, normal, cost = (memory.zeros(size, np.float32) for size in (shape, (*shape, 3), shape))
     cost[...] = np.inf
     w, g_u, g_v = np.ascontiguousarray(planes.planes[inside].T)
     depth[rows, columns] = 1.0 / w
@@ -172,12 +174,14 @@ def _work_of_passes(levels: int) -> list[float]:
 
 
 def _cached(
-    cache: StageCache, keys: list[str], compute: Callable[[int], Planes], room: Room
+    cache: StageCache, keys: list[str], compute: Callable[[int], Planes], memory: MemoryBudget
 ) -> Callable[[int], Planes]:
     """``compute``, except where the cache has the result of a view under its key."""
 
     def result(i: int) -> Planes:
-        return Planes(**{n: room.kept(a) for n, a in cache.kept(STAGE, keys[i], lambda: compute(i)._asdict()).items()})
+        return Planes(
+            **{n: memory.kept(a) for n, a in cache.kept(STAGE, keys[i], lambda: compute(i)._asdict()).items()}
+        )
 
     return result
 

@@ -27,7 +27,7 @@ from fieldkit.reconstruction.dense.source_views import FUSION_NEIGHBORS, choose_
 from fieldkit.reconstruction.dense.views import DepthMap, View
 from fieldkit.results.frame import Plane
 from fieldkit.runtime.kernels import fast_kernel
-from fieldkit.runtime.room import MEMORY, Room
+from fieldkit.runtime.memory import MEMORY, MemoryBudget
 
 MIN_AGREEING = 2
 """Other views that have to agree for a point to be kept; so many more views must have its depth at its pixel than see
@@ -74,7 +74,7 @@ def fuse(
     volume: Volume,
     min_agreeing: int = MIN_AGREEING,
     scatter_px: float | None = None,
-    room: Room = MEMORY,
+    memory: MemoryBudget = MEMORY,
 ) -> Cloud:
     """One cloud of the depths that several views agree on.
 
@@ -92,12 +92,12 @@ def fuse(
 
     Depths that no others agree with then fill holes: with masks only, at pixels that are not used up, where no more
     views see through the point than have it, and every mask, `FILLING_MASKS` at least, shows plants (`Cloud.filled`).
-    ``scatter_px`` is `depth_scatter_px`, where it is known already; ``room`` is for the depths of all views once more.
-    The cloud is in the plot frame (metres) with colours and normals, thinned to voxels of one ground sampling distance.
+    ``scatter_px`` is `depth_scatter_px`, where it is known already; ``memory`` is for all views' depths once more. The
+    cloud is in the plot frame (metres) with colours and normals, thinned to voxels of one ground sampling distance.
     """
     if scatter_px is None:
-        scatter_px = depth_scatter_px(views, depth_maps, volume, room)
-    cloud = agreeing_points(views, depth_maps, volume, min_agreeing, scatter_px, room)
+        scatter_px = depth_scatter_px(views, depth_maps, volume, memory)
+    cloud = agreeing_points(views, depth_maps, volume, min_agreeing, scatter_px, memory)
     return voxel_thin(cloud, ground_sampling_distance(views, volume)) if len(cloud) else cloud
 
 
@@ -114,7 +114,7 @@ def depth_scatter_px(
     views: Sequence[View],
     depth_maps: Sequence[DepthMap],
     volume: Volume,
-    room: Room = MEMORY,
+    memory: MemoryBudget = MEMORY,
     ground: Plane | None = None,
 ) -> float:
     """How far the views' depths of one surface lie apart, pixels: 0.9 to 1.1 of still leaves, the more the more they
@@ -124,7 +124,7 @@ def depth_scatter_px(
     that agrees second best (the best agrees by chance); of those of one surface, the upper quartile. 0 where no three
     views meet.
     """
-    stack = _stacked(views, depth_maps, room)
+    stack = _stacked(views, depth_maps, memory)
     if ground is not None:
         for view, depth in zip(views, stack[0], strict=True):
             depth[_heights(view, depth, ground) < STANDING_M] = 0.0
@@ -147,11 +147,11 @@ def _heights(view: View, depth: Float32Array, ground: Plane) -> Float32Array:
 
 
 def _stacked(
-    views: Sequence[View], depth_maps: Sequence[DepthMap], room: Room
+    views: Sequence[View], depth_maps: Sequence[DepthMap], memory: MemoryBudget
 ) -> tuple[Float32Array, FloatArray, IntArray]:
     """Depths (views, rows, columns) that count, 0 elsewhere; the cameras (views, 16); the views' rows and columns."""
     size = (max(v.intrinsics.height for v in views), max(v.intrinsics.width for v in views)) if views else (1, 1)
-    depths = room.zeros((len(views), *size), np.float32)
+    depths = memory.zeros((len(views), *size), np.float32)
     for i, depth_map in enumerate(depth_maps):
         rows, columns = depth_map.depth.shape
         good = depth_map.cost < MAX_COST
@@ -167,11 +167,11 @@ def agreeing_points(
     volume: Volume,
     min_agreeing: int = MIN_AGREEING,
     scatter_px: float = 0.0,
-    room: Room = MEMORY,
+    memory: MemoryBudget = MEMORY,
 ) -> Cloud:
     """What `fuse` thins."""
-    stack, limits = _stacked(views, depth_maps, room), tolerances(scatter_px)
-    background, used = (room.zeros(stack[0].shape, np.bool_) for _ in range(2))
+    stack, limits = _stacked(views, depth_maps, memory), tolerances(scatter_px)
+    background, used = (memory.zeros(stack[0].shape, np.bool_) for _ in range(2))
     disputes = MAX_RELATIVE_DEPTH, MAX_RELATIVE_DEPTH * SEE_THROUGH_DEPTHS, SEE_THROUGH_PX
     colors = [view.image for view in views]
     for i, view in enumerate(views):

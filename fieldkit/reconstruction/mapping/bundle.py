@@ -18,7 +18,7 @@ from fieldkit.runtime.colmap import pycolmap
 
 _FULL_TRUST = 300
 """Number of observations from which a camera's centre counts in full."""
-COARSE_M = 0.1
+COARSE_POSITIONS_M = 0.1
 """Standard deviation of positions from which nearly all of a model's errors against them are theirs."""
 _CAUCHY = 2.385  # 95 % of least squares' efficiency on normal errors
 _MEDIAN_LENGTH = 1.538  # of a 3D normal vector with unit standard deviation per axis
@@ -85,7 +85,7 @@ def _regauge(model: pycolmap.Reconstruction, priors: Mapping[int, PosePrior]) ->
     target = np.array([priors[i].position for i in sorted(priors)])
     observations = np.array([model.image(i).num_points3D for i in sorted(priors)])
     reach = POSITION_SIGMAS * np.array([np.linalg.norm(_axes(priors[i])) / np.sqrt(3.0) for i in sorted(priors)])
-    coarse = float(np.median(reach)) > POSITION_SIGMAS * COARSE_M
+    coarse = float(np.median(reach)) > POSITION_SIGMAS * COARSE_POSITIONS_M
     kept = np.ones(len(source), dtype=np.bool_)
     for _ in range(3):
         try:

@@ -15,7 +15,7 @@ from fieldkit.planning.methods.field import Field
 from fieldkit.planning.methods.optimise import Effort, near
 from fieldkit.planning.methods.registry import METHODS
 from fieldkit.planning.methods.subsets import MatchGraph, Uniform
-from fieldkit.planning.problem import Judge, Method, PlanningProblem, Result, Trial
+from fieldkit.planning.problem import FinalistSelector, Method, PlanningProblem, Result, Trial
 from fieldkit.planning.score.cost_model import ROOM_M
 from fieldkit.planning.score.geometric import GeometricScore
 from fieldkit.planning.score.matchability import connectivity
@@ -146,7 +146,7 @@ def turn(angle: float) -> np.ndarray:
 def test_confirmations_on_unmet_plots_count_for_what_all_evaluations_are_worth_together() -> None:
     """One lucky plot does not make a set the best of the kind; as many plots as one likes do."""
     plot = leafy(5).plots[0]
-    problem = replace(leafy(5), plots=(plot,) * 2, unmet=(plot,) * 12)
+    problem = replace(leafy(5), plots=(plot,) * 2, unseen=(plot,) * 12)
     method = Field(problem, QUICK)
     sets = [problem.sample(seed) for seed in range(12)]
     before = np.array(method.expect_m(sets, []))
@@ -240,7 +240,7 @@ def lucky_place() -> tuple[PlanningProblem, list[Result], list[Result]]:
 def test_finalists_are_good_by_the_model_and_apart() -> None:
     problem, found, around = lucky_place()
     chosen = Field(problem, QUICK).favourites([*found, *around], 4)
-    assert isinstance(Field(problem), Judge)
+    assert isinstance(Field(problem), FinalistSelector)
     assert len({trial.cameras.vector().tobytes() for trial in chosen}) == 4
     close = {6, *range(8, 16)}
     assert len([trial for trial in chosen if trial.number in close]) <= 1

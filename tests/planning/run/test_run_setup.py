@@ -58,7 +58,7 @@ def test_plans_for_a_kind_are_stated_for_the_given_plots_height(tmp_path: Path) 
     assert problem.envelope.target.upper[2] == pytest.approx(height_m + 0.03, abs=0.01)
     cameras = problem.sample(0)
     np.testing.assert_allclose(given.fitted(cameras).vector(), cameras.vector(), atol=1e-9)
-    for plot in (*drawn, *problem.unmet):
+    for plot in (*drawn, *problem.unseen):
         stated = plot.stretch.scale[2] * height_m / plot.height_m
         assert 0.0 < abs(stated - 1.0) <= 0.25 or plot is problem.plots[1]  # its draw is in the middle
         flown = plot.fitted(cameras)

@@ -14,7 +14,7 @@ from fieldkit.clouds import Volume
 from fieldkit.reconstruction.dense import View, compute_depth_maps, fuse
 from fieldkit.reconstruction.dense import depth_maps as module
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.room import MEMORY, Room
+from fieldkit.runtime.memory import MEMORY, MemoryBudget
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
 
 PASSES = 1 + module.GEOMETRIC_PASSES
@@ -27,12 +27,16 @@ def views(count: int = 4) -> list[View]:
     return found
 
 
-def run(seed: int = 0, cache: StageCache | None = None, given: list[View] | None = None, room: Room = MEMORY) -> str:
+def run(
+    seed: int = 0, cache: StageCache | None = None, given: list[View] | None = None, memory: MemoryBudget = MEMORY
+) -> str:
     """Digest of depths, normals, costs and the fused cloud."""
     state = hashlib.sha256()
     scene = views() if given is None else given
-    found = compute_depth_maps(scene, VOLUME, seed=seed, context=Context(cache=cache or StageCache(None)), room=room)
-    cloud = fuse(scene, found, VOLUME, room=room)
+    found = compute_depth_maps(
+        scene, VOLUME, seed=seed, context=Context(cache=cache or StageCache(None)), memory=memory
+    )
+    cloud = fuse(scene, found, VOLUME, memory=memory)
     for depth_map in found:
         for array in (depth_map.depth, depth_map.normal, depth_map.cost):
             state.update(array.tobytes())
@@ -54,7 +58,7 @@ def test_two_processes_give_the_same_bytes():
 
 
 def test_files_instead_of_memory_give_the_same_bytes(tmp_path):
-    assert run(room=Room(tmp_path)) == run()
+    assert run(memory=MemoryBudget(tmp_path)) == run()
     assert not list(tmp_path.iterdir())
 
 

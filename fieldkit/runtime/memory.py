@@ -1,4 +1,4 @@
-"""Room for arrays that a run holds all at once: memory, or files that the system reads back when they are used."""
+"""Memory for arrays that a run holds all at once, or files that the system reads back when they are used."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _PIECE_BYTES = 1 << 24
 
 
 @dataclass(frozen=True)
-class Room:
+class MemoryBudget:
     """Where arrays are put. No result depends on it."""
 
     folder: Path | None = None
     """Of files without a name, which go with the arrays or the process; None: memory."""
 
     @classmethod
-    def for_bytes(cls, wanted: float, folder: Path | None) -> Room:
+    def for_bytes(cls, wanted: float, folder: Path | None) -> MemoryBudget:
         """Memory where half of what is free suffices, else files in ``folder`` or the temporary folder."""
         if wanted < _SHARE * this_machine().available_bytes:
             return cls()
@@ -64,4 +64,4 @@ class Room:
         return moved
 
 
-MEMORY = Room()
+MEMORY = MemoryBudget()
