@@ -182,9 +182,19 @@ def command(
             results = run_engine(output, names, engine, progress=progress, overwrite=overwrite)
         elif suite is Suite.PLANNER:
             planner = PlannerOptions(
-                data, cache, runs, tuple(scene or ("tuning-1",)), evaluations, seeds, cameras, mapping, fidelity,
-                workers, tuple(method or ()), *([tuple(onto)] if onto else []),
-            )  # fmt: skip
+                data,
+                cache,
+                runs,
+                tuple(scene or ("tuning-1",)),
+                evaluations,
+                seeds,
+                cameras,
+                mapping,
+                fidelity,
+                workers,
+                tuple(method or ()),
+                *([tuple(onto)] if onto else []),
+            )
             results = run_planner(output, names, planner, progress=progress, overwrite=overwrite)
         elif suite is Suite.PAPER:
             paper = PaperOptions(cache, runs, evaluations, seeds, workers, tuple(scene or ()), count or 10, quick)

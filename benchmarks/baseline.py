@@ -72,13 +72,17 @@ class Baseline:
         with self._timer.stage("Undistortion"):
             views = [
                 prepare_view(
-                    photo.name, read_image(photo), self._intrinsics, poses[photo.name],
+                    photo.name,
+                    read_image(photo),
+                    self._intrinsics,
+                    poses[photo.name],
                     resolution(
                         (photo.width, photo.height), self._intrinsics, poses[photo.name], volume, "standard"
                     ).size,
                 )
-                for photo in self._capture.photos if photo.name in poses
-            ]  # fmt: skip
+                for photo in self._capture.photos
+                if photo.name in poses
+            ]
         with self._timer.stage("Dense stereo"):
             maps = sgbm_depth_maps(views, volume)
         with self._timer.stage("Fusion"):

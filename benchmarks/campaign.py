@@ -60,16 +60,25 @@ def _folder(options: CampaignOptions, name: str) -> Iterator[Path]:
 def _season(options: CampaignOptions, progress: Progress) -> StudyResult:
     with _folder(options, SEASON_FOLDER) as folder:
         return run_season(
-            options.count or PLOTS, seed=options.seed, width_px=options.width_px, workers=options.workers, work=folder,
+            options.count or PLOTS,
+            seed=options.seed,
+            width_px=options.width_px,
+            workers=options.workers,
+            work=folder,
             progress=progress,
-        )  # fmt: skip
+        )
 
 
 def _field_check(options: CampaignOptions, progress: Progress) -> StudyResult:
     return run_field_check(
-        options.scenes, captures=options.count or CAPTURES, seed=options.seed, cache=options.cache,
-        workers=options.workers, work=options.work, progress=progress,
-    )  # fmt: skip
+        options.scenes,
+        captures=options.count or CAPTURES,
+        seed=options.seed,
+        cache=options.cache,
+        workers=options.workers,
+        work=options.work,
+        progress=progress,
+    )
 
 
 def _plant_figures(options: CampaignOptions, progress: Progress) -> StudyResult:

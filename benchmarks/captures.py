@@ -59,9 +59,15 @@ def rendered_capture(
     poses, intrinsics = benchmark_cameras(count)
     with Renderer(plot.scene) as renderer:
         return simulate_capture(
-            folder, renderer, poses, intrinsics, noise=noise, seed=seed,
-            sidecars=Sidecars(poses=True, camera=True), progress=progress,
-        )  # fmt: skip
+            folder,
+            renderer,
+            poses,
+            intrinsics,
+            noise=noise,
+            seed=seed,
+            sidecars=Sidecars(poses=True, camera=True),
+            progress=progress,
+        )
 
 
 def rig_capture(folder: Path, rig: RigSet, names: Sequence[str], poses: Mapping[str, Pose], accuracy_m: float) -> None:

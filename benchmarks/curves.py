@@ -72,9 +72,15 @@ def draw_regret(panels: Mapping[str, Mapping[str, Sequence[Sequence[float | None
             lines = 1000.0 * np.array([curve[:length] for curve in curves], dtype=np.float64)  # None becomes NaN
             trials = np.arange(1, length + 1)
             axes.step(
-                trials, np.nanmedian(lines, axis=0), where="post", color=color, label=method, linewidth=1.6,
-                marker="o" if length == 1 else "", markersize=4,
-            )  # fmt: skip
+                trials,
+                np.nanmedian(lines, axis=0),
+                where="post",
+                color=color,
+                label=method,
+                linewidth=1.6,
+                marker="o" if length == 1 else "",
+                markersize=4,
+            )
             if len(curves) > 1:
                 low, high = np.nanmin(lines, axis=0), np.nanmax(lines, axis=0)
                 axes.fill_between(trials, low, high, step="post", color=color, alpha=0.15, linewidth=0)

@@ -114,13 +114,18 @@ def measure(
         found = score(truth, cloud, DISTANCES_M)
         runs.append(
             DenseRun(
-                scene, method, prepared - start, matched - prepared, fused - matched, len(cloud),
+                scene,
+                method,
+                prepared - start,
+                matched - prepared,
+                fused - matched,
+                len(cloud),
                 found.chamfer.chamfer_m,
                 {d: s.f_score for d, s in found.f_scores.items()},
                 {d: s.precision for d, s in found.f_scores.items()},
                 {d: s.recall for d, s in found.f_scores.items()},
             )
-        )  # fmt: skip
+        )
     return runs
 
 
@@ -134,17 +139,34 @@ def warm_up(photographs: Sequence[ByteArray], poses: Sequence[Pose], intrinsics:
 def dense_table(runs: Sequence[DenseRun]) -> ResultTable:
     """A row per scene and method."""
     columns = (
-        "scene", "method", "CPU s>", "of these prepare>", "depth>", "fusion>", "F at 5 mm>", "F at 10 mm>",
-        "F at 20 mm>", "precision, recall at 10 mm>", "chamfer, mm>", "points>",
-    )  # fmt: skip
+        "scene",
+        "method",
+        "CPU s>",
+        "of these prepare>",
+        "depth>",
+        "fusion>",
+        "F at 5 mm>",
+        "F at 10 mm>",
+        "F at 20 mm>",
+        "precision, recall at 10 mm>",
+        "chamfer, mm>",
+        "points>",
+    )
     rows = tuple(
         (
-            run.scene, run.method, f"{run.cpu_s:.1f}", f"{run.prepare_s:.1f}", f"{run.depth_s:.1f}",
-            f"{run.fusion_s:.1f}", *(f"{run.f_score[d]:.3f}" for d in DISTANCES_M),
-            f"{run.precision[0.010]:.3f}, {run.recall[0.010]:.3f}", f"{1000 * run.chamfer_m:.2f}", f"{run.points:,}",
+            run.scene,
+            run.method,
+            f"{run.cpu_s:.1f}",
+            f"{run.prepare_s:.1f}",
+            f"{run.depth_s:.1f}",
+            f"{run.fusion_s:.1f}",
+            *(f"{run.f_score[d]:.3f}" for d in DISTANCES_M),
+            f"{run.precision[0.010]:.3f}, {run.recall[0.010]:.3f}",
+            f"{1000 * run.chamfer_m:.2f}",
+            f"{run.points:,}",
         )
         for run in runs
-    )  # fmt: skip
+    )
     return ResultTable("Ten views, known poses", columns, rows)
 
 
@@ -153,8 +175,6 @@ def _views(
 ) -> list[View]:
     size = (intrinsics.width, intrinsics.height)
     return [
-        prepare_view(
-            f"{i:02d}", image, intrinsics, pose, resolution(size, intrinsics, pose, volume, "standard").size
-        )
+        prepare_view(f"{i:02d}", image, intrinsics, pose, resolution(size, intrinsics, pose, volume, "standard").size)
         for i, (image, pose) in enumerate(zip(photographs, poses, strict=True))
-    ]  # fmt: skip
+    ]

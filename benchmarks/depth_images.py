@@ -46,9 +46,13 @@ def depth_error(source: SimulatedSource, cameras: Cameras, seed: int) -> DepthEr
     points = np.zeros((0, 3))
     with source.photograph(cameras, fidelity, seed, Silent()) as shot:
         wanted = ReconstructionSettings(
-            features=shot.features, mapping="prior", fidelity=fidelity.dense, mask="none",
-            bounds=volume, trust_orientations=True,
-        )  # fmt: skip
+            features=shot.features,
+            mapping="prior",
+            fidelity=fidelity.dense,
+            mask="none",
+            bounds=volume,
+            trust_orientations=True,
+        )
         try:
             found = reconstruct(shot.capture, wanted, known_plot=source.plot, context=Context(source.cache))
             points = found.nearby.points

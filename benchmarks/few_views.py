@@ -197,21 +197,32 @@ def assess(poses: Mapping[str, Pose], rig: RigSet) -> Outcome:
         to_dense = fit_similarity(centers, dense_centers)
         angle = max(rotation_angle_deg(to_dense.apply_pose(poses[n]).rotation, rig.dense[n].rotation) for n in names)
     return Outcome(
-        len(names), right,
+        len(names),
+        right,
         None if rig_error is None else root_mean_square(rig_error),
         None if rig_error is None else float(rig_error.max()),
         None if dense_error is None else root_mean_square(dense_error),
         None if dense_error is None else float(dense_error.max()),
         angle,
-    )  # fmt: skip
+    )
 
 
 def trial_tables(trials: Sequence[Trial], draws: int) -> list[ResultTable]:
     """One table per rig and phase, a row per subset, method and noise."""
     columns = (
-        "views>", "mapping", "prior noise", "all right>", "registered>", "right>", "wrong>", "rig RMS, mm>",
-        "rig max, mm>", "dense RMS, mm>", "dense max, mm>", "CPU s>",
-    )  # fmt: skip
+        "views>",
+        "mapping",
+        "prior noise",
+        "all right>",
+        "registered>",
+        "right>",
+        "wrong>",
+        "rig RMS, mm>",
+        "rig max, mm>",
+        "dense RMS, mm>",
+        "dense max, mm>",
+        "CPU s>",
+    )
     tables = []
     for (rig, phase), of_rig in groupby(trials, key=lambda t: (t.rig, t.phase)):
         rows = []
@@ -220,16 +231,25 @@ def trial_tables(trials: Sequence[Trial], draws: int) -> list[ResultTable]:
             found = [t.outcome for t in runs]
             rows.append(
                 (
-                    images, method, noise or "–", f"{sum(o.right == images for o in found)} of {draws}",
-                    spread([o.registered for o in found], 0), spread([o.right for o in found], 0),
+                    images,
+                    method,
+                    noise or "–",
+                    f"{sum(o.right == images for o in found)} of {draws}",
+                    spread([o.registered for o in found], 0),
+                    spread([o.right for o in found], 0),
                     spread([o.wrong for o in found], 0),
-                    *(spread([None if v is None else 1000 * v for v in values]) for values in (
-                        [o.rig_rms_m for o in found], [o.rig_max_m for o in found],
-                        [o.dense_rms_m for o in found], [o.dense_max_m for o in found],
-                    )),
+                    *(
+                        spread([None if v is None else 1000 * v for v in values])
+                        for values in (
+                            [o.rig_rms_m for o in found],
+                            [o.rig_max_m for o in found],
+                            [o.dense_rms_m for o in found],
+                            [o.dense_max_m for o in found],
+                        )
+                    ),
                     spread([t.cpu_s for t in runs]),
                 )
-            )  # fmt: skip
+            )
         tables.append(ResultTable(f"{rig}, phase {phase}{' (held out)' if phase else ''}", columns, tuple(rows)))
     return tables
 
@@ -252,33 +272,48 @@ def _blind(
     wanted = exhaustive_pairs(len(names), [None] * len(names), len(names))
     pairs = load_pairs(
         keyed, [rig.intrinsics], camera_of, wanted, settings.verification, Context(), calibrated=True, seed=0
-    )  # fmt: skip
+    )
     matching = time.process_time() - start
     found = []
     for method in BLIND_METHODS:
         for draw in range(draws):
             start = time.process_time()
             models = map_blindly(
-                method, names, [k.features for k in keyed], [rig.intrinsics], camera_of, pairs,
-                fixed_intrinsics=True, seed=draw,
-            )  # fmt: skip
+                method,
+                names,
+                [k.features for k in keyed],
+                [rig.intrinsics],
+                camera_of,
+                pairs,
+                fixed_intrinsics=True,
+                seed=draw,
+            )
             poses = model_poses(models[0]) if models else {}
             found.append((method, draw, poses, matching + time.process_time() - start))
     return found
 
 
 def map_with_noise(
-    rig: RigSet, names: Sequence[str], features: Sequence[Features], noise: Noise, draw: int,
+    rig: RigSet,
+    names: Sequence[str],
+    features: Sequence[Features],
+    noise: Noise,
+    draw: int,
     settings: ReconstructionSettings,
-) -> tuple[dict[str, Pose], float]:  # fmt: skip
+) -> tuple[dict[str, Pose], float]:
     """Poses of prior mapping from noisy commanded ones, and its CPU seconds."""
     noisy = perturb(rig.nominal, noise.position_m, noise.angle_deg, draw)
     position_sigma = float(np.hypot(noise.position_m, rig.accuracy_m))
     angle_sigma = float(np.hypot(noise.angle_deg, RIG_ANGLE_SIGMA_DEG))
     start = time.process_time()
     result = map_with_priors(
-        names, features, [rig.intrinsics], [0] * len(names),
+        names,
+        features,
+        [rig.intrinsics],
+        [0] * len(names),
         [PosePrior.of(noisy[name], position_sigma, angle_sigma) for name in names],
-        settings.prior, fixed_intrinsics=True, seed=draw,
-    )  # fmt: skip
+        settings.prior,
+        fixed_intrinsics=True,
+        seed=draw,
+    )
     return model_poses(result.model), time.process_time() - start

@@ -80,9 +80,16 @@ class Tally:
 
 
 def run_field_check(
-    scenes: Sequence[str] = (), *, captures: int = 80, seed: int = 0, cache: StageCache, workers: int = 1,
-    work: Path | None = None, timed: bool = True, progress: Progress,
-) -> StudyResult:  # fmt: skip
+    scenes: Sequence[str] = (),
+    *,
+    captures: int = 80,
+    seed: int = 0,
+    cache: StageCache,
+    workers: int = 1,
+    work: Path | None = None,
+    timed: bool = True,
+    progress: Progress,
+) -> StudyResult:
     """Check captures with one or two faulty photographs of 13, and time a check.
 
     Args:
@@ -123,7 +130,7 @@ def run_field_check(
         },
         wall_s=time.perf_counter() - wall,
         cpu_s=time.process_time() - cpu,
-    )  # fmt: skip
+    )
 
 
 def _mistakes(tally: Tally) -> list[str]:
@@ -138,9 +145,15 @@ def check_faulty(plot: PlotPhotographs, faulty: FaultyCapture, cache: StageCache
     """Check one capture and compare verdicts with faults."""
     site = plot.site if faulty.capture.origin is not None else None
     report = check_capture(
-        plot.plan, CheckSettings(), Context(cache, workers=workers), plot.name, plot.folder, faulty.capture, site,
+        plot.plan,
+        CheckSettings(),
+        Context(cache, workers=workers),
+        plot.name,
+        plot.folder,
+        faulty.capture,
+        site,
         None if site is None else site.plots[0],
-    )  # fmt: skip
+    )
     return _tally(report, faulty, plot)
 
 
@@ -159,7 +172,7 @@ def _tally(report: CheckReport, faulty: FaultyCapture, plot: PlotPhotographs) ->
     ] + [
         Outcome(plot.name, faulty.tags, s, "", "", True, tuple(codes.get(s, ())))
         for s in sorted(alarmed - faults.keys())
-    ]  # fmt: skip
+    ]
     return Tally(tuple(outcomes), 1, len(plot.plan.stations) - len(faults))
 
 
@@ -189,11 +202,15 @@ def scene_table(tallies: dict[str, Tally]) -> ResultTable:
     """The same by scene."""
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (
-            name, t.captures, len(t.faults), _share(sum(o.found for o in t.faults), len(t.faults)), t.sound,
+            name,
+            t.captures,
+            len(t.faults),
+            _share(sum(o.found for o in t.faults), len(t.faults)),
+            t.sound,
             _share(len(t.alarms), t.sound),
         )
         for name, t in tallies.items()
-    )  # fmt: skip
+    )
     columns = ("scene", "captures>", "faults>", "found>", "sound stations>", "false alarms>")
     return ResultTable("By scene", columns, rows)
 
@@ -223,9 +240,11 @@ def time_checks(plot: PlotPhotographs, folder: Path, *, workers: int) -> list[tu
             spent = []
             for _ in range(2):
                 (report,) = check(
-                    where, context=Context(StageCache(Path(fresh)), workers=workers), plan=plot.plan,
+                    where,
+                    context=Context(StageCache(Path(fresh)), workers=workers),
+                    plan=plot.plan,
                     site=plot.site if where == plot.flown else None,
-                )  # fmt: skip
+                )
                 spent.append((report.seconds, report.cpu_seconds))
         count = len(plot.plan.stations)
         found.append((f"{count} of {size.width} × {size.height}", *spent[0], spent[1][0]))

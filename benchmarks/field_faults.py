@@ -97,16 +97,31 @@ def photograph_plot(scene: str, folder: Path, seed: int) -> PlotPhotographs:
         with Renderer(build(description)) as renderer:
             for name, poses, number in (("flown", stations, 1), ("strayed", strayed, 2)):
                 simulate_capture(
-                    folder / name, renderer, poses, CAMERA, noise=noise, effects=description.camera_effects,
-                    outdoors=Outdoors(description.wind_m), seed=seed + 100 * number, site=description.site,
-                    row_heading_deg=description.row_heading_deg, sidecars=Sidecars(), economy=True, overwrite=True,
-                )  # fmt: skip
+                    folder / name,
+                    renderer,
+                    poses,
+                    CAMERA,
+                    noise=noise,
+                    effects=description.camera_effects,
+                    outdoors=Outdoors(description.wind_m),
+                    seed=seed + 100 * number,
+                    site=description.site,
+                    row_heading_deg=description.row_heading_deg,
+                    sidecars=Sidecars(),
+                    economy=True,
+                    overwrite=True,
+                )
     names = [photo.name for photo in read_capture(folder / "flown").photos]
     return PlotPhotographs(
-        description.name, folder, folder / "flown", folder / "strayed", plan,
-        _site(origin, description.row_heading_deg), poses_table(names, stations, accuracy_m=POSITION_SIGMA_M),
+        description.name,
+        folder,
+        folder / "flown",
+        folder / "strayed",
+        plan,
+        _site(origin, description.row_heading_deg),
+        poses_table(names, stations, accuracy_m=POSITION_SIGMA_M),
         description.camera_effects.grain,
-    )  # fmt: skip
+    )
 
 
 def draw_capture(plot: PlotPhotographs, work: Path, seed: int, number: int) -> FaultyCapture:
@@ -251,10 +266,14 @@ def _turn_tag(
 
 
 def _tagged(
-    flown: Capture, photos: Mapping[int, Photo], rows: Mapping[int, int],
-    edits: Mapping[int, Callable[[GeoTag, tuple[float, float]], tuple[GeoTag, tuple[float, float]]]], tags: str,
-    plot: PlotPhotographs, rng: np.random.Generator,
-) -> Capture:  # fmt: skip
+    flown: Capture,
+    photos: Mapping[int, Photo],
+    rows: Mapping[int, int],
+    edits: Mapping[int, Callable[[GeoTag, tuple[float, float]], tuple[GeoTag, tuple[float, float]]]],
+    tags: str,
+    plot: PlotPhotographs,
+    rng: np.random.Generator,
+) -> Capture:
     """The capture as `read_capture` would give it with these tags."""
     order = sorted(photos)
     names = tuple(photos[k].name for k in order)
@@ -266,9 +285,15 @@ def _tagged(
             prior = PosePrior(np.array(station.position_m), source="poses.csv")
             priors[photos[k].name] = prior.with_angles((station.yaw_deg, station.pitch_deg, None))
         return replace(
-            flown, photos=tuple(photos[k] for k in order), groups=groups, priors=priors, metric_source="poses.csv",
-            origin=None, height_source=None, findings=(),
-        )  # fmt: skip
+            flown,
+            photos=tuple(photos[k] for k in order),
+            groups=groups,
+            priors=priors,
+            metric_source="poses.csv",
+            origin=None,
+            height_source=None,
+            findings=(),
+        )
     offset = np.zeros(3)
     if tags == "GPS":
         azimuth = rng.uniform(0.0, 2.0 * np.pi)
@@ -276,9 +301,15 @@ def _tagged(
     retagged = [_retagged(photos[k], _source(photos, flown, rows, k), edits.get(k), offset) for k in order]
     found = priors_from_gps(retagged)
     return replace(
-        flown, photos=tuple(retagged), groups=groups, priors=found.priors, metric_source=found.metric_source,
-        origin=found.origin, height_source=found.height_source, findings=found.findings,
-    )  # fmt: skip
+        flown,
+        photos=tuple(retagged),
+        groups=groups,
+        priors=found.priors,
+        metric_source=found.metric_source,
+        origin=found.origin,
+        height_source=found.height_source,
+        findings=found.findings,
+    )
 
 
 def _source(photos: Mapping[int, Photo], flown: Capture, rows: Mapping[int, int], k: int) -> Photo:
@@ -287,9 +318,11 @@ def _source(photos: Mapping[int, Photo], flown: Capture, rows: Mapping[int, int]
 
 
 def _retagged(
-    photo: Photo, source: Photo, edit: Callable[..., tuple[GeoTag, tuple[float, float]]] | None,
+    photo: Photo,
+    source: Photo,
+    edit: Callable[..., tuple[GeoTag, tuple[float, float]]] | None,
     offset: FloatArray,
-) -> Photo:  # fmt: skip
+) -> Photo:
     tag, angles = source.geotag, (source.yaw_deg or 0.0, source.pitch_deg or 0.0)
     assert tag is not None
     if edit is not None:

@@ -202,20 +202,33 @@ def _densified(case: Case, name: str, run: Baseline, poses: Mapping[str, Pose], 
 def summary(results: dict[str, tuple[Side, ...]]) -> ResultTable:
     """The main figures, a row per side."""
     columns = (
-        "capture", "method", "right>", "CPU s>", "ratio>", "F at 10 mm>", "chamfer, mm>", "F at 10 mm, ICP>",
+        "capture",
+        "method",
+        "right>",
+        "CPU s>",
+        "ratio>",
+        "F at 10 mm>",
+        "chamfer, mm>",
+        "F at 10 mm, ICP>",
         "chamfer, mm, ICP>",
-    )  # fmt: skip
+    )
     rows: list[tuple[Cell, ...]] = []
     for name, sides in results.items():
         for side in sides:
             ratio = f"{side.cpu_s / sides[0].cpu_s:.1f}"
             rows.append(
                 (
-                    name, side.name, f"{side.right} of {IMAGES}", f"{side.cpu_s:.1f}", ratio,
-                    _number(side.f_score), _number(side.chamfer_m, 1000, 2),
-                    _number(side.refined_f_score), _number(side.refined_chamfer_m, 1000, 2),
+                    name,
+                    side.name,
+                    f"{side.right} of {IMAGES}",
+                    f"{side.cpu_s:.1f}",
+                    ratio,
+                    _number(side.f_score),
+                    _number(side.chamfer_m, 1000, 2),
+                    _number(side.refined_f_score),
+                    _number(side.refined_chamfer_m, 1000, 2),
                 )
-            )  # fmt: skip
+            )
     return ResultTable("Ten images, photographs to chamfer distance", columns, tuple(rows))
 
 
@@ -241,9 +254,14 @@ def _scored(
     motion, _ = icp_onto_reference(cloud, case.truth)
     refined = score(truth, cloud.transformed(motion), [_F_DISTANCE_M])
     return Side(
-        name, {**stages, "Scoring": end - scoring}, end - start, registered, right,
-        **_figures(found, ""), **_figures(refined, "refined_"),
-    )  # fmt: skip
+        name,
+        {**stages, "Scoring": end - scoring},
+        end - start,
+        registered,
+        right,
+        **_figures(found, ""),
+        **_figures(refined, "refined_"),
+    )
 
 
 def _figures(found: CloudScore, prefix: str) -> dict[str, Any]:

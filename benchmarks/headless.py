@@ -14,9 +14,16 @@ if TYPE_CHECKING:
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # SwiftShader renders WebGL on the CPU, on machines without a GPU and the same on all.
 ARGUMENTS = (
-    "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
-    "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist",
-)  # fmt: skip
+    "--no-sandbox",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+)
 _BAD = ("error", "warning")
 _REMEDY = "`make test` installs it on Debian where it may; elsewhere install the package chromium"
 
@@ -54,9 +61,14 @@ def headless_browser(*arguments: str) -> Iterator[Browser]:
 
 @contextmanager
 def offline_page(
-    browser: Browser, *, width: int = 1280, height: int = 900, dark: bool = False, touch: bool = False,
+    browser: Browser,
+    *,
+    width: int = 1280,
+    height: int = 900,
+    dark: bool = False,
+    touch: bool = False,
     reduced_motion: bool = True,
-) -> Iterator[tuple[Page, list[str]]]:  # fmt: skip
+) -> Iterator[tuple[Page, list[str]]]:
     """A page of a new profile, and its complaints.
 
     Args:
@@ -77,9 +89,12 @@ def offline_page(
         route.abort()
 
     context = browser.new_context(
-        viewport={"width": width, "height": height}, color_scheme="dark" if dark else "light", has_touch=touch,
-        reduced_motion="reduce" if reduced_motion else "no-preference", offline=True,
-    )  # fmt: skip
+        viewport={"width": width, "height": height},
+        color_scheme="dark" if dark else "light",
+        has_touch=touch,
+        reduced_motion="reduce" if reduced_motion else "no-preference",
+        offline=True,
+    )
     try:
         page = context.new_page()
         page.route(lambda url: not url.startswith(("file:", "data:", "blob:")), refuse)

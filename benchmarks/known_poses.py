@@ -53,20 +53,34 @@ def run_known_poses(
                 for phase in range(phases):
                     found += _mapped(rig, uniform_subset(rig.names, size, phase), noise, phase, tie)
                     advance(1)
-                rows.append((name, size, _said(noise), tie, *_cells(found), (time.process_time() - start) / phases))
-    columns = ("set", "views>", "priors", "ties", "right>", "loose>", "wrong>", "not registered>", "largest error, mm>",
-               "above 10 mm told>", "loose within 10 mm>", "within 2 σ, %>", "CPU s>")  # fmt: skip
+                said = str(noise) if np.isfinite(noise.angle_deg) else f"{1000 * noise.position_m:.0f} mm, no angles"
+                rows.append((name, size, said, tie, *_cells(found), (time.process_time() - start) / phases))
+    columns = (
+        "set",
+        "views>",
+        "priors",
+        "ties",
+        "right>",
+        "loose>",
+        "wrong>",
+        "not registered>",
+        "largest error, mm>",
+        "above 10 mm told>",
+        "loose within 10 mm>",
+        "within 2 σ, %>",
+        "CPU s>",
+    )
     return StudyResult(
-        name="learned-ties" if learned else "known-poses", title="How well poses are known",
+        name="learned-ties" if learned else "known-poses",
+        title="How well poses are known",
         tables=(ResultTable(f"Even subsets, {phases} each", columns, tuple(rows)),),
-        notes=("Errors: centres of photographs not called wrong, against the model of all after the best fit.",
-               "CPU s with features."),
-        wall_s=time.perf_counter() - wall, cpu_s=time.process_time() - cpu,
-    )  # fmt: skip
-
-
-def _said(noise: Noise) -> str:
-    return str(noise) if np.isfinite(noise.angle_deg) else f"{1000 * noise.position_m:.0f} mm, no angles"
+        notes=(
+            "Errors: centres of photographs not called wrong, against the model of all after the best fit.",
+            "CPU s with features.",
+        ),
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
 
 
 def _mapped(
@@ -75,16 +89,19 @@ def _mapped(
     """Reports of photographs with the errors of their centres, metres; NaN where there is none."""
     capture, oriented = rig.capture, bool(np.isfinite(noise.angle_deg))
     capture = replace(
-        capture, photos=tuple(photo for photo in capture.photos if photo.name in names), findings=(),
+        capture,
+        photos=tuple(photo for photo in capture.photos if photo.name in names),
+        findings=(),
         groups=(replace(capture.groups[0], photos=tuple(n for n in capture.names if n in names)),),
-    )  # fmt: skip
+    )
     sigma = float(np.hypot(noise.position_m, rig.accuracy_m))
     noisy = perturb(rig.nominal, noise.position_m, noise.angle_deg if oriented else 0.0, draw)
     priors = {
         name: PosePrior.of(noisy[name], sigma, float(np.hypot(noise.angle_deg, RIG_ANGLE_SIGMA_DEG)))
-        if oriented else PosePrior(noisy[name].center, sigma)
+        if oriented
+        else PosePrior(noisy[name].center, sigma)
         for name in capture.names
-    }  # fmt: skip
+    }
     cameras = cameras_of(capture)
     if oriented:
         cameras = replace(cameras, cameras=(rig.intrinsics,), sources=("camera.toml",), fixed=(True,))
@@ -110,10 +127,12 @@ def _cells(found: Sequence[tuple[ImageReport, float]]) -> tuple[int | float | st
     loose = [image for image, _ in found if image.counts and image.right is None]
     inside = [error <= 2.0 * image.sigma_m for image, error in counted if image.sigma_m is not None]
     return (
-        sum(image.right is True for image, _ in found), len(loose), sum(image.right is False for image, _ in found),
+        sum(image.right is True for image, _ in found),
+        len(loose),
+        sum(image.right is False for image, _ in found),
         sum(not image.registered for image, _ in found),
         1000.0 * max((error for _, error in counted), default=float("nan")),
         f"{sum(image.right is None for image in off)} of {len(off)}",
         sum(image.right is None and error <= _OFF_M for image, error in counted),
         100.0 * float(np.mean(inside)) if inside else float("nan"),
-    )  # fmt: skip
+    )

@@ -102,10 +102,15 @@ def mapping_table(runs: Sequence[MappingRun]) -> ResultTable:
     columns = ("set", "mapping", "registered>", "right>", "models", "RMS>", "matching, CPU s>", "mapping, CPU s>")
     rows: list[tuple[Cell, ...]] = [
         (
-            r.set_name, r.method, f"{r.registered} of {r.images}", r.right,
-            ", ".join(str(size) for size in r.model_sizes), None if r.rms_m is None else f"{1000 * r.rms_m:.1f} mm",
-            f"{r.matching_s:.0f}", f"{r.mapping_s:.0f}",
+            r.set_name,
+            r.method,
+            f"{r.registered} of {r.images}",
+            r.right,
+            ", ".join(str(size) for size in r.model_sizes),
+            None if r.rms_m is None else f"{1000 * r.rms_m:.1f} mm",
+            f"{r.matching_s:.0f}",
+            f"{r.mapping_s:.0f}",
         )
         for r in runs
-    ]  # fmt: skip
+    ]
     return ResultTable("Mapping", columns, tuple(rows))

@@ -206,9 +206,13 @@ def summarise(name: str, pairs: Sequence[PairCount]) -> Decay:
         shares.append(sum(pair.on_plants for pair in group) / total if total else None)
     first = max(counts[0], 1.0)
     return Decay(
-        name, tuple(angles), float(np.median([pair.features for pair in pairs])), tuple(counts),
-        tuple(count / first for count in counts), tuple(shares),
-    )  # fmt: skip
+        name,
+        tuple(angles),
+        float(np.median([pair.features for pair in pairs])),
+        tuple(counts),
+        tuple(count / first for count in counts),
+        tuple(shares),
+    )
 
 
 def allowed(real: Sequence[Decay], column: int) -> tuple[float, float]:

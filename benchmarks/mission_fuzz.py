@@ -38,9 +38,11 @@ def targets(logs: Mapping[str, Path], plans: tuple[bytes, ...]) -> dict[str, Tar
     rng = np.random.default_rng(0)
     missions = [random_mission(rng, most=4) for _ in range(6)]
     flown = {
-        "plan": ("ardupilot-pitch", "px4-gimbal"), "waypoints": ("ardupilot-pitch", "px4-gimbal"),
-        "wpml": ("dji-mavic-3-enterprise",), "litchi": ("dji-mini-4-pro",),
-    }  # fmt: skip
+        "plan": ("ardupilot-pitch", "px4-gimbal"),
+        "waypoints": ("ardupilot-pitch", "px4-gimbal"),
+        "wpml": ("dji-mavic-3-enterprise",),
+        "litchi": ("dji-mini-4-pro",),
+    }
     found: dict[str, Target] = {}
     for form, names in flown.items():
         vehicles = [load_vehicle(name) for name in names]
@@ -53,9 +55,11 @@ def targets(logs: Mapping[str, Path], plans: tuple[bytes, ...]) -> dict[str, Tar
     found["vehicle (TOML)"] = Target(".toml", profiles, load_vehicle)
     found["plan.json"] = Target(".json", plans, load_plan)
     pieces = tuple(
-        content[start : start + _LOG_BYTES] for path in logs.values() for content in [path.read_bytes()]
+        content[start : start + _LOG_BYTES]
+        for path in logs.values()
+        for content in [path.read_bytes()]
         for start in range(0, len(content), max(len(content) // 3, 1))
-    )  # fmt: skip
+    )
     found["tlog read"] = Target(".tlog", pieces, read_flight_log)
     found["tlog replayed"] = Target(".tlog", pieces, lambda path: sum(1 for _ in read_messages(path)))
     return found

@@ -120,9 +120,15 @@ def route_field(plots: int, stations: int, vehicle: Vehicle, seed: int) -> Field
     ended = time.process_time()
     assert routed.plants_m is not None
     return Field(
-        plots, routed.photographs, len(routed.flights), routed.length_m, routed.time_s, routed.plants_m,
-        between - began, ended - between,
-    )  # fmt: skip
+        plots,
+        routed.photographs,
+        len(routed.flights),
+        routed.length_m,
+        routed.time_s,
+        routed.plants_m,
+        between - began,
+        ended - between,
+    )
 
 
 def _tour(name: str, matrix: FloatArray, shortest: float, seed: int) -> Tour:
@@ -142,8 +148,10 @@ def _plan(stations: int) -> Plan:
     rng = np.random.default_rng(0)
     points = [
         (x + 0.12 * rng.standard_normal(), y + 0.12 * rng.standard_normal(), rng.uniform(0.0, 2.0))
-        for x in np.arange(-1.1, 1.2, 0.75) for y in np.arange(-1.2, 1.3, 0.2) for _ in range(40)
-    ]  # fmt: skip
+        for x in np.arange(-1.1, 1.2, 0.75)
+        for y in np.arange(-1.2, 1.3, 0.2)
+        for _ in range(40)
+    ]
     cells = np.unique(np.round(np.array(points) / 0.05) * 0.05, axis=0).round(3)
     plants = PlanPlants(points_m=tuple((x, y, z) for x, y, z in cells.tolist()), cell_m=0.05)
     return plan_from_poses(ring(stations, 2.7, 1.5), plants=plants)

@@ -59,10 +59,15 @@ def random_mission(rng: np.random.Generator, most: int = 13) -> Mission:
             stops.append(Via(*astuple(place())))
         stops.append(Shot.at(place(), float(rng.uniform(0, 360)) % 360.0, float(rng.uniform(-90, 30)), "plot", station))
     return Mission(
-        "random", Home(latitude, longitude, float(rng.uniform(1.0, 4000.0))), float(rng.uniform(1.0, 60.0)),
-        tuple(stops), place(), speed_mps=float(rng.uniform(0.1, 15.0)), settle_s=float(rng.uniform(0.0, 10.0)),
+        "random",
+        Home(latitude, longitude, float(rng.uniform(1.0, 4000.0))),
+        float(rng.uniform(1.0, 60.0)),
+        tuple(stops),
+        place(),
+        speed_mps=float(rng.uniform(0.1, 15.0)),
+        settle_s=float(rng.uniform(0.0, 10.0)),
         exposure_s=float(rng.uniform(0.0, 5.0)),
-    )  # fmt: skip
+    )
 
 
 def make_trips(count: int, vehicles: Sequence[Vehicle], folder: Path, seed: int) -> list[Trips]:
@@ -196,9 +201,7 @@ def difference(
     return ""
 
 
-def _trips(
-    missions: Sequence[Mission], vehicle: Vehicle, form: str, reader: str, folder: Path, read: Any
-) -> Trips:  # fmt: skip
+def _trips(missions: Sequence[Mission], vehicle: Vehicle, form: str, reader: str, folder: Path, read: Any) -> Trips:
     path = folder / f"random.{form}"
     good = items = photographs = 0
     wrong: list[str] = []

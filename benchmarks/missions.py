@@ -94,15 +94,27 @@ def _poses(options: MissionOptions, progress: Progress) -> StudyResult:
                     found.append(flown_poses(log, told["triggers"]))
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (
-            f.log, f.photographs, f"{f.time_ms:.1f}", f"{100 * f.position_m:.1f}", f"{f.yaw_deg:.2f}",
-            f"{f.pitch_deg:.2f}", f"{100 * f.track_m:.1f}", f"{f.track_yaw_deg:.2f}",
+            f.log,
+            f.photographs,
+            f"{f.time_ms:.1f}",
+            f"{100 * f.position_m:.1f}",
+            f"{f.yaw_deg:.2f}",
+            f"{f.pitch_deg:.2f}",
+            f"{100 * f.track_m:.1f}",
+            f"{f.track_yaw_deg:.2f}",
         )
         for f in found
-    )  # fmt: skip
+    )
     columns = (
-        "log", "photographs>", "time, ms>", "position, cm>", "heading, °>", "pitch, °>", "position by the track, cm>",
+        "log",
+        "photographs>",
+        "time, ms>",
+        "position, cm>",
+        "heading, °>",
+        "pitch, °>",
+        "position by the track, cm>",
         "heading by the track, °>",
-    )  # fmt: skip
+    )
     return StudyResult(
         name="poses",
         title=title,
@@ -131,17 +143,28 @@ def _uploads(options: MissionOptions, progress: Progress) -> StudyResult:
         figures[f"loss {loss:g}"] = asdict(done)
         rows.append(
             (
-                f"{loss:.0%}", f"{done.succeeded} of {done.count}", done.identical, done.attempts,
-                done.packets, done.lost, f"{done.seconds:.0f}",
+                f"{loss:.0%}",
+                f"{done.succeeded} of {done.count}",
+                done.identical,
+                done.attempts,
+                done.packets,
+                done.lost,
+                f"{done.seconds:.0f}",
             )
-        )  # fmt: skip
+        )
     with progress.stage(f"{options.uploads} broken links"):
         cut = cut_trials(options.uploads, options.seed, items=items, recording=logs["probe_items"], speed=_SPEED)
     figures["cut"] = asdict(cut)
     counts = ", ".join(f"{count} {name.lower()}" for name, count in sorted(cut.reported.items()))
     columns = (
-        "loss each way>", "succeeded>", "identical>", "attempts>", "packets>", "lost>", "seconds>",
-    )  # fmt: skip
+        "loss each way>",
+        "succeeded>",
+        "identical>",
+        "attempts>",
+        "packets>",
+        "lost>",
+        "seconds>",
+    )
     cuts = ResultTable(
         "Links broken after a random packet, then mended",
         ("links>", "what was told of the vehicle", "told wrongly>", "whole after the repeat>"),
@@ -166,13 +189,25 @@ def _routes(options: MissionOptions, progress: Progress) -> StudyResult:
         field = route_field(options.plots, 13, load_vehicle("ardupilot-pitch"), options.seed)
     rows: tuple[tuple[Cell, ...], ...] = tuple((t.name, t.places, f"{t.excess:.1%}", f"{t.cpu_s:.2f}") for t in known)
     row: tuple[Cell, ...] = (
-        field.plots, field.stations, field.flights, f"{field.length_m / 1000:.1f}", f"{field.time_s / 3600:.1f}",
-        f"{field.least_plants_m:.2f}", f"{field.route_s:.1f}", f"{field.write_s:.1f}",
-    )  # fmt: skip
+        field.plots,
+        field.stations,
+        field.flights,
+        f"{field.length_m / 1000:.1f}",
+        f"{field.time_s / 3600:.1f}",
+        f"{field.least_plants_m:.2f}",
+        f"{field.route_s:.1f}",
+        f"{field.write_s:.1f}",
+    )
     columns = (
-        "plots>", "stations>", "flights>", "km>", "hours in the air>", "nearest plant, m>", "CPU s to route>",
+        "plots>",
+        "stations>",
+        "flights>",
+        "km>",
+        "hours in the air>",
+        "nearest plant, m>",
+        "CPU s to route>",
         "CPU s to write>",
-    )  # fmt: skip
+    )
     return StudyResult(
         name="routes",
         title="Routes",
@@ -192,11 +227,17 @@ def _fuzz(options: MissionOptions, progress: Progress) -> StudyResult:
     found = fuzz_all(targets(recordings(), (plan,)), options.files, options.seed, progress)
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (
-            name, f.files, f.accepted, f.refused, sum(f.defects.values()), f.hangs, f"{f.slowest_s:.2f}",
+            name,
+            f.files,
+            f.accepted,
+            f.refused,
+            sum(f.defects.values()),
+            f.hangs,
+            f"{f.slowest_s:.2f}",
             len(f.written),
         )
         for name, f in found.items()
-    )  # fmt: skip
+    )
     columns = ("files", "read>", "accepted>", "refused>", "tracebacks>", "hangs>", "slowest, s>", "files written>")
     return StudyResult(
         name="fuzz",

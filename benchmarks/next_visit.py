@@ -99,17 +99,35 @@ def visit_table(visited: Sequence[Visited]) -> ResultTable:
             ratios[way].append(means[way] / means["carried"])
         right = " / ".join(f"{np.mean([e.right for e in each.found[way]]):.1f}" for way in _WAYS)
         rows.append(
-            (each.plot, f"{each.growth:.2f}", *(f"{1000 * means[way]:.2f}" for way in _WAYS),
-             f"{means['next'] / means['carried']:.2f}", right, f"{each.seconds:.0f}")
-        )  # fmt: skip
+            (
+                each.plot,
+                f"{each.growth:.2f}",
+                *(f"{1000 * means[way]:.2f}" for way in _WAYS),
+                f"{means['next'] / means['carried']:.2f}",
+                right,
+                f"{each.seconds:.0f}",
+            )
+        )
     rows.append(
-        ("mean ÷ carried", None, *(f"{np.mean(ratios[way]):.2f}" for way in _WAYS), f"{np.mean(ratios['next']):.2f}",
-         None, None)
-    )  # fmt: skip
+        (
+            "mean ÷ carried",
+            None,
+            *(f"{np.mean(ratios[way]):.2f}" for way in _WAYS),
+            f"{np.mean(ratios['next']):.2f}",
+            None,
+            None,
+        )
+    )
     columns = (
-        "plot", "true growth>", "carried as it is, mm>", "fitted to the height, mm>", "from the last visit, mm>",
-        "÷ carried>", "right of ten>", "s to plan>",
-    )  # fmt: skip
+        "plot",
+        "true growth>",
+        "carried as it is, mm>",
+        "fitted to the height, mm>",
+        "from the last visit, mm>",
+        "÷ carried>",
+        "right of ten>",
+        "s to plan>",
+    )
     return ResultTable("Second date", columns, tuple(rows))
 
 

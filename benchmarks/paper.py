@@ -34,14 +34,23 @@ from fieldkit.vocabulary import MappingName, SearchFidelity
 
 CASES = ("case-1", "case-2", "case-3")
 TESTS: Mapping[str, str] = {
-    "test-case-1": "case-1", "test-case-2": "case-2", "test-case-3": "case-3", "test-case-4": "case-1",
+    "test-case-1": "case-1",
+    "test-case-2": "case-2",
+    "test-case-3": "case-3",
+    "test-case-4": "case-1",
     "test-case-5": "case-3",
-}  # fmt: skip
+}
 """The case whose plans are carried to each test case."""
 PAPER: Mapping[str, float] = {
-    "case-1": 0.836, "case-2": 0.797, "case-3": 0.754, "test-case-1": 0.872, "test-case-2": 0.973,
-    "test-case-3": 0.895, "test-case-4": 0.783, "test-case-5": 0.930,
-}  # fmt: skip
+    "case-1": 0.836,
+    "case-2": 0.797,
+    "case-3": 0.754,
+    "test-case-1": 0.872,
+    "test-case-2": 0.973,
+    "test-case-3": 0.895,
+    "test-case-4": 0.783,
+    "test-case-5": 0.930,
+}
 """CD of the paper's BOSfM ÷ its best baseline."""
 BASELINES = ("circle", "circle-aim", "two-rings", "mcp", "smith", "geometric")
 _SEEDLESS = ("mcp", "geometric", "smith")
@@ -105,12 +114,13 @@ class PaperOptions:
         seeds = tuple(range(1 if self.quick else self.seeds))
         return [
             Contender(
-                method.removesuffix(OF_A_KIND), min(self.evaluations, 8) if self.quick else self.evaluations,
+                method.removesuffix(OF_A_KIND),
+                min(self.evaluations, 8) if self.quick else self.evaluations,
                 seeds[:1] if method in _SEEDLESS else seeds,
                 KIND_PLOTS if method.endswith(OF_A_KIND) else 1,
             )
             for method in methods
-        ]  # fmt: skip
+        ]
 
 
 def _tables(options: PaperOptions, progress: Progress) -> StudyResult:
@@ -118,8 +128,9 @@ def _tables(options: PaperOptions, progress: Progress) -> StudyResult:
     home = tuple(m for m in (*BASELINES, *_CARRIED[1:]) if not options.quick or m in _QUICK)
     baselines = tuple(m for m in BASELINES if not options.quick or m in _QUICK)
     planned = {case: _run(Place.scene(case), home, options, progress) for case in options.cases}
-    carried = {test: _carry(planned[case], case, Place.scene(test), options, progress) for test, case in
-               options.tests.items()}  # fmt: skip
+    carried = {
+        test: _carry(planned[case], case, Place.scene(test), options, progress) for test, case in options.tests.items()
+    }
     optimised = {test: _run(Place.scene(test), baselines, options, progress) for test in options.tests}
     rows_home = {case: _at_home(runs, case, options, progress) for case, runs in planned.items()}
     rows_test = {
@@ -182,10 +193,15 @@ def depth_table(title: str, found: Mapping[str, Mapping[str, DepthError]]) -> Re
     """A row per method: both kinds of the depth error, by plot."""
     names = dict.fromkeys(name for by in found.values() for name in by)
     rows: list[tuple[Cell, ...]] = [
-        (name, *(f"{by[name].mae_whole_m:.3f} / {by[name].mae_common_m:.3f}" if name in by else None
-                 for by in found.values()))
+        (
+            name,
+            *(
+                f"{by[name].mae_whole_m:.3f} / {by[name].mae_common_m:.3f}" if name in by else None
+                for by in found.values()
+            ),
+        )
         for name in names
-    ]  # fmt: skip
+    ]
     return ResultTable(title, ("method", *(f"{place}, m>" for place in found)), tuple(rows))
 
 
@@ -206,17 +222,34 @@ def _run_contenders(
     place: Place, contenders: Sequence[Contender], options: PaperOptions, progress: Progress
 ) -> list[Ran]:
     return run_all(
-        place, contenders, options.runs, cameras=_CAMERAS, mapping=_MAPPING, fidelity=_FIDELITY,
-        confirm_fidelity="fine", repeats=_REPEATS, workers=options.workers, cache=options.cache, progress=progress,
-    )  # fmt: skip
+        place,
+        contenders,
+        options.runs,
+        cameras=_CAMERAS,
+        mapping=_MAPPING,
+        fidelity=_FIDELITY,
+        confirm_fidelity="fine",
+        repeats=_REPEATS,
+        workers=options.workers,
+        cache=options.cache,
+        progress=progress,
+    )
 
 
 def _carry(plans: Sequence[Ran], origin: str, place: Place, options: PaperOptions, progress: Progress) -> list[Carried]:
     return carry(
-        [plan for plan in plans if plan.method in _CARRIED], origin, place, options.runs, cameras=_CAMERAS,
-        mapping=_MAPPING, fidelity=_FIDELITY, repeats=_REPEATS, workers=options.workers, cache=options.cache,
+        [plan for plan in plans if plan.method in _CARRIED],
+        origin,
+        place,
+        options.runs,
+        cameras=_CAMERAS,
+        mapping=_MAPPING,
+        fidelity=_FIDELITY,
+        repeats=_REPEATS,
+        workers=options.workers,
+        cache=options.cache,
         progress=progress,
-    )  # fmt: skip
+    )
 
 
 def _at_home(
@@ -298,10 +331,15 @@ def _noise(
                             advance(1)
                         curves.setdefault(method, {})[sigma] = [each.value_m for each in found]
                         rows.append(
-                            (test, method, f"{sigma:g}", spread([1000 * e.value_m for e in found], 2),
-                             f"{np.mean([e.right for e in found]):.1f}",
-                             f"{sum(e.right == _CAMERAS for e in found)} of {len(found)}")
-                        )  # fmt: skip
+                            (
+                                test,
+                                method,
+                                f"{sigma:g}",
+                                spread([1000 * e.value_m for e in found], 2),
+                                f"{np.mean([e.right for e in found]):.1f}",
+                                f"{sum(e.right == _CAMERAS for e in found)} of {len(found)}",
+                            )
+                        )
         pictures[f"{name}-{test}.png"] = png(draw_bands({f"{m}: {axis}": c for m, c in curves.items()}, "value"))
     columns = ("plot", "carried plan", f"{axis}>", "value, mm>", "right>", "all ten right>")
     return StudyResult(

@@ -99,10 +99,18 @@ def _simulated(options: PlannerOptions, progress: Progress) -> StudyResult:
 
 def _on_scene(name: str, methods: Sequence[str], options: PlannerOptions, progress: Progress) -> list[Ran]:
     return run_all(
-        Place.scene(name), _contenders(methods, options), options.runs, cameras=options.cameras,
-        mapping=options.mapping, fidelity=options.fidelity, confirm_fidelity="fine", repeats=_REPEATS,
-        workers=options.workers, cache=options.cache, progress=progress,
-    )  # fmt: skip
+        Place.scene(name),
+        _contenders(methods, options),
+        options.runs,
+        cameras=options.cameras,
+        mapping=options.mapping,
+        fidelity=options.fidelity,
+        confirm_fidelity="fine",
+        repeats=_REPEATS,
+        workers=options.workers,
+        cache=options.cache,
+        progress=progress,
+    )
 
 
 def _scene_notes(options: PlannerOptions) -> tuple[str, ...]:
@@ -144,10 +152,18 @@ def _transfer(options: PlannerOptions, progress: Progress) -> StudyResult:
         origin, plans = Place.scene(scene).name, _on_scene(scene, _CARRIED, options, progress)
         for name, place in places:
             carried = carry(
-                plans, origin, place, options.runs, cameras=options.cameras,
-                mapping=options.mapping, fidelity=options.fidelity, repeats=_REPEATS, workers=options.workers,
-                cache=options.cache, progress=progress,
-            )  # fmt: skip
+                plans,
+                origin,
+                place,
+                options.runs,
+                cameras=options.cameras,
+                mapping=options.mapping,
+                fidelity=options.fidelity,
+                repeats=_REPEATS,
+                workers=options.workers,
+                cache=options.cache,
+                progress=progress,
+            )
             optimised = _on_scene(name, _OPTIMISED, options, progress)
             tables.append(transfer_table(origin, place.name, carried, optimised))
             figures[f"{name} from {scene}"] = {
@@ -184,9 +200,18 @@ def _recorded(options: PlannerOptions, progress: Progress) -> StudyResult:
                 for each in _contenders(_RECORDED, options)
             ]
             runs = run_all(
-                place, contenders, options.runs, cameras=count, mapping=options.mapping, fidelity=RECORDED_FIDELITY,
-                confirm_fidelity="fine", repeats=1, workers=options.workers, cache=options.cache, progress=progress,
-            )  # fmt: skip
+                place,
+                contenders,
+                options.runs,
+                cameras=count,
+                mapping=options.mapping,
+                fidelity=RECORDED_FIDELITY,
+                confirm_fidelity="fine",
+                repeats=1,
+                workers=options.workers,
+                cache=options.cache,
+                progress=progress,
+            )
             found[f"{rig}, {count} views"] = runs
             rows: list[tuple[Cell, ...]] = []
             for method in dict.fromkeys(run.method for run in runs):
@@ -221,8 +246,11 @@ def _rig_place(data: Path, name: str, options: PlannerOptions, progress: Progres
         part.rename(images)  # so that an interrupted copy is not taken for a complete one
     if not reference.is_dir():
         build_reference(
-            data / name / "images", reference, context=Context(options.cache, progress, options.workers), scene=False,
-        )  # fmt: skip
+            data / name / "images",
+            reference,
+            context=Context(options.cache, progress, options.workers),
+            scene=False,
+        )
     return Place(name, PlanSource(kind="captures", name=name), images.resolve(), reference.resolve())
 
 
@@ -231,11 +259,13 @@ def _contenders(names: Sequence[str], options: PlannerOptions) -> list[Contender
     seeds = tuple(range(options.seeds))
     return [
         Contender(
-            _KIND.get(name, name), options.evaluations, seeds if name in (*_SEVERAL, *_KIND) else (0,),
+            _KIND.get(name, name),
+            options.evaluations,
+            seeds if name in (*_SEVERAL, *_KIND) else (0,),
             KIND_PLOTS if name in _KIND else 1,
         )
         for name in chosen
-    ]  # fmt: skip
+    ]
 
 
 def _study(
@@ -268,7 +298,9 @@ def compare_table(place: str, runs: Sequence[Ran]) -> ResultTable:
         reached = [_evaluations_to(run, final) for run in own] if final is not None else []
         rows.append(
             (
-                method, len(own), f"{np.mean([r.outcome.evaluations for r in own]):.0f}",
+                method,
+                len(own),
+                f"{np.mean([r.outcome.evaluations for r in own]):.0f}",
                 f"{np.mean([r.outcome.failed_evaluations for r in own]):.0f}",
                 spread([1000 * (r.found_m or np.nan) for r in own], 2),
                 *figures(own, best),
@@ -276,11 +308,22 @@ def compare_table(place: str, runs: Sequence[Ran]) -> ResultTable:
                 f"{np.mean([_overhead(r) for r in own]):.1%}",
                 f"{np.mean([_cpu_s(r) for r in own]) / 60:.0f}",
             )
-        )  # fmt: skip
+        )
     columns = (
-        "method", "runs>", "evaluations>", "without a cloud>", "search, mm>", "plan, mm>", "÷ best baseline>",
-        "accuracy, mm>", "completeness, mm>", "right>", "reaches bosfm's end at>", "overhead>", "CPU minutes>",
-    )  # fmt: skip
+        "method",
+        "runs>",
+        "evaluations>",
+        "without a cloud>",
+        "search, mm>",
+        "plan, mm>",
+        "÷ best baseline>",
+        "accuracy, mm>",
+        "completeness, mm>",
+        "right>",
+        "reaches bosfm's end at>",
+        "overhead>",
+        "CPU minutes>",
+    )
     return ResultTable(place, columns, tuple(rows))
 
 

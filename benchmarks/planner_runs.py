@@ -54,9 +54,13 @@ class Place:
         """Settings of a run at this place; ``more`` are fields of `SearchSettings`."""
         reference = None if self.reference is None else str(self.reference)
         return SearchSettings(
-            fieldkit=__version__, source=self.source, path=str(self.path), reference_path=reference,
-            others=self.others, **more,
-        )  # fmt: skip
+            fieldkit=__version__,
+            source=self.source,
+            path=str(self.path),
+            reference_path=reference,
+            others=self.others,
+            **more,
+        )
 
 
 OF_A_KIND = "-kind"
@@ -170,13 +174,19 @@ def run_all(
     """
     runs = {
         folder / run_name(place, cameras, mapping, fidelity, name_of(contender), seed): place.settings(
-            cameras=cameras, method=contender.method, seed=seed, evaluations=contender.evaluations, mapping=mapping,
-            fidelity=fidelity, confirm_fidelity=confirm_fidelity, lag=lag_for(workers),
+            cameras=cameras,
+            method=contender.method,
+            seed=seed,
+            evaluations=contender.evaluations,
+            mapping=mapping,
+            fidelity=fidelity,
+            confirm_fidelity=confirm_fidelity,
+            lag=lag_for(workers),
             **({"repeats": repeats} | _purpose(contender, place)),
         )
         for contender in contenders
         for seed in contender.seeds
-    }  # fmt: skip
+    }
     for output, settings in runs.items():
         _refuse_another(output, settings)  # also runs of later contenders, left by an earlier call
     found: list[Ran] = []
@@ -218,10 +228,17 @@ def _ran(settings: SearchSettings, outcome: Outcome, plan: Plan, entries: Sequen
     confirmed_m(outcome.chamfer_m)
     confirmations = [e for e in entries if e.stage == "confirmation" and e.number == outcome.finalists[0].number]
     return Ran(
-        name_of(settings), settings.seed, outcome, plan, confirmations[0].trial.cameras, confirmations[0].views,
-        tuple(best_so_far(searched(entries))), mean_of(confirmations, "right"),
-        mean_of(confirmations, "accuracy_m"), mean_of(confirmations, "completeness_m"),
-    )  # fmt: skip
+        name_of(settings),
+        settings.seed,
+        outcome,
+        plan,
+        confirmations[0].trial.cameras,
+        confirmations[0].views,
+        tuple(best_so_far(searched(entries))),
+        mean_of(confirmations, "right"),
+        mean_of(confirmations, "accuracy_m"),
+        mean_of(confirmations, "completeness_m"),
+    )
 
 
 def confirmed_m(value_m: float | None) -> float:

@@ -46,9 +46,19 @@ class Carried:
 
 
 def carry(
-    plans: Sequence[Ran], origin: str, place: Place, folder: Path, *, cameras: int, mapping: MappingName,
-    fidelity: SearchFidelity, repeats: int, workers: int, cache: StageCache, progress: Progress,
-) -> list[Carried]:  # fmt: skip
+    plans: Sequence[Ran],
+    origin: str,
+    place: Place,
+    folder: Path,
+    *,
+    cameras: int,
+    mapping: MappingName,
+    fidelity: SearchFidelity,
+    repeats: int,
+    workers: int,
+    cache: StageCache,
+    progress: Progress,
+) -> list[Carried]:
     """Plans evaluated at ``fine`` on another plot, without optimisation, flown as `flown_over` says.
 
     Infeasible cameras, such as those among taller plants, are moved as little as needed. Evaluations are kept in a run
@@ -56,9 +66,13 @@ def carry(
     """
     output = folder / f"{place.name}-{cameras}-{mapping}-{fidelity}-from-{origin}"
     settings = place.settings(
-        cameras=cameras, method=_METHOD, evaluations=max(1, len(plans)), mapping=mapping, confirm_fidelity="fine",
+        cameras=cameras,
+        method=_METHOD,
+        evaluations=max(1, len(plans)),
+        mapping=mapping,
+        confirm_fidelity="fine",
         repeats=repeats,
-    )  # fmt: skip
+    )
     opened = open_run(output) if (output / SETTINGS_FILE).is_file() else create_run(output, settings)
     with opened as run, progress.stage(output.name):
         setup = set_up_run(settings, run.path, Context(cache, progress, workers))
@@ -84,9 +98,14 @@ def flown_over(ran: Ran, plot: Plot) -> Cameras:
 
 def _carried(ran: Ran, found: Finalist, moved_m: float) -> Carried:
     return Carried(
-        ran, found.trial.cameras, confirmed_m(found.value_m), mean_of(found.entries, "accuracy_m"),
-        mean_of(found.entries, "completeness_m"), mean_of(found.entries, "right"), moved_m,
-    )  # fmt: skip
+        ran,
+        found.trial.cameras,
+        confirmed_m(found.value_m),
+        mean_of(found.entries, "accuracy_m"),
+        mean_of(found.entries, "completeness_m"),
+        mean_of(found.entries, "right"),
+        moved_m,
+    )
 
 
 def transfer_table(origin: str, place: str, carried: Sequence[Carried], optimised: Sequence[Ran]) -> ResultTable:
@@ -101,9 +120,16 @@ def transfer_table(origin: str, place: str, carried: Sequence[Carried], optimise
         evaluations = f"{np.mean([run.outcome.evaluations for run in runs]):.0f}"
         rows.append((f"{runs[0].method}, optimised here", len(runs), evaluations, *figures(runs, best), None))
     columns = (
-        "plan", "plans>", "evaluations here>", "chamfer distance, mm>", "÷ best optimised here>", "accuracy, mm>",
-        "completeness, mm>", "right>", "moved at most, mm>",
-    )  # fmt: skip
+        "plan",
+        "plans>",
+        "evaluations here>",
+        "chamfer distance, mm>",
+        "÷ best optimised here>",
+        "accuracy, mm>",
+        "completeness, mm>",
+        "right>",
+        "moved at most, mm>",
+    )
     return ResultTable(f"{place}, with plans of {origin}", columns, tuple(rows))
 
 

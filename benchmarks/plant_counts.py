@@ -43,22 +43,30 @@ def run_plant_counts(scenes: Sequence[str] = (), *, progress: Progress) -> Study
             rows.append(_counted(name))
             advance(1)
     errors = [each for row in rows for each in row["plants"]]
-    cells = [_errors(label, [each for each in errors if each["certain"] in kinds])
-             for label, kinds in (("certain", (True,)), ("not certain", (False,)))]  # fmt: skip
+    cells = [
+        _errors(label, [each for each in errors if each["certain"] in kinds])
+        for label, kinds in (("certain", (True,)), ("not certain", (False,)))
+    ]
     return StudyResult(
         name="plant-counts",
         title="Plants counted, their heights and areas",
         tables=(
-            ResultTable("Plants by plot", ("scene", "true>", "counted>", "gaps>", "why not"), tuple(
-                (row["scene"], row["true"], row["counted"], row["gaps"], row["why"]) for row in rows
-            )),
             ResultTable(
-                "Errors of plants", _COLUMNS, tuple(cell for cell in cells if cell),
+                "Plants by plot",
+                ("scene", "true>", "counted>", "gaps>", "why not"),
+                tuple((row["scene"], row["true"], row["counted"], row["gaps"], row["why"]) for row in rows),
+            ),
+            ResultTable(
+                "Errors of plants",
+                _COLUMNS,
+                tuple(cell for cell in cells if cell),
             ),
         ),
         notes=("Counts are right, or refused with the reason. The outline is the footprint of the scene's volume.",),
-        figures={"plots": rows}, wall_s=time.perf_counter() - wall, cpu_s=time.process_time() - cpu,
-    )  # fmt: skip
+        figures={"plots": rows},
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
 
 
 def _counted(name: str) -> dict[str, Any]:
@@ -67,10 +75,14 @@ def _counted(name: str) -> dict[str, Any]:
     noise = replace(description.noise, position_m=_POSITION_M, angle_deg=_ANGLE_DEG)
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder, Renderer(proxy.scene) as renderer:
         simulate_capture(
-            Path(folder) / "ring", renderer, ring_about(*_RING)(proxy.scene, proxy.camera), proxy.camera, noise=noise,
+            Path(folder) / "ring",
+            renderer,
+            ring_about(*_RING)(proxy.scene, proxy.camera),
+            proxy.camera,
+            noise=noise,
             effects=description.camera_effects,
             sidecars=Sidecars(poses=True, accuracy_m=_POSITION_M, camera=True),
-        )  # fmt: skip
+        )
         settings = ReconstructionSettings()
         found = reconstruct(read_capture(Path(folder) / "ring"), settings, context=Context())
     plot = plot_evaluation(
@@ -86,14 +98,23 @@ def _counted(name: str) -> dict[str, Any]:
         away = np.linalg.norm(feet - (plant.x_m, plant.y_m), axis=1)
         true = plants[int(away.argmin())]
         area = float(np.isfinite(height_map([true], proxy.volume)).sum()) * PIXEL_M**2
-        each.append({
-            "off_mm": float(1000.0 * away.min()), "certain": plant.height_certain,
-            "height_mm": 1000.0 * (plant.height_m - float(true.vertices[:, 2].max()) + soil),
-            "area_percent": 100.0 * (plant.area_m2 / area - 1.0),
-        })  # fmt: skip
+        each.append(
+            {
+                "off_mm": float(1000.0 * away.min()),
+                "certain": plant.height_certain,
+                "height_mm": 1000.0 * (plant.height_m - float(true.vertices[:, 2].max()) + soil),
+                "area_percent": 100.0 * (plant.area_m2 / area - 1.0),
+            }
+        )
     why = plot.traits.unknown.get("plants", "")
-    return {"scene": name, "true": len(plants), "counted": plot.traits.plants, "gaps": plot.traits.row_gaps, "why": why,
-            "plants": each}  # fmt: skip
+    return {
+        "scene": name,
+        "true": len(plants),
+        "counted": plot.traits.plants,
+        "gaps": plot.traits.row_gaps,
+        "why": why,
+        "plants": each,
+    }
 
 
 def _errors(label: str, each: Sequence[dict[str, Any]]) -> tuple[str | int, ...]:

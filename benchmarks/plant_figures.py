@@ -17,9 +17,11 @@ from fieldkit.results.traits import Trait, TraitsEntry, error_column
 from fieldkit.runtime.progress import Progress
 
 _NAMES: dict[Trait, str] = {
-    "height_m": "height", "cover_percent": "cover", "covered_area_m2": "covered area",
+    "height_m": "height",
+    "cover_percent": "cover",
+    "covered_area_m2": "covered area",
     "canopy_volume_m3": "canopy volume",
-}  # fmt: skip
+}
 
 
 def run_plant_figures(folder: Path, *, fitted: int = 3, held_out: int = 2, progress: Progress) -> StudyResult:
@@ -56,10 +58,15 @@ def compare(folder: Path) -> list[dict[str, Any]]:
             continue
         name = record["design"]["scene"]
         truth = kept_truth(folder, name)[1]
-        rows.append({
-            "capture": record["plot"]["name"], "scene": name, "chamfer_m": record["truth"]["chamfer_m"],
-            "found": traits, "truth": asdict(truth) | {"cover_percent": truth.cover_percent},
-        })  # fmt: skip
+        rows.append(
+            {
+                "capture": record["plot"]["name"],
+                "scene": name,
+                "chamfer_m": record["truth"]["chamfer_m"],
+                "found": traits,
+                "truth": asdict(truth) | {"cover_percent": truth.cover_percent},
+            }
+        )
     return rows
 
 
@@ -79,11 +86,14 @@ def error_table(rows: Sequence[dict[str, Any]]) -> ResultTable:
             figures = (np.median(errors), np.sqrt(np.mean(errors**2)), np.quantile(size, 0.9))
             cells.append(
                 (
-                    label, _NAMES[trait], len(known), len(chosen) - len(known),
+                    label,
+                    _NAMES[trait],
+                    len(known),
+                    len(chosen) - len(known),
                     *(f"{v:{'+' if k == 0 else ''}.{decimals}f}{unit}" for k, v in enumerate(figures)),
                     f"{sum(within)} of {len(within)}",
                 )
-            )  # fmt: skip
+            )
     columns = ("scenes", "trait", "captures>", "refused>", "median error>", "RMSE>", "nine in ten within>", "in ±>")
     return ResultTable("Errors of plants' traits", columns, tuple(cells))
 

@@ -102,9 +102,11 @@ def run_proxy(
         order = [rig.names.index(view.name) for view in commanded.views]
         asked = [[order.index(int(k)) for k in index] for index in chosen.values()]
         proxy = SimulatedSource(
-            Proxy.from_description(description), description.noise, effects=effects or description.camera_effects,
+            Proxy.from_description(description),
+            description.noise,
+            effects=effects or description.camera_effects,
             claimed_m=rig.accuracy_m,
-        )  # fmt: skip
+        )
         found: dict[str, list[Evaluation]] = {
             REAL: _evaluated(REAL, commanded, [commanded.cameras(i) for i in asked], fidelities[0], progress),
             REAL_DENSE: _evaluated(REAL_DENSE, dense, [dense.cameras(i) for i in asked], fidelities[0], progress),

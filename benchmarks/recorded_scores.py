@@ -155,16 +155,22 @@ def witnessed_cloud(
     sparse, _ = place(capture, settings, [], Context(cache, StageTimer(progress)))
     views = [
         prepare_view(
-            photo.name, read_image(photo), sparse.intrinsics[photo.name], sparse.poses[photo.name],
+            photo.name,
+            read_image(photo),
+            sparse.intrinsics[photo.name],
+            sparse.poses[photo.name],
             resolution(
-                (photo.width, photo.height), sparse.intrinsics[photo.name], sparse.poses[photo.name], plot.volume,
+                (photo.width, photo.height),
+                sparse.intrinsics[photo.name],
+                sparse.poses[photo.name],
+                plot.volume,
                 settings.fidelity,
             ).size,
             settings.mask,
         )
         for photo in map(capture.photo, names)
         if photo.name in sparse.poses
-    ]  # fmt: skip
+    ]
     maps = compute_depth_maps(views, plot.volume, seed=settings.seed, context=Context(cache, progress))
     cloud = fuse(views, maps, plot.volume)
     if plot.ground is None:
@@ -186,14 +192,28 @@ def summary_table(found: dict[str, Sequence[Evaluation]], every: Evaluation) -> 
         values = [1000 * e.value_m for e in each]
         right = f"{np.mean([e.right for e in each]):.1f} of {each[0].images}"
         timed = not rows  # evaluations of the first truth use the cache
-        rows.append((
-            truth, len(each), spread(values, 2), f"{np.std(values):.2f}", right,
-            spread([e.cpu_s for e in each]) if timed else None, f"{LIMIT_S:.0f}" if timed else None,
-        ))  # fmt: skip
-    rows.append((
-        f"{next(iter(found))}, all candidates", 1, f"{1000 * every.value_m:.2f}", None,
-        f"{every.right} of {every.images}", None, None,
-    ))  # fmt: skip
+        rows.append(
+            (
+                truth,
+                len(each),
+                spread(values, 2),
+                f"{np.std(values):.2f}",
+                right,
+                spread([e.cpu_s for e in each]) if timed else None,
+                f"{LIMIT_S:.0f}" if timed else None,
+            )
+        )
+    rows.append(
+        (
+            f"{next(iter(found))}, all candidates",
+            1,
+            f"{1000 * every.value_m:.2f}",
+            None,
+            f"{every.right} of {every.images}",
+            None,
+            None,
+        )
+    )
     columns = ("truth", "subsets>", "value, mm>", "standard deviation, mm>", "right>", "CPU s each>", "allowed>")
     return ResultTable("Random subsets of a recorded rig", columns, tuple(rows))
 

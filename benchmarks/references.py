@@ -79,9 +79,16 @@ def run_references(data: Path, *, cache: StageCache, progress: Progress) -> Stud
 def reference_table(results: Sequence[ReferenceResult]) -> ResultTable:
     """A row per set."""
     columns = (
-        "set", "registered (right)", "RMS, m>", "aligned, m>", "points>", "scene points>", "published cloud within>",
-        "LAZ, EPSG>", "CPU s>",
-    )  # fmt: skip
+        "set",
+        "registered (right)",
+        "RMS, m>",
+        "aligned, m>",
+        "points>",
+        "scene points>",
+        "published cloud within>",
+        "LAZ, EPSG>",
+        "CPU s>",
+    )
     rows: list[tuple[Cell, ...]] = []
     for r in results:
         recall = None if r.recall is None else " / ".join(f"{100 * share:.1f}" for share in r.recall.values()) + " %"
@@ -89,10 +96,17 @@ def reference_table(results: Sequence[ReferenceResult]) -> ResultTable:
         scene = None if r.scene_points is None else f"{r.scene_points:,}"
         rows.append(
             (
-                r.name, f"{r.registered} ({r.right}) of {r.images}", rms, aligned, f"{r.points:,}", scene, recall,
-                r.crs_epsg, f"{r.cpu_seconds:.0f}",
+                r.name,
+                f"{r.registered} ({r.right}) of {r.images}",
+                rms,
+                aligned,
+                f"{r.points:,}",
+                scene,
+                recall,
+                r.crs_epsg,
+                f"{r.cpu_seconds:.0f}",
             )
-        )  # fmt: skip
+        )
     return ResultTable("fieldkit reference", columns, tuple(rows))
 
 

@@ -89,11 +89,15 @@ def study(*, counts: Sequence[int] = COUNTS, seed: int = 0, progress: Progress) 
         return StudyResult(NAME, TITLE, skipped=str(error))
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (
-            f"{page.points:,}", f"{page.file_bytes / 1e6:.1f}", f"{page.first_frame_s:.1f}", f"{page.still_ms:.0f}",
-            f"{page.moving_ms:.0f}", f"{page.moving_points:,}",
+            f"{page.points:,}",
+            f"{page.file_bytes / 1e6:.1f}",
+            f"{page.first_frame_s:.1f}",
+            f"{page.still_ms:.0f}",
+            f"{page.moving_ms:.0f}",
+            f"{page.moving_points:,}",
         )
         for page in found
-    )  # fmt: skip
+    )
     columns = ("points>", "file, MB>", "first picture, s>", "frame, ms>", "frame moving, ms>", "points moving>")
     return StudyResult(
         name=NAME,
@@ -131,9 +135,9 @@ def page_of(scene: ViewerScene) -> str:
     """A page with one view only."""
     return (
         '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>View</title>'
-        f'<style>{viewer_style()}</style></head><body>{viewer_html(scene, identifier="view")}'
+        f"<style>{viewer_style()}</style></head><body>{viewer_html(scene, identifier='view')}"
         f"<script>{viewer_script()}</script></body></html>\n"
-    )  # fmt: skip
+    )
 
 
 def measure(browser: Browser, scene: ViewerScene) -> ReportSize:

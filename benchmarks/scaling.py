@@ -117,9 +117,17 @@ def reference_cost(name: str, images: Path, count: int, options: Sequence[str]) 
     """Run `fieldkit reference` on a folder and measure the process."""
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
         arguments = [
-            sys.executable, "-c", _FIELDKIT, "reference", str(images), "-o", str(Path(folder) / "reference"),
-            "--no-cache", "--json", *options,
-        ]  # fmt: skip
+            sys.executable,
+            "-c",
+            _FIELDKIT,
+            "reference",
+            str(images),
+            "-o",
+            str(Path(folder) / "reference"),
+            "--no-cache",
+            "--json",
+            *options,
+        ]
         cpu_s, memory, code = process_cost(arguments)
     if code != 0:
         raise ReconstructionError(f"fieldkit reference failed on {count} photographs with exit code {code}")

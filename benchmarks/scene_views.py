@@ -62,6 +62,13 @@ def photograph(
     """Take JPEGs with the scene file's camera. Returns the true poses."""
     description = study.description
     return simulate_capture(
-        folder, renderer, poses, CAMERA, noise=description.noise, effects=description.camera_effects,
-        outdoors=Outdoors(description.wind_m), seed=seed, progress=progress,
-    )  # fmt: skip
+        folder,
+        renderer,
+        poses,
+        CAMERA,
+        noise=description.noise,
+        effects=description.camera_effects,
+        outdoors=Outdoors(description.wind_m),
+        seed=seed,
+        progress=progress,
+    )

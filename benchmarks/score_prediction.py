@@ -80,9 +80,14 @@ class Plot:
 
 
 def run_score_prediction(
-    folder: Path, *, data: Path | None = None, fitted: int = 6, held_out: int = 2, cache: StageCache,
+    folder: Path,
+    *,
+    data: Path | None = None,
+    fitted: int = 6,
+    held_out: int = 2,
+    cache: StageCache,
     progress: Progress,
-) -> StudyResult:  # fmt: skip
+) -> StudyResult:
     """Fit to the tuning scenes; check on the cases and, if given, on the recorded rigs.
 
     Args:
@@ -115,12 +120,14 @@ def run_score_prediction(
             *(() if data is not None else ("Without FIELDKIT_DATA the rigs are left out.",)),
         ),
         figures={
-            "model": model.model_dump(mode="json"), "plots": [asdict(plot) for plot in (*plots, *real)],
-            "checks": {name: [asdict(c) for c in each] for name, each in checks.items()}, "refused": refused,
+            "model": model.model_dump(mode="json"),
+            "plots": [asdict(plot) for plot in (*plots, *real)],
+            "checks": {name: [asdict(c) for c in each] for name, each in checks.items()},
+            "refused": refused,
         },
         wall_s=time.perf_counter() - wall,
         cpu_s=time.process_time() - cpu,
-    )  # fmt: skip
+    )
 
 
 def stored_plots(folder: Path) -> tuple[list[Plot], int]:
@@ -242,8 +249,12 @@ def _fitted(plots: Sequence[Plot], chosen: Sequence[str], half_width: float) -> 
         intercept=float(y.mean()),
         features=tuple(
             FeatureFit(
-                name=name, coefficient=float(coefficients[k]), mean=float(mean[k]), scale=float(scale[k]),
-                low=_lowest(name, raw[k]), high=float(raw[k].max()),
+                name=name,
+                coefficient=float(coefficients[k]),
+                mean=float(mean[k]),
+                scale=float(scale[k]),
+                low=_lowest(name, raw[k]),
+                high=float(raw[k].max()),
             )
             for k, name in enumerate(chosen)
         ),
@@ -253,7 +264,7 @@ def _fitted(plots: Sequence[Plot], chosen: Sequence[str], half_width: float) -> 
         plots=len(plots),
         scenes=tuple(dict.fromkeys(plot.scene for plot in plots)),
         chamfer_range_m=(float(np.exp(y.min())), float(np.exp(y.max()))),
-    )  # fmt: skip
+    )
 
 
 def _lowest(name: str, values: FloatArray) -> float:
@@ -291,15 +302,26 @@ def check_table(checks: dict[str, list[Check]]) -> ResultTable:
             order = f"{ranked:.2f}" if np.isfinite(ranked) else None
         rows.append(
             (
-                name, len(each), len(each) - len(told), f"{1000 * np.median(errors):.1f}",
-                f"{100 * (np.exp(np.median(np.abs(np.log(ratios)))) - 1):.0f} %", f"{np.median(ratios):.2f}",
-                f"{sum(c.held for c in told)} of {len(told)}", order,
+                name,
+                len(each),
+                len(each) - len(told),
+                f"{1000 * np.median(errors):.1f}",
+                f"{100 * (np.exp(np.median(np.abs(np.log(ratios)))) - 1):.0f} %",
+                f"{np.median(ratios):.2f}",
+                f"{sum(c.held for c in told)} of {len(told)}",
+                order,
             )
-        )  # fmt: skip
+        )
     columns = (
-        "plots", "number>", "refused>", "median error, mm>", "median factor off>", "predicted / true>",
-        "in the interval>", "Spearman>",
-    )  # fmt: skip
+        "plots",
+        "number>",
+        "refused>",
+        "median error, mm>",
+        "median factor off>",
+        "predicted / true>",
+        "in the interval>",
+        "Spearman>",
+    )
     return ResultTable("Predicted against true chamfer distance", columns, tuple(rows))
 
 
@@ -317,11 +339,14 @@ def plot_table(checks: Sequence[Check]) -> ResultTable:
     """A row per plot."""
     rows: list[tuple[Cell, ...]] = [
         (
-            c.plot.name, f"{1000 * c.plot.chamfer_m:.1f}", f"{1000 * c.predicted_m:.1f}",
-            f"{1000 * c.low_m:.1f}–{1000 * c.high_m:.1f}", c.reason or ("yes" if c.held else "no"),
+            c.plot.name,
+            f"{1000 * c.plot.chamfer_m:.1f}",
+            f"{1000 * c.predicted_m:.1f}",
+            f"{1000 * c.low_m:.1f}–{1000 * c.high_m:.1f}",
+            c.reason or ("yes" if c.held else "no"),
         )
         for c in sorted(checks, key=lambda c: c.plot.chamfer_m)
-    ]  # fmt: skip
+    ]
     return ResultTable(
         "Every plot, mm", ("plot", "true>", "predicted>", "nine in ten>", "inside, or why refused"), tuple(rows)
     )

@@ -104,9 +104,14 @@ def _design(scene: str, index: int, number: int) -> Design:
     rng = np.random.default_rng([41, index, number])
     noise = ((0.0, 0.0), (0.010, 1.0), (0.010, 1.0), (0.030, 2.0))[int(rng.integers(4))]
     return Design(
-        scene, number, _KINDS[(index + number * 3) % len(_KINDS)], int(rng.integers(10, 14)), *noise,
-        float((0.0, 2.0, 5.0)[int(rng.integers(3))]), float((0.0, 0.0, 0.003, 0.008)[int(rng.integers(4))]),
-    )  # fmt: skip
+        scene,
+        number,
+        _KINDS[(index + number * 3) % len(_KINDS)],
+        int(rng.integers(10, 14)),
+        *noise,
+        float((0.0, 2.0, 5.0)[int(rng.integers(3))]),
+        float((0.0, 0.0, 0.003, 0.008)[int(rng.integers(4))]),
+    )
 
 
 def make_captures(folder: Path, wanted: Sequence[Design], *, progress: Progress) -> None:
@@ -157,11 +162,17 @@ def _make(folder: Path, design: Design, description: SceneDescription, proxy: Pr
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as temporary:
         whole, part = Path(temporary) / "whole", Path(temporary) / "part"
         simulate_capture(
-            whole, renderer, cameras.poses(), proxy.camera, noise=noise, seed=design.number,
-            effects=description.camera_effects, economy=True,
+            whole,
+            renderer,
+            cameras.poses(),
+            proxy.camera,
+            noise=noise,
+            seed=design.number,
+            effects=description.camera_effects,
+            economy=True,
             outdoors=Outdoors(design.wind_m),
             sidecars=Sidecars(poses=True, accuracy_m=max(_CLAIMED_M, design.position_m), camera=True),
-        )  # fmt: skip
+        )
         _leave_out(whole, part, design)
         cache = StageCache(Path(temporary) / "cache")  # shared features of the whole and the part
         for capture, name in ((part, f"{design.name}-part"), (whole, design.name)):
@@ -194,14 +205,22 @@ def _evaluate(folder: Path, name: str, design: Design, capture: Path, proxy: Pro
         found = reconstruct(read, settings, context=Context(cache))
     except ReconstructionError as error:
         plot = failed_plot(
-            name, error, photographs=len(read.photos), seconds=time.perf_counter() - wall,
+            name,
+            error,
+            photographs=len(read.photos),
+            seconds=time.perf_counter() - wall,
             cpu_seconds=processor_seconds() - cpu,
-        )  # fmt: skip
+        )
     else:
         plot = plot_evaluation(
-            name, found, settings, score=None, seconds=time.perf_counter() - wall,
-            cpu_seconds=processor_seconds() - cpu, outline=scene_outline(found, proxy),
-        )  # fmt: skip
+            name,
+            found,
+            settings,
+            score=None,
+            seconds=time.perf_counter() - wall,
+            cpu_seconds=processor_seconds() - cpu,
+            outline=scene_outline(found, proxy),
+        )
         record["truth"] = truth_scores(found, proxy)
         arrays = _arrays(found)
     record["plot"] = plot.model_dump(mode="json")
@@ -244,8 +263,11 @@ def _arrays(found: Reconstruction) -> dict[str, NDArray[Any]]:
     names = sorted(sparse.poses)
     model = sparse.model
     ids = sorted(model.point3D_ids())
-    number = {str(model.image(i).name): names.index(str(model.image(i).name)) for i in model.reg_image_ids()
-              if str(model.image(i).name) in sparse.poses}  # fmt: skip
+    number = {
+        str(model.image(i).name): names.index(str(model.image(i).name))
+        for i in model.reg_image_ids()
+        if str(model.image(i).name) in sparse.poses
+    }
     tracks = [
         (row, number[str(model.image(element.image_id).name)])
         for row, key in enumerate(ids)

@@ -45,9 +45,14 @@ class _Run:
 
 
 def run_season(
-    plots: int = PLOTS, *, seed: int = 0, width_px: int = 2000, workers: int = 1, work: Path | None = None,
+    plots: int = PLOTS,
+    *,
+    seed: int = 0,
+    width_px: int = 2000,
+    workers: int = 1,
+    work: Path | None = None,
     progress: Progress,
-) -> StudyResult:  # fmt: skip
+) -> StudyResult:
     """Photograph ``plots`` plots on two dates, and evaluate all in one campaign, killed twice and resumed.
 
     Args:
@@ -94,9 +99,17 @@ def _run_to_the_end(
 
 def _run(campaign: Path, card: Path, workers: int, limit: float | None, advance: Any) -> _Run:
     command = [
-        sys.executable, "-m", "fieldkit", "evaluate", str(card), "--campaign", str(campaign), "--workers",
-        str(workers), "--json",
-    ]  # fmt: skip
+        sys.executable,
+        "-m",
+        "fieldkit",
+        "evaluate",
+        str(card),
+        "--campaign",
+        str(campaign),
+        "--workers",
+        str(workers),
+        "--json",
+    ]
     begun, done = time.perf_counter(), len(_rows(campaign))
     first, memory = done, 0
     with (
@@ -148,9 +161,15 @@ def _against_truth(campaign: Path, each: Flown) -> float | None:
 
 
 def _result(
-    rows: Mapping[tuple[str, str], Mapping[str, Any]], runs: Sequence[_Run], twice: int,
-    scores: Mapping[tuple[str, int], float | None], plots: int, width_px: int, wall_s: float, cpu_s: float,
-) -> StudyResult:  # fmt: skip
+    rows: Mapping[tuple[str, str], Mapping[str, Any]],
+    runs: Sequence[_Run],
+    twice: int,
+    scores: Mapping[tuple[str, int], float | None],
+    plots: int,
+    width_px: int,
+    wall_s: float,
+    cpu_s: float,
+) -> StudyResult:
     visits = list(rows.values())
     costs = np.array([row["cpu_s"] for row in visits])
     reached = np.array([value for value in scores.values() if value is not None]) * 1000.0
@@ -176,9 +195,10 @@ def _result(
         ("with a prediction; truth within its interval", f"{len(predicted)}; {within}"),
     ]
     table = ResultTable(
-        f"{plots} plots on {len(DATES)} dates, {STATIONS} photographs of {width_px} pixels each", ("what", "figure"),
+        f"{plots} plots on {len(DATES)} dates, {STATIONS} photographs of {width_px} pixels each",
+        ("what", "figure"),
         tuple(figures),
-    )  # fmt: skip
+    )
     return StudyResult(
         name="season",
         title="A campaign, killed twice",

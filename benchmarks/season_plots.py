@@ -68,9 +68,13 @@ class Flown:
 def _description(each: Flown) -> SceneDescription:
     """The plot's plants on a date; the camera is the same on all."""
     scene = new_scene(
-        3, 7000 + 100 * each.seed + each.plot, spacing_m=0.22, stages=_STAGES[each.date], soil="crumb",
+        3,
+        7000 + 100 * each.seed + each.plot,
+        spacing_m=0.22,
+        stages=_STAGES[each.date],
+        soil="crumb",
         name=f"{each.name}-{each.date}",
-    )  # fmt: skip
+    )
     soil = replace(scene.plot.soil, spacing_m=0.008)
     heading = float(np.random.default_rng([each.seed, each.plot]).uniform(0.0, 360.0))
     camera = _camera(each.width_px)
@@ -96,11 +100,21 @@ def photograph(each: Flown) -> None:
     plan = _stations(each.width_px, each.seed)
     with Renderer(scene) as renderer:
         simulate_capture(
-            each.photographs, renderer, plan, description.camera, noise=_NOISE, seed=each.plot * 10 + each.date,
-            effects=description.camera_effects, outdoors=Outdoors(_WIND_M), site=Site(_origin(each.plot)),
-            row_heading_deg=description.row_heading_deg, sidecars=Sidecars(camera=True), economy=True, overwrite=True,
+            each.photographs,
+            renderer,
+            plan,
+            description.camera,
+            noise=_NOISE,
+            seed=each.plot * 10 + each.date,
+            effects=description.camera_effects,
+            outdoors=Outdoors(_WIND_M),
+            site=Site(_origin(each.plot)),
+            row_heading_deg=description.row_heading_deg,
+            sidecars=Sidecars(camera=True),
+            economy=True,
+            overwrite=True,
             started_at=DATES[each.date].replace(hour=9 + each.plot // 20, minute=each.plot % 20 * 3),
-        )  # fmt: skip
+        )
     each.truth.parent.mkdir(exist_ok=True)
     write_ply(each.truth, sample_reference(description, scene))
 
@@ -120,10 +134,13 @@ def make_campaign(campaign: Path, work: Path, plots: int, width_px: int, seed: i
     for plot in range(plots):
         origin = _origin(plot)
         heading = _description(Flown(plot, 0, width_px, work, seed)).row_heading_deg
-        features.append({
-            "type": "Feature", "properties": {"name": f"P{plot + 1:02d}", "row_heading_deg": heading},
-            "geometry": {"type": "Point", "coordinates": [origin.longitude_deg, origin.latitude_deg]},
-        })  # fmt: skip
+        features.append(
+            {
+                "type": "Feature",
+                "properties": {"name": f"P{plot + 1:02d}", "row_heading_deg": heading},
+                "geometry": {"type": "Point", "coordinates": [origin.longitude_deg, origin.latitude_deg]},
+            }
+        )
     write_atomic(work / "plots.geojson", json.dumps({"type": "FeatureCollection", "features": features}))
     site = f"""\
 format = 1

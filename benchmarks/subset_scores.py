@@ -50,9 +50,12 @@ def run_subset_scores(
                     rig_capture(target, rig, uniform_subset(rig.names, size, phase), poses, accuracy)
             for refine in (False, True):
                 report = evaluate(
-                    captures, Path(folder) / f"evaluation-{refine}", EvaluationSettings(refine=refine),
-                    Context(cache, progress), reference=reference,
-                )  # fmt: skip
+                    captures,
+                    Path(folder) / f"evaluation-{refine}",
+                    EvaluationSettings(refine=refine),
+                    Context(cache, progress),
+                    reference=reference,
+                )
                 plots = sorted(report.plots, key=lambda plot: (plot.images, plot.name))
                 rows += [score_row(name, plot, refine=refine) for plot in plots]
                 figures[f"{name}, {'refined' if refine else 'as placed'}"] = [
@@ -83,15 +86,31 @@ def score_row(rig: str, plot: PlotEvaluation, *, refine: bool) -> tuple[Cell, ..
         *(None if v is None else f"{100 * v:.1f}" for v in (plot.near_3px, plot.near_6px, plot.inside)),
     ]
     return (
-        rig, plot.name, "ICP" if refine else "as placed", f"{plot.right} of {plot.images}", *cells,
+        rig,
+        plot.name,
+        "ICP" if refine else "as placed",
+        f"{plot.right} of {plot.images}",
+        *cells,
         f"{plot.cpu_seconds:.0f}",
-    )  # fmt: skip
+    )
 
 
 def score_table(rows: list[tuple[Cell, ...]]) -> ResultTable:
     """All rows."""
     columns = (
-        "rig", "capture", "placed by", "right>", "chamfer, mm>", "accuracy, mm>", "completeness, mm>", "F at 2 mm>",
-        "F at 5 mm>", "F at 10 mm>", "plants within 3 px, %>", "6 px, %>", "points on plants, %>", "CPU s>",
-    )  # fmt: skip
+        "rig",
+        "capture",
+        "placed by",
+        "right>",
+        "chamfer, mm>",
+        "accuracy, mm>",
+        "completeness, mm>",
+        "F at 2 mm>",
+        "F at 5 mm>",
+        "F at 10 mm>",
+        "plants within 3 px, %>",
+        "6 px, %>",
+        "points on plants, %>",
+        "CPU s>",
+    )
     return ResultTable("fieldkit evaluate", columns, tuple(rows))

@@ -106,9 +106,13 @@ def run_new_plots(options: UnseenOptions, progress: Progress) -> StudyResult:
                 values = plot.confirmed([sets[0], *map(plot.problem.nearest, sets[1:])])
             ratios.append((values[0] / values[2], values[0] / values[1]))
             rows.append(
-                (f"{plants} plants, {seed}", *(f"{1000 * value:.2f}" for value in values), str(there),
-                 *(f"{ratio:.2f}" for ratio in ratios[-1]))
-            )  # fmt: skip
+                (
+                    f"{plants} plants, {seed}",
+                    *(f"{1000 * value:.2f}" for value in values),
+                    str(there),
+                    *(f"{ratio:.2f}" for ratio in ratios[-1]),
+                )
+            )
         over, carried = (np.array(column) for column in zip(*ratios, strict=True))
         means = f"{over.mean():.2f} (at most {over.max():.2f})", f"{carried.mean():.2f}"
         rows.append(("mean", None, None, None, None, *means))
@@ -124,14 +128,18 @@ def run_new_plots(options: UnseenOptions, progress: Progress) -> StudyResult:
         tables.append(ResultTable(_title(preset), columns, tuple(rows)))
         figures[preset] = {"best_ring": over.tolist(), "carried_ring": carried.tolist(), "ring": str(ring)}
     return StudyResult(
-        name="new-plots", title="New plots of other plants", tables=tuple(tables),
+        name="new-plots",
+        title="New plots of other plants",
+        tables=tuple(tables),
         notes=(
             f"`fieldkit plan` on {len(_PLANNED)} plots of {_PLANTS} plants; {_CAMERAS} photographs, standard.",
             f"Rings: {_GRID} radii × {_GRID} heights, then half a step in radius, height and aim; one evaluation each.",
             f"The plan, the carried ring (found on plot {_PLANNED[0]}) and the best ring: {_REPEATS} fresh seeds.",
         ),
-        figures=figures, wall_s=time.perf_counter() - wall, cpu_s=time.process_time() - cpu,
-    )  # fmt: skip
+        figures=figures,
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
 
 
 def run_new_traits(options: UnseenOptions, progress: Progress) -> StudyResult:
@@ -145,10 +153,14 @@ def run_new_traits(options: UnseenOptions, progress: Progress) -> StudyResult:
         tables.append(replace(error_table(rows), title=title))
         figures[str(burst)] = rows
     return StudyResult(
-        name="new-traits", title="Traits of new plots outdoors", tables=tuple(tables),
+        name="new-traits",
+        title="Traits of new plots outdoors",
+        tables=tuple(tables),
         notes=("Refused: traits that are not to be had, as fieldkit says. In ±: within the stated error.",),
-        figures=figures, wall_s=time.perf_counter() - wall, cpu_s=time.process_time() - cpu,
-    )  # fmt: skip
+        figures=figures,
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
 
 
 def _title(preset: Preset) -> str:
@@ -196,9 +208,13 @@ class _Plot:
         self._values: dict[str, float] = json.loads(self._kept.read_text("utf-8")) if self._kept.is_file() else {}
         noise = _noise(preset)
         settings = Place.scene(str(_scene(plants, seed, options.runs))).settings(
-            cameras=_CAMERAS, method="given", plots=1, noise=noise, refine=noise.any,
+            cameras=_CAMERAS,
+            method="given",
+            plots=1,
+            noise=noise,
+            refine=noise.any,
             envelope=OUTDOORS_ENVELOPE if preset == "outdoors" else EnvelopeSettings(),
-        )  # fmt: skip
+        )
         self._context, self._progress = Context(options.cache, progress, options.workers), progress
         self._setup = set_up_run(settings, options.runs / "proxies", self._context)
 
@@ -268,19 +284,27 @@ def _traits(
         with tempfile.TemporaryDirectory(prefix="fieldkit-") as temporary:
             renderer = Renderer(proxy.scene)
             simulate_capture(
-                Path(temporary) / "capture", renderer, cameras.poses(), camera, seed=seed, economy=True,
+                Path(temporary) / "capture",
+                renderer,
+                cameras.poses(),
+                camera,
+                seed=seed,
+                economy=True,
                 noise=CaptureNoise(noise.pose_m, noise.pose_deg, image_sigma=description.noise.image_sigma),
-                effects=description.camera_effects, outdoors=Outdoors(noise.wind_m, noise.vehicle_kg, burst),
+                effects=description.camera_effects,
+                outdoors=Outdoors(noise.wind_m, noise.vehicle_kg, burst),
                 sidecars=Sidecars(poses=True, accuracy_m=noise.pose_m, camera=True),
-            )  # fmt: skip
+            )
             renderer.close()
             plot = _evaluated(file.stem, Path(temporary) / "capture", proxy, Context(StageCache(None), progress))
         truth = true_traits(proxy.scene.meshes, proxy.volume)
         found = {
-            "scene": file.stem, "sway_m": plot.sway_m, "error": plot.error,
+            "scene": file.stem,
+            "sway_m": plot.sway_m,
+            "error": plot.error,
             "found": (plot.traits or TraitsEntry()).model_dump(mode="json"),
             "truth": asdict(truth) | {"cover_percent": truth.cover_percent},
-        }  # fmt: skip
+        }
         write_atomic(kept, json.dumps(found, indent=1) + "\n")
     record: dict[str, Any] = json.loads(kept.read_text("utf-8"))
     return record

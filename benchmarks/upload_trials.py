@@ -86,9 +86,7 @@ def upload_trials(
     return Trials(count, succeeded, identical, attempts, packets, lost, seconds, seconds * speed, tuple(failures))
 
 
-def _uploaded(
-    vehicle: Replay, items: Sequence[MissionItem], speed: float, connect_s: float = 20.0
-) -> UploadReport:  # fmt: skip
+def _uploaded(vehicle: Replay, items: Sequence[MissionItem], speed: float, connect_s: float = 20.0) -> UploadReport:
     with Vehicle(vehicle.url, connect_s=connect_s, again_s=_AGAIN_S / speed, silence_s=_SILENCE_S / speed) as link:
         return upload_mission(link, items)
 

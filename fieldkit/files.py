@@ -104,9 +104,7 @@ def file_beside(name: Path, owner: Path) -> Path | None:
     return found if found.is_relative_to(folder) else None
 
 
-def named_file(
-    name: str | Path, owner: Path, key: str, *, what: str, error: type[InputError] = MetadataError
-) -> Path:  # fmt: skip
+def named_file(name: str | Path, owner: Path, key: str, *, what: str, error: type[InputError] = MetadataError) -> Path:
     """As `file_beside`; an ``error`` where the path cannot be followed or leads out of the folder.
 
     Args:

@@ -37,18 +37,27 @@ def scenes() -> dict[str, SceneDescription]:
     found |= tuning_scenes()
     found["demo"] = demo_scene()
     found["demo-unseen"] = varied(
-        found["demo"], 402, name="demo-unseen",
+        found["demo"],
+        402,
+        name="demo-unseen",
         notes="The demo's plants re-scaled and re-rotated: the plot that is not planned on.",
-    )  # fmt: skip
+    )
     return found
 
 
 def demo_scene() -> SceneDescription:
     """Three young plants in still air, on a soil a little coarser than the others': built and drawn in seconds."""
     scene = new_scene(
-        3, 401, spacing_m=0.24, stages=("V6", "V7"), soil="crumb", cover_per_m2=0.0, weeds_per_m2=0.0, name="demo",
+        3,
+        401,
+        spacing_m=0.24,
+        stages=("V6", "V7"),
+        soil="crumb",
+        cover_per_m2=0.0,
+        weeds_per_m2=0.0,
+        name="demo",
         notes="The demo's three young plants.",
-    )  # fmt: skip
+    )
     soil = replace(scene.plot.soil, spacing_m=0.008)
     camera = Intrinsics.pinhole(1000, 750, 850.0)
     effects = replace(scene.camera_effects, grain=2.0, grain_px=1.0)  # what is left of it at half the size
@@ -63,7 +72,11 @@ def tuning_scenes() -> dict[str, SceneDescription]:
         "tuning-1": new_scene(3, 201, soil="crumb", notes=notes.format("One row of 3.")),
         "tuning-2": new_scene(5, 202, layout="grid", spacing_m=0.30, notes=notes.format("5 on a wide grid.")),
         "tuning-3": new_scene(
-            4, 203, layout="random", spacing_m=0.35, neighbour_rows=1,
+            4,
+            203,
+            layout="random",
+            spacing_m=0.35,
+            neighbour_rows=1,
             notes=notes.format("4 at random between neighbour rows."),
         ),
         "tuning-4": new_scene(6, 204, spacing_m=0.18, stages=("V5", "V6"), notes=notes.format("6 young plants.")),
@@ -71,10 +84,15 @@ def tuning_scenes() -> dict[str, SceneDescription]:
             2, 205, spacing_m=0.40, stages=("V12",), soil="crumb", notes=notes.format("2 large plants.")
         ),
         "tuning-6": new_scene(
-            7, 206, layout="random", soil="crusted", cover_per_m2=0.0, weeds_per_m2=0.0,
+            7,
+            206,
+            layout="random",
+            soil="crusted",
+            cover_per_m2=0.0,
+            weeds_per_m2=0.0,
             notes=notes.format("7 at random on bare, crusted soil."),
         ),
-    }  # fmt: skip
+    }
     bare = scenes["tuning-6"].plot
     soil = replace(bare.soil, stones=20, residues=5, contrast=0.3)
     scenes["tuning-6"] = replace(scenes["tuning-6"], plot=replace(bare, soil=soil))

@@ -43,22 +43,34 @@ def make(folder: Path, plots: int, dates: int, seed: int = 0) -> None:
             place, chamfer = visit_place(plot.name, day), float(rng.lognormal(-4.5, 0.3))
             height += float(rng.uniform(0.0, 0.1))
             shared = {
-                "plot": plot.name, "date": day, "captures": f"card/{day}", "images": PHOTOGRAPHS,
-                "fieldkit": __version__, "stages": stage_versions(), "inputs": f"{rng.integers(1 << 60):032x}",
+                "plot": plot.name,
+                "date": day,
+                "captures": f"card/{day}",
+                "images": PHOTOGRAPHS,
+                "fieldkit": __version__,
+                "stages": stage_versions(),
+                "inputs": f"{rng.integers(1 << 60):032x}",
                 "photographs": {
                     hashlib.sha256(f"{place}{i}".encode()).hexdigest(): f"../card/{place}/IMG_{i:04}.jpg"
                     for i in range(PHOTOGRAPHS)
                 },
-            }  # fmt: skip
+            }
             if rng.random() < 0.02:
                 save_visit(season / place, Visit(**shared, error="only 4 of 13 photographs fit together"))
                 continue
             traits = TraitsEntry(
-                height_m=height, height_error_m=0.03, height_error_below_m=0.04, cover_percent=20 * height,
-                cover_error_percent=0.9, covered_area_m2=height / 2, covered_area_error_m2=0.03,
-                canopy_volume_m3=height / 5, canopy_volume_error_m3=0.02, plot_area_m2=2.5,
+                height_m=height,
+                height_error_m=0.03,
+                height_error_below_m=0.04,
+                cover_percent=20 * height,
+                cover_error_percent=0.9,
+                covered_area_m2=height / 2,
+                covered_area_error_m2=0.03,
+                canopy_volume_m3=height / 5,
+                canopy_volume_error_m3=0.02,
+                plot_area_m2=2.5,
                 unknown=dict.fromkeys(("plants", "row_gaps"), "the plants cannot be told apart: they touch"),
-            )  # fmt: skip
+            )
             figures = {
                 "predicted_chamfer_m": chamfer,
                 "predicted_low_m": 0.4 * chamfer,

@@ -64,9 +64,10 @@ SHOTS = (
 def take(browser: Browser, shot: Shot, report: Path) -> bytes:
     """A picture of a report, PNG."""
     page = browser.new_page(
-        viewport={"width": shot.width, "height": shot.height}, reduced_motion="reduce",
+        viewport={"width": shot.width, "height": shot.height},
+        reduced_motion="reduce",
         color_scheme="dark" if shot.dark else "light",
-    )  # fmt: skip
+    )
     page.goto(report.as_uri())
     if shot.printed:
         page.emulate_media(media="print", color_scheme="light")

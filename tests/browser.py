@@ -34,8 +34,14 @@ def browser() -> Iterator[Browser]:
 
 @contextmanager
 def opened(
-    browser: Browser, file: Path, *, width: int = 1280, height: int = 900, dark: bool = False, touch: bool = False,
-) -> Iterator[Page]:  # fmt: skip
+    browser: Browser,
+    file: Path,
+    *,
+    width: int = 1280,
+    height: int = 900,
+    dark: bool = False,
+    touch: bool = False,
+) -> Iterator[Page]:
     """The file from disk, without network; at the end there must have been no error, warning or request."""
     with offline_page(browser, width=width, height=height, dark=dark, touch=touch) as (page, complaints):
         page.set_default_timeout(WAIT_MS)

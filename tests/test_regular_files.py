@@ -132,13 +132,16 @@ def test_no_module_opens_a_foreign_file_by_itself() -> None:
         "campaign/export.py",  # what pyogrio wrote just before
         "evaluation/rasters.py",  # what rasterio wrote just before
         "captures/capture.py",  # candidates, which list_folder looked at
-        "evaluation/prediction.py", "report/html/document.py", "report/html/viewer.py",
+        "evaluation/prediction.py",
+        "report/html/document.py",
+        "report/html/viewer.py",
         "demo/flight.py",  # the package's own
-        "planning/objective/simulated.py", "reconstruction/colmap_model.py",
+        "planning/objective/simulated.py",
+        "reconstruction/colmap_model.py",
         "regular_files.py",
         "runtime/executor.py",  # the script that runs
         "runtime/machine.py",  # of /proc and /sys
-    }  # fmt: skip
+    }
 
 
 class TestOpening:

@@ -42,9 +42,16 @@ class Installed:
     def run(self, *arguments: str, code: int = 0, script: str = "fieldkit") -> subprocess.CompletedProcess[str]:
         environment = {"PATH": os.environ["PATH"], "HOME": str(self.folder), "LANG": "C.UTF-8"}
         done = subprocess.run(
-            [self.python.with_name(script), *arguments], cwd=self.folder, env=environment, capture_output=True,
-            text=True, encoding="utf-8", check=False, timeout=LIMIT_S, user=self.user,
-        )  # fmt: skip
+            [self.python.with_name(script), *arguments],
+            cwd=self.folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            encoding="utf-8",
+            check=False,
+            timeout=LIMIT_S,
+            user=self.user,
+        )
         assert done.returncode == code, done.stderr
         assert "Traceback" not in done.stderr
         return done
@@ -165,8 +172,12 @@ def test_a_mission(installed: Installed) -> None:
     assert (installed.folder / "süd-kreis.geojson").is_file()
     where = subprocess.run(
         [installed.python, "-c", "import fieldkit; print(fieldkit.__file__)"],
-        cwd=installed.folder, capture_output=True, encoding="utf-8", check=True, env={"PYTHONUTF8": "1"},
-    ).stdout  # fmt: skip
+        cwd=installed.folder,
+        capture_output=True,
+        encoding="utf-8",
+        check=True,
+        env={"PYTHONUTF8": "1"},
+    ).stdout
     assert Path(where.strip()).parent.samefile(installed.package)  # and not the checkout
 
 

@@ -82,9 +82,14 @@ class MaximumCoverage:
             found = Cover(greedy.chosen, greedy.covered, found.bound, False, found.seconds)
         gap = (found.bound - found.covered) / max(found.covered, 1)
         notes = {
-            "covered": found.covered / seen.shape[1], "bound": found.bound / seen.shape[1], "gap": gap,
-            "proven": found.proven, "views": views, "candidates": len(seen), "points": seen.shape[1],
-        }  # fmt: skip
+            "covered": found.covered / seen.shape[1],
+            "bound": found.bound / seen.shape[1],
+            "gap": gap,
+            "proven": found.proven,
+            "views": views,
+            "candidates": len(seen),
+            "points": seen.shape[1],
+        }
         share = 100.0 * found.covered / seen.shape[1]
         origin = f"{'greedy' if number == 0 else 'exact'}, {share:.1f} % seen {views} times"
         return Trial(number, self._problem.nearest(self._candidates.select(found.chosen)), origin, notes)
@@ -127,8 +132,10 @@ def lattice_views(problem: PlanningProblem, positions: int = _POSITIONS) -> Came
     if len(places) < problem.count:  # a narrow envelope: any feasible set will do
         places = problem.sample(0).positions
     points = problem.reference.points
-    near = points[np.argmin(np.linalg.norm(places[:, None] - points[None, :: max(1, len(points) // 2000)], axis=2), 1)
-                  * max(1, len(points) // 2000)]  # fmt: skip
+    near = points[
+        np.argmin(np.linalg.norm(places[:, None] - points[None, :: max(1, len(points) // 2000)], axis=2), 1)
+        * max(1, len(points) // 2000)
+    ]
     middle = np.broadcast_to(problem.center, places.shape)
     aims = np.stack([middle, middle + _NEARER * (near - middle)], axis=1).reshape(-1, 3)
     aimed = Cameras.aimed(np.repeat(places, 2, axis=0), aims)
@@ -181,12 +188,17 @@ def exact_cover(
     once = csr_array((np.ones(c), (index.reshape(-1), np.arange(c))), shape=(len(places), c + p))
     total = csr_array(np.append(np.ones(c), np.zeros(p))[None])
     constraints = [
-        LinearConstraint(sees, 0.0, np.inf), LinearConstraint(once, -np.inf, 1.0), LinearConstraint(total, count, count)
-    ]  # fmt: skip
+        LinearConstraint(sees, 0.0, np.inf),
+        LinearConstraint(once, -np.inf, 1.0),
+        LinearConstraint(total, count, count),
+    ]
     found = milp(
-        np.append(np.zeros(c), -weight.astype(float)), integrality=np.ones(c + p), bounds=Bounds(0.0, 1.0),
-        constraints=constraints, options={"time_limit": seconds, "node_limit": _NODES},
-    )  # fmt: skip
+        np.append(np.zeros(c), -weight.astype(float)),
+        integrality=np.ones(c + p),
+        bounds=Bounds(0.0, 1.0),
+        constraints=constraints,
+        options={"time_limit": seconds, "node_limit": _NODES},
+    )
     taken = time.perf_counter() - begun
     bound = float(weight.sum()) if found.mip_dual_bound is None else min(float(-found.mip_dual_bound), weight.sum())
     if found.x is None:

@@ -64,9 +64,12 @@ class Rings:
         lower = problem.count - upper
         azimuth = np.append(360.0 * np.arange(lower) / lower, 360.0 * (np.arange(upper) + 0.5) / upper)
         return placed(
-            problem, azimuth, np.repeat([self.lower_radius_m, self.upper_radius_m], [lower, upper]),
-            np.repeat([self.lower_altitude_m, self.upper_altitude_m], [lower, upper]), self.aim_m,
-        )  # fmt: skip
+            problem,
+            azimuth,
+            np.repeat([self.lower_radius_m, self.upper_radius_m], [lower, upper]),
+            np.repeat([self.lower_altitude_m, self.upper_altitude_m], [lower, upper]),
+            self.aim_m,
+        )
 
 
 class TwoRings(StagedSearch[Rings]):
@@ -93,11 +96,12 @@ class TwoRings(StagedSearch[Rings]):
         def heights(best: Rings) -> list[Rings]:
             return [
                 replace(
-                    best, lower_altitude_m=best.lower_altitude_m + i * _STEP * band,
+                    best,
+                    lower_altitude_m=best.lower_altitude_m + i * _STEP * band,
                     upper_altitude_m=best.upper_altitude_m + j * _STEP * band,
                 )
                 for i, j in AROUND
-            ]  # fmt: skip
+            ]
 
         super().__init__("two-rings", problem, first, [Stage(len(AROUND), heights)])
 
@@ -123,9 +127,7 @@ class Cap:
         # A sphere's zones of equal height have equal areas.
         altitude = lowest + (highest - lowest) * (np.arange(problem.count) + 0.5) / problem.count
         radius = np.sqrt(np.maximum(self.distance_m**2 - (altitude - middle) ** 2, 0.0))
-        return placed(
-            problem, _GOLDEN_DEG * np.arange(problem.count), radius, altitude, float(problem.center[2])
-        )  # fmt: skip
+        return placed(problem, _GOLDEN_DEG * np.arange(problem.count), radius, altitude, float(problem.center[2]))
 
 
 class Hemisphere(StagedSearch[Cap]):

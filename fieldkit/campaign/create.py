@@ -57,9 +57,13 @@ class CampaignSources:
 
 
 def init_campaign(
-    folder: Path, sources: CampaignSources, evaluation: EvaluationSettings | None = None, *, name: str | None = None,
+    folder: Path,
+    sources: CampaignSources,
+    evaluation: EvaluationSettings | None = None,
+    *,
+    name: str | None = None,
     tell: Tell | None = None,
-) -> Campaign:  # fmt: skip
+) -> Campaign:
     """Make a campaign's folder, whole or not at all.
 
     Plan, site, plots, vehicle and camera are copied, so that the folder can be taken along; plots of another kind than
@@ -163,9 +167,10 @@ def _reference(plot: str, path: Path, folder: Path, plots: set[str]) -> Referenc
     report = load_reference_report(path)
     if not report.metric:
         raise MetadataError(
-            "this reference has no metric scale, so no visit can be compared with it", path=path,
+            "this reference has no metric scale, so no visit can be compared with it",
+            path=path,
             remedy="Build it again with poses.csv, geo.txt, GPS or markers.toml beside the photographs.",
-        )  # fmt: skip
+        )
     place = path.absolute() if path.is_dir() else path.absolute().parent
     near = place.parts[:2] == folder.parts[:2]  # else a path between them, over the root or to another drive, says less
     written = os.path.relpath(place, folder) if near else place
@@ -188,7 +193,8 @@ def split_references(given: Sequence[str], plots: Sequence[str]) -> dict[str, Pa
         found[plot] = Path(text[len(plot) + 1 :])
         if is_cloud(found[plot]):
             raise UsageError(
-                f"--reference: {plot}: a campaign takes what `fieldkit reference` made, not a cloud", path=found[plot],
+                f"--reference: {plot}: a campaign takes what `fieldkit reference` made, not a cloud",
+                path=found[plot],
                 remedy="Give a reference's folder; `fieldkit evaluate --reference CLOUD` compares a single capture.",
-            )  # fmt: skip
+            )
     return found

@@ -180,7 +180,8 @@ def _reference(plot: CampaignPlot) -> Reference | None:
                 f"the reference of {plot.name} is not there", path=file, remedy="Correct its path in campaign.toml."
             )
         raise MetadataError(
-            f"the reference of {plot.name} is not the one that campaign.toml names by its sha256", path=file,
+            f"the reference of {plot.name} is not the one that campaign.toml names by its sha256",
+            path=file,
             remedy="Put its new sha256 into campaign.toml; all visits of the plot are then evaluated again.",
-        )  # fmt: skip
+        )
     return Reference(plot.reference)

@@ -56,8 +56,10 @@ def export_campaign(campaign: Campaign, output: Path, *, overwrite: bool = False
     check_replaceable(output, overwrite=overwrite)
     check_writable(output.parent)
     writers: Mapping[Format, Callable[[Campaign], str | bytes]] = {
-        "csv": campaign_csv, "geojson": campaign_geojson, "gpkg": campaign_geopackage
-    }  # fmt: skip
+        "csv": campaign_csv,
+        "geojson": campaign_geojson,
+        "gpkg": campaign_geopackage,
+    }
     write_atomic(output, writers[chosen](campaign))
     return chosen
 
@@ -83,11 +85,15 @@ def plot_rows(campaign: Campaign) -> list[Values]:
         last = max(own, key=lambda visit: visit.date, default=None)
         result.append(
             {
-                "plot": plot.name, **_place(plot), "visits": len(own), "date": last and last.date,
+                "plot": plot.name,
+                **_place(plot),
+                "visits": len(own),
+                "date": last and last.date,
                 **{name: last and getattr(last, name) for name in _LATEST},
-                **((last and last.traits) or TraitsEntry()).row(), "error": last.error if last else "",
+                **((last and last.traits) or TraitsEntry()).row(),
+                "error": last.error if last else "",
             }
-        )  # fmt: skip
+        )
     return result
 
 

@@ -115,23 +115,33 @@ class Agreement:
 
     def table(self) -> Table:
         """A row per pair."""
-        return tabulated("Heights by hand", [
-            {
-                "plot": pair.visit.plot, "date": pair.visit.date,
-                FIGURES["height_m"].column: FIGURES["height_m"].cell(pair.visit),
-                Column("by hand, m", True): decimal(pair.measured_m, 3),
-                Column("difference, m", True): _signed(pair.difference_m),
-                "within the error": {True: "yes", False: "no", None: None}[pair.within],
-            }
-            for pair in self.pairs
-        ])  # fmt: skip
+        return tabulated(
+            "Heights by hand",
+            [
+                {
+                    "plot": pair.visit.plot,
+                    "date": pair.visit.date,
+                    FIGURES["height_m"].column: FIGURES["height_m"].cell(pair.visit),
+                    Column("by hand, m", True): decimal(pair.measured_m, 3),
+                    Column("difference, m", True): _signed(pair.difference_m),
+                    "within the error": {True: "yes", False: "no", None: None}[pair.within],
+                }
+                for pair in self.pairs
+            ],
+        )
 
     def plain(self) -> dict[str, object]:
         """As JSON has it."""
         limits = self.limits_m
-        of_limits = {} if limits is None else {
-            "limits_m": limits, "bias_interval_m": self.half_interval_m(1), "limits_interval_m": self.half_interval_m(3)
-        }  # fmt: skip
+        of_limits = (
+            {}
+            if limits is None
+            else {
+                "limits_m": limits,
+                "bias_interval_m": self.half_interval_m(1),
+                "limits_interval_m": self.half_interval_m(3),
+            }
+        )
         figures = {"bias_m": self.bias_m, "rmse_m": self.rmse_m, **of_limits} if self.pairs else {}
         keys = ("plot", "date", "height_m", "measured_m", "difference_m", "within")
         pairs = [(*p.visit.key, p.height_m, p.measured_m, p.difference_m, p.within) for p in self.pairs]

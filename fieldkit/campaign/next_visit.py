@@ -84,13 +84,15 @@ def next_plans(
         raise UsageError(f"plants grow by a factor from 1 to 3, not {growth:g}", remedy="Give --growth 1.15.")
     if campaign.plan.camera is None:
         raise MissionError(
-            "the campaign's plan does not say which camera it is for", path=campaign.plan_file,
+            "the campaign's plan does not say which camera it is for",
+            path=campaign.plan_file,
             remedy="Make it again with fieldkit plan.",
-        )  # fmt: skip
+        )
     known = [_cloud_of(campaign, plot.name) for plot in campaign.site.plots]
     make = partial(_next_plan, vehicle, growth, context.seed)
-    items = [(campaign.carried_plan(plot.name), plot, *found)
-             for plot, found in zip(campaign.site.plots, known, strict=True)]  # fmt: skip
+    items = [
+        (campaign.carried_plan(plot.name), plot, *found) for plot, found in zip(campaign.site.plots, known, strict=True)
+    ]
     with context.progress.stage("Planning the next visit", len(items)) as advance:
         return tuple(context.map(make, items, advance))
 
@@ -154,9 +156,14 @@ def _at_least(plot: SitePlot, height_m: float | None) -> SitePlot:
 
 
 def plan_for_plants(
-    plan: Plan, plants: Cloud, name: str, *, vehicle: Vehicle | None = None, seed: int = 0,
+    plan: Plan,
+    plants: Cloud,
+    name: str,
+    *,
+    vehicle: Vehicle | None = None,
+    seed: int = 0,
     plot: SitePlot | None = None,
-) -> tuple[Plan, float]:  # fmt: skip
+) -> tuple[Plan, float]:
     """Stations for known plants by the geometric score, as many as a carried plan has.
 
     Also what the score expects there of the carried one, metres; the plan is fitted to the plants' height if it is made
@@ -236,9 +243,11 @@ def _limits(plan: Plan) -> EnvelopeSettings:
     if own is None:
         return usual
     given = {
-        "clearance_m": own.plant_distance_m, "separation_m": own.station_distance_m, "pitch_deg": own.pitch_deg,
+        "clearance_m": own.plant_distance_m,
+        "separation_m": own.station_distance_m,
+        "pitch_deg": own.pitch_deg,
         "height_m": None if own.lower_m is None or own.upper_m is None else (own.lower_m[2], own.upper_m[2]),
-    }  # fmt: skip
+    }
     return usual.model_copy(update={key: value for key, value in given.items() if value is not None})
 
 
@@ -253,9 +262,16 @@ class NextVisit:
 
 
 def plan_next_visit(
-    campaign: Campaign, date: str, output: Path, settings: MissionSettings, context: Context, *,
-    vehicle: str | None = None, growth: float = GROWTH, overwrite: bool = False,
-) -> NextVisit:  # fmt: skip
+    campaign: Campaign,
+    date: str,
+    output: Path,
+    settings: MissionSettings,
+    context: Context,
+    *,
+    vehicle: str | None = None,
+    growth: float = GROWTH,
+    overwrite: bool = False,
+) -> NextVisit:
     """`next_plans`, kept in the campaign's folder (plans/DATE/PLOT.json), and one mission over all plots.
 
     ``settings`` may name the only plots that are flown. Plants are at least as high as the grown ones of each plot's
@@ -283,9 +299,15 @@ def plan_next_visit(
             tops[plot.name] = growth * float(read_cloud(cloud).points[:, 2].max())
     measured, flown = heights_flown(stated, campaign.plan, settings.plant_height, tops)
     mission = export_mission(
-        {each.plot: each.plan for each in plans}, profile, flown, output,
-        replace(settings, only=None, plant_height=None), context, plans=False, overwrite=overwrite,
-    )  # fmt: skip
+        {each.plot: each.plan for each in plans},
+        profile,
+        flown,
+        output,
+        replace(settings, only=None, plant_height=None),
+        context,
+        plans=False,
+        overwrite=overwrite,
+    )
     taken = heights_taken(measured, flown, settings.plant_height)
     mission = replace(mission, routed=replace(mission.routed, fit=(*taken, *mission.routed.fit)))
     with atomic_folder(folder, overwrite=overwrite) as made:

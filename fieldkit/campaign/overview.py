@@ -32,7 +32,9 @@ def campaign_object(campaign: Campaign) -> dict[str, Any]:
         "folder": str(campaign.folder),
         "plots": [
             {
-                "plot": plot.name, "latitude_deg": plot.latitude_deg, "longitude_deg": plot.longitude_deg,
+                "plot": plot.name,
+                "latitude_deg": plot.latitude_deg,
+                "longitude_deg": plot.longitude_deg,
                 "row_heading_deg": plot.row_heading_deg,
                 "reference": None if plot.reference is None else str(plot.reference),
             }
@@ -48,7 +50,7 @@ def campaign_object(campaign: Campaign) -> dict[str, Any]:
         },
         "measured": None if (found := measured_agreement(campaign)) is None else found.plain(),
         "drift": (vars(change) | {"change": change.change} for change in drift(campaign.visits, campaign.plan)),
-    }  # fmt: skip
+    }
 
 
 def campaign_tables(campaign: Campaign) -> Iterator[Table]:
@@ -88,9 +90,9 @@ def verdict(campaign: Campaign) -> tuple[str, bool]:
     absent, failed = missing(campaign, date), [visit.plot for visit in seen if visit.error]
     total = len(seen) + len(absent)
     parts = [f"{len(done)} of {count(total, 'plot')} of {date}"]
-    parts += [f"{what} of {listed(plots, 12)}" for what, plots in (
-        ("no photographs", absent), ("no result", failed)
-    ) if plots]  # fmt: skip
+    parts += [
+        f"{what} of {listed(plots, 12)}" for what, plots in (("no photographs", absent), ("no result", failed)) if plots
+    ]
     traits, complete = counted_traits(done, total)
     return "; ".join([*parts, traits]), complete and not absent and not failed
 
@@ -178,15 +180,18 @@ def _cell(visit: Visit | None, campaign: Campaign) -> str | None:
 
 
 def _ranking_table(entries: Sequence[Ranked], caption: str) -> Table:
-    return tabulated(caption, [
-        {
-            "plot": entry.score.visit.plot,
-            Column("rank", True): f"{entry.rank}{'=' if entry.tied else ''}",
-            Column("chamfer, mm", True): f"{'≈ ' * entry.score.predicted}{millimetres(entry.score.value_m)}",
-            Column("nine in ten, mm", True): _scatter(entry.score),
-        }
-        for entry in entries
-    ])  # fmt: skip
+    return tabulated(
+        caption,
+        [
+            {
+                "plot": entry.score.visit.plot,
+                Column("rank", True): f"{entry.rank}{'=' if entry.tied else ''}",
+                Column("chamfer, mm", True): f"{'≈ ' * entry.score.predicted}{millimetres(entry.score.value_m)}",
+                Column("nine in ten, mm", True): _scatter(entry.score),
+            }
+            for entry in entries
+        ],
+    )
 
 
 def _scatter(score: Score) -> str | None:
@@ -223,6 +228,10 @@ def _changed(change: Drift) -> str:
 def _ranked(entry: Ranked) -> dict[str, Any]:
     score = entry.score
     return {
-        "rank": entry.rank, "tied": entry.tied, "plot": score.visit.plot, "chamfer_m": score.value_m,
-        "predicted": score.predicted, "noise_m": score.noise_m,
-    }  # fmt: skip
+        "rank": entry.rank,
+        "tied": entry.tied,
+        "plot": score.visit.plot,
+        "chamfer_m": score.value_m,
+        "predicted": score.predicted,
+        "noise_m": score.noise_m,
+    }

@@ -163,14 +163,23 @@ def visit_inputs(job: VisitJob) -> str:
     # Digests of visits without rasters are as they were before there were any.
     evaluation = job.evaluation.model_dump_json(exclude={"rasters", "gsd_m"})
     return digest(
-        "visit", stage_versions(), [(photo.name, photo.sha256) for photo in capture.photos], dict(capture.priors),
-        capture.groups, capture.metric_source, capture.origin, capture.markers,
+        "visit",
+        stage_versions(),
+        [(photo.name, photo.sha256) for photo in capture.photos],
+        dict(capture.priors),
+        capture.groups,
+        capture.metric_source,
+        capture.origin,
+        capture.markers,
         [None if mask is None else file_sha256(mask) for mask in masks],
-        job.plan.model_dump_json(), evaluation,
-        (plot.latitude_deg, plot.longitude_deg, plot.row_heading_deg, plot.shape, plot.size_m), plot.reference_sha256,
-        plot.reference_sha256_now(), *(() if rasters is None else (rasters,)),
+        job.plan.model_dump_json(),
+        evaluation,
+        (plot.latitude_deg, plot.longitude_deg, plot.row_heading_deg, plot.shape, plot.size_m),
+        plot.reference_sha256,
+        plot.reference_sha256_now(),
+        *(() if rasters is None else (rasters,)),
         *((capture.to_take_off_m,) if capture.to_take_off_m else ()),
-    )  # fmt: skip
+    )
 
 
 def unchanged(jobs: Sequence[VisitJob], visits: Visits) -> list[Visit]:
@@ -216,9 +225,10 @@ def _sorted(campaign: Campaign, captures: Path, visits: Visits, progress: Progre
     found = find_photographs(captures, skip=skip, progress=progress)
     if not found.photos:
         raise CaptureError(
-            "there are no usable photographs in this folder, nor below it", path=captures,
+            "there are no usable photographs in this folder, nor below it",
+            path=captures,
             remedy="Give the folder that holds the photographs of one or more plots.",
-        )  # fmt: skip
+        )
     outer = _outer(campaign.folder, captures)
     shots = [PhotoToSort(each.place, each.photo, (*outer, *each.folders)) for each in found.photos]
     sorting = sort_photographs(shots, campaign.plots, campaign.plan)
@@ -232,9 +242,10 @@ def _sorted(campaign: Campaign, captures: Path, visits: Visits, progress: Progre
         first = sorting.left_out[0]
         raise CaptureError(
             f"of {count(len(found.photos), 'photograph')} none could be sorted into a plot "
-            f"({first.subject}: {first.message})", path=captures,
+            f"({first.subject}: {first.message})",
+            path=captures,
             remedy="Put them into folders PLOT/DATE, or check the plots of the campaign.",
-        )  # fmt: skip
+        )
     return found, sorting
 
 

@@ -217,11 +217,12 @@ def _sorted_by_neighbours(placed: Sequence[_Row]) -> list[Finding]:
     found = by_key(((row.folder, row.plot, why(row)), row) for row in placed if row.by_neighbours)
     return [
         Finding(
-            members[0].shot.place, "sorted-by-neighbours",
+            members[0].shot.place,
+            "sorted-by-neighbours",
             f"{count(len(members), 'photograph')} from here, {reason}: sorted into {plot} like those before and after",
         )
         for (_, plot, reason), members in found.items()
-    ]  # fmt: skip
+    ]
 
 
 def _contradicting_plots(given: Sequence[_Row]) -> list[Finding]:

@@ -28,9 +28,14 @@ def group_cameras(
     for photo in photos:
         entry = _choose_entry(photo, entries, path)
         identity = (
-            photo.make, photo.model, photo.serial, photo.focal_35mm, photo.focal_mm, photo.digital_zoom,
+            photo.make,
+            photo.model,
+            photo.serial,
+            photo.focal_35mm,
+            photo.focal_mm,
+            photo.digital_zoom,
             photo.calibration,
-        )  # fmt: skip
+        )
         members.setdefault((entry, *identity, photo.width, photo.height), []).append(photo)
     groups: list[CameraGroup] = []
     findings: list[Finding] = []

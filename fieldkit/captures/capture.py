@@ -132,9 +132,15 @@ def of_one_camera(
 
 
 def assembled(
-    folders: tuple[Path, Path], photos: Sequence[Photo], parts: Sequence[Part], findings: Sequence[Finding], *,
-    camera: Path | None = None, program: ProgramPoses | None = None, odd: Sequence[Finding] = (),
-) -> Capture:  # fmt: skip
+    folders: tuple[Path, Path],
+    photos: Sequence[Photo],
+    parts: Sequence[Part],
+    findings: Sequence[Finding],
+    *,
+    camera: Path | None = None,
+    program: ProgramPoses | None = None,
+    odd: Sequence[Finding] = (),
+) -> Capture:
     """A capture of photographs, with what their sidecars or another program say of them.
 
     ``folders`` are the capture's and that of its images; ``camera`` is a camera file for parts without one.
@@ -265,8 +271,9 @@ def distinct(photos: Sequence[Photo], located: Collection[str] = ()) -> tuple[li
         kept.setdefault(photo.sha256, photo)
     why = {
         photo.name: f"the same bytes as {kept[photo.sha256].name}"
-        for photo in photos if photo is not kept[photo.sha256]
-    }  # fmt: skip
+        for photo in photos
+        if photo is not kept[photo.sha256]
+    }
     moments, shapes = dict[tuple[object, ...], list[Photo]](), dict[float, list[Photo]]()
     for photo in kept.values():
         shapes.setdefault(round(photo.width / photo.height, 2), []).append(photo)

@@ -95,8 +95,9 @@ def to_wgs84(points: FloatArray, crs: Any, path: Path | None) -> tuple[Any, str]
     if not np.isfinite(about).all() or np.abs(about[1]).max(initial=0.0) > 90.0:
         raise MetadataError(
             f"coordinates such as {', '.join(f'{v:.6g}' for v in points[0])} do not lie in {crs.name}",
-            path=path, remedy="Check which coordinate system they are in; x is east or the longitude.",
-        )  # fmt: skip
+            path=path,
+            remedy="Check which coordinate system they are in; x is east or the longitude.",
+        )
     (west, south), (east, north) = (np.median(about[:2], axis=1) + side for side in (-_AREA_DEG, _AREA_DEG))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of what is missing, which is looked at here
@@ -116,13 +117,15 @@ def to_wgs84(points: FloatArray, crs: Any, path: Path | None) -> tuple[Any, str]
         if not group.best_available:
             raise MetadataError(
                 f"is in {crs.name}; without the grid {' and '.join(grids)} PROJ takes that to WGS 84 only {good_to}",
-                path=path, remedy=_GRID_REMEDY.format(" ".join(f"--file {grid}" for grid in grids)),
-            )  # fmt: skip
+                path=path,
+                remedy=_GRID_REMEDY.format(" ".join(f"--file {grid}" for grid in grids)),
+            )
         if best.accuracy < 0.0:
             raise MetadataError(
-                f"is in {crs.name}, whose datum PROJ cannot take to WGS 84", path=path,
+                f"is in {crs.name}, whose datum PROJ cannot take to WGS 84",
+                path=path,
                 remedy="Name the system by its EPSG code, or export the coordinates as WGS 84 (EPSG:4326).",
-            )  # fmt: skip
+            )
     return best, (
         f"PROJ takes {crs.name} to WGS 84 {good_to}: positions that drones and photographs get from corrections in the "
         f"datum {datum.name} fit it, others may lie that far beside"

@@ -136,9 +136,11 @@ def _orientation(value: Any) -> int:
 
 def _time(base: Mapping[int, Any], detail: Mapping[int, Any], gps: Mapping[int, Any]) -> datetime | None:
     """The camera's local time; where it gives none, the time of its GPS, which is UTC."""
-    fields = ((detail, _BASE.DateTimeOriginal, _BASE.SubsecTimeOriginal),
-              (detail, _BASE.DateTimeDigitized, _BASE.SubsecTimeDigitized),
-              (base, _BASE.DateTime, _BASE.SubsecTime))  # fmt: skip
+    fields = (
+        (detail, _BASE.DateTimeOriginal, _BASE.SubsecTimeOriginal),
+        (detail, _BASE.DateTimeDigitized, _BASE.SubsecTimeDigitized),
+        (base, _BASE.DateTime, _BASE.SubsecTime),
+    )
     for directory, tag, fraction in fields:
         time = _read_time(_text(directory.get(tag)) or "", str(detail.get(fraction) or "").strip(" \0"))
         if time is not None:

@@ -156,8 +156,11 @@ def settled_heights(rows: Sequence[GeoRow], altitudes_m: Mapping[str, float]) ->
     open_rows = [row for row in rows if row.assumed_unit_m != 1.0]
     if not open_rows:
         return list(rows), []
-    pairs = [(row.altitude_m, row.altitude_m / row.assumed_unit_m, altitudes_m[row.image]) for row in open_rows
-             if row.altitude_m is not None and row.image in altitudes_m]  # fmt: skip
+    pairs = [
+        (row.altitude_m, row.altitude_m / row.assumed_unit_m, altitudes_m[row.image])
+        for row in open_rows
+        if row.altitude_m is not None and row.image in altitudes_m
+    ]
     as_feet = float(np.median([abs(feet - own) for feet, _, own in pairs])) if pairs else 0.0
     as_metres = float(np.median([abs(metres - own) for _, metres, own in pairs])) if pairs else 0.0
     if as_metres < _CLEARLY * as_feet:

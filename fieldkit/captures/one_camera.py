@@ -19,9 +19,16 @@ _ENOUGH = 0.5
 _BANDS_AT_A_PLACE = 5
 """Number of bands of a multispectral camera, which nothing tells apart."""
 _PREFERRED = (
-    ("", "visible", "wide"), ("zoom",), ("panchromatic",), ("green",), ("red",), ("red edge",), ("near infrared",),
-    ("blue",), ("grey",),
-)  # fmt: skip
+    ("", "visible", "wide"),
+    ("zoom",),
+    ("panchromatic",),
+    ("green",),
+    ("red",),
+    ("red edge",),
+    ("near infrared",),
+    ("blue",),
+    ("grey",),
+)
 """Sensors, those first that show most of a plant."""
 
 
@@ -38,13 +45,25 @@ _BANDS = (
     ("visible", r"rgb|visible"),
 )
 _DJI_LENSES = {
-    "W": "wide", "Z": "zoom", "V": "visible", "D": "visible", "T": "thermal", "R": "thermal", "IR": "thermal",
+    "W": "wide",
+    "Z": "zoom",
+    "V": "visible",
+    "D": "visible",
+    "T": "thermal",
+    "R": "thermal",
+    "IR": "thermal",
     "S": "split screen",
-}  # fmt: skip
+}
 _SOURCES = {
-    "ndvi": "NDVI", "infrared": "thermal", "thermal": "thermal", "wide": "wide", "zoom": "zoom", "tele": "zoom",
-    "visible": "visible", "rgb": "visible",
-}  # fmt: skip
+    "ndvi": "NDVI",
+    "infrared": "thermal",
+    "thermal": "thermal",
+    "wide": "wide",
+    "zoom": "zoom",
+    "tele": "zoom",
+    "visible": "visible",
+    "rgb": "visible",
+}
 """What DJI's ImageSource (InfraredCamera, MS_NIR_CAMERA) contains; that of its bands is told before."""
 _DJI_NAME = re.compile(r"DJI_[0-9][0-9_]*_(?:MS_(NIR|RE|R|G|B)|(IR|[WZVDTRS]))(?:[_ .(-].*)?", re.IGNORECASE)
 _BAND_NAME = re.compile(r".*[0-9]_(NIR|REG|GRE|GRN|RED|BLU|RGB|LWIR|THERMAL|IR)", re.IGNORECASE)

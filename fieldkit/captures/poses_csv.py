@@ -24,9 +24,12 @@ from fieldkit.results.finding import Finding
 from fieldkit.wording import count
 
 _LIMITS = {
-    "yaw_deg": (-360.0, 360.0), "pitch_deg": (-90.0, 90.0), "roll_deg": (-360.0, 360.0),
-    "longitude": (-180.0, 180.0), "latitude": (-90.0, 90.0),
-}  # fmt: skip
+    "yaw_deg": (-360.0, 360.0),
+    "pitch_deg": (-90.0, 90.0),
+    "roll_deg": (-360.0, 360.0),
+    "longitude": (-180.0, 180.0),
+    "latitude": (-90.0, 90.0),
+}
 _FAR_M = 1e8
 """Largest coordinate that is believed, metres."""
 _DEGREES_EXTENT = 0.1

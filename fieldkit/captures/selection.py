@@ -164,9 +164,10 @@ def _folders(root: Path, skip: Callable[[Path], bool] | None) -> list[Path]:
         found += [Path(place) / name for name in names if not (Path(place) / name).is_symlink()]
         if len(found) > _MAX_FOLDERS:
             raise CaptureError(
-                f"there are more than {_MAX_FOLDERS:,} folders in it", path=root,
+                f"there are more than {_MAX_FOLDERS:,} folders in it",
+                path=root,
                 remedy="Give the folder of the photographs, not one far above it.",
-            )  # fmt: skip
+            )
     return found
 
 

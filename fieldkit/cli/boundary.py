@@ -173,9 +173,14 @@ class Boundary:
         self._tell(kind, message, None, remedy)
 
     def _tell(
-        self, kind: str, message: str, path: str | None, remedy: str, findings: Sequence[dict[str, Any]] = (),
+        self,
+        kind: str,
+        message: str,
+        path: str | None,
+        remedy: str,
+        findings: Sequence[dict[str, Any]] = (),
         told: Sequence[str] = (),
-    ) -> None:  # fmt: skip
+    ) -> None:
         where = f"{path}: " if path else ""
         say("\n  ".join([f"Error: {where}{message}", *filter(None, (remedy, *told))]))
         if self._json:

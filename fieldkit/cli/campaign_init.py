@@ -64,10 +64,13 @@ def command(
     if as_json:
         emit_json(
             {
-                "output": folder, "campaign": made.name, "plots": [plot.name for plot in made.plots],
-                "stations": len(made.plan.stations), "references": sorted(references),
+                "output": folder,
+                "campaign": made.name,
+                "plots": [plot.name for plot in made.plots],
+                "stations": len(made.plan.stations),
+                "references": sorted(references),
             }
-        )  # fmt: skip
+        )
     else:
         answer(f"{folder}: {count(len(made.plots), 'plot')}, {count(len(made.plan.stations), 'station')} each")
         answer(f"Next: fieldkit evaluate CAPTURES --campaign {folder}")

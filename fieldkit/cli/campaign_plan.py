@@ -68,11 +68,14 @@ def command(
     if as_json:
         plots = [
             {
-                "plot": each.plot, "made_of": each.date, "expected_m": each.expected_m, "carried_m": each.carried_m,
+                "plot": each.plot,
+                "made_of": each.date,
+                "expected_m": each.expected_m,
+                "carried_m": each.carried_m,
                 "seconds": each.seconds,
             }
             for each in made.plans
-        ]  # fmt: skip
+        ]
         emit_json({"date": day, "files": list(made.mission.files), "plots": plots})
         return
     from fieldkit.figures.style import format_length

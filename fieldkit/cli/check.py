@@ -103,9 +103,16 @@ def command(
 
     with run_context(as_json=as_json, no_cache=no_cache) as context:
         reports = check(
-            captures, settings, context, plan=plan, site=site, plot=place.plot, plant_height=mission.plant_height,
-            log=log, fit=fit,
-        )  # fmt: skip
+            captures,
+            settings,
+            context,
+            plan=plan,
+            site=site,
+            plot=place.plot,
+            plant_height=mission.plant_height,
+            log=log,
+            fit=fit,
+        )
     files = list(
         _missions(reports, plan, site, again, replace(mission, fit=fit, seed=settings.seed), overwrite=overwrite)
     )
@@ -121,9 +128,14 @@ def command(
 
 
 def _missions(
-    reports: Sequence[CheckReport], plan: Path | None, site: Site | None, again: AgainOptions,
-    settings: MissionSettings, *, overwrite: bool,
-) -> Iterator[Path]:  # fmt: skip
+    reports: Sequence[CheckReport],
+    plan: Path | None,
+    site: Site | None,
+    again: AgainOptions,
+    settings: MissionSettings,
+    *,
+    overwrite: bool,
+) -> Iterator[Path]:
     """Write the missions that are asked for, one for each plot with stations to fly again."""
     from fieldkit.fieldcheck.refly import write_refly
 
@@ -135,9 +147,15 @@ def _missions(
             continue
         target = output if len(reports) == 1 else output.with_name(f"{output.stem}-{report.name}{output.suffix}")
         yield from write_refly(
-            report.fly_again, plan, vehicle, site, target, replace(settings, burst=report.burst), plot=report.plot,
+            report.fly_again,
+            plan,
+            vehicle,
+            site,
+            target,
+            replace(settings, burst=report.burst),
+            plot=report.plot,
             overwrite=overwrite,
-        )  # fmt: skip
+        )
 
 
 def _tell(reports: Sequence[CheckReport]) -> None:
@@ -181,30 +199,40 @@ def check_blocks(report: CheckReport) -> list[Block]:
     blocks: list[Block] = []
     if report.stations:
         columns = (
-            Column("station", True), Column("photograph"), Column("edges, px", True), Column("stops", True),
-            Column("off, m", True), Column("turned, °", True), Column("matches with"), Column("verdict"),
-        )  # fmt: skip
+            Column("station", True),
+            Column("photograph"),
+            Column("edges, px", True),
+            Column("stops", True),
+            Column("off, m", True),
+            Column("turned, °", True),
+            Column("matches with"),
+            Column("verdict"),
+        )
         rows = tuple(
             (
                 str(station_number(each.station)),
-                each.photograph or None, decimal(each.edge_px, 1), decimal(each.stops, 1),
-                decimal(each.distance_m), decimal(each.turn_deg, 1),
+                each.photograph or None,
+                decimal(each.edge_px, 1),
+                decimal(each.stops, 1),
+                decimal(each.distance_m),
+                decimal(each.turn_deg, 1),
                 f"{each.matches}: {', '.join(str(station_number(n)) for n in each.neighbours)}"
                 if each.neighbours
                 else DASH,
                 Mark(_LEVELS[each.verdict], each.verdict),
             )
             for each in report.stations
-        )  # fmt: skip
+        )
         blocks.append(Table(report.name, columns, rows))
     if report.findings:
         found = tuple(
             (
-                "" if finding.station is None else str(station_number(finding.station)), finding.code,
+                "" if finding.station is None else str(station_number(finding.station)),
+                finding.code,
                 f"{replace(finding, station=None)}" + (f"\n→ {finding.remedy}" if finding.remedy else ""),
             )
             for finding in report.findings
-        )  # fmt: skip
+        )
         heads, first = (Column("station", True), Column("finding"), Column("what was found")), int(not report.stations)
         blocks.append(Table("Findings", heads[first:], tuple(row[first:] for row in found)))
     if report.extra:

@@ -70,9 +70,13 @@ def command(
     read = read_mission(file)
     with open_progress(as_json=as_json):
         ground = ground_of(
-            file, site, flown_by.clearance_m, plans=None if plan is None else load_plan(plan), fit=fit,
+            file,
+            site,
+            flown_by.clearance_m,
+            plans=None if plan is None else load_plan(plan),
+            fit=fit,
             plant_height=height,
-        )  # fmt: skip
+        )
         if plan is not None and ground is None:
             raise UsageError("--plan says nothing without --site", remedy="Give the site file that says where home is.")
         report = check_on_ground(read, flown_by, ground, compare=plan is not None, burst=burst)
@@ -91,23 +95,25 @@ def _facts(report: Report, ground: Ground | None) -> dict[str, Any]:
     poses = []
     for shot in report.photographs:
         near = deviations.get(shot.station)
-        poses.append({
-            "photograph": shot.station + 1,
-            "plot": None if near is None else near.planned.plot,
-            "station": None if near is None else station_number(near.planned.station),
-            "item": shot.item,
-            "taken": not shot.never,
-            "latitude_deg": None if shot.place is None else shot.place.latitude_deg,
-            "longitude_deg": None if shot.place is None else shot.place.longitude_deg,
-            "height_above_home_m": None if shot.place is None else shot.place.height_m,
-            "heading_deg": shot.heading_deg,
-            "pitch_deg": shot.pitch_deg,
-            "moving": shot.moving,
-            "settled_s": shot.settled_s,
-            "after_s": shot.after_s,
-            "planned": None if near is None else near.planned.name,
-            "off_plan_m": None if near is None else near.metres,
-        })  # fmt: skip
+        poses.append(
+            {
+                "photograph": shot.station + 1,
+                "plot": None if near is None else near.planned.plot,
+                "station": None if near is None else station_number(near.planned.station),
+                "item": shot.item,
+                "taken": not shot.never,
+                "latitude_deg": None if shot.place is None else shot.place.latitude_deg,
+                "longitude_deg": None if shot.place is None else shot.place.longitude_deg,
+                "height_above_home_m": None if shot.place is None else shot.place.height_m,
+                "heading_deg": shot.heading_deg,
+                "pitch_deg": shot.pitch_deg,
+                "moving": shot.moving,
+                "settled_s": shot.settled_s,
+                "after_s": shot.after_s,
+                "planned": None if near is None else near.planned.name,
+                "off_plan_m": None if near is None else near.metres,
+            }
+        )
     return {
         "ok": report.may_be_flown,
         "checked_against_plants": report.unchecked == {},
@@ -140,11 +146,13 @@ def _plants(report: Report, ground: Ground | None) -> list[dict[str, Any]]:
     unchecked = report.unchecked or {}
     return [
         {
-            "plot": name, "plant_height_m": heights.get(name), "checked": name not in unchecked,
+            "plot": name,
+            "plant_height_m": heights.get(name),
+            "checked": name not in unchecked,
             "why_not": unchecked.get(name),
         }
         for name in dict.fromkeys([*heights, *unchecked])
-    ]  # fmt: skip
+    ]
 
 
 def _verdict(report: Report) -> str:

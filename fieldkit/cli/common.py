@@ -232,13 +232,16 @@ def finding_entries(findings: Sequence[Finding]) -> list[dict[str, Any]]:
 
     return [
         {
-            "code": f.code, "severity": f.severity, "item": f.item,
+            "code": f.code,
+            "severity": f.severity,
+            "item": f.item,
             "photograph": None if f.photograph is None else f.photograph + 1,
-            "plot": f.subject or None, "station": None if f.station is None else station_number(f.station),
+            "plot": f.subject or None,
+            "station": None if f.station is None else station_number(f.station),
             "message": f.message,
         }
         for f in findings
-    ]  # fmt: skip
+    ]
 
 
 def show_findings(findings: Sequence[Finding], file: Path) -> None:

@@ -34,10 +34,11 @@ def command(as_json: JsonOption = False) -> int:
 
         rows = [
             (
-                check.name, Mark(_LEVELS[check.status], check.status),
+                check.name,
+                Mark(_LEVELS[check.status], check.status),
                 f"{check.detail}\n→ {check.remedy}" if check.remedy else check.detail,
             )
             for check in checks
-        ]  # fmt: skip
+        ]
         show(table("fieldkit doctor", ["check", "status", "found"], rows))
     return EXIT_UNUSABLE if worst == "fail" else 0

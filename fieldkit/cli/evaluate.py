@@ -95,9 +95,17 @@ def command(
     with computing as context:
         try:
             report = evaluate(
-                captures, output, settings, context, reference=reference, reference_frame=frame, log=log, plan=plan,
-                poses=found_poses, overwrite=run.overwrite,
-            )  # fmt: skip
+                captures,
+                output,
+                settings,
+                context,
+                reference=reference,
+                reference_frame=frame,
+                log=log,
+                plan=plan,
+                poses=found_poses,
+                overwrite=run.overwrite,
+            )
         except AllFailedError as error:
             report = error.report
     if as_json:
@@ -141,13 +149,16 @@ def _in_campaign(folder: Path, captures: Path, run: RunOptions, scheduler: str, 
     if as_json:
         emit_json(
             {
-                "campaign": folder, "photographs": done.photographs,
+                "campaign": folder,
+                "photographs": done.photographs,
                 "evaluated": [visit.row() for visit in done.evaluated],
                 "kept": [visit.row() for visit in done.kept],
-                "failed": done.failed, "left_out": [finding.stored() for finding in done.left_out],
-                "findings": [finding.stored() for finding in done.findings], "vanished": list(done.campaign.vanished),
+                "failed": done.failed,
+                "left_out": [finding.stored() for finding in done.left_out],
+                "findings": [finding.stored() for finding in done.findings],
+                "vanished": list(done.campaign.vanished),
             }
-        )  # fmt: skip
+        )
     else:
         from fieldkit.campaign.overview import MOST_SHOWN, campaign_tables, verdict
         from fieldkit.figures.terminal.blocks import rendered

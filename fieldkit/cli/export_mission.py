@@ -102,8 +102,11 @@ def _facts(done: ExportedMission) -> dict[str, object]:
         "files": list(done.files),
         "flights": [
             {
-                "file": file, "photographs": each.photographs, "plots": list(each.flight.plots),
-                "length_m": each.flight.length_m, "time_s": each.flight.time.total_s,
+                "file": file,
+                "photographs": each.photographs,
+                "plots": list(each.flight.plots),
+                "length_m": each.flight.length_m,
+                "time_s": each.flight.time.total_s,
                 "battery": each.flight.time.battery,
             }
             for file, each in zip(done.files, routed.flights, strict=False)
@@ -114,10 +117,8 @@ def _facts(done: ExportedMission) -> dict[str, object]:
         "plants": [{"plot": plot, "clear_m": clear_m} for plot, clear_m in routed.clear_m.items()],
         "moved": [str(each) for each in routed.moved],
         "fit": [finding_entry(each) for each in routed.fit],
-        "fitted": [
-            own.fit.model_dump() | {"plot": plot} for plot, own in routed.own.items() if own.fit is not None
-        ],
-    }  # fmt: skip
+        "fitted": [own.fit.model_dump() | {"plot": plot} for plot, own in routed.own.items() if own.fit is not None],
+    }
 
 
 def _tell_fitted(done: ExportedMission) -> None:
@@ -152,11 +153,15 @@ def _answer(done: ExportedMission) -> None:
 def _show_flights(done: ExportedMission) -> None:
     rows = [
         (
-            file.name, str(len(each.flight.plots)), str(each.photographs), format_length(each.flight.length_m),
-            format_seconds(each.flight.time.total_s), f"{each.flight.time.battery:.0%}",
+            file.name,
+            str(len(each.flight.plots)),
+            str(each.photographs),
+            format_length(each.flight.length_m),
+            format_seconds(each.flight.time.total_s),
+            f"{each.flight.time.battery:.0%}",
         )
         for file, each in zip(done.files, done.routed.flights, strict=False)
-    ]  # fmt: skip
+    ]
     flights = table("Flights", ["flight", "plots>", "photographs>", "length>", "time>", "battery>"], rows)
     show(flights, "Battery: share of its usable time, reserve left out.", *done.files)
 

@@ -82,9 +82,17 @@ def command(
     from fieldkit.flightlogs.geotag import geotag
 
     report = geotag(
-        images, log, output, origin=origin, heading_deg=heading_deg, mount=fixed, accuracy_m=accuracy,
-        offset_s=camera_offset, camera=camera, overwrite=overwrite,
-    )  # fmt: skip
+        images,
+        log,
+        output,
+        origin=origin,
+        heading_deg=heading_deg,
+        mount=fixed,
+        accuracy_m=accuracy,
+        offset_s=camera_offset,
+        camera=camera,
+        overwrite=overwrite,
+    )
     if as_json:
         emit_json({"output": output, **_facts(report), "x_heading_deg": heading_deg})
     else:
@@ -103,11 +111,14 @@ def _facts(report: GeotagReport) -> dict[str, object]:
         "clock_offset_s": matches.offset_s,
         "clock_drift_ppm": matches.drift_ppm,
         "origin": {
-            "latitude_deg": origin.latitude_deg, "longitude_deg": origin.longitude_deg,
-            "altitude_m": origin.altitude_m, "datum": origin.datum, "source": report.origin_source,
+            "latitude_deg": origin.latitude_deg,
+            "longitude_deg": origin.longitude_deg,
+            "altitude_m": origin.altitude_m,
+            "datum": origin.datum,
+            "source": report.origin_source,
         },
         "remarks": report.remarks,
-    }  # fmt: skip
+    }
 
 
 def _tell(report: GeotagReport, output: Path) -> None:

@@ -14,15 +14,20 @@ _PHOTOGRAPHS = (CaptureError, "the folder does not exist", "Give the folder that
 _REFERENCE = (*_FILE[:2], "Give the folder that `fieldkit reference` wrote, or run it again.")
 _EVALUATION = (*_FILE[:2], "Give the folder that `fieldkit evaluate` wrote, or run it again.")
 _NAMES: Mapping[str, tuple[type[InputError], str, str]] = {
-    "captures": _PHOTOGRAPHS, "images": _PHOTOGRAPHS, "reference": _REFERENCE, "references": _REFERENCE,
+    "captures": _PHOTOGRAPHS,
+    "images": _PHOTOGRAPHS,
+    "reference": _REFERENCE,
+    "references": _REFERENCE,
     "evaluations": _EVALUATION,
     "plan": (*_FILE[:2], "Give the plan.json of a plan, or the folder that holds it."),
     **dict.fromkeys(("site", "plots", "log", "poses", "mission", "file", "camera", "measured"), _FILE),
     "report": (MetadataError, "there is no such folder", "Give a folder that a command of fieldkit wrote."),
     "campaign": (
-        MetadataError, "is no campaign: there is no campaign.toml in it", "Make one with `fieldkit campaign init`."
+        MetadataError,
+        "is no campaign: there is no campaign.toml in it",
+        "Make one with `fieldkit campaign init`.",
     ),
-}  # fmt: skip
+}
 """By the names of parameters; for ``folder``, by those of commands."""
 
 

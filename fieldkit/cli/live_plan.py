@@ -49,9 +49,14 @@ class Watched(ExitStack):
                 self._progress.note(f"best so far{on}: {format_length(entry.value_m)} ({entry.origin})")
         if self._as_json:
             line: dict[str, Any] = {
-                "stage": entry.stage, "number": entry.number, "origin": entry.origin, "value_m": entry.value_m,
-                "best_m": None if math.isinf(self._best_m) else self._best_m, "done": self._done, "of": self._total,
-            }  # fmt: skip
+                "stage": entry.stage,
+                "number": entry.number,
+                "origin": entry.origin,
+                "value_m": entry.value_m,
+                "best_m": None if math.isinf(self._best_m) else self._best_m,
+                "done": self._done,
+                "of": self._total,
+            }
             say(json.dumps(line, ensure_ascii=False))
 
     def _begin(self, name: str, evaluations: int) -> None:

@@ -28,11 +28,16 @@ COMMAND_GROUPS: dict[str, tuple[str, ...]] = {
     "Fly": ("export-mission", "check-mission", "upload"),
     "Check and score, every date": ("geotag", "check", "evaluate"),
     "Many plots and dates, results": (
-        "campaign init", "campaign plan", "campaign show", "campaign export", "compare", "report",
+        "campaign init",
+        "campaign plan",
+        "campaign show",
+        "campaign export",
+        "compare",
+        "report",
     ),
     "Simulate": ("demo", "scene new", "scene show", "simulate"),
     "This machine": ("doctor", "cache"),
-}  # fmt: skip
+}
 COMMANDS: dict[str, str] = {name: stage for stage, names in COMMAND_GROUPS.items() for name in names}
 """Every command, and the stage it stands under."""
 _GROUPS = {

@@ -62,9 +62,14 @@ def command(
     computing = run_context(as_json=as_json, workers=run.workers, scheduler=run.scheduler)
     with computing as context, Watched(context.progress, as_json=as_json) as watched:
         outcome = plan(
-            output, asked, context, overwrite=run.overwrite, resume=run.resume, watch=watched.watch,
+            output,
+            asked,
+            context,
+            overwrite=run.overwrite,
+            resume=run.resume,
+            watch=watched.watch,
             expect=watched.expect,
-        )  # fmt: skip
+        )
     planned = read_settings(output)
     found = _needs_rtk(output, planned, settings.vehicle)
     if as_json:
@@ -95,10 +100,11 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome, found: Seque
     from fieldkit.results.plan_file import load_plan
 
     why = {
-        "evaluations": "its evaluations are used up", "time": "its time is used up",
+        "evaluations": "its evaluations are used up",
+        "time": "its time is used up",
         "exhausted": "the method has no more to try",
         "converged": f"stopped after {outcome.evaluations}: nothing left above ± {format_length(outcome.noise_m)}",
-    }[outcome.stopped]  # fmt: skip
+    }[outcome.stopped]
     known = {"": outcome.chamfer_m, "expected ": outcome.expected_m}
     values = ", ".join(f"{what}{format_length(value)}" for what, value in known.items() if value is not None)
     failed = f" ({outcome.failed_evaluations} without a cloud)" if outcome.failed_evaluations else ""

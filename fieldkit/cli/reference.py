@@ -58,9 +58,15 @@ def command(
     computing = run_context(as_json=as_json, workers=run.workers, scheduler=scheduler, no_cache=run.no_cache)
     with computing as context:
         report = build_reference(
-            images, output, settings, context, scene=not no_scene, poses=found_poses, overwrite=run.overwrite,
+            images,
+            output,
+            settings,
+            context,
+            scene=not no_scene,
+            poses=found_poses,
+            overwrite=run.overwrite,
             resume=run.resume,
-        )  # fmt: skip
+        )
     if as_json:
         emit_json({"output": output, **report.model_dump(mode="json", exclude={"image_reports"})})
         return

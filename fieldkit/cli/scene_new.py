@@ -51,9 +51,14 @@ def command(
 
     name = f"plants-{plants}-seed-{seed}" if output is None else output.stem
     scene = new_scene(
-        plants, seed, layout=layout, spacing_m=spacing, row_spacing_m=row_spacing, name=name,
+        plants,
+        seed,
+        layout=layout,
+        spacing_m=spacing,
+        row_spacing_m=row_spacing,
+        name=name,
         notes=f"fieldkit scene new --plants {plants} --seed {seed} --layout {layout}",
-    )  # fmt: skip
+    )
     text = scene_text(scene, complete=complete)
     if output is not None:
         write_scene(output, scene, complete=complete)

@@ -143,12 +143,20 @@ def command(
     outdoors = Outdoors(description.wind_m, mass_kg, burst, interval)
     with open_progress(as_json=as_json) as progress:
         done = simulate(
-            description, commanded, output, intrinsics=camera if pixels is None else _at_size(camera, *pixels),
-            noise=noise, outdoors=outdoors,
-            effects=effects if blur is None else replace(effects, exposure_s=blur), seed=seed,
-            poses_csv=not no_poses, gps=not no_gps, truth_cloud=truth_cloud, overwrite=overwrite,
+            description,
+            commanded,
+            output,
+            intrinsics=camera if pixels is None else _at_size(camera, *pixels),
+            noise=noise,
+            outdoors=outdoors,
+            effects=effects if blur is None else replace(effects, exposure_s=blur),
+            seed=seed,
+            poses_csv=not no_poses,
+            gps=not no_gps,
+            truth_cloud=truth_cloud,
+            overwrite=overwrite,
             progress=progress,
-        )  # fmt: skip
+        )
     if as_json:
         emit_json({"output": output, "scene": description.name, **asdict(done)})
     else:

@@ -59,9 +59,10 @@ def command(
     read = read_mission(mission).behind_home()
     if not read.items:
         raise MissionError(
-            f"a {read.format} file holds no MAVLink items", path=mission,
+            f"a {read.format} file holds no MAVLink items",
+            path=mission,
             remedy="Export the mission as .plan or .waypoints; take this one over with its own app.",
-        )  # fmt: skip
+        )
     check_size(read.items)
     place = site.load()
     profile = None if vehicle is None else load_vehicle(vehicle)
@@ -76,10 +77,17 @@ def command(
             dialect = read.firmware or (None if profile is None else profile.dialect)
             report = upload_mission(connection, read.items, home=read.home, dialect=dialect, advance=advance)
     if as_json:
-        emit_json({
-            "mission": mission, "autopilot": report.autopilot, "items": report.items, "attempts": report.attempts,
-            "seconds": report.seconds, "vehicle_holds": "new mission", "findings": finding_entries(findings),
-        })  # fmt: skip
+        emit_json(
+            {
+                "mission": mission,
+                "autopilot": report.autopilot,
+                "items": report.items,
+                "attempts": report.attempts,
+                "seconds": report.seconds,
+                "vehicle_holds": "new mission",
+                "findings": finding_entries(findings),
+            }
+        )
         return
     held = f"{count(report.items, 'item')}, read back and compared, in {count(report.attempts, 'attempt')}"
     answer(f"The {report.autopilot} holds the new mission whole: {held}.")

@@ -129,6 +129,8 @@ def find_stand(points: FloatArray) -> Stand | None:
     away = np.maximum(low - middles, middles - high).max(axis=1)
     length, width = (corners[1].max(axis=0) - corners[0].min(axis=0)).tolist()
     return Stand(
-        (float(low[0]), float(low[1])), (float(high[0]), float(high[1])), float(np.mean(away > _BESIDE_M)),
+        (float(low[0]), float(low[1])),
+        (float(high[0]), float(high[1])),
+        float(np.mean(away > _BESIDE_M)),
         (length, width),
-    )  # fmt: skip
+    )

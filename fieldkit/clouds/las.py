@@ -271,9 +271,10 @@ def _units(header: Any, crs: Any, path: Path) -> FloatArray:
     axes = [] if crs is None else crs.axis_info
     if axes and crs.is_geographic:
         raise CloudError(
-            f"has its points in degrees ({crs.name})", path=path,
+            f"has its points in degrees ({crs.name})",
+            path=path,
             remedy="Reproject it to a projected system in metres, such as UTM.",
-        )  # fmt: skip
+        )
     plane = float(axes[0].unit_conversion_factor) if axes else 1.0
     up = float(axes[2].unit_conversion_factor) if len(axes) > 2 else plane
     keys = _unit_keys(header)

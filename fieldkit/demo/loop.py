@@ -107,9 +107,16 @@ def run_demo(output: Path, context: Context, *, overwrite: bool = False) -> Demo
     write_report(output, title="fieldkit demo", overwrite=True, progress=progress)
     seconds = time.perf_counter() - begun
     return Demo(
-        references[SEEN], outcome, len(plan.stations), items, flight,
-        {plot: report.plots for plot, report in evaluations.items()}, compared, output / REPORT_FILE, seconds,
-    )  # fmt: skip
+        references[SEEN],
+        outcome,
+        len(plan.stations),
+        items,
+        flight,
+        {plot: report.plots for plot, report in evaluations.items()},
+        compared,
+        output / REPORT_FILE,
+        seconds,
+    )
 
 
 def reference_folder(folder: Path, plot: str) -> Path:
@@ -138,9 +145,15 @@ def _references(folder: Path, noise: NoiseSettings, context: Context) -> dict[st
 def _plan(output: Path, context: Context) -> tuple[Plan, Outcome]:
     """The plan for plots like the seen one, and what came of its finalists."""
     settings = PlanSettings(
-        scene=scene_path(SEEN), vehicle=VEHICLE, cameras=CAMERAS, method="score", finalists=_FINALISTS,
-        repeats=_REPEATS, confirm_fidelity="draft", seed=context.seed,
-    )  # fmt: skip
+        scene=scene_path(SEEN),
+        vehicle=VEHICLE,
+        cameras=CAMERAS,
+        method="score",
+        finalists=_FINALISTS,
+        repeats=_REPEATS,
+        confirm_fidelity="draft",
+        seed=context.seed,
+    )
     outcome = plan(output, settings, context)
     return load_plan(output), outcome
 

@@ -84,9 +84,15 @@ def photograph(job: Shooting) -> int:
     scene = read_scene(scene_path(job.plot))
     noise = replace(scene.noise, position_m=job.noise[0], angle_deg=job.noise[1])
     done = simulate(
-        scene, job.stations, job.output, intrinsics=job.camera, noise=noise, outdoors=job.outdoors, seed=job.seed,
+        scene,
+        job.stations,
+        job.output,
+        intrinsics=job.camera,
+        noise=noise,
+        outdoors=job.outdoors,
+        seed=job.seed,
         truth_cloud=job.truth_cloud,
-    )  # fmt: skip
+    )
     return done.photographs
 
 
@@ -103,9 +109,13 @@ def evaluate(seed: int, cache: StageCache, place: tuple[str, Path, Path, Path]) 
     """
     plot, captures, reference, output = place
     return evaluate_captures(
-        captures, output, EvaluationSettings(refine=True), Context(cache), reference=reference,
+        captures,
+        output,
+        EvaluationSettings(refine=True),
+        Context(cache),
+        reference=reference,
         reconstruction=_settings(plot, seed),
-    )  # fmt: skip
+    )
 
 
 def _settings(plot: str, seed: int) -> ReconstructionSettings:

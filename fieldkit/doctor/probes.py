@@ -15,10 +15,16 @@ from typing import Any
 IMPORTS = {
     **{name: name for name in ("numpy", "numba", "pydantic", "trimesh", "psutil", "jinja2", "markupsafe", "pyvrp")},
     "filelock": "filelock",
-    "shapely": "shapely", "scipy": "scipy.spatial", "opencv-python-headless": "cv2", "pillow": "PIL.Image",
-    "defusedxml": "defusedxml.ElementTree", "small-gicp": "small_gicp", "matplotlib": "matplotlib.figure",
-    "pymavlink": "pymavlink.dialects.v20.ardupilotmega", "mavsdk": "mavsdk.plugins.mavlink_direct",
-}  # fmt: skip
+    "shapely": "shapely",
+    "scipy": "scipy.spatial",
+    "opencv-python-headless": "cv2",
+    "pillow": "PIL.Image",
+    "defusedxml": "defusedxml.ElementTree",
+    "small-gicp": "small_gicp",
+    "matplotlib": "matplotlib.figure",
+    "pymavlink": "pymavlink.dialects.v20.ardupilotmega",
+    "mavsdk": "mavsdk.plugins.mavlink_direct",
+}
 """Distribution and the module that shows whether it works; pyrender and pycolmap have probes of their own."""
 
 
@@ -43,9 +49,12 @@ def probe_renderer() -> None:
     distance_m, half_m = 2.0, 0.5
     corners = [[-half_m, -half_m, 0.0], [half_m, -half_m, 0.0], [half_m, half_m, 0.0], [-half_m, half_m, 0.0]]
     square = Mesh(
-        "square", np.array(corners, np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.int32),
-        uv=np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32), texture=np.full((2, 2, 3), (255, 0, 0), np.uint8),
-    )  # fmt: skip
+        "square",
+        np.array(corners, np.float32),
+        np.array([[0, 1, 2], [0, 2, 3]], np.int32),
+        uv=np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32),
+        texture=np.full((2, 2, 3), (255, 0, 0), np.uint8),
+    )
     pose = Pose.from_yaw_pitch([0.0, 0.0, distance_m], 0.0, -90.0)
     # 64 pixels see 2 m, so the square of 1 m covers the pixels 16 to 47.
     with Renderer(Scene((square,), background=(0.0, 0.0, 1.0))) as renderer:

@@ -34,17 +34,20 @@ class Slip(NamedTuple):
 
 
 SWAPPED = Slip(
-    "longitude and latitude in the other order", "latitude and longitude look swapped",
+    "longitude and latitude in the other order",
+    "latitude and longitude look swapped",
     "GeoJSON and geo.txt give the longitude first, a site file the latitude.",
-)  # fmt: skip
+)
 PROJECTED = Slip(
-    "metres for degrees", "metres of a map projection look like this",
+    "metres for degrees",
+    "metres of a map projection look like this",
     "Export it in WGS 84 (EPSG:4326): in QGIS, Save Features As… with that CRS.",
-)  # fmt: skip
+)
 DEGREES = Slip(
-    "degrees for metres", "these look like degrees",
+    "degrees for metres",
+    "these look like degrees",
     "Name them longitude and latitude, with the CRS WGS 84 (EPSG:4326), or give metres.",
-)  # fmt: skip
+)
 CENTIMETRES = Slip("centimetres or millimetres for metres", "in centimetres?", "Write metres.")
 MISSPELT = Slip("a name that nearly is one", "Did you mean {}?", "")
 EXCHANGED = Slip(
@@ -150,15 +153,28 @@ def _may_be_plan(path: Path) -> bool:
 
 _PICTURES = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".dng", ".arw", ".cr2", ".nef"})
 _SUFFIXES = {
-    ".plan": "mission", ".waypoints": "mission", ".kmz": "mission", ".geojson": "file of plots or zones",
-    ".shp": "file of plots or zones", ".gpkg": "file of plots or zones", ".kml": "file of plots or zones",
-    ".tlog": "flight log", ".bin": "flight log", ".ulg": "flight log", ".ply": "point cloud", ".las": "point cloud",
+    ".plan": "mission",
+    ".waypoints": "mission",
+    ".kmz": "mission",
+    ".geojson": "file of plots or zones",
+    ".shp": "file of plots or zones",
+    ".gpkg": "file of plots or zones",
+    ".kml": "file of plots or zones",
+    ".tlog": "flight log",
+    ".bin": "flight log",
+    ".ulg": "flight log",
+    ".ply": "point cloud",
+    ".las": "point cloud",
     ".laz": "point cloud",
-} | dict.fromkeys(_PICTURES, "picture")  # fmt: skip
+} | dict.fromkeys(_PICTURES, "picture")
 _MARKERS = {
-    "campaign.toml": "campaign", "demo.json": "demo", "reference.json": "reference", "evaluation.json": "evaluation",
-    "plan.json": "plan", "search.json": "run of fieldkit plan without a plan yet",
-}  # fmt: skip
+    "campaign.toml": "campaign",
+    "demo.json": "demo",
+    "reference.json": "reference",
+    "evaluation.json": "evaluation",
+    "plan.json": "plan",
+    "search.json": "run of fieldkit plan without a plan yet",
+}
 """By the file that a result's folder holds; campaigns and demos hold others' files, too."""
 _KEYS = {"home": "site file", "dialect": "vehicle profile", "mount": "vehicle profile", "plot": "scene file"}
 _MOST_BYTES = 1 << 20

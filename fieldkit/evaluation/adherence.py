@@ -341,9 +341,10 @@ def flown_noise(plots: Sequence[PlotEvaluation], path: Path) -> tuple[float, flo
     known = [plot.adherence for plot in plots if plot.adherence is not None]
     if not known:
         raise MetadataError(
-            "the evaluation does not say how a flight kept to its plan", path=path,
+            "the evaluation does not say how a flight kept to its plan",
+            path=path,
             remedy="Evaluate the flight again with --plan and --reference, or give --pose-noise M,DEG.",
-        )  # fmt: skip
+        )
     best = next(source for source in ACHIEVED if any(each.achieved_by == source for each in known))
     flown = [each for each in known if each.achieved_by == best]
     position, angles = position_noise_m(flown), _angle_errors(flown)
@@ -353,24 +354,28 @@ def flown_noise(plots: Sequence[PlotEvaluation], path: Path) -> tuple[float, flo
         raise MetadataError(
             f"the evaluation has the pose errors of {count(stations, 'station')}; {_LEAST_STATIONS} of a plot are the "
             "least",
-            path=path, remedy="Take an evaluation of a longer flight, or give --pose-noise M,DEG.",
-        )  # fmt: skip
+            path=path,
+            remedy="Take an evaluation of a longer flight, or give --pose-noise M,DEG.",
+        )
     if turned is None or len(angles) < _LEAST_STATIONS:
         what = "flight's log" if best == "reported" else "photographs"
         raise MetadataError(
-            f"the {what} said nothing of heading and gimbal, so the evaluation has no angle errors", path=path,
+            f"the {what} said nothing of heading and gimbal, so the evaluation has no angle errors",
+            path=path,
             remedy="Take an evaluation of a log with attitude and gimbal, or give --pose-noise M,DEG.",
-        )  # fmt: skip
+        )
     return round(position, 5), round(turned, 5)
 
 
 def position_noise_m(flown: Sequence[AdherenceEntry]) -> float | None:
     """Standard deviation of a coordinate, about each plot's mean error; None where no plot has two errors of one."""
-    pooled = pooled_spread([
-        [error for station in each.stations if (error := getattr(station, name)) is not None]
-        for each in flown
-        for name in ("east_m", "north_m", "up_m")
-    ])  # fmt: skip
+    pooled = pooled_spread(
+        [
+            [error for station in each.stations if (error := getattr(station, name)) is not None]
+            for each in flown
+            for name in ("east_m", "north_m", "up_m")
+        ]
+    )
     return None if pooled is None else pooled[0]
 
 

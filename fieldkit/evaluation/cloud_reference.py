@@ -195,9 +195,10 @@ def _check_steps(points: FloatArray, path: Path) -> None:
     step = float(np.spacing(np.float32(largest)))
     if step > _COARSE_STEP_M and np.array_equal(points, points.astype(np.float32)):
         raise CloudError(
-            f"has coordinates of {largest:,.0f} in 32-bit numbers, which lie {step:.2g} apart", path=path,
+            f"has coordinates of {largest:,.0f} in 32-bit numbers, which lie {step:.2g} apart",
+            path=path,
             remedy="Export the cloud as LAS or LAZ, or with coordinates in double precision.",
-        )  # fmt: skip
+        )
 
 
 def _local(cloud: Cloud, crs: Any, units: FloatArray | None, path: Path) -> tuple[LocalFrame, Cloud, list[Finding]]:
@@ -245,9 +246,10 @@ def _with_volume(
     diagonal = float(np.linalg.norm(upper - lower))
     if diagonal > _MAX_DIAGONAL_M:
         raise CloudError(
-            f"is {diagonal:,.0f} m across, which is no plot", path=path,
+            f"is {diagonal:,.0f} m across, which is no plot",
+            path=path,
             remedy="Cut out the plot, and check the unit of its coordinates.",
-        )  # fmt: skip
+        )
     ground = _ground(cloud)
     above = cloud if ground is None else cloud.select(ground.heights(cloud.points) > clearance(ground))
     if not len(above):

@@ -120,11 +120,16 @@ def comparison_of(runs: Sequence[Labelled]) -> ComparisonReport:
             found = {label: _numbers(figure, plots[label]) for label in labels}
             values += [
                 ValueEntry(
-                    plot=name, figure=figure.key, label=label, value=float(np.mean(numbers)), repeats=len(numbers),
+                    plot=name,
+                    figure=figure.key,
+                    label=label,
+                    value=float(np.mean(numbers)),
+                    repeats=len(numbers),
                     spread=float(np.std(numbers, ddof=1)) if len(numbers) > 1 else None,
                 )
-                for label, numbers in found.items() if numbers
-            ]  # fmt: skip
+                for label, numbers in found.items()
+                if numbers
+            ]
             differences += [
                 _difference(name, figure, label, less, found, plots)
                 for label, less in _pairs(labels)
@@ -151,9 +156,10 @@ def _read(evaluations: Sequence[Path | str]) -> list[Labelled]:
         label, path = _labelled(each)
         if (path / CAMPAIGN_FILE).is_file():
             raise UsageError(
-                "is a campaign: its dates are compared within it", path=path,
+                "is a campaign: its dates are compared within it",
+                path=path,
                 remedy=f"Use `fieldkit campaign show {path.name}`, or give evaluations within it.",
-            )  # fmt: skip
+            )
         report = load_evaluation_report(path)
         folder = path if path.is_dir() else path.parent
         if not label:
@@ -213,9 +219,17 @@ def _difference(
         return DifferenceEntry(plot=plot, figure=figure.key, label=label, less=less, difference=difference)
     low, high = difference - width * sd, difference + width * sd
     return DifferenceEntry(
-        plot=plot, figure=figure.key, label=label, less=less, difference=difference, noise=noise, noise_sd=sd,
-        low=low, high=high, beyond=bool(low > 0.0 or high < 0.0),
-    )  # fmt: skip
+        plot=plot,
+        figure=figure.key,
+        label=label,
+        less=less,
+        difference=difference,
+        noise=noise,
+        noise_sd=sd,
+        low=low,
+        high=high,
+        beyond=bool(low > 0.0 or high < 0.0),
+    )
 
 
 def _evaluation(label: str, runs: Sequence[Labelled]) -> ComparedEvaluation:

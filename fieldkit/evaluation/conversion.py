@@ -155,9 +155,12 @@ def reconstruction_features(reconstruction: Reconstruction, found: Reconstructio
     if found.plant_voxel_m is not None:
         sparse = reconstruction.sparse
         supported = evidence(
-            reconstruction.plants, list(sparse.poses.values()), [sparse.intrinsics[n] for n in sparse.poses],
-            [sparse.groups[n] for n in sparse.poses], found.plant_voxel_m,
-        )  # fmt: skip
+            reconstruction.plants,
+            list(sparse.poses.values()),
+            [sparse.intrinsics[n] for n in sparse.poses],
+            [sparse.groups[n] for n in sparse.poses],
+            found.plant_voxel_m,
+        )
     return plot_features(found, supported)
 
 
@@ -279,12 +282,14 @@ def _placed_images(sparse: SparseResult, sways: Mapping[str, float]) -> tuple[Im
     return tuple(
         image.model_copy(
             update={
-                "known_center_m": known.get(image.name), "burst": bursts.get(image.name, ()),
-                "sway_m": sways.get(image.name), **_pose_fields(poses.get(image.name)),
+                "known_center_m": known.get(image.name),
+                "burst": bursts.get(image.name, ()),
+                "sway_m": sways.get(image.name),
+                **_pose_fields(poses.get(image.name)),
             }
         )
         for image in sparse.images
-    )  # fmt: skip
+    )
 
 
 def _pose_fields(pose: Pose | None) -> dict[str, Any]:

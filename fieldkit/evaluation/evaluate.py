@@ -125,9 +125,14 @@ def evaluate(
             alone, begun = len(plots) == 1, Spent.now()
             try:
                 return evaluate_plot(
-                    name, partial(given, name, path), folder, plot_file_name(name, RESERVED), chosen,
-                    context, alone=alone,
-                )  # fmt: skip
+                    name,
+                    partial(given, name, path),
+                    folder,
+                    plot_file_name(name, RESERVED),
+                    chosen,
+                    context,
+                    alone=alone,
+                )
             except Exception as error:
                 if alone or isinstance(error, StorageError | NoWorkersError):
                     raise
@@ -192,8 +197,9 @@ def find_plots(captures: Path) -> tuple[list[tuple[str, Path]], list[str]]:
     contents = list_capture(captures)
     if contents.candidates:
         return itself, []
-    folders = sorted((p for p in captures.iterdir() if p.is_dir() and not p.name.startswith(".")),
-                     key=lambda p: natural_key(p.name))  # fmt: skip
+    folders = sorted(
+        (p for p in captures.iterdir() if p.is_dir() and not p.name.startswith(".")), key=lambda p: natural_key(p.name)
+    )
     plots = [(clean_text(folder.name), folder) for folder in folders if _holds_images(folder)]
     if not plots and any(finding.left_out for finding in contents.findings):
         return itself, []  # reading it says what is wrong with each file

@@ -117,9 +117,7 @@ def evaluate_plot(
         if alone and not isinstance(error, ReconstructionError):
             raise
         context.progress.note(f"{plot}: {error}")
-        return failed_plot(
-            plot, error, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds, photographs=photographs
-        )  # fmt: skip
+        return failed_plot(plot, error, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds, photographs=photographs)
 
 
 def write_evaluation(folder: Path, report: EvaluationReport) -> EvaluationReport:
@@ -144,9 +142,12 @@ def _evaluated(
     reference = scoring.reference
     settings_of_reference = reference.report.settings if isinstance(reference, Reference) else None
     found = reconstruct(
-        given.capture, settings, context, known_plot=given.known_plot,
+        given.capture,
+        settings,
+        context,
+        known_plot=given.known_plot,
         reach_m=REFERENCE_REACH_M if scoring.refine else 0.0,
-    )  # fmt: skip
+    )
     if rasters is not None:
         found = with_scene(found, settings, context)
     plants, correction, result = found.plants, None, None
@@ -166,11 +167,18 @@ def _evaluated(
         if isinstance(reference, CloudReference):
             findings += reference.findings
         plot = plot_evaluation(
-            name, found, settings, score=result, correction=correction, findings=findings,
+            name,
+            found,
+            settings,
+            score=result,
+            correction=correction,
+            findings=findings,
             plants=plants if of_reference else None,
             outline=given.outline or outline_of(settings, settings_of_reference),
-            shown=shown, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds,
-        )  # fmt: skip
+            shown=shown,
+            seconds=spent.seconds,
+            cpu_seconds=spent.cpu_seconds,
+        )
         if rasters is not None:
             try:
                 names += write_rasters(folder / place, found, rasters, plot.traits)

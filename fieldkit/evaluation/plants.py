@@ -31,9 +31,13 @@ _NO_ROWS = (
 
 
 def plants_one_by_one(
-    plants: Cloud, ground: Plane, frame: MetricFrame, outline: Outline | None, cells: tuple[float, float, float],
+    plants: Cloud,
+    ground: Plane,
+    frame: MetricFrame,
+    outline: Outline | None,
+    cells: tuple[float, float, float],
     top_seen: Callable[[FloatArray, float], bool],
-) -> tuple[tuple[PlantEntry, ...], dict[str, int], dict[Trait, str]]:  # fmt: skip
+) -> tuple[tuple[PlantEntry, ...], dict[str, int], dict[Trait, str]]:
     """The plants that stand on a plot, their counts, and why counts cannot be had.
 
     Args:
@@ -74,10 +78,20 @@ def plants_one_by_one(
         top = of & (heights > height - _TOP_M)
         certain = top_seen(upright[of], height) and float(apart.sure[top].mean()) >= _OWN
         x, y = (float(v) for v in feet[k])
-        found.append(PlantEntry(
-            plant=number, row=row, in_row=in_row, x_m=x, y_m=y, **places[k], height_m=height, height_certain=certain,
-            area_m2=crowns[k].covered_m2, touching=touching[k],
-        ))  # fmt: skip
+        found.append(
+            PlantEntry(
+                plant=number,
+                row=row,
+                in_row=in_row,
+                x_m=x,
+                y_m=y,
+                **places[k],
+                height_m=height,
+                height_certain=certain,
+                area_m2=crowns[k].covered_m2,
+                touching=touching[k],
+            )
+        )
     counts = {"plants": len(found)} | ({} if rows is None else {"row_gaps": rows.gaps})
     return tuple(found), counts, {"row_gaps": _NO_ROWS} if rows is None else {}
 

@@ -17,9 +17,13 @@ from fieldkit.scenes.photo_texture import PosedPhotograph
 
 
 def make_proxy(
-    reference: Path, output: Path, *, images: Path | None = None, overwrite: bool = False,
+    reference: Path,
+    output: Path,
+    *,
+    images: Path | None = None,
+    overwrite: bool = False,
     progress: Progress | None = None,
-) -> RecordedScene:  # fmt: skip
+) -> RecordedScene:
     """Write a scene of the reference's clouds.
 
     Args:
@@ -32,15 +36,16 @@ def make_proxy(
     folder = reference if reference.is_dir() else reference.parent
     if not report.metric:
         raise MetadataError(
-            "the reference has no metric scale, and a mission needs metres", path=folder / REFERENCE_FILE,
+            "the reference has no metric scale, and a mission needs metres",
+            path=folder / REFERENCE_FILE,
             remedy="Give the photographs poses.csv, GPS or markers, and build it again.",
-        )  # fmt: skip
+        )
     if report.scene_points is None:
         raise MetadataError(
             f"the reference is of the plants alone, and what is planned on needs the ground about them ({SCENE_FILE})",
             path=folder,
             remedy="Add it: `fieldkit reference IMAGES -o REF --resume`, with the options it was built with.",
-        )  # fmt: skip
+        )
     camera = max(report.cameras, key=lambda c: c.photos)
     ground = report.frame.ground
     files = ReferenceFiles(
@@ -53,9 +58,12 @@ def make_proxy(
     )
     photographs = [] if images is None else _photographs(report, images)
     return scene_from_reference(
-        files, output, photographs=photographs, overwrite=overwrite,
+        files,
+        output,
+        photographs=photographs,
+        overwrite=overwrite,
         progress=progress,
-    )  # fmt: skip
+    )
 
 
 def _photographs(report: ReferenceReport, images: Path) -> list[PosedPhotograph]:
@@ -74,7 +82,8 @@ def _photographs(report: ReferenceReport, images: Path) -> list[PosedPhotograph]
             photographs.append(PosedPhotograph(partial(read_image, photo), pose, camera))
     if not photographs:
         raise MetadataError(
-            "holds none of the photographs the reference was built from", path=images,
+            "holds none of the photographs the reference was built from",
+            path=images,
             remedy="Give the folder that `fieldkit reference` read.",
-        )  # fmt: skip
+        )
     return photographs

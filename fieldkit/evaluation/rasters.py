@@ -206,10 +206,15 @@ def write_raster(path: Path, raster: HeightRaster, *, canopy: bool, refused: str
 
     values = np.where(np.isfinite(raster.heights), raster.heights, np.float32(NODATA))
     profile: dict[str, Any] = {
-        "driver": "GTiff", "width": values.shape[1], "height": values.shape[0], "count": 1, "dtype": "float32",
-        "crs": f"EPSG:{raster.epsg}", "nodata": NODATA,
+        "driver": "GTiff",
+        "width": values.shape[1],
+        "height": values.shape[0],
+        "count": 1,
+        "dtype": "float32",
+        "crs": f"EPSG:{raster.epsg}",
+        "nodata": NODATA,
         "transform": rasterio.Affine(raster.cell_m, 0.0, raster.west, 0.0, -raster.cell_m, raster.north),
-    }  # fmt: skip
+    }
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
         plain, optimized = str(Path(folder) / "plain.tif"), Path(folder) / path.name
         with rasterio.open(plain, "w", **profile) as file:
@@ -218,9 +223,15 @@ def write_raster(path: Path, raster: HeightRaster, *, canopy: bool, refused: str
             file.set_band_description(1, f"canopy height, m{least}" if canopy else "surface height, m")
             file.update_tags(units="metre", **({REFUSED_TAG: refused} if refused else {}))
         rasterio.shutil.copy(
-            plain, str(optimized), driver="COG", COMPRESS="DEFLATE", PREDICTOR="FLOATING_POINT", BLOCKSIZE=str(_BLOCK),
-            OVERVIEWS="IGNORE_EXISTING", OVERVIEW_RESAMPLING="AVERAGE",
-        )  # fmt: skip
+            plain,
+            str(optimized),
+            driver="COG",
+            COMPRESS="DEFLATE",
+            PREDICTOR="FLOATING_POINT",
+            BLOCKSIZE=str(_BLOCK),
+            OVERVIEWS="IGNORE_EXISTING",
+            OVERVIEW_RESAMPLING="AVERAGE",
+        )
         write_atomic(path, optimized.read_bytes())
     write_style(path, color_span(raster.heights, canopy=canopy), canopy=canopy, refused=bool(refused))
 
@@ -248,13 +259,24 @@ def style_text(low: float, high: float, colors: tuple[str, ...], unit: str = " m
     """
     root = Element("qgis", version="3.22")
     renderer = SubElement(
-        SubElement(root, "pipe"), "rasterrenderer", type="singlebandpseudocolor", band="1", opacity="1",
-        alphaBand="-1", classificationMin=f"{low:.3f}", classificationMax=f"{high:.3f}",
-    )  # fmt: skip
+        SubElement(root, "pipe"),
+        "rasterrenderer",
+        type="singlebandpseudocolor",
+        band="1",
+        opacity="1",
+        alphaBand="-1",
+        classificationMin=f"{low:.3f}",
+        classificationMax=f"{high:.3f}",
+    )
     shader = SubElement(
-        SubElement(renderer, "rastershader"), "colorrampshader", colorRampType="INTERPOLATED", classificationMode="1",
-        clip="0", minimumValue=f"{low:.3f}", maximumValue=f"{high:.3f}",
-    )  # fmt: skip
+        SubElement(renderer, "rastershader"),
+        "colorrampshader",
+        colorRampType="INTERPOLATED",
+        classificationMode="1",
+        clip="0",
+        minimumValue=f"{low:.3f}",
+        maximumValue=f"{high:.3f}",
+    )
     shares = np.linspace(0.0, 1.0, len(colors))
     channels = [",".join(str(v) for v in (*bytes.fromhex(color[1:]), 255)) for color in colors]
     stops = ":".join(f"{share:g};{each}" for share, each in list(zip(shares, channels, strict=True))[1:-1])

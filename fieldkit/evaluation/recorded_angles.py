@@ -76,8 +76,10 @@ def read_angles(
     told = find_convention(turned, found, turn, bound_deg)
     kind = "recorded" if told is None else told.kind
     if told is not None and kind == "other":
-        priors = {n: _with_rotation(p, told.rotations[n] @ turn) if n in told.rotations else p
-                  for n, p in turned.priors.items()}  # fmt: skip
+        priors = {
+            n: _with_rotation(p, told.rotations[n] @ turn) if n in told.rotations else p
+            for n, p in turned.priors.items()
+        }
         return replace(as_read, capture=replace(turned, priors=priors), convention=told.name)
     if kind == "recorded":
         return replace(as_read, capture=turned)
@@ -96,7 +98,7 @@ def without_angles(capture: Capture, names: tuple[str, ...] | None = None) -> Ca
 
 def _quarters(
     capture: Capture, found: Mapping[str, FloatArray], turn: FloatArray, bound_deg: float
-) -> dict[str, float | None]:  # fmt: skip
+) -> dict[str, float | None]:
     """Degrees about the optical axis by which recorded angles agree with those found, 0 first; None where none do."""
     agreed: dict[str, float | None] = {}
     for name, prior in capture.priors.items():
@@ -104,11 +106,13 @@ def _quarters(
             continue
         angles = (prior.yaw_deg, prior.pitch_deg)
         fitting = (
-            q for q in _QUARTERS
+            q
+            for q in _QUARTERS
             if rotation_angle_deg(
                 Pose.from_yaw_pitch(np.zeros(3), *angles, prior.roll_deg + q).rotation @ turn.T, found[name]
-            ) <= bound_deg
-        )  # fmt: skip
+            )
+            <= bound_deg
+        )
         agreed[name] = next(fitting, None)
     return agreed
 

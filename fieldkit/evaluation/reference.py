@@ -137,9 +137,12 @@ def _write(
         if write_georeferenced(folder / laz, cloud, found.sparse.frame, progress):
             names.append(laz)
     draft = reference_report(
-        found, settings, shown=outlines(found.sparse, settings.mask, most=ENOUGH_VIEWS),
-        seconds=spent.seconds, cpu_seconds=spent.cpu_seconds,
-    )  # fmt: skip
+        found,
+        settings,
+        shown=outlines(found.sparse, settings.mask, most=ENOUGH_VIEWS),
+        seconds=spent.seconds,
+        cpu_seconds=spent.cpu_seconds,
+    )
     if rasters is not None and found.scene is not None:
         try:
             names += write_rasters(folder, found, rasters, draft.traits)

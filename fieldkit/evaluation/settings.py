@@ -59,9 +59,13 @@ class EvaluationSettings(Strict):
 
         b = self.bounds_m
         return ReconstructionSettings(
-            mapping=self.mapping, ties=ties_name(self.ties), fidelity=self.fidelity, mask=self.mask,
-            bounds=None if b is None else Volume(b[:3], b[3:]), seed=self.seed,
-        )  # fmt: skip
+            mapping=self.mapping,
+            ties=ties_name(self.ties),
+            fidelity=self.fidelity,
+            mask=self.mask,
+            bounds=None if b is None else Volume(b[:3], b[3:]),
+            seed=self.seed,
+        )
 
     @property
     def wanted_rasters(self) -> Rasters | None:

@@ -101,9 +101,10 @@ def check(
         context.progress.note(f"passed over, for there are no photographs in them: {', '.join(empty)}")
     if plot is not None and len(plots) > 1:
         raise UsageError(
-            f"--plot names one plot, and there are {len(plots)} folders of photographs", path=captures,
+            f"--plot names one plot, and there are {len(plots)} folders of photographs",
+            path=captures,
             remedy="Give one plot's folder, or leave it out: folders are then matched with plots by their names.",
-        )  # fmt: skip
+        )
     loaded = plan if plan is None or isinstance(plan, Plan) else load_plan(plan)
     if loaded is None and site is not None:
         raise UsageError("a site says where a plan's stations lie, and no plan is given", remedy="Give --plan, too.")
@@ -145,15 +146,22 @@ def plot_of(site: Site, name: str | None, folder: str = "") -> SitePlot:
 
 
 def check_capture(
-    plan: Plan | None, settings: CheckSettings, context: Context, name: str, folder: Path, capture: Capture,
-    site: Site | None, plot: SitePlot | None,
-) -> CheckReport:  # fmt: skip
+    plan: Plan | None,
+    settings: CheckSettings,
+    context: Context,
+    name: str,
+    folder: Path,
+    capture: Capture,
+    site: Site | None,
+    plot: SitePlot | None,
+) -> CheckReport:
     """One plot's report, without what it took."""
     if len(capture.photos) > MAX_PHOTOGRAPHS:
         raise CaptureError(
             f"{len(capture.photos)} photographs are too many for a check; {MAX_PHOTOGRAPHS} are the most",
-            path=folder, remedy="Give the photographs of one plot.",
-        )  # fmt: skip
+            path=folder,
+            remedy="Give the photographs of one plot.",
+        )
     with context.progress.stage("Sharpness and exposure", len(capture.photos)) as advance:
         pictures = load_pictures(capture.photos, context, advance)
     known = [capture.priors.get(name) for name in capture.names]
@@ -236,21 +244,30 @@ def common_findings(
             there = None if site is None or plot is None else _plot_there(site, plot, placed.shift_m)
             if there is not None:
                 code, remedy = OTHER_PLOT, f"{there} lies there: check them with --plot {there}."
-            found.append(finding_of(
-                code, None, "",
-                f"all photographs lie {level:.2f} m beside the plan ({placed.shift_m[0]:+.2f} m along x, "
-                f"{placed.shift_m[1]:+.2f} m along y), which has been taken out",
-                remedy,
-            ))  # fmt: skip
+            found.append(
+                finding_of(
+                    code,
+                    None,
+                    "",
+                    f"all photographs lie {level:.2f} m beside the plan ({placed.shift_m[0]:+.2f} m along x, "
+                    f"{placed.shift_m[1]:+.2f} m along y), which has been taken out",
+                    remedy,
+                )
+            )
     if placed.placement == "site" and abs(placed.shift_m[2]) > _NO_DATUM_M:
         message = f"all photographs lie {placed.shift_m[2]:+.0f} m above the plan, which has been taken out"
         remedy = "No two datums are so far apart: is home's height in the site file right, and in metres?"
         found.append(finding_of("shifted", None, "", message, remedy))
     if placed.turn_deg is not None and abs(placed.turn_deg) > _TOLD_TURN_DEG:
-        found.append(finding_of(
-            "turned", None, "", f"all headings are {placed.turn_deg:+.1f}° off the plan's, which has been taken out",
-            "Calibrate the compass; nothing to do where the plants are in the pictures.",
-        ))  # fmt: skip
+        found.append(
+            finding_of(
+                "turned",
+                None,
+                "",
+                f"all headings are {placed.turn_deg:+.1f}° off the plan's, which has been taken out",
+                "Calibrate the compass; nothing to do where the plants are in the pictures.",
+            )
+        )
     return found
 
 
@@ -313,9 +330,13 @@ def _without_plan(
 
 
 def _without_stations(
-    report: CheckReport, capture: Capture, plan: Plan, looks: Mapping[str, PictureVerdict], graph: TieGraph,
+    report: CheckReport,
+    capture: Capture,
+    plan: Plan,
+    looks: Mapping[str, PictureVerdict],
+    graph: TieGraph,
     placed: Placed,
-) -> CheckReport:  # fmt: skip
+) -> CheckReport:
     """Where nothing says which photograph is of which station: their number and quality only."""
     findings = [*_left_out(capture), *_of_pictures(looks, "Fly its station again.")]
     why = (
@@ -359,11 +380,13 @@ def burst_findings(report: CheckReport, photos: Sequence[Photo], station_of: Map
     """Leaves that move too far, and stations with fewer photographs than most."""
     if report.too_windy:
         yield finding_of(
-            "too-windy", None, "",
+            "too-windy",
+            None,
+            "",
             f"{report.leaves_move} between the photographs of a station; from 10 mm on heights are off by 3 to 13 cm "
             "and areas by 6 to 27 %, of which bursts take a third away",
             "Wait for calmer air and fly again.",
-        )  # fmt: skip
+        )
     for k, station in sorted(station_of.items(), key=lambda each: each[1]):
         if (number := max(1, len(photos[k].burst))) < report.burst:
             message = f"it has {number} of {report.burst} photographs"

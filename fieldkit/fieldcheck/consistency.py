@@ -90,9 +90,11 @@ class SeenPose:
         spread_turn = self.covariance[:3, :3] + np.radians(sigma_deg) ** 2 * np.eye(3)
         spread_shift = self.covariance[3:, 3:] + sigma_m**2 * np.eye(3)
         return Difference(
-            float(np.linalg.norm(shift)), float(np.sqrt(shift @ np.linalg.solve(spread_shift, shift))),
-            float(np.degrees(np.linalg.norm(turn))), float(np.sqrt(turn @ np.linalg.solve(spread_turn, turn))),
-        )  # fmt: skip
+            float(np.linalg.norm(shift)),
+            float(np.sqrt(shift @ np.linalg.solve(spread_shift, shift))),
+            float(np.degrees(np.linalg.norm(turn))),
+            float(np.sqrt(turn @ np.linalg.solve(spread_turn, turn))),
+        )
 
 
 @dataclass(frozen=True)
@@ -139,8 +141,11 @@ def check_tags(
     excess: dict[int, float] = {}
     for _ in range(_MOST_ROUNDS):
         seen = _seen(tags, graph, aside)
-        excess = {k: s.compare(tags[k].pose, tags[k].position_sigma_m, tags[k].angle_sigma_deg).excess(settings)
-                  for k, s in seen.items() if k in tags}  # fmt: skip
+        excess = {
+            k: s.compare(tags[k].pose, tags[k].position_sigma_m, tags[k].angle_sigma_deg).excess(settings)
+            for k, s in seen.items()
+            if k in tags
+        }
         tried.add(frozenset(aside))
         worst = max((k for k in excess if k not in aside), key=lambda k: excess[k], default=None)
         if worst is not None and excess[worst] > _CONTRADICTS and frozenset(aside | {worst}) not in tried:
@@ -163,8 +168,11 @@ def _weakly_tied(k: int, graph: TieGraph) -> bool:
 
 def _laid_aside(tags: Mapping[int, PosePrior], graph: TieGraph, doubts: Mapping[int, float]) -> set[int]:
     """Photographs whose tags contradict at least half of their matches, the worst first and one by one."""
-    bad = {pair: not _agrees(tags[pair[0]], tags[pair[1]], graph, pair)
-           for pair in graph.ties if pair[0] in tags and pair[1] in tags}  # fmt: skip
+    bad = {
+        pair: not _agrees(tags[pair[0]], tags[pair[1]], graph, pair)
+        for pair in graph.ties
+        if pair[0] in tags and pair[1] in tags
+    }
     aside: set[int] = set()
     while True:
         blame: dict[int, tuple[float, float, int]] = {}
@@ -192,8 +200,9 @@ def _seen(tags: Mapping[int, PosePrior], graph: TieGraph, aside: set[int]) -> di
     tied = {k for pair in graph.ties for k in pair}
     lengths = [
         float(np.linalg.norm(tags[i].pose.center - tags[j].pose.center))
-        for i, j in graph.ties if i in believed and j in believed
-    ]  # fmt: skip
+        for i, j in graph.ties
+        if i in believed and j in believed
+    ]
     length = float(np.median(lengths)) if lengths else 1.0
     start = spread_from({k: tags[k].pose for k in believed if k in tied}, graph, length)
     if len(start) < 2:
@@ -243,9 +252,13 @@ class Solution:
 
 
 def solve(
-    start: Mapping[int, Pose], graph: TieGraph, tags: Mapping[int, PosePrior], believed: Collection[int], *,
+    start: Mapping[int, Pose],
+    graph: TieGraph,
+    tags: Mapping[int, PosePrior],
+    believed: Collection[int],
+    *,
     iterations: int = 12,
-) -> Solution:  # fmt: skip
+) -> Solution:
     """Adjust the poses of the photographs in ``start``.
 
     Ties of photographs without a start are left out. Tags that are not ``believed`` are held so loosely that nothing
@@ -278,9 +291,7 @@ def solve(
     return Solution(poses, index, information)
 
 
-def spread_from(
-    known: Mapping[int, Pose], graph: TieGraph, length_m: float
-) -> dict[int, Pose]:  # fmt: skip
+def spread_from(known: Mapping[int, Pose], graph: TieGraph, length_m: float) -> dict[int, Pose]:
     """Poses of the photographs that ties reach from known ones, the strongest tie first; the known ones are in it."""
     found = dict(known)
     while True:

@@ -179,9 +179,15 @@ def _fitted(
     moved = tags.poses.moved(turn_deg + found.turn_deg, -found.offset_m, -found.heading_deg)
     apart = moved.positions[list(found.station_of)] - stations.positions[list(found.station_of.values())]
     return Placed(
-        replace(tags, poses=moved), placement, found.station_of, found.costs_m, found.mean_cost_m, found.offset_m,
-        found.heading_deg if np.isfinite(moved.yaws).any() else None, _scatter_m(apart),
-    )  # fmt: skip
+        replace(tags, poses=moved),
+        placement,
+        found.station_of,
+        found.costs_m,
+        found.mean_cost_m,
+        found.offset_m,
+        found.heading_deg if np.isfinite(moved.yaws).any() else None,
+        _scatter_m(apart),
+    )
 
 
 def _scatter_m(apart: FloatArray) -> float:
@@ -206,9 +212,10 @@ def _by_shape(tags: Tags, stations: PoseArray) -> Placed | None:
     found.sort(key=lambda each: each.mean_cost_m)
     best = found[0]
     others = [
-        each for each in found[1:]
+        each
+        for each in found[1:]
         if sum(each.station_of.get(a) != b for a, b in best.station_of.items()) > len(best.station_of) // 2
-    ]  # fmt: skip
+    ]
     alike = any(each.mean_cost_m < best.mean_cost_m + _ALIKE_M for each in others)
     return replace(_without_shift(best), ambiguous=alike, turn_deg=None)
 
@@ -274,8 +281,10 @@ def _by_plan(capture: Capture, plan: Plan, site: Site | None, plot: SitePlot | N
         return Reading(capture)
     names = [capture.names[k] for k in placed.station_of]
     before = np.array([capture.priors[name].position for name in names], dtype=np.float64)
-    c, s = (f(np.radians(turn_between(before, placed.tags.poses.positions[list(placed.station_of)])))
-            for f in (np.cos, np.sin))  # fmt: skip
+    c, s = (
+        f(np.radians(turn_between(before, placed.tags.poses.positions[list(placed.station_of)])))
+        for f in (np.cos, np.sin)
+    )
     turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     found = {capture.names[k]: plan.stations[s].pose.rotation for k, s in placed.station_of.items()}
     reading = read_angles(capture, found, turn, _BOUND_DEG)

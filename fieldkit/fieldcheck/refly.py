@@ -50,10 +50,15 @@ def write_refly(
     part = flown.model_copy(update={"stations": tuple(flown.stations[k] for k in numbers)})
     routed = route_for_files(part, profile, place, format, replace(settings, fit=False))
     return write_mission(
-        _renumbered(routed, numbers), profile, place, output, format,
-        plans=flown_plans(plan, loaded, place, own), overwrite=overwrite,
+        _renumbered(routed, numbers),
+        profile,
+        place,
+        output,
+        format,
+        plans=flown_plans(plan, loaded, place, own),
+        overwrite=overwrite,
         profile=None if isinstance(vehicle, Vehicle) else Path(vehicle).name,
-    )  # fmt: skip
+    )
 
 
 def _renumbered(routed: Routed, numbers: Sequence[int]) -> Routed:

@@ -127,9 +127,12 @@ class TieGraph:
 
 
 def find_ties(
-    capture: Capture, context: Context, *,
-    fallback: Intrinsics | None = None, positions: Sequence[FloatArray | None] = (),
-) -> TieGraph:  # fmt: skip
+    capture: Capture,
+    context: Context,
+    *,
+    fallback: Intrinsics | None = None,
+    positions: Sequence[FloatArray | None] = (),
+) -> TieGraph:
     """Match all photographs with each other.
 
     The largest 2000 features of each are compared first; pairs that look alike are matched with all of theirs. These
@@ -159,9 +162,10 @@ def find_ties(
     alike = [pair for pair, count in zip(pairs, found, strict=True) if count >= _FIRST_MATCHES]
     verified = _verified(features, cameras, alike, context)
     ties = {
-        pair: _tie(pair, two, features, cameras) for pair, two in verified.items()
+        pair: _tie(pair, two, features, cameras)
+        for pair, two in verified.items()
         if len(two.inliers) >= _MIN_MATCHES and np.linalg.norm(two.translation) > 0
-    }  # fmt: skip
+    }
     return TieGraph(ties, tuple(_ratios(ties)), tuple(features), cameras)
 
 
@@ -183,15 +187,24 @@ def _scaled(wanted: Intrinsics, guessed: Intrinsics) -> Intrinsics:
 
 
 def _verified(
-    features: Sequence[KeyedFeatures], cameras: CameraSet, pairs: Sequence[Pair], context: Context,
-) -> dict[Pair, TwoView]:  # fmt: skip
+    features: Sequence[KeyedFeatures],
+    cameras: CameraSet,
+    pairs: Sequence[Pair],
+    context: Context,
+) -> dict[Pair, TwoView]:
     alone = replace(context, workers=1)
 
     def verify(pair: Pair) -> dict[Pair, TwoView]:
         return load_pairs(
-            features, cameras.cameras, cameras.camera_of, [pair], ReconstructionSettings().verification,
-            alone, calibrated=True, seed=context.seed,
-        )  # fmt: skip
+            features,
+            cameras.cameras,
+            cameras.camera_of,
+            [pair],
+            ReconstructionSettings().verification,
+            alone,
+            calibrated=True,
+            seed=context.seed,
+        )
 
     found: dict[Pair, TwoView] = {}
     for each in map_threads(verify, pairs, workers=context.workers):
@@ -269,9 +282,13 @@ def with_guided_ties(graph: TieGraph, photos: Sequence[Photo], poses: Mapping[in
     wanted = sorted({k for pair in pairs for k in pair})
     cameras = {k: graph.cameras.cameras[graph.cameras.camera_of[k]] for k in wanted}
     keyed = with_ground_features(
-        [graph.keyed[k] for k in wanted], [photos[k] for k in wanted], list(cameras.values()),
-        [np.round(poses[k].rotation, 9) for k in wanted], FeatureSettings(), replace(context, workers=1),
-    )  # fmt: skip
+        [graph.keyed[k] for k in wanted],
+        [photos[k] for k in wanted],
+        list(cameras.values()),
+        [np.round(poses[k].rotation, 9) for k in wanted],
+        FeatureSettings(),
+        replace(context, workers=1),
+    )
     posed: dict[int, PosedFeatures] = {}
     for k, each in zip(wanted, keyed, strict=True):
         chosen = each.features.subset(each.features.largest(FIRST_FEATURES))
@@ -284,9 +301,15 @@ def with_guided_ties(graph: TieGraph, photos: Sequence[Photo], poses: Mapping[in
         width = FIRST_BAND_SIGMAS * epipolar_sigma_px(first, second, a.camera.fx, distance)
         matches = match_guided(a, b, Band(max(4.0, width), region))
         two = verify_pair(
-            a.features, b.features, cameras[pair[0]], cameras[pair[1]], matches, FIRST_VERIFICATION,
-            calibrated=True, seed=context.seed,
-        )  # fmt: skip
+            a.features,
+            b.features,
+            cameras[pair[0]],
+            cameras[pair[1]],
+            matches,
+            FIRST_VERIFICATION,
+            calibrated=True,
+            seed=context.seed,
+        )
         length = float(np.linalg.norm(two.translation))
         if len(two.inliers) < _LEAST or length == 0.0:
             return None
@@ -308,8 +331,11 @@ def _pairs(graph: TieGraph, poses: Mapping[int, Pose], region: Region) -> list[P
     for k in poses:
         if sum(tie.matches for pair, tie in graph.ties.items() if k in pair) >= _FEW:
             continue
-        angles = {other: float(np.degrees(np.arccos(np.clip(rays[k] @ rays[other], -1.0, 1.0))))
-                  for other in poses if other != k}  # fmt: skip
+        angles = {
+            other: float(np.degrees(np.arccos(np.clip(rays[k] @ rays[other], -1.0, 1.0))))
+            for other in poses
+            if other != k
+        }
         near = sorted((other for other in angles if angles[other] <= _FARTHEST_DEG), key=lambda other: angles[other])
         chosen.update((min(k, other), max(k, other)) for other in near[:_GUIDED_NEIGHBOURS])
     return sorted(pair for pair in chosen if pair not in graph.ties)

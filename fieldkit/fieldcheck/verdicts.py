@@ -102,35 +102,46 @@ def judge(report: CheckReport, evidence: Evidence) -> CheckReport:
     joined = connect(evidence.plan, evidence.graph, {k: s for s, k in photo_of.items()}, again, _poses(evidence, shown))
     for station in sorted(joined.lonely):
         name = evidence.names[photo_of[station]]
-        findings.append(finding_of(
-            "no-matches", station, name,
-            "it shows nothing that its neighbours show, though they are near enough", _FLY,
-        ))  # fmt: skip
+        findings.append(
+            finding_of(
+                "no-matches",
+                station,
+                name,
+                "it shows nothing that its neighbours show, though they are near enough",
+                _FLY,
+            )
+        )
         rows[station] = replace(rows[station], verdict="fly again")
     rows = [
         replace(
-            row, matches=joined.matches.get(row.station, 0),
+            row,
+            matches=joined.matches.get(row.station, 0),
             neighbours=tuple(sorted(joined.neighbours.get(row.station, ()))),
         )
         for row in rows
-    ]  # fmt: skip
+    ]
     findings += [
         finding_of(
-            "few-matches", row.station, row.photograph,
+            "few-matches",
+            row.station,
+            row.photograph,
             f"only {count(row.matches, 'match ties', 'matches tie')} it to its neighbours; it may fail to register",
             "None needed.",
         )
         for row in rows
         if row.verdict == "fine" and row.station in joined.thin
-    ]  # fmt: skip
+    ]
     findings += [
         finding_of(
-            "few-matches", row.station, row.photograph, "nothing ties it while a station beside it is missing",
+            "few-matches",
+            row.station,
+            row.photograph,
+            "nothing ties it while a station beside it is missing",
             "Check again once the stations beside it are flown.",
         )
         for row in rows
         if row.verdict == "fine" and row.station in joined.beside_gaps
-    ]  # fmt: skip
+    ]
     used = set(photo_of.values())
     extra = tuple(name for k, name in enumerate(evidence.names) if k not in used)
     findings.sort(key=lambda finding: (finding.station is not None, finding.station or 0))
@@ -215,9 +226,17 @@ def _judge_station(
         verdict, finding = _judge_place(evidence, station, k, shown, deviation)
         findings += [] if finding is None else [finding]
     row = StationCheck(
-        station, name, verdict, edge_px=picture.edge_px, blur_ratio=picture.blur_ratio, stops=picture.stops,
-        clipped=picture.clipped, distance_m=deviation.distance_m, turn_deg=deviation.turn_deg, source=deviation.source,
-    )  # fmt: skip
+        station,
+        name,
+        verdict,
+        edge_px=picture.edge_px,
+        blur_ratio=picture.blur_ratio,
+        stops=picture.stops,
+        clipped=picture.clipped,
+        distance_m=deviation.distance_m,
+        turn_deg=deviation.turn_deg,
+        source=deviation.source,
+    )
     return row, findings
 
 
@@ -338,9 +357,14 @@ def connect(
     thin = {s for s in good if s not in lonely and matches[s] < _THIN and s not in bridged}
     gaps = {s for s in good if s not in held and s not in lonely and s in bridged}
     return Connection(
-        matches, neighbours, tuple(len(part) for part in parts), frozenset(lonely), frozenset(thin), frozenset(gaps),
+        matches,
+        neighbours,
+        tuple(len(part) for part in parts),
+        frozenset(lonely),
+        frozenset(thin),
+        frozenset(gaps),
         _apart([part for part in parts if not set(part) <= lonely]),
-    )  # fmt: skip
+    )
 
 
 def _should_be_held(angles: FloatArray, station: int, good: Sequence[int], again: Collection[int]) -> bool:
@@ -357,11 +381,13 @@ def _apart(parts: list[list[int]]) -> tuple[Finding, ...]:
     told = "; ".join(", ".join(str(station_number(s)) for s in part) for part in parts)
     return (
         finding_of(
-            "disconnected", None, "",
+            "disconnected",
+            None,
+            "",
             f"blind matching leaves {len(parts)} groups of stations that do not hang together: {told}",
             "Mapping by the tags may still join them. For later flights plan stations nearer to each other.",
         ),
-    )  # fmt: skip
+    )
 
 
 def _view_angles(plan: Plan) -> FloatArray:

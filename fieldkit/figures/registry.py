@@ -107,10 +107,15 @@ def f_score(distance: str) -> Figure:
     """The F-score at a distance as `distance_key` writes it."""
     within = format_nominal(float(distance))
     return Figure(
-        F_SCORE + distance, f"F‑score at {within}", "", "distance",
+        F_SCORE + distance,
+        f"F‑score at {within}",
+        "",
+        "distance",
         "Precision and recall at one distance as one number (their harmonic mean), from 0 to 1. High is good.",
-        lambda plot: (plot.f_score or {}).get(distance), decimals=3, short=f"F, {within}",
-    )  # fmt: skip
+        lambda plot: (plot.f_score or {}).get(distance),
+        decimals=3,
+        short=f"F, {within}",
+    )
 
 
 def figure(key: str) -> Figure:
@@ -164,10 +169,20 @@ def _trait(trait: Trait) -> Figure:
 
     told = DESCRIBED[trait]
     return Figure(
-        trait, told.label, told.unit, "trait", told.meaning, of(trait), of(error_column(trait)),
-        of(error_column(trait, "error_below")), decimals=told.decimals, short=told.short, of=told.of, trend=told.trend,
+        trait,
+        told.label,
+        told.unit,
+        "trait",
+        told.meaning,
+        of(trait),
+        of(error_column(trait)),
+        of(error_column(trait, "error_below")),
+        decimals=told.decimals,
+        short=told.short,
+        of=told.of,
+        trend=told.trend,
         ramp=GREENS,
-    )  # fmt: skip
+    )
 
 
 def _length_mm(key: str, label: str, group: Group, meaning: str, short: str = "", of: str = "") -> Figure:

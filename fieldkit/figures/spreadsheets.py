@@ -63,9 +63,8 @@ def plot_row(plot: PlotEvaluation, distances: Sequence[str]) -> Mapping[str, obj
 def plants_csv(plants: Sequence[PlantEntry]) -> str:
     """A plot's plants, one per row."""
     rows = (
-        (round(v, _PLANT_DECIMALS.get(name, 4)) if isinstance(v, float) else v for name, v in each)
-        for each in plants
-    )  # fmt: skip
+        (round(v, _PLANT_DECIMALS.get(name, 4)) if isinstance(v, float) else v for name, v in each) for each in plants
+    )
     return csv_text(list(PlantEntry.model_fields), rows)
 
 
@@ -97,9 +96,20 @@ def adherence_csv(found: AdherenceEntry) -> str:
 def compare_csv(report: ComparisonReport) -> str:
     """One row per plot, figure and evaluation, and one per further difference."""
     columns = (
-        "plot", "figure", "evaluation", "value", "repeats", "spread", "less", "difference", "noise", "noise_sd", "low",
-        "high", "beyond_noise",
-    )  # fmt: skip
+        "plot",
+        "figure",
+        "evaluation",
+        "value",
+        "repeats",
+        "spread",
+        "less",
+        "difference",
+        "noise",
+        "noise_sd",
+        "low",
+        "high",
+        "beyond_noise",
+    )
     first = report.evaluations[0].label
     told = {(d.plot, d.figure, d.label): d for d in report.differences if d.less == first}
     rows = [

@@ -106,11 +106,15 @@ def station_errors(
         east, north, up = apart if axes is None else axes @ apart
         errors.append(
             StationErrorEntry(
-                station=station, image=name, east_m=float(east), north_m=float(north), up_m=finite(up),
+                station=station,
+                image=name,
+                east_m=float(east),
+                north_m=float(north),
+                up_m=finite(up),
                 yaw_deg=None if taken_yaw is None or yaw is None else finite(wrapped_deg(taken_yaw - yaw)),
                 pitch_deg=None if taken_pitch is None or pitch is None else finite(taken_pitch - pitch),
             )
-        )  # fmt: skip
+        )
     return errors
 
 

@@ -153,9 +153,16 @@ class Layout:
 
 
 def flight_log(
-    path: Path, kind: LogKind, tables: Tables, layout: Layout, remarks: Sequence[str], *,
-    clock: Clock = "boot", utc_offset_s: float | None = None, commanded: Commanded | None = None,
-) -> FlightLog:  # fmt: skip
+    path: Path,
+    kind: LogKind,
+    tables: Tables,
+    layout: Layout,
+    remarks: Sequence[str],
+    *,
+    clock: Clock = "boot",
+    utc_offset_s: float | None = None,
+    commanded: Commanded | None = None,
+) -> FlightLog:
     """The flight that a log's messages tell of.
 
     Args:

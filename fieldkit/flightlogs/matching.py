@@ -111,9 +111,12 @@ def match(photographs: Sequence[Stamp], triggers: Sequence[Trigger], *, offset_s
         firsts = match(photographs, [triggers[k] for k in kept], offset_s=offset_s)
         said = f"{count(len(again), 'trigger repeats', 'triggers repeat')} the one before within 0.3 s; not counted"
         return replace(
-            firsts, pairs=tuple(replace(pair, trigger=kept[pair.trigger]) for pair in firsts.pairs),
-            triggers=tuple(kept[k] for k in firsts.triggers), doubled=again, remarks=(said, *firsts.remarks),
-        )  # fmt: skip
+            firsts,
+            pairs=tuple(replace(pair, trigger=kept[pair.trigger]) for pair in firsts.pairs),
+            triggers=tuple(kept[k] for k in firsts.triggers),
+            doubled=again,
+            remarks=(said, *firsts.remarks),
+        )
     observed = _observed(photographs, triggers)
     pairs: dict[int, int] = {}
     ambiguous: set[int] = set()
@@ -171,8 +174,13 @@ def match_log(
                 f"{_offset_text(log, best)} and {_offset_text(other, matches)}; the --camera of fieldkit geotag says "
                 "whose they are"
             )
-            return log, Matches((), tuple(p.name for p in photographs), tuple(range(len(log.triggers))),
-                                ambiguous=tuple(p.name for p in photographs), remarks=(said,))  # fmt: skip
+            return log, Matches(
+                (),
+                tuple(p.name for p in photographs),
+                tuple(range(len(log.triggers))),
+                ambiguous=tuple(p.name for p in photographs),
+                remarks=(said,),
+            )
     return log, best
 
 
@@ -199,9 +207,7 @@ def _observed(photographs: Sequence[Stamp], triggers: Sequence[Trigger]) -> Obse
     zero_free = utc if all(u is not None for u in utc) else [t.time_s for t in triggers]
     places = [(t.place.latitude_deg, t.place.longitude_deg) if t.place else (np.nan, np.nan) for t in triggers]
     trigger_place = np.array(places, dtype=np.float64).reshape(-1, 2)
-    stamped = [
-        (p.latitude_deg, p.longitude_deg) if p.located else (np.nan, np.nan) for p in photographs
-    ]  # fmt: skip
+    stamped = [(p.latitude_deg, p.longitude_deg) if p.located else (np.nan, np.nan) for p in photographs]
     photo_place = np.array(stamped, dtype=np.float64).reshape(-1, 2)
     known = trigger_place[np.isfinite(trigger_place).all(axis=1)]
     if len(known):

@@ -144,8 +144,11 @@ def associate(
     return Association(
         {int(placed[a]): b for a, b in best.station_of.items()},
         {int(placed[a]): cost for a, cost in best.costs_m.items()},
-        best.offset_m, best.heading_deg, best.turn_deg, best.mean_cost_m,
-    )  # fmt: skip
+        best.offset_m,
+        best.heading_deg,
+        best.turn_deg,
+        best.mean_cost_m,
+    )
 
 
 def _price(found: Association) -> float:

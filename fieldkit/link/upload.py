@@ -80,9 +80,13 @@ def check_size(items: Sequence[MissionItem]) -> None:
 
 
 def upload_mission(
-    vehicle: Vehicle, items: Sequence[MissionItem], *, home: Home | None = None, dialect: str | None = None,
+    vehicle: Vehicle,
+    items: Sequence[MissionItem],
+    *,
+    home: Home | None = None,
+    dialect: str | None = None,
     advance: Callable[[int], None] = lambda _count: None,
-) -> UploadReport:  # fmt: skip
+) -> UploadReport:
     """Upload, read back, compare; clear and try again after any failure, three times in all.
 
     Args:

@@ -123,10 +123,16 @@ class Vehicle:
                     item = items[seq]
                     numbers = {f"param{k}": value for k, value in enumerate(item.params, 1)} | {"z": item.z}
                     self._send(
-                        "MISSION_ITEM_INT", seq=seq, frame=item.frame, command=item.command, current=int(seq == 0),
-                        autocontinue=item.autocontinue, x=item.x, y=item.y,
+                        "MISSION_ITEM_INT",
+                        seq=seq,
+                        frame=item.frame,
+                        command=item.command,
+                        current=int(seq == 0),
+                        autocontinue=item.autocontinue,
+                        x=item.x,
+                        y=item.y,
                         **{name: None if math.isnan(value) else value for name, value in numbers.items()},
-                    )  # fmt: skip
+                    )
                 # Of an item that it has already an ArduPilot says INVALID_SEQUENCE, and goes on (measured).
                 case {"name": "MISSION_ACK", "type": int(result)} if result != Result.INVALID_SEQUENCE:
                     if result == Result.ACCEPTED:

@@ -136,10 +136,18 @@ def check_on_ground(
     site, obstacles = ground.site, site_obstacles(ground.site, vehicle.clearance_m, ground.plans)
     shots, moved = nearest(place(ground.plans, site) if compare else (), site, vehicle, obstacles)
     report = check_mission(
-        read, vehicle, planned=shots, grounds=grounds_m(site, shots).tolist(), obstacles=obstacles,
-        origin=home_of(site), moved=moved, unchecked=ground.unchecked, burst=burst,
-        canopy=Canopy.of(site, ground.plans), site=site,
-    )  # fmt: skip
+        read,
+        vehicle,
+        planned=shots,
+        grounds=grounds_m(site, shots).tolist(),
+        obstacles=obstacles,
+        origin=home_of(site),
+        moved=moved,
+        unchecked=ground.unchecked,
+        burst=burst,
+        canopy=Canopy.of(site, ground.plans),
+        site=site,
+    )
     return replace(report, findings=(*report.findings, *ground.taken))
 
 
@@ -304,9 +312,13 @@ def _findings(read: ReadMission, vehicle: Vehicle, site: Site | None, file: Path
 def _any_vehicle(dialect: str) -> Vehicle:
     """A vehicle of an autopilot that has no limits of its own."""
     known = load_vehicle(_PROFILES[dialect])
-    return known.model_copy(update={
-        "title": "the vehicle", "min_height_m": 0.0,
-        "max_items": None, "mount": Mount(kind="pitch", pitch_deg=(-90.0, 90.0)),
-        "trigger": known.trigger.model_copy(update={"settle_s": 0.0, "exposure_s": 0.0}),
-        "battery": known.battery.model_copy(update={"endurance_s": 1e6, "reserve": 0.0}),
-    })  # fmt: skip
+    return known.model_copy(
+        update={
+            "title": "the vehicle",
+            "min_height_m": 0.0,
+            "max_items": None,
+            "mount": Mount(kind="pitch", pitch_deg=(-90.0, 90.0)),
+            "trigger": known.trigger.model_copy(update={"settle_s": 0.0, "exposure_s": 0.0}),
+            "battery": known.battery.model_copy(update={"endurance_s": 1e6, "reserve": 0.0}),
+        }
+    )

@@ -112,10 +112,18 @@ class Routed:
 
 
 def route_plan(
-    plan: Plans, vehicle: Vehicle, site: Site, *, fit: bool | None = None, adjust: bool = False, seed: int = 0,
-    burst: int = 1, capacity: FileCapacity | None = None, timed: Callable[[RoutedFlight], RoutedFlight] | None = None,
+    plan: Plans,
+    vehicle: Vehicle,
+    site: Site,
+    *,
+    fit: bool | None = None,
+    adjust: bool = False,
+    seed: int = 0,
+    burst: int = 1,
+    capacity: FileCapacity | None = None,
+    timed: Callable[[RoutedFlight], RoutedFlight] | None = None,
     progress: Progress | None = None,
-) -> Routed:  # fmt: skip
+) -> Routed:
     """Put a plan on every plot of a site and find the flights over it.
 
     The photographs' poses are those of `flown_plans`, exactly; only with ``adjust`` are those
@@ -144,9 +152,17 @@ def route_plan(
     while True:
         with progress.stage("Looking for ways", 3 * len(site.plots)) as advance:
             flights = plan_flights(
-                stops, (0.0, 0.0, 0.0), landing_of(site), report.obstacles, planned_for,
-                takeoff_m=site.takeoff_m, transit_m=site.transit_m, seed=seed, capacity=capacity, advance=advance,
-            )  # fmt: skip
+                stops,
+                (0.0, 0.0, 0.0),
+                landing_of(site),
+                report.obstacles,
+                planned_for,
+                takeoff_m=site.takeoff_m,
+                transit_m=site.transit_m,
+                seed=seed,
+                capacity=capacity,
+                advance=advance,
+            )
         routed = tuple(
             RoutedFlight(replace(_mission(flight, k, len(flights), shots, frame, site, vehicle), burst=burst), flight)
             for k, flight in enumerate(flights, 1)

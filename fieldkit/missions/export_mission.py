@@ -114,16 +114,27 @@ def export_mission(
         more[output.with_suffix(".png")] = picture_bytes(routed, place, profile)
     flown = flown_plans(plan, loaded, place, routed.own, written)
     files = write_mission(
-        routed, profile, place, output, format, plans=flown, more=more, overwrite=overwrite,
+        routed,
+        profile,
+        place,
+        output,
+        format,
+        plans=flown,
+        more=more,
+        overwrite=overwrite,
         profile=None if isinstance(vehicle, Vehicle) else Path(vehicle).name,
-    )  # fmt: skip
+    )
     return ExportedMission(routed, files, written)
 
 
 def route_for_files(
-    plan: Plans, vehicle: Vehicle, site: Site, format: str, settings: MissionSettings,  # noqa: A002
+    plan: Plans,
+    vehicle: Vehicle,
+    site: Site,
+    format: str,  # noqa: A002
+    settings: MissionSettings,
     progress: Progress | None = None,
-) -> Routed:  # fmt: skip
+) -> Routed:
     """As `route_plan`, with the time that the files take and the length of their way, as check-mission tells them.
 
     Files take some seconds more than the flights that are planned: holds in whole seconds and the like.
@@ -171,9 +182,17 @@ def mission_file(output: Path, format: str | None) -> tuple[Path, str]:  # noqa:
 
 
 def write_mission(
-    routed: Routed, vehicle: Vehicle, site: Site, output: Path, format: str, *, plans: Mapping[str, FlownPlan],  # noqa: A002
-    profile: str | None = None, more: Mapping[Path, bytes] | None = None, overwrite: bool = False,
-) -> tuple[Path, ...]:  # fmt: skip
+    routed: Routed,
+    vehicle: Vehicle,
+    site: Site,
+    output: Path,
+    format: str,  # noqa: A002
+    *,
+    plans: Mapping[str, FlownPlan],
+    profile: str | None = None,
+    more: Mapping[Path, bytes] | None = None,
+    overwrite: bool = False,
+) -> tuple[Path, ...]:
     """Write mission files, one per flight in order, mission.json, routes, and what is added; none where one is there.
 
     Args:
@@ -197,9 +216,12 @@ def write_mission(
 
 
 def flown_plans(
-    given: Path | Plans, loaded: Plans, site: Site, own: Mapping[str, Plan] | None = None,
+    given: Path | Plans,
+    loaded: Plans,
+    site: Site,
+    own: Mapping[str, Plan] | None = None,
     written: Mapping[str, Path] | None = None,
-) -> dict[str, FlownPlan]:  # fmt: skip
+) -> dict[str, FlownPlan]:
     """By plot, the plan that is flown there: a file that was given as its bytes are, others as they are written.
 
     Args:
@@ -244,11 +266,18 @@ def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
     first = shots[0].plot
     near = sum(shot.plot == first for shot in routed.flights[0].mission.shots)
     figure = draw_mission(
-        title, routed.legs(), routed.cameras(site), vehicle.camera, Cloud(routed.plants),
-        outlines, near=near, near_plants=Cloud(routed.plants_of.get(first, np.zeros((0, 3)))),
-        stations=[str(station_number(shot.station)) for shot in shots], plots=[shot.plot for shot in shots],
+        title,
+        routed.legs(),
+        routed.cameras(site),
+        vehicle.camera,
+        Cloud(routed.plants),
+        outlines,
+        near=near,
+        near_plants=Cloud(routed.plants_of.get(first, np.zeros((0, 3)))),
+        stations=[str(station_number(shot.station)) for shot in shots],
+        plots=[shot.plot for shot in shots],
         home=np.zeros(2),
-    )  # fmt: skip
+    )
     return png(figure)
 
 

@@ -31,9 +31,14 @@ _TRANSIT_M = 5.0
 
 
 def mission_record(
-    routed: Routed, site: Site, vehicle: Vehicle, profile: str | None, names: Sequence[str],
-    plans: Mapping[str, FlownPlan], contents: Mapping[str, bytes],
-) -> MissionRecord:  # fmt: skip
+    routed: Routed,
+    site: Site,
+    vehicle: Vehicle,
+    profile: str | None,
+    names: Sequence[str],
+    plans: Mapping[str, FlownPlan],
+    contents: Mapping[str, bytes],
+) -> MissionRecord:
     """What is exported, as other programs and fieldkit's own reports read it.
 
     Args:
@@ -95,12 +100,17 @@ def site_of(record: MissionRecord) -> Site:
     """The site as far as mission.json has it."""
     low = _TRANSIT_M if record.ceiling_m is None else min(_TRANSIT_M, record.ceiling_m)
     return Site(
-        name=record.name, home=SiteHome(**record.home.model_dump()), fence=record.inside, ceiling_m=record.ceiling_m,
-        no_fly=tuple(NoFly(corners=ring) for ring in record.outside), takeoff_m=low, transit_m=low,
+        name=record.name,
+        home=SiteHome(**record.home.model_dump()),
+        fence=record.inside,
+        ceiling_m=record.ceiling_m,
+        no_fly=tuple(NoFly(corners=ring) for ring in record.outside),
+        takeoff_m=low,
+        transit_m=low,
         plots=tuple(_plot_of(plot) for plot in record.plots),
         neighbours=tuple(_plot_of(plot) for plot in record.neighbours),
         obstacles=tuple(Obstacle(**obstacle.model_dump()) for obstacle in record.obstacles),
-    )  # fmt: skip
+    )
 
 
 def _plot_of(plot: MissionOutline) -> SitePlot:
@@ -108,11 +118,19 @@ def _plot_of(plot: MissionOutline) -> SitePlot:
     percent = 100.0 * math.hypot(along, across)
     uphill = (plot.row_heading_deg + math.degrees(math.atan2(-across, along))) % 360.0 if percent else None
     return SitePlot(
-        name=plot.name, latitude_deg=plot.origin.latitude_deg, longitude_deg=plot.origin.longitude_deg,
-        height_m=plot.ground_m, datum="home", row_heading_deg=plot.row_heading_deg, slope_percent=percent,
-        uphill_heading_deg=uphill, length_m=plot.length_m, width_m=plot.width_m, row_spacing_m=plot.row_spacing_m,
+        name=plot.name,
+        latitude_deg=plot.origin.latitude_deg,
+        longitude_deg=plot.origin.longitude_deg,
+        height_m=plot.ground_m,
+        datum="home",
+        row_heading_deg=plot.row_heading_deg,
+        slope_percent=percent,
+        uphill_heading_deg=uphill,
+        length_m=plot.length_m,
+        width_m=plot.width_m,
+        row_spacing_m=plot.row_spacing_m,
         plant_height_m=None if plot.plants is None else plot.plants.height_m,
-    )  # fmt: skip
+    )
 
 
 def _outline(site: Site, plot: SitePlot, routed: Routed, vehicle: Vehicle) -> MissionOutline:
@@ -126,16 +144,26 @@ def _outline(site: Site, plot: SitePlot, routed: Routed, vehicle: Vehicle) -> Mi
     return MissionOutline(
         name=plot.name,
         origin=LocalFrame(tangent.latitude_deg, tangent.longitude_deg, tangent.altitude_m, datum),
-        ground_m=frame.ground_m, row_heading_deg=frame.row_heading_deg, gradient=frame.gradient,
-        length_m=plot.length_m, width_m=plot.width_m, row_spacing_m=plot.row_spacing_m, plants=plants,
-    )  # fmt: skip
+        ground_m=frame.ground_m,
+        row_heading_deg=frame.row_heading_deg,
+        gradient=frame.gradient,
+        length_m=plot.length_m,
+        width_m=plot.width_m,
+        row_spacing_m=plot.row_spacing_m,
+        plants=plants,
+    )
 
 
 def _flight(each: RoutedFlight, file: str) -> MissionFlight:
     mission, flight = each.mission, each.flight
     return MissionFlight(
-        name=mission.name, file=file, takeoff_m=mission.takeoff_m, stops=mission.stops, landing=mission.landing,
-         length_m=flight.length_m, time_s=flight.time.total_s,
+        name=mission.name,
+        file=file,
+        takeoff_m=mission.takeoff_m,
+        stops=mission.stops,
+        landing=mission.landing,
+        length_m=flight.length_m,
+        time_s=flight.time.total_s,
         battery=flight.time.battery,
         burst=MissionBurst(photographs=mission.burst, interval_s=mission.interval_s) if mission.burst > 1 else None,
-    )  # fmt: skip
+    )

@@ -91,9 +91,13 @@ class Report:
 
 
 def _finding(
-    severity: Severity, code: str, message: str, item: int | None = None, photograph: int | None = None,
+    severity: Severity,
+    code: str,
+    message: str,
+    item: int | None = None,
+    photograph: int | None = None,
     planned: Shot | None = None,
-) -> Finding:  # fmt: skip
+) -> Finding:
     plot, station = ("", None) if planned is None else (planned.plot, planned.station)
     return Finding(plot, code, message, severity=severity, item=item, photograph=photograph, station=station)
 

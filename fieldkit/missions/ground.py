@@ -45,9 +45,14 @@ class Ground:
 
 
 def ground_of(
-    file: Path | None, site: Site | None, clearance_m: float, *, plans: Plans | None = None, fit: bool | None = None,
+    file: Path | None,
+    site: Site | None,
+    clearance_m: float,
+    *,
+    plans: Plans | None = None,
+    fit: bool | None = None,
     plant_height: PlantHeight | None = None,
-) -> Ground | None:  # fmt: skip
+) -> Ground | None:
     """What is known of the ground below a mission.
 
     Leaves are those of the plan, where it is given or lies beside the mission as mission.json says. A plot of unknown

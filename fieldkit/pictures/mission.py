@@ -118,9 +118,18 @@ def _draw_surroundings(axes: Axes, outlines: Sequence[FloatArray], home: FloatAr
     for outline in outlines:
         axes.plot(*np.vstack([outline, outline[:1]]).T, color=_OUTLINE, linewidth=0.9, zorder=2)
     axes.annotate(
-        "N", (0.96, 0.97), (0.96, 0.86), xycoords="axes fraction", textcoords="axes fraction", size=8, color=INK,
-        ha="center", va="center", zorder=7, arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 0.9},
-    )  # fmt: skip
+        "N",
+        (0.96, 0.97),
+        (0.96, 0.86),
+        xycoords="axes fraction",
+        textcoords="axes fraction",
+        size=8,
+        color=INK,
+        ha="center",
+        va="center",
+        zorder=7,
+        arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 0.9},
+    )
     axes.scatter([home[0]], [home[1]], marker="^", s=30, color=INK, zorder=6)
     _annotate(axes, "home", (float(home[0]), float(home[1])), shift=(5, -9))
 
@@ -132,9 +141,17 @@ def _name_plots(axes: Axes, centers: FloatArray, plots: Sequence[str]) -> None:
     for name in known[:: -(-len(known) // _MOST_NAMES) or 1]:
         x, y = centers[of == name, :2].mean(axis=0)
         axes.annotate(
-            drawable(name), (x, y), size=7, weight="bold", color=INK, ha="center", va="center", zorder=7,
-            parse_math=False, path_effects=[withStroke(linewidth=2, foreground="white")],
-        )  # fmt: skip
+            drawable(name),
+            (x, y),
+            size=7,
+            weight="bold",
+            color=INK,
+            ha="center",
+            va="center",
+            zorder=7,
+            parse_math=False,
+            path_effects=[withStroke(linewidth=2, foreground="white")],
+        )
 
 
 def _annotate(axes: Axes, text: str, at: tuple[float, float], shift: tuple[float, float] = (3, 3)) -> None:
@@ -145,7 +162,7 @@ def _annotate(axes: Axes, text: str, at: tuple[float, float], shift: tuple[float
 
 def _draw_cameras(
     axes: Axes, lines: Sequence[FloatArray], direction: Direction, *, linewidth: float, size: float
-) -> None:  # fmt: skip
+) -> None:
     """Lines (k, 3) that begin at cameras, which are dots."""
     _draw_lines(axes, lines, direction, _CAMERA, linewidth=linewidth, zorder=4)
     spots = np.array([direction.flat(line[0]) for line in lines]).reshape(-1, 2)

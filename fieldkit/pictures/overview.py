@@ -71,16 +71,28 @@ def draw_overview(report: ReferenceReport | PlotEvaluation, plants: Cloud) -> Fi
     lower, upper = _limits(plants.points, report)
     directions = (FRONT, SIDE, TOP)
     _draw_panels(
-        figure, report, plants, lower, upper, _side_by_side([float((upper - lower)[d.right]) for d in directions]),
-        directions, [direction.name.capitalize() for direction in directions],
-    )  # fmt: skip
+        figure,
+        report,
+        plants,
+        lower,
+        upper,
+        _side_by_side([float((upper - lower)[d.right]) for d in directions]),
+        directions,
+        [direction.name.capitalize() for direction in directions],
+    )
     spots = [spot for image in report.image_reports if (spot := image.center_m or image.known_center_m) is not None]
     everything = np.array([report.volume.lower_m, report.volume.upper_m, *spots])
     places = [Panel(_MARGIN + i * (_CAMERAS_WIDTH + _GAP), _LOWER[0], _CAMERAS_WIDTH, _LOWER[1]) for i in range(2)]
     views = _draw_panels(
-        figure, report, plants, everything.min(axis=0), everything.max(axis=0), places, (TOP, FRONT),
+        figure,
+        report,
+        plants,
+        everything.min(axis=0),
+        everything.max(axis=0),
+        places,
+        (TOP, FRONT),
         ("Cameras from above", "Cameras from the front"),
-    )  # fmt: skip
+    )
     for axes, direction in views:
         arrow = 0.05 * min(float(np.ptp(axes.get_xlim())), float(np.ptp(axes.get_ylim())))
         for image in report.image_reports:
@@ -111,10 +123,18 @@ def _draw_panels(
         draw_cloud(axes, plants, direction, window)
         if report.volume is not None:
             low, high = direction.flat(np.array(report.volume.lower_m)), direction.flat(np.array(report.volume.upper_m))
-            axes.add_patch(Rectangle(
-                low, high[0] - low[0], high[1] - low[1], fill=False, edgecolor=_BOX, linewidth=0.9,
-                linestyle=(0, (5, 3)), zorder=3,
-            ))  # fmt: skip
+            axes.add_patch(
+                Rectangle(
+                    low,
+                    high[0] - low[0],
+                    high[1] - low[1],
+                    fill=False,
+                    edgecolor=_BOX,
+                    linewidth=0.9,
+                    linestyle=(0, (5, 3)),
+                    zorder=3,
+                )
+            )
         ground = None if report.frame is None else report.frame.ground
         if ground is not None and direction.up == 2 and abs(ground.normal[2]) > 1e-6:
             # Where the ground cuts the plane through the middle that faces the viewer.
@@ -123,9 +143,18 @@ def _draw_panels(
             axes.plot(ends, (ground.offset_m - known) / ground.normal[2], color=_GROUND, linewidth=1.1, zorder=2)
         for plant in report.plants if direction is TOP else ():
             axes.text(
-                plant.x_m, plant.y_m, str(plant.plant), size=8, weight="bold", color=INK, ha="center", va="center",
-                clip_on=True, zorder=7, path_effects=[withStroke(linewidth=2.0, foreground="white")],
-            )  # fmt: skip
+                plant.x_m,
+                plant.y_m,
+                str(plant.plant),
+                size=8,
+                weight="bold",
+                color=INK,
+                ha="center",
+                va="center",
+                clip_on=True,
+                zorder=7,
+                path_effects=[withStroke(linewidth=2.0, foreground="white")],
+            )
         panels.append((axes, direction))
     return panels
 
@@ -183,13 +212,24 @@ def _draw_weakest(axes: Axes, report: ReconstructionEntry, direction: Direction)
     axes_of = [direction.right, direction.up]
     axes.plot(*starts[:, axes_of].T, "o", color=_WEAKEST, fillstyle="none", markersize=7, zorder=6)
     axes.quiver(
-        *starts[:, axes_of].T, *times * moves[:, axes_of].T, angles="xy", scale_units="xy", scale=1.0, color=_WEAKEST,
-        width=0.006, zorder=6,
-    )  # fmt: skip
+        *starts[:, axes_of].T,
+        *times * moves[:, axes_of].T,
+        angles="xy",
+        scale_units="xy",
+        scale=1.0,
+        color=_WEAKEST,
+        width=0.006,
+        zorder=6,
+    )
     axes.text(
-        0.02, 0.95, f"ringed: could lie {format_length(most)} off together (arrows {times:g} times as long)", size=7,
-        color=_WEAKEST, transform=axes.transAxes, zorder=7,
-    )  # fmt: skip
+        0.02,
+        0.95,
+        f"ringed: could lie {format_length(most)} off together (arrows {times:g} times as long)",
+        size=7,
+        color=_WEAKEST,
+        transform=axes.transAxes,
+        zorder=7,
+    )
 
 
 def _legend(figure: Figure, report: ReconstructionEntry) -> None:
@@ -202,16 +242,29 @@ def _legend(figure: Figure, report: ReconstructionEntry) -> None:
         Line2D([], [], marker="o", color=_RIGHT, markersize=4, linewidth=1, label=f"{used} ({report.right})"),
         Line2D([], [], marker="x", color=_WRONG, markersize=6, linewidth=1, label=f"registered but wrong ({wrong})"),
         Line2D(
-            [], [], marker="o", color=_MISSING, fillstyle="none", markersize=5, linestyle="",
+            [],
+            [],
+            marker="o",
+            color=_MISSING,
+            fillstyle="none",
+            markersize=5,
+            linestyle="",
             label=f"not registered ({len(missing)}{where})",
         ),
         Line2D([], [], color=_BOX, linewidth=0.9, linestyle=(0, (5, 3)), label="volume of interest"),
         Line2D([], [], color=_GROUND, linewidth=1.1, label="ground"),
-    ]  # fmt: skip
+    ]
     figure.legend(
-        handles=marks, loc="lower left", bbox_to_anchor=(_MARGIN / _WIDTH - 0.005, 0.012), ncols=5, fontsize=8,
-        frameon=False, labelcolor=INK, handlelength=1.8, columnspacing=1.6,
-    )  # fmt: skip
+        handles=marks,
+        loc="lower left",
+        bbox_to_anchor=(_MARGIN / _WIDTH - 0.005, 0.012),
+        ncols=5,
+        fontsize=8,
+        frameon=False,
+        labelcolor=INK,
+        handlelength=1.8,
+        columnspacing=1.6,
+    )
 
 
 def _write_figures(figure: Figure, report: ReferenceReport | PlotEvaluation) -> None:

@@ -51,9 +51,15 @@ def new_figure(width_in: float, height_in: float, title: str) -> Figure:
 
     figure = Figure(figsize=(width_in, height_in), dpi=DPI, facecolor=PAPER)
     figure.text(
-        0.3 / width_in, 1 - 0.32 / height_in, drawable(title), size=15, weight="bold", color=INK, va="center",
+        0.3 / width_in,
+        1 - 0.32 / height_in,
+        drawable(title),
+        size=15,
+        weight="bold",
+        color=INK,
+        va="center",
         parse_math=False,
-    )  # fmt: skip
+    )
     return figure
 
 
@@ -100,9 +106,15 @@ def add_panel(
     x, y = window.right - 0.08 * half_width - length, window.bottom + 0.1 * half_height
     axes.plot([x, x + length], [y, y], color=INK, linewidth=2.2, solid_capstyle="butt", zorder=6)
     axes.text(
-        x + 0.5 * length, y + 0.024 * half_height, format_nominal(length, metric=unit == "m"), size=7, color=INK,
-        ha="center", va="bottom", zorder=6,
-    )  # fmt: skip
+        x + 0.5 * length,
+        y + 0.024 * half_height,
+        format_nominal(length, metric=unit == "m"),
+        size=7,
+        color=INK,
+        ha="center",
+        va="bottom",
+        zorder=6,
+    )
     return axes, window
 
 
@@ -136,8 +148,11 @@ def draw_cloud(axes: Axes, cloud: Cloud, direction: Direction, window: Window) -
     colors = np.full((len(cloud), 3), 120, dtype=np.uint8) if cloud.colors is None else cloud.colors
     axes.imshow(
         draw_points(cloud.points, colors, direction, window),
-        extent=window.extent, aspect="auto", interpolation="nearest", zorder=1,
-    )  # fmt: skip
+        extent=window.extent,
+        aspect="auto",
+        interpolation="nearest",
+        zorder=1,
+    )
 
 
 def nice_length(length: float) -> float:

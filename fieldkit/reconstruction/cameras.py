@@ -50,10 +50,12 @@ class CameraSet:
 
     def held(self) -> CameraSet:
         """As it is held where photographs cannot calibrate it: an assumed lens in place of a guess."""
-        return self.with_cameras([
-            assumed_camera(camera.width, camera.height) if source == "self-calibrated" else camera
-            for camera, source in zip(self.cameras, self.sources, strict=True)
-        ])  # fmt: skip
+        return self.with_cameras(
+            [
+                assumed_camera(camera.width, camera.height) if source == "self-calibrated" else camera
+                for camera, source in zip(self.cameras, self.sources, strict=True)
+            ]
+        )
 
     def with_cameras(self, cameras: Sequence[Intrinsics]) -> CameraSet:
         return replace(self, cameras=tuple(cameras))
@@ -85,9 +87,12 @@ def cameras_of(capture: Capture, calibrated: Mapping[str, Intrinsics] | None = N
         fixed.append(hold)
     index = {name: k for k, group in enumerate(capture.groups) for name in group.photos}
     return CameraSet(
-        tuple(group.key for group in capture.groups), tuple(cameras), tuple(sources), tuple(fixed),
+        tuple(group.key for group in capture.groups),
+        tuple(cameras),
+        tuple(sources),
+        tuple(fixed),
         tuple(index[name] for name in capture.names),
-    )  # fmt: skip
+    )
 
 
 def guessed_camera(width: int, height: int, sides: float = _GUESSED_FOCAL) -> Intrinsics:

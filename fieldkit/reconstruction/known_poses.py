@@ -74,9 +74,10 @@ def _with_program(known: Priors, program: ProgramPoses) -> Priors:
         own = known.by_name.get(name)
         if own is not None and own.position is not None:
             found = replace(
-                found, position=found.position if better < own.position_sigma_m else own.position,
+                found,
+                position=found.position if better < own.position_sigma_m else own.position,
                 position_sigma_m=own.position_sigma_m,
-            )  # fmt: skip
+            )
         poses[name] = found
     return replace(known, by_name=poses)
 
@@ -86,11 +87,13 @@ def _of_program(program: ProgramPoses, motion: Similarity, sigma: float) -> dict
     moved = {name: motion.apply_pose(pose) for name, pose in program.poses.items()}
     return {
         name: PosePrior(
-            position=pose.center, position_sigma_m=sigma,
-            rotation=None if name in program.unoriented else pose.rotation, angle_sigma_deg=ANGLE_ACCURACY_DEG,
+            position=pose.center,
+            position_sigma_m=sigma,
+            rotation=None if name in program.unoriented else pose.rotation,
+            angle_sigma_deg=ANGLE_ACCURACY_DEG,
         )
         for name, pose in moved.items()
-    }  # fmt: skip
+    }
 
 
 def _frame_of(capture: Capture) -> SourceFrame | None:

@@ -163,14 +163,17 @@ def _stand_ins() -> Iterator[None]:
         return made
 
     resnet = module(
-        "resnet", conv1x1=partial(nn.Conv2d, kernel_size=1, bias=False),
+        "resnet",
+        conv1x1=partial(nn.Conv2d, kernel_size=1, bias=False),
         conv3x3=partial(nn.Conv2d, kernel_size=3, padding=1, bias=False),
-    )  # fmt: skip
+    )
     given = [
-        module(_PACKAGE, __path__=[str(_folder())]), module("kornia"), module("kornia.color", grayscale_to_rgb=None),
+        module(_PACKAGE, __path__=[str(_folder())]),
+        module("kornia"),
+        module("kornia.color", grayscale_to_rgb=None),
         module("torchvision", ops=module("ops", deform_conv2d=deform_conv2d)),
         module("torchvision.models", resnet=resnet),
-    ]  # fmt: skip
+    ]
     before = dict(sys.modules)
     sys.modules.update({each.__name__: each for each in given})
     try:

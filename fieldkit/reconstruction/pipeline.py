@@ -169,10 +169,15 @@ def _reconstructed(
     if len(plants) == 0:
         raise _no_plants(sparse, len(above), volume, settings.mask)
     flags = quality_flags(
-        capture.folder.name, plants, volume, gsd_m, sparse.frame, sparse.poses,
+        capture.folder.name,
+        plants,
+        volume,
+        gsd_m,
+        sparse.frame,
+        sparse.poses,
         own_ground=known_plot is None or known_plot.ground is None,
         own_volume=known_plot is None and settings.bounds is None,
-    )  # fmt: skip
+    )
     for flag in flags:
         context.progress.note(flag.message)
     return Reconstruction(
@@ -238,10 +243,21 @@ def place(
     if known_plot is not None or frame.origin is not None:
         check_upright(poses, capture)
     result = SparseResult(
-        capture, mapped.method, mapped.model, mapped.model_sizes, images, poses, intrinsics,
-        mapped.intrinsics_source, frame, mapped.pairs_tried, mapped.pairs_verified, tuple(findings),
-        mapped.groups, mapped.weakest and mapped.weakest.turned(motion.rotation),
-    )  # fmt: skip
+        capture,
+        mapped.method,
+        mapped.model,
+        mapped.model_sizes,
+        images,
+        poses,
+        intrinsics,
+        mapped.intrinsics_source,
+        frame,
+        mapped.pairs_tried,
+        mapped.pairs_verified,
+        tuple(findings),
+        mapped.groups,
+        mapped.weakest and mapped.weakest.turned(motion.rotation),
+    )
     return result, {"Features": mapped.features_cached}
 
 
@@ -351,11 +367,17 @@ class _Dense:
         sparse, fidelity, metric = self.sparse, self.settings.fidelity, self.sparse.frame.metric
         return {
             photo.name: resolution(
-                (photo.width, photo.height), sparse.intrinsics[photo.name], sparse.poses[photo.name], self.volume,
-                fidelity, metric=metric, finer=finer,
+                (photo.width, photo.height),
+                sparse.intrinsics[photo.name],
+                sparse.poses[photo.name],
+                self.volume,
+                fidelity,
+                metric=metric,
+                finer=finer,
             )
-            for photo in sparse.capture.photos if photo.name in sparse.poses
-        }  # fmt: skip
+            for photo in sparse.capture.photos
+            if photo.name in sparse.poses
+        }
 
     @property
     def pixel_m(self) -> float:

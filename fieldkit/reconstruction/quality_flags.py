@@ -40,9 +40,16 @@ _AROUND_M = 0.10  # about the stand, in the bounds that are suggested
 
 
 def quality_flags(
-    name: str, plants: Cloud, volume: Volume, gsd_m: float, frame: MetricFrame, poses: Mapping[str, Pose], *,
-    own_ground: bool, own_volume: bool = False,
-) -> list[Finding]:  # fmt: skip
+    name: str,
+    plants: Cloud,
+    volume: Volume,
+    gsd_m: float,
+    frame: MetricFrame,
+    poses: Mapping[str, Pose],
+    *,
+    own_ground: bool,
+    own_volume: bool = False,
+) -> list[Finding]:
     """What speaks against a result, with the remedy.
 
     Args:

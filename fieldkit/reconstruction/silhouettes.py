@@ -269,8 +269,10 @@ def hull_volume(sparse: SparseResult, mask: Mask) -> Volume | None:
     center, radius = np.array(region.center), region.radius
     volume = Volume(tuple(center - radius), tuple(center + radius))
     for _ in range(_ROUNDS):
-        axes = [low + (np.arange(_CELLS) + 0.5) / _CELLS * (high - low)
-                for low, high in zip(volume.lower, volume.upper, strict=True)]  # fmt: skip
+        axes = [
+            low + (np.arange(_CELLS) + 0.5) / _CELLS * (high - low)
+            for low, high in zip(volume.lower, volume.upper, strict=True)
+        ]
         cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         half = 0.5 * volume.diagonal / _CELLS
         seen, plant = _counted(found, away, cells, half)

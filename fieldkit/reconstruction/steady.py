@@ -173,9 +173,12 @@ class _Planes:
     def __init__(self, x: Float32Array, y: Float32Array) -> None:
         one, none = np.ones_like(x), np.zeros_like(x)
         self._basis = np.stack(
-            [np.stack([one, x, y, none, none, none, x * x, x * y], -1),
-             np.stack([none, none, none, one, x, y, x * y, y * y], -1)], axis=2,
-        )  # fmt: skip
+            [
+                np.stack([one, x, y, none, none, none, x * x, x * y], -1),
+                np.stack([none, none, none, one, x, y, x * y, y * y], -1),
+            ],
+            axis=2,
+        )
 
     def fitted(self, flow: Float32Array, where: BoolArray) -> Float32Array:
         """The one next to a flow (h, w, 2) at some pixels, at all: least squares, reweighted after Cauchy."""

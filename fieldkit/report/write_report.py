@@ -79,9 +79,10 @@ def write_report(
     output = home / REPORT_FILE if output is None else Path(output)
     if output.suffix.lower() not in _SUFFIXES:
         raise UsageError(
-            f"a report is an HTML file, not {output.suffix}", path=output,
+            f"a report is an HTML file, not {output.suffix}",
+            path=output,
             remedy=f"Give {output.with_suffix('.html').name}; for a PDF, open it in a browser and print it to a file.",
-        )  # fmt: skip
+        )
     check_replaceable(output, overwrite=overwrite)
     results = read_results(folder)
     check_writable(output.parent)
@@ -92,7 +93,12 @@ def write_report(
         data = render(page).encode("utf-8")
         write_atomic(output, data)
     return ReportSummary(
-        output, len(data), unreadable=tuple(each.name for each in results.unreadable), views=shown.views,
-        points=shown.points, points_found=shown.points_found, thumbnails=shown.thumbnails,
+        output,
+        len(data),
+        unreadable=tuple(each.name for each in results.unreadable),
+        views=shown.views,
+        points=shown.points,
+        points_found=shown.points_found,
+        thumbnails=shown.thumbnails,
         **{f"{noun}s": number for noun, number in counts(results).items()},
-    )  # fmt: skip
+    )

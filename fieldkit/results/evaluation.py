@@ -27,7 +27,7 @@ ByDistance = dict[Distance, Share]
 
 Source = Literal[
     "poses.csv", "geo.txt", "COLMAP", "OpenDroneMap", "Metashape", "EXIF GPS", "flight log", "markers", "none"
-]  # fmt: skip
+]
 
 
 class FileEntry(Strict):

@@ -45,10 +45,14 @@ class TraitsEntry(Strict):
     height_m: Annotated[
         Length | None,
         Described(
-            "height", "height", "m", 2, "of the highest leaf",
+            "height",
+            "height",
+            "m",
+            2,
+            "of the highest leaf",
             "Of the highest leaf above the ground, as a person measures it with a ruler.",
         ),
-    ] = None  # fmt: skip
+    ] = None
     """Of the highest leaf above the ground, as by a ruler; null where ``unknown`` says why. So are the others."""
     height_error_m: Length | None = None
     """How far above ``height_m`` the highest leaf may be."""
@@ -58,10 +62,14 @@ class TraitsEntry(Strict):
     cover_percent: Annotated[
         Percent | None,
         Described(
-            "cover", "cover", "%", 1, "of the plot, seen from above",
+            "cover",
+            "cover",
+            "%",
+            1,
+            "of the plot, seen from above",
             "Share of the plot that lies below plants, seen from straight above.",
         ),
-    ] = None  # fmt: skip
+    ] = None
     """Of the plot's outline, below plants as seen from straight above."""
     cover_error_percent: Length | None = None
     """Percent of the plot, as cover_percent."""
@@ -76,10 +84,14 @@ class TraitsEntry(Strict):
     canopy_volume_m3: Annotated[
         Length | None,
         Described(
-            "canopy volume", "volume", "m³", 3, "between the ground and the plants' upper surface",
+            "canopy volume",
+            "volume",
+            "m³",
+            3,
+            "between the ground and the plants' upper surface",
             "Volume between the ground and the upper surface of the plants.",
         ),
-    ] = None  # fmt: skip
+    ] = None
     """Between the ground and the canopy's upper surface, over the covered area."""
     canopy_volume_error_m3: Length | None = None
     plants: Annotated[
@@ -92,11 +104,15 @@ class TraitsEntry(Strict):
     row_gaps: Annotated[
         Count | None,
         Described(
-            "gaps in rows", "gaps", "", 0, "places without a plant between others of a row",
+            "gaps in rows",
+            "gaps",
+            "",
+            0,
+            "places without a plant between others of a row",
             "Places in rows without a plant: two neighbours stand 1.5 times their usual distance apart, or more.",
             trend=False,
         ),
-    ] = None  # fmt: skip
+    ] = None
     plot_area_m2: Annotated[float, Field(gt=0)] | None = None
     """Of the plot's outline; null where it is not known."""
     unknown: dict[Trait, str] = {}  # noqa: RUF012 - pydantic copies it

@@ -192,9 +192,13 @@ def _objection(index: int, stop: Stop, obstacles: Obstacles) -> Finding:
             "ceiling": "is above the ceiling",
         }[problem.kind]
     return Finding(
-        stop.plot, code, f"{where}: {east:.2f} m east, {north:.2f} m north, {up:.2f} m above home",
-        severity="error", remedy=remedy, station=index if stop.station is None else stop.station,
-    )  # fmt: skip
+        stop.plot,
+        code,
+        f"{where}: {east:.2f} m east, {north:.2f} m north, {up:.2f} m above home",
+        severity="error",
+        remedy=remedy,
+        station=index if stop.station is None else stop.station,
+    )
 
 
 def _ends(home: Place, landing: Place, takeoff_m: float, transit_m: float) -> tuple[FloatArray, FloatArray]:
@@ -341,18 +345,22 @@ def _too_much(field: _Field, plot: int) -> Iterator[Finding]:
     seconds, _ = field.costs([plot]).ends(0, 0)
     if seconds > field.limit_s:
         yield Finding(
-            name, "battery",
+            name,
+            "battery",
             f"takes {seconds:.0f} s alone, {2.0 * field.homeward[plot].seconds.min():.0f} s of it there and back, "
             f"{math.ceil(seconds - field.limit_s)} s more than the {field.limit_s:.0f} s of flight that a battery has "
             "beside its reserve",
             severity="error",
             remedy="Plan fewer stations, take off nearer to the plot, or use a vehicle with more endurance.",
-        )  # fmt: skip
+        )
     if not field.has_room([plot]):
         yield Finding(
-            name, "items", f"takes more than the {field.capacity.most} {field.capacity.what} alone",
-            severity="error", remedy="Plan fewer stations.",
-        )  # fmt: skip
+            name,
+            "items",
+            f"takes more than the {field.capacity.most} {field.capacity.what} alone",
+            severity="error",
+            remedy="Plan fewer stations.",
+        )
 
 
 def _flight(field: _Field, order: list[int], members: list[list[int]], stops: Sequence[Stop]) -> Flight:
@@ -378,9 +386,12 @@ def _flight(field: _Field, order: list[int], members: list[list[int]], stops: Se
 
 def _group(plot: str, stops: Sequence[Stop], names: Sequence[str]) -> Group:
     return Group(
-        plot, np.array([stop.position_m for stop in stops], dtype=np.float64),
-        np.array([stop.yaw_deg for stop in stops]), tuple(names), float(sum(stop.pause_s for stop in stops)),
-    )  # fmt: skip
+        plot,
+        np.array([stop.position_m for stop in stops], dtype=np.float64),
+        np.array([stop.yaw_deg for stop in stops]),
+        tuple(names),
+        float(sum(stop.pause_s for stop in stops)),
+    )
 
 
 def _end(name: str, place: FloatArray) -> Group:
@@ -389,10 +400,7 @@ def _end(name: str, place: FloatArray) -> Group:
 
 def _check(flights: Sequence[Flight], obstacles: Obstacles) -> None:
     """See that every stretch of every leg is clear."""
-    stretches = [
-        (one, other) for flight in flights for leg in flight.legs
-        for one, other in pairwise(leg.points)
-    ]  # fmt: skip
+    stretches = [(one, other) for flight in flights for leg in flight.legs for one, other in pairwise(leg.points)]
     a, b = (np.array([stretch[end] for stretch in stretches]) for end in (0, 1))
     for row in np.flatnonzero(obstacles.blocked(a, b))[:1]:
         problem = obstacles.leg_problems(a[row], b[row])[0]

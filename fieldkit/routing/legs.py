@@ -281,9 +281,14 @@ def ways_around(
 
 
 def _quickest(
-    nodes: FloatArray, starts: NDArray[np.intp], stops: NDArray[np.intp], height_m: float, known: BoolArray,
-    obstacles: Obstacles, speeds: Speeds,
-) -> list[list[int]]:  # fmt: skip
+    nodes: FloatArray,
+    starts: NDArray[np.intp],
+    stops: NDArray[np.intp],
+    height_m: float,
+    known: BoolArray,
+    obstacles: Obstacles,
+    speeds: Speeds,
+) -> list[list[int]]:
     """Per pair the nodes of its quickest way past the known solids; empty where there is none."""
     one, other = np.triu_indices(len(nodes), 1)
     clear = ~obstacles.prisms.blocked(_at(nodes[one], height_m), _at(nodes[other], height_m), known)

@@ -153,9 +153,13 @@ def _searched(first: FloatArray, between: FloatArray, last: FloatArray, seed: in
     steps: Any = np.full(matrix.shape, (m + 2) * _UNITS, dtype=np.int64)
     steps[finite] = np.rint(matrix[finite] * scale).astype(np.int64)
     data = pyvrp.ProblemData(
-        [pyvrp.Location(0.0, 0.0)] * (m + 1), [pyvrp.Client(k) for k in range(1, m + 1)], [pyvrp.Depot(0)],
-        [pyvrp.VehicleType()], [steps], [np.zeros_like(steps)],
-    )  # fmt: skip
+        [pyvrp.Location(0.0, 0.0)] * (m + 1),
+        [pyvrp.Client(k) for k in range(1, m + 1)],
+        [pyvrp.Depot(0)],
+        [pyvrp.VehicleType()],
+        [steps],
+        [np.zeros_like(steps)],
+    )
     (route,) = _search(data, m + 1, seed).routes()
     return tuple(data.client(step.idx).location - 1 for step in route if step.is_client())
 

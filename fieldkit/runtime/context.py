@@ -42,9 +42,13 @@ class Context:
 
     @classmethod
     def usual(
-        cls, cache: StageCache | None = None, progress: Progress | None = None, workers: int = 1, seed: int = 0,
+        cls,
+        cache: StageCache | None = None,
+        progress: Progress | None = None,
+        workers: int = 1,
+        seed: int = 0,
         scheduler: str = "",
-    ) -> Context:  # fmt: skip
+    ) -> Context:
         """A context with the cache in the usual place, and silence, where there is None."""
         return cls(cache or StageCache(default_cache_root()), progress or Silent(), workers, seed, scheduler)
 

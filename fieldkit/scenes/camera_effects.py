@@ -76,9 +76,13 @@ class CameraEffects:
     def changes_pixels(self) -> bool:
         """Whether anything but the JPEG is on."""
         strengths = (
-            self.defocus_px, self.vignetting, self.veiling_glare, self.exposure_ev, self.white_balance,
+            self.defocus_px,
+            self.vignetting,
+            self.veiling_glare,
+            self.exposure_ev,
+            self.white_balance,
             self.grain,
-        )  # fmt: skip
+        )
         return self.moves or any(strengths)
 
 
@@ -100,9 +104,14 @@ def draw_motion(exposure_s: float, rng: np.random.Generator) -> Motion:
 
 
 def photographed(
-    image: ByteArray, depth: Float32Array | None, intrinsics: Intrinsics, effects: CameraEffects,
-    rng: np.random.Generator, *, economy: bool = False,
-) -> ByteArray:  # fmt: skip
+    image: ByteArray,
+    depth: Float32Array | None,
+    intrinsics: Intrinsics,
+    effects: CameraEffects,
+    rng: np.random.Generator,
+    *,
+    economy: bool = False,
+) -> ByteArray:
     """The image as the camera would deliver it, before JPEG.
 
     Args:

@@ -149,8 +149,11 @@ def _thinned(cloud: Cloud, points: int, seed: int) -> Cloud:
 def scene_digest(scene: Scene) -> str:
     """A digest of all that is drawn: every mesh's arrays, the light and the background."""
     meshes = [
-        (m.name, m.plant, *(getattr(m, k) for k in ("vertices", "faces", "normals", "uv", "texture", "colors",
-                                                     "shading")))
+        (
+            m.name,
+            m.plant,
+            *(getattr(m, k) for k in ("vertices", "faces", "normals", "uv", "texture", "colors", "shading")),
+        )
         for m in scene.meshes
-    ]  # fmt: skip
+    ]
     return digest(*[tuple(mesh) for mesh in meshes], scene.light, scene.background)

@@ -81,9 +81,13 @@ class RecordedScene:
 
 
 def scene_from_reference(
-    reference: ReferenceFiles, output: Path, *, photographs: Sequence[PosedPhotograph] = (),
-    overwrite: bool = False, progress: Progress | None = None,
-) -> RecordedScene:  # fmt: skip
+    reference: ReferenceFiles,
+    output: Path,
+    *,
+    photographs: Sequence[PosedPhotograph] = (),
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> RecordedScene:
     """Write ``output``/scene.toml with the plants' and the other surfels beside it.
 
     The plants are the reference's cloud without its strays. Everything else is the scene's points, without strays,
@@ -107,9 +111,12 @@ def scene_from_reference(
         write_ply(partial / PLANTS_FILE, plants)
         write_ply(partial / GROUND_FILE, rest)
         surface = RecordedSurface(
-            partial / PLANTS_FILE, partial / GROUND_FILE, plant_surfel_m=_surfel(plant_spacing),
-            ground_surfel_m=_surfel(spacing(rest)), ground_color=_ground_color(rest, reference.ground_tolerance_m),
-        )  # fmt: skip
+            partial / PLANTS_FILE,
+            partial / GROUND_FILE,
+            plant_surfel_m=_surfel(plant_spacing),
+            ground_surfel_m=_surfel(spacing(rest)),
+            ground_color=_ground_color(rest, reference.ground_tolerance_m),
+        )
         if photographs:
             # As read back, since a PLY's coordinates are rounded.
             drawn = [
@@ -121,11 +128,15 @@ def scene_from_reference(
                 Image.fromarray(pack_atlas(part)).save(partial / name, compress_level=3)
             surface = replace(surface, plant_atlas=partial / ATLAS_FILES[0], ground_atlas=partial / ATLAS_FILES[1])
         description = SceneDescription(
-            name=reference.name, notes=f"Made from the reference {reference.name}.", bounds=reference.bounds,
-            recorded=surface, reference=ReferenceSampling(points=max(len(plants), 1_000)),
-            camera=reference.camera.without_distortion(), camera_effects=CameraEffects(grain=USUAL_GRAIN),
+            name=reference.name,
+            notes=f"Made from the reference {reference.name}.",
+            bounds=reference.bounds,
+            recorded=surface,
+            reference=ReferenceSampling(points=max(len(plants), 1_000)),
+            camera=reference.camera.without_distortion(),
+            camera_effects=CameraEffects(grain=USUAL_GRAIN),
             noise=CaptureNoise(image_sigma=0.0),
-        )  # fmt: skip
+        )
         write_scene(partial / SCENE_FILE, description)
     return RecordedScene(output / SCENE_FILE, len(plants), len(rest), surface.plant_surfel_m, surface.ground_surfel_m)
 

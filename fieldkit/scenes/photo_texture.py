@@ -39,9 +39,12 @@ class PosedPhotograph:
 
 
 def photo_patches(
-    clouds: Sequence[tuple[Cloud, float]], photographs: Sequence[PosedPhotograph], *, texels: int = 4,
+    clouds: Sequence[tuple[Cloud, float]],
+    photographs: Sequence[PosedPhotograph],
+    *,
+    texels: int = 4,
     progress: Progress | None = None,
-) -> list[ByteArray]:  # fmt: skip
+) -> list[ByteArray]:
     """For each cloud (n points, side of its surfels in metres) the patches (n, texels, texels, 3) of its surfels.
 
     The best photograph is the one that looks at a surfel most squarely and from near among those that see it: inside
@@ -77,9 +80,9 @@ class _Surfels:
         self._source = np.full(len(cloud), -1)
         assert cloud.colors is not None
         self._colors = cloud.colors
-        self._patches = np.ascontiguousarray(np.broadcast_to(
-            cloud.colors[:, None, None, :], (len(cloud), texels, texels, 3)
-        ))  # fmt: skip
+        self._patches = np.ascontiguousarray(
+            np.broadcast_to(cloud.colors[:, None, None, :], (len(cloud), texels, texels, 3))
+        )
         self._grid = np.linspace(-0.5, 0.5, texels)
 
     def better(self, pose: Pose, intrinsics: Intrinsics, small: Intrinsics, depth: Float32Array) -> IntArray:

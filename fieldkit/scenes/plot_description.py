@@ -220,22 +220,25 @@ def check_mesh_file(path: Path, sha256: str = "") -> None:
     """Make sure that a mesh file is there, of a known kind, of a sensible size, and the one meant."""
     if path.suffix.lower() not in SUFFIXES:
         raise SceneError(
-            f"{path.suffix or 'a file without a suffix'} is not one of {', '.join(SUFFIXES)}", path=path,
+            f"{path.suffix or 'a file without a suffix'} is not one of {', '.join(SUFFIXES)}",
+            path=path,
             remedy=_CONVERT,
-        )  # fmt: skip
+        )
     if not path.is_file():
         raise SceneError("there is no such mesh file", path=path, remedy="Check 'file' in the scene file.")
     size = path.stat().st_size
     if size > MAX_BYTES:
         raise SceneError(
-            f"is {size >> 20} MiB; meshes are read up to {MAX_BYTES >> 20} MiB", path=path,
+            f"is {size >> 20} MiB; meshes are read up to {MAX_BYTES >> 20} MiB",
+            path=path,
             remedy="Simplify it (MeshLab: quadric edge collapse) to 200,000 triangles.",
-        )  # fmt: skip
+        )
     if sha256:
         with open_regular(path) as file:
             found = hashlib.file_digest(file, "sha256").hexdigest()
         if found != sha256.lower():
             raise SceneError(
-                "is not the file the scene was made with (SHA-256 differs)", path=path,
+                "is not the file the scene was made with (SHA-256 differs)",
+                path=path,
                 remedy="Put the right file there, or remove 'sha256' from the scene file.",
-            )  # fmt: skip
+            )

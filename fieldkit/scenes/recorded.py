@@ -81,9 +81,14 @@ def recorded_plants(surface: RecordedSurface) -> Cloud:
 
 
 def surfels(
-    name: str, cloud: Cloud, side_m: float, *, plant: bool = False, atlas: ByteArray | None = None,
+    name: str,
+    cloud: Cloud,
+    side_m: float,
+    *,
+    plant: bool = False,
+    atlas: ByteArray | None = None,
     texels: int = 4,
-) -> Mesh:  # fmt: skip
+) -> Mesh:
     """Squares of ``side_m`` across the points' normals (upwards where unknown), each turned by an angle of its own.
 
     They are seen from the side their normal points to only: a thin leaf has points of both its sides, in two colours
@@ -102,9 +107,16 @@ def surfels(
         assert cloud.colors is not None
         colors = np.repeat(cloud.colors.astype(np.float32) / np.float32(255.0), 4, axis=0)
     return Mesh(
-        name, vertices.reshape(-1, 3).astype(np.float32), faces, np.repeat(normals, 4, axis=0).astype(np.float32),
-        uv=uv, texture=atlas, colors=colors, plant=plant, two_sided=cloud.normals is None,
-    )  # fmt: skip
+        name,
+        vertices.reshape(-1, 3).astype(np.float32),
+        faces,
+        np.repeat(normals, 4, axis=0).astype(np.float32),
+        uv=uv,
+        texture=atlas,
+        colors=colors,
+        plant=plant,
+        two_sided=cloud.normals is None,
+    )
 
 
 def surfel_axes(cloud: Cloud) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -107,11 +107,12 @@ def draw_variation(cloud: Cloud, apart: PlantsApart, seed: int, number: int) -> 
         return Variation(whole=_whole(cloud, seed, number, rng))
     plants = tuple(
         Change(
-            (float(x), float(y), float(z)), turn_deg=round(float(rng.uniform(0.0, 360.0)), 1),
+            (float(x), float(y), float(z)),
+            turn_deg=round(float(rng.uniform(0.0, 360.0)), 1),
             scale=round(float(rng.uniform(*SCALE_RANGE)), 3),
         )
         for x, y, z in apart.feet_m
-    )  # fmt: skip
+    )
     left_out = 0
     if apart.count >= 2:
         among = np.random.default_rng([seed, _PURPOSE_LEFT_OUT, number // LEFT_OUT_EVERY])
@@ -163,9 +164,11 @@ def write_varied_scene(description: SceneDescription, apart: PlantsApart, variat
             _link(surface.ground_atlas, partial / ATLAS_FILES[1])
             varied = replace(varied, ground_atlas=partial / ATLAS_FILES[1])
         written = replace(
-            description, notes=_notes(description.name, variation), recorded=varied,
+            description,
+            notes=_notes(description.name, variation),
+            recorded=varied,
             bounds=bounds_around(description.bounds, plants),
-        )  # fmt: skip
+        )
         write_scene(partial / SCENE_FILE, written)
     return output / SCENE_FILE
 

@@ -233,7 +233,13 @@ def _upload(pyrender: Any, mesh: Mesh) -> Any:
     if mesh.colors is not None:
         colors = np.column_stack([mesh.colors, np.ones(len(mesh.colors), np.float32)])
     primitive = pyrender.Primitive(
-        positions=mesh.vertices, normals=mesh.normals if mesh.shading is not None else None, tangents=mesh.shading,
-        texcoord_0=mesh.uv, color_0=colors, indices=mesh.faces, material=material, mode=4,
-    )  # fmt: skip
+        positions=mesh.vertices,
+        normals=mesh.normals if mesh.shading is not None else None,
+        tangents=mesh.shading,
+        texcoord_0=mesh.uv,
+        color_0=colors,
+        indices=mesh.faces,
+        material=material,
+        mode=4,
+    )
     return pyrender.Mesh([primitive], name=mesh.name, is_visible=True)

@@ -134,9 +134,15 @@ def neighbour_points(scene: Scene) -> FloatArray:
 
 
 def visible_from(
-    points: FloatArray, triangles: FloatArray, direction: FloatArray, radius_m: float, *,
-    pixels: int, bias_m: float, blur: int = 0,
-) -> FloatArray:  # fmt: skip
+    points: FloatArray,
+    triangles: FloatArray,
+    direction: FloatArray,
+    radius_m: float,
+    *,
+    pixels: int,
+    bias_m: float,
+    blur: int = 0,
+) -> FloatArray:
     """Share in [0, 1] of each point (n, 3) that parallel rays from ``direction`` (3,) reach past the triangles.
 
     Args:

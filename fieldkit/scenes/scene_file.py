@@ -34,9 +34,11 @@ _MISSING = "`fieldkit scene new` makes a scene file; `fieldkit scene show` lists
 _ADAPTER = TypeAdapter(SceneDescription)
 _KINDS = {"maize": "MaizeDescription", "mesh": "MeshPlantDescription"}
 _TEXTS = {
-    "unexpected_keyword_argument": "is not a key of this format", "extra_forbidden": "is not a key of this format",
-    "dataclass_type": "should be a table", "dataclass_exact_type": "should be a table",
-}  # fmt: skip
+    "unexpected_keyword_argument": "is not a key of this format",
+    "extra_forbidden": "is not a key of this format",
+    "dataclass_type": "should be a table",
+    "dataclass_exact_type": "should be a table",
+}
 
 
 def read_scene(path: Path) -> SceneDescription:
@@ -119,9 +121,11 @@ def _with_files(description: SceneDescription, path: Path) -> SceneDescription:
         files: dict[str, Any] = {key: _existing(file, path, f"recorded.{key}") for key, file in recorded.files.items()}
         recorded = dataclasses.replace(recorded, **files)
     return dataclasses.replace(
-        description, plot=dataclasses.replace(description.plot, plants=tuple(plants)), recorded=recorded,
+        description,
+        plot=dataclasses.replace(description.plot, plants=tuple(plants)),
+        recorded=recorded,
         name=description.name or path.stem,
-    )  # fmt: skip
+    )
 
 
 def _existing(file: Path, scene: Path, key: str) -> Path:

@@ -124,9 +124,17 @@ class _Bending:
         count = np.maximum(np.bincount(leaf, minlength=leaves), 1)
         feet = np.stack([np.bincount(leaf, rest[:, axis], leaves) / count for axis in range(2)], axis=1)
         return cls(
-            mesh, moving, rest, reach[:, None], leaf, np.exp(-1j * lag)[:, None], feet, turned,
-            2 * np.pi * tones[..., None], rng.uniform(0, 2 * np.pi, (leaves, _TONES, 3)),
-        )  # fmt: skip
+            mesh,
+            moving,
+            rest,
+            reach[:, None],
+            leaf,
+            np.exp(-1j * lag)[:, None],
+            feet,
+            turned,
+            2 * np.pi * tones[..., None],
+            rng.uniform(0, 2 * np.pi, (leaves, _TONES, 3)),
+        )
 
     def at(
         self, time_s: float, gust: FloatArray, wind_m: float, vehicle: tuple[float, FloatArray] | None

@@ -122,9 +122,14 @@ class FitReport:
 
 
 def fit_report(
-    plan: Plans, site: Site, vehicle: Vehicle, *, fit: bool | None = None, adjust: bool = False,
+    plan: Plans,
+    site: Site,
+    vehicle: Vehicle,
+    *,
+    fit: bool | None = None,
+    adjust: bool = False,
     advance: Advance = ignore,
-) -> FitReport:  # fmt: skip
+) -> FitReport:
     """Put a plan on every plot of a site, and say all that speaks against it there.
 
     ``advance`` is told of plots that are done with.
@@ -187,10 +192,11 @@ def _crowding(
     if over or low or hidden > _HIDDEN:
         near = f", and {low} come nearer to these than {clearance_m:g} m" if low else ""
         yield _finding(
-            "", "plots-too-near" if low else PLOTS_NEAR,
+            "",
+            "plots-too-near" if low else PLOTS_NEAR,
             f"{over} of {len(stops)} stations stand over other plots, whose plants hide {hidden:.0%} of the sight lines"
             f"{near}: plots nearer than {math.ceil(10 * reach_m) / 10:.1f} m need another way of flying",
-        )  # fmt: skip
+        )
 
 
 def _flown(plan: Plans, site: Site, fit: bool | None) -> tuple[Plans, list[Finding]]:
@@ -235,11 +241,12 @@ def other_camera(plan: Plan, plot: SitePlot, vehicle: Vehicle) -> Iterator[Findi
     ratio = np.tan(np.radians(own) / 2.0) / np.tan(np.radians(planned) / 2.0)
     if ratio.max() > _VIEWS_APART or ratio.min() < 1.0 / _VIEWS_APART:
         yield _finding(
-            plot, "other-camera",
+            plot,
+            "other-camera",
             f"the plan's camera sees {planned[0]:.0f} × {planned[1]:.0f}°, and that of {vehicle.title} "
             f"{own[0]:.0f} × {own[1]:.0f}°",
             "Plan for this vehicle: fieldkit plan --vehicle NAME.",
-        )  # fmt: skip
+        )
 
 
 def _view_deg(camera: Intrinsics) -> FloatArray:
@@ -259,11 +266,12 @@ def _wash(stations: FloatArray, plants: FloatArray, plot: SitePlot, vehicle: Veh
     too_near = int((moved_m > WINDY_M).sum())
     if too_near:
         yield _finding(
-            plot, "wash",
+            plot,
+            "wash",
             f"the rotors of {vehicle.title} move leaves by more than {1000 * WINDY_M:.0f} mm at {too_near} of "
             f"{len(stations)} stations, the nearest {away.min():.1f} m from plants: as too windy a day does",
             "Keep farther away: fieldkit plan --vehicle NAME --clearance M.",
-        )  # fmt: skip
+        )
 
 
 def plants_outgrown(plan: Plan, plant_height_m: float, *, plot: str = "plot") -> Finding | None:
@@ -277,12 +285,13 @@ def plants_outgrown(plan: Plan, plant_height_m: float, *, plot: str = "plot") ->
     if top is None or not math.isfinite(plant_height_m) or plant_height_m <= top + HIGHER_M:
         return None
     return _finding(
-        plot, "plants-outgrown",
+        plot,
+        "plants-outgrown",
         f"plants are {plant_height_m:.2f} m high, {plant_height_m - top:.2f} m higher than those that the plan keeps "
         f"clear of ({top:.2f} m)",
         f"Give plant_height_m = {math.ceil(20 * plant_height_m) / 20:.2f} for this plot and export the mission again: "
         "it is then flown clear of them, or refused.",
-    )  # fmt: skip
+    )
 
 
 def _plants(facts: PlanFacts | None, plot: SitePlot, clearance_m: float) -> Iterator[Finding]:
@@ -291,18 +300,20 @@ def _plants(facts: PlanFacts | None, plot: SitePlot, clearance_m: float) -> Iter
     if height is None:
         made_for = "" if top is None else f"; the plan's are {top:.2f} m high"
         yield _finding(
-            plot, "plant-height-unknown",
+            plot,
+            "plant-height-unknown",
             f"nobody says how high its plants are, and a mission has to keep clear of them{made_for}",
             "Measure the highest plants: plant_height_m in the plots file gives each plot's, --plant-height METRES one "
             "for all. --plant-height unknown keeps clear of plants 30 % taller than the plan's.",
-        )  # fmt: skip
+        )
         return
     if plants is None:
         yield _finding(
-            plot, "plants-unknown",
+            plot,
+            "plants-unknown",
             f"not checked against plants: neither the plan nor the site says where those of {height:.2f} m stand",
             "Make the plan again with fieldkit plan, which writes them into plan.json, or give the plot's outline.",
-        )  # fmt: skip
+        )
         return
     if facts is None or top is None:
         return
@@ -312,22 +323,25 @@ def _plants(facts: PlanFacts | None, plot: SitePlot, clearance_m: float) -> Iter
         higher = f"plants of {height:.2f} m are {height - top:.2f} m higher than the plan's"
         if lost:
             yield _finding(
-                plot, "plants-too-high",
+                plot,
+                "plants-too-high",
                 f"{higher}: {_stations(lost)} would stand in them, or nearer to them than {clearance_m:g} m",
                 "Fit the plan to them with --fit, or plan again on plants of this height.",
-            )  # fmt: skip
+            )
         else:
             yield _finding(
-                plot, "plants-higher",
+                plot,
+                "plants-higher",
                 f"{higher}; the mission keeps clear of them, but they fill more of the pictures than planned",
                 "Fit the plan to them with --fit, or look at what the photographs show.",
-            )  # fmt: skip
+            )
     elif height < LOWER_SHARE * top:
         yield _finding(
-            plot, "plants-lower",
+            plot,
+            "plants-lower",
             f"plants of {height:.2f} m are {top - height:.2f} m lower than the plan's: they are photographed from "
             "farther away than planned",
-        )  # fmt: skip
+        )
 
 
 def _size(facts: PlanFacts, plot: SitePlot) -> Iterator[Finding]:
@@ -347,9 +361,10 @@ def _size(facts: PlanFacts, plot: SitePlot) -> Iterator[Finding]:
         yield _finding(plot, "plot-size", larger, remedy)
     elif share is None and extent is None:
         yield _finding(
-            plot, "size-unknown",
+            plot,
+            "size-unknown",
             f"whether the plan shows all of the plot of {sizes} cannot be told: it has neither camera nor plants",
-        )  # fmt: skip
+        )
 
 
 def _spacing(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[Finding]:
@@ -358,10 +373,11 @@ def _spacing(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[F
         return
     if known is None:
         yield _finding(
-            plot, "row-spacing-unknown",
+            plot,
+            "row-spacing-unknown",
             f"whether rows {wanted:.2f} m apart are as the plan's cannot be told: no rows along x are found in the "
             "plan's plants",
-        )  # fmt: skip
+        )
         return
     if not other_spacing(known, wanted):
         return
@@ -371,16 +387,18 @@ def _spacing(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[F
     rows = f"rows are {wanted:.2f} m apart, the plan's {known:.2f} m"
     if inside:
         yield _finding(
-            plot, "rows-elsewhere",
+            plot,
+            "rows-elsewhere",
             f"{rows}: {_stations(inside)} may stand among plants, being lower than {clearance_m:g} m over them",
             "Plan on a plot with these rows, or leave row_spacing_m out where you know that the stations stand clear.",
-        )  # fmt: skip
+        )
     else:
         yield _finding(
-            plot, "row-spacing",
+            plot,
+            "row-spacing",
             f"{rows}: what hides what differs; the mission stays above all that the plan's plants cover",
             "Compare the scores of such plots with those of the plan's spacing.",
-        )  # fmt: skip
+        )
 
 
 def _slope(facts: PlanFacts, plot: SitePlot) -> Iterator[Finding]:
@@ -392,10 +410,11 @@ def _slope(facts: PlanFacts, plot: SitePlot) -> Iterator[Finding]:
     shifted = f"stations are shifted by {rise.min():+.2f} to {rise.max():+.2f} m".replace("-", "−")
     if plot.slope_percent > STEEP_PERCENT:
         yield _finding(
-            plot, "slope-steep",
+            plot,
+            "slope-steep",
             f"the ground rises by {plot.slope_percent:.1f} %; plans have been tried to {STEEP_PERCENT:g} %; {shifted}",
             "Plan on a plot with this slope.",
-        )  # fmt: skip
+        )
     else:
         yield _finding(plot, "slope", f"the ground rises by {plot.slope_percent:.1f} %: {shifted}, and pitches turn")
 
@@ -411,11 +430,12 @@ def _heading(facts: PlanFacts, plot: SitePlot) -> Iterator[Finding]:
         back = (plot.row_heading_deg + 180.0) % 360.0 % 360.0
         remedy = f"The other direction of its rows, row_heading_deg = {back:.1f}, turns it by {180.0 - abs(turn):.0f}°."
     yield _finding(
-        plot, "turned",
+        plot,
+        "turned",
         f"lies turned by {abs(turn):.0f}° against the plot that the plan was made on: at the same hour light and shade "
         "fall otherwise on its rows",
         remedy,
-    )  # fmt: skip
+    )
 
 
 def _among(facts: PlanFacts, plants: PlotPlants, clearance_m: float, *, unless: PlotPlants | None = None) -> list[int]:

@@ -98,9 +98,13 @@ def fitted(plan: Plan, plot: SitePlot) -> Plan:
         )
     limits = plan.envelope or PlanEnvelope()
     stretch = Stretch(
-        np.append(facts.box[0], 0.0), np.append(facts.box[1], _height_m(facts)), scale, limits.plant_distance_m or 0.0,
-        None if limits.lower_m is None else limits.lower_m[2], limits.pitch_deg,
-    )  # fmt: skip
+        np.append(facts.box[0], 0.0),
+        np.append(facts.box[1], _height_m(facts)),
+        scale,
+        limits.plant_distance_m or 0.0,
+        None if limits.lower_m is None else limits.lower_m[2],
+        limits.pitch_deg,
+    )
     points = tuple((float(x), float(y), float(z)) for x, y, z in facts.points * scale)
     cell_m = plan.plants.cell_m * float(scale.max())
     length, width, height = (float(factor) for factor in scale)

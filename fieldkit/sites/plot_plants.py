@@ -252,14 +252,15 @@ def heights_taken(before: Site, after: Site, given: PlantHeight | None) -> tuple
     stated = {plot.name for plot in before.all_plots if plot.plant_height_m is not None}
     return tuple(
         Finding(
-            plot.name, HEIGHT_TAKEN,
+            plot.name,
+            HEIGHT_TAKEN,
             f"nobody says how high its plants are: they count as {plot.plant_height_m:.2f} m high, the tallest known "
             "ones and 30 %",
             remedy="Measure them: plant_height_m in the plots file gives each plot's.",
         )
         for plot in after.all_plots
         if plot.name not in stated and plot.plant_height_m not in (None, given)
-    )  # fmt: skip
+    )
 
 
 def same_height_m(height_m: float) -> float:

@@ -25,8 +25,14 @@ from fieldkit.wording import listed
 
 PLOTS_REMEDY = "Plots are polygons or points; height_m, row_heading_deg … are properties, in metres and degrees."
 _AS_THEY_ARE = (
-    "height_m", "datum", "slope_percent", "slope_deg", "uphill_heading_deg", "plant_height_m", "row_spacing_m"
-)  # fmt: skip
+    "height_m",
+    "datum",
+    "slope_percent",
+    "slope_deg",
+    "uphill_heading_deg",
+    "plant_height_m",
+    "row_spacing_m",
+)
 _PROPERTIES = (*NUMBERS, "datum", "ground_points")
 _NEAR = 0.87
 """Likeness from which a column's name is a slip: plant_heigth_m and lenght_m are, height and length are not."""
@@ -125,9 +131,10 @@ def _unused(features: Sequence[Feature], id_field: str | None, path: Path) -> tu
         near = nearest(plain, [known for known in _PROPERTIES if known not in columns], _NEAR)
         if near is not None:
             raise MetadataError(
-                f'has a column "{name}", which is not used. {MISSPELT.looks_like.format(near)}', path=path,
+                f'has a column "{name}", which is not used. {MISSPELT.looks_like.format(near)}',
+                path=path,
                 remedy=f"Name it {near} (metres and degrees), or otherwise than a property of plots.",
-            )  # fmt: skip
+            )
     return tuple(others)
 
 

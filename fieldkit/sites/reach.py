@@ -68,9 +68,13 @@ class Unreachable:
     def finding(self) -> Finding:
         """What speaks against flying it as planned."""
         return Finding(
-            self.shot.plot, "out-of-reach", self.what, severity="error", station=self.shot.station,
+            self.shot.plot,
+            "out-of-reach",
+            self.what,
+            severity="error",
+            station=self.shot.station,
             remedy="Give --adjust to fly the nearest poses, or plan within this vehicle's limits.",
-        )  # fmt: skip
+        )
 
 
 def unreachable(
@@ -122,13 +126,15 @@ def one_photograph(before: Sequence[Shot], after: Sequence[Shot], site: Site) ->
                 told.add((first, second))
                 now_m, now_deg = _apart(points[row], points[other], after[row], after[other])
                 yield Finding(
-                    after[first].plot, "one-photograph",
+                    after[first].plot,
+                    "one-photograph",
                     f"it and station {station_number(after[second].station)} become one photograph when they are "
                     f"adjusted to this vehicle: {now_m:.2f} m and {now_deg:.1f}° apart, {was_m:.2f} m and "
                     f"{was_deg:.1f}° as planned",
-                    severity="error", station=after[first].station,
+                    severity="error",
+                    station=after[first].station,
                     remedy="Plan for this vehicle (fieldkit plan --vehicle), or leave one of the two out of the plan.",
-                )  # fmt: skip
+                )
 
 
 def needs_rtk(stations: FloatArray, near_m: float, vehicle: Vehicle) -> list[str]:

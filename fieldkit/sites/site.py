@@ -289,8 +289,11 @@ class Site(Strict):
         first, second = shapely.STRtree(outlines).query(outlines, predicate="intersects")
         shared = shapely.area(shapely.intersection(np.take(outlines, first), np.take(outlines, second)))
         share = shared / np.minimum(areas[first], areas[second])
-        pairs = [(a, b, part) for a, b, part in zip(first.tolist(), second.tolist(), share, strict=True)
-                 if a != b and part > _DRAWN_TWICE]  # fmt: skip
+        pairs = [
+            (a, b, part)
+            for a, b, part in zip(first.tolist(), second.tolist(), share, strict=True)
+            if a != b and part > _DRAWN_TWICE
+        ]
         for k, outer in enumerate(self.plots):
             inside = [self.plots[b].name for a, b, _ in pairs if a == k and areas[b] < areas[a]]
             if len(inside) > 1:

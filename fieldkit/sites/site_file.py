@@ -36,9 +36,13 @@ Tell = Callable[[str], None]
 
 
 def load_site(
-    path: Path, plots: Path | None = None, plot_id: str | None = None, *, tell: Tell | None = None,
+    path: Path,
+    plots: Path | None = None,
+    plot_id: str | None = None,
+    *,
+    tell: Tell | None = None,
     converted: bool = False,
-) -> Site:  # fmt: skip
+) -> Site:
     """Read a site file.
 
     ``geofence``, ``no_fly``, ``plots`` and ``neighbours`` may name files (`read_wgs84`), relative to the site file

@@ -141,9 +141,14 @@ def _placed(name: str, bands: Sequence[Band], to_plot: PlotFrame, frame: SiteFra
 
 
 def _ground(
-    plan: Plan, plot: SitePlot, plants: PlotPlants | None, to_plot: PlotFrame, clearance_m: float, frame: SiteFrame,
+    plan: Plan,
+    plot: SitePlot,
+    plants: PlotPlants | None,
+    to_plot: PlotFrame,
+    clearance_m: float,
+    frame: SiteFrame,
     landings: Sequence[tuple[float, float]],
-) -> Iterator[Volume]:  # fmt: skip
+) -> Iterator[Volume]:
     """The ground of a sloping plot as steps, but for those that home or the landing lies on.
 
     A step's top is that of its lower edge: it is lower than the clearance by at most `BAND_M`, and never in the way of

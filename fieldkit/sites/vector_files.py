@@ -32,9 +32,16 @@ MAX_FEATURES = 2000
 MAX_CORNERS = 20_000
 """Most corners of all polygons of a file together."""
 NUMBERS = (
-    "height_m", "slope_percent", "slope_deg", "uphill_heading_deg", "plant_height_m", "row_spacing_m",
-    "row_heading_deg", "length_m", "width_m",
-)  # fmt: skip
+    "height_m",
+    "slope_percent",
+    "slope_deg",
+    "uphill_heading_deg",
+    "plant_height_m",
+    "row_spacing_m",
+    "row_heading_deg",
+    "length_m",
+    "width_m",
+)
 """Properties of plots that are numbers; KML may have them as text."""
 
 _NOUN = "file of plots or zones"
@@ -160,9 +167,10 @@ def _converted(path: Path, kind: str, source: str) -> VectorFile:
         from pyproj.exceptions import ProjError
     except ImportError as error:
         raise MetadataError(
-            f"is {kind}; reading that needs the extra 'geo'", path=path,
+            f"is {kind}; reading that needs the extra 'geo'",
+            path=path,
             remedy="pip install 'fieldkit[geo]', or give GeoJSON in WGS 84 (EPSG:4326).",
-        ) from error  # fmt: skip
+        ) from error
     rows: list[dict[str, Any]] = []
     datum = ""
     try:
@@ -196,9 +204,10 @@ def _layers(found: Any, kind: str, path: Path) -> list[str]:
     chosen = layers if len(layers) == 1 or kind in ("KML", "KMZ") else areas
     if len(chosen) != 1 and kind not in ("KML", "KMZ"):
         raise MetadataError(
-            f"has {len(layers)} layers with places: {', '.join(layers[:8])}", path=path,
+            f"has {len(layers)} layers with places: {', '.join(layers[:8])}",
+            path=path,
             remedy="In QGIS, export the one with the plots by itself: Save Features As….",
-        )  # fmt: skip
+        )
     return chosen
 
 

@@ -21,19 +21,27 @@ def main(arguments: list[str] | None = None) -> int:
     """Send a recording's telemetry on this machine and take missions as ArduCopter 4.5.6 does, until Ctrl-C."""
     parser = argparse.ArgumentParser("python -m fieldkit_sim", formatter_class=argparse.RawDescriptionHelpFormatter)
     replay = parser.add_subparsers(dest="command", required=True).add_parser(
-        "replay", help="Stand in for a vehicle, by the recording of a real one.", description=main.__doc__,
-        epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+        "replay",
+        help="Stand in for a vehicle, by the recording of a real one.",
+        description=main.__doc__,
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     replay.add_argument("recording", type=Path, help="telemetry log of a flight (.tlog)")
     replay.add_argument(
-        "--serve", default="udpout://127.0.0.1:14550", metavar="URL",
+        "--serve",
+        default="udpout://127.0.0.1:14550",
+        metavar="URL",
         help="udpout://127.0.0.1:PORT, as the SITL does, or udpin://127.0.0.1:PORT",
-    )  # fmt: skip
+    )
     for name, default, what in (
-        ("speed", 1.0, "vehicle seconds per second"), ("from", 0.0, "where in the recording to begin, seconds"),
-        ("for", None, "stop after so many seconds; else at Ctrl-C"), ("loss", 0.0, "share of packets, each way"),
-        ("duplicate", 0.0, "share of packets, each way"), ("delay", 0.0, "mean time under way, each way, seconds"),
-    ):  # fmt: skip
+        ("speed", 1.0, "vehicle seconds per second"),
+        ("from", 0.0, "where in the recording to begin, seconds"),
+        ("for", None, "stop after so many seconds; else at Ctrl-C"),
+        ("loss", 0.0, "share of packets, each way"),
+        ("duplicate", 0.0, "share of packets, each way"),
+        ("delay", 0.0, "mean time under way, each way, seconds"),
+    ):
         replay.add_argument(f"--{name}", type=float, default=default, metavar="X", help=what)
     given = vars(parser.parse_args(arguments))
     try:

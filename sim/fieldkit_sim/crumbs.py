@@ -52,9 +52,13 @@ def scatter_crumbs(crumbs: Crumbs, seed: int) -> tuple[FloatArray, FloatArray]:
 
 
 def build_crumbs(
-    crumbs: Crumbs, places: FloatArray, sizes: FloatArray, ground: FloatArray,
-    color: FloatArray, seed: int,
-) -> Mesh:  # fmt: skip
+    crumbs: Crumbs,
+    places: FloatArray,
+    sizes: FloatArray,
+    ground: FloatArray,
+    color: FloatArray,
+    seed: int,
+) -> Mesh:
     """All bodies of a class as one mesh.
 
     Args:

@@ -27,9 +27,15 @@ Layout = Literal["rows", "grid", "random"]
 
 
 FIELD_CAMERA = CameraEffects(
-    exposure_s=0.003, defocus_px=0.25, vignetting=0.2, veiling_glare=0.005, exposure_ev=0.2, white_balance=0.03,
-    grain=USUAL_GRAIN, jpeg_quality=85,
-)  # fmt: skip
+    exposure_s=0.003,
+    defocus_px=0.25,
+    vignetting=0.2,
+    veiling_glare=0.005,
+    exposure_ev=0.2,
+    white_balance=0.03,
+    grain=USUAL_GRAIN,
+    jpeg_quality=85,
+)
 """A small camera that exposes automatically, under a drone that hovers. Set on the tuning scenes, with `WIND_M` and the
 leaves' markings, against the recorded rigs (sim/README.md)."""
 WIND_M = 0.010
@@ -55,10 +61,20 @@ _MISSING = 0.25
 
 
 def new_scene(
-    plants: int, seed: int, *, layout: Layout = "rows", spacing_m: float = 0.22, row_spacing_m: float = 0.50,
-    stages: tuple[Stage, ...] = ("V8", "V9", "V10"), soil: SoilKind = "tilled", cover_per_m2: float = 15.0,
-    weeds_per_m2: float = 2.0, neighbour_rows: int = 0, name: str = "", notes: str = "",
-) -> SceneDescription:  # fmt: skip
+    plants: int,
+    seed: int,
+    *,
+    layout: Layout = "rows",
+    spacing_m: float = 0.22,
+    row_spacing_m: float = 0.50,
+    stages: tuple[Stage, ...] = ("V8", "V9", "V10"),
+    soil: SoilKind = "tilled",
+    cover_per_m2: float = 15.0,
+    weeds_per_m2: float = 2.0,
+    neighbour_rows: int = 0,
+    name: str = "",
+    notes: str = "",
+) -> SceneDescription:
     """A plot of ``plants`` different maize plants about the origin, on soil and under a sun of its own.
 
     Args:
@@ -84,23 +100,33 @@ def new_scene(
     form = np.random.default_rng([seed, _PURPOSE_FORM])
     described = tuple(
         MaizeDescription(
-            seed=int(form.integers(1 << 30)), x_m=_rounded(x), y_m=_rounded(y),
-            yaw_deg=_rounded(form.uniform(0, 360), 1), scale=_rounded(form.uniform(*SCALE_RANGE)),
+            seed=int(form.integers(1 << 30)),
+            x_m=_rounded(x),
+            y_m=_rounded(y),
+            yaw_deg=_rounded(form.uniform(0, 360), 1),
+            scale=_rounded(form.uniform(*SCALE_RANGE)),
             stage=stages[int(form.integers(len(stages)))],
         )
         for x, y in places
-    )  # fmt: skip
+    )
     bounds = _bounds(described)
     plot = PlotDescription(
-        described, SoilDescription(seed=seed, kind=soil), _light(seed),
+        described,
+        SoilDescription(seed=seed, kind=soil),
+        _light(seed),
         weeds=WeedsDescription(seed, cover_per_m2, weeds_per_m2),
         neighbours=NeighboursDescription(seed, rows=neighbour_rows),
         extent_m=_rounded(2.0 * max(*bounds.upper_m[:2], *(-v for v in bounds.lower_m[:2])), 2),
-    )  # fmt: skip
+    )
     return SceneDescription(
-        plot, name=name, notes=notes, bounds=bounds, camera_effects=FIELD_CAMERA, wind_m=WIND_M,
+        plot,
+        name=name,
+        notes=notes,
+        bounds=bounds,
+        camera_effects=FIELD_CAMERA,
+        wind_m=WIND_M,
         noise=CaptureNoise(image_sigma=0.0),  # the camera's grain is all its noise
-    )  # fmt: skip
+    )
 
 
 def varied(description: SceneDescription, seed: int, *, name: str = "", notes: str = "") -> SceneDescription:
@@ -193,9 +219,14 @@ def _rounded(value: float, decimals: int = 3) -> float:
 
 
 def plant_layout(
-    count: int, seed: int, *, layout: Literal["row", "grid", "random"] = "row", spacing_m: float = 0.26,
-    stages: tuple[Stage, ...] = ("V7", "V8", "V9"), leaves: tuple[int, int] | None = None,
-) -> tuple[MaizeDescription, ...]:  # fmt: skip
+    count: int,
+    seed: int,
+    *,
+    layout: Literal["row", "grid", "random"] = "row",
+    spacing_m: float = 0.26,
+    stages: tuple[Stage, ...] = ("V7", "V8", "V9"),
+    leaves: tuple[int, int] | None = None,
+) -> tuple[MaizeDescription, ...]:
     """``count`` different plants about the origin.
 
     Args:
@@ -217,11 +248,15 @@ def plant_layout(
     places = places + rng.normal(0, 0.02, places.shape)
     return tuple(
         MaizeDescription(
-            seed=int(rng.integers(1 << 30)), x_m=float(x), y_m=float(y), yaw_deg=float(rng.uniform(0, 360)),
-            scale=float(rng.uniform(0.9, 1.1)), **_form(rng, stages, leaves),
+            seed=int(rng.integers(1 << 30)),
+            x_m=float(x),
+            y_m=float(y),
+            yaw_deg=float(rng.uniform(0, 360)),
+            scale=float(rng.uniform(0.9, 1.1)),
+            **_form(rng, stages, leaves),
         )
         for x, y in places
-    )  # fmt: skip
+    )
 
 
 def _form(rng: np.random.Generator, stages: tuple[Stage, ...], leaves: tuple[int, int] | None) -> dict[str, Any]:

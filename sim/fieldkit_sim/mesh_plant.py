@@ -41,18 +41,25 @@ def build_mesh_plant(plant: MeshPlantDescription, ground_m: float = 0.0) -> Mesh
     height = float(np.ptp(vertices[:, 2]))
     if not 0.005 <= max(height, float(np.ptp(vertices, axis=0).max())) <= 10.0:
         raise SceneError(
-            f"the plant would be {height:.4g} m high", path=path,
+            f"the plant would be {height:.4g} m high",
+            path=path,
             remedy="Set unit_m to metres per unit of the file (0.001 for millimetres), and up to its upward axis.",
-        )  # fmt: skip
+        )
     if colors is None and texture is None:
         vertices, faces = _divided(vertices, faces)
         colors = _leaf_colors(vertices, plant.seed)
     placed = _placed(vertices, plant, ground_m).astype(np.float32)
     triangles = faces.astype(np.int32)
     return Mesh(
-        f"mesh-{path.stem}", placed, triangles, vertex_normals(placed, triangles), uv, texture,
-        colors, plant=True,
-    )  # fmt: skip
+        f"mesh-{path.stem}",
+        placed,
+        triangles,
+        vertex_normals(placed, triangles),
+        uv,
+        texture,
+        colors,
+        plant=True,
+    )
 
 
 def _load(path: Path, sha256: str) -> Any:
@@ -71,9 +78,10 @@ def _load(path: Path, sha256: str) -> Any:
         )
     if len(mesh.faces) > MAX_TRIANGLES:
         raise SceneError(
-            f"has {len(mesh.faces):,} triangles; up to {MAX_TRIANGLES:,} are drawn", path=path,
+            f"has {len(mesh.faces):,} triangles; up to {MAX_TRIANGLES:,} are drawn",
+            path=path,
             remedy="Simplify it (MeshLab: quadric edge collapse) to 200,000 triangles.",
-        )  # fmt: skip
+        )
     return mesh
 
 
@@ -138,10 +146,13 @@ def _leaf_colors(vertices: FloatArray, seed: int) -> Float32Array:
     """(n, 3) leaf colours in [0, 1] that vary with the place on the plant."""
     x, y, z = vertices.T - vertices.min(axis=0)[:, None]
     tone = sum(
-        weight * (fractal_noise(x / cell + 0.7 * z / cell, y / cell - 0.4 * z / cell, seed + k, octaves=3)
-                  + fractal_noise(z / cell, (x - y) / cell, seed + 10 + k, octaves=3))
+        weight
+        * (
+            fractal_noise(x / cell + 0.7 * z / cell, y / cell - 0.4 * z / cell, seed + k, octaves=3)
+            + fractal_noise(z / cell, (x - y) / cell, seed + 10 + k, octaves=3)
+        )
         for k, (cell, weight) in enumerate(((0.04, 0.10), (0.010, 0.12), (0.004, 0.14)))
-    )  # fmt: skip
+    )
     fleck = fractal_noise(x / 0.012 + z / 0.02, y / 0.012, seed + 20, octaves=3)
     color = np.array([0.40, 0.55, 0.25]) * (1.0 + np.asarray(tone))[:, None]
     pale = 0.6 * np.clip((fleck - 0.35) * 4.0, 0.0, 1.0)[:, None]

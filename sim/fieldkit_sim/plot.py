@@ -29,9 +29,15 @@ _SKY_DIRECTIONS = 32
 
 
 def bake_light(
-    meshes: Sequence[Mesh], light: Light, *, gloss: Sequence[tuple[float, float]], radius_m: float,
-    shadows: bool = True, sky_light: bool = True, fine: bool = False,
-) -> list[Mesh]:  # fmt: skip
+    meshes: Sequence[Mesh],
+    light: Light,
+    *,
+    gloss: Sequence[tuple[float, float]],
+    radius_m: float,
+    shadows: bool = True,
+    sky_light: bool = True,
+    fine: bool = False,
+) -> list[Mesh]:
     """The meshes with their shading values filled in (see `Mesh`).
 
     Args:
@@ -103,17 +109,25 @@ def neighbour_plants(
                 x, y = place * along + offset * across + rng.normal(0, 0.02, 2)
                 plants.append(
                     MaizeDescription(
-                        seed=int(rng.integers(1 << 30)), x_m=float(x), y_m=float(y),
-                        yaw_deg=float(rng.uniform(0, 360)), scale=float(rng.uniform(0.9, 1.1)), stage=neighbours.stage,
+                        seed=int(rng.integers(1 << 30)),
+                        x_m=float(x),
+                        y_m=float(y),
+                        yaw_deg=float(rng.uniform(0, 360)),
+                        scale=float(rng.uniform(0.9, 1.1)),
+                        stage=neighbours.stage,
                     )
-                )  # fmt: skip
+                )
     return tuple(plants)
 
 
 def build_neighbours(
-    neighbours: NeighboursDescription, lower: tuple[float, float], upper: tuple[float, float], height: Height, *,
+    neighbours: NeighboursDescription,
+    lower: tuple[float, float],
+    upper: tuple[float, float],
+    height: Height,
+    *,
     textured: bool = True,
-) -> list[Mesh]:  # fmt: skip
+) -> list[Mesh]:
     """The neighbours as coarse, unlit meshes that are no part of the reference."""
     meshes = []
     for i, plant in enumerate(neighbour_plants(neighbours, lower, upper)):
@@ -143,10 +157,14 @@ def build_scene(plot: PlotDescription, advance: Advance = ignore) -> Scene:
     effects = plot.effects
     gloss = [(t if effects.translucency else 0.0, g if effects.gloss else 0.0) for _, (t, g) in surfaces]
     lit = bake_light(
-        [mesh for mesh, _ in surfaces], plot.light, gloss=gloss, radius_m=0.5 * plot.extent_m + 0.6,
-        shadows=effects.shadows, sky_light=effects.sky_light,
+        [mesh for mesh, _ in surfaces],
+        plot.light,
+        gloss=gloss,
+        radius_m=0.5 * plot.extent_m + 0.6,
+        shadows=effects.shadows,
+        sky_light=effects.sky_light,
         fine=plot.soil.kind != "printed",
-    )  # fmt: skip
+    )
     return Scene((*lit, _sky()), plot.light)
 
 

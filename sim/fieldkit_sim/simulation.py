@@ -46,12 +46,22 @@ class Simulation:
 
 
 def simulate(
-    description: SceneDescription, stations: Stations | Sequence[Pose], output: Path, *,
-    intrinsics: Intrinsics | None = None, noise: CaptureNoise | None = None, effects: CameraEffects | None = None,
-    outdoors: Outdoors | None = None, seed: int = 0, poses_csv: bool = True, gps: bool = True,
-    truth: Path | None = None, truth_cloud: Path | None = None, overwrite: bool = False,
+    description: SceneDescription,
+    stations: Stations | Sequence[Pose],
+    output: Path,
+    *,
+    intrinsics: Intrinsics | None = None,
+    noise: CaptureNoise | None = None,
+    effects: CameraEffects | None = None,
+    outdoors: Outdoors | None = None,
+    seed: int = 0,
+    poses_csv: bool = True,
+    gps: bool = True,
+    truth: Path | None = None,
+    truth_cloud: Path | None = None,
+    overwrite: bool = False,
     progress: Progress | None = None,
-) -> Simulation:  # fmt: skip
+) -> Simulation:
     """Photograph a described scene as a drone would.
 
     Args:
@@ -85,11 +95,21 @@ def simulate(
         poses = list(stations(scene, camera) if callable(stations) else stations)
     with Renderer(scene) as renderer:
         true = simulate_capture(
-            output, renderer, poses, camera, noise=noise, seed=seed, effects=effects, outdoors=outdoors,
-            site=description.site if gps else None, row_heading_deg=description.row_heading_deg,
+            output,
+            renderer,
+            poses,
+            camera,
+            noise=noise,
+            seed=seed,
+            effects=effects,
+            outdoors=outdoors,
+            site=description.site if gps else None,
+            row_heading_deg=description.row_heading_deg,
             sidecars=Sidecars(poses=poses_csv, camera=poses_csv),
-            truth=truth, overwrite=overwrite, progress=progress,
-        )  # fmt: skip
+            truth=truth,
+            overwrite=overwrite,
+            progress=progress,
+        )
     if truth_cloud is not None:
         with progress.stage("truth") as advance:
             write_ply(truth_cloud, sample_reference(description, scene))
@@ -146,9 +166,10 @@ def poses_from_csv(path: Path) -> list[Pose]:
     for row in rows:
         if row.yaw_deg is None or row.pitch_deg is None:
             raise MetadataError(
-                f"{row.image} has no yaw or pitch", path=path,
+                f"{row.image} has no yaw or pitch",
+                path=path,
                 remedy="Add the columns yaw_deg and pitch_deg: a photograph needs a direction.",
-            )  # fmt: skip
+            )
         poses.append(Pose.from_yaw_pitch(row.position, row.yaw_deg, row.pitch_deg, row.roll_deg or 0.0))
     return poses
 
@@ -177,9 +198,12 @@ def ring(
 
 
 def dense_rig(
-    count: int = 45, target: ArrayLike = (0.0, 0.0, 0.25), *, radius_m: float = 1.7,
+    count: int = 45,
+    target: ArrayLike = (0.0, 0.0, 0.25),
+    *,
+    radius_m: float = 1.7,
     heights_m: tuple[float, ...] = (0.7, 1.25, 1.9),
-) -> list[Pose]:  # fmt: skip
+) -> list[Pose]:
     """``count`` cameras on rings at several heights, each ring turned by a share of its step, lowest first.
 
     Higher rings are narrower, so that all cameras are about equally far from the target.

@@ -24,8 +24,7 @@ def places(seed: int, count: int, purpose: int) -> tuple[np.random.Generator, Fl
     return rng, rng.uniform(-SCATTER_M, SCATTER_M, (count, 2))
 
 
-def pile(name: str, vertices: list[FloatArray], faces: list[NDArray[np.int32]],
-          colors: list[FloatArray]) -> Mesh:  # fmt: skip
+def pile(name: str, vertices: list[FloatArray], faces: list[NDArray[np.int32]], colors: list[FloatArray]) -> Mesh:
     """One mesh of many bodies whose faces already count their vertices in order."""
     if not vertices:
         empty = np.zeros((0, 3), np.float32)
@@ -77,9 +76,13 @@ def printed_ground(soil: SoilDescription) -> Mesh:
     step = np.linspace(0.0, 1.0, n, dtype=np.float32)
     u, v = np.meshgrid(step, step)
     return Mesh(
-        "soil", vertices, faces, vertex_normals(vertices, faces), np.stack([u, v], -1).reshape(-1, 2),
+        "soil",
+        vertices,
+        faces,
+        vertex_normals(vertices, faces),
+        np.stack([u, v], -1).reshape(-1, 2),
         _soil_texture(soil, axis),
-    )  # fmt: skip
+    )
 
 
 def _soil_texture(soil: SoilDescription, axis: FloatArray) -> ByteArray:
@@ -306,10 +309,12 @@ def _quarters(mesh: Mesh) -> list[Mesh]:
         if len(used):
             parts.append(
                 replace(
-                    mesh, name=f"{mesh.name}-{q}", vertices=mesh.vertices[used],
+                    mesh,
+                    name=f"{mesh.name}-{q}",
+                    vertices=mesh.vertices[used],
                     faces=inverse.reshape(-1, 3).astype(np.int32),
                     normals=None if mesh.normals is None else mesh.normals[used],
                     colors=None if mesh.colors is None else mesh.colors[used],
                 )
-            )  # fmt: skip
+            )
     return parts

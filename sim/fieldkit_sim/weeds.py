@@ -68,13 +68,16 @@ def _cover(
     three = np.repeat(np.arange(n * per), 3)
     azimuth = way[three] + np.tile([0.0, 2.1, -2.1], n * per) + rng.normal(0, 0.2, len(three))
     return Leaves(
-        base=np.column_stack([xy, z])[three], azimuth=azimuth,
+        base=np.column_stack([xy, z])[three],
+        azimuth=azimuth,
         elevation=rng.normal(0.15, 0.35, len(three)),
         length=size * vigour[three] * rng.uniform(0.010, 0.019, len(three)),
         width=size * vigour[three] * rng.uniform(0.008, 0.015, len(three)),
-        curl=rng.normal(0.5, 0.4, len(three)), fold=rng.uniform(0.1, 0.7, len(three)),
-        color=_greens(hue[three], rng), blunt=np.full(len(three), 1.0),
-    )  # fmt: skip
+        curl=rng.normal(0.5, 0.4, len(three)),
+        fold=rng.uniform(0.1, 0.7, len(three)),
+        color=_greens(hue[three], rng),
+        blunt=np.full(len(three), 1.0),
+    )
 
 
 def _rosettes(weeds: WeedsDescription, height: Height, rng: np.random.Generator) -> Leaves:
@@ -90,11 +93,16 @@ def _rosettes(weeds: WeedsDescription, height: Height, rng: np.random.Generator)
     xy = spots[plant]
     z = height(xy[:, 0].copy(), xy[:, 1].copy()) + 0.002
     return Leaves(
-        base=np.column_stack([xy, z]), azimuth=azimuth, elevation=0.25 + 0.75 * young + rng.normal(0, 0.15, len(plant)),
-        length=length, width=length * rng.uniform(0.32, 0.55, len(spots))[plant],
-        curl=rng.uniform(0.5, 1.5, len(plant)), fold=rng.uniform(0.1, 0.6, len(plant)),
-        color=_greens(rng.normal(0, 1, len(spots))[plant], rng), blunt=rng.uniform(0.3, 0.9, len(spots))[plant],
-    )  # fmt: skip
+        base=np.column_stack([xy, z]),
+        azimuth=azimuth,
+        elevation=0.25 + 0.75 * young + rng.normal(0, 0.15, len(plant)),
+        length=length,
+        width=length * rng.uniform(0.32, 0.55, len(spots))[plant],
+        curl=rng.uniform(0.5, 1.5, len(plant)),
+        fold=rng.uniform(0.1, 0.6, len(plant)),
+        color=_greens(rng.normal(0, 1, len(spots))[plant], rng),
+        blunt=rng.uniform(0.3, 0.9, len(spots))[plant],
+    )
 
 
 def _greens(hue: FloatArray, rng: np.random.Generator) -> FloatArray:

@@ -21,9 +21,12 @@ def few(tmp_path_factory: pytest.TempPathFactory) -> Case:
     folder = tmp_path_factory.mktemp("demo")
     try:
         simulate(
-            read_scene(find_scene("demo")), ring_about(10), folder / "few", noise=CaptureNoise(0.010, 1.0),
+            read_scene(find_scene("demo")),
+            ring_about(10),
+            folder / "few",
+            noise=CaptureNoise(0.010, 1.0),
             truth_cloud=folder / "truth.ply",
-        )  # fmt: skip
+        )
     except RenderingError as error:
         pytest.skip(f"no picture can be rendered here: {error}")
     truth = read_cloud(folder / "truth.ply")

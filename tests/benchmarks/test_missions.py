@@ -19,9 +19,11 @@ def test_studies_are_written(tmp_path: Path) -> None:
     results = run_missions(tmp_path / "out", ["trips", "poses", "fuzz"], OPTIONS, progress=Silent())
     trips, poses, fuzzed = results
     assert {(row[0], row[1], row[3], row[6]) for row in trips.tables[0].rows} == {
-        ("ardupilot", ".plan", 4, 0), ("ardupilot", ".waypoints", 4, 0), ("px4", ".plan", 4, 0),
+        ("ardupilot", ".plan", 4, 0),
+        ("ardupilot", ".waypoints", 4, 0),
+        ("px4", ".plan", 4, 0),
         ("px4", ".waypoints", 4, 0),
-    }  # fmt: skip
+    }
     assert {row[0] for row in poses.tables[0].rows} >= {"mount_then_yaw.tlog", "naive.tlog", "hold0.tlog"}
     assert all(float(str(row[3])) < 2.0 and float(str(row[4])) < 0.2 for row in poses.tables[0].rows)
     assert sum(int(str(row[1])) for row in fuzzed.tables[0].rows) >= 100

@@ -20,10 +20,19 @@ from tests.planning.bowl import bowl_problem
 def ran(method: str, seed: int, best_mm: list[float | None], value_mm: float) -> Ran:
     finalist = FinalistReport(number=0, origin="x", search_value_m=0.01, value_m=0.01, spread_m=0.0, right=(10,))
     outcome = Outcome(
-        method=method, cameras=10, chamfer_m=value_mm / 1000, chamfer_spread_m=0.0, evaluations=len(best_mm),
-        failed_evaluations=0, confirmations=1, seconds=60.0, evaluation_cpu_s=570.0, proposal_cpu_s=30.0,
-        stopped="evaluations", finalists=(finalist,),
-    )  # fmt: skip
+        method=method,
+        cameras=10,
+        chamfer_m=value_mm / 1000,
+        chamfer_spread_m=0.0,
+        evaluations=len(best_mm),
+        failed_evaluations=0,
+        confirmations=1,
+        seconds=60.0,
+        evaluation_cpu_s=570.0,
+        proposal_cpu_s=30.0,
+        stopped="evaluations",
+        finalists=(finalist,),
+    )
     best = tuple(None if value is None else value / 1000 for value in best_mm)
     cameras = bowl_problem().sample(0)
     plan = plan_from_poses(cameras.poses())
@@ -62,9 +71,18 @@ def test_runs_share_evaluations_and_are_carried(tmp_path: Path) -> None:
 
     def planned(contenders: list[Contender]) -> list[Ran]:
         return run_all(
-            Place.scene(str(scene)), contenders, runs, cameras=5, mapping="prior", fidelity="draft",
-            confirm_fidelity="draft", repeats=1, workers=1, cache=StageCache(None), progress=Silent(),
-        )  # fmt: skip
+            Place.scene(str(scene)),
+            contenders,
+            runs,
+            cameras=5,
+            mapping="prior",
+            fidelity="draft",
+            confirm_fidelity="draft",
+            repeats=1,
+            workers=1,
+            cache=StageCache(None),
+            progress=Silent(),
+        )
 
     contenders = [Contender("random", 3), Contender("bosfm", 2)]
     planned(contenders[1:])  # an earlier call for one method: what it left serves the one before it, too
@@ -80,9 +98,17 @@ def test_runs_share_evaluations_and_are_carried(tmp_path: Path) -> None:
         planned([Contender("random", 2)])
 
     options = PlannerOptions(
-        None, StageCache(None), tmp_path / "others", (str(scene),), evaluations=3, seeds=1, cameras=5, workers=1,
-        methods=("circle", "bosfm"), onto=(str(tmp_path / "other.toml"),),
-    )  # fmt: skip
+        None,
+        StageCache(None),
+        tmp_path / "others",
+        (str(scene),),
+        evaluations=3,
+        seeds=1,
+        cameras=5,
+        workers=1,
+        methods=("circle", "bosfm"),
+        onto=(str(tmp_path / "other.toml"),),
+    )
     (study,) = run_planner(tmp_path / "out", ["transfer"], options, progress=Silent())
     assert [row[0] for row in study.tables[0].rows] == ["bosfm of tiny", "circle, optimised here"]
     assert (tmp_path / "out" / "results.md").read_text().count("optimised here") >= 1

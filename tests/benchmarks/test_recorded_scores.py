@@ -63,9 +63,14 @@ def test_view_sets_are_distinct_and_of_one_size() -> None:
 @pytest.mark.slow
 def test_recorded_on_real_photographs(tmp_path: Path) -> None:
     result = run_recorded(
-        DATA, rig_name="arabidopsis_rig", subsets=2, views=10, fidelity="draft", cache=StageCache(tmp_path),
+        DATA,
+        rig_name="arabidopsis_rig",
+        subsets=2,
+        views=10,
+        fidelity="draft",
+        cache=StageCache(tmp_path),
         progress=Silent(),
-    )  # fmt: skip
+    )
     figures = result.figures
     assert not set(figures["candidates"]) & set(figures["witnesses"])
     assert all(set(subset) <= set(figures["candidates"]) for subset in figures["subsets"])
@@ -79,9 +84,13 @@ def test_recorded_on_real_photographs(tmp_path: Path) -> None:
 def test_proxy_on_real_photographs(tmp_path: Path) -> None:
     try:
         result = run_proxy(
-            DATA, rig_name="arabidopsis_rig", fidelities=("draft",), sets=("ring", "neighbours"),
-            cache=StageCache(tmp_path), progress=Silent(),
-        )  # fmt: skip
+            DATA,
+            rig_name="arabidopsis_rig",
+            fidelities=("draft",),
+            sets=("ring", "neighbours"),
+            cache=StageCache(tmp_path),
+            progress=Silent(),
+        )
     except RenderingError as error:
         pytest.skip(f"no picture can be rendered here: {error}")
     values = result.figures["values_m"]

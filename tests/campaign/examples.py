@@ -33,8 +33,10 @@ def field(rows: int, columns: int, *, spacing_m: tuple[float, float] = (3.0, 1.5
     for row in range(rows):
         for column in range(columns):
             x, y = column * spacing_m[0], row * spacing_m[1]
-            corners = [(x + a * spacing_m[0] / 2.1, y + b * spacing_m[1] / 2.1) for a, b in
-                       ((-1, -1), (1, -1), (1, 1), (-1, 1))]  # fmt: skip
+            corners = [
+                (x + a * spacing_m[0] / 2.1, y + b * spacing_m[1] / 2.1)
+                for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+            ]
             latitude, longitude, _ = FIELD.to_geodetic([(x, y, 0.0), *((*corner, 0.0) for corner in corners)])
             shape = tuple((float(a), float(b)) for a, b in zip(latitude[1:], longitude[1:], strict=True))
             heading = 80.0 if (row + column) % 2 else 100.0
@@ -48,8 +50,11 @@ def plots_geojson(plots: tuple[CampaignPlot, ...]) -> str:
     features = []
     for plot in plots:
         ring_ = [[longitude, latitude] for latitude, longitude in plot.shape or ()]
-        geometry = {"type": "Polygon", "coordinates": [[*ring_, ring_[0]]]} if ring_ else {
-            "type": "Point", "coordinates": [plot.longitude_deg, plot.latitude_deg]}  # fmt: skip
+        geometry = (
+            {"type": "Polygon", "coordinates": [[*ring_, ring_[0]]]}
+            if ring_
+            else {"type": "Point", "coordinates": [plot.longitude_deg, plot.latitude_deg]}
+        )
         properties = {"name": plot.name, "row_heading_deg": plot.row_heading_deg}
         features.append({"type": "Feature", "properties": properties, "geometry": geometry})
     return json.dumps({"type": "FeatureCollection", "features": features})
@@ -62,9 +67,16 @@ def photo(name: str, **values: object) -> Photo:
 
 
 def flown(
-    plot: CampaignPlot, *, start: datetime = MORNING, folder: str = "DCIM", noise_m: float = 0.0, angles: bool = True,
-    accuracy_m: float = 0.015, plan: Plan = PLAN, seed: int = 0,
-) -> list[PhotoToSort]:  # fmt: skip
+    plot: CampaignPlot,
+    *,
+    start: datetime = MORNING,
+    folder: str = "DCIM",
+    noise_m: float = 0.0,
+    angles: bool = True,
+    accuracy_m: float = 0.015,
+    plan: Plan = PLAN,
+    seed: int = 0,
+) -> list[PhotoToSort]:
     """The plan's photographs of a plot as a vehicle tags them, four seconds apart."""
     rng = np.random.default_rng(seed)
     heading = np.radians(plot.row_heading_deg)

@@ -63,8 +63,11 @@ class TestInit:
     def test_the_folder_holds_everything(self, tmp_path: Path) -> None:
         folder = campaign_folder(tmp_path, FIELD, evaluation=EvaluationSettings(fidelity="draft", refine=True))
         assert sorted(path.name for path in folder.iterdir()) == [
-            "campaign.toml", "plan.json", "plots.geojson", "site.toml"
-        ]  # fmt: skip
+            "campaign.toml",
+            "plan.json",
+            "plots.geojson",
+            "site.toml",
+        ]
         (tmp_path / "sources").rename(tmp_path / "gone")
         found = read_campaign(folder)
         assert found.name == "season"
@@ -98,11 +101,14 @@ class TestInit:
         found = init_campaign(
             tmp_path / "other",
             CampaignSources(
-                sources / "plan.json", sources / "site.toml", tmp_path / "others.json", "ardupilot-pitch",
+                sources / "plan.json",
+                sources / "site.toml",
+                tmp_path / "others.json",
+                "ardupilot-pitch",
                 tmp_path / "calibration.toml",
             ),
             name="Über",
-        )  # fmt: skip
+        )
         assert found.name == "Über"
         assert [plot.name for plot in found.plots] == ["r1c1"]
         assert found.vehicle_file == tmp_path / "other" / "vehicle.toml"
@@ -139,17 +145,21 @@ class TestInit:
 class TestReading:
     def test_the_file_round_trips(self, tmp_path: Path) -> None:
         table = CampaignTable(
-            name='say "ü"', plots="p.geojson", vehicle="v.toml",
+            name='say "ü"',
+            plots="p.geojson",
+            vehicle="v.toml",
             evaluation=EvaluationSettings(bounds_m=(-1, -1, 0, 1, 1, 1.5), seed=3, rasters=True, gsd_m=0.01),
             references=(),
-        )  # fmt: skip
+        )
         (tmp_path / "campaign.toml").write_text(campaign_text(table))
         assert read_campaign_file(tmp_path / "campaign.toml") == table
 
     @pytest.mark.parametrize(
         ("text", "message"),
         [
-            ("", "has no 'format'"), ("format = 2", "format 2"), ("format = 1\nx = 1", "x: is not a key"),
+            ("", "has no 'format'"),
+            ("format = 2", "format 2"),
+            ("format = 1\nx = 1", "x: is not a key"),
             ("format = 1\n[evaluation]\nfidelity = 'best'", "evaluation.fidelity"),
             ("format = 1\n[evaluation]\nbounds_m = [1, 0, 0, 0, 1, 1]", "the lowest corner is not below"),
             ("format = 1\n[evaluation]\ndistances_m = [0.01, 0.002]", "ascending"),
@@ -159,7 +169,7 @@ class TestReading:
             ("format = 1\nplan = 'gone.json'", "no such file"),
             ("format = 1\n[[references]]\nplot = 'a'\npath = 'x'\nsha256 = 'short'", "references 1.sha256"),
         ],
-    )  # fmt: skip
+    )
     def test_errors(self, text: str, message: str, tmp_path: Path) -> None:
         folder = campaign_folder(tmp_path, FIELD)
         (folder / "campaign.toml").write_text(text)
@@ -196,8 +206,10 @@ class TestRanking:
     def test_plots_within_noise_share_a_rank(self) -> None:
         found = ranking(VISITS, PLAN, "2026-06-18")
         assert [(e.rank, e.tied, e.score.visit.plot) for e in found] == [
-            (1, True, "r1c1"), (1, True, "r1c2"), (1, False, "r2c1")  # predicted: ranked on its own
-        ]  # fmt: skip
+            (1, True, "r1c1"),
+            (1, True, "r1c2"),
+            (1, False, "r2c1"),  # predicted: ranked on its own
+        ]
         assert found[2].score.predicted
         assert found[0].score.noise_m == pytest.approx(0.001645)
 
@@ -217,11 +229,15 @@ class TestRanking:
         assert ranking((*VISITS, odd), PLAN, "2026-06-18") == ranking(VISITS, PLAN, "2026-06-18")
 
     def test_what_has_no_score_is_told_with_why(self, tmp_path: Path) -> None:
-        made = replace(campaign(tmp_path), visits=(
-            visit("r1c1", "2026-06-18", 0.01), visit("r1c2", "2026-06-18", 0.01, doubts=("weakly-tied",)),
-            visit("r2c1", "2026-06-18", 0.148, doubts=(OTHER_PLANTS,)),
-            visit("r2c2", "2026-06-18", 0.148, doubts=(OTHER_PLANTS,)),
-        ))  # fmt: skip
+        made = replace(
+            campaign(tmp_path),
+            visits=(
+                visit("r1c1", "2026-06-18", 0.01),
+                visit("r1c2", "2026-06-18", 0.01, doubts=("weakly-tied",)),
+                visit("r2c1", "2026-06-18", 0.148, doubts=(OTHER_PLANTS,)),
+                visit("r2c2", "2026-06-18", 0.148, doubts=(OTHER_PLANTS,)),
+            ),
+        )
         said = [sentence for sentence in remarks(made) if "notes in visit.json" in sentence]
         assert [sentence.partition(";")[0] for sentence in said] == [
             "r1c2 2026-06-18: doubtful (weakly tied)",
@@ -231,17 +247,20 @@ class TestRanking:
     def test_drift(self) -> None:
         found = drift(VISITS, PLAN)
         assert [(d.plot, d.figure, d.beyond_noise) for d in found] == [
-            ("r1c1", "chamfer_m", True), ("r1c1", "height_m", None)
-        ]  # fmt: skip
+            ("r1c1", "chamfer_m", True),
+            ("r1c1", "height_m", None),
+        ]
         assert found[0].change == pytest.approx(0.010)
         assert found[1].change == pytest.approx(0.2)
         assert drift(VISITS, plan_from_poses(STATIONS))[0].beyond_noise is None
         grown = [
-            visit("r1c1", f"2026-06-{day}", traits=TraitsEntry(
-                height_m=height, height_error_m=above, height_error_below_m=0.03
-            ))
+            visit(
+                "r1c1",
+                f"2026-06-{day}",
+                traits=TraitsEntry(height_m=height, height_error_m=above, height_error_below_m=0.03),
+            )
             for day, height, above in ((18, 0.5, 0.03), (25, 0.6, 0.12), (26, 0.5, 0.12))
-        ]  # fmt: skip
+        ]
         assert [d.beyond_noise for d in drift(grown, PLAN)] == [True, False]  # lost tips make no plant grow
         assert [d.beyond_noise for d in drift(grown[1:], PLAN)] == [False]
 
@@ -263,11 +282,10 @@ class TestShow:
         captions = [table.caption for table in tables]
         assert captions[-2:] == ["Change from 2026-06-18 to 2026-06-25"] * 2
         assert [[column.label for column in table.columns] for table in tables[-2:]] == [
-            ["plot", "chamfer"], ["plot", "height"]
-        ]  # fmt: skip
-        assert [table.rows for table in tables[-2:]] == [
-            (("r1c1", "+10.0 mm, beyond noise"),), (("r1c1", "+0.20 m"),)
-        ]  # fmt: skip
+            ["plot", "chamfer"],
+            ["plot", "height"],
+        ]
+        assert [table.rows for table in tables[-2:]] == [(("r1c1", "+10.0 mm, beyond noise"),), (("r1c1", "+0.20 m"),)]
 
     def test_measured_and_predicted_distances_are_never_ranked_together(self, tmp_path: Path) -> None:
         made = campaign(tmp_path, tuple(visit for visit in VISITS if visit.date == "2026-06-18"))
@@ -337,23 +355,37 @@ class TestExport:
             ranked = database.execute("SELECT count(*), min(rank) FROM visits WHERE f_score_0_010 > 0")
             assert ranked.fetchone() == (1, 1)
             assert database.execute("SELECT table_name FROM gpkg_contents ORDER BY 1").fetchall() == [
-                ("plots",), ("visits",)
-            ]  # fmt: skip
+                ("plots",),
+                ("visits",),
+            ]
         finally:
             database.close()
 
     def test_plants_are_points_of_a_geopackage(self, tmp_path: Path) -> None:
         made = campaign(tmp_path, (visit("r1c1", "2026-06-18", 0.01, folder="visits/r1c1/2026-06-18"),))
         plant = PlantEntry(
-            plant=1, x_m=0.1, y_m=0.2, latitude_deg=50.6, longitude_deg=6.98, height_m=0.8, height_certain=True,
-            area_m2=0.05, touching=0.1,
-        )  # fmt: skip
+            plant=1,
+            x_m=0.1,
+            y_m=0.2,
+            latitude_deg=50.6,
+            longitude_deg=6.98,
+            height_m=0.8,
+            height_certain=True,
+            area_m2=0.05,
+            touching=0.1,
+        )
         nowhere = plant.model_copy(update={"plant": 2, "latitude_deg": None, "longitude_deg": None})
         plot = scored("r1c1").model_copy(update={"plants": (plant, nowhere)})
         report = evaluation_report(
-            "c", [plot], ReconstructionSettings(), reference_sha256=None, refine=False, distances_m=(0.01,), seconds=1,
+            "c",
+            [plot],
+            ReconstructionSettings(),
+            reference_sha256=None,
+            refine=False,
+            distances_m=(0.01,),
+            seconds=1,
             cpu_seconds=1,
-        )  # fmt: skip
+        )
         save_report(made.folder / made.visits[0].folder / EVALUATION_FILE, report)
         export_campaign(made, tmp_path / "out.gpkg")
         meta, _, geometry, data = read(tmp_path / "out.gpkg", layer="plants")

@@ -71,7 +71,7 @@ def test_bias_and_limits_of_agreement(season: Campaign, tmp_path: Path) -> None:
         ("plot,date,height_m\n", "has no height"),
         ("", "no column plot"),
     ],
-)  # fmt: skip
+)
 def test_a_table_that_does_not_fit_is_refused_and_the_earlier_one_stays(
     season: Campaign, tmp_path: Path, text: str, said: str
 ) -> None:

@@ -90,15 +90,23 @@ def test_every_visit_has_a_row(season: Campaign, tmp_path: Path) -> None:
     table = list(csv.DictReader((tmp_path / "maps" / RASTERS_FILE).read_text("utf-8").splitlines()))
     assert [(row["plot"], row["date"]) for row in table] == [visit.key for visit in season.visits]
     assert table[0] == {
-        "plot": SLASH, "date": DATE, "canopy_height": f"a%2F1_{DATE}_canopy-height.tif",
-        "surface": f"a%2F1_{DATE}_surface.tif", "crs_epsg": "32632", "cell_m": "0.01", "height_datum": "sea level",
-        "height_refused": "", "no_rasters": "", "notes": "",
-    }  # fmt: skip
+        "plot": SLASH,
+        "date": DATE,
+        "canopy_height": f"a%2F1_{DATE}_canopy-height.tif",
+        "surface": f"a%2F1_{DATE}_surface.tif",
+        "crs_epsg": "32632",
+        "cell_m": "0.01",
+        "height_datum": "sea level",
+        "height_refused": "",
+        "no_rasters": "",
+        "notes": "",
+    }
     assert [row["no_rasters"] for row in table[2:]] == ["evaluated without rasters", "no ground was found", "too dark"]
     assert without_rasters(rows) == [
-        f"no rasters of r1c2 {DATE}: evaluated without rasters", f"no rasters of r2c1 {DATE}: no ground was found",
+        f"no rasters of r1c2 {DATE}: evaluated without rasters",
+        f"no rasters of r2c1 {DATE}: no ground was found",
         f"no rasters of r2c2 {DATE}: too dark",
-    ]  # fmt: skip
+    ]
 
 
 def test_a_damaged_raster_is_left_out_and_named(season: Campaign, tmp_path: Path) -> None:
@@ -107,8 +115,9 @@ def test_a_damaged_raster_is_left_out_and_named(season: Campaign, tmp_path: Path
     rows = export_rasters(season, tmp_path / "maps")
     assert rows[0].no_rasters.startswith("cannot be read: ")
     assert sorted(path.name for path in (tmp_path / "maps").glob("*.tif")) == [
-        f"a%2F1_{LATER}_canopy-height.tif", f"a%2F1_{LATER}_surface.tif",
-    ]  # fmt: skip
+        f"a%2F1_{LATER}_canopy-height.tif",
+        f"a%2F1_{LATER}_surface.tif",
+    ]
 
 
 def test_refusals(season: Campaign, tmp_path: Path) -> None:

@@ -65,13 +65,17 @@ def test_another_fit_of_the_prediction_is_another_visit(tmp_path: Path, monkeypa
 @pytest.mark.parametrize(
     "change",
     [
-        {"date": "2026-06-19"}, {"captures": "elsewhere"}, {"notes": ("x",)}, {"cache": Path("cache")},
-        {"evaluation": EvaluationSettings(seed=1)}, {"evaluation": EvaluationSettings(rasters=True)},
+        {"date": "2026-06-19"},
+        {"captures": "elsewhere"},
+        {"notes": ("x",)},
+        {"cache": Path("cache")},
+        {"evaluation": EvaluationSettings(seed=1)},
+        {"evaluation": EvaluationSettings(rasters=True)},
         {"plan": PLAN.model_copy(update={"row_heading_deg": 3.0})},
         {"plot": FIELD[0].model_copy(update={"row_heading_deg": 1.0})},
         {"plot": FIELD[0].model_copy(update={"reference_sha256": "0" * 64})},
     ],
-)  # fmt: skip
+)
 def test_what_a_result_depends_on(change: dict[str, object], tmp_path: Path) -> None:
     made = job(tmp_path)
     same = visit_inputs(replace(made, **change)) == made.inputs  # type: ignore[arg-type]
@@ -85,8 +89,15 @@ def test_the_rasters_cells_count_and_no_rasters_leave_digests_as_they_were(tmp_p
     tables = (EvaluationSettings(), EvaluationSettings(rasters=True), EvaluationSettings(rasters=True, gsd_m=0.01))
     assert len({visit_inputs(replace(made, evaluation=table)) for table in tables}) == 3
     assert set(EvaluationSettings().model_dump(exclude={"rasters", "gsd_m"})) == {
-        "mapping", "ties", "fidelity", "mask", "bounds_m", "refine", "distances_m", "seed",
-    }  # fmt: skip
+        "mapping",
+        "ties",
+        "fidelity",
+        "mask",
+        "bounds_m",
+        "refine",
+        "distances_m",
+        "seed",
+    }
 
 
 def test_a_visit_without_inputs_or_evaluation_is_tried_again(tmp_path: Path) -> None:

@@ -152,11 +152,17 @@ def test_what_an_earlier_run_sorted_stays() -> None:
 @pytest.mark.parametrize(
     ("name", "date"),
     [
-        ("2026-06-30", "2026-06-30"), ("20260630", "2026-06-30"), (" 2026-06-30 ", "2026-06-30"), ("2026-13-01", None),
-        ("2026-0630", None), ("12345678", None), ("plot 7", None), ("2026-06-30b", None),
+        ("2026-06-30", "2026-06-30"),
+        ("20260630", "2026-06-30"),
+        (" 2026-06-30 ", "2026-06-30"),
+        ("2026-13-01", None),
+        ("2026-0630", None),
+        ("12345678", None),
+        ("plot 7", None),
+        ("2026-06-30b", None),
         ("２０２６０６３０", "2026-06-30"),
     ],
-)  # fmt: skip
+)
 def test_folder_dates(name: str, date: str | None) -> None:
     assert folder_date(name) == date
 
@@ -179,9 +185,10 @@ def test_every_photograph_is_in_one_visit_or_left_out(rows: list[tuple]) -> None
         tag = None if place is None else GeoTag(*place)
         name = f"{folder}/{k}.jpg"
         shots.append(
-            PhotoToSort(name, photo(name, geotag=tag, captured_at=taken, yaw_deg=yaw, pitch_deg=pitch),
-                 tuple(folder.split("/")))
-        )  # fmt: skip
+            PhotoToSort(
+                name, photo(name, geotag=tag, captured_at=taken, yaw_deg=yaw, pitch_deg=pitch), tuple(folder.split("/"))
+            )
+        )
     found = sort_photographs(shots, FIELD, PLAN)
     sorted_ = [place for visit in found.visits for place in visit.places] + [f.subject for f in found.left_out]
     assert sorted(sorted_) == sorted(shot.place for shot in shots)
@@ -201,12 +208,18 @@ def test_every_photograph_is_in_one_visit_or_left_out(rows: list[tuple]) -> None
 def test_dates_are_those_of_the_place(longitude_deg: float, ahead_h: float | None, date: str) -> None:
     ahead = None if ahead_h is None else timedelta(hours=ahead_h)
     shots = [
-        replace(each, photo=replace(
-            each.photo, captured_at=datetime(2026, 6, 30, 23, 20, k), clock_ahead=ahead,
-            geotag=replace(each.photo.geotag, longitude_deg=longitude_deg),
-        ), folders=("r1c1",))
+        replace(
+            each,
+            photo=replace(
+                each.photo,
+                captured_at=datetime(2026, 6, 30, 23, 20, k),
+                clock_ahead=ahead,
+                geotag=replace(each.photo.geotag, longitude_deg=longitude_deg),
+            ),
+            folders=("r1c1",),
+        )
         for k, each in enumerate(flown(FIELD[0]))
-    ]  # fmt: skip
+    ]
     found = sort_photographs(shots, FIELD, PLAN)
     assert counts(found) == {("r1c1", date): 8}
     assert ("clock-elsewhere" in codes(found)) == (ahead_h == 0.0)

@@ -70,12 +70,24 @@ def test_values_round_trip(tmp_path: Path, text: str, number: float, notes: list
 @pytest.mark.parametrize(
     "change",
     [
-        {"date": "soon"}, {"date": "20260618"}, {"chamfer_m": float("nan")}, {"chamfer_m": "x"}, {"images": -1},
-        {"images": 1.5}, {"folder": "/etc"}, {"folder": "visits/../../etc"}, {"notes": [1]}, {"f_score": "[["},
-        {"plot": 7}, {"cpu_s": None}, {"photographs": {"ab": "a\0b"}}, {"colour": "green"}, {"version": 3},
+        {"date": "soon"},
+        {"date": "20260618"},
+        {"chamfer_m": float("nan")},
+        {"chamfer_m": "x"},
+        {"images": -1},
+        {"images": 1.5},
+        {"folder": "/etc"},
+        {"folder": "visits/../../etc"},
+        {"notes": [1]},
+        {"f_score": "[["},
+        {"plot": 7},
+        {"cpu_s": None},
+        {"photographs": {"ab": "a\0b"}},
+        {"colour": "green"},
+        {"version": 3},
         {"kind": "row"},
     ],
-)  # fmt: skip
+)
 def test_values_that_nobody_wrote(change: dict[str, object], tmp_path: Path) -> None:
     keep_visit(tmp_path, FULL)
     file = tmp_path / FULL.folder / "visit.json"
@@ -94,9 +106,15 @@ def test_a_place_that_cannot_be_written(unwritable: Path) -> None:
 
 def test_a_visit_has_the_figures_of_its_evaluation() -> None:
     figures = {
-        "images": 9, "registered": 8, "right": 7, "pose_rms_m": 0.1, "chamfer_m": 0.2, "accuracy_m": 0.3,
-        "completeness_m": 0.4, "f_score": {"0.010": 0.5},
-    }  # fmt: skip
+        "images": 9,
+        "registered": 8,
+        "right": 7,
+        "pose_rms_m": 0.1,
+        "chamfer_m": 0.2,
+        "accuracy_m": 0.3,
+        "completeness_m": 0.4,
+        "f_score": {"0.010": 0.5},
+    }
     traits = TraitsEntry(height_m=0.6, cover_percent=8.0, canopy_volume_m3=0.9, unknown={"covered_area_m2": "why"})
     prediction = Prediction(chamfer_m=0.11, low_m=0.12, high_m=0.13, reason="", model=1)
     failed = failed_plot("p", CaptureError("too dark", path=Path("x"), remedy=""), seconds=1, cpu_seconds=2)

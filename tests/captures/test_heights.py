@@ -15,12 +15,13 @@ def tags(**kinds: GeoTag) -> dict[str, GeoTag]:
     """Tags at TRUE: of the kind ``k``, but photograph 3 of the kind ``k3`` where that is given."""
     return {
         name: replace(
-            kind, altitude_m=None if kind.altitude_m is None else height + kind.altitude_m,
+            kind,
+            altitude_m=None if kind.altitude_m is None else height + kind.altitude_m,
             relative_altitude_m=None if kind.relative_altitude_m is None else height - 60.0 + kind.relative_altitude_m,
         )
         for index, (name, height) in enumerate(TRUE.items())
         for kind in (kinds.get(f"k{index}", kinds["k"]),)
-    }  # fmt: skip
+    }
 
 
 def tag(altitude: float | None = 0.0, relative: float | None = 0.0, **more: object) -> GeoTag:

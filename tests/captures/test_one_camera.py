@@ -101,8 +101,10 @@ def test_what_the_metadata_say(source: str | None, bands: tuple[str, ...], mode:
 def three_lenses(photo_file: MakePhoto, count: int = 4, *, named: bool = True) -> Path:
     """A DJI payload's photographs, told by their names or by XMP ImageSource only."""
     lenses: Mapping[str, tuple[str, tuple[int, int], float]] = {
-        "T": ("InfraredCamera", THERMAL, 9.1), "W": ("WideCamera", WIDE, 4.4), "Z": ("ZoomCamera", ZOOM, 30.0)
-    }  # fmt: skip
+        "T": ("InfraredCamera", THERMAL, 9.1),
+        "W": ("WideCamera", WIDE, 4.4),
+        "Z": ("ZoomCamera", ZOOM, 30.0),
+    }
     path = Path()
     for number in range(count):
         for k, (letter, (source, size, focal)) in enumerate(lenses.items()):

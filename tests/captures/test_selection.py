@@ -11,8 +11,11 @@ from fieldkit.captures.selection import capture_of, find_photographs, photograph
 from fieldkit.errors import MetadataError
 from tests.captures.photographs import MakePhoto, dji_xmp, exif_block, gps_tags
 
-EXIF = {"exif": exif_block(base={271: "DJI", 272: "M3"}, detail={0x9003: "2026:06:18 09:00:00"},
-                           gps=gps_tags(52.296, 10.437, 100.0))}  # fmt: skip
+EXIF = {
+    "exif": exif_block(
+        base={271: "DJI", 272: "M3"}, detail={0x9003: "2026:06:18 09:00:00"}, gps=gps_tags(52.296, 10.437, 100.0)
+    )
+}
 POSES = "image,x_m,y_m,z_m\n"
 
 
@@ -89,9 +92,7 @@ def test_some_photographs_of_several_folders(photo_file: MakePhoto, tmp_path: Pa
     assert replace(again, priors=capture.priors) == capture
     assert tuple(capture.priors["101/c.jpg"].position) == (101.0, 2.0, 1.0)
     assert capture.findings == ()  # lines about other plots' photographs are no one's concern here
-    assert sorted(group.photos for group in capture.groups) == [
-        ("100/a.jpg", "100/c.jpg"), ("101/a.jpg", "101/c.jpg")
-    ]  # fmt: skip
+    assert sorted(group.photos for group in capture.groups) == [("100/a.jpg", "100/c.jpg"), ("101/a.jpg", "101/c.jpg")]
     assert {group.source for group in capture.groups} == {"camera.toml", "self-calibrated"}
     assert len({group.key for group in capture.groups}) == 2
     assert capture.group_of("101/a.jpg").source == "camera.toml"

@@ -54,9 +54,17 @@ def test_files(demo: tuple[Path, dict]) -> None:
     folder, found = demo
     out = folder / "out"
     assert sorted(path.name for path in out.iterdir()) == [
-        "captures", "demo.json", "evaluation-seen", "evaluation-unseen", "mission", "plan", "reference",
-        "reference-unseen", "report.html", "truth",
-    ]  # fmt: skip
+        "captures",
+        "demo.json",
+        "evaluation-seen",
+        "evaluation-unseen",
+        "mission",
+        "plan",
+        "reference",
+        "reference-unseen",
+        "report.html",
+        "truth",
+    ]
     report = load_reference_report(out / "reference")
     assert len(read_cloud(out / "reference" / "cloud.ply")) == report.points
     for plot in ("seen", "unseen"):

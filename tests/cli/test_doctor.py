@@ -19,8 +19,15 @@ def test_this_machine(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkey
     found = json.loads(capsys.readouterr().out)
     checks = {check["name"]: check for check in found["checks"]}
     assert checks.keys() == {
-        "python", "packages", "optional packages", "renderer", "pycolmap", "cores", "memory", "cache",
-    }  # fmt: skip
+        "python",
+        "packages",
+        "optional packages",
+        "renderer",
+        "pycolmap",
+        "cores",
+        "memory",
+        "cache",
+    }
     assert code == (3 if found["status"] == "fail" else 0)
     assert checks["packages"]["status"] == "ok", checks["packages"]
     assert checks["pycolmap"]["status"] in ("ok", "warn"), checks["pycolmap"]

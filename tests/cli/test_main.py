@@ -41,9 +41,17 @@ class TestHelp:
 
     def test_every_file_is_a_command_or_shared(self) -> None:
         shared = {
-            "__init__", "boundary", "common", "given", "live_plan", "main", "options", "plan_options", "progress",
+            "__init__",
+            "boundary",
+            "common",
+            "given",
+            "live_plan",
+            "main",
+            "options",
+            "plan_options",
+            "progress",
             "reconstruction_options",
-        }  # fmt: skip
+        }
         files = {path.stem for path in (ROOT / "fieldkit" / "cli").glob("*.py")} - shared
         assert {module_name(name) for name in COMMANDS} == files
 
@@ -194,8 +202,12 @@ class TestBoundary:
 
     def test_interrupted_while_compiled_modules_are_imported(self, a_command, capsys) -> None:
         before = signal.getsignal(signal.SIGINT)
-        lines = ("try:", "    os.kill(os.getpid(), signal.SIGINT)", "except KeyboardInterrupt:",
-                 "    raise ImportError('initialization failed')")  # fmt: skip
+        lines = (
+            "try:",
+            "    os.kill(os.getpid(), signal.SIGINT)",
+            "except KeyboardInterrupt:",
+            "    raise ImportError('initialization failed')",
+        )
         write(a_command, "\n    ".join(lines))
         assert main(["probe"]) == 130
         assert capsys.readouterr().err == "Error: interrupted\n"
@@ -229,10 +241,17 @@ class TestBoundary:
         with limited():
             assert main(["probe"]) == 143
         assert capsys.readouterr().err == "Error: ended by SIGTERM\n"
-        write(a_command, "\n    ".join([
-            "try:", "    os.kill(os.getpid(), signal.SIGTERM)", "except SystemExit as error:",
-            "    raise ImportError('no module') from error",
-        ]))  # fmt: skip
+        write(
+            a_command,
+            "\n    ".join(
+                [
+                    "try:",
+                    "    os.kill(os.getpid(), signal.SIGTERM)",
+                    "except SystemExit as error:",
+                    "    raise ImportError('no module') from error",
+                ]
+            ),
+        )
         assert main(["probe"]) == 143
         assert capsys.readouterr().err == "Error: ended by SIGTERM\n"
 
@@ -271,8 +290,13 @@ class TestJson:
         )
         assert main(["probe"]) == 0
         assert json.loads(capsys.readouterr().out) == {
-            "a": 1.5, "b": [0, 1], "c": None, "d": "x", "5": [True, None], "ü": [None],
-        }  # fmt: skip
+            "a": 1.5,
+            "b": [0, 1],
+            "c": None,
+            "d": "x",
+            "5": [True, None],
+            "ü": [None],
+        }
 
     def test_nobody_reads(self) -> None:
         """`fieldkit … | head -0`: no traceback, and the result counts."""

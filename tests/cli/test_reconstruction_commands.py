@@ -48,9 +48,14 @@ class TestUsage:
         ],
     )
     def test_message_and_code(
-        self, command: str, arguments: str, message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path,
+        self,
+        command: str,
+        arguments: str,
+        message: str,
+        capsys: pytest.CaptureFixture[str],
+        tmp_path: Path,
         monkeypatch: pytest.MonkeyPatch,
-    ) -> None:  # fmt: skip
+    ) -> None:
         monkeypatch.chdir(tmp_path)
         (tmp_path / "photos").mkdir()
         assert main([command, *arguments.split(), "--json"]) == 2

@@ -69,7 +69,7 @@ def test_figures_are_floats_even_where_there_are_none() -> None:
         (lambda: fieldkit.export_mission("p", "v", "s", "m", adjst=True), "no adjst. Did you mean adjust?"),
         (lambda: fieldkit.export_mission("plan"), "missing a required argument: 'vehicle'. It takes"),
     ],
-)  # fmt: skip
+)
 def test_wrong_arguments_are_named_with_the_right_ones(call: Callable[[], Any], words: str) -> None:
     with pytest.raises(fieldkit.FieldkitError, match=re.escape(words)) as caught:
         call()
@@ -82,9 +82,12 @@ def test_wrong_arguments_are_named_with_the_right_ones(call: Callable[[], Any], 
         lambda file: fieldkit.compare_evaluations([file, file], f"{file}/compared"),
         lambda file: fieldkit.export_mission(file, "ardupilot-pitch", file, file),
         lambda file: fieldkit.write_report(file, f"{file}/report.html"),
-        fieldkit.load_plan, fieldkit.load_evaluation_report, fieldkit.load_reference_report, fieldkit.read_cloud,
+        fieldkit.load_plan,
+        fieldkit.load_evaluation_report,
+        fieldkit.load_reference_report,
+        fieldkit.read_cloud,
     ],
-)  # fmt: skip
+)
 def test_paths_may_be_text(tmp_path: Path, call: Callable[[str], Any]) -> None:
     with pytest.raises(fieldkit.FieldkitError, match=r"(?i)no such") as caught:
         call(str(tmp_path / "nowhere"))

@@ -55,9 +55,14 @@ def test_every_command_runs_and_says_what_the_page_shows(trial: Path) -> None:
     ran = 0
     for words, shown in commands():
         done = subprocess.run(
-            [sys.executable, "-c", script, *words[1:]], cwd=trial, env=environment, capture_output=True, text=True,
-            timeout=1800, check=False,
-        )  # fmt: skip
+            [sys.executable, "-c", script, *words[1:]],
+            cwd=trial,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=1800,
+            check=False,
+        )
         assert done.returncode == 0, (words, done.stderr)
         said = words_of(done.stdout + done.stderr)
         for line in shown:

@@ -15,10 +15,12 @@ KINDS = ("plan", "reference", "evaluation", "campaign", "site file", "scene file
 def given(folder: Path) -> dict[str, Path]:
     """One of each kind, by what it is."""
     for name, files in {
-        "plan": ["plan.json", "search.json", "plan.png"], "reference": ["reference.json", "overview.png"],
-        "evaluation": ["evaluation.json"], "campaign": ["campaign.toml", "plan.json"],
+        "plan": ["plan.json", "search.json", "plan.png"],
+        "reference": ["reference.json", "overview.png"],
+        "evaluation": ["evaluation.json"],
+        "campaign": ["campaign.toml", "plan.json"],
         "folder of photographs": ["A1/IMG_1.JPG"],
-    }.items():  # fmt: skip
+    }.items():
         for file in files:
             (folder / name / file).parent.mkdir(parents=True, exist_ok=True)
             (folder / name / file).touch()
@@ -27,9 +29,12 @@ def given(folder: Path) -> dict[str, Path]:
     (folder / "cloud.laz").touch()
     return {
         **{entry.name: entry for entry in folder.iterdir() if entry.is_dir()},
-        "site file": folder / "field.toml", "mission": folder / "m.waypoints", "point cloud": folder / "cloud.laz",
-        "vehicle profile": vehicles_folder() / "px4-gimbal.toml", "scene file": scenes_folder() / "case-1.toml",
-    }  # fmt: skip
+        "site file": folder / "field.toml",
+        "mission": folder / "m.waypoints",
+        "point cloud": folder / "cloud.laz",
+        "vehicle profile": vehicles_folder() / "px4-gimbal.toml",
+        "scene file": scenes_folder() / "case-1.toml",
+    }
 
 
 @pytest.mark.parametrize("noun", KINDS)

@@ -59,9 +59,13 @@ class CommandLine:
         environment = {**os.environ, "FIELDKIT_CACHE": str(self.cache), "COLUMNS": "200"}
         return subprocess.Popen(
             [*by, sys.executable, "-m", "fieldkit", *arguments],
-            cwd=self.folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            cwd=self.folder,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
             encoding="utf-8",
-        )  # fmt: skip
+        )
 
     def run(self, *arguments: str, code: int = 0) -> Finished:
         """The command in this process, which has imported everything already; it must end with the code."""

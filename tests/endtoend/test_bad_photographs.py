@@ -63,10 +63,16 @@ def no_pose_fits(photographs: Photographs) -> None:
         (one_image, 4, "ReconstructionError", "needs at least two photographs", "", "photos"),
         (two_without_overlap, 4, "ReconstructionError", "no two of them match: they overlap too little", "", "photos"),
         (truncated, 3, "CaptureError", "IMG_0001.jpg: the file is cut short", "Copy the photographs again", "photos"),
-        (no_pose_fits, 3, "MetadataError", "names no photograph of the folder", "Write the photographs' file names",
-         "photos/poses.csv"),
+        (
+            no_pose_fits,
+            3,
+            "MetadataError",
+            "names no photograph of the folder",
+            "Write the photographs' file names",
+            "photos/poses.csv",
+        ),
     ],
-)  # fmt: skip
+)
 def test_nothing_usable(make, code, kind, message, remedy, path, command, place, photographs, capsys) -> None:
     """A kind of each; every kind of bad file is a case of tests/captures/test_folder.py."""
     make(photographs)
@@ -121,9 +127,12 @@ def test_bad_files_among_good_ones(line: CommandLine, photographs: Photographs) 
     assert (report["images"], report["registered"], report["right"]) == (8, 8, 8)
     left_out = {finding["name"]: finding["code"] for finding in report["findings"] if finding["left_out"]}
     assert left_out == {
-        "truncated.jpg": "truncated", "zero.jpg": "empty-file", "text.jpg": "not-an-image", "copy.jpg": "duplicate",
+        "truncated.jpg": "truncated",
+        "zero.jpg": "empty-file",
+        "text.jpg": "not-an-image",
+        "copy.jpg": "duplicate",
         "huge.png": "too-large",
-    }  # fmt: skip
+    }
     saved = json.loads((line.folder / "out" / "reference.json").read_text("utf-8"))
     assert {long_name, strange_name} <= {image["name"] for image in saved["image_reports"] if image["right"]}
     assert {path.name: path.stat().st_mtime_ns for path in folder.iterdir()} == before

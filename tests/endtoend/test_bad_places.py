@@ -123,8 +123,11 @@ class TestManyPlots:
             assert plot["error"]["remedy"]
             assert plot["chamfer_m"] is None
         assert sorted(path.name for path in (warm.folder / "out").iterdir()) == [
-            "evaluation.json", "plot 2", "plots.csv", "traits.csv"
-        ]  # fmt: skip
+            "evaluation.json",
+            "plot 2",
+            "plots.csv",
+            "traits.csv",
+        ]
         people = warm.run("evaluate", "field", "--reference", str(built.reference), "-o", "again", *DRAFT)
         for plot in plots[1:]:
             assert f"{plot['name']}: " in people.out

@@ -62,9 +62,15 @@ def photograph_the_field(folder: Path, triggers: list[dict[str, Any]]) -> None:
         flown.append(Pose.from_yaw_pitch(at, told["yaw"], trigger["gimbal"]["pitch"]))
     with Renderer(built) as renderer:
         simulate_capture(
-            folder / "dense", renderer, dense_about(16)(built, near), near, noise=exact, economy=True,
-            site=Site(FIELD, rtk=False), sidecars=Sidecars(camera=True),
-        )  # fmt: skip
+            folder / "dense",
+            renderer,
+            dense_about(16)(built, near),
+            near,
+            noise=exact,
+            economy=True,
+            site=Site(FIELD, rtk=False),
+            sidecars=Sidecars(camera=True),
+        )
         simulate_capture(folder / "flight", renderer, flown, far, noise=exact, economy=True)
     for photo in (folder / "dense").glob("*.jpg"):
         tag(photo, accuracy_m=0.02)
@@ -85,8 +91,21 @@ def test_a_flown_plan_is_scored_against_a_georeferenced_reference(line: CommandL
     assert source.origin.datum == "sea level"
     save_plan(line.folder / "plan.json", plan_of_the_flight(source.origin, source.from_source))
 
-    report = run(line, "evaluate", "flight", "--log", "flight.tlog", "--plan", "plan.json", "--reference", "ref",
-                 "--fidelity", "draft", "-o", "scores")  # fmt: skip
+    report = run(
+        line,
+        "evaluate",
+        "flight",
+        "--log",
+        "flight.tlog",
+        "--plan",
+        "plan.json",
+        "--reference",
+        "ref",
+        "--fidelity",
+        "draft",
+        "-o",
+        "scores",
+    )
     (plot,) = report["plots"]
     assert plot["right"] == plot["images"] == 12
     assert plot["chamfer_m"] < 0.008

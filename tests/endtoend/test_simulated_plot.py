@@ -43,8 +43,19 @@ def write_scene(folder: Path, *, spacing: float, texture: int) -> None:
 def test_a_small_capture_is_scored(line: CommandLine) -> None:
     """Ten photographs of 480 × 360 over printed soil: enough to see that every file fits its reader."""
     write_scene(line.folder, spacing=0.02, texture=512)
-    run(line, "simulate", "plot.toml", "--ring", "10,0.8,0.6", "--size", "480x360", "--pose-noise", "0.005,0.5",
-        "-o", "flight")  # fmt: skip
+    run(
+        line,
+        "simulate",
+        "plot.toml",
+        "--ring",
+        "10,0.8,0.6",
+        "--size",
+        "480x360",
+        "--pose-noise",
+        "0.005,0.5",
+        "-o",
+        "flight",
+    )
     report = run(line, "evaluate", "flight", *DRAFT, "-o", "scores")
     (plot,) = report["plots"]
     assert plot["images"] == 10
@@ -56,16 +67,42 @@ def test_a_small_capture_is_scored(line: CommandLine) -> None:
 @pytest.mark.slow
 def test_dense_capture_to_reference_to_scores_to_a_proxy(line: CommandLine) -> None:
     write_scene(line.folder, spacing=0.006, texture=2048)
-    run(line, "simulate", "plot.toml", "--dense", "30", "--pose-noise", "0.005,0.5", "--truth-cloud", "truth.ply",
-        "-o", "dense")  # fmt: skip
+    run(
+        line,
+        "simulate",
+        "plot.toml",
+        "--dense",
+        "30",
+        "--pose-noise",
+        "0.005,0.5",
+        "--truth-cloud",
+        "truth.ply",
+        "-o",
+        "dense",
+    )
     reference = run(line, "reference", "dense", *DRAFT, "-o", "ref")
     assert reference["right"] == 30
     for name, scene in (("few", "plot.toml"), ("proxy", "ref-scene")):
         if name == "proxy":
             made = run(line, "scene", "from-reference", "ref", "-o", "ref-scene")
             assert made["plant_surfels"] > 2_000
-        run(line, "simulate", scene, "--ring", "12", "--size", "800x600", "--pose-noise", "0.01,1", "--seed", "2",
-            "--blur", "0.002", "-o", name)  # fmt: skip
+        run(
+            line,
+            "simulate",
+            scene,
+            "--ring",
+            "12",
+            "--size",
+            "800x600",
+            "--pose-noise",
+            "0.01,1",
+            "--seed",
+            "2",
+            "--blur",
+            "0.002",
+            "-o",
+            name,
+        )
         report = run(line, "evaluate", name, "--reference", "ref", *DRAFT, "-o", f"{name}-scores")
         (plot,) = report["plots"]
         assert plot["right"] >= 10, name

@@ -28,21 +28,34 @@ def plot_report(
     entries = tuple(_image(image, pose) for image, pose in images.items())
     return plot.model_copy(
         update={
-            "error": None, "frame": frame, "metric": True, "metric_source": source, "image_reports": entries,
+            "error": None,
+            "frame": frame,
+            "metric": True,
+            "metric_source": source,
+            "image_reports": entries,
             "images": len(entries),
         }
-    )  # fmt: skip
+    )
 
 
 def _image(name: str, pose: Pose | None) -> ImageReport:
     yaw, pitch, roll = (None, None, None) if pose is None else pose.yaw_pitch_roll_deg()
     return ImageReport(
-        name=name, features=100, registered=pose is not None, right=None if pose is None else True,
-        reason="" if pose is not None else "no pair verified", observations=0, reprojection_px=None,
-        position_residual_m=None, angle_residual_deg=None, known_center_m=None,
+        name=name,
+        features=100,
+        registered=pose is not None,
+        right=None if pose is None else True,
+        reason="" if pose is not None else "no pair verified",
+        observations=0,
+        reprojection_px=None,
+        position_residual_m=None,
+        angle_residual_deg=None,
+        known_center_m=None,
         center_m=None if pose is None else cast("Any", tuple(float(v) for v in pose.center)),
-        yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll,
-    )  # fmt: skip
+        yaw_deg=yaw,
+        pitch_deg=pitch,
+        roll_deg=roll,
+    )
 
 
 def disturbed(poses: Sequence[Pose], metres: float, degrees: float, seed: int) -> list[Pose]:

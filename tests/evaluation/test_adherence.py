@@ -114,20 +114,35 @@ def flown(*plots: Sequence[tuple[float | None, ...]] | None) -> EvaluationReport
     for errors in plots:
         stations = tuple(
             StationErrorEntry(
-                station=f"station {k}", image=f"{k}.jpg", east_m=e or 0.0, north_m=n or 0.0, up_m=u, yaw_deg=yaw,
-                pitch_deg=pitch, speed_mps=None, turning_dps=None,
+                station=f"station {k}",
+                image=f"{k}.jpg",
+                east_m=e or 0.0,
+                north_m=n or 0.0,
+                up_m=u,
+                yaw_deg=yaw,
+                pitch_deg=pitch,
+                speed_mps=None,
+                turning_dps=None,
             )
             for k, (e, n, u, yaw, pitch) in enumerate(errors or [])
-        )  # fmt: skip
+        )
         kept = AdherenceEntry(
             stations=stations, missing=(), extra=(), horizontal_rms_m=None, yaw_rms_deg=None, pitch_rms_deg=None
         )
         plot = failed_plot("a", MetadataError("none"), seconds=0.0, cpu_seconds=0.0)
         entries.append(plot.model_copy(update={"adherence": None if errors is None else kept}))
     return EvaluationReport(
-        fieldkit="0", source="flights", reference_sha256=None, refine=False, distances_m=(0.005,), settings={},
-        plots=tuple(entries), seconds=0.0, cpu_seconds=0.0, files=(),
-    )  # fmt: skip
+        fieldkit="0",
+        source="flights",
+        reference_sha256=None,
+        refine=False,
+        distances_m=(0.005,),
+        settings={},
+        plots=tuple(entries),
+        seconds=0.0,
+        cpu_seconds=0.0,
+        files=(),
+    )
 
 
 def test_noise_is_that_of_the_flights_errors() -> None:

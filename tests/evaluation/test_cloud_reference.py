@@ -95,8 +95,10 @@ def test_a_cloud_whose_frame_nobody_knows_is_refused(tmp_path: Path) -> None:
 def test_the_ground_is_not_looked_for_among_leaves(tmp_path: Path) -> None:
     """A rosette cut out of its pot: flat, and all green."""
     rng = np.random.default_rng(0)
-    flat = Cloud(np.column_stack([rng.uniform(-0.1, 0.1, (1500, 2)), 0.001 * rng.normal(size=1500)]),
-                 np.tile(np.uint8([60, 150, 50]), (1500, 1)))  # fmt: skip
+    flat = Cloud(
+        np.column_stack([rng.uniform(-0.1, 0.1, (1500, 2)), 0.001 * rng.normal(size=1500)]),
+        np.tile(np.uint8([60, 150, 50]), (1500, 1)),
+    )
     write_cloud(tmp_path / "a.ply", flat)
     assert opened(tmp_path / "a.ply", "metres").ground is None
 
@@ -120,9 +122,14 @@ def geo_keys(keys: tuple[tuple[int, int], ...]) -> GeoKeyDirectoryVlr:
 
 
 def write_las_in(
-    path: Path, epsg: int | None, code: str, height_unit_m: float = 1.0, place: LocalFrame = ORIGIN,
-    keys: tuple[tuple[int, int], ...] = (), step_m: float = 1e-5,
-) -> None:  # fmt: skip
+    path: Path,
+    epsg: int | None,
+    code: str,
+    height_unit_m: float = 1.0,
+    place: LocalFrame = ORIGIN,
+    keys: tuple[tuple[int, int], ...] = (),
+    step_m: float = 1e-5,
+) -> None:
     """The plot in the coordinates of a system, heights in its unit; ``epsg`` is what the file says of it."""
     import laspy
     from pyproj import CRS, Transformer
@@ -243,8 +250,13 @@ def test_an_evaluation_against_a_bare_cloud_is_that_against_its_reference(tmp_pa
     write_cloud(tmp_path / "scan.ply", read_cloud(folder / "cloud.ply").transformed(to_source))
     for name, reference, frame in (("whole", folder, ""), ("bare", tmp_path / "scan.ply", "metres")):
         evaluate(
-            PHOTOGRAPHS, tmp_path / name, draft, reference=reference, reference_frame=frame, context=Context(cache),
-        )  # fmt: skip
+            PHOTOGRAPHS,
+            tmp_path / name,
+            draft,
+            reference=reference,
+            reference_frame=frame,
+            context=Context(cache),
+        )
     whole, bare = (load_evaluation_report(tmp_path / name) for name in ("whole", "bare"))
     assert whole.plots[0].chamfer_m == pytest.approx(0.0, abs=1e-5)  # the same photographs, the same volume
     assert bare.plots[0].chamfer_m < 0.008  # another volume, and with it other depths, at 3 mm per pixel

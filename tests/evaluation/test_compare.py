@@ -149,9 +149,7 @@ def test_repeats_tell_the_noise_of_every_figure(tmp_path: Path) -> None:
 def test_predictions_are_compared_by_their_intervals(tmp_path: Path) -> None:
     folders = []
     for name, chamfer in {"x": 0.010, "y": 0.012, "z": 0.040}.items():
-        entry = Prediction(
-            chamfer_m=chamfer, low_m=chamfer / 1.5, high_m=chamfer * 1.5, reason="", model=1
-        )  # fmt: skip
+        entry = Prediction(chamfer_m=chamfer, low_m=chamfer / 1.5, high_m=chamfer * 1.5, reason="", model=1)
 
         def change(plot: PlotEvaluation, entry: Prediction = entry) -> PlotEvaluation:
             return plot.model_copy(update={"prediction": entry})

@@ -73,13 +73,20 @@ def by_log(flight: Flight) -> AdherenceEntry:
     latitude, longitude, _ = FRAME.to_geodetic(flight.photographs.positions)
     triggers = [
         Trigger(
-            float(k), None, k, Place(float(latitude[k]), float(longitude[k]), None, float(p[2])), None,
-            Gimbal(0.0, float(pitch), float(yaw), "north", "reported"), 0.0, None, "CAMERA_FEEDBACK",
+            float(k),
+            None,
+            k,
+            Place(float(latitude[k]), float(longitude[k]), None, float(p[2])),
+            None,
+            Gimbal(0.0, float(pitch), float(yaw), "north", "reported"),
+            0.0,
+            None,
+            "CAMERA_FEEDBACK",
         )
         for k, (p, yaw, pitch) in enumerate(
             zip(flight.photographs.positions, flight.photographs.yaws, flight.photographs.pitches, strict=True)
         )
-    ]  # fmt: skip
+    ]
     return adherence(planned, triggers, [str(k) for k in range(len(triggers))])
 
 
@@ -137,9 +144,12 @@ def offset_of(size: float, towards: float, up: float) -> np.ndarray:
 @given(
     layout=st.sampled_from(["grid 4×3", "grid 5×2", "ring 9", "ring 13"]),
     size=st.one_of(st.sampled_from([0.0, 0.5, 1.0, 1.5, MOST_OFFSET_M - 0.1]), st.floats(0.0, MOST_OFFSET_M - 0.1)),
-    towards=st.floats(0.0, 360.0), up=st.floats(-30.0, 30.0),
-    missing=st.integers(0, 3), twice=st.integers(0, 3), seed=st.integers(0, 10_000),
-)  # fmt: skip
+    towards=st.floats(0.0, 360.0),
+    up=st.floats(-30.0, 30.0),
+    missing=st.integers(0, 3),
+    twice=st.integers(0, 3),
+    seed=st.integers(0, 10_000),
+)
 def test_all_four_give_the_same_pairs(layout, size, towards, up, missing, twice, seed) -> None:
     """Corners of a grid are always photographed: without an edge it may lie in more than one way."""
     kind, shape = layout.split()
@@ -161,7 +171,7 @@ def test_all_four_give_the_same_pairs(layout, size, towards, up, missing, twice,
     offset = common.offset_m
     checked = by_mission_check(
         Flight(stations, flight.photographs.moved(0.0, -offset, -common.heading_deg), flight.true)
-    )  # fmt: skip
+    )
     assert pairs.items() <= checked.items()
     if not (missing and twice):  # else a second photograph may stand in for a missing neighbour's
         assert checked == pairs

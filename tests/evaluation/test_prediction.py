@@ -31,13 +31,18 @@ FIGURES = ReconstructionEntry(
     pairs_verified=30, observations=9000, reprojection_px=0.5, seconds=1.0, cpu_seconds=1.0,
 )  # fmt: skip
 MODEL = PredictionModel(
-    version=7, intercept=math.log(0.02), half_width=math.log(2.0), coverage=0.9, plots=20, scenes=("a", "b"),
+    version=7,
+    intercept=math.log(0.02),
+    half_width=math.log(2.0),
+    coverage=0.9,
+    plots=20,
+    scenes=("a", "b"),
     chamfer_range_m=(0.008, 0.08),
     features=(
         FeatureFit(name="noise_m", coefficient=0.5, mean=math.log(0.01), scale=1.0, low=0.004, high=0.05),
         FeatureFit(name="pose_rms_m", coefficient=0.2, mean=math.log(0.05), scale=0.5, low=0.01, high=0.3),
     ),
-)  # fmt: skip
+)
 
 
 class TestModel:

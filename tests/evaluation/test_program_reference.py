@@ -23,9 +23,7 @@ DRAFT = EvaluationSettings(fidelity="draft")
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ReferenceReport]:
     folder = tmp_path_factory.mktemp("reference") / "ref"
-    return folder, build_reference(
-        PHOTOGRAPHS, folder, DRAFT, context=Context(), scene=False
-    )  # fmt: skip
+    return folder, build_reference(PHOTOGRAPHS, folder, DRAFT, context=Context(), scene=False)
 
 
 @pytest.fixture

@@ -108,8 +108,10 @@ def test_a_style_has_its_colours_in_order() -> None:
     text = style_text(0.0, 1.2, ("#ffffff", "#888888", "#000000"))
     shader = ElementTree.fromstring(text.partition("\n")[2]).find("pipe/rasterrenderer/rastershader/colorrampshader")
     assert [(item.get("value"), item.get("color")) for item in shader.findall("item")] == [
-        ("0.000", "#ffffff"), ("0.600", "#888888"), ("1.200", "#000000"),
-    ]  # fmt: skip
+        ("0.000", "#ffffff"),
+        ("0.600", "#888888"),
+        ("1.200", "#000000"),
+    ]
     ramp = {prop.get("k"): prop.get("v") for prop in shader.findall("colorramp/prop")}
     assert (ramp["color1"], ramp["color2"]) == ("255,255,255,255", "0,0,0,255")
     assert ramp["stops"] == "0.5;136,136,136,255"
@@ -136,6 +138,7 @@ def test_files(tmp_path: Path) -> None:
     assert sorted(path.name for path in (tmp_path / "both").iterdir()) == sorted(names)
     with rasterio.open(tmp_path / "both" / CANOPY_FILE) as file:  # a height that the traits refuse is marked
         assert (file.descriptions, file.tags()[REFUSED_TAG]) == (
-            ("canopy height, m, AT LEAST: pictures end",), "pictures end"
-        )  # fmt: skip
+            ("canopy height, m, AT LEAST: pictures end",),
+            "pictures end",
+        )
     assert "m or more: the height is refused" in (tmp_path / "both" / "canopy-height.qml").read_text()

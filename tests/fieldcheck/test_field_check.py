@@ -192,9 +192,13 @@ def capture_of(poses: list[Pose | None], origin: LocalFrame | None = None, *, an
 class TestPlacement:
     @settings(max_examples=10)
     @given(
-        seed=st.integers(0, 1000), east=st.floats(-3, 3), north=st.floats(-3, 3), up=st.floats(-20, 20),
-        compass=st.floats(-8, 8), gone=st.integers(0, 12),
-    )  # fmt: skip
+        seed=st.integers(0, 1000),
+        east=st.floats(-3, 3),
+        north=st.floats(-3, 3),
+        up=st.floats(-20, 20),
+        compass=st.floats(-8, 8),
+        gone=st.integers(0, 12),
+    )
     def test_a_common_offset_is_found_and_taken_out(self, seed, east, north, up, compass, gone) -> None:
         planned = stations(seed=seed)
         origin = LocalFrame(52.3, 10.4, 81.0, "ellipsoid")

@@ -35,8 +35,13 @@ def test_order_and_keys() -> None:
     assert distances == ["chamfer_m", "accuracy_m", "completeness_m", "f_score_0.005", "f_score_0.010"]
     assert [each.key for each in figures_of("trait")] == list(TRAIT_KEYS)
     assert [each.key for each in TRENDS] == [
-        "chamfer_m", "predicted_chamfer_m", "height_m", "cover_percent", "canopy_volume_m3", "plants",
-    ]  # fmt: skip
+        "chamfer_m",
+        "predicted_chamfer_m",
+        "height_m",
+        "cover_percent",
+        "canopy_volume_m3",
+        "plants",
+    ]
     assert len({each.label for each in FIGURES.values()}) == len(FIGURES)
     assert figure("f_score_0.010").label == "F‑score at 10 mm"
     with pytest.raises(KeyError):

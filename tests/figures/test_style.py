@@ -8,11 +8,22 @@ from fieldkit.figures.style import decimal, format_length, format_nominal, forma
 @pytest.mark.parametrize(
     ("length", "text"),
     [
-        (0.0004, "0.40 mm"), (0.0044, "4.40 mm"), (0.00999, "9.99 mm"), (0.009996, "10.0 mm"), (0.04, "40.0 mm"),
-        (0.0999, "0.10 m"), (0.27, "0.27 m"), (1.5, "1.50 m"), (12.345, "12.3 m"), (312.4, "312 m"),
-        (1250.0, "1,250 m"), (-0.0021, "−2.10 mm"), (-0.0000001, "0.00 mm"), (None, "–"),
+        (0.0004, "0.40 mm"),
+        (0.0044, "4.40 mm"),
+        (0.00999, "9.99 mm"),
+        (0.009996, "10.0 mm"),
+        (0.04, "40.0 mm"),
+        (0.0999, "0.10 m"),
+        (0.27, "0.27 m"),
+        (1.5, "1.50 m"),
+        (12.345, "12.3 m"),
+        (312.4, "312 m"),
+        (1250.0, "1,250 m"),
+        (-0.0021, "−2.10 mm"),
+        (-0.0000001, "0.00 mm"),
+        (None, "–"),
     ],
-)  # fmt: skip
+)
 def test_lengths(length: float | None, text: str) -> None:
     assert format_length(length) == text
 
@@ -36,7 +47,13 @@ def test_seconds(seconds: float, text: str) -> None:
 
 def test_numbers_without_units() -> None:
     assert [millimetres(v) for v in (0.00039, 0.00393, 0.0393, 0.393, -0.0021, -0.0000001, None)] == [
-        "0.39", "3.93", "39.3", "393", "−2.10", "0.00", None,
-    ]  # fmt: skip
+        "0.39",
+        "3.93",
+        "39.3",
+        "393",
+        "−2.10",
+        "0.00",
+        None,
+    ]
     assert (decimal(12.3456), percent(0.99999), percent(1.0), percent(0.5, 0)) == ("12.35", "99.9", "100.0", "50")
     assert (signed(0.01239, 3), signed(-3.59, 3)) == ("+0.0124", "−3.59")

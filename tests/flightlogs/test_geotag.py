@@ -149,9 +149,7 @@ def test_bursts_are_matched_in_order_and_counted_by_station(photo_file: MakePhot
     assert len(report.matches.triggers) == 2
     assert "6 stations, 5 with 4 photographs or more" in report.remarks
     assert "station 3 of the flight, from trigger 8 on, has 3 of 4 photographs" in report.remarks
-    planned = [
-        PlannedPose(f"station {s + 1}", 50.0 + 2e-5 * s, 7.0, 3.5, 0.0, -40.0) for s in range(6)
-    ]  # fmt: skip
+    planned = [PlannedPose(f"station {s + 1}", 50.0 + 2e-5 * s, 7.0, 3.5, 0.0, -40.0) for s in range(6)]
     pairs = report.matches.pairs
     kept = adherence(planned, [read_flight_log(log).triggers[p.trigger] for p in pairs], [p.photograph for p in pairs])
     assert [each.image for each in kept.stations] == [f"DJI_{k:04d}.jpg" for k in (0, 4, 8, 12, 16, 21)]

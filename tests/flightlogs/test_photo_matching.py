@@ -23,14 +23,17 @@ def flown(intervals: list[float], ring_m: float = 2.5, plot_m: float = 30.0) -> 
         angle = 2 * math.pi * (k % 13) / 13
         place = Place(
             HOME[0] + ring_m * math.cos(angle) * M_NORTH,
-            HOME[1] + (ring_m * math.sin(angle) + plot_m * (k // 13)) * M_EAST, 100.0, 2.0,
-        )  # fmt: skip
+            HOME[1] + (ring_m * math.sin(angle) + plot_m * (k // 13)) * M_EAST,
+            100.0,
+            2.0,
+        )
         triggers.append(Trigger(time - 1_794_999_000.0, time, k + 1, place, None, None, None, None, "test"))
     return triggers
 
 
-def photograph(trigger: Trigger, name: str, *, offset: float, noise: tuple[float, float, float], whole: bool,
-               gps: bool) -> Stamp:  # fmt: skip
+def photograph(
+    trigger: Trigger, name: str, *, offset: float, noise: tuple[float, float, float], whole: bool, gps: bool
+) -> Stamp:
     time = trigger.utc_s + offset + noise[0]
     stamp = Stamp(name, float(math.floor(time)) if whole else time)
     if not gps:
@@ -43,9 +46,13 @@ def photograph(trigger: Trigger, name: str, *, offset: float, noise: tuple[float
 
 
 def photographs(
-    triggers: list[Trigger], *without: int, offset: float = 0.0, noise: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    whole: bool = False, gps: bool = False,
-) -> list[Stamp]:  # fmt: skip
+    triggers: list[Trigger],
+    *without: int,
+    offset: float = 0.0,
+    noise: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    whole: bool = False,
+    gps: bool = False,
+) -> list[Stamp]:
     """A photograph of each trigger but some, named by it."""
     return [
         photograph(t, f"P{k}", offset=offset, noise=noise, whole=whole, gps=gps)
@@ -93,8 +100,9 @@ def test_one_missing_and_one_extra_anywhere(seed, plots, drop, extra, offset, dr
         stamps.append(photograph(trigger, f"P{k}", offset=clock, noise=noise, whole=whole, gps=gps))
     # The extra lies between two triggers or before the first, at least 2 s from any.
     at = int(rng.integers(len(triggers)))
-    lone = photograph(triggers[at], "X", offset=offset - 2.0 + min(extra, -0.5), noise=(0, 30.0, 9.0), whole=whole,
-                      gps=gps)  # fmt: skip
+    lone = photograph(
+        triggers[at], "X", offset=offset - 2.0 + min(extra, -0.5), noise=(0, 30.0, 9.0), whole=whole, gps=gps
+    )
     apart = min(abs((t.utc_s or 0.0) + offset - (lone.time_s or 0.0)) for t in triggers)
     if apart > 1.7:
         stamps.append(lone)
@@ -174,7 +182,7 @@ def test_bursts_in_whole_seconds_are_matched_in_their_order() -> None:
     stations = flown(series(9, 4))
     triggers = [
         replace(t, time_s=t.time_s + 0.7 * k, utc_s=(t.utc_s or 0.0) + 0.7 * k) for t in stations for k in range(5)
-    ]  # fmt: skip
+    ]
     found = match(photographs(triggers, offset=7200.2, whole=True), triggers)
     assert len(found.pairs) == 45
     assert own(found)
@@ -208,9 +216,7 @@ def test_recorded_flights_with_every_photograph_missing_in_turn() -> None:
     for name in ("hold0", "mount_then_yaw"):
         triggers = flight_log(f"{name}.tlog").triggers
         for drop in range(13):
-            stamps = [
-                Stamp(f"P{k}", (t.utc_s or 0.0) - 3600.0 + 0.15) for k, t in enumerate(triggers) if k != drop
-            ]  # fmt: skip
+            stamps = [Stamp(f"P{k}", (t.utc_s or 0.0) - 3600.0 + 0.15) for k, t in enumerate(triggers) if k != drop]
             lone = (triggers[12 - drop].utc_s or 0.0) - 3600.0 - 1.0
             found = match([Stamp("X", lone), *stamps], triggers)
             assert matched(found) == [k for k in range(13) if k != drop]

@@ -17,8 +17,12 @@ YAW_VEHICLE, YAW_LOCK = 32, 16
 
 def quaternion(roll: float, pitch: float, yaw: float) -> list[float]:
     (cr, cp, cy), (sr, sp, sy) = np.cos(np.radians([roll, pitch, yaw]) / 2), np.sin(np.radians([roll, pitch, yaw]) / 2)
-    return [cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy]  # fmt: skip
+    return [
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    ]
 
 
 def flight(flags: int = YAW_VEHICLE) -> dict[str, Topic]:
@@ -43,7 +47,8 @@ def flight(flags: int = YAW_VEHICLE) -> dict[str, Topic]:
             [(t, latitude(t), 7.0, 103.5) for t in times[::2]],
         ),
         "vehicle_local_position": (
-            "uint64_t timestamp;float vx;float vy;float vz;", [(t, 2.0, 0.0, 0.0) for t in times[::2]]
+            "uint64_t timestamp;float vx;float vy;float vz;",
+            [(t, 2.0, 0.0, 0.0) for t in times[::2]],
         ),
         "home_position": ("uint64_t timestamp;double lat;double lon;float alt;", [(9_000_000, 50.0, 7.0, 100.0)]),
         "gimbal_device_attitude_status": (
@@ -51,13 +56,14 @@ def flight(flags: int = YAW_VEHICLE) -> dict[str, Topic]:
             [(t, flags, quaternion(0.0, -40.0, gimbal)) for t in times[::5]],
         ),
         "vehicle_gps_position": (
-            "uint64_t timestamp;uint64_t time_utc_usec;float eph;", [(t, t + UTC_US, 0.8) for t in times[::10]]
+            "uint64_t timestamp;uint64_t time_utc_usec;float eph;",
+            [(t, t + UTC_US, 0.8) for t in times[::10]],
         ),
         "camera_capture": (
             "uint64_t timestamp;uint64_t timestamp_utc;uint32_t seq;double lat;double lon;float alt;int8_t result;",
             [(t, t + UTC_US, k + 1, latitude(t), 7.0, 103.5, 1) for k, t in enumerate(shots)],
         ),
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize(("flags", "gimbal_yaw"), [(YAW_VEHICLE, None), (YAW_LOCK, 123.0)])
@@ -85,8 +91,9 @@ def test_triggers_without_a_place_take_the_tracks(tmp_path: Path) -> None:
     topics = flight()
     shots = topics.pop("camera_capture")[1]
     topics["camera_trigger"] = (
-        "uint64_t timestamp;uint64_t timestamp_utc;uint32_t seq;", [(row[0], 0, row[2]) for row in shots]
-    )  # fmt: skip
+        "uint64_t timestamp;uint64_t timestamp_utc;uint32_t seq;",
+        [(row[0], 0, row[2]) for row in shots],
+    )
     path = tmp_path / "flight.ulg"
     path.write_bytes(write_ulog(topics))
     log = read_flight_log(path)
@@ -130,11 +137,13 @@ def test_nested_formats_take_no_time() -> None:
 
 
 def test_the_last_instance_that_a_byte_can_number_is_read_like_any_other() -> None:
-    data = write_ulog({})[:16] + b"".join([
-        message("F", b"camera_capture:uint64_t timestamp;"),
-        message("A", struct_subscription("camera_capture", instance=255)),
-        message("D", b"\0\0" + bytes([7]) + bytes(7)),
-    ])  # fmt: skip
+    data = write_ulog({})[:16] + b"".join(
+        [
+            message("F", b"camera_capture:uint64_t timestamp;"),
+            message("A", struct_subscription("camera_capture", instance=255)),
+            message("D", b"\0\0" + bytes([7]) + bytes(7)),
+        ]
+    )
     rows, skipped = read_topics(data, frozenset({"camera_capture"}))
     assert (rows["camera_capture"]["timestamp"].tolist(), skipped) == ([7], 0)
 

@@ -35,8 +35,14 @@ def test_any_change_is_found(flown: tuple[MissionItem, ...]) -> None:
     sent = (HOME, *to_wire(flown))
     right = (HOME, *kept(sent[1:]))
     waypoint = next(k for k, item in enumerate(right) if item.command == 16 and k)
-    for field, value in (("x", right[waypoint].x + 1), ("y", right[waypoint].y - 1), ("z", right[waypoint].z + 0.01),
-                         ("command", 82), ("frame", 0), ("params", (3.0, 0.0, 0.0, 0.0))):  # fmt: skip
+    for field, value in (
+        ("x", right[waypoint].x + 1),
+        ("y", right[waypoint].y - 1),
+        ("z", right[waypoint].z + 0.01),
+        ("command", 82),
+        ("frame", 0),
+        ("params", (3.0, 0.0, 0.0, 0.0)),
+    ):
         wrong = list(right)
         wrong[waypoint] = replace(right[waypoint], **{field: value})
         (found,) = differences(sent, wrong, ARDUPILOT)
@@ -166,6 +172,11 @@ def test_heights_are_cut_to_centimetres(metres: float) -> None:
 def wire(item: dict[str, Any]) -> WireItem:
     p1, p2, p3, p4 = (float(np.float32(value)) for value in item["p"])
     return WireItem(
-        item["cmd"], item["frame"], (p1, p2, p3, p4), item["x"], item["y"], float(np.float32(item["z"])),
+        item["cmd"],
+        item["frame"],
+        (p1, p2, p3, p4),
+        item["x"],
+        item["y"],
+        float(np.float32(item["z"])),
         item.get("autocontinue", 1),
-    )  # fmt: skip
+    )

@@ -39,9 +39,7 @@ def standing(recording: Recording, holds: tuple[MissionItem, ...] = (), *, fault
     return vehicle
 
 
-def upload(
-    vehicle: Replay, items: tuple[MissionItem, ...], *, connect_s: float = 10.0, **options: Any
-) -> UploadReport:  # fmt: skip
+def upload(vehicle: Replay, items: tuple[MissionItem, ...], *, connect_s: float = 10.0, **options: Any) -> UploadReport:
     """Over a link whose waits are as short as the vehicle's time."""
     with Vehicle(vehicle.url, connect_s=connect_s, again_s=0.7 / SPEED, silence_s=9.0 / SPEED) as link:
         return upload_mission(link, items, **options)

@@ -166,7 +166,7 @@ def swapped(items: list[MissionItem]) -> list[MissionItem]:
         (ReadMission("plan"), "empty"),
         (ReadMission("plan", ITEMS, home=HOME, firmware="dji"), "wrong-vehicle"),
     ],
-)  # fmt: skip
+)
 def test_every_fault_is_found(change: Any, error: str) -> None:
     report = check_mission(change if isinstance(change, ReadMission) else with_items(change), vehicle())
     assert not report.ok
@@ -181,10 +181,17 @@ def test_a_capture_without_interval_and_number_is_one_photograph_of_ardupilot(di
     assert checked(items, by=vehicle(dialect)).ok == ok
 
 
-@pytest.mark.parametrize(("dialect", "command", "name"), [
-    ("ardupilot", 222, "DO_GUIDED_LIMITS"), ("ardupilot", 181, "DO_SET_RELAY"), ("ardupilot", 531, "SET_CAMERA_ZOOM"),
-    ("ardupilot", 18, "NAV_LOITER_TURNS"), ("px4", 187, "DO_SET_ACTUATOR"), ("px4", 2500, "VIDEO_START_CAPTURE"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("dialect", "command", "name"),
+    [
+        ("ardupilot", 222, "DO_GUIDED_LIMITS"),
+        ("ardupilot", 181, "DO_SET_RELAY"),
+        ("ardupilot", 531, "SET_CAMERA_ZOOM"),
+        ("ardupilot", 18, "NAV_LOITER_TURNS"),
+        ("px4", 187, "DO_SET_ACTUATOR"),
+        ("px4", 2500, "VIDEO_START_CAPTURE"),
+    ],
+)
 def test_what_nobody_can_say_the_photographs_of_is_refused_by_name(dialect: Any, command: int, name: str) -> None:
     items = render(small_mission(), vehicle(dialect))[int(dialect == "ardupilot") :]
     place = (50.865, 6.4473, 3.0) if command == 18 else (0.0, 0.0, 0.0)
@@ -210,7 +217,7 @@ def test_what_nobody_can_say_the_photographs_of_is_refused_by_name(dialect: Any,
         (behind(Command.DO_MOUNT_CONTROL, pitch_yaw(gimbal=2.0)), "other-camera"),
         (replace(with_items(lambda _: None), firmware="px4"), "wrong-vehicle"),
     ],
-)  # fmt: skip
+)
 def test_what_is_worth_knowing_is_said(change: Any, warning: str) -> None:
     report = check_mission(change if isinstance(change, ReadMission) else with_items(change), vehicle())
     assert counted(report, "warning")[warning] > 0
@@ -440,9 +447,11 @@ def test_a_file_that_names_no_autopilot_is_checked_for_each() -> None:
 
 
 def test_what_only_a_profile_says_needs_one() -> None:
-    low = replace(small_mission(), stops=tuple(
-        replace(stop, height_m=0.2) for stop in small_mission(vias=False).stops
-    ), settle_s=0.0)  # fmt: skip
+    low = replace(
+        small_mission(),
+        stops=tuple(replace(stop, height_m=0.2) for stop in small_mission(vias=False).stops),
+        settle_s=0.0,
+    )
     read = ReadMission("plan", render(low, vehicle())[1:], home=HOME, firmware="ardupilot")
     assert errors(findings_by_dialect(read)["ardupilot"]) == set()
     tired = vehicle(battery=Battery(endurance_s=30.0, reserve=0.5))

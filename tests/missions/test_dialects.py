@@ -75,13 +75,23 @@ def test_px4_has_yaw_in_the_waypoint_and_a_delay_on_both_sides_of_the_shutter() 
     items = render(small_mission(), vehicle("px4"))
     commands = [item.command for item in items]
     station = [
-        Command.DO_GIMBAL_MANAGER_PITCHYAW, Command.NAV_WAYPOINT, Command.NAV_DELAY, Command.IMAGE_START_CAPTURE,
+        Command.DO_GIMBAL_MANAGER_PITCHYAW,
+        Command.NAV_WAYPOINT,
         Command.NAV_DELAY,
-    ]  # fmt: skip
+        Command.IMAGE_START_CAPTURE,
+        Command.NAV_DELAY,
+    ]
     assert commands == [
-        Command.NAV_TAKEOFF, Command.DO_CHANGE_SPEED, Command.DO_GIMBAL_MANAGER_CONFIGURE,
-        *station, *station, Command.NAV_WAYPOINT, *station, Command.NAV_WAYPOINT, Command.NAV_LAND,
-    ]  # fmt: skip
+        Command.NAV_TAKEOFF,
+        Command.DO_CHANGE_SPEED,
+        Command.DO_GIMBAL_MANAGER_CONFIGURE,
+        *station,
+        *station,
+        Command.NAV_WAYPOINT,
+        *station,
+        Command.NAV_WAYPOINT,
+        Command.NAV_LAND,
+    ]
     waypoints = [item for item in items if item.command == Command.NAV_WAYPOINT and item.station is not None]
     assert [item.params[3] for item in waypoints] == [180.0, 235.385, 41.538]
     assert all(item.frame == (3 if item.positional else 2) for item in items)

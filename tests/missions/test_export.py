@@ -64,8 +64,10 @@ def test_every_photograph_is_the_plans_and_no_leg_comes_too_near() -> None:
     origin = SiteFrame(field.home).to_local(field.plots[0].latitude_deg, field.plots[0].longitude_deg, 0.0)[0]
     nearest = min(
         np.linalg.norm(a + share * (b - a) - origin - plants, axis=1).min()
-        for leg in routed.legs() for a, b in pairwise(leg) for share in np.linspace(0, 1, 60)
-    )  # fmt: skip
+        for leg in routed.legs()
+        for a, b in pairwise(leg)
+        for share in np.linspace(0, 1, 60)
+    )
     assert nearest == pytest.approx(routed.plants_m, abs=0.02)
     assert routed.lowest_m == pytest.approx(1.2)
 
@@ -73,11 +75,15 @@ def test_every_photograph_is_the_plans_and_no_leg_comes_too_near() -> None:
 @pytest.mark.parametrize(
     ("vehicle", "form", "suffix"),
     [
-        ("ardupilot-pitch", "plan", ".plan"), ("ardupilot-pitch", "waypoints", ".waypoints"),
-        ("ardupilot-pan", "plan", ".plan"), ("px4-gimbal", "plan", ".plan"), ("px4-gimbal", "waypoints", ".waypoints"),
-        ("dji-mavic-3-enterprise", "wpml", ".kmz"), ("dji-mini-4-pro", "litchi", ".csv"),
+        ("ardupilot-pitch", "plan", ".plan"),
+        ("ardupilot-pitch", "waypoints", ".waypoints"),
+        ("ardupilot-pan", "plan", ".plan"),
+        ("px4-gimbal", "plan", ".plan"),
+        ("px4-gimbal", "waypoints", ".waypoints"),
+        ("dji-mavic-3-enterprise", "wpml", ".kmz"),
+        ("dji-mini-4-pro", "litchi", ".csv"),
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("slope", [{}, {"slope_percent": 12.0, "uphill_heading_deg": 310.0, "row_heading_deg": 75.0}])
 def test_what_is_written_passes_its_check_against_the_plan(tmp_path, vehicle, form, suffix, slope) -> None:
     plan, profile = planned(height_m=2.0, plants=False), load_vehicle(vehicle)
@@ -110,10 +116,13 @@ def test_what_is_written_passes_its_check_against_the_plan(tmp_path, vehicle, fo
 @pytest.mark.parametrize(
     ("vehicle", "form", "interval_s"),
     [
-        ("ardupilot-pitch", "plan", 1.0), ("fixed-gimbal", "waypoints", 1.0), ("px4-gimbal", "plan", 1.5),
-        ("dji-mavic-3-enterprise", "wpml", 1.0), ("dji-mini-4-pro", "litchi", 1.0),
+        ("ardupilot-pitch", "plan", 1.0),
+        ("fixed-gimbal", "waypoints", 1.0),
+        ("px4-gimbal", "plan", 1.5),
+        ("dji-mavic-3-enterprise", "wpml", 1.0),
+        ("dji-mini-4-pro", "litchi", 1.0),
     ],
-)  # fmt: skip
+)
 def test_bursts_stand_still_where_the_plan_says(tmp_path: Path, vehicle: str, form: str, interval_s: float) -> None:
     plan, field, profile = planned(height_m=2.0, plants=False), site(), load_vehicle(vehicle)
     exported = {
@@ -176,9 +185,14 @@ def test_a_station_that_lost_photographs_is_named_and_so_are_hasty_ones(tmp_path
     assert not single.findings
 
 
-@pytest.mark.parametrize(("vehicle", "form", "burst", "flights"), [
-    ("ardupilot-pitch", "plan", 1, 1), ("ardupilot-pitch", "plan", 5, 2), ("dji-mini-4-pro", "litchi", 1, 2),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("vehicle", "form", "burst", "flights"),
+    [
+        ("ardupilot-pitch", "plan", 1, 1),
+        ("ardupilot-pitch", "plan", 5, 2),
+        ("dji-mini-4-pro", "litchi", 1, 2),
+    ],
+)
 def test_files_hold_what_vehicle_and_app_take(
     tmp_path: Path, vehicle: str, form: str, burst: int, flights: int
 ) -> None:
@@ -229,10 +243,16 @@ def test_no_file_takes_more_than_a_battery(tmp_path: Path) -> None:
 def test_stations_too_low_over_plants_for_a_vehicle_are_raised_over_them(tmp_path: Path) -> None:
     """As a plan that was made for a smaller vehicle: the demo's, on PX4's."""
     plan, profile = planned(5, height_m=1.25), load_vehicle("px4-gimbal")
-    close = plan.model_copy(update={"stations": tuple(
-        station.model_copy(update={"position_m": (0.65 * station.position_m[0], 0.65 * station.position_m[1], 1.25)})
-        for station in plan.stations
-    )})  # fmt: skip
+    close = plan.model_copy(
+        update={
+            "stations": tuple(
+                station.model_copy(
+                    update={"position_m": (0.65 * station.position_m[0], 0.65 * station.position_m[1], 1.25)}
+                )
+                for station in plan.stations
+            )
+        }
+    )
     with pytest.raises(MissionError, match="too low over the plants") as caught:
         route_plan(close, profile, site())
     assert "--adjust" in caught.value.remedy
@@ -293,10 +313,14 @@ def test_files_are_kept_and_wrong_names_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "asked", "form"),
     [
-        ("m.kmz", None, "wpml"), ("m.csv", None, "litchi"), ("m.waypoints", None, "waypoints"),
-        ("m.plan", None, "plan"), ("m", None, "plan"), ("m", "wpml", "wpml"),
+        ("m.kmz", None, "wpml"),
+        ("m.csv", None, "litchi"),
+        ("m.waypoints", None, "waypoints"),
+        ("m.plan", None, "plan"),
+        ("m", None, "plan"),
+        ("m", "wpml", "wpml"),
     ],
-)  # fmt: skip
+)
 def test_a_files_suffix_says_its_format(name: str, asked: str | None, form: str) -> None:
     assert mission_file(Path(name), asked)[1] == form
     with pytest.raises(UsageError, match="plan missions are"):

@@ -16,10 +16,12 @@ from fieldkit.vehicles.vehicle_file import load_vehicle
 from tests.missions.test_export import planned
 
 FLOWN = [
-    ("ardupilot-pitch", "plan", ".plan"), ("ardupilot-pitch", "waypoints", ".waypoints"),
+    ("ardupilot-pitch", "plan", ".plan"),
+    ("ardupilot-pitch", "waypoints", ".waypoints"),
     ("px4-gimbal", "plan", ".plan"),
-    ("dji-mavic-3-enterprise", "wpml", ".kmz"), ("dji-mini-4-pro", "litchi", ".csv"),
-]  # fmt: skip
+    ("dji-mavic-3-enterprise", "wpml", ".kmz"),
+    ("dji-mini-4-pro", "litchi", ".csv"),
+]
 SITE = """\
 format = 1
 ceiling_m = 30.0
@@ -39,10 +41,13 @@ def plots_file(folder: Path, name: str, heights: Sequence[float | None], *, half
         dx, dy = 1.3 / 70_300, half_m / 111_260
         ring = [[east + x * dx, north + y * dy] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))]
         known = {} if height is None else {"plant_height_m": height}
-        features.append({
-            "type": "Feature", "properties": {"plot_id": f"P{k}", **known, **more},
-            "geometry": {"type": "Polygon", "coordinates": [ring]},
-        })  # fmt: skip
+        features.append(
+            {
+                "type": "Feature",
+                "properties": {"plot_id": f"P{k}", **known, **more},
+                "geometry": {"type": "Polygon", "coordinates": [ring]},
+            }
+        )
     (folder / name).write_text(json.dumps({"type": "FeatureCollection", "features": features}))
     return folder / name
 
@@ -129,8 +134,9 @@ def test_a_mission_that_needs_rtk_is_told_at_its_export_and_at_its_check(field: 
     save_plan(field.folder / "plan" / "plan.json", planned(36, height_m=2.0))
     plots = plots_file(field.folder, "p.geojson", [0.9])
     for vehicle, form, suffix, needed in (
-        ("dji-mavic-3-enterprise", "wpml", ".kmz", True), ("ardupilot-pitch", "plan", ".plan", False),
-    ):  # fmt: skip
+        ("dji-mavic-3-enterprise", "wpml", ".kmz", True),
+        ("ardupilot-pitch", "plan", ".plan", False),
+    ):
         done, told = field.export(vehicle, form, plots)
         assert done == 0, told
         code, answer, _ = field.check(suffix, vehicle, plots)
@@ -164,9 +170,9 @@ def test_an_export_needs_the_height_of_the_plants(field: Field) -> None:
 
 def test_a_plan_without_plants_is_not_said_to_be_clear_of_them(field: Field, tmp_path: Path) -> None:
     save_plan(field.folder / "plan" / "plan.json", planned(6, height_m=2.0, plants=False))
-    (field.folder / "site.toml").write_text(SITE + (
-        '[[plots]]\nname = "P0"\nlatitude_deg = 50.865\nlongitude_deg = 6.4473\nplant_height_m = 0.9\n'
-    ))  # fmt: skip
+    (field.folder / "site.toml").write_text(
+        SITE + ('[[plots]]\nname = "P0"\nlatitude_deg = 50.865\nlongitude_deg = 6.4473\nplant_height_m = 0.9\n')
+    )
     site = str(field.folder / "site.toml")
     call = ["--vehicle", "ardupilot-pitch", "--site", site]
     assert (

@@ -79,7 +79,7 @@ def test_another_programs_file_is_read(tmp_path: Path) -> None:
         "version": 2,
         "polygons": [{"inclusion": True, "polygon": [[50.8, 6.4], [50.8, 6.5], [50.9, 6.5], [50.8, 6.4]]}],
         "circles": [{"circle": {"center": [50.865, 6.4473], "radius": 100.0}, "inclusion": False}],
-    }  # fmt: skip
+    }
     path = tmp_path / "other.plan"
     path.write_bytes(b"\xef\xbb\xbf" + json.dumps(document, indent="\t").replace("\n", "\r\n").encode())
     read = read_plan(path)
@@ -171,8 +171,10 @@ def test_another_version_is_refused(tmp_path: Path, version: Any) -> None:
         if version == 1 and part is document:
             continue
         with pytest.raises(MetadataError, match=f"{name} of version {version}"):
-            read_of(tmp_path, document | ({"version": version} if part is document else {"mission": part | {
-                "version": version}}))  # fmt: skip
+            read_of(
+                tmp_path,
+                document | ({"version": version} if part is document else {"mission": part | {"version": version}}),
+            )
     del document["mission"]["version"]
     assert [remark.code for remark in read_of(tmp_path, document).remarks] == ["plan-version"]
 

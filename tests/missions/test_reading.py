@@ -31,10 +31,14 @@ def test_what_is_no_mission(tmp_path: Path) -> None:
     (tmp_path / "deep.plan").write_bytes(b"[" * 100_000)
     (tmp_path / "folder.plan").mkdir()
     for name, message in (
-        ("a.gpx", "no known mission format"), ("none.plan", "no such file"), ("none.csv", "no such file"),
-        ("big.plan", "far too large"), ("deep.plan", "not JSON"), ("folder.plan", "cannot be read"),
+        ("a.gpx", "no known mission format"),
+        ("none.plan", "no such file"),
+        ("none.csv", "no such file"),
+        ("big.plan", "far too large"),
+        ("deep.plan", "not JSON"),
+        ("folder.plan", "cannot be read"),
         ("nul\0.csv", "cannot be read"),
-    ):  # fmt: skip
+    ):
         with pytest.raises(MetadataError, match=message) as caught:
             read_mission(tmp_path / name)
         assert caught.value.remedy
@@ -69,9 +73,15 @@ def test_files_changed_at_random_are_read_or_refused_and_checked(tmp_path: Path,
 
 
 VALUES = st.one_of(
-    st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=5), st.just([]), st.just({}),
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.text(max_size=5),
+    st.just([]),
+    st.just({}),
     st.sampled_from([16, 22, 93, 115, 177, 201, 205, 1000, 2000, 3, 0, 2, 10**400, -1, 1e9, 90.0000001]),
-)  # fmt: skip
+)
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -58,7 +58,7 @@ def at(waypoint: int, *actions: str, **how: str) -> str:
 def tilt(pitch: object, mode: str = "absoluteAngle", **values: object) -> str:
     return action(
         "gimbalRotate", gimbalRotateMode=mode, gimbalPitchRotateEnable=1, gimbalPitchRotateAngle=pitch, **values
-    )  # fmt: skip
+    )
 
 
 def pan(yaw: object, base: str) -> str:
@@ -185,9 +185,7 @@ def refused(report: Report) -> list[str]:
 
 def test_the_actions_of_a_group_are_carried_out_in_order() -> None:
     turn = action("rotateYaw", aircraftHeading=-90, aircraftPathMode="clockwise")
-    report = checked(
-        at(0, tilt(-90), SHOT, tilt(-45), SHOT, turn, SHOT)
-    )  # fmt: skip
+    report = checked(at(0, tilt(-90), SHOT, tilt(-45), SHOT, turn, SHOT))
     assert poses(report) == [(90.0, -90.0), (90.0, -45.0), (270.0, -45.0)]
     assert [(shot.settled_s, shot.after_s) for shot in report.photographs] == 3 * [
         (pytest.approx(4.0), pytest.approx(1.0))

@@ -25,9 +25,7 @@ def vehicle(dialect: Dialect = "ardupilot", **changes: Any) -> Vehicle:
         "autopilot": "ArduCopter 4.5.6",
         "checked": "measured",
         "mount": Mount(kind="pitch", pitch_deg=(-90.0, 30.0)),
-        "trigger": Trigger(
-            command="dji" if dialect == "dji" else "image_start_capture", settle_s=4.0, exposure_s=1.0
-        ),
+        "trigger": Trigger(command="dji" if dialect == "dji" else "image_start_capture", settle_s=4.0, exposure_s=1.0),
         "camera": Intrinsics("PINHOLE", 2000, 1500, (1700.0, 1700.0, 1000.0, 750.0)),
         "speeds": Speeds(cruise_mps=2.0, climb_mps=2.5, descent_mps=1.5, acceleration_mps2=1.0, yaw_dps=60.0),
         "battery": Battery(endurance_s=1200.0, reserve=0.25),
@@ -36,7 +34,7 @@ def vehicle(dialect: Dialect = "ardupilot", **changes: Any) -> Vehicle:
         "gps_accuracy_m": 0.02,
         "clearance_m": 0.5,
         "max_items": 650 if dialect == "ardupilot" else None,
-    }  # fmt: skip
+    }
     return Vehicle(**(values | changes))
 
 
@@ -68,9 +66,15 @@ def recorded_mission(name: str = "mount_then_yaw", settle_s: float = 4.0) -> Mis
     )
     latitude, longitude, amsl, _ = document["home"]
     return Mission(
-        "recorded", Home(latitude, longitude, amsl), 3.0, shots, GeoPoint(latitude, longitude, 3.0),
-        speed_mps=2.0, settle_s=settle_s, exposure_s=1.0,
-    )  # fmt: skip
+        "recorded",
+        Home(latitude, longitude, amsl),
+        3.0,
+        shots,
+        GeoPoint(latitude, longitude, 3.0),
+        speed_mps=2.0,
+        settle_s=settle_s,
+        exposure_s=1.0,
+    )
 
 
 def small_mission(vias: bool = True) -> Mission:

@@ -37,9 +37,18 @@ def test_legs_and_cameras_are_drawn_in_all_views(plants: Cloud) -> None:
     legs = [np.array([a.center, a.center + up, b.center]) for a, b in pairwise(poses)]
     fence = np.array([[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]])
     figure = draw_mission(
-        "a flight", legs, poses, CAMERA, plants, [fence], near=4, near_plants=plants, stations=list("1234567"),
-        plots=["A"] * 7, home=HOME,
-    )  # fmt: skip
+        "a flight",
+        legs,
+        poses,
+        CAMERA,
+        plants,
+        [fence],
+        near=4,
+        near_plants=plants,
+        stations=list("1234567"),
+        plots=["A"] * 7,
+        home=HOME,
+    )
     above, close, front = figure.axes
     for axes in (close, front):
         assert {text.get_text() for text in axes.texts} >= {str(k) for k in range(1, 5)}
@@ -69,8 +78,12 @@ def test_the_front_view_has_nothing_of_the_plots_behind() -> None:
     there = here + away
     plants = Cloud(np.concatenate([here, there]))
     named: dict[str, Any] = {
-        "near": 4, "near_plants": Cloud(here), "stations": list("12345678"), "plots": list("aaaabbbb"), "home": HOME,
-    }  # fmt: skip
+        "near": 4,
+        "near_plants": Cloud(here),
+        "stations": list("12345678"),
+        "plots": list("aaaabbbb"),
+        "home": HOME,
+    }
     figure = draw_mission("two", legs, poses, CAMERA, plants, [], **named)
     alone = draw_mission("one", legs[:5], poses, CAMERA, Cloud(here), [], **named)
     both, one = figure.axes[2], alone.axes[2]
@@ -88,9 +101,18 @@ def test_home_north_names_of_plots_and_the_plans_own_numbers() -> None:
     poses = ring + [Pose(pose.rotation, pose.center + np.array([6.0, 0.0, 0.0])) for pose in ring]
     legs = [np.array([a.center, b.center]) for a, b in pairwise(poses)]
     figure = draw_mission(
-        "two", legs, poses, CAMERA, Cloud(np.zeros((0, 3))), [], near=4, near_plants=Cloud(np.zeros((0, 3))),
-        stations=list("31427856"), plots=["A01"] * 4 + ["$b$"] * 4, home=np.array([0.0, -3.0]),
-    )  # fmt: skip
+        "two",
+        legs,
+        poses,
+        CAMERA,
+        Cloud(np.zeros((0, 3))),
+        [],
+        near=4,
+        near_plants=Cloud(np.zeros((0, 3))),
+        stations=list("31427856"),
+        plots=["A01"] * 4 + ["$b$"] * 4,
+        home=np.array([0.0, -3.0]),
+    )
     above, close, front = ([text.get_text() for text in axes.texts] for axes in figure.axes)
     assert {"N", "home", "A01", "$b$"} <= set(above)
     assert above.count("A01") == 1

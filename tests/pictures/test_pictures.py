@@ -48,9 +48,15 @@ class TestOverview:
         figure = draw_overview(report, result.plants)
         said = texts(figure)
         for part in (
-            "plot 7: reference", "From above", "registered (6)", "registered but wrong (1)", "not registered (1)",
-            "7 of 8 (88 %)", "3.00 mm RMS", "0.40 mm per pixel",
-        ):  # fmt: skip
+            "plot 7: reference",
+            "From above",
+            "registered (6)",
+            "registered but wrong (1)",
+            "not registered (1)",
+            "7 of 8 (88 %)",
+            "3.00 mm RMS",
+            "0.40 mm per pixel",
+        ):
             assert part in said
         assert len(figure.axes) == 5
         picture = pixels(figure).astype(int)
@@ -115,8 +121,10 @@ class TestOverview:
 
 class TestCost:
     COSTS = (
-        Cost("standard", 79, 160.0, 3 << 30), Cost("standard", 10, 20.0, 1 << 30), Cost("draft", 10, 9.0, 1 << 29),
-    )  # fmt: skip
+        Cost("standard", 79, 160.0, 3 << 30),
+        Cost("standard", 10, 20.0, 1 << 30),
+        Cost("draft", 10, 9.0, 1 << 29),
+    )
 
     def test_lines_in_order_of_images(self, tmp_path: Path) -> None:
         figure = draw_cost_plot(self.COSTS, memory_limit_bytes=4 << 30)

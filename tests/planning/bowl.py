@@ -97,15 +97,32 @@ class Bowl(Objective):
             with (self.folder / "evaluated").open("a") as file:
                 file.write(f"{value!r} {seed} {fidelity}\n")
         return Evaluation(
-            value, value, 0.5 * value, 0.5 * value, {0.005: 0.5}, len(cameras), len(cameras), len(cameras), 1, 9,
-            "digest", (), times=(StageCost("Rendering", 0.01, 0.01),),
-        )  # fmt: skip
+            value,
+            value,
+            0.5 * value,
+            0.5 * value,
+            {0.005: 0.5},
+            len(cameras),
+            len(cameras),
+            len(cameras),
+            1,
+            9,
+            "digest",
+            (),
+            times=(StageCost("Rendering", 0.01, 0.01),),
+        )
 
 
 def bowl_settings(**more: object) -> SearchSettings:
     """Settings of a small run by the method `random`."""
     values: dict[str, object] = {
-        "fieldkit": "0", "source": PlanSource(kind="scene", name="bowl"), "path": "nowhere", "cameras": 4,
-        "method": "circle", "evaluations": 12, "finalists": 3, "repeats": 2,
-    }  # fmt: skip
+        "fieldkit": "0",
+        "source": PlanSource(kind="scene", name="bowl"),
+        "path": "nowhere",
+        "cameras": 4,
+        "method": "circle",
+        "evaluations": 12,
+        "finalists": 3,
+        "repeats": 2,
+    }
     return SearchSettings(**(values | more))

@@ -24,9 +24,11 @@ def leaves(count: int = 8, seed: int = 0) -> Cloud:
         turn, base = rng.uniform(0, 2 * np.pi), np.array([0.4 * (k % 2) - 0.2, 0.0, rng.uniform(0.1, 0.4)])
         out, side = np.array([np.cos(turn), np.sin(turn), 0.0]), np.array([-np.sin(turn), np.cos(turn), 0.0])
         points.append(
-            base + 0.35 * along[:, None] * out + 0.025 * across[:, None] * side
+            base
+            + 0.35 * along[:, None] * out
+            + 0.025 * across[:, None] * side
             + (0.5 * along - 0.45 * along**2)[:, None] * np.array([0.0, 0.0, 1.0])
-        )  # fmt: skip
+        )
         slope = 0.35 * out + (0.5 - 0.9 * along)[:, None] * np.array([0.0, 0.0, 1.0])
         normal = np.cross(slope, side)
         normals.append(normal / np.linalg.norm(normal, axis=1, keepdims=True))

@@ -55,8 +55,7 @@ def test_a_run_survives_twenty_kills(tmp_path: Path) -> None:
         Renderer(build(read_scene(scene))).close()
     except RenderingError as error:
         pytest.skip(f"no picture can be rendered here: {error}")
-    settings = ["--scene", str(scene), "-n", "4", "--evaluations", "40",
-                "--repeats", "1", "--workers", "2"]  # fmt: skip
+    settings = ["--scene", str(scene), "-n", "4", "--evaluations", "40", "--repeats", "1", "--workers", "2"]
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     subprocess.run(command(*settings, "-o", str(whole)), check=True, capture_output=True)
 

@@ -151,6 +151,8 @@ def test_a_pair_36_degrees_apart(data_folder: Path) -> None:
 
 
 def verified(a: LearnedFeatures, b: LearnedFeatures, matches: np.ndarray, camera: Intrinsics) -> TwoView:
-    features = [Features.none().with_learned(each.points, Partners(k, np.zeros((len(each.points), 2), np.int64)))
-                for k, each in enumerate((a, b))]  # fmt: skip
+    features = [
+        Features.none().with_learned(each.points, Partners(k, np.zeros((len(each.points), 2), np.int64)))
+        for k, each in enumerate((a, b))
+    ]
     return verify_pair(*features, camera, camera, matches, VerificationSettings(), calibrated=True, seed=0)

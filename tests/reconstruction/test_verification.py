@@ -98,8 +98,14 @@ def test_two_different_cameras() -> None:
     keypoints[:, :2] = points
     small = type(features)(keypoints, features.descriptors)
     found = verify_pair(
-        scene.features[0], small, CAMERA, wide, match_features(scene.features[0], small), SETTINGS,
-        calibrated=True, seed=0,
-    )  # fmt: skip
+        scene.features[0],
+        small,
+        CAMERA,
+        wide,
+        match_features(scene.features[0], small),
+        SETTINGS,
+        calibrated=True,
+        seed=0,
+    )
     rotation, _ = relative_pose(*scene.poses)
     assert rotation_angle_deg(found.rotation, rotation) < 1.0

@@ -36,9 +36,11 @@ def by_color(tones: ByteArray) -> IntArray:
 
 
 @given(
-    count=st.integers(1, 400), scale=st.sampled_from([0.0, 1e-6, 0.3, 2.0, 50.0, 3000.0]),
-    offset=st.sampled_from([0.0, -4.0, 5.2e6]), seed=st.integers(0, 1000),
-)  # fmt: skip
+    count=st.integers(1, 400),
+    scale=st.sampled_from([0.0, 1e-6, 0.3, 2.0, 50.0, 3000.0]),
+    offset=st.sampled_from([0.0, -4.0, 5.2e6]),
+    seed=st.integers(0, 1000),
+)
 def test_there_and_back(count: int, scale: float, offset: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
     points = rng.normal(0, 1, (count, 3)) * scale + offset

@@ -18,9 +18,16 @@ if TYPE_CHECKING:
 
 
 SECTIONS = (
-    "summary", "reference-1", "plan-1", "mission-1", "evaluation-1", "comparison-1", "campaign-1", "glossary",
+    "summary",
+    "reference-1",
+    "plan-1",
+    "mission-1",
+    "evaluation-1",
+    "comparison-1",
+    "campaign-1",
+    "glossary",
     "provenance",
-)  # fmt: skip
+)
 
 
 @pytest.fixture(scope="module")

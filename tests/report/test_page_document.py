@@ -45,18 +45,24 @@ from tests.report.page_checks import Parsed, checked
 def every_block(text: str) -> tuple[Block, ...]:
     """A block of each kind, with the same text wherever text can be."""
     chart = LineChart(
-        text, text, text, text,
+        text,
+        text,
+        text,
+        text,
         (Curve(text, ((0.0, 1.0), (1.0, None), (2.0, 3.0))), Curve(text, ((0.0, 9.0),), "dots")),
-        level=(2.0, text), x_ticks=((0.0, text), (2.0, text)), y_top=5.0,
-    )  # fmt: skip
+        level=(2.0, text),
+        x_ticks=((0.0, text), (2.0, text)),
+        y_top=5.0,
+    )
     plots = (MappedPlot(text, (((0.0, 0.0), (5.0, 0.0), (5.0, 3.0)),)), MappedPlot("b", (((9.0, 9.0),),)))
     measure = Measure(text, text, {text: {text: 1.5}, "later": {"b": 2.0}}, {"later": {text: text}})
     plot_map = PlotMap(text, plots, (measure, measure), {text: "folded", "b": "c"})
     scene = ViewerScene(
-        text, (PointLayer(text, np.zeros((2, 3), np.float32)),),
+        text,
+        (PointLayer(text, np.zeros((2, 3), np.float32)),),
         (FrustumLayer(text, [Pose.from_yaw_pitch((0, 0, 1), 0, 0)], [text], 0.5, 0.4, "#336699"),),
         (LineLayer(text, [np.zeros((2, 3), np.float32)], "#993366"),),
-    )  # fmt: skip
+    )
     picture = Picture(b"\xff\xd8\xff\xd9", 4, 3, text or "a photograph")
     return (
         Statements((Statement("good", text, text), Statement("problem", text))),
@@ -64,14 +70,16 @@ def every_block(text: str) -> tuple[Block, ...]:
         KeyFigures((KeyFigure(text, text, text),)),
         Terms(((text, text),)),
         Table(
-            text, (Column(text), Column(text, True), Column(text)),
-            ((text, None, picture), (Link(text, "c"), "1", Mark("note", text))), text,
+            text,
+            (Column(text), Column(text, True), Column(text)),
+            ((text, None, picture), (Link(text, "c"), "1", Mark("note", text))),
+            text,
         ),
         Charts((chart,)),
         plot_map,
         Still(picture, text),
         Details(text, (Paragraph(text), View3D("view-1", scene, text, picture)), anchor="folded"),
-    )  # fmt: skip
+    )
 
 
 def page_of(text: str) -> Page:

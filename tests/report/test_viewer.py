@@ -57,8 +57,10 @@ def test_elements_are_balanced_and_need_no_leave() -> None:
     names = {name for _, attributes in page.elements for name in attributes}
     assert not {name for name in names if name.startswith("on")} | (names & {"style", "src", "href"})
     assert [a["type"] for tag, a in page.elements if tag == "script"] == [
-        "application/json", "application/octet-stream", "application/octet-stream",
-    ]  # fmt: skip
+        "application/json",
+        "application/octet-stream",
+        "application/octet-stream",
+    ]
 
 
 def test_every_layer_has_its_switch() -> None:
@@ -69,9 +71,14 @@ def test_every_layer_has_its_switch() -> None:
     )
     switches = [a for tag, a in page.elements if tag == "input" and a["type"] == "checkbox"]
     assert [(a["data-group"], a["data-number"]) for a in switches] == [
-        ("points", "0"), ("points", "1"), ("points", "2"), ("frusta", "0"), ("frusta", "1"), ("lines", "0"),
+        ("points", "0"),
+        ("points", "1"),
+        ("points", "2"),
+        ("frusta", "0"),
+        ("frusta", "1"),
+        ("lines", "0"),
         ("names", "0"),
-    ]  # fmt: skip
+    ]
     assert ["checked" in a for a in switches] == [True, True, False, True, True, True, True]
     words = "".join(text for _, text in page.text)
     for name in ("Capture", "6,000 points", "Reference", "Planned", "6 cameras", "Legs", "≥ 20 mm"):
@@ -120,9 +127,11 @@ def test_the_first_view_shows_the_plants_not_the_strays() -> None:
 def test_an_empty_scene_and_empty_layers_are_views() -> None:
     none = np.zeros((0, 3), dtype=np.float32)
     scene = ViewerScene(
-        "t", [PointLayer("p", none)], [FrustumLayer("f", [], [], 0.5, 0.5, "#ffffff")],
+        "t",
+        [PointLayer("p", none)],
+        [FrustumLayer("f", [], [], 0.5, 0.5, "#ffffff")],
         [LineLayer("l", [none], "#ffffff")],
-    )  # fmt: skip
+    )
     for each in (scene, ViewerScene("t")):
         focus = data_of(viewer.viewer_html(each, identifier="v"))["focus"]
         assert isinstance(focus, dict)

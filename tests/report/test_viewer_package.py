@@ -28,10 +28,18 @@ def checkout(tmp_path: Path) -> Path:
     root = tmp_path / "checkout"
     page = "fieldkit/report/html"
     for name in (
-        "pyproject.toml", "README.md", "LICENSE", ".gitignore", "scripts/hatch_build.py", "scripts/build_viewer.sh",
-        "fieldkit/version.py", f"{page}/viewer.py", f"{page}/web/viewer.css", f"{page}/web/viewer.js",
+        "pyproject.toml",
+        "README.md",
+        "LICENSE",
+        ".gitignore",
+        "scripts/hatch_build.py",
+        "scripts/build_viewer.sh",
+        "fieldkit/version.py",
+        f"{page}/viewer.py",
+        f"{page}/web/viewer.css",
+        f"{page}/web/viewer.js",
         f"{page}/web/package-lock.json",
-    ):  # fmt: skip
+    ):
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, root / name)
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))

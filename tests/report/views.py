@@ -30,9 +30,7 @@ def leaves(count: int = 6000, seed: int = 0) -> PointLayer:
 def cameras(name: str, color: str, shift: float = 0.0, count: int = 6) -> FrustumLayer:
     """A circle of cameras that look at the middle."""
     angles = np.linspace(0, 2 * np.pi, count, endpoint=False) + 0.3
-    poses = [
-        Pose.look_at([1.3 * np.cos(a) + shift, 1.3 * np.sin(a), 1.0 + shift], [0.0, 0.0, 0.2]) for a in angles
-    ]  # fmt: skip
+    poses = [Pose.look_at([1.3 * np.cos(a) + shift, 1.3 * np.sin(a), 1.0 + shift], [0.0, 0.0, 0.2]) for a in angles]
     return FrustumLayer(name, poses, [f"{name} {i + 1}" for i in range(count)], 0.5, 0.38, color)
 
 

@@ -45,8 +45,9 @@ def test_it_holds_what_was_exported(tmp_path: Path) -> None:
         assert flight.plots == each.flight.plots
     for entry in found.files:
         assert (file_sha256(tmp_path / entry.name), (tmp_path / entry.name).stat().st_size) == (
-            entry.sha256, entry.bytes
-        )  # fmt: skip
+            entry.sha256,
+            entry.bytes,
+        )
     assert {entry.name for entry in found.files} == {file.name for file in done.files} - {"field.mission.json"}
     assert MissionRecord.model_validate_json(record_bytes(found)) == found
 
@@ -115,8 +116,9 @@ def test_errors(tmp_path: Path, record: MissionRecord, change: dict[str, Any], m
 def test_plots_that_are_not_there_or_twice(tmp_path: Path, record: MissionRecord) -> None:
     document = json.loads(record_bytes(record))
     for plots, message in (
-        (document["plots"][1:], "none of the plots"), (document["plots"][:1] + document["plots"], "one name")
-    ):  # fmt: skip
+        (document["plots"][1:], "none of the plots"),
+        (document["plots"][:1] + document["plots"], "one name"),
+    ):
         (tmp_path / "mission.json").write_text(json.dumps(document | {"plots": plots}))
         with pytest.raises(MetadataError, match=message):
             load_mission(tmp_path / "mission.json")

@@ -22,9 +22,12 @@ POSES = ring(5, 1.4, 1.1)
 
 def test_round_trip(tmp_path: Path) -> None:
     plan = plan_from_poses(
-        POSES, CAMERA, row_heading_deg=70.0, source=PlanSource(kind="scene", name="case-1", sha256=64 * "a"),
+        POSES,
+        CAMERA,
+        row_heading_deg=70.0,
+        source=PlanSource(kind="scene", name="case-1", sha256=64 * "a"),
         method=PlanMethod(name="bosfm", seed=3, evaluations=50, chamfer_m=0.012, chamfer_spread_m=0.001, repeats=5),
-    )  # fmt: skip
+    )
     save_plan(tmp_path / "plan.json", plan)
     assert load_plan(tmp_path) == load_plan(tmp_path / "plan.json") == plan
     assert plan.camera is not None
@@ -35,9 +38,12 @@ def test_round_trip(tmp_path: Path) -> None:
 
 
 @given(
-    st.lists(st.tuples(st.floats(-9, 9), st.floats(-9, 9), st.floats(0, 9), st.floats(-360, 360), st.floats(-90, 90)),
-             min_size=1, max_size=5)
-)  # fmt: skip
+    st.lists(
+        st.tuples(st.floats(-9, 9), st.floats(-9, 9), st.floats(0, 9), st.floats(-360, 360), st.floats(-90, 90)),
+        min_size=1,
+        max_size=5,
+    )
+)
 def test_stations_read_back_exactly(rows: list[tuple[float, float, float, float, float]]) -> None:
     stations = tuple(Station(position_m=row[:3], yaw_deg=row[3], pitch_deg=row[4]) for row in rows)
     plan = Plan(fieldkit="0", stations=stations)

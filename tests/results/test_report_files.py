@@ -44,9 +44,15 @@ def evaluation() -> EvaluationReport:
         failed_plot("b", CaptureError("no photographs", remedy="Copy them."), seconds=0.1, cpu_seconds=0.1),
     ]
     return evaluation_report(
-        "field", plots, SETTINGS, reference_sha256="a" * 64, refine=False, distances_m=(0.002, 0.005), seconds=2,
+        "field",
+        plots,
+        SETTINGS,
+        reference_sha256="a" * 64,
+        refine=False,
+        distances_m=(0.002, 0.005),
+        seconds=2,
         cpu_seconds=2,
-    )  # fmt: skip
+    )
 
 
 def test_round_trip(tmp_path: Path, reference: ReferenceReport, evaluation: EvaluationReport) -> None:
@@ -132,10 +138,13 @@ def test_no_file(tmp_path: Path) -> None:
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(document=st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
-    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner), max_leaves=8,
-))  # fmt: skip
+@given(
+    document=st.recursive(
+        st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
+        lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+        max_leaves=8,
+    )
+)
 def test_any_json_is_an_error_for_people(tmp_path: Path, document: Any) -> None:
     if isinstance(document, dict):
         document = {**document, "kind": "reference", "version": 1}

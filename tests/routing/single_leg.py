@@ -11,9 +11,14 @@ from fieldkit.vehicles.vehicle import Speeds
 
 
 def safe_leg(
-    a: ArrayLike, b: ArrayLike, obstacles: Obstacles, speeds: Speeds, *, level_m: float | None = None,
+    a: ArrayLike,
+    b: ArrayLike,
+    obstacles: Obstacles,
+    speeds: Speeds,
+    *,
+    level_m: float | None = None,
     names: tuple[str, str] = ("the start", "the end"),
-) -> Leg:  # fmt: skip
+) -> Leg:
     """The quickest safe way from a to b; MissionError where an end is in an obstacle, or there is none."""
     start, stop = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
     stops = [Stop((float(x), float(y), float(z)), 0.0, 0.0, "", k) for k, (x, y, z) in enumerate((start, stop))]

@@ -97,8 +97,20 @@ def test_level_over_some_and_around_the_rest() -> None:
     assert [z for _, _, z in level.points[1:-1]] == [5.0] * (len(level.points) - 2)
     # Between plants on all sides and under a zone's edge: both are needed at once.
     wall = Volume.no_fly("wall", ((5.0, -4.0), (6.0, -4.0), (6.0, 4.0), (5.0, 4.0)))
-    ring = ((-3.0, -3.0), (3.0, -3.0), (3.0, 3.0), (-3.0, 3.0), (-3.0, 0.1), (-2.0, 0.1), (-2.0, 2.0), (2.0, 2.0),
-            (2.0, -2.0), (-2.0, -2.0), (-2.0, -0.1), (-3.0, -0.1))  # fmt: skip
+    ring = (
+        (-3.0, -3.0),
+        (3.0, -3.0),
+        (3.0, 3.0),
+        (-3.0, 3.0),
+        (-3.0, 0.1),
+        (-2.0, 0.1),
+        (-2.0, 2.0),
+        (2.0, 2.0),
+        (2.0, -2.0),
+        (-2.0, -2.0),
+        (-2.0, -0.1),
+        (-3.0, -0.1),
+    )
     both = Obstacles((Volume("ring", ring, 2.0, 0.5, "plants"), wall), ceiling_m=10.0)
     leg = safe_leg((0, 0, 1), (9, 0, 1), both, SPEEDS)
     assert is_clear(leg.points, both)

@@ -62,7 +62,7 @@ def test_clear_legs_have_no_sample_inside_and_problems_are_where_they_begin(seed
     obstacles = Obstacles(
         (Volume("plot-1", SQUARE, 2.0, 0.5, "plants"), Volume.cylinder("mast", (3.0, 2.0), 0.3, 6.0, 0.7)),
         ceiling_m=8.0,
-    )  # fmt: skip
+    )
     for _ in range(20):
         a, b = rng.uniform((-5, -5, 0), (5, 5, 9), (2, 3))
         problems = obstacles.leg_problems(a, b)

@@ -32,10 +32,12 @@ def test_is_the_best_of_all_orders(seed: int, n: int, closed: bool, first: int, 
     start = first if 0 <= first < n else None
     end = last if 0 <= last < n and (last != start or n == 1) and not closed else None
     orders = [
-        order for order in permutations(range(n))
-        if (start is None or order[0] == start) and (end is None or order[-1] == end)
+        order
+        for order in permutations(range(n))
+        if (start is None or order[0] == start)
+        and (end is None or order[-1] == end)
         and (not closed or start is not None or order[0] == 0)
-    ]  # fmt: skip
+    ]
     best = min(length(matrix, order, closed=closed) for order in orders)
     if np.isinf(best):
         with pytest.raises(MissionError):

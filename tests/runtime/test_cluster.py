@@ -87,9 +87,14 @@ def test_a_scheduler_that_is_not_there_is_told() -> None:
 
 
 REACHED = {
-    "tcp://127.0.0.1:8786": True, "tcp://[::1]:8786": True, "localhost:8786": True, "tls://field.lab:8786": True,
-    "tcp://10.0.0.7:8786": False, "field.lab:8786": False, "ws://field.lab:80": False,
-}  # fmt: skip
+    "tcp://127.0.0.1:8786": True,
+    "tcp://[::1]:8786": True,
+    "localhost:8786": True,
+    "tls://field.lab:8786": True,
+    "tcp://10.0.0.7:8786": False,
+    "field.lab:8786": False,
+    "ws://field.lab:80": False,
+}
 
 
 @pytest.mark.parametrize(("scheduler", "taken"), REACHED.items())

@@ -161,10 +161,13 @@ def test_ctrl_c_while_workers_start_is_the_parents_alone(tmp_path: Path) -> None
     )
     begun = tmp_path / "begun"
     process = subprocess.Popen(
-        [sys.executable, str(module), str(begun)], start_new_session=True, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        [sys.executable, str(module), str(begun)],
+        start_new_session=True,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )  # fmt: skip
+    )
     give_up = time.monotonic() + LIMIT_S
     while not begun.is_file() and time.monotonic() < give_up:
         time.sleep(0.02)

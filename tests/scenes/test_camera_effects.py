@@ -65,9 +65,10 @@ def test_defocus_keeps_light_in_linear_space() -> None:
 
 
 @given(
-    shift=st.tuples(*[st.floats(-0.01, 0.01)] * 3), turn=st.tuples(*[st.floats(-0.01, 0.01)] * 3),
+    shift=st.tuples(*[st.floats(-0.01, 0.01)] * 3),
+    turn=st.tuples(*[st.floats(-0.01, 0.01)] * 3),
     depth=st.floats(0.5, 5.0),
-)  # fmt: skip
+)
 def test_image_motion_is_the_projections_difference(shift, turn, depth) -> None:
     flow = image_motion(np.full((150, 200), depth, np.float32), CAMERA, Motion(shift, turn))
     rows, columns = np.array([10, 75, 140]), np.array([5, 100, 190])

@@ -21,16 +21,29 @@ SHAKEN = CameraEffects(exposure_s=0.01, defocus_px=0.4, grain=3.0)
 def test_photographs_are_the_same_bytes_from_kept_drawings(tmp_path, renderer, effects, economy) -> None:
     kept = KeptDrawings()
     for name, drawing, poses in (
-        ("anew", draw, POSES), ("first", kept, POSES), ("shared", kept, [POSES[2], POSES[1], POSES[0]])
-    ):  # fmt: skip
+        ("anew", draw, POSES),
+        ("first", kept, POSES),
+        ("shared", kept, [POSES[2], POSES[1], POSES[0]]),
+    ):
         simulate_capture(
-            tmp_path / name, renderer, poses, CAMERA, noise=CaptureNoise(image_sigma=1.0), effects=effects,
-            economy=economy, drawing=drawing,
-        )  # fmt: skip
+            tmp_path / name,
+            renderer,
+            poses,
+            CAMERA,
+            noise=CaptureNoise(image_sigma=1.0),
+            effects=effects,
+            economy=economy,
+            drawing=drawing,
+        )
     simulate_capture(
-        tmp_path / "shared-anew", renderer, [POSES[2], POSES[1], POSES[0]], CAMERA,
-        noise=CaptureNoise(image_sigma=1.0), effects=effects, economy=economy,
-    )  # fmt: skip
+        tmp_path / "shared-anew",
+        renderer,
+        [POSES[2], POSES[1], POSES[0]],
+        CAMERA,
+        noise=CaptureNoise(image_sigma=1.0),
+        effects=effects,
+        economy=economy,
+    )
     for one, other in (("anew", "first"), ("shared-anew", "shared")):
         for photo in sorted((tmp_path / one).iterdir()):
             assert photo.read_bytes() == (tmp_path / other / photo.name).read_bytes()

@@ -108,9 +108,13 @@ def test_new_scenes(layout: Layout, count: int) -> None:
 
 @pytest.mark.parametrize(
     "call",
-    [lambda: new_scene(0, 1), lambda: new_scene(61, 1), lambda: new_scene(3, 1, spacing_m=0.0),
-     lambda: without_plant(new_scene(2, 1), 3)],
-)  # fmt: skip
+    [
+        lambda: new_scene(0, 1),
+        lambda: new_scene(61, 1),
+        lambda: new_scene(3, 1, spacing_m=0.0),
+        lambda: without_plant(new_scene(2, 1), 3),
+    ],
+)
 def test_out_of_range(call: Callable[[], object]) -> None:
     with pytest.raises(ValueError):
         call()

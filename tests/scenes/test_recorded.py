@@ -42,9 +42,10 @@ def reference(tmp_path: Path) -> ReferenceFiles:
     leaf, ground = sheet(0.2, 0.05, (60, 160, 50), 0.002), sheet(0.0, 0.3, (120, 100, 80))
     rng = np.random.default_rng(0)
     strays = Cloud(
-        rng.uniform((-0.3, -0.3, 0.3), (0.3, 0.3, 0.6), (40, 3)), np.full((40, 3), 255, np.uint8),
+        rng.uniform((-0.3, -0.3, 0.3), (0.3, 0.3, 0.6), (40, 3)),
+        np.full((40, 3), 255, np.uint8),
         np.tile(np.float32([0, 0, 1]), (40, 1)),
-    )  # fmt: skip
+    )
     whole = Cloud(
         np.concatenate([leaf.points, ground.points, strays.points]),
         np.concatenate([leaf.colors, ground.colors, strays.colors]),
@@ -168,5 +169,6 @@ def test_errors(tmp_path: Path, reference: ReferenceFiles) -> None:
         read_scene(made.scene)
     for bad in ({"texels": 1}, {"plant_surfel_m": 0.0}):
         with pytest.raises(ValueError):
-            RecordedSurface(**{"plants": Path("a"), "ground": Path("b"), "plant_surfel_m": 0.001,
-                               "ground_surfel_m": 0.001, **bad})  # fmt: skip
+            RecordedSurface(
+                **{"plants": Path("a"), "ground": Path("b"), "plant_surfel_m": 0.001, "ground_surfel_m": 0.001, **bad}
+            )

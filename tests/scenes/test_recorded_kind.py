@@ -38,9 +38,13 @@ def recorded(row: Row, tmp_path_factory: pytest.TempPathFactory) -> SceneDescrip
     Image.fromarray(pack_atlas(marked_patches(row.cloud))).save(folder / "plants.png")
     Image.fromarray(pack_atlas(np.full((400, 4, 4, 3), 90, np.uint8))).save(folder / "ground.png")
     surface = RecordedSurface(
-        folder / "plants.ply", folder / "ground.ply", plant_surfel_m=0.004, ground_surfel_m=0.05,
-        plant_atlas=folder / "plants.png", ground_atlas=folder / "ground.png",
-    )  # fmt: skip
+        folder / "plants.ply",
+        folder / "ground.ply",
+        plant_surfel_m=0.004,
+        ground_surfel_m=0.05,
+        plant_atlas=folder / "plants.png",
+        ground_atlas=folder / "ground.png",
+    )
     return SceneDescription(name="row", recorded=surface, bounds=Bounds((-0.4, -0.2, -0.05), (0.4, 0.2, 0.5)))
 
 

@@ -32,17 +32,27 @@ small = st.floats(-2, 2)
 positive = st.floats(0.1, 3)
 texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 maize = st.builds(
-    MaizeDescription, seed=st.integers(0, 2**31), x_m=small, y_m=small, yaw_deg=st.floats(-360, 360),
-    scale=st.floats(0.5, 2), leaves=st.integers(5, 12), markings=st.floats(0, 1.5),
-)  # fmt: skip
+    MaizeDescription,
+    seed=st.integers(0, 2**31),
+    x_m=small,
+    y_m=small,
+    yaw_deg=st.floats(-360, 360),
+    scale=st.floats(0.5, 2),
+    leaves=st.integers(5, 12),
+    markings=st.floats(0, 1.5),
+)
 scenes = st.builds(
     SceneDescription,
     plot=st.builds(
-        PlotDescription, st.lists(maize, max_size=4).map(tuple),
+        PlotDescription,
+        st.lists(maize, max_size=4).map(tuple),
         st.builds(SoilDescription, seed=st.integers(0, 99), contrast=st.floats(0, 1)),
-        st.builds(Light, sun_color=st.tuples(positive, positive, positive)), st.floats(0.5, 4),
+        st.builds(Light, sun_color=st.tuples(positive, positive, positive)),
+        st.floats(0.5, 4),
     ),
-    name=texts.filter(bool), notes=texts, row_heading_deg=st.floats(-360, 360),
+    name=texts.filter(bool),
+    notes=texts,
+    row_heading_deg=st.floats(-360, 360),
     bounds=st.builds(
         Bounds, st.tuples(st.floats(-9, -1), st.floats(-9, -1), st.just(0.0)), st.tuples(positive, positive, positive)
     ),
@@ -51,7 +61,7 @@ scenes = st.builds(
     camera_effects=st.builds(CameraEffects, defocus_px=st.floats(0, 4), jpeg_quality=st.integers(1, 100)),
     noise=st.builds(CaptureNoise, position_m=st.floats(0, 1), image_sigma=st.integers(0, 9)),
     wind_m=st.floats(0, 0.2),
-)  # fmt: skip
+)
 
 
 def scene_of(text: str) -> SceneDescription:

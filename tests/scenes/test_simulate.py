@@ -138,9 +138,13 @@ def test_wrong_calls_leave_nothing_behind(tmp_path: Path, renderer: Renderer) ->
 
 
 @given(
-    latitude=st.floats(-85, 85), longitude=st.floats(-180, 180), altitude=st.floats(-400, 5000),
-    yaw=st.floats(-720, 720), pitch=st.floats(-90, 90), rtk=st.booleans(),
-)  # fmt: skip
+    latitude=st.floats(-85, 85),
+    longitude=st.floats(-180, 180),
+    altitude=st.floats(-400, 5000),
+    yaw=st.floats(-720, 720),
+    pitch=st.floats(-90, 90),
+    rtk=st.booleans(),
+)
 def test_geotags_survive_exif_and_xmp(latitude, longitude, altitude, yaw, pitch, rtk) -> None:
     from datetime import datetime
     from io import BytesIO
@@ -181,9 +185,17 @@ def test_photographs_of_a_burst_share_their_stations_errors(tmp_path: Path, rend
     noise = CaptureNoise(position_m=0.2, angle_deg=3.0, gps_horizontal_m=0.5, gps_vertical_m=0.5, gimbal_deg=2.0)
     outdoors = Outdoors(wind_m=0.02, vehicle_kg=0.9, burst=4)
     true = simulate_capture(
-        tmp_path / "a", renderer, POSES[:3], CAMERA, noise=noise, outdoors=outdoors, site=SITE, seed=2,
-        sidecars=Sidecars(poses=True), truth=tmp_path / "truth.csv",
-    )  # fmt: skip
+        tmp_path / "a",
+        renderer,
+        POSES[:3],
+        CAMERA,
+        noise=noise,
+        outdoors=outdoors,
+        site=SITE,
+        seed=2,
+        sidecars=Sidecars(poses=True),
+        truth=tmp_path / "truth.csv",
+    )
     photos = read_capture(tmp_path / "a").photos
     assert [photo.name for photo in photos] == [f"IMG_{k:04d}.jpg" for k in range(1, 13)]
     assert len(parse_poses_csv((tmp_path / "truth.csv").read_text())[0]) == len(true) == 12

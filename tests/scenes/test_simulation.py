@@ -33,10 +33,14 @@ def description(small_plot: PlotDescription) -> SceneDescription:
 
 def test_a_capture_with_everything(tmp_path: Path, description: SceneDescription) -> None:
     done = simulate(
-        description, ring_about(3), tmp_path / "flight", noise=replace(EXACT, position_m=0.02, angle_deg=0.5),
+        description,
+        ring_about(3),
+        tmp_path / "flight",
+        noise=replace(EXACT, position_m=0.02, angle_deg=0.5),
         effects=CameraEffects(exposure_s=0.004, defocus_px=0.5, exposure_ev=0.1, grain=2.0),
-        truth_cloud=tmp_path / "truth.ply", seed=3,
-    )  # fmt: skip
+        truth_cloud=tmp_path / "truth.ply",
+        seed=3,
+    )
     capture = read_capture(tmp_path / "flight")
     assert len(capture.photos) == done.photographs == 3
     assert capture.metric_source == "poses.csv"

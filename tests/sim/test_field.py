@@ -32,9 +32,11 @@ CAMERA = Intrinsics.pinhole(200, 150, 170.0)
 @pytest.fixture(scope="module")
 def field() -> PlotDescription:
     return PlotDescription(
-        (MaizeDescription(seed=1, stage="V5"),), COARSE, weeds=WeedsDescription(1, 30, 3, radius_m=1.0),
+        (MaizeDescription(seed=1, stage="V5"),),
+        COARSE,
+        weeds=WeedsDescription(1, 30, 3, radius_m=1.0),
         neighbours=NeighboursDescription(rows=1, length_m=0.3, stage="V4"),
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")

@@ -22,22 +22,31 @@ def field(seed: int, plots: int) -> Site:
     rng = np.random.default_rng(seed)
     made = [
         SitePlot(
-            name=f"p{k}", latitude_deg=50.8650, longitude_deg=6.4473 + 1.3e-4 * k,
-            row_heading_deg=rng.uniform(0, 360), length_m=rng.uniform(0.5, 6), width_m=rng.uniform(0.5, 3),
-            plant_height_m=rng.uniform(0.2, 1.2), slope_percent=float(rng.choice([0.0, 6.0])), uphill_heading_deg=40.0,
+            name=f"p{k}",
+            latitude_deg=50.8650,
+            longitude_deg=6.4473 + 1.3e-4 * k,
+            row_heading_deg=rng.uniform(0, 360),
+            length_m=rng.uniform(0.5, 6),
+            width_m=rng.uniform(0.5, 3),
+            plant_height_m=rng.uniform(0.2, 1.2),
+            slope_percent=float(rng.choice([0.0, 6.0])),
+            uphill_heading_deg=40.0,
         )
         for k in range(plots)
-    ]  # fmt: skip
+    ]
     home = SiteHome(latitude_deg=50.8649, longitude_deg=6.4473)
     return Site(home=home, plots=tuple(made[:-1]), neighbours=tuple(made[-1:]), takeoff_m=2.5, transit_m=2.5)
 
 
 def brute_m(site: Site, ways: list[np.ndarray]) -> float:
     """Least distance between places every 2 cm along ways and the boxes of all plots, the ground taken as it lies."""
-    places = np.concatenate([
-        a + np.linspace(0.0, 1.0, 2 + int(np.linalg.norm(b - a) / _STEP_M))[:, None] * (b - a)
-        for way in ways for a, b in pairwise(way)
-    ])  # fmt: skip
+    places = np.concatenate(
+        [
+            a + np.linspace(0.0, 1.0, 2 + int(np.linalg.norm(b - a) / _STEP_M))[:, None] * (b - a)
+            for way in ways
+            for a, b in pairwise(way)
+        ]
+    )
     earth = SiteFrame(site.home).to_geodetic(places)
     least = np.inf
     for plot in site.all_plots:
@@ -65,9 +74,15 @@ def test_what_an_export_calls_nearest_is_the_least_over_all_that_is_flown() -> N
     """Home between the plots, so that the climb, not a station, is nearest to a plot, and that one is not flown."""
     site = field(4, 3)
     neighbour = site.neighbours[0].model_copy(
-        update={"longitude_deg": 6.4473, "latitude_deg": 50.8649 + 3e-5, "length_m": 3.0, "width_m": 3.0,
-                "slope_percent": 0.0, "row_heading_deg": 90.0}
-    )  # fmt: skip
+        update={
+            "longitude_deg": 6.4473,
+            "latitude_deg": 50.8649 + 3e-5,
+            "length_m": 3.0,
+            "width_m": 3.0,
+            "slope_percent": 0.0,
+            "row_heading_deg": 90.0,
+        }
+    )
     site = site.model_copy(update={"neighbours": (neighbour,)})
     plots = tuple(
         plot.model_copy(update={"slope_percent": 0.0, "length_m": 1.0, "width_m": 1.0}) for plot in site.plots
@@ -82,8 +97,17 @@ def test_what_an_export_calls_nearest_is_the_least_over_all_that_is_flown() -> N
 
 def test_stations_over_other_plots_are_told_and_those_too_near_refused() -> None:
     ring = planned(8, height_m=2.4)
-    near = [SitePlot(name=f"p{k}", latitude_deg=50.8650, longitude_deg=6.4473 + 1e-6 * metres * 14.22, length_m=1.0,
-                     width_m=1.0, plant_height_m=0.9) for k, metres in enumerate((0.0, 1.2, 6.0))]  # fmt: skip
+    near = [
+        SitePlot(
+            name=f"p{k}",
+            latitude_deg=50.8650,
+            longitude_deg=6.4473 + 1e-6 * metres * 14.22,
+            length_m=1.0,
+            width_m=1.0,
+            plant_height_m=0.9,
+        )
+        for k, metres in enumerate((0.0, 1.2, 6.0))
+    ]
     home = SiteHome(latitude_deg=50.8649, longitude_deg=6.4473)
     site = Site(home=home, plots=(near[0],), neighbours=tuple(near[1:]), takeoff_m=3.0, transit_m=3.0)
     (told,) = (each for each in route_plan(ring, VEHICLE, site).fit if each.code == "plots-near")

@@ -63,8 +63,14 @@ def site_with(*plots: dict[str, Any]) -> Site:
 
 
 PLAN, BARE, HIGH, LOW = planned(), planned(plants=False), planned(height_m=2.2), planned(height_m=1.5)
-OVER = LOW.model_copy(update={"stations": (*LOW.stations, LOW.stations[0].model_copy(
-    update={"position_m": (0.0, 0.0, 1.7), "pitch_deg": -90.0}))})  # fmt: skip
+OVER = LOW.model_copy(
+    update={
+        "stations": (
+            *LOW.stations,
+            LOW.stations[0].model_copy(update={"position_m": (0.0, 0.0, 1.7), "pitch_deg": -90.0}),
+        )
+    }
+)
 SEEN = planned(8, height_m=1.6).model_copy(update={"camera": CAMERA})
 IN_ROWS, LOW_IN_ROWS = (with_plants(planned(height_m=height), rows_of_plants(0.75)) for height in (2.0, 1.2))
 UNKNOWN = {"plant-height-unknown": ["error: ", "--plant-height METRES"]}
@@ -84,20 +90,36 @@ def headed(heading_deg: float | None) -> Plan:
         (BARE, {"plant_height_m": None}, UNKNOWN),
         (PLAN.model_copy(update={"plant_height_m": 0.9}), {"plant_height_m": None}, UNKNOWN),
         (LOW, {"plant_height_m": 0.93}, {}),
-        (HIGH, {"plant_height_m": 1.4},
-         {"plants-higher": ["warning: ", "plants of 1.40 m are 0.50 m higher than the plan's"]}),
+        (
+            HIGH,
+            {"plant_height_m": 1.4},
+            {"plants-higher": ["warning: ", "plants of 1.40 m are 0.50 m higher than the plan's"]},
+        ),
         (LOW, {"plant_height_m": 1.4}, {"plants-higher": []}),  # they stand beside these plants
         (OVER, {"plant_height_m": 1.1}, {"plants-higher": []}),
-        (OVER, {"plant_height_m": 1.4},
-         {"plants-too-high": ["error: ", "station 8 would stand in them, or nearer to them than 0.5 m"]}),
+        (
+            OVER,
+            {"plant_height_m": 1.4},
+            {"plants-too-high": ["error: ", "station 8 would stand in them, or nearer to them than 0.5 m"]},
+        ),
         (PLAN, {"plant_height_m": 0.5}, {"plants-lower": ["note: "]}),
-        (BARE, {"plant_height_m": 1.5, "row_spacing_m": 0.75},
-         {"plants-unknown": ["warning: ", "not checked against plants"], "row-spacing-unknown": []}),
+        (
+            BARE,
+            {"plant_height_m": 1.5, "row_spacing_m": 0.75},
+            {"plants-unknown": ["warning: ", "not checked against plants"], "row-spacing-unknown": []},
+        ),
         (SEEN, {"length_m": 0.9, "width_m": 0.8}, {}),
-        (SEEN, LARGE, {"plot-size": [
-            "warning: ", "of the plot of 12.0 × 3.0 m is in 3 or more of the plan's photographs",
-            "the plan knows plants on 0.6 × 0.6 m",
-        ]}),
+        (
+            SEEN,
+            LARGE,
+            {
+                "plot-size": [
+                    "warning: ",
+                    "of the plot of 12.0 × 3.0 m is in 3 or more of the plan's photographs",
+                    "the plan knows plants on 0.6 × 0.6 m",
+                ]
+            },
+        ),
         (planned(8), LARGE, {"plot-size": ["reaches beyond the plan's; the plan knows plants on 0.6 × 0.6 m"]}),
         (IN_ROWS, {"row_spacing_m": 0.78}, {}),
         (IN_ROWS, {"row_spacing_m": 0.5}, {"row-spacing": ["rows are 0.50 m apart, the plan's 0.7"]}),
@@ -107,14 +129,20 @@ def headed(heading_deg: float | None) -> Plan:
         (headed(350.0), {"row_heading_deg": 20.0}, {}),
         (headed(None), {"row_heading_deg": 270.0}, {}),
         (headed(90.0), {"row_heading_deg": 150.0}, {"turned": ["note: ", "turned by 60°"]}),
-        (headed(10.0), {"row_heading_deg": 190.0},
-         {"turned": ["turned by 180°", "row_heading_deg = 10.0, turns it by 0°"]}),
-        (headed(90.0), {"row_heading_deg": 220.0},
-         {"turned": ["turned by 130°", "row_heading_deg = 40.0, turns it by 50°"]}),
+        (
+            headed(10.0),
+            {"row_heading_deg": 190.0},
+            {"turned": ["turned by 180°", "row_heading_deg = 10.0, turns it by 0°"]},
+        ),
+        (
+            headed(90.0),
+            {"row_heading_deg": 220.0},
+            {"turned": ["turned by 130°", "row_heading_deg = 40.0, turns it by 50°"]},
+        ),
         (PLAN, {"slope_percent": 8.0, **UPHILL}, {"slope": ["note: ", "rises by 8.0 %: stations are shifted by −0.1"]}),
         (PLAN, {"slope_percent": 14.0, **UPHILL}, {"slope-steep": ["warning: ", "plans have been tried to 10 %"]}),
     ],
-)  # fmt: skip
+)
 def test_what_is_found(plan: Plan, plot: dict[str, Any], expected: dict[str, list[str]]) -> None:
     """On a plot whose plants are those of `planned`, unless it says otherwise."""
     (known,) = site_with({"plant_height_m": 0.9, **plot}).plots
@@ -140,13 +168,25 @@ def test_of_lower_plants_the_plans_are_kept_clear_of() -> None:
 @pytest.mark.parametrize(
     ("plants", "outline", "low_m", "high_m", "refused", "code"),
     [
-        (False, {"length_m": 3.0, "width_m": 2.0, "plant_height_m": 1.5}, 1.9, 2.1,
-         r"too low over the plants of p0, which are kept clear of up to 1\.98", "size-unknown"),
+        (
+            False,
+            {"length_m": 3.0, "width_m": 2.0, "plant_height_m": 1.5},
+            1.9,
+            2.1,
+            r"too low over the plants of p0, which are kept clear of up to 1\.98",
+            "size-unknown",
+        ),
         # The ring stands where the plan's plot had no plants; this one has some there.
-        (True, {"length_m": 6.0, "width_m": 3.0, "plant_height_m": 0.9}, 1.2, 2.0,
-         r", the first: is 0\.18 m too low over the plants of p0", "plot-size"),
+        (
+            True,
+            {"length_m": 6.0, "width_m": 3.0, "plant_height_m": 0.9},
+            1.2,
+            2.0,
+            r", the first: is 0\.18 m too low over the plants of p0",
+            "plot-size",
+        ),
     ],
-)  # fmt: skip
+)
 def test_all_of_an_outline_counts_as_full_of_plants(plants, outline, low_m, high_m, refused, code) -> None:
     with pytest.raises(Refused, match=f"7 photographs.*{refused}"):
         route_plan(planned(plants=plants, height_m=low_m), VEHICLE, site_with(outline))
@@ -304,8 +344,9 @@ def test_stations_in_what_is_kept_clear_of_are_named_with_those_that_do_not_fit(
     hut = Obstacle(name="hut", latitude_deg=50.8650, longitude_deg=6.4473, radius_m=3.0, top_m=3.0)
     report = fit_report(planned(4, height_m=2.0), site.model_copy(update={"obstacles": (hut,)}), VEHICLE, fit=True)
     assert {(each.subject, each.code) for each in report.findings if each.severity == "error"} == {
-        ("p1", "not-fitted"), ("p0", "in-obstacle"),
-    }  # fmt: skip
+        ("p1", "not-fitted"),
+        ("p0", "in-obstacle"),
+    }
 
 
 def test_the_rotors_wash_is_told_where_it_moves_leaves() -> None:

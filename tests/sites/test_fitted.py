@@ -138,8 +138,10 @@ def test_every_kind_of_plot_has_its_own_plan_and_its_file(tmp_path: Path) -> Non
     assert plans["as/planned"] is plan
     done = export_mission(plan, VEHICLE, site, tmp_path / "m.plan", MissionSettings(fit=True), picture=False)
     assert {name: file.name for name, file in done.plans.items()} == {
-        "high/1": "m-high%2F1.json", "high:1": "m-high%3A1.json", "high/2": "m-high%2F1.json"
-    }  # fmt: skip
+        "high/1": "m-high%2F1.json",
+        "high:1": "m-high%3A1.json",
+        "high/2": "m-high%2F1.json",
+    }
     for name, file in done.plans.items():
         assert load_plan(file).stations == plans[name].stations
     shots = [shot for each in done.routed.flights for shot in each.mission.shots]
@@ -165,9 +167,12 @@ def test_a_fitted_mission_is_checked_against_the_fitted_stations(tmp_path, capsy
     stated = plan_in_envelope().model_copy(update={"plant_height_m": 0.9})
     save_plan(tmp_path / "kind.json", stated)
     for plan, fit, code in (
-        ("plan.json", ["--fit"], 0), ("m-a.json", [], 0), ("plan.json", [], 5), ("kind.json", [], 0),
+        ("plan.json", ["--fit"], 0),
+        ("m-a.json", [], 0),
+        ("plan.json", [], 5),
+        ("kind.json", [], 0),
         ("kind.json", ["--no-fit"], 5),
-    ):  # fmt: skip
+    ):
         assert main(["check-mission", file, *what, *where, "--plan", str(tmp_path / plan), *fit]) == code
 
 

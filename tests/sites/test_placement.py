@@ -104,9 +104,12 @@ def test_a_plot_far_from_home_is_as_high_as_its_ground() -> None:
 
 
 @given(
-    st.sampled_from(sorted(PLACES)), st.floats(-360, 360), st.floats(-360, 360),
-    st.tuples(st.floats(-500, 500), st.floats(-500, 500), st.floats(0, 100)), st.floats(-10, 10),
-)  # fmt: skip
+    st.sampled_from(sorted(PLACES)),
+    st.floats(-360, 360),
+    st.floats(-360, 360),
+    st.tuples(st.floats(-500, 500), st.floats(-500, 500), st.floats(0, 100)),
+    st.floats(-10, 10),
+)
 def test_round_trips(where, row_heading, yaw, point, ground) -> None:
     site = site_at(*PLACES[where], row_heading_deg=row_heading, height_m=ground, datum="home")
     frame = PlotFrame.of(site, site.plots[0])

@@ -45,17 +45,30 @@ def in_crs(shapes: list[shapely.Polygon], crs: str) -> list[shapely.Polygon]:
 
 
 def write_plots(
-    path: Path, shapes: list[Any], crs: str | None, *, driver: str | None = None, layer: str | None = None,
-    append: bool = False, kind: str = "Polygon", **fields: list[Any],
-) -> Path:  # fmt: skip
+    path: Path,
+    shapes: list[Any],
+    crs: str | None,
+    *,
+    driver: str | None = None,
+    layer: str | None = None,
+    append: bool = False,
+    kind: str = "Polygon",
+    **fields: list[Any],
+) -> Path:
     """A file as a GIS writes it."""
     warnings.simplefilter("ignore")  # of cut names and of no reference system
     suffixes = {suffix: name for name, suffix in KINDS.items()}
     write(
-        str(path), np.array([shapely.to_wkb(s) for s in shapes], dtype=object),
+        str(path),
+        np.array([shapely.to_wkb(s) for s in shapes], dtype=object),
         [np.array(values, dtype=object if isinstance(values[0], str | None) else None) for values in fields.values()],
-        list(fields), driver=driver or suffixes[path.suffix], geometry_type=kind, crs=crs, layer=layer, append=append,
-    )  # fmt: skip
+        list(fields),
+        driver=driver or suffixes[path.suffix],
+        geometry_type=kind,
+        crs=crs,
+        layer=layer,
+        append=append,
+    )
     return path
 
 
@@ -118,9 +131,13 @@ def test_kml_with_its_folders_and_attributes(tmp_path: Path) -> None:
 
 def test_a_zipped_shapefile_and_its_cut_names(tmp_path: Path) -> None:
     write_plots(
-        tmp_path / "plots.shp", in_crs(places(), UTM), UTM, PLOT_ID=list(IDS), row_heading_deg=[200.0] * 4,
+        tmp_path / "plots.shp",
+        in_crs(places(), UTM),
+        UTM,
+        PLOT_ID=list(IDS),
+        row_heading_deg=[200.0] * 4,
         plant_height_m=[1.5] * 4,
-    )  # fmt: skip
+    )
     with zipfile.ZipFile(tmp_path / "plots.zip", "w") as archive:
         for part in sorted(tmp_path.glob("plots.*")):
             if part.suffix != ".zip":
@@ -144,19 +161,31 @@ def test_a_multipolygon_of_one_part_and_whole_numbers_as_ids(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("rows", "field", "said"),
     [
-        ([{"name": "a", "id": 1, "plot_id": "X"}, {"name": "b", "id": 2, "plot_id": "Y"}], None,
-         '2 plots, ids from "plot_id": X, Y'),
+        (
+            [{"name": "a", "id": 1, "plot_id": "X"}, {"name": "b", "id": 2, "plot_id": "Y"}],
+            None,
+            '2 plots, ids from "plot_id": X, Y',
+        ),
         ([{"Name": "a", "ID": 1}, {"Name": "b", "ID": 2}], None, '2 plots, ids from "ID": 1, 2'),
         ([{"name": "a", "fid": 1}, {"name": "b", "fid": 2}], None, '2 plots, ids from "name": a, b'),
         ([{"name": "a", "trial": "T7"}, {"name": "b", "trial": "T8"}], "TRIAL", '2 plots, ids from "trial": T7, T8'),
-        ([{"id": "X", "name": 1}, {"id": "X", "name": 2}], None,
-         '2 plots, ids from "name": 1, 2; feature 2: is called "X", as feature 1 is (field "id")'),
-        ([{"id": "X", "fid": 1}, {"fid": 2}], None,
-         '2 plots, ids from "fid": 1, 2; feature 2: has no "id", which others have'),
-        ([{"crop": "maize"}, {"crop": "maize"}], None,
-         "2 plots, counted in the file's order, which has no ids: plot-1, plot-2. --plot-id FIELD takes others"),
+        (
+            [{"id": "X", "name": 1}, {"id": "X", "name": 2}],
+            None,
+            '2 plots, ids from "name": 1, 2; feature 2: is called "X", as feature 1 is (field "id")',
+        ),
+        (
+            [{"id": "X", "fid": 1}, {"fid": 2}],
+            None,
+            '2 plots, ids from "fid": 1, 2; feature 2: has no "id", which others have',
+        ),
+        (
+            [{"crop": "maize"}, {"crop": "maize"}],
+            None,
+            "2 plots, counted in the file's order, which has no ids: plot-1, plot-2. --plot-id FIELD takes others",
+        ),
     ],
-)  # fmt: skip
+)
 def test_ids(tmp_path: Path, rows: list[dict[str, Any]], field: str | None, said: str) -> None:
     features = read_features(geojson(tmp_path, *(point(**row) for row in rows)))
     assert plot_ids(features, field).sentence() == said
@@ -166,16 +195,28 @@ def test_ids(tmp_path: Path, rows: list[dict[str, Any]], field: str | None, said
     ("rows", "field", "problem", "remedy"),
     [
         ([{"plot_id": "b1"}, {"plot_id": "B1"}], None, 'feature 2: is called "B1" and feature 1 "b1"', ""),
-        ([{"name": "a", "rep": 1}, {"name": "a", "rep": 2}], None, 'feature 2: is called "a", as feature 1 is',
-         "say with --plot-id which field holds the ids: rep"),
-        ([{"plot_id": "X", "id": 1}, {"plot_id": "X", "id": 2}], None, 'feature 2: is called "X", as feature 1 is',
-         "Give every plot an id of its own."),
+        (
+            [{"name": "a", "rep": 1}, {"name": "a", "rep": 2}],
+            None,
+            'feature 2: is called "a", as feature 1 is',
+            "say with --plot-id which field holds the ids: rep",
+        ),
+        (
+            [{"plot_id": "X", "id": 1}, {"plot_id": "X", "id": 2}],
+            None,
+            'feature 2: is called "X", as feature 1 is',
+            "Give every plot an id of its own.",
+        ),
         ([{"name": "a"}, {"name": " "}], None, 'feature 2: has no "name"', "Give every plot an id of its own."),
-        ([{"name": "a", "rep": 1}, {"name": "b", "rep": 1}], "rep", 'feature 2: is called "1", as feature 1 is',
-         "another field with --plot-id"),
+        (
+            [{"name": "a", "rep": 1}, {"name": "b", "rep": 1}],
+            "rep",
+            'feature 2: is called "1", as feature 1 is',
+            "another field with --plot-id",
+        ),
         ([{"name": "a", "rep": 1}, {"name": "b", "rep": 1}], "plot", 'no plot has a field "plot"', "name, rep"),
     ],
-)  # fmt: skip
+)
 def test_ids_that_are_none(tmp_path, rows, field, problem, remedy) -> None:
     features = read_features(geojson(tmp_path, *(point(**row) for row in rows)))
     with pytest.raises(IdProblem, match=re.escape(problem)) as caught:
@@ -236,10 +277,16 @@ def _zip(*names: str) -> Any:
         (_plots("plots.shp", part=".dbf"), "is no file of plots or zones", "Give GeoJSON, a Shapefile"),
         (_plots("plots.gpkg", stated=None), "reference system; metres of a map projection", "set the layer's CRS"),
         (_plots("plots.gpkg", "EPSG:4326"), "has coordinates that are none in ETRS89", "set the layer"),
-        (_plots("plots.gpkg", stated="EPSG:4326"),
-         "has coordinates that are none in WGS 84 (EPSG:4326): metres", "set the layer's CRS"),
-        (_plots("plots.gpkg", "EPSG:31467", "EPSG:31467"),
-         "without the grid de_adv_BETA2007.tif PROJ takes that to WGS 84 only to 3 m", "pyproj sync"),
+        (
+            _plots("plots.gpkg", stated="EPSG:4326"),
+            "has coordinates that are none in WGS 84 (EPSG:4326): metres",
+            "set the layer's CRS",
+        ),
+        (
+            _plots("plots.gpkg", "EPSG:31467", "EPSG:31467"),
+            "without the grid de_adv_BETA2007.tif PROJ takes that to WGS 84 only to 3 m",
+            "pyproj sync",
+        ),
         (_layers, "has 2 layers with places: 2025, 2026", "export the one with the plots"),
         (_lines, "feature 1: is a LineString, not a Point or Polygon", "points or polygons"),
         (_text("m.plan", '{"fileType": "Plan"}'), "feature 1: is something else, not a Point or Polygon", "GeoJSON"),
@@ -252,7 +299,7 @@ def _zip(*names: str) -> Any:
         (_zip("a.shp", "b.shp"), "is a zip archive with 2 Shapefiles", "by itself"),
         (_zip("a.shp", "a.shx"), "is a Shapefile without its .dbf and .prj", "these zipped"),
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_is_named(tmp_path: Path, make: Any, message: str, remedy: str) -> None:
     file = make(tmp_path)
     with pytest.raises(MetadataError, match=re.escape(message)) as caught:
@@ -370,10 +417,17 @@ def test_changed_at_random(tmp_path: Path, suffix: str) -> None:
 @pytest.mark.parametrize(
     ("plot", "name"),
     [
-        ("r1c1", "r1c1"), ("a/b", "a%2Fb"), ("..", "%2E%2E"), (".x", "%2Ex"), ("100 %", "100 %25"),
-        ("x\\y:z", "x%5Cy%3Az"), ("CON", "%43ON"), ("aux.1", "%61ux.1"), ("con1", "con1"),
+        ("r1c1", "r1c1"),
+        ("a/b", "a%2Fb"),
+        ("..", "%2E%2E"),
+        (".x", "%2Ex"),
+        ("100 %", "100 %25"),
+        ("x\\y:z", "x%5Cy%3Az"),
+        ("CON", "%43ON"),
+        ("aux.1", "%61ux.1"),
+        ("con1", "con1"),
     ],
-)  # fmt: skip
+)
 def test_names_of_plots_files(plot: str, name: str) -> None:
     assert plot_file_name(plot) == name
 
@@ -393,12 +447,16 @@ def test_names_of_a_results_own_files_are_left_to_them() -> None:
 @pytest.mark.parametrize(
     ("column", "meant"),
     [
-        ("plant_heigth_m", "plant_height_m"), ("PLANT_HEIGHT_M", "plant_height_m"),
+        ("plant_heigth_m", "plant_height_m"),
+        ("PLANT_HEIGHT_M", "plant_height_m"),
         ("plant height (m)", "plant_height_m"),
-        ("plant_height", "plant_height_m"), ("plant_height_cm", "plant_height_m"), ("lenght_m", "length_m"),
-        ("uphill_headng_deg", "uphill_heading_deg"), ("slope_percnt", "slope_percent"),
+        ("plant_height", "plant_height_m"),
+        ("plant_height_cm", "plant_height_m"),
+        ("lenght_m", "length_m"),
+        ("uphill_headng_deg", "uphill_heading_deg"),
+        ("slope_percnt", "slope_percent"),
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("driver", ["GeoJSON", "GPKG"])
 def test_a_column_that_nearly_is_a_property_is_named(tmp_path: Path, driver: str, column: str, meant: str) -> None:
     file = write_plots(
@@ -413,9 +471,15 @@ def test_a_column_that_nearly_is_a_property_is_named(tmp_path: Path, driver: str
 
 def test_columns_that_are_not_used_are_told(tmp_path: Path) -> None:
     file = write_plots(
-        tmp_path / "plots.geojson", places(), "EPSG:4326", plot_id=list(IDS), variety=list("abcd"), height=[1] * 4,
-        plant_height_m=[1.0] * 4, plant_height_cm=[100] * 4,
-    )  # fmt: skip
+        tmp_path / "plots.geojson",
+        places(),
+        "EPSG:4326",
+        plot_id=list(IDS),
+        variety=list("abcd"),
+        height=[1] * 4,
+        plant_height_m=[1.0] * 4,
+        plant_height_cm=[100] * 4,
+    )
     assert read_plots(file).unused == ("variety", "height", "plant_height_cm")
     told: list[str] = []
     load_site(site_file(tmp_path), file, tell=told.append)

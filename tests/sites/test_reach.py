@@ -32,8 +32,9 @@ def test_a_pitch_beyond_the_mount() -> None:
     shots = shots_of((2.0, -30.0), (2.0, 41.0))
     found = unreachable(shots, SITE, load_vehicle("ardupilot-pitch"))
     assert [(each.shot.name, each.limits) for each in found] == [
-        ("station 2 of low", ("pitch",)), ("station 2 of high", ("pitch",)),
-    ]  # fmt: skip
+        ("station 2 of low", ("pitch",)),
+        ("station 2 of high", ("pitch",)),
+    ]
     assert found[0].nearest == replace(shots[1], pitch_deg=30.0)
     assert str(found[0]) == (
         "station 2 of low: pitch 41°, but the mount of ArduCopter quad with a pitch gimbal reaches -90° to 30°; "
@@ -45,8 +46,9 @@ def test_too_low_is_above_the_plots_ground_and_not_above_home() -> None:
     shots = shots_of((0.6, -30.0), (1.0, -30.0))
     found = unreachable(shots, SITE, load_vehicle("ardupilot-pitch"))
     assert [(each.shot.plot, each.shot.station, each.limits) for each in found] == [
-        ("low", 0, ("height",)), ("high", 0, ("height",)),
-    ]  # fmt: skip
+        ("low", 0, ("height",)),
+        ("high", 0, ("height",)),
+    ]
     assert [each.nearest.place.height_m for each in found] == pytest.approx([-2.0, 3.0])
     assert "0.60 m above the ground, but" in found[0].what
 
@@ -56,8 +58,9 @@ def test_a_fixed_camera_has_one_pitch() -> None:
     shots, problems = nearest(shots_of((2.0, -45.0), (2.0, -60.0), (0.5, 10.0)), SITE, vehicle)
     assert {shot.pitch_deg for shot in shots} == {-45.0}
     assert [(each.shot.station, each.limits) for each in problems if each.shot.plot == "low"] == [
-        (1, ("pitch",)), (2, ("pitch", "height")),
-    ]  # fmt: skip
+        (1, ("pitch",)),
+        (2, ("pitch", "height")),
+    ]
     assert "is fixed at -45°" in problems[0].what
 
 
@@ -106,6 +109,4 @@ def test_the_nearest_pose_is_reachable_and_the_nearest(name: str, poses: list[tu
         rise = near.place.height_m - shot.place.height_m
         above = shot.place.height_m - SITE.ground_m(next(plot for plot in SITE.plots if plot.name == shot.plot))
         assert rise == pytest.approx(max(vehicle.min_height_m - above, 0.0), abs=2e-4)
-        assert near == replace(
-            shot, pitch_deg=near.pitch_deg, height_m=near.height_m
-        )  # fmt: skip
+        assert near == replace(shot, pitch_deg=near.pitch_deg, height_m=near.height_m)

@@ -49,8 +49,10 @@ def with_top(top: str) -> str:
 
 def point(lon: float = 6.4473, lat: float = 50.8650, *rest: float, **properties: Any) -> dict[str, Any]:
     return {
-        "type": "Feature", "properties": properties, "geometry": {"type": "Point", "coordinates": [lon, lat, *rest]}
-    }  # fmt: skip
+        "type": "Feature",
+        "properties": properties,
+        "geometry": {"type": "Point", "coordinates": [lon, lat, *rest]},
+    }
 
 
 def polygon(*rings: Any, **properties: Any) -> dict[str, Any]:
@@ -92,10 +94,13 @@ def test_the_example() -> None:
 @pytest.mark.parametrize(
     ("section", "model"),
     [
-        ("At the top of a site file", Site), ("`[home]`", SiteHome), ("`[[plots]]`", SitePlot),
-        ("`[[no_fly]]`", NoFly), ("`[[obstacles]]`", Obstacle),
+        ("At the top of a site file", Site),
+        ("`[home]`", SiteHome),
+        ("`[[plots]]`", SitePlot),
+        ("`[[no_fly]]`", NoFly),
+        ("`[[obstacles]]`", Obstacle),
     ],
-)  # fmt: skip
+)
 def test_the_readme_lists_the_keys(section: str, model: type[BaseModel]) -> None:
     check_table(section, model)
 
@@ -103,9 +108,10 @@ def test_the_readme_lists_the_keys(section: str, model: type[BaseModel]) -> None
 def test_defaults(tmp_path: Path) -> None:
     site = load_site(site_file(tmp_path))
     assert site == Site(
-        name="site", home=SiteHome(latitude_deg=50.8649, longitude_deg=6.4473, amsl_m=92.0),
+        name="site",
+        home=SiteHome(latitude_deg=50.8649, longitude_deg=6.4473, amsl_m=92.0),
         plots=(SitePlot(latitude_deg=50.8650, longitude_deg=6.4473),),
-    )  # fmt: skip
+    )
     assert (site.takeoff_m, site.transit_m, site.plots[0].row_heading_deg) == (5.0, 5.0, 90.0)
 
 
@@ -167,43 +173,71 @@ def _another(name: str, size_m: float, latitude_deg: float = 50.86501) -> str:
         ("[[plots]]", '[[plots]]\ndatum = "amsl"', 'plots 1: datum is "amsl", but height_m is missing'),
         ("[[plots]]", '[[plots]]\nheight_m = 91.4\ndatum = "home"', 'this looks like datum "amsl"'),
         ("[[plots]]", '[[plots]]\nheight_m = 141\ndatum = "ellipsoid"', "home needs ellipsoid_m"),
-        ("[[plots]]", _another("a", 1).replace("]]", ']]\nheight_m = 91\ndatum = "home"', 1)
-         + '[[plots]]\nheight_m = 141\ndatum = "ellipsoid"', 'looks like datum "amsl"; plot is given in metres above'),
+        (
+            "[[plots]]",
+            _another("a", 1).replace("]]", ']]\nheight_m = 91\ndatum = "home"', 1)
+            + '[[plots]]\nheight_m = 141\ndatum = "ellipsoid"',
+            'looks like datum "amsl"; plot is given in metres above',
+        ),
         ("[[plots]]", '[[plots]]\nheight_m = 45\ndatum = "amsl"', "plot lies 47 m below home and 11 m away"),
         ("[[plots]]", '[[plots]]\nheight_m = 40\ndatum = "home"', "40 m above home and 11 m away: is one of"),
-        ("[[plots]]", '[[plots]]\nname = "a"\nlatitude_deg = 50.8650\nlongitude_deg = 6.4473\n[[plots]]\nname = "a"',
-         'plots: two of them are called "a"'),
-        ("[[plots]]", '[[plots]]\nname = "a"\nlatitude_deg = 50.8650001\nlongitude_deg = 6.4473\n[[plots]]\nname = "b"',
-         "plots: a and b lie over each other, by 89%"),
+        (
+            "[[plots]]",
+            '[[plots]]\nname = "a"\nlatitude_deg = 50.8650\nlongitude_deg = 6.4473\n[[plots]]\nname = "a"',
+            'plots: two of them are called "a"',
+        ),
+        (
+            "[[plots]]",
+            '[[plots]]\nname = "a"\nlatitude_deg = 50.8650001\nlongitude_deg = 6.4473\n[[plots]]\nname = "b"',
+            "plots: a and b lie over each other, by 89%",
+        ),
         ("[[plots]]", f"{_another('a', 3)}[[plots]]\nname = 'b'", "plots: a and b lie over each other, by 100%"),
-        ("[[plots]]", f"{_another('all', 90)}{_another('c', 1, 50.86508)}[[plots]]\nname = 'b'",
-         "plots: all lies over 2 others (b and c), as the outline of a field does"),
+        (
+            "[[plots]]",
+            f"{_another('all', 90)}{_another('c', 1, 50.86508)}[[plots]]\nname = 'b'",
+            "plots: all lies over 2 others (b and c), as the outline of a field does",
+        ),
         ("[[plots]]", '[[plots]]\nname = "a\\nb"', "plots 1.name: is not plain text"),
         ("[[plots]]", '[[plots]]\nname = ""', "plots 1.name: "),
-        ("[[plots]]", '[[plots]]\nname = 3', "plots 1.name: "),
-        ("latitude_deg = 50.8650\nlongitude_deg = 6.4473", "latitude_deg = 6.4473\nlongitude_deg = 50.8650",
-         "its latitude and longitude look swapped"),
+        ("[[plots]]", "[[plots]]\nname = 3", "plots 1.name: "),
+        (
+            "latitude_deg = 50.8650\nlongitude_deg = 6.4473",
+            "latitude_deg = 6.4473\nlongitude_deg = 50.8650",
+            "its latitude and longitude look swapped",
+        ),
         ("latitude_deg = 50.8650", "latitude_deg = 52.8650", 'plot "plot" lies 223 km from home'),
         ("longitude_deg = 6.4473", "longitude_deg = 12.4473", "km from home"),
         ("format = 1", "format = 1\nceiling_m = 4", "takeoff_m is 5, above ceiling_m, which is 4"),
-        ("format = 1", "format = 1\nlanding = {latitude_deg = 0, longitude_deg = 6}",
-         "landing lies 5,636 km from home"),
+        (
+            "format = 1",
+            "format = 1\nlanding = {latitude_deg = 0, longitude_deg = 6}",
+            "landing lies 5,636 km from home",
+        ),
         ("format = 1", "format = 1\ngeofence = [[[1, 2], [3, 4]]]", "geofence 1: "),
         ("format = 1", "format = 1\ngeofence = [[[1, 2], [3, 4], [1, 2]]]", "fewer than three different corners"),
-        ("format = 1", "format = 1\ngeofence = [[[50.8, 6.4], [50.9, 6.5], [50.8, 6.5], [50.9, 6.4]]]",
-         "geofence 1 crosses itself or has no area"),
-        ("format = 1", "format = 1\ngeofence = [[[6.4, 50.8], [6.5, 50.9], [6.5, 50.8]]]",
-         "a corner of geofence 1 lies"),
+        (
+            "format = 1",
+            "format = 1\ngeofence = [[[50.8, 6.4], [50.9, 6.5], [50.8, 6.5], [50.9, 6.4]]]",
+            "geofence 1 crosses itself or has no area",
+        ),
+        (
+            "format = 1",
+            "format = 1\ngeofence = [[[6.4, 50.8], [6.5, 50.9], [6.5, 50.8]]]",
+            "a corner of geofence 1 lies",
+        ),
         ("format = 1", 'format = 1\ngeofence = "../fence.geojson"', "leads out of the site file's folder"),
         ("format = 1", 'format = 1\ngeofence = "no.geojson"', "there is no such file"),
         ("format = 1", 'format = 1\nno_fly = ""', "no_fly: is not a path"),
-        ("format = 1", 'format = 1\nno_fly = 3', "no_fly: "),
-        ("format = 1", "format = 1\nobstacles = [{latitude_deg = 0, longitude_deg = 0, radius_m = 1, top_m = 1}]",
-         'obstacle "obstacle" lies'),
+        ("format = 1", "format = 1\nno_fly = 3", "no_fly: "),
+        (
+            "format = 1",
+            "format = 1\nobstacles = [{latitude_deg = 0, longitude_deg = 0, radius_m = 1, top_m = 1}]",
+            'obstacle "obstacle" lies',
+        ),
         ("format = 1", "format = 1\nrally = [{latitude_deg = 0, longitude_deg = 0}]", "rally 1 lies"),
         ("[[plots]]", "[plots]", "plots: "),
     ],
-)  # fmt: skip
+)
 def test_site_errors(tmp_path: Path, old: str, new: str, message: str) -> None:
     assert old in SITE
     path = site_file(tmp_path, SITE.replace(old, new, 1))
@@ -246,8 +280,10 @@ def test_no_way_out_of_the_folder(tmp_path: Path) -> None:
         ([polygon([SQUARE[0], SQUARE[2], SQUARE[1], SQUARE[3], SQUARE[0]])], "crosses itself"),
         ([polygon([[0, 0], [1, 0], [1, 1]])], "is wider than 10 km"),
         ([polygon(rectangle((50.0, 6.0), 20, 4.1, 4.0))], "nearly square"),
-        ([{"type": "Feature", "geometry": {"type": "MultiPolygon", "coordinates": [[SQUARE], [SQUARE]]}}],
-         "has several parts"),
+        (
+            [{"type": "Feature", "geometry": {"type": "MultiPolygon", "coordinates": [[SQUARE], [SQUARE]]}}],
+            "has several parts",
+        ),
         ([{"type": "Feature", "geometry": {"type": "LineString", "coordinates": SQUARE}}], "is a LineString"),
         ([{"type": "Feature", "geometry": None}], "feature 1: is not a feature with a geometry"),
         ([{"type": "Feature", "geometry": {"type": "Point", "coordinates": []}}], "a position is not"),
@@ -256,7 +292,7 @@ def test_no_way_out_of_the_folder(tmp_path: Path) -> None:
         ([], "holds no features"),
         ([point(row_heading_deg=0)] * 2001, "2000 are the most"),
     ],
-)  # fmt: skip
+)
 def test_plots_errors(tmp_path: Path, features: list[Any], message: str) -> None:
     path = geojson(tmp_path, *features)
     with pytest.raises(MetadataError, match=re.escape(message)) as caught:
@@ -290,8 +326,12 @@ def test_reference_systems(tmp_path: Path) -> None:
 
 @given(
     st.sampled_from([(50.8, 6.4), (-33.4, 179.99999), (89.99, 20.0), (-89.9, -100.0), (0.0, 0.0)]),
-    st.floats(0, 180, exclude_max=True), st.floats(2.0, 80.0), st.floats(0.05, 0.9), st.integers(0, 3), st.booleans(),
-)  # fmt: skip
+    st.floats(0, 180, exclude_max=True),
+    st.floats(2.0, 80.0),
+    st.floats(0.05, 0.9),
+    st.integers(0, 3),
+    st.booleans(),
+)
 def test_shapes(middle, heading, length, share, first, backwards) -> None:
     ring = rectangle(middle, heading, length, length * share)[:-1]
     ring = ring[first:] + ring[:first]

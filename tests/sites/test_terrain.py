@@ -79,9 +79,14 @@ def test_a_camera_looks_at_the_same_place_of_the_slope(row, percent, heading, ya
 
 
 @given(
-    SLOPES, st.floats(0, 359.9), st.floats(-50, 50), st.floats(0, 359), st.floats(5, 80), st.floats(40, 140),
+    SLOPES,
+    st.floats(0, 359.9),
+    st.floats(-50, 50),
+    st.floats(0, 359),
     st.floats(5, 80),
-)  # fmt: skip
+    st.floats(40, 140),
+    st.floats(5, 80),
+)
 def test_three_heights_give_their_plane(percent, heading, height, first, r1, apart, r2) -> None:
     angles = np.radians([first, first + apart, first + apart + 120.0])
     local = np.column_stack([np.array([r1, r2, r1]) * np.sin(angles), np.array([r1, r2, r1]) * np.cos(angles)])
@@ -120,7 +125,7 @@ def test_site_files_give_slopes_in_three_ways(tmp_path: Path) -> None:
         "slope_percent = 10\nuphill_heading_deg = 0\nheight_m = 91.0\n",
         "slope_deg = 5.710593\nuphill_heading_deg = 0\nheight_m = 91.0\n",
         f"ground_points = [[{LATITUDE}, {LONGITUDE}, 91.0], [{north}, {LONGITUDE}, 92.0], [{LATITUDE}, 6.4475, 91]]\n",
-    ):  # fmt: skip
+    ):
         file.write_text(head + 'datum = "amsl"\n' + lines, encoding="utf-8")
         (plot,) = load_site(file).plots
         assert plot.slope_percent == pytest.approx(10.0, abs=0.01)
@@ -152,7 +157,7 @@ def test_site_files_give_slopes_in_three_ways(tmp_path: Path) -> None:
         ({"ground_points": [[50.865, 6.4473, 1]] * 3, "height_m": 3.0}, "follows from ground_points"),
         ({"ground_points": [[50.865, 6.4473, 1], [50.866, 6.4473, 1], [50.865, 6.448, 1]]}, "above what"),
     ],
-)  # fmt: skip
+)
 def test_what_no_ground_is(given_: dict[str, Any], message: str) -> None:
     with pytest.raises(ValidationError, match=message):
         SitePlot.model_validate({"latitude_deg": LATITUDE, "longitude_deg": LONGITUDE, **given_})

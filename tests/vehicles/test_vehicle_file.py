@@ -77,10 +77,14 @@ def test_the_profile_of_the_recordings() -> None:
 @pytest.mark.parametrize(
     ("section", "model"),
     [
-        ("At the top", Vehicle), ("`[mount]`", Mount), ("`[trigger]`", Trigger), ("`[camera]`", Intrinsics),
-        ("`[speeds]`", Speeds), ("`[battery]`", Battery),
+        ("At the top", Vehicle),
+        ("`[mount]`", Mount),
+        ("`[trigger]`", Trigger),
+        ("`[camera]`", Intrinsics),
+        ("`[speeds]`", Speeds),
+        ("`[battery]`", Battery),
     ],
-)  # fmt: skip
+)
 def test_the_readme_lists_the_keys(section: str, model: type[BaseModel] | type[Intrinsics]) -> None:
     check_table(section, model)
 
@@ -123,7 +127,7 @@ def test_by_name_by_path_and_near_misses(tmp_path: Path, monkeypatch: pytest.Mon
         ("[battery]", "[battery]\nx = " + "9" * 5000, "is not TOML"),
         ("[battery]", "# " + "x" * 300_000, "far too large"),
     ],
-)  # fmt: skip
+)
 def test_errors(tmp_path: Path, old: str, new: str, message: str) -> None:
     assert old in TEXT
     path = write(tmp_path, TEXT.replace(old, new))

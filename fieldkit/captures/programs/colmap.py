@@ -69,9 +69,15 @@ def read_colmap(given: PosesFile) -> ProgramPoses:
         findings += odd
         said = f"in {crs.name}, as was said"
     return ProgramPoses(
-        "COLMAP", folder, poses, metric=bool(frame), origin=origin, cameras=tuple(cameras), frame_said=said,
+        "COLMAP",
+        folder,
+        poses,
+        metric=bool(frame),
+        origin=origin,
+        cameras=tuple(cameras),
+        frame_said=said,
         findings=tuple(findings),
-    )  # fmt: skip
+    )
 
 
 def _contents(model: pycolmap.Reconstruction) -> tuple[dict[str, Pose], list[CameraEntry], list[Finding]]:

@@ -86,9 +86,15 @@ def _chunk(chunk: Element, chunks: int, given: PosesFile) -> ProgramPoses:
     poses, metric, origin, frame_said, of_datum = _placed(poses, motion, chunk.findtext("reference") or "", given)
     cameras, odd = _cameras(chunk, {label: sensor for label, (sensor, _, _) in aligned.items() if label in poses})
     return ProgramPoses(
-        "Metashape", given.path, poses, metric=metric, origin=origin, cameras=cameras, frame_said=frame_said,
+        "Metashape",
+        given.path,
+        poses,
+        metric=metric,
+        origin=origin,
+        cameras=cameras,
+        frame_said=frame_said,
         findings=(*findings, *of_datum, *odd),
-    )  # fmt: skip
+    )
 
 
 def _motion(element: Element | None) -> tuple[Similarity, bool] | None:

@@ -58,9 +58,14 @@ def read_shots(path: Path) -> ProgramPoses:
     origin, placed = local_from_geodetic(poses, geodetic, headings, "unknown")
     beside = (path.parent / CAMERAS, path.parent.parent / CAMERAS)
     return ProgramPoses(
-        "OpenDroneMap", path, placed, metric=True, origin=origin, frame_said="in metres about the place it gives",
+        "OpenDroneMap",
+        path,
+        placed,
+        metric=True,
+        origin=origin,
+        frame_said="in metres about the place it gives",
         cameras=next((_read_cameras(file, sizes) for file in beside if file.is_file()), ()),
-    )  # fmt: skip
+    )
 
 
 def _read_cameras(path: Path, names: Mapping[tuple[int, int], list[str]]) -> tuple[CameraEntry, ...]:
@@ -94,9 +99,10 @@ def _central_meridian(geodetic: FloatArray, eastings: FloatArray, path: Path) ->
     nearest = min((float(own), float(own - 6.0), float(own + 6.0)), key=off_m)
     if off_m(nearest) > _NEAR_M:
         raise MetadataError(
-            "has coordinates that do not fit its places, as where photographs have no GPS", path=path,
+            "has coordinates that do not fit its places, as where photographs have no GPS",
+            path=path,
             remedy="Give the model as COLMAP has it: opensfm export_colmap.",
-        )  # fmt: skip
+        )
     return nearest
 
 

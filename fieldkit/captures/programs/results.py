@@ -41,9 +41,10 @@ def program_of(
         if found is None:
             none = f"has poses of none of the photographs (the folder has {next(iter(sizes))})"
             raise MetadataError(
-                odd[0].message if odd else none, path=given.path,
+                odd[0].message if odd else none,
+                path=given.path,
                 remedy="Give the result of these photographs; their names there must be those of the files.",
-            )  # fmt: skip
+            )
         return found, tuple(odd)
     found, findings = None, []
     for path in _find_results(folders):
@@ -121,17 +122,20 @@ def _of_photographs(
     doubtful = sorted(name for name, number in times.items() if number > 1)
     if not matched and doubtful:
         raise MetadataError(
-            f"has several poses of each photograph of the folder, as {doubtful[0]}", path=result.path,
+            f"has several poses of each photograph of the folder, as {doubtful[0]}",
+            path=result.path,
             remedy="Photographs of several folders have one name. Put them into folders called as the program has "
             "them, or export the poses of these alone.",
-        )  # fmt: skip
+        )
     if not matched:
         return None, []
     found = result.renamed(matched)
     turned = {
-        name for camera in found.cameras for name in camera.images
+        name
+        for camera in found.cameras
+        for name in camera.images
         if (sizes[name][0] - sizes[name][1]) * (camera.intrinsics.width - camera.intrinsics.height) < 0
-    }  # fmt: skip
+    }
     cameras = tuple(camera for camera in found.cameras if not turned & set(camera.images))
     unfit = [camera for camera in cameras if any(camera.at_size(*sizes[name]) is None for name in camera.images)]
     if unfit and len(unfit) == len(found.cameras):

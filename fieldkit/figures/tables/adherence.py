@@ -36,17 +36,21 @@ _STATISTICS: tuple[tuple[str, int, Callable[[list[float]], float]], ...] = (
 
 def adherence_by_plot(plots: Sequence[PlotEvaluation]) -> Table:
     """Each plot's adherence as root mean squares; no rows if nothing is known of any plot."""
-    return tabulated("How the photographs kept to the plan, RMS", [
-        {
-            "plot": plot.name,
-            "by": found.achieved_by,
-            Column("stations", True): f"{(n := len(found.stations))} of {n + len(found.missing)}",
-            Column("horizontal, m", True): decimal(found.horizontal_rms_m),
-            Column("yaw, °", True): decimal(found.yaw_rms_deg),
-            Column("pitch, °", True): decimal(found.pitch_rms_deg),
-        }
-        for plot in plots if (found := plot.adherence) is not None
-    ])  # fmt: skip
+    return tabulated(
+        "How the photographs kept to the plan, RMS",
+        [
+            {
+                "plot": plot.name,
+                "by": found.achieved_by,
+                Column("stations", True): f"{(n := len(found.stations))} of {n + len(found.missing)}",
+                Column("horizontal, m", True): decimal(found.horizontal_rms_m),
+                Column("yaw, °", True): decimal(found.yaw_rms_deg),
+                Column("pitch, °", True): decimal(found.pitch_rms_deg),
+            }
+            for plot in plots
+            if (found := plot.adherence) is not None
+        ],
+    )
 
 
 def station_table(found: AdherenceEntry) -> Table:

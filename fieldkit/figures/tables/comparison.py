@@ -39,17 +39,20 @@ def difference_table(report: ComparisonReport, key: str) -> Table:
             return ""
         return f"±{0.5 * shown.factor * (each.high - each.low):.2g}"
 
-    return tabulated(f"{shown.title}, against {first}", [
-        {
-            "plot": each.plot,
-            "evaluation": each.label,
-            Column("value", True): values.get((each.plot, each.label), ""),
-            Column("difference", True): signed(shown.factor * each.difference, 3),
-            Column("95\u00a0%", True): half(each),
-            "beyond noise": verdict(each),
-        }
-        for each in found
-    ])  # fmt: skip
+    return tabulated(
+        f"{shown.title}, against {first}",
+        [
+            {
+                "plot": each.plot,
+                "evaluation": each.label,
+                Column("value", True): values.get((each.plot, each.label), ""),
+                Column("difference", True): signed(shown.factor * each.difference, 3),
+                Column("95\u00a0%", True): half(each),
+                "beyond noise": verdict(each),
+            }
+            for each in found
+        ],
+    )
 
 
 def verdict(found: DifferenceEntry) -> str:

@@ -66,23 +66,26 @@ def photograph_table(
     images: Sequence[ImageReport], caption: str, *, metric: bool, pictures: Mapping[str, Picture] | None = None
 ) -> Table:
     """The state of photographs, unused ones first, with thumbnails by name."""
-    return tabulated(caption, [
-        {
-            "photograph": i.name,
-            Column("picture", detail=True): (pictures or {}).get(i.name),
-            Column("state", detail=True): state(i),
-            Column("features", True): f"{i.features:,}",
-            Column("points seen", True, detail=True): f"{i.observations:,}",
-            Column("reprojection, px", True, detail=True): decimal(i.reprojection_px),
-            Column(f"position residual{', m' * metric}", True, detail=True): decimal(i.position_residual_m, 3),
-            Column(f"known to{', m' * metric}", True, detail=True): decimal(i.sigma_m and 2.0 * i.sigma_m, 3),
-            Column("direction residual, °", True, detail=True): decimal(i.angle_residual_deg),
-            Column(f"height{', m' * metric}", True, detail=True): i.center_m and decimal(i.center_m[2]),
-            Column("pitch, °", True, detail=True): decimal(i.pitch_deg, 1),
-            "why": i.reason or None,
-        }
-        for i in sorted(images, key=lambda image: image.counts)
-    ])  # fmt: skip
+    return tabulated(
+        caption,
+        [
+            {
+                "photograph": i.name,
+                Column("picture", detail=True): (pictures or {}).get(i.name),
+                Column("state", detail=True): state(i),
+                Column("features", True): f"{i.features:,}",
+                Column("points seen", True, detail=True): f"{i.observations:,}",
+                Column("reprojection, px", True, detail=True): decimal(i.reprojection_px),
+                Column(f"position residual{', m' * metric}", True, detail=True): decimal(i.position_residual_m, 3),
+                Column(f"known to{', m' * metric}", True, detail=True): decimal(i.sigma_m and 2.0 * i.sigma_m, 3),
+                Column("direction residual, °", True, detail=True): decimal(i.angle_residual_deg),
+                Column(f"height{', m' * metric}", True, detail=True): i.center_m and decimal(i.center_m[2]),
+                Column("pitch, °", True, detail=True): decimal(i.pitch_deg, 1),
+                "why": i.reason or None,
+            }
+            for i in sorted(images, key=lambda image: image.counts)
+        ],
+    )
 
 
 def state(image: ImageReport) -> Mark:
@@ -99,13 +102,19 @@ def state(image: ImageReport) -> Mark:
 def stage_table(report: ReconstructionEntry) -> Table:
     """The time of each stage and of all together."""
     rows = [(t.name, f"{t.items:,}", f"{t.cached:,}", t.wall_s, t.cpu_s) for t in report.times]
-    return tabulated("Time per stage", [
-        {
-            "stage": name, Column("items", True): items, Column("from cache", True): cached,
-            Column("time", True): format_seconds(wall_s), Column("CPU time", True): format_seconds(cpu_s),
-        }
-        for name, items, cached, wall_s, cpu_s in [*rows, ("all", "", "", report.seconds, report.cpu_seconds)]
-    ])  # fmt: skip
+    return tabulated(
+        "Time per stage",
+        [
+            {
+                "stage": name,
+                Column("items", True): items,
+                Column("from cache", True): cached,
+                Column("time", True): format_seconds(wall_s),
+                Column("CPU time", True): format_seconds(cpu_s),
+            }
+            for name, items, cached, wall_s, cpu_s in [*rows, ("all", "", "", report.seconds, report.cpu_seconds)]
+        ],
+    )
 
 
 def finding_table(findings: Sequence[Finding], most_names: int) -> Table:
@@ -116,14 +125,17 @@ def finding_table(findings: Sequence[Finding], most_names: int) -> Table:
         more = f" and {len(names) - most_names} more" if len(names) > most_names else ""
         return f"{', '.join(names[:most_names])}{more}"
 
-    return tabulated("Findings", [
-        {
-            "finding": code,
-            Column("files", True): f"{len(names):,}",
-            "what was found": f"{told(names)}: {'left out: ' if left_out else ''}{message}",
-        }
-        for (code, message, left_out), names in groups.items()
-    ])  # fmt: skip
+    return tabulated(
+        "Findings",
+        [
+            {
+                "finding": code,
+                Column("files", True): f"{len(names):,}",
+                "what was found": f"{told(names)}: {'left out: ' if left_out else ''}{message}",
+            }
+            for (code, message, left_out), names in groups.items()
+        ],
+    )
 
 
 def _metric_source(report: ReconstructionEntry) -> str:

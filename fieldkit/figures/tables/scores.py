@@ -50,17 +50,22 @@ def score_rows(plot: PlotEvaluation) -> tuple[tuple[str, str], ...]:
 
 def distance_table(plot: PlotEvaluation) -> Table:
     """The share of a scored plot within each distance."""
-    return tabulated("How much lies within a distance", [
-        {
-            Column("within, mm", True): f"{1000.0 * float(distance):g}",
-            Column("of its points (precision), %", True, short="precision, %"):
-                percent((plot.precision or {}).get(distance)),
-            Column("of the reference's (recall), %", True, short="recall, %"):
-                percent((plot.recall or {}).get(distance)),
-            Column("F‑score", True): decimal(value, 3),
-        }
-        for distance, value in (plot.f_score or {}).items()
-    ])  # fmt: skip
+    return tabulated(
+        "How much lies within a distance",
+        [
+            {
+                Column("within, mm", True): f"{1000.0 * float(distance):g}",
+                Column("of its points (precision), %", True, short="precision, %"): percent(
+                    (plot.precision or {}).get(distance)
+                ),
+                Column("of the reference's (recall), %", True, short="recall, %"): percent(
+                    (plot.recall or {}).get(distance)
+                ),
+                Column("F‑score", True): decimal(value, 3),
+            }
+            for distance, value in (plot.f_score or {}).items()
+        ],
+    )
 
 
 def correction_sentence(plot: PlotEvaluation) -> str:
@@ -127,15 +132,19 @@ def plant_tables(plots: Sequence[PlotEvaluation], of: str = "") -> Iterator[Tabl
         yield traits_table(f"Plants{more}", plots)
     predicted = [(plot.name, p) for plot in plots if (p := plot.prediction) is not None and p.chamfer_m is not None]
     if predicted:
-        yield tabulated(f"Distance to the true plants{more}, predicted without a reference", [
-            {
-                "plot": name,
-                Column("predicted chamfer, mm", True, short="predicted, mm"): millimetres(found.chamfer_m),
-                Column("nine in ten such plots, mm", True, short="nine in ten, mm"):
-                    interval(found.low_m, found.high_m),
-            }
-            for name, found in predicted
-        ])  # fmt: skip
+        yield tabulated(
+            f"Distance to the true plants{more}, predicted without a reference",
+            [
+                {
+                    "plot": name,
+                    Column("predicted chamfer, mm", True, short="predicted, mm"): millimetres(found.chamfer_m),
+                    Column("nine in ten such plots, mm", True, short="nine in ten, mm"): interval(
+                        found.low_m, found.high_m
+                    ),
+                }
+                for name, found in predicted
+            ],
+        )
     unknown = [(plot.name, trait_reasons(plot)) for plot in plots if trait_reasons(plot)]
     if unknown:
         yield _reasons("Traits that could not be measured", unknown)
@@ -165,10 +174,14 @@ def trait_reasons(plot: Scored) -> str:
 
 def unused_table(plots: Sequence[PlotEvaluation]) -> Table:
     """The number of unused photographs of each plot, by reason; no rows if all are used."""
-    return tabulated("Photographs that do not count", [
-        {"plot": plot.name, "why": why, Column("photographs", True): f"{number:,}"}
-        for plot in plots for why, number in plot.unregistered.items()
-    ])  # fmt: skip
+    return tabulated(
+        "Photographs that do not count",
+        [
+            {"plot": plot.name, "why": why, Column("photographs", True): f"{number:,}"}
+            for plot in plots
+            for why, number in plot.unregistered.items()
+        ],
+    )
 
 
 def failure_table(plots: Sequence[PlotEvaluation]) -> Table:

@@ -68,9 +68,12 @@ def _table(block: Table, most_rows: int | None) -> RichTable:
         texts = [row[place].plain for row in rows]
         # Folded on a narrow terminal: a truncated figure could be misread.
         result.add_column(
-            _label(column, texts), justify="right" if column.numeric else "left", overflow="fold",
-            no_wrap=column.numeric, min_width=max(1, min(least, max(map(len, texts), default=1))),
-        )  # fmt: skip
+            _label(column, texts),
+            justify="right" if column.numeric else "left",
+            overflow="fold",
+            no_wrap=column.numeric,
+            min_width=max(1, min(least, max(map(len, texts), default=1))),
+        )
     above = ""
     for row in rows[:most_rows]:
         name = row[0].plain

@@ -160,17 +160,20 @@ _LIMITS: Mapping[int, tuple[tuple[int, float, float, str], ...]] = {
     Command.NAV_DELAY: ((0, _ABOVE_0, _LONGEST_WAIT_S, "cannot wait {:g} s"),),
     Command.CONDITION_YAW: ((0, 0.0, 360.0, "a heading of {:g}° is not between 0 and 360°"),),
     Command.DO_MOUNT_CONTROL: (
-        (0, -90.0, 90.0, _A_GIMBAL), (1, -180.0, 180.0, _A_GIMBAL), (2, -180.0, 360.0, _A_GIMBAL),
+        (0, -90.0, 90.0, _A_GIMBAL),
+        (1, -180.0, 180.0, _A_GIMBAL),
+        (2, -180.0, 360.0, _A_GIMBAL),
         (6, 2.0, 2.0, "the mount's mode must be 2 (targeting): another one turns it away"),
     ),
     Command.DO_GIMBAL_MANAGER_PITCHYAW: ((0, -90.0, 90.0, _A_GIMBAL), (1, -180.0, 360.0, _A_GIMBAL)),
     Command.IMAGE_START_CAPTURE: (
-        (1, 0.0, math.inf, _ONE), (2, 1.0, 1.0, _ONE),
+        (1, 0.0, math.inf, _ONE),
+        (2, 1.0, 1.0, _ONE),
         (3, -math.inf, math.inf, "its fourth parameter must be a number"),
     ),
     Command.DO_DIGICAM_CONTROL: ((4, 1.0, 1.0, "it shoots only with parameter 5 = 1"),),
     Command.DO_CHANGE_SPEED: ((1, _ABOVE_0, _FASTEST_MPS, "a speed of {:g} m/s is none"),),
-}  # fmt: skip
+}
 
 
 def _value_problem(item: MissionItem) -> str | None:

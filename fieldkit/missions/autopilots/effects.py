@@ -22,9 +22,13 @@ from fieldkit.missions.items import Command, MissionItem, plain_frame
 from fieldkit.routing.mission import GeoPoint, Home
 from fieldkit.vehicles.vehicle import Vehicle
 
-INTERVALS = frozenset({
-    Command.DO_SET_CAM_TRIGG_DIST, Command.DO_SET_CAM_TRIGG_INTERVAL, Command.DO_TRIGGER_CONTROL,
-})  # fmt: skip
+INTERVALS = frozenset(
+    {
+        Command.DO_SET_CAM_TRIGG_DIST,
+        Command.DO_SET_CAM_TRIGG_INTERVAL,
+        Command.DO_TRIGGER_CONTROL,
+    }
+)
 LANDINGS = frozenset({Command.NAV_LAND, Command.NAV_VTOL_LAND, Command.NAV_PAYLOAD_PLACE})
 TAKEOFFS = frozenset({Command.NAV_TAKEOFF, Command.NAV_VTOL_TAKEOFF})
 ENDINGS = (LANDINGS - {Command.NAV_PAYLOAD_PLACE}) | {Command.NAV_RETURN_TO_LAUNCH, Command.NAV_LOITER_UNLIM}
@@ -370,8 +374,10 @@ def _oriented_shoot(values: Values) -> Effects | None:
     if _on(values, "accurateFrameValid"):  # it aims at what it recognises
         return None
     turns: dict[str, Callable[[float], Effect]] = {
-        "aircraftHeading": Face, "gimbalPitchRotateAngle": Tilt, "gimbalYawRotateAngle": lambda yaw: Pan(yaw, "north"),
-    }  # fmt: skip
+        "aircraftHeading": Face,
+        "gimbalPitchRotateAngle": Tilt,
+        "gimbalYawRotateAngle": lambda yaw: Pan(yaw, "north"),
+    }
     given = ((turn, _number(values, name)) for name, turn in turns.items())
     shoot = Shoot(settles=True, focal_mm=_number(values, "focalLength") or 0.0)
     return (*(turn(angle) for turn, angle in given if angle is not None), shoot)

@@ -26,7 +26,7 @@ from fieldkit.missions.autopilots.effects import (
     ShootOnTheWay,
     Stay,
     cannot_say,
-)  # fmt: skip
+)
 from fieldkit.missions.autopilots.execution import Execution, FlownLeg, Photograph, aim, along, distance
 from fieldkit.missions.autopilots.jumps import Numbered, course
 from fieldkit.missions.autopilots.state import State, Turn, begun, camera_moves, carried_out, gone, photograph
@@ -39,9 +39,14 @@ from fieldkit.vehicles.vehicle import Vehicle
 # Commands up to here are NAV ones (MAVLink common.xml); so are ArduPilot's yaw-and-speed, script and attitude items.
 _LAST_NAV = 95
 _OTHER_NAV = frozenset({int(Command.NAV_SET_YAW_SPEED), 42702, 42703})
-_PASSED_FOR = frozenset({
-    Command.NAV_WAYPOINT, Command.NAV_SPLINE_WAYPOINT, Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TIME,
-})  # fmt: skip
+_PASSED_FOR = frozenset(
+    {
+        Command.NAV_WAYPOINT,
+        Command.NAV_SPLINE_WAYPOINT,
+        Command.NAV_LOITER_UNLIM,
+        Command.NAV_LOITER_TIME,
+    }
+)
 """A waypoint without a hold is passed if one of these follows (ArduCopter's ModeAuto::set_next_wp)."""
 _CONTROL = (Command.DO_GIMBAL_MANAGER_CONFIGURE, Command.DO_MOUNT_CONTROL)
 """Commands that give a PX4's mission control of the gimbal (mission_block.cpp)."""
@@ -115,9 +120,13 @@ class _Log:
     def ended(self, state: State) -> Execution:
         self.stand_no_more(state.clock_s)
         return Execution(
-            tuple(self.photographs), tuple(self.legs), state.clock_s, tuple(self.skipped),
-            tuple(sorted(self.refused.items())), self.uncounted,
-        )  # fmt: skip
+            tuple(self.photographs),
+            tuple(self.legs),
+            state.clock_s,
+            tuple(self.skipped),
+            tuple(sorted(self.refused.items())),
+            self.uncounted,
+        )
 
 
 def _do(craft: Craft, log: _Log, state: State, number: int, *effects: Effect) -> State:
@@ -167,9 +176,12 @@ def _fly_in_queues(craft: Craft, log: _Log, numbered: Numbered) -> State:
         nav = _Nav(number, state, way, path, state.clock_s + way.seconds + go.dwell_s)
         log.fly(number, state.here, path, state.clock_s)
         state = replace(
-            _run(craft, log, there, queue, nav), clock_s=nav.over_s, arrived_s=nav.over_s - go.dwell_s,
-            waypoint=number, passing=go.dwell_s <= 0.0 and item.command not in TAKEOFFS,
-        )  # fmt: skip
+            _run(craft, log, there, queue, nav),
+            clock_s=nav.over_s,
+            arrived_s=nav.over_s - go.dwell_s,
+            waypoint=number,
+            passing=go.dwell_s <= 0.0 and item.command not in TAKEOFFS,
+        )
     for number, item in numbered[queued:]:
         taken = refusal(item, "ardupilot") is None
         lost = "the mission is over before it: no NAV item follows" if taken else _REFUSED
@@ -242,9 +254,14 @@ def _go(craft: Craft, log: _Log, state: State, number: int, go: Go) -> State:
         turn = turn.turned(Face(yaw_deg), state.clock_s, craft.vehicle.speeds)
         clock = max(clock, turn.over_s)
     return replace(
-        there, clock_s=clock + go.dwell_s, arrived_s=clock, turn=turn, commanded=commanded, waypoint=number,
+        there,
+        clock_s=clock + go.dwell_s,
+        arrived_s=clock,
+        turn=turn,
+        commanded=commanded,
+        waypoint=number,
         passing=go.dwell_s <= 0.0 and go.how != "takeoff",
-    )  # fmt: skip
+    )
 
 
 def _is_nav(item: MissionItem) -> bool:
@@ -289,9 +306,15 @@ def _at_stop(
         gimbal = replace(gimbal, pitch_deg=stop.pitch_deg, pitch_why="")
     turn = _arrival_turn(state, before, stop, place)
     return replace(
-        state, clock_s=clock, here=place, turn=turn, gimbal=gimbal, arrived_s=clock, waypoint=stop.number,
+        state,
+        clock_s=clock,
+        here=place,
+        turn=turn,
+        gimbal=gimbal,
+        arrived_s=clock,
+        waypoint=stop.number,
         passing=not stop.stops,
-    )  # fmt: skip
+    )
 
 
 def _arrival_turn(state: State, before: ReadStop | None, stop: ReadStop, place: GeoPoint) -> Turn:

@@ -21,7 +21,7 @@ from fieldkit.missions.autopilots.effects import (
     Speed,
     Stay,
     Tilt,
-)  # fmt: skip
+)
 from fieldkit.missions.autopilots.execution import Photograph, aim, distance, offset
 from fieldkit.missions.items import MissionItem
 from fieldkit.routing.flight_time import landing_s, takeoff_s
@@ -207,10 +207,18 @@ def photograph(state: State, number: int, index: int, shoot: Shoot) -> Photograp
         heading = (heading + gimbal.pan_deg) % 360.0
     turns = turns and gimbal.at is None
     return Photograph(
-        number, index, here, heading, pitch, state.waypoint, moving=state.passing,
-        settled_s=None if shoot.settles else settled, turning_s=max(turn.done_s - now, 0.0) if turns else 0.0,
-        heading_why=(turn.why or gimbal.pan_why) if turns else "", pitch_why=gimbal.pitch_why,
-    )  # fmt: skip
+        number,
+        index,
+        here,
+        heading,
+        pitch,
+        state.waypoint,
+        moving=state.passing,
+        settled_s=None if shoot.settles else settled,
+        turning_s=max(turn.done_s - now, 0.0) if turns else 0.0,
+        heading_why=(turn.why or gimbal.pan_why) if turns else "",
+        pitch_why=gimbal.pitch_why,
+    )
 
 
 Flown = tuple[State, Leg | Way, tuple[GeoPoint, ...]]

@@ -57,9 +57,19 @@ def read_members(data: bytes, wanted: Sequence[str], path: Path) -> dict[str, by
     except MetadataError:
         raise
     except (
-        zipfile.BadZipFile, zlib.error, struct.error, NotImplementedError, RuntimeError, EOFError, OSError, ValueError,
-        KeyError, IndexError, OverflowError, MemoryError,
-    ) as error:  # fmt: skip
+        zipfile.BadZipFile,
+        zlib.error,
+        struct.error,
+        NotImplementedError,
+        RuntimeError,
+        EOFError,
+        OSError,
+        ValueError,
+        KeyError,
+        IndexError,
+        OverflowError,
+        MemoryError,
+    ) as error:
         raise _error(path, "is not a zip archive that can be read") from error
 
 

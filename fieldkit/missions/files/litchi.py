@@ -74,11 +74,27 @@ def _row(mission: Mission, point: RoutePoint) -> str:
         actions = [(_STAY, settle), *between, (_PHOTO, 0), (_STAY, exposure)]
     actions += [(_NONE, 0)] * (_ACTIONS - len(actions))
     place = point.place
-    return ",".join([
-        f"{place.latitude_deg:.9f}", f"{place.longitude_deg:.9f}", f"{place.height_m:.3f}", f"{point.yaw_deg:.2f}",
-        "0", "0", str(_INTERPOLATE), f"{point.pitch_deg:.2f}", *(str(v) for action in actions for v in action),
-        "0", f"{mission.speed_mps:.2f}", "0", "0", "0", "0", "-1", "-1",
-    ])  # fmt: skip
+    return ",".join(
+        [
+            f"{place.latitude_deg:.9f}",
+            f"{place.longitude_deg:.9f}",
+            f"{place.height_m:.3f}",
+            f"{point.yaw_deg:.2f}",
+            "0",
+            "0",
+            str(_INTERPOLATE),
+            f"{point.pitch_deg:.2f}",
+            *(str(v) for action in actions for v in action),
+            "0",
+            f"{mission.speed_mps:.2f}",
+            "0",
+            "0",
+            "0",
+            "0",
+            "-1",
+            "-1",
+        ]
+    )
 
 
 def read_litchi(path: Path) -> ReadMission:

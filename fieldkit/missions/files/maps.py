@@ -24,11 +24,20 @@ def geojson_bytes(mission: Mission) -> bytes:
         if isinstance(stop, Shot):
             burst = {"photographs": [taken + 1, taken + mission.burst]} if mission.burst > 1 else {}
             taken += mission.burst
-            features.append(_feature(
-                "Point", _lonlat(stop.place), kind="station", order=order, plot=stop.plot,
-                station=station_number(stop.station),
-                height_above_home_m=height, yaw_deg=stop.yaw_deg, pitch_deg=stop.pitch_deg, **burst,
-            ))  # fmt: skip
+            features.append(
+                _feature(
+                    "Point",
+                    _lonlat(stop.place),
+                    kind="station",
+                    order=order,
+                    plot=stop.plot,
+                    station=station_number(stop.station),
+                    height_above_home_m=height,
+                    yaw_deg=stop.yaw_deg,
+                    pitch_deg=stop.pitch_deg,
+                    **burst,
+                )
+            )
         else:
             features.append(_feature("Point", _lonlat(stop.place), kind="via", order=order, height_above_home_m=height))
     features.append(
@@ -36,10 +45,16 @@ def geojson_bytes(mission: Mission) -> bytes:
     )
     way = [above, *(stop.place for stop in mission.stops), mission.landing]
     features += [
-        _feature("LineString", [_lonlat(a), _lonlat(b)], kind="leg", order=k,
-                 from_height_m=a.height_m, to_height_m=b.height_m)
+        _feature(
+            "LineString",
+            [_lonlat(a), _lonlat(b)],
+            kind="leg",
+            order=k,
+            from_height_m=a.height_m,
+            to_height_m=b.height_m,
+        )
         for k, (a, b) in enumerate(pairwise(way))
-    ]  # fmt: skip
+    ]
     if mission.fence is not None:
         for kind, polygons in (("fence", mission.fence.inside), ("no-fly", mission.fence.outside)):
             for corners in polygons:

@@ -104,7 +104,8 @@ def _fence_parts(fence: Fence | None) -> dict[str, Any]:
         "version": 2,
         "circles": [
             {
-                "version": 1, "inclusion": inclusion,
+                "version": 1,
+                "inclusion": inclusion,
                 "circle": {"center": [each.latitude_deg, each.longitude_deg], "radius": each.radius_m},
             }
             for inclusion, circles in ((True, fence.inside_circles), (False, fence.outside_circles))
@@ -115,7 +116,7 @@ def _fence_parts(fence: Fence | None) -> dict[str, Any]:
             for inclusion, polygons in ((True, fence.inside), (False, fence.outside))
             for corners in polygons
         ],
-    }  # fmt: skip
+    }
 
 
 class _Wrong(Exception):

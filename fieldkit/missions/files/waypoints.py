@@ -100,9 +100,12 @@ def _read_row(path: Path, columns: list[str], line: int) -> tuple[int, MissionIt
         raise _error(path, f"line {line} has {count(len(columns), 'column')}, not 12")
     integers = []
     for name, text, high in (
-        ("number", columns[0], 65535), ("current", columns[1], 1), ("frame", columns[2], 255),
-        ("command", columns[3], 65535), ("autocontinue", columns[11], 1),
-    ):  # fmt: skip
+        ("number", columns[0], 65535),
+        ("current", columns[1], 1),
+        ("frame", columns[2], 255),
+        ("command", columns[3], 65535),
+        ("autocontinue", columns[11], 1),
+    ):
         value = number(text)
         if value is None or value != int(value) or not 0 <= value <= high:
             raise _error(path, f"line {line}: its {name} is {text[:20]!r}")

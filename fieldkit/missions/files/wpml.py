@@ -128,9 +128,7 @@ def _config(mission: Mission, model: DjiModel) -> str:
 
 def _template_folder(mission: Mission, points: list[RoutePoint], actions: list[str]) -> str:
     body = _tags(templateType="waypoint", templateId=0, autoFlightSpeed=f"{mission.speed_mps:.2f}")
-    body += _within(
-        "waylineCoordinateSysParam", _tags(coordinateMode="WGS84", heightMode="relativeToStartPoint")
-    )  # fmt: skip
+    body += _within("waylineCoordinateSysParam", _tags(coordinateMode="WGS84", heightMode="relativeToStartPoint"))
     body += _tags(
         globalWaypointTurnMode="toPointAndStopWithDiscontinuityCurvature",
         globalUseStraightLine=1,
@@ -202,14 +200,24 @@ def _actions(mission: Mission, index: int, group: int, point: RoutePoint, turn_d
     way = "clockwise" if turn_deg >= 0.0 else "counterClockwise"
     steps = [
         ("rotateYaw", _tags(aircraftHeading=f"{wrapped_deg(point.yaw_deg):.2f}", aircraftPathMode=way)),
-        ("gimbalRotate", _tags(
-            gimbalHeadingYawBase="aircraft", gimbalRotateMode="absoluteAngle",
-            gimbalPitchRotateEnable=1, gimbalPitchRotateAngle=f"{point.pitch_deg:.2f}",
-            gimbalRollRotateEnable=0, gimbalRollRotateAngle=0, gimbalYawRotateEnable=0, gimbalYawRotateAngle=0,
-            gimbalRotateTimeEnable=0, gimbalRotateTime=0, payloadPositionIndex=0,
-        )),
+        (
+            "gimbalRotate",
+            _tags(
+                gimbalHeadingYawBase="aircraft",
+                gimbalRotateMode="absoluteAngle",
+                gimbalPitchRotateEnable=1,
+                gimbalPitchRotateAngle=f"{point.pitch_deg:.2f}",
+                gimbalRollRotateEnable=0,
+                gimbalRollRotateAngle=0,
+                gimbalYawRotateEnable=0,
+                gimbalYawRotateAngle=0,
+                gimbalRotateTimeEnable=0,
+                gimbalRotateTime=0,
+                payloadPositionIndex=0,
+            ),
+        ),
         ("hover", _tags(hoverTime=f"{max(mission.settle_s, LEAST_EXPOSURE_S):.1f}")),
-    ]  # fmt: skip
+    ]
     for left in reversed(range(mission.burst)):
         name = suffix if mission.burst == 1 else f"{suffix}_{mission.burst - left}"
         photo = _tags(payloadPositionIndex=0, fileSuffix=name, payloadLensIndex=lens, useGlobalPayloadLensIndex=0)

@@ -67,9 +67,12 @@ class Coding:
             pitch = np.array([min(pitch[0], views.pitch_deg.min()), max(pitch[1], views.pitch_deg.max())])
         lower, upper = np.array(envelope.target.lower), np.array(envelope.target.upper)
         return cls(
-            low, high, (float(pitch[0]), float(pitch[1])),
-            0.5 * (lower + upper), 0.5 * float(np.linalg.norm(upper - lower)),
-        )  # fmt: skip
+            low,
+            high,
+            (float(pitch[0]), float(pitch[1])),
+            0.5 * (lower + upper),
+            0.5 * float(np.linalg.norm(upper - lower)),
+        )
 
     def encode(self, cameras: Cameras) -> FloatArray:
         """The code u (5n,) of n cameras; values beyond the limits are cut to them."""

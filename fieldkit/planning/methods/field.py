@@ -227,9 +227,13 @@ class Field:
         return self._most_improving(turn, learnt, candidates, waiting, notes)
 
     def _most_improving(
-        self, turn: Turn, learnt: SetSurrogate, candidates: Sequence[Candidate], pending: FloatArray | None,
+        self,
+        turn: Turn,
+        learnt: SetSurrogate,
+        candidates: Sequence[Candidate],
+        pending: FloatArray | None,
         notes: dict[str, object],
-    ) -> Trial | None:  # fmt: skip
+    ) -> Trial | None:
         """The candidate of the largest expected improvement, times its chance of registering with blind mapping."""
         from fieldkit.planning.surrogate.improvement import log_improvements  # brings PyTorch along
 

@@ -184,9 +184,13 @@ class Objective:
     """
 
     def __init__(
-        self, source: PhotoSource, settings: ObjectiveSettings | None = None, *, seed: int = 0,
+        self,
+        source: PhotoSource,
+        settings: ObjectiveSettings | None = None,
+        *,
+        seed: int = 0,
         stretch: Stretch | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.source = source
         self.stretch = stretch
         self.settings = settings or ObjectiveSettings()
@@ -245,9 +249,12 @@ class Objective:
             )
             try:
                 found = reconstruct(
-                    photos.capture, wanted, Context(self.source.cache, timer), known_plot=self.source.plot,
+                    photos.capture,
+                    wanted,
+                    Context(self.source.cache, timer),
+                    known_plot=self.source.plot,
                     reach_m=REFERENCE_REACH_M if self.settings.refine else 0.0,
-                )  # fmt: skip
+                )
             except ReconstructionError as error:
                 mapped = _Mapped(error.registered, error.right, error.models)
                 return self._scored(photos, Cloud.empty(), mapped, error.message, timer), Cloud.empty()
@@ -298,9 +305,13 @@ class PlotsObjective:
     """
 
     def __init__(
-        self, kind: PlotKind, settings: ObjectiveSettings, *, seed: int = 0,
+        self,
+        kind: PlotKind,
+        settings: ObjectiveSettings,
+        *,
+        seed: int = 0,
         stretches: Mapping[int, Stretch] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.kind, self.settings, self.seed, self.stretches = kind, settings, seed, stretches or {}
         self._open: OrderedDict[int, Objective] = OrderedDict()
 

@@ -124,9 +124,15 @@ class RecordedSource:
     """
 
     def __init__(
-        self, capture: Capture, plot: KnownPlot, reference: Cloud, *, cache: StageCache, noise: CaptureNoise = EXACT,
+        self,
+        capture: Capture,
+        plot: KnownPlot,
+        reference: Cloud,
+        *,
+        cache: StageCache,
+        noise: CaptureNoise = EXACT,
         reconstructed: Mapping[str, Pose] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         if noise.image_sigma > 0:
             raise UsageError("recorded photographs are taken as they are: image noise is for simulated ones")
         self.capture, self.cloud, self.noise = capture, reference, noise

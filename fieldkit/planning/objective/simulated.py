@@ -104,9 +104,14 @@ class SimulatedSource:
     """
 
     def __init__(
-        self, proxy: Proxy, noise: CaptureNoise | None = None, *, effects: CameraEffects | None = None,
-        outdoors: Outdoors | None = None, claimed_m: float = _CLAIMED_M,
-    ) -> None:  # fmt: skip
+        self,
+        proxy: Proxy,
+        noise: CaptureNoise | None = None,
+        *,
+        effects: CameraEffects | None = None,
+        outdoors: Outdoors | None = None,
+        claimed_m: float = _CLAIMED_M,
+    ) -> None:
         self.proxy, self.noise, self.claimed_m = proxy, noise or CaptureNoise(), claimed_m
         self.effects, self.outdoors = effects, outdoors or Outdoors()
         self._renderer: Renderer | None = None
@@ -117,9 +122,13 @@ class SimulatedSource:
 
     @classmethod
     def from_description(
-        cls, description: SceneDescription, noise: CaptureNoise | None = None, *, outdoors: Outdoors | None = None,
+        cls,
+        description: SceneDescription,
+        noise: CaptureNoise | None = None,
+        *,
+        outdoors: Outdoors | None = None,
         proxy: Proxy | None = None,
-    ) -> SimulatedSource:  # fmt: skip
+    ) -> SimulatedSource:
         """Photographs of a scene as its file describes them, but in still air by default.
 
         Like the poses' noise, wind is for plans that must survive it. ``noise`` takes the place of the description's,
@@ -164,10 +173,18 @@ class SimulatedSource:
             folder = Path(temporary) / "capture"
             with progress.stage("Rendering"):
                 simulate_capture(
-                    folder, self._renderer, cameras.poses(), camera, noise=self.noise, seed=seed,
-                    effects=_reduced(self.effects, scale), outdoors=self.outdoors,
-                    sidecars=sidecars, economy=True, drawing=self._drawings,
-                )  # fmt: skip
+                    folder,
+                    self._renderer,
+                    cameras.poses(),
+                    camera,
+                    noise=self.noise,
+                    seed=seed,
+                    effects=_reduced(self.effects, scale),
+                    outdoors=self.outdoors,
+                    sidecars=sidecars,
+                    economy=True,
+                    drawing=self._drawings,
+                )
             with progress.stage("Reading photographs"):
                 capture = by_station(read_capture(folder))
             with steady_capture(capture, Context(self.cache, progress)) as steady:

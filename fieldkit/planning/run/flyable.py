@@ -73,10 +73,12 @@ def vehicle_envelope(vehicle: Vehicle, given: EnvelopeSettings) -> EnvelopeSetti
     low, high = vehicle.mount.pitch_deg
     least = vehicle.min_height_m
     limits = EnvelopeSettings(
-        height_m=(least, max(EnvelopeSettings().height_m[1], least + _LEAST_BAND_M)), pitch_deg=(low, high),
-        clearance_m=vehicle.clearance_m + vehicle.held_m, vehicle_clearance_m=vehicle.clearance_m,
+        height_m=(least, max(EnvelopeSettings().height_m[1], least + _LEAST_BAND_M)),
+        pitch_deg=(low, high),
+        clearance_m=vehicle.clearance_m + vehicle.held_m,
+        vehicle_clearance_m=vehicle.clearance_m,
         separation_m=max(_APART_M, vehicle.apart_m),
-    )  # fmt: skip
+    )
     wanted = filled(given, limits)
     what = ""
     if wanted.height_m[0] < least:

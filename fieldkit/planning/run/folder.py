@@ -71,17 +71,33 @@ class LogEntry(Strict):
 
     @classmethod
     def of(
-        cls, trial: Trial, found: Evaluation, *, stage: Stage, seed: int, fidelity: SearchFidelity,
-        proposal_cpu_s: float, finished_s: float, plot: int = 0,
-    ) -> LogEntry:  # fmt: skip
+        cls,
+        trial: Trial,
+        found: Evaluation,
+        *,
+        stage: Stage,
+        seed: int,
+        fidelity: SearchFidelity,
+        proposal_cpu_s: float,
+        finished_s: float,
+        plot: int = 0,
+    ) -> LogEntry:
         """The log entry of an evaluation."""
         return cls(
-            number=trial.number, stage=stage, origin=trial.origin, seed=seed, fidelity=fidelity, plot=plot,
-            cameras=_rows(trial.cameras), **{name: getattr(found, name) for name in _EVALUATED},
+            number=trial.number,
+            stage=stage,
+            origin=trial.origin,
+            seed=seed,
+            fidelity=fidelity,
+            plot=plot,
+            cameras=_rows(trial.cameras),
+            **{name: getattr(found, name) for name in _EVALUATED},
             f_score={f"{d:.3f}": float(found.f_scores.get(d, 0.0)) for d in DISTANCES_M},
-            wall_s=sum(stage.wall_s for stage in found.times), proposal_cpu_s=proposal_cpu_s, finished_s=finished_s,
+            wall_s=sum(stage.wall_s for stage in found.times),
+            proposal_cpu_s=proposal_cpu_s,
+            finished_s=finished_s,
             notes=dict(trial.notes),
-        )  # fmt: skip
+        )
 
     @property
     def trial(self) -> Trial:

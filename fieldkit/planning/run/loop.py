@@ -72,9 +72,14 @@ class _Search:
     """The state of a search: trials proposed so far, being proposed, and being evaluated."""
 
     def __init__(
-        self, method: Method, evaluations: Evaluations, run: RunFolder, out_of_time: Callable[[float], bool],
-        watch: Watch, thread: ThreadPoolExecutor,
-    ) -> None:  # fmt: skip
+        self,
+        method: Method,
+        evaluations: Evaluations,
+        run: RunFolder,
+        out_of_time: Callable[[float], bool],
+        watch: Watch,
+        thread: ThreadPoolExecutor,
+    ) -> None:
         self._method, self._evaluations, self._run = method, evaluations, run
         self._out_of_time, self._watch, self._thread = out_of_time, watch, thread
         self._clock = _Clock(run)
@@ -137,9 +142,15 @@ class _Search:
         trial, job, cpu_s = self._running.pop(future)
         settings = self._run.settings
         entry = LogEntry.of(
-            trial, self._evaluations.outcome(job, future), stage="search", seed=search_seed(settings, trial.number),
-            fidelity=settings.fidelity, proposal_cpu_s=cpu_s, finished_s=self._clock.seconds, plot=trial.plot,
-        )  # fmt: skip
+            trial,
+            self._evaluations.outcome(job, future),
+            stage="search",
+            seed=search_seed(settings, trial.number),
+            fidelity=settings.fidelity,
+            proposal_cpu_s=cpu_s,
+            finished_s=self._clock.seconds,
+            plot=trial.plot,
+        )
         self._run.append(entry)
         self._results[trial.number] = entry.result
         self._watch(entry)
@@ -208,9 +219,14 @@ def ranked(method: object, run: RunFolder, confirmed: Sequence[Finalist]) -> lis
 
 
 def evaluate_again(
-    evaluations: Evaluations, run: RunFolder, chosen: Sequence[Trial], *, watch: Watch,
-    standard: Cameras | None = None, nearer: float = 0.0,
-) -> list[Finalist]:  # fmt: skip
+    evaluations: Evaluations,
+    run: RunFolder,
+    chosen: Sequence[Trial],
+    *,
+    watch: Watch,
+    standard: Cameras | None = None,
+    nearer: float = 0.0,
+) -> list[Finalist]:
     """Evaluate trials at the fresh seeds of a run's settings, and log them as confirmations.
 
     If the plan is for plots of a kind, each repeat is on its own plot, one that no trial has met. The first is the
@@ -227,9 +243,10 @@ def evaluate_again(
     # By cameras, not by number: numbers of carried plans may change between runs.
     fidelity = settings.confirm_fidelity
     there = {
-        (e.trial.cameras, e.seed, e.plot): e for e in run.entries
+        (e.trial.cameras, e.seed, e.plot): e
+        for e in run.entries
         if e.stage == "confirmation" and e.fidelity == fidelity
-    }  # fmt: skip
+    }
     clock = _Clock(run)
     racing, finalists = list(chosen), {}
     for done, (seed, plot) in enumerate(fresh, start=1):
@@ -237,9 +254,15 @@ def evaluate_again(
         jobs = [Job(trial.cameras, seed, fidelity, plot) for trial in wanted]
         for trial, found in zip(wanted, evaluations.each(jobs), strict=True):
             entry = LogEntry.of(
-                trial, found, stage="confirmation", seed=seed, fidelity=fidelity, proposal_cpu_s=0.0,
-                finished_s=clock.seconds, plot=plot,
-            )  # fmt: skip
+                trial,
+                found,
+                stage="confirmation",
+                seed=seed,
+                fidelity=fidelity,
+                proposal_cpu_s=0.0,
+                finished_s=clock.seconds,
+                plot=plot,
+            )
             run.append(entry)
             there[trial.cameras, seed, plot] = entry
             watch(entry)

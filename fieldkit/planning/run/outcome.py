@@ -97,9 +97,13 @@ def best_so_far(entries: Sequence[LogEntry]) -> list[float | None]:
 
 
 def write_outcome(
-    run: RunFolder, setup: RunSetup, confirmed: Sequence[Finalist], ending: Ending,
-    *, choice_s: tuple[float, float] = (0.0, 0.0),
-) -> Outcome:  # fmt: skip
+    run: RunFolder,
+    setup: RunSetup,
+    confirmed: Sequence[Finalist],
+    ending: Ending,
+    *,
+    choice_s: tuple[float, float] = (0.0, 0.0),
+) -> Outcome:
     """Write the results of a finished run; plan.json last, so that its presence means that all are there.
 
     ``choice_s`` are wall and CPU seconds of a method that chose without a search.
@@ -148,9 +152,12 @@ def write_outcome(
     title = f"{like}{settings.source.name}: {settings.cameras} cameras, {worth}"
     views = setup.problem.views
     figure = draw_plan(
-        title, cameras.positions, cameras.forward, setup.problem.reference,
+        title,
+        cameras.positions,
+        cameras.forward,
+        setup.problem.reference,
         None if views is None else views.positions,
-    )  # fmt: skip
+    )
     save_plan(run.path / PLAN_FILE, _plan(run, setup, chosen, outcome))
     write_atomic(run.path / PLAN_PICTURE, png(figure))
     return outcome

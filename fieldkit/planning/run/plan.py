@@ -119,16 +119,15 @@ def _planned(
     expect(run, min(settings.evaluations, method.trials) if isinstance(method, Limited) else settings.evaluations)
     budget = settings.time_budget_s
     with evaluating(setup.objective, context) as evaluations:
-        ending = search(
-            method, evaluations, run, out_of_time=lambda s: budget is not None and s >= budget, watch=watch
-        )  # fmt: skip
+        ending = search(method, evaluations, run, out_of_time=lambda s: budget is not None and s >= budget, watch=watch)
         even = even_subsets(setup.problem) if setup.photographs else ()
         confirmed = confirm(method, evaluations, run, watch=watch, even=even)
     if not confirmed:
         raise ReconstructionError(
-            "no evaluation succeeded", path=run.path,
+            "no evaluation succeeded",
+            path=run.path,
             remedy="evaluations.jsonl says why each failed; `fieldkit doctor` looks at this machine.",
-        )  # fmt: skip
+        )
     return write_outcome(run, setup, confirmed, ending)
 
 
@@ -172,9 +171,13 @@ def _ring(problem: PlanningProblem, settings: SearchSettings) -> Trial | None:
 
 
 def _confirmed(
-    evaluations: Evaluations, run: RunFolder, trials: Sequence[Trial], ring: Trial | None, context: Context,
+    evaluations: Evaluations,
+    run: RunFolder,
+    trials: Sequence[Trial],
+    ring: Trial | None,
+    context: Context,
     watch: Watch,
-) -> list[Finalist]:  # fmt: skip
+) -> list[Finalist]:
     again = partial(evaluate_again, standard=None if ring is None else ring.cameras, nearer=_NEARER)
     if watch is not no_watch:
         return again(evaluations, run, trials, watch=watch)

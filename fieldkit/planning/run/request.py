@@ -28,9 +28,12 @@ _OF_SEARCHES = {"method", "evaluations", "at_least", "initial", "time_budget_s",
 KIND_PLOTS = 8
 """Plots of a kind that a plan is for where nobody says how many."""
 _LIMITS = {
-    "margin_m": "a margin", "height_m": "--height", "clearance_m": "--clearance", "pitch_deg": "a range of pitch",
+    "margin_m": "a margin",
+    "height_m": "--height",
+    "clearance_m": "--clearance",
+    "pitch_deg": "a range of pitch",
     "separation_m": "a separation",
-}  # fmt: skip
+}
 
 
 def search_settings(

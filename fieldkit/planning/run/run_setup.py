@@ -80,16 +80,25 @@ def set_up_run(settings: SearchSettings, folder: Path, context: Context, *, coun
 
 
 def _problem(
-    settings: SearchSettings, envelope: Envelope, camera: Intrinsics, plots: Sequence[Plot],
+    settings: SearchSettings,
+    envelope: Envelope,
+    camera: Intrinsics,
+    plots: Sequence[Plot],
     views: Cameras | None = None,
-) -> PlanningProblem:  # fmt: skip
+) -> PlanningProblem:
     """The problem on the first plots; the others are unseen."""
     seen = settings.plots
     return PlanningProblem(
-        settings.cameras, envelope, camera, tuple(plots[:seen]), views, blind=settings.blind,
-        exact=seen == 1 and unchanging(settings.source, settings.noise), unseen=tuple(plots[seen:]),
+        settings.cameras,
+        envelope,
+        camera,
+        tuple(plots[:seen]),
+        views,
+        blind=settings.blind,
+        exact=seen == 1 and unchanging(settings.source, settings.noise),
+        unseen=tuple(plots[seen:]),
         noise=settings.noise,
-    )  # fmt: skip
+    )
 
 
 def _on_scenes(settings: SearchSettings, folder: Path, progress: Progress) -> RunSetup:
@@ -99,9 +108,7 @@ def _on_scenes(settings: SearchSettings, folder: Path, progress: Progress) -> Ru
         descriptions = tuple(read_scene(file) for file in files)
         first, asked = descriptions[0], settings.noise
         camera = first.camera if settings.camera is None else _rendered(settings.camera, first.camera)
-        noise = CaptureNoise(
-            asked.pose_m, asked.pose_deg, image_sigma=asked.image_grey or first.noise.image_sigma
-        )  # fmt: skip
+        noise = CaptureNoise(asked.pose_m, asked.pose_deg, image_sigma=asked.image_grey or first.noise.image_sigma)
         kind = Kind(descriptions, settings.seed, folder / KIND_FOLDER, noise, asked.outdoors, camera)
         found = [kind.plot(number) for number in range(settings.all_plots)]
     drawn = kind.recorded if settings.plots > len(descriptions) else ()
@@ -114,9 +121,11 @@ def _on_scenes(settings: SearchSettings, folder: Path, progress: Progress) -> Ru
         stated = zip(plots, _height_errors(len(plots)), strict=True)
         plots = [replace(plot, stretch=_stretch(plot, height_m, envelope, error)) for plot, error in stated]
     objective = PlotsObjective(
-        kind, ObjectiveSettings(settings.fidelity, settings.mapping, refine=settings.refine), seed=settings.seed,
+        kind,
+        ObjectiveSettings(settings.fidelity, settings.mapping, refine=settings.refine),
+        seed=settings.seed,
         stretches={number: plot.stretch for number, plot in enumerate(plots) if plot.stretch is not None},
-    )  # fmt: skip
+    )
     problem = _problem(settings, envelope, camera, plots)
     return RunSetup(problem, objective, plant_height_m=height_m if settings.plots > 1 else None)
 
@@ -125,8 +134,11 @@ def _envelope(found: Sequence[tuple[Plot, Volume]], height_m: float, limits: Env
     """An envelope about plots of plants and their volumes of interest, all stretched to one height."""
     scales = [np.array([1.0, 1.0, height_m / plot.height_m]) for plot, _ in found]
     points = [plot.points * scale for (plot, _), scale in zip(found, scales, strict=True)]
-    corners = [np.array(corner) * scale for (_, volume), scale in zip(found, scales, strict=True)
-               for corner in (volume.lower, volume.upper)]  # fmt: skip
+    corners = [
+        np.array(corner) * scale
+        for (_, volume), scale in zip(found, scales, strict=True)
+        for corner in (volume.lower, volume.upper)
+    ]
     return Envelope.around(Cloud(np.concatenate(points)), Volume.around(corners), **limits.model_dump())
 
 
@@ -146,9 +158,13 @@ def _stretch(plot: Plot, height_m: float, envelope: Envelope, error: float) -> S
     stated_m = plot.height_m * (1.0 + error)
     points = np.array(envelope.plan_plants(envelope.plants).points_m)
     return Stretch(
-        np.append(points[:, :2].min(axis=0), 0.0), np.append(points[:, :2].max(axis=0), height_m),
-        np.array([1.0, 1.0, stated_m / height_m]), envelope.clearance_m, envelope.height_m[0], envelope.pitch_deg,
-    )  # fmt: skip
+        np.append(points[:, :2].min(axis=0), 0.0),
+        np.append(points[:, :2].max(axis=0), height_m),
+        np.array([1.0, 1.0, stated_m / height_m]),
+        envelope.clearance_m,
+        envelope.height_m[0],
+        envelope.pitch_deg,
+    )
 
 
 def _scene_of(plot: GivenPlot, folder: Path, number: int, progress: Progress) -> Path:
@@ -185,21 +201,33 @@ def _on_captures(settings: SearchSettings, folder: Path, context: Context, count
     reference = Reference(place)
     plot, asked = reference.known_plot(), settings.noise
     source = RecordedSource(
-        by_station(read_capture(images)), plot, reference.cloud, cache=context.cache,
-        noise=CaptureNoise(asked.pose_m, asked.pose_deg, image_sigma=0.0), reconstructed=reference.report.poses,
-    )  # fmt: skip
+        by_station(read_capture(images)),
+        plot,
+        reference.cloud,
+        cache=context.cache,
+        noise=CaptureNoise(asked.pose_m, asked.pose_deg, image_sigma=0.0),
+        reconstructed=reference.report.poses,
+    )
     views = source.cameras()
     check_views(views, settings, progress)
     # If positions are good to millimetres, two rounds of matching do as well as three, at half the cost.
     good = float(np.median([view.position_sigma_m for view in source.views])) <= _GOOD_POSES_M
     wanted = ObjectiveSettings(
-        settings.fidelity, settings.mapping, bands_px=_TWO_ROUNDS_PX if good and not asked.any else None,
+        settings.fidelity,
+        settings.mapping,
+        bands_px=_TWO_ROUNDS_PX if good and not asked.any else None,
         refine=settings.refine,
-    )  # fmt: skip
+    )
     ends = [(float(axis.min()), float(axis.max())) for axis in (*views.positions.T, views.pitch_deg)]
     envelope = Envelope(
-        ends[0], ends[1], ends[2], plot.volume, clearance_m=0.0, pitch_deg=ends[3], separation_m=0.0,
-    )  # fmt: skip
+        ends[0],
+        ends[1],
+        ends[2],
+        plot.volume,
+        clearance_m=0.0,
+        pitch_deg=ends[3],
+        separation_m=0.0,
+    )
     matches = match_graph(source, FeatureSettings(), context) if count_matches else None
     kind = RecordedKind(source, settings.seed)
     plots = [kind.plot(number, matches) for number in range(settings.all_plots)]

@@ -22,9 +22,10 @@ def describe_sources(asked: PlanSettings) -> tuple[GivenPlot, ...]:
     for reference in asked.reference:
         if is_cloud(reference) and reference_file(reference) == reference:
             raise UsageError(
-                "a plan needs a reference's cameras and ground, which a bare cloud does not have", path=reference,
+                "a plan needs a reference's cameras and ground, which a bare cloud does not have",
+                path=reference,
                 remedy="Build one of photographs: `fieldkit reference IMAGES -o REF`.",
-            )  # fmt: skip
+            )
     asked.check_sources()
     if asked.captures is not None and asked.recorded:
         folder = asked.captures.resolve()

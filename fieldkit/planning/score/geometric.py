@@ -170,13 +170,19 @@ class GeometricScore:
             return np.column_stack([rays, quality, footprint, sway]).astype(np.float32)
 
         return [
-            _View(sights(sight.rays, sight.distance_m, sight.seen, sight.facing, self._high),
-                  sights(to_free, free_m, shown, squarely, self._free_high))
+            _View(
+                sights(sight.rays, sight.distance_m, sight.seen, sight.facing, self._high),
+                sights(to_free, free_m, shown, squarely, self._free_high),
+            )
             for sight, to_free, free_m, shown, squarely in zip(
-                look(self.surface, cameras, camera), rays, away, in_picture(self._free, cameras, camera), facing,
+                look(self.surface, cameras, camera),
+                rays,
+                away,
+                in_picture(self._free, cameras, camera),
+                facing,
                 strict=True,
             )
-        ]  # fmt: skip
+        ]
 
 
 def _pair_worth() -> FloatArray:

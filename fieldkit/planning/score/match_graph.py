@@ -57,9 +57,11 @@ def match_graph(source: RecordedSource, features: FeatureSettings, context: Cont
     matches = np.zeros((len(names), len(names)))
     with progress.stage("Match graph", len(near)) as advance:
         counts = map_threads(
-            lambda pair: _above_chance(posed[pair[0]], posed[pair[1]], region), near.tolist(), workers=workers,
+            lambda pair: _above_chance(posed[pair[0]], posed[pair[1]], region),
+            near.tolist(),
+            workers=workers,
             advance=advance,
-        )  # fmt: skip
+        )
     matches[near[:, 0], near[:, 1]] = matches[near[:, 1], near[:, 0]] = counts
     source.cache.put("match-graph", key, {"matches": matches})
     return matches

@@ -124,9 +124,12 @@ class Envelope:
         """The same in the form of plan.json."""
         (x, y, z) = (self.x_m, self.y_m, self.height_m)
         return PlanEnvelope(
-            lower_m=(x[0], y[0], z[0]), upper_m=(x[1], y[1], z[1]), plant_distance_m=self.clearance_m,
-            station_distance_m=self.separation_m, pitch_deg=self.pitch_deg,
-        )  # fmt: skip
+            lower_m=(x[0], y[0], z[0]),
+            upper_m=(x[1], y[1], z[1]),
+            plant_distance_m=self.clearance_m,
+            station_distance_m=self.separation_m,
+            pitch_deg=self.pitch_deg,
+        )
 
     def position_violation(self, positions: FloatArray) -> FloatArray:
         """(n,) signed violation of bounds, height band and clearance by single positions (n, 3), metres."""
@@ -143,9 +146,13 @@ class Envelope:
         return bool((worst <= 0.01 * TOLERANCE).all())
 
     def sample(
-        self, count: int, seed: int, *, radius_m: tuple[float, float] | None = None,
+        self,
+        count: int,
+        seed: int,
+        *,
+        radius_m: tuple[float, float] | None = None,
         aim_m: tuple[float, float] | None = None,
-    ) -> Cameras:  # fmt: skip
+    ) -> Cameras:
         """``count`` cameras, each uniform over the feasible positions, looking at the target.
 
         The pitch is cut to the gimbal's range. The same seed gives the same cameras.
@@ -253,9 +260,10 @@ class Ranges(NamedTuple):
         widest = min(reach, 1.25 * fill)
         low, high = envelope.target.lower[2], envelope.target.upper[2]
         return cls(
-            (min(max(fill / 3.0, NARROWEST * reach), 0.7 * widest), widest), envelope.height_m,
+            (min(max(fill / 3.0, NARROWEST * reach), 0.7 * widest), widest),
+            envelope.height_m,
             (low + _AIM[0] * (high - low), low + _AIM[1] * (high - low)),
-        )  # fmt: skip
+        )
 
 
 def fill_distance_m(envelope: Envelope, camera: Intrinsics) -> float:

@@ -122,8 +122,10 @@ def families(problem: PlanningProblem) -> tuple[Family, ...]:
     radii, altitudes, aims = (NARROWEST * reach, reach), ranges.altitude_m, ranges.aim_m
     span, middle = Parameter("span_deg", *SPAN_DEG), Parameter("middle_deg", -180.0, 180.0)
     radius, altitude, aim = (
-        Parameter("radius_m", *radii), Parameter("altitude_m", *altitudes), Parameter("aim_m", *aims)
-    )  # fmt: skip
+        Parameter("radius_m", *radii),
+        Parameter("altitude_m", *altitudes),
+        Parameter("aim_m", *aims),
+    )
     even = (np.arange(count) + 0.5) / count - 0.5
 
     def ring(v: Values) -> Cameras:
@@ -167,12 +169,16 @@ def families(problem: PlanningProblem) -> tuple[Family, ...]:
         Family(
             "chain",
             (
-                span, middle, *two("radius", radii, "lower", "upper"), *two("altitude", altitudes, "lower", "upper"),
-                aim, Parameter("shift", -1.0, 1.0),
+                span,
+                middle,
+                *two("radius", radii, "lower", "upper"),
+                *two("altitude", altitudes, "lower", "upper"),
+                aim,
+                Parameter("shift", -1.0, 1.0),
             ),
             chain,
         ),
-    )  # fmt: skip
+    )
 
 
 def family(problem: PlanningProblem, name: str) -> Family:

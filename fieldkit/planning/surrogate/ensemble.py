@@ -97,9 +97,11 @@ def fit(model: SingleTaskGP, seed: int, *, starts: int = 1) -> tuple[str, ...]:
         warnings.simplefilter("always")
         try:
             fit_gpytorch_mll(
-                mll, max_attempts=starts, pick_best_of_all_attempts=True,
+                mll,
+                max_attempts=starts,
+                pick_best_of_all_attempts=True,
                 optimizer_kwargs={"options": {"maxiter": _FIT_ITERATIONS}},
-            )  # fmt: skip
+            )
         except ModelFittingError as error:
             warnings.warn(f"{error} The start's hyperparameters are used.", OptimizationWarning, stacklevel=1)
             mll.eval()
@@ -237,9 +239,12 @@ def fit_ensemble(x: FloatArray, y: FloatArray, seed: int, *, least_noise: float 
     models, remarks = {}, []
     for name, kernel in KERNELS.items():
         models[name] = SingleTaskGP(
-            inputs, outputs, likelihood=noise_model(least, _USUAL_NOISE), covar_module=kernel(x.shape[1]),
+            inputs,
+            outputs,
+            likelihood=noise_model(least, _USUAL_NOISE),
+            covar_module=kernel(x.shape[1]),
             mean_module=gpytorch.means.ZeroMean(),
-        )  # fmt: skip
+        )
         remarks += [f"{name}: {text}" for text in fit(models[name], seed, starts=_FITS)]
     weights = posterior_weights([log_likelihood(model) for model in models.values()])
     return Ensemble(models, weights, tuple(remarks))

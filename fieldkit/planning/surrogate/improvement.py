@@ -60,8 +60,11 @@ def log_improvements(
     waiting = None if pending is None else torch.from_numpy(pending)
     with manual_seed(seed), torch.no_grad():
         improvement = qLogNoisyExpectedImprovement(
-            _Model(process), torch.from_numpy(tried), X_pending=waiting, prune_baseline=True,
+            _Model(process),
+            torch.from_numpy(tried),
+            X_pending=waiting,
+            prune_baseline=True,
             sampler=SobolQMCNormalSampler(torch.Size([_SAMPLES]), seed=seed),
-        )  # fmt: skip
+        )
         values: FloatArray = improvement(torch.from_numpy(inputs)[:, None]).numpy()
     return values

@@ -136,9 +136,7 @@ def fit_sets(x: FloatArray, y: FloatArray, slopes: FloatArray, rest_m: float, no
         gradient -= (off + 1.0) / values
         return -float(density) / len(y), -gradient * above / len(y)
 
-    found = minimize(
-        cost, np.log(start - least)[used], jac=True, method="L-BFGS-B", options={"maxiter": _ITERATIONS}
-    )  # fmt: skip
+    found = minimize(cost, np.log(start - least)[used], jac=True, method="L-BFGS-B", options={"maxiter": _ITERATIONS})
     lengthscale, variance, noise_variance, *effect = (float(value) for value in least[used] + np.exp(found.x))
     return SetProcess(x, y, slopes, rest_m, lengthscale, variance, effect[0] if several else 0.0, noise_variance)
 

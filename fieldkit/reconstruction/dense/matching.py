@@ -73,9 +73,12 @@ class Problem:
 
     @classmethod
     def build(
-        cls, view: View, active: Active, sources: list[View],
+        cls,
+        view: View,
+        active: Active,
+        sources: list[View],
         packed: Callable[[View], NDArray[np.uint32]] | None = None,
-    ) -> Problem:  # fmt: skip
+    ) -> Problem:
         """The arrays of ``view``; ``packed`` gives those of a source that others share (`pack_view`)."""
         images = [(packed or pack_view)(source) for source in sources]
         bases = np.concatenate([[0], np.cumsum([image.size for image in images])])[:-1]

@@ -56,9 +56,15 @@ def steps_finer(shares: Sequence[float], sizes: Sequence[tuple[int, int]], fidel
 
 
 def resolution(
-    size: tuple[int, int], camera: Intrinsics, pose: Pose, volume: Volume, fidelity: Fidelity, *, metric: bool = True,
+    size: tuple[int, int],
+    camera: Intrinsics,
+    pose: Pose,
+    volume: Volume,
+    fidelity: Fidelity,
+    *,
+    metric: bool = True,
     finer: int = 0,
-) -> Resolution:  # fmt: skip
+) -> Resolution:
     """The size at which dense stereo takes a photograph; never finer than the photograph itself.
 
     Args:

@@ -49,9 +49,16 @@ def verified_pairs(inputs: Inputs, belief: Belief, wanted: Sequence[Pair], *, ca
     """Those of the pairs (of indices of photographs) that blind matching verifies."""
     with inputs.context.progress.stage("Matching", len(wanted)) as advance:
         return load_pairs(
-            inputs.keyed, belief.cameras.cameras, belief.cameras.camera_of, wanted, inputs.settings.verification,
-            inputs.context, advance, calibrated=calibrated, seed=inputs.settings.seed,
-        )  # fmt: skip
+            inputs.keyed,
+            belief.cameras.cameras,
+            belief.cameras.camera_of,
+            wanted,
+            inputs.settings.verification,
+            inputs.context,
+            advance,
+            calibrated=calibrated,
+            seed=inputs.settings.seed,
+        )
 
 
 def candidate_pairs(inputs: Inputs, belief: Belief, neighbours: int = MAX_NEIGHBOURS) -> list[Pair]:
@@ -66,16 +73,32 @@ def blind_models(
     cameras, seed = belief.cameras, inputs.settings.seed
     fixed = cameras.all_fixed or belief.held
     key = digest(
-        "blind", STAGES["mapping"], method, [f.key for f in inputs.keyed], inputs.names, cameras.cameras,
-        cameras.camera_of, fixed, inputs.settings.verification, cameras.known, seed, sorted(pairs),
-    )  # fmt: skip
+        "blind",
+        STAGES["mapping"],
+        method,
+        [f.key for f in inputs.keyed],
+        inputs.names,
+        cameras.cameras,
+        cameras.camera_of,
+        fixed,
+        inputs.settings.verification,
+        cameras.known,
+        seed,
+        sorted(pairs),
+    )
     with inputs.context.progress.stage("Mapping"):
         kept = inputs.context.cache.get("models", key)
         if kept is None:
             models = map_blindly(
-                method, inputs.names, [f.features for f in inputs.keyed], cameras.cameras, cameras.camera_of, pairs,
-                fixed_intrinsics=fixed, seed=seed,
-            )  # fmt: skip
+                method,
+                inputs.names,
+                [f.features for f in inputs.keyed],
+                cameras.cameras,
+                cameras.camera_of,
+                pairs,
+                fixed_intrinsics=fixed,
+                seed=seed,
+            )
             kept = {"count": np.array(len(models))}
             for index, model in enumerate(models):
                 kept |= model_to_arrays(model, f"{index}-")
@@ -120,10 +143,18 @@ def map_without_priors(inputs: Inputs, belief: Belief, methods: Sequence[str]) -
         else:
             reasons[name] = "not registered by the mapper" if index in matched else "no matches"
     found = judged(
-        inputs, belief, method, model, tuple(m.num_reg_images() for m in models), reasons,
-        _ties(inputs, model, pairs), metric=similarity is not None,
-        refined=not (belief.cameras.all_fixed or belief.held), pairs_tried=len(wanted), pairs_verified=len(pairs),
-    )  # fmt: skip
+        inputs,
+        belief,
+        method,
+        model,
+        tuple(m.num_reg_images() for m in models),
+        reasons,
+        _ties(inputs, model, pairs),
+        metric=similarity is not None,
+        refined=not (belief.cameras.all_fixed or belief.held),
+        pairs_tried=len(wanted),
+        pairs_verified=len(pairs),
+    )
     return replace(found, findings=(*found.findings, *_lagging(inputs, belief, model_poses(model))))
 
 
@@ -139,13 +170,14 @@ def _lagging(inputs: Inputs, belief: Belief, poses: Mapping[str, Pose]) -> Itera
     lag = find_lag(np.array([poses[name].center for name in names]), positions)
     if lag is not None and lag.metres > 2.0 * belief.priors.sigma_m:
         yield Finding(
-            inputs.capture.folder.name, POSITIONS_LAG,
+            inputs.capture.folder.name,
+            POSITIONS_LAG,
             f"the recorded positions do not fit the photographs' matches: all lie {lag.metres:.3g} m "
             f"{'behind' if lag.photographs > 0 else 'ahead'} along the flight, {abs(lag.photographs):.1f} photographs "
             f"{'late' if lag.photographs > 0 else 'early'}. They are {lag.before_m:.2g} m off the model by matches, "
             f"{lag.after_m:.2g} m once moved (medians); take positions from the flight log (`fieldkit geotag`), or put "
             "poses.csv right",
-        )  # fmt: skip
+        )
 
 
 def _recalibrated(

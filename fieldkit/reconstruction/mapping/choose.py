@@ -261,8 +261,17 @@ def with_stated_poses(inputs: Inputs, belief: Belief, mapped: Mapped | None) -> 
             ImageReport(name=name, features=len(keyed.features), registered=False, reason="its pose is not stated")
             for name, keyed in zip(names, inputs.keyed, strict=True)
         ]
-        kept = replace(mapped or _none(belief), model=new_model((), cameras.cameras, (), (), ()), model_sizes=(),
-                       metric=True, images=tuple(images), findings=(), weakest=None, flat=False, groups={})  # fmt: skip
+        kept = replace(
+            mapped or _none(belief),
+            model=new_model((), cameras.cameras, (), (), ()),
+            model_sizes=(),
+            metric=True,
+            images=tuple(images),
+            findings=(),
+            weakest=None,
+            flat=False,
+            groups={},
+        )
     else:
         kept = mapped
     missing = {image.name for image in kept.images if not image.registered and image.name in stated}
@@ -301,9 +310,10 @@ def _confirmed(mapped: Mapped, priors: Priors) -> set[str]:
     if 2.0 * np.sqrt(np.square(off).sum(axis=1).mean()) > wanted_m(away_m):
         return set()
     return {
-        name for name, prior in priors.by_name.items()
+        name
+        for name, prior in priors.by_name.items()
         if prior.position is not None and prior.rotation is not None and 2.0 * prior.position_sigma_m <= KNOWN_TO_M
-    }  # fmt: skip
+    }
 
 
 def _tied(mapped: Mapped) -> bool:

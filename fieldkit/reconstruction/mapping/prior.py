@@ -208,9 +208,18 @@ def map_with_priors(
     region = region or region_of_interest([prior.pose for prior in priors])
 
     problem = _Problem(
-        names, features, cameras, camera_of, priors, settings, fixed_intrinsics, seed, region, keep,
+        names,
+        features,
+        cameras,
+        camera_of,
+        priors,
+        settings,
+        fixed_intrinsics,
+        seed,
+        region,
+        keep,
         lru_cache(_KEPT)(lambda k, camera: IndexedFeatures.of(features[k], camera)),
-    )  # fmt: skip
+    )
     pairs = _candidate_pairs(problem.start, settings.max_neighbours)
     matches = _first_matches(problem)
     model = _first_model(problem, matches, pairs)
@@ -278,8 +287,9 @@ def _first_matches(problem: _Problem) -> Matches:
 
 def _first_inputs(problem: _Problem, i: int, j: int) -> tuple[Any, ...]:
     """All that `_first_pair` depends on but the features and this module's constants."""
-    priors = [(p.rotation, p.position, p.position_sigma_m, p.angle_sigma_deg)
-              for p in (problem.priors[i], problem.priors[j])]  # fmt: skip
+    priors = [
+        (p.rotation, p.position, p.position_sigma_m, p.angle_sigma_deg) for p in (problem.priors[i], problem.priors[j])
+    ]
     return (priors, (problem.camera(i), problem.camera(j)), problem.region, problem.seed)
 
 
@@ -290,10 +300,15 @@ def _first_pair(problem: _Problem, i: int, j: int, largest: Callable[[int], _Lar
     chosen_a, posed_a = largest(i)
     chosen_b, posed_b = largest(j)
     found = verify_pair(
-        posed_a.features, posed_b.features, camera_a, camera_b,
-        match_guided(posed_a, posed_b, problem.first_band(a, b, camera_a.fx)), FIRST_VERIFICATION, calibrated=True,
+        posed_a.features,
+        posed_b.features,
+        camera_a,
+        camera_b,
+        match_guided(posed_a, posed_b, problem.first_band(a, b, camera_a.fx)),
+        FIRST_VERIFICATION,
+        calibrated=True,
         seed=problem.seed,
-    )  # fmt: skip
+    )
     if not len(found.inliers) or not _agrees_with_priors(found, a, b):
         return np.zeros((0, 2), np.uint32)
     columns = (chosen_a[found.inliers[:, 0]], chosen_b[found.inliers[:, 1]])
@@ -386,9 +401,11 @@ def _round(
     matches = {(i, j): match_guided(posed[i], posed[j], band) for i, j in pairs}
     edges = {(i, j) for (i, j), found in matches.items() if is_edge(posed[i], posed[j], len(found), band)}
     usable = usable_matches(
-        [len(f) for f in problem.features], matches, edges,
+        [len(f) for f in problem.features],
+        matches,
+        edges,
         lambda i, j: rivalless_matches(posed[i], posed[j], band),
-    )  # fmt: skip
+    )
     model = _tracks_to_model(problem, poses, cameras, usable, 1.5 * band.px)
     loss_px, max_error_px = problem.settings.loss_px, problem.settings.max_error_px
     refine = last and not problem.fixed_intrinsics

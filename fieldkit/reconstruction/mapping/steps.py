@@ -90,9 +90,18 @@ def _by_steps(inputs: Inputs, belief: Belief) -> Mapped:
     if registered < 2:
         raise no_model(inputs, {}, _NO_PAIR)
     return judged(
-        inputs, belief, "prior", found.model, (registered,), reasons, found.ties,
-        metric=True, refined=found.refined, pairs_tried=found.pairs_tried, pairs_verified=found.pairs_kept,
-    )  # fmt: skip
+        inputs,
+        belief,
+        "prior",
+        found.model,
+        (registered,),
+        reasons,
+        found.ties,
+        metric=True,
+        refined=found.refined,
+        pairs_tried=found.pairs_tried,
+        pairs_verified=found.pairs_kept,
+    )
 
 
 def calibrate(inputs: Inputs, belief: Belief) -> Belief:
@@ -148,12 +157,17 @@ def _guesses(belief: Belief) -> list[Belief]:
     """With the cameras that are not known at one focal length after the other."""
     cameras = belief.cameras
     return [
-        replace(belief, cameras=cameras.with_cameras([
-            guessed_camera(camera.width, camera.height, focal) if source == "self-calibrated" else camera
-            for camera, source in zip(cameras.cameras, cameras.sources, strict=True)
-        ]))
+        replace(
+            belief,
+            cameras=cameras.with_cameras(
+                [
+                    guessed_camera(camera.width, camera.height, focal) if source == "self-calibrated" else camera
+                    for camera, source in zip(cameras.cameras, cameras.sources, strict=True)
+                ]
+            ),
+        )
         for focal in _FOCALS
-    ]  # fmt: skip
+    ]
 
 
 def _agreeing_matches(inputs: Inputs, belief: Belief, wanted: Sequence[Pair]) -> float:
@@ -228,26 +242,46 @@ def make_model(inputs: Inputs, belief: Belief) -> Belief:
     if inputs.ground:
         # In the photographs' own frame, so that a reference's, which is turned a little, changes nothing.
         keyed = with_ground_features(
-            keyed, [inputs.capture.photos[k] for k in chosen], [cameras.cameras[k] for k in camera_of],
-            [np.round(prior.pose.rotation @ belief.turn, 9) for prior in priors], settings.features, inputs.context,
-        )  # fmt: skip
+            keyed,
+            [inputs.capture.photos[k] for k in chosen],
+            [cameras.cameras[k] for k in camera_of],
+            [np.round(prior.pose.rotation @ belief.turn, 9) for prior in priors],
+            settings.features,
+            inputs.context,
+        )
     # Focal length and height trade off where all cameras look the same way: hold what EXIF says.
     converging = region_of_interest([prior.pose for prior in priors]) is not None
     fixed = cameras.all_fixed or belief.held or (cameras.known and not converging)
     key = digest(
-        "prior", STAGES["mapping"], [f.key for f in keyed], names, cameras.cameras, camera_of, fixed,
-        [(p.rotation, p.position, p.position_sigma_m, p.angle_sigma_deg) for p in priors], settings.prior,
-        settings.seed, *([region] if region is not None else []),
-    )  # fmt: skip
+        "prior",
+        STAGES["mapping"],
+        [f.key for f in keyed],
+        names,
+        cameras.cameras,
+        camera_of,
+        fixed,
+        [(p.rotation, p.position, p.position_sigma_m, p.angle_sigma_deg) for p in priors],
+        settings.prior,
+        settings.seed,
+        *([region] if region is not None else []),
+    )
     rounds = 1 + len(settings.prior.bands_px)
     with inputs.context.progress.stage("Mapping", rounds) as advance:
         kept = inputs.context.cache.get("models", key)
         if kept is None:
             result = map_with_priors(
-                names, [f.features for f in keyed], cameras.cameras, camera_of, priors, settings.prior,
-                fixed_intrinsics=fixed, seed=settings.seed, advance=advance, region=region,
+                names,
+                [f.features for f in keyed],
+                cameras.cameras,
+                camera_of,
+                priors,
+                settings.prior,
+                fixed_intrinsics=fixed,
+                seed=settings.seed,
+                advance=advance,
+                region=region,
                 keep=None if region is None else partial(keep_matches, keyed, inputs.context.cache),
-            )  # fmt: skip
+            )
             kept = model_to_arrays(result.model)
             kept["_counts"] = np.array([result.pairs_tried, result.pairs_kept])
             kept["_ties"] = np.array([(i, j, value) for (i, j), value in sorted(result.ties.items())]).reshape(-1, 3)
@@ -334,8 +368,14 @@ def _focal_change(belief: Belief) -> float:
 
 Step = Callable[[Inputs, Belief], Belief]
 STEPS: tuple[Step, ...] = (
-    calibrate, orient, doubt_odd_orientations, make_model, correct, read_by_convention, recalibrate,
-)  # fmt: skip
+    calibrate,
+    orient,
+    doubt_odd_orientations,
+    make_model,
+    correct,
+    read_by_convention,
+    recalibrate,
+)
 
 
 def _of(belief: Belief) -> PriorMapping:

@@ -196,8 +196,10 @@ def _observations(model: pycolmap.Reconstruction) -> _Observations:
     places = np.array([model.points3D[key].xyz for key in keys]).reshape(-1, 3)
     tracks = [
         (k, row[element.image_id], element.point2D_idx)
-        for k, key in enumerate(keys) for element in model.points3D[key].track.elements if element.image_id in row
-    ]  # fmt: skip
+        for k, key in enumerate(keys)
+        for element in model.points3D[key].track.elements
+        if element.image_id in row
+    ]
     point, image, feature = np.array(tracks, np.int64).reshape(-1, 3).T
     count = len(tracks)
     residual, by_pose = np.zeros((count, 2)), np.zeros((count, 2, 6))
@@ -225,10 +227,19 @@ def _observations(model: pycolmap.Reconstruction) -> _Observations:
         depths.append(float(np.median(np.linalg.norm(arm, axis=1))))
     seen = np.isfinite(residual).all(axis=1)  # a point behind a camera has no pixel
     return _Observations(
-        tuple(str(each.name) for each in images), np.array([pose.center for pose in poses]),
-        float(np.median(depths)) if depths else 0.0, np.arange(int(seen.sum())), image[seen], point[seen], len(keys),
-        residual[seen], by_pose[seen], by_point[seen], by_lens[seen], every,
-    )  # fmt: skip
+        tuple(str(each.name) for each in images),
+        np.array([pose.center for pose in poses]),
+        float(np.median(depths)) if depths else 0.0,
+        np.arange(int(seen.sum())),
+        image[seen],
+        point[seen],
+        len(keys),
+        residual[seen],
+        by_pose[seen],
+        by_point[seen],
+        by_lens[seen],
+        every,
+    )
 
 
 def _joined(seen: _Observations, information: FloatArray) -> tuple[_Observations, FloatArray]:
@@ -259,9 +270,19 @@ def _joined(seen: _Observations, information: FloatArray) -> tuple[_Observations
     chosen = order[kept]
     points, new = np.unique(label[kept], return_inverse=True)
     return _Observations(
-        seen.names, seen.centers, seen.distance, chosen, seen.image[chosen], new.astype(np.int64), len(points),
-        seen.residual[chosen], seen.by_pose[chosen], seen.by_point[chosen], seen.by_lens[chosen], seen.every,
-    ), weight[kept]  # fmt: skip
+        seen.names,
+        seen.centers,
+        seen.distance,
+        chosen,
+        seen.image[chosen],
+        new.astype(np.int64),
+        len(points),
+        seen.residual[chosen],
+        seen.by_pose[chosen],
+        seen.by_point[chosen],
+        seen.by_lens[chosen],
+        seen.every,
+    ), weight[kept]
 
 
 def _variance(squares: FloatArray, loss_px: float, points: int, images: int) -> float:

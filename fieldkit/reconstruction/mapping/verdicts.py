@@ -89,9 +89,13 @@ def judged(
     points = {str(model.image(i).name): int(model.image(i).num_points3D) for i in model.reg_image_ids()}
     poses = model_poses(model)
     uncertainty = pose_uncertainty(
-        model, known if method == "prior" else {}, ties, inputs.names, loss_px=inputs.settings.prior.loss_px,
+        model,
+        known if method == "prior" else {},
+        ties,
+        inputs.names,
+        loss_px=inputs.settings.prior.loss_px,
         refined=refined,
-    )  # fmt: skip
+    )
     row = {inputs.names.index(name): name for name in uncertainty.names}
     groups = {row[k]: number for number, part in enumerate(connected_parts(sorted(row), ties)) for k in part}
     members = Counter(groups.values())
@@ -120,20 +124,33 @@ def judged(
             right, reason = None, "loose: too few matches above chance tell its place"
         reports.append(
             ImageReport(
-                name=name, features=features, registered=True, right=None if right is None else bool(right),
-                reason=reason, observations=points[name], reprojection_px=finite(errors.get(name)),
+                name=name,
+                features=features,
+                registered=True,
+                right=None if right is None else bool(right),
+                reason=reason,
+                observations=points[name],
+                reprojection_px=finite(errors.get(name)),
                 position_residual_m=finite(agreement.position_residual_m),
                 angle_residual_deg=finite(agreement.angle_residual_deg),
                 sigma_m=finite(sigmas[name]) if metric else None,
             )
-        )  # fmt: skip
+        )
     parallel = spread_deg(poses.values()) < PARALLEL_DEG
     return Mapped(
-        method, model, sizes, metric, tuple(reports),
-        dict(zip(belief.cameras.keys, belief.cameras.sources, strict=True)), pairs_tried, pairs_verified, belief.notes,
+        method,
+        model,
+        sizes,
+        metric,
+        tuple(reports),
+        dict(zip(belief.cameras.keys, belief.cameras.sources, strict=True)),
+        pairs_tried,
+        pairs_verified,
+        belief.notes,
         parallel and not (method == "prior" and belief.heights_tell(poses.values())),
         weakly_tied(inputs.capture.folder.name, uncertainty, loose, together, sigma, metric=metric),
         WeakestMode(photographs=tuple(together), sigma_m=sigma, moves_m=tuple(map(vector, 2.0 * moves)))
-        if metric and together else None,
+        if metric and together
+        else None,
         groups,
-    )  # fmt: skip
+    )

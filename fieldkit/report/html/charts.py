@@ -94,18 +94,29 @@ def draw(chart: LineChart) -> DrawnChart:
         lines += not background
         number = 2 if background else (1, 3, 4, 5, 6)[(lines - 1) % 5]
         spots = [(across(x), None if y is None else up(y), y is not None and y > high) for x, y in series.points]
-        drawn.append(Drawn(
-            series.name, number, series.style,
-            "" if series.style == "dots" else _path([(x, y) for x, y, _ in spots], series.style == "step"),
-            tuple((_text(x), _text(y), over) for x, y, over in spots if y is not None and series.style == "dots"),
-        ))  # fmt: skip
+        drawn.append(
+            Drawn(
+                series.name,
+                number,
+                series.style,
+                "" if series.style == "dots" else _path([(x, y) for x, y, _ in spots], series.style == "step"),
+                tuple((_text(x), _text(y), over) for x, y, over in spots if y is not None and series.style == "dots"),
+            )
+        )
     return DrawnChart(
-        chart, _text(WIDTH), _text(HEIGHT), _text(_LEFT), _text(WIDTH - _RIGHT), _text(_TOP), _text(HEIGHT - _BOTTOM),
+        chart,
+        _text(WIDTH),
+        _text(HEIGHT),
+        _text(_LEFT),
+        _text(WIDTH - _RIGHT),
+        _text(_TOP),
+        _text(HEIGHT - _BOTTOM),
         tuple(_apart([(across(v), label) for v, label in x_ticks if left <= v <= right])),
         tuple((_text(up(v)), number_text(v)) for v in y_ticks if low <= v <= high),
-        tuple(drawn), None if chart.level is None else (_text(up(chart.level[0])), chart.level[1]),
+        tuple(drawn),
+        None if chart.level is None else (_text(up(chart.level[0])), chart.level[1]),
         sum(y > high for _, y in points),
-    )  # fmt: skip
+    )
 
 
 def round_ticks(low: float, high: float, most: int, *, whole: bool = False) -> list[float]:

@@ -116,10 +116,14 @@ def _read(name: str) -> str:
 def _environment() -> Environment:
     engine = environment()
     engine.globals.update(
-        printed_rows=_PRINTED_ROWS, stacked=_stacked, draw=draw, draw_map=draw_map, data_uri=_data_uri,
+        printed_rows=_PRINTED_ROWS,
+        stacked=_stacked,
+        draw=draw,
+        draw_map=draw_map,
+        data_uri=_data_uri,
         kind=lambda block: _KINDS[type(block)],
         view_html=lambda view: Markup(viewer_html(view.scene, identifier=view.identifier)),
-    )  # fmt: skip
+    )
     engine.filters.update(path=_path)
     engine.tests["text"] = lambda value: isinstance(value, str)
     engine.tests["link"] = lambda value: isinstance(value, content.Link)

@@ -76,7 +76,7 @@ def pack_points(
     x, y, z = (float(value) for value in origin)
     return PackedPoints(
         len(p), (x, y, z), step, tones is not None, levels is not None, base64.b64encode(block).decode("ascii")
-    )  # fmt: skip
+    )
 
 
 def _levels(values: FloatArray, limit: float) -> ByteArray:

@@ -103,14 +103,19 @@ def draw_map(plots: PlotMap) -> DrawnMap:
     outlines = [_outlined(plot, place, len(plots.plots)) for plot in plots.plots]
     bar_m = nice_length(0.25 * (WIDTH - 2 * _MARGIN) / scale)
     return DrawnMap(
-        plots, f"{WIDTH:.0f}", f"{drawn_height + _LEGEND:.0f}",
+        plots,
+        f"{WIDTH:.0f}",
+        f"{drawn_height + _LEGEND:.0f}",
         tuple(_drawn(plots, measure, outlines) for measure in plots.measures),
         tuple(_photographs(plots, place, outlines)) if plots.photographs else (),
         (f"{bar_m * scale:.1f}", f"{bar_m:g} m"),
-        f"{WIDTH - 20:.1f}", f"{drawn_height + 14:.1f}",
-        all(_has_room(plot.name, [place(c) for ring in plot.rings for c in _outline(ring)], _NARROW_LETTER)
-            for plot in plots.plots),
-    )  # fmt: skip
+        f"{WIDTH - 20:.1f}",
+        f"{drawn_height + 14:.1f}",
+        all(
+            _has_room(plot.name, [place(c) for ring in plot.rings for c in _outline(ring)], _NARROW_LETTER)
+            for plot in plots.plots
+        ),
+    )
 
 
 def _outlined(plot: MappedPlot, place: Callable[[Corner], Corner], plots: int) -> tuple[str, str, str, str]:

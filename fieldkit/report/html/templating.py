@@ -20,9 +20,14 @@ _CODE = re.compile("`([^`]+)`")
 def environment() -> Environment:
     """The engine with this page's templates and filters."""
     engine = Environment(
-        loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, finalize=_shown,
-        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
-    )  # fmt: skip
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        finalize=_shown,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
     engine.filters.update(unbroken=unbroken, nominal=format_nominal, coded=_coded)
     return engine
 

@@ -82,11 +82,20 @@ def viewer_html(scene: ViewerScene, *, identifier: str) -> str:
             limits.setdefault(float(layer.limit), []).append(layer.name)
     largest = max((len(layer.points) for layer in scene.points), default=0)
     size = np.clip(np.round(600.0 / max(largest, 1) ** 0.5 / _SIZE_STEP) * _SIZE_STEP, 1.25, 4.0)
-    return environment().get_template("view.html.jinja").render(
-        name=identifier, scene=scene, switches=list(_switches(scene, packed)), scales=limits, point_size=f"{size:g}",
-        both=any(layer.values is not None and layer.colors is not None for layer in scene.points),
-        data=Markup(_json(data)), blocks=[Markup(block.text) for block in packed],
-    )  # fmt: skip
+    return (
+        environment()
+        .get_template("view.html.jinja")
+        .render(
+            name=identifier,
+            scene=scene,
+            switches=list(_switches(scene, packed)),
+            scales=limits,
+            point_size=f"{size:g}",
+            both=any(layer.values is not None and layer.colors is not None for layer in scene.points),
+            data=Markup(_json(data)),
+            blocks=[Markup(block.text) for block in packed],
+        )
+    )
 
 
 def _folder() -> Traversable:
@@ -175,8 +184,15 @@ def _switches(scene: ViewerScene, packed: Sequence[PackedPoints]) -> Iterator[di
     """What can be shown and hidden, with a mark in its colour."""
 
     def switch(group: str, number: int, layer: Any, note: str, kind: str, color: str) -> dict[str, Any]:
-        return {"group": group, "number": number, "name": layer.name, "note": note, "shown": layer.shown, "kind": kind,
-                "color": color}  # fmt: skip
+        return {
+            "group": group,
+            "number": number,
+            "name": layer.name,
+            "note": note,
+            "shown": layer.shown,
+            "kind": kind,
+            "color": color,
+        }
 
     for number, (cloud, block) in enumerate(zip(scene.points, packed, strict=True)):
         kind = "scale" if block.valued else "cloud" if block.colored else "plain"

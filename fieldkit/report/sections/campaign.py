@@ -102,9 +102,13 @@ def plot_map(campaign: Campaign, anchor: str, photographs: Mapping[str, Picture]
         return None
     measures.sort(key=lambda measure: -sum(map(len, measure.values.values())))  # the one with most values comes first
     return PlotMap(
-        f"The plots of {campaign.name}", tuple(plots), tuple(measures), plot_anchors(campaign, anchor), photographs,
+        f"The plots of {campaign.name}",
+        tuple(plots),
+        tuple(measures),
+        plot_anchors(campaign, anchor),
+        photographs,
         anchor,
-    )  # fmt: skip
+    )
 
 
 def traits_table(campaign: Campaign, day: str) -> Table:
@@ -145,14 +149,17 @@ def _table(day: str, visits: Sequence[Visit], anchors: Mapping[str, str], pictur
     Measured and predicted distances stand in columns of their own, and rank no rows together.
     """
     columns = score_columns(visits, only=("0.005", "0.010"))
-    return tabulated(f"How well the plots were reconstructed, {day}", [
-        {
-            "plot": Link(visit.plot, anchors[visit.plot]) if visit.plot in anchors else visit.plot,
-            Column("picture", detail=True): pictures.get(visit.plot),
-            **_quality(visit, columns),
-        }
-        for visit in sorted(visits, key=lambda visit: (not visit.error, not visit.doubts))
-    ])  # fmt: skip
+    return tabulated(
+        f"How well the plots were reconstructed, {day}",
+        [
+            {
+                "plot": Link(visit.plot, anchors[visit.plot]) if visit.plot in anchors else visit.plot,
+                Column("picture", detail=True): pictures.get(visit.plot),
+                **_quality(visit, columns),
+            }
+            for visit in sorted(visits, key=lambda visit: (not visit.error, not visit.doubts))
+        ],
+    )
 
 
 def _plot(visits: Sequence[Visit], plot: str, anchor: str, photograph: Picture | None) -> Details:
@@ -180,18 +187,26 @@ def _measured(campaign: Campaign) -> Iterator[Block]:
     differences = [(0.5 * (pair.height_m + pair.measured_m), pair.difference_m) for pair in pairs]
     left, right = (bound(x for x, _ in differences) for bound in (min, max))
     limits = tuple(p for y in found.limits_m or () for p in ((left, y), (right, y), (right, None)))
-    yield Charts((
-        LineChart(
-            "Heights by fieldkit and by hand", said, "by hand, m", "by fieldkit, m",
-            (Curve("a plot on a date", tuple(against), "dots"), Curve("the same", tuple((v, v) for v in ends))),
-            y_zero=False,
-        ),
-        LineChart(
-            "Their differences (Bland and Altman)", said, "mean of both, m", "fieldkit less by hand, m",
-            (Curve("a plot on a date", tuple(differences), "dots"), Curve("limits of agreement", limits)),
-            (found.bias_m, "bias"),
-        ),
-    ))  # fmt: skip
+    yield Charts(
+        (
+            LineChart(
+                "Heights by fieldkit and by hand",
+                said,
+                "by hand, m",
+                "by fieldkit, m",
+                (Curve("a plot on a date", tuple(against), "dots"), Curve("the same", tuple((v, v) for v in ends))),
+                y_zero=False,
+            ),
+            LineChart(
+                "Their differences (Bland and Altman)",
+                said,
+                "mean of both, m",
+                "fieldkit less by hand, m",
+                (Curve("a plot on a date", tuple(differences), "dots"), Curve("limits of agreement", limits)),
+                (found.bias_m, "bias"),
+            ),
+        )
+    )
     yield from (Paragraph(sentence) for sentence in found.sentences())
     yield found.table()
 
@@ -243,9 +258,13 @@ def charts(visits: Sequence[Visit], of: str) -> Iterator[LineChart]:
             told = f"The {name} went from {middle[0][1]:.3g} to {middle[-1][1]:.3g} {figure.unit}."
         ticks = tuple((float(day), date.fromordinal(day).isoformat()) for day in days)
         yield LineChart(
-            f"{figure.label.capitalize()} of {of} over the dates", told, "date", figure.title, tuple(series),
+            f"{figure.label.capitalize()} of {of} over the dates",
+            told,
+            "date",
+            figure.title,
+            tuple(series),
             x_ticks=ticks,
-        )  # fmt: skip
+        )
 
 
 def campaign_statements(result: Loaded[Campaign], results: Results) -> Iterator[Statement]:

@@ -50,14 +50,16 @@ def reference_section(result: Loaded[ReferenceReport], anchor: str, shown: Shown
     report = result.report
     gsd, residuals = (format_length(each, metric=report.metric) for each in (report.gsd_m, report.pose_rms_m))
     blocks: list[Block] = [
-        KeyFigures((
-            *_key_figures(report),
-            KeyFigure("pixel on the plot", gsd, "ground sampling distance"),
-            KeyFigure("position residuals, RMS", residuals, "how far cameras lie from where they were said to be"),
-        )),
+        KeyFigures(
+            (
+                *_key_figures(report),
+                KeyFigure("pixel on the plot", gsd, "ground sampling distance"),
+                KeyFigure("position residuals, RMS", residuals, "how far cameras lie from where they were said to be"),
+            )
+        ),
         *shown.view_blocks(anchor),
         *_reconstruction_blocks(report, shown.pictures(anchor)),
-    ]  # fmt: skip
+    ]
     return Section(anchor, f"Reference: {report.source}", tuple(blocks))
 
 
@@ -195,9 +197,12 @@ def _left_out(report: ReconstructionEntry, name: str, reasons: dict[str, int] | 
     advice = "Take again what is blurred, looks elsewhere or overlaps too little: the table of photographs says which."
     if wrong >= missing:
         advice = "Check poses.csv or geotags: wrong poses come from those, or from plants that look alike."
-    yield Statement("problem" if missing > 0.2 * report.images else "note",
-                    f"{name}: {missing} of {count(report.images, 'photograph')} "
-                    f"{'was' if missing == 1 else 'were'} not used{told}.", advice)  # fmt: skip
+    yield Statement(
+        "problem" if missing > 0.2 * report.images else "note",
+        f"{name}: {missing} of {count(report.images, 'photograph')} "
+        f"{'was' if missing == 1 else 'were'} not used{told}.",
+        advice,
+    )
 
 
 def _doubts(report: ReconstructionEntry, name: str) -> Iterator[Statement]:

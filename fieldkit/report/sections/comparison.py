@@ -19,14 +19,17 @@ def comparison_section(result: Loaded[ComparisonReport], anchor: str, _: Shown) 
     """Several evaluations side by side; the leading figures stand in the report's first section."""
     report = result.report
     beyond, within, unknown = noise_counts(report)
-    figures = KeyFigures((
-        KeyFigure("evaluations", f"{len(report.evaluations)}", listed(_labels(report), _MOST_NAMES)),
-        KeyFigure("plots", f"{len({value.plot for value in report.values})}"),
-        KeyFigure(
-            "differences beyond noise", f"{beyond} of {beyond + within}" if beyond + within else "not known",
-            f"of {unknown} more it cannot be told" if unknown else "",
-        ),
-    ))  # fmt: skip
+    figures = KeyFigures(
+        (
+            KeyFigure("evaluations", f"{len(report.evaluations)}", listed(_labels(report), _MOST_NAMES)),
+            KeyFigure("plots", f"{len({value.plot for value in report.values})}"),
+            KeyFigure(
+                "differences beyond noise",
+                f"{beyond} of {beyond + within}" if beyond + within else "not known",
+                f"of {unknown} more it cannot be told" if unknown else "",
+            ),
+        )
+    )
     others = [figure for figure in report.figures if figure not in leading_figures(report)]
     tables = tuple(table for figure in others if (table := difference_table(report, figure)).rows)
     blocks: list[Block] = [figures]
@@ -43,9 +46,10 @@ def comparison_statements(result: Loaded[ComparisonReport], _: Results) -> Itera
     first = result.report.evaluations[0].label
     if beyond + within:
         yield Statement(
-            "fact", f"{listed(_labels(result.report), _MOST_NAMES)} against “{first}”: {beyond} of "
+            "fact",
+            f"{listed(_labels(result.report), _MOST_NAMES)} against “{first}”: {beyond} of "
             f"{count(beyond + within, 'difference')} are beyond noise; the tables say which.",
-        )  # fmt: skip
+        )
     if unknown:
         yield Statement(
             "note",

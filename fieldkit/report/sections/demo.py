@@ -73,10 +73,12 @@ def demo_blocks(report: DemoReport) -> tuple[Block, ...]:
 
 def _drawn(report: DemoReport) -> Statement:
     """How planned views compare with the circle in this run, by the true plants."""
-    found = [(name, _share(circle.to_true_plants_m, planned.to_true_plants_m))
-             for plot, name in _PLOTS
-             if (circle := report.score(plot, "circle")) is not None
-             and (planned := report.score(plot, "planned")) is not None]  # fmt: skip
+    found = [
+        (name, _share(circle.to_true_plants_m, planned.to_true_plants_m))
+        for plot, name in _PLOTS
+        if (circle := report.score(plot, "circle")) is not None
+        and (planned := report.score(plot, "planned")) is not None
+    ]
     if not found:
         return Statement("note", "Planned views and the circle were not both scored.")
     said = listed([f"{_worth(share)} on {name}" for name, share in found])
@@ -88,11 +90,17 @@ def _drawn(report: DemoReport) -> Statement:
 def _table(report: DemoReport) -> Table:
     return Table(
         TITLE,
-        (Column("plot"), Column("compared with"), Column("circle, mm", True), Column("planned, mm", True),
-         Column("planned views are"), Column("photographs used", True, detail=True)),
+        (
+            Column("plot"),
+            Column("compared with"),
+            Column("circle, mm", True),
+            Column("planned, mm", True),
+            Column("planned views are"),
+            Column("photographs used", True, detail=True),
+        ),
         tuple(_rows(report)),
         "Chamfer distances after ICP; smaller is nearer.",
-    )  # fmt: skip
+    )
 
 
 def _rows(report: DemoReport) -> Iterator[tuple[Cell, ...]]:

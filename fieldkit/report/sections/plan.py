@@ -71,18 +71,21 @@ def mission_section(result: Loaded[FlownMission], anchor: str, shown: Shown) -> 
         heights = [station.height_m for station in stations]
         figures.append(KeyFigure("heights of photographs", format_range(heights), "above home"))
     positions = site_frame(mission.record).points(stations).tolist()
-    table = tabulated("Photographs in the order they are flown", [
-        {
-            "photograph": f"{number}" if burst == 1 else f"{(number - 1) * burst + 1} to {number * burst}",
-            "plot": station.plot,
-            Column("station", True): f"{station_number(station.station)}",
-            Column("east of home, m", True): decimal(east),
-            Column("north of home, m", True): decimal(north),
-            Column("height above home, m", True): decimal(up),
-            **_angles(station),
-        }
-        for number, (station, (east, north, up)) in enumerate(zip(stations, positions, strict=True), 1)
-    ])  # fmt: skip
+    table = tabulated(
+        "Photographs in the order they are flown",
+        [
+            {
+                "photograph": f"{number}" if burst == 1 else f"{(number - 1) * burst + 1} to {number * burst}",
+                "plot": station.plot,
+                Column("station", True): f"{station_number(station.station)}",
+                Column("east of home, m", True): decimal(east),
+                Column("north of home, m", True): decimal(north),
+                Column("height above home, m", True): decimal(up),
+                **_angles(station),
+            }
+            for number, (station, (east, north, up)) in enumerate(zip(stations, positions, strict=True), 1)
+        ],
+    )
     blocks: tuple[Block, ...] = (KeyFigures(tuple(figures)), *shown.view_blocks(anchor))
     blocks += (table,) if len(table.rows) <= 14 else (Details(f"All {len(stations)} photographs", (table,)),)
     return Section(anchor, f"Mission: {mission.mission_file or flight.name}", blocks)
@@ -91,19 +94,23 @@ def mission_section(result: Loaded[FlownMission], anchor: str, shown: Shown) -> 
 def finalist_table(outcome: Outcome) -> Table:
     """The finalists of a search, the plan first; trials count from 1, the `number` of evaluations.jsonl from 0."""
     best = outcome.finalists[0].number if outcome.finalists else -1
-    return tabulated("Finalists", [
-        {
-            "trial": f"{found.number + 1}{', the plan' * (found.number == best)}",
-            Column("how it was proposed", short="from"): found.origin,
-            Column("expected, mm", True): millimetres(found.expected_m),
-            Column("in the search, mm", True, short="search, mm"): millimetres(found.search_value_m),
-            Column("confirmed, mm", True): millimetres(found.value_m),
-            Column("spread, mm", True, short="±, mm"): millimetres(found.spread_m),
-            Column("expected after all evaluations, mm", True, short="kind, mm"): millimetres(found.kind_m),
-            Column("photographs used", short="used"): ", ".join(map(str, found.right)),
-        }
-        for found in outcome.finalists
-    ], _FINALISTS_NOTE)  # fmt: skip
+    return tabulated(
+        "Finalists",
+        [
+            {
+                "trial": f"{found.number + 1}{', the plan' * (found.number == best)}",
+                Column("how it was proposed", short="from"): found.origin,
+                Column("expected, mm", True): millimetres(found.expected_m),
+                Column("in the search, mm", True, short="search, mm"): millimetres(found.search_value_m),
+                Column("confirmed, mm", True): millimetres(found.value_m),
+                Column("spread, mm", True, short="±, mm"): millimetres(found.spread_m),
+                Column("expected after all evaluations, mm", True, short="kind, mm"): millimetres(found.kind_m),
+                Column("photographs used", short="used"): ", ".join(map(str, found.right)),
+            }
+            for found in outcome.finalists
+        ],
+        _FINALISTS_NOTE,
+    )
 
 
 def _figures(result: PlanRun) -> Iterator[KeyFigure]:
@@ -112,9 +119,10 @@ def _figures(result: PlanRun) -> Iterator[KeyFigure]:
         yield KeyFigure("camera poses", f"{len(plan.stations)}")
         if plan.method is not None and plan.method.chamfer_m is not None:
             yield KeyFigure(
-                "chamfer distance", format_with_error(plan.method.chamfer_m, plan.method.known_spread_m),
+                "chamfer distance",
+                format_with_error(plan.method.chamfer_m, plan.method.known_spread_m),
                 "of what they reconstruct to its reference, on what the plan was made on",
-            )  # fmt: skip
+            )
         elif plan.method is not None and plan.method.repeats == 0:
             yield KeyFigure("chamfer distance", "not confirmed", "no photograph was taken of these poses")
     if settings is not None and (result.trials or plan is None):
@@ -147,23 +155,30 @@ def _charts(result: PlanRun) -> Iterator[LineChart]:
         first, last = (format_length(0.001 * value) for value in (known[0], known[-1]))
         described = f"The best value fell from {first} to {last} in {count(len(trials), 'trial')}."
         yield LineChart(
-            "The search: every trial, and the best so far", described, "trial", "value, mm",
+            "The search: every trial, and the best so far",
+            described,
+            "trial",
+            "value, mm",
             (Curve("trial", tuple(values), "dots"), Curve("best so far", tuple(best), "step")),
             level=confirmed,
             y_top=1.08 * measured[min(len(measured) - 1, int(_LATER * len(measured)))],
-        )  # fmt: skip
+        )
 
 
 def _stations(plan: Plan) -> Table:
     axes = [Column(f"{axis}, m", True) for axis in "xyz"]
-    return tabulated("Stations", [
-        {
-            "station": f"{station_number(number)}",
-            **dict(zip(axes, map(decimal, station.position_m), strict=True)),
-            **_angles(station),
-        }
-        for number, station in enumerate(plan.stations)
-    ], "Plot frame: metres from the plot's centre on the ground; z is the height above it.")  # fmt: skip
+    return tabulated(
+        "Stations",
+        [
+            {
+                "station": f"{station_number(number)}",
+                **dict(zip(axes, map(decimal, station.position_m), strict=True)),
+                **_angles(station),
+            }
+            for number, station in enumerate(plan.stations)
+        ],
+        "Plot frame: metres from the plot's centre on the ground; z is the height above it.",
+    )
 
 
 def _angles(station: Station | Shot) -> Row:

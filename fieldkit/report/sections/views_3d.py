@@ -210,9 +210,14 @@ def mission_view(result: Loaded[FlownMission], results: Results) -> NotedView:
             x, y, z = frame.to_local(*plot_frame(plot).to_geodetic(np.zeros((1, 3))))[0].tolist()
             places.append(PlaceName(plot.name, (x, y, z)))
     return ViewerScene(
-        f"{flight.name}: the way and its photographs", _mission_plants(result, results), (frusta,), lines,
-        places, north=(0.0, 1.0), subject="cameras",
-    ), ""  # fmt: skip
+        f"{flight.name}: the way and its photographs",
+        _mission_plants(result, results),
+        (frusta,),
+        lines,
+        places,
+        north=(0.0, 1.0),
+        subject="cameras",
+    ), ""
 
 
 def within_budget(scenes: Sequence[ViewerScene], most_points: int) -> list[ViewerScene]:
@@ -268,7 +273,7 @@ def _plot_cloud(result: Loaded[EvaluationReport], plot: PlotEvaluation) -> Path:
 
 def _camera_layers(
     images: Sequence[ImageReport], cameras: Sequence[CameraReport], name: str, numbers: Mapping[str, str] | None = None
-) -> list[FrustumLayer]:  # fmt: skip
+) -> list[FrustumLayer]:
     half = _HALF_VIEW
     if cameras:
         camera = max(cameras, key=lambda c: c.photos)
@@ -280,10 +285,16 @@ def _camera_layers(
     for title, color, right in ((name, _ACHIEVED, True), ("Cameras, pose found wrong", _WRONG, False)):
         chosen = [(i, pose) for i in images if i.counts is right and (pose := i.pose) is not None]
         if chosen:
-            layers.append(FrustumLayer(
-                title, [pose for _, pose in chosen], [_label(image) for image, _ in chosen], *half, color,
-                numbers=[numbers.get(image.name, "") for image, _ in chosen] if numbers else (),
-            ))  # fmt: skip
+            layers.append(
+                FrustumLayer(
+                    title,
+                    [pose for _, pose in chosen],
+                    [_label(image) for image, _ in chosen],
+                    *half,
+                    color,
+                    numbers=[numbers.get(image.name, "") for image, _ in chosen] if numbers else (),
+                )
+            )
     return layers
 
 

@@ -124,23 +124,34 @@ def _stem(
 
 
 def _leaf(
-    k: int, final: int, collars: int, collar: FloatArray, folded: float, emerged: float, vigour: float,
+    k: int,
+    final: int,
+    collars: int,
+    collar: FloatArray,
+    folded: float,
+    emerged: float,
+    vigour: float,
     rng: np.random.Generator,
-) -> Leaf:  # fmt: skip
+) -> Leaf:
     length, width = leaf_size(k, final)
     upper = k / final
     age = float(np.clip(1.0 - 2.6 * (k - 1) / max(collars, 5) + rng.normal(0, 0.08), 0.0, 1.0))
     # Long blades arch over; short ones, and the stiff ones below the tassel, stand.
     arch = rng.normal(112, 20) * (1 - 0.78 * folded) * np.interp(length, [0.1, 0.45, 0.9], [0.45, 0.9, 1.1])
     return Leaf(
-        rank=(k - 1) / (final - 1), age=age, collar=collar,
+        rank=(k - 1) / (final - 1),
+        age=age,
+        collar=collar,
         azimuth=np.pi * (k % 2) + rng.normal(0, np.radians(17)),
         length=vigour * length * (0.25 + 0.75 * emerged) * rng.uniform(0.93, 1.07),
         width=vigour * width * (0.35 + 0.65 * emerged) * rng.uniform(0.93, 1.07),
         elevation=np.radians(min(86.0, rng.normal(56, 6) + 28 * folded + 8 * upper)),
         droop=np.radians(max(8.0, arch + 20 * age)),
-        bend=float(rng.uniform(1.0, 1.9)), sweep=rng.normal(0, 0.24), twist=rng.normal(0, 0.60),
+        bend=float(rng.uniform(1.0, 1.9)),
+        sweep=rng.normal(0, 0.24),
+        twist=rng.normal(0, 0.60),
         fold=np.radians(rng.uniform(16, 34) + 30 * folded),
         ruffle=float(rng.uniform(0.5, 1.4) * (1 - 0.7 * folded) * np.interp(width, [0.02, 0.08], [0.4, 1.0])),
-        seed=int(rng.integers(1 << 30)), taper=1.6 if k > 2 else 4.5,
-    )  # fmt: skip
+        seed=int(rng.integers(1 << 30)),
+        taper=1.6 if k > 2 else 4.5,
+    )

@@ -69,8 +69,9 @@ def blade_texture(leaf: Leaf, height: int, width: int, markings: float) -> ByteA
     return to_bytes(color)
 
 
-def stem_texture(seed: int, foot_m: float, length_m: float, nodes: FloatArray, height: int,
-                 width: int, markings: float) -> ByteArray:  # fmt: skip
+def stem_texture(
+    seed: int, foot_m: float, length_m: float, nodes: FloatArray, height: int, width: int, markings: float
+) -> ByteArray:
     """(height, width, 3): up the stem to the right, around it downwards, from ``foot_m`` over ``length_m``."""
     s = (length_m * (np.arange(width) + 0.5) / width + foot_m)[None, :]
     turn = (2 * np.pi * (np.arange(height) + 0.5) / height)[:, None]

@@ -71,18 +71,22 @@ def _architecture(n: int, rng: np.random.Generator) -> tuple[FloatArray, FloatAr
         collar = np.array([np.interp(heights[k], z, line[:, i]) for i in range(3)])
         leaves.append(
             Leaf(
-                rank=k / (n - 1), age=age, collar=collar,
+                rank=k / (n - 1),
+                age=age,
+                collar=collar,
                 azimuth=np.pi * (k % 2) + rng.normal(0, np.radians(16)),
                 length=vigour * (0.20 + 0.56 * size) * rng.uniform(0.92, 1.08) * (0.082 * n + 0.25),
                 width=vigour * (0.022 + 0.050 * size) * rng.uniform(0.92, 1.08),
                 elevation=np.radians(rng.normal(52, 6) + 26 * whorl),
                 droop=np.radians(rng.normal(105, 22) * (1 - 0.75 * whorl) + 18 * age),
-                bend=float(rng.uniform(1.0, 1.9)), sweep=rng.normal(0, 0.22), twist=rng.normal(0, 0.55),
+                bend=float(rng.uniform(1.0, 1.9)),
+                sweep=rng.normal(0, 0.22),
+                twist=rng.normal(0, 0.55),
                 fold=np.radians(rng.uniform(18, 34) + 26 * whorl),
                 ruffle=float(rng.uniform(0.4, 1.2) * (1 - 0.6 * whorl)),
                 seed=int(rng.integers(1 << 30)),
             )
-        )  # fmt: skip
+        )
     return line, radii, leaves
 
 

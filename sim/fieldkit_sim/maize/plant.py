@@ -118,9 +118,15 @@ def build_maize(plant: MaizeDescription, ground_m: float = 0.0, *, coarse: bool 
     spin = rotation_about_z(np.radians(-plant.yaw_deg))
     placed = (plant.scale * vertices @ spin.T + (plant.x_m, plant.y_m, ground_m)).astype(np.float32)
     return Mesh(
-        f"maize-{plant.seed}", placed, faces, vertex_normals(placed, faces), uv, texture, plant=True,
+        f"maize-{plant.seed}",
+        placed,
+        faces,
+        vertex_normals(placed, faces),
+        uv,
+        texture,
+        plant=True,
         flex_m=(plant.scale * np.concatenate(flex)).astype(np.float32),
-    )  # fmt: skip
+    )
 
 
 class _Strips:

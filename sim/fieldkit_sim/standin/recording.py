@@ -19,9 +19,12 @@ _ANSWERS = frozenset({
 })  # fmt: skip
 """What the vehicle said to its ground station then; the stand-in answers its own."""
 _KEPT_ALIVE = (
-    mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, mavlink.MAVLINK_MSG_ID_HOME_POSITION,
-    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
-)  # fmt: skip
+    mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+    mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+    mavlink.MAVLINK_MSG_ID_HOME_POSITION,
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
+)
 """What a station needs to keep a vehicle for connected and to know where it is."""
 _MAX_BYTES = 2 << 30
 """Largest log that is read, bytes."""

@@ -81,9 +81,7 @@ class Replay:
         faults = faults or Faults()
         self._heard, self._said = Channel(faults, 0), Channel(faults, 1)
         known = {} if recording.version is None else {recording.version.get_msgId(): recording.version}
-        self._state = Autopilot(
-            recording.system, recording.component, parameters=recording.parameters, known=known
-        )  # fmt: skip
+        self._state = Autopilot(recording.system, recording.component, parameters=recording.parameters, known=known)
         self._cut_after: int | None = None
         self._packets = 0
         self._seq = 0

@@ -80,9 +80,19 @@ def opensfm_camera() -> dict[str, Any]:
     """`CAMERA` in OpenSfM's terms: by the longer side, from the picture's middle."""
     fx, fy, cx, cy, k1, k2, p1, p2 = CAMERA.params
     return {
-        "projection_type": "brown", "width": 4000, "height": 3000, "focal_x": fx / 4000, "focal_y": fy / 4000,
-        "c_x": (cx - 2000) / 4000, "c_y": (cy - 1500) / 4000, "k1": k1, "k2": k2, "k3": 0.0, "p1": p1, "p2": p2,
-    }  # fmt: skip
+        "projection_type": "brown",
+        "width": 4000,
+        "height": 3000,
+        "focal_x": fx / 4000,
+        "focal_y": fy / 4000,
+        "c_x": (cx - 2000) / 4000,
+        "c_y": (cy - 1500) / 4000,
+        "k1": k1,
+        "k2": k2,
+        "k3": 0.0,
+        "p1": p1,
+        "p2": p2,
+    }
 
 
 def to_grid(poses: Mapping[str, Pose], epsg: int = 32632) -> dict[str, Pose]:
@@ -117,10 +127,13 @@ def write_shots(
     for index, (name, pose) in enumerate(to_grid(poses, epsg).items()):
         place = [float(longitudes[index]), float(latitudes[index]), float(heights[index])]
         properties = {
-            "filename": name, "focal": 0.72, "width": camera["width"], "height": camera["height"],
+            "filename": name,
+            "focal": 0.72,
+            "width": camera["width"],
+            "height": camera["height"],
             "translation": pose.center.tolist(),
             "rotation": Rotation.from_matrix(pose.rotation).as_rotvec().tolist(),
-        }  # fmt: skip
+        }
         features.append(
             {"type": "Feature", "properties": properties, "geometry": {"type": "Point", "coordinates": place}}
         )
@@ -139,9 +152,15 @@ LOCAL = 'LOCAL_CS["Local Coordinates (m)",LOCAL_DATUM["Local Datum",0],UNIT["met
 
 
 def write_metashape(
-    path: Path, poses: Mapping[str, Pose], *, reference: str = WGS84, motion: Similarity | None = None,
-    calibration: str = METASHAPE_CAMERA, locked: str | None = "true", labels: Mapping[str, str] | None = None,
-) -> Path:  # fmt: skip
+    path: Path,
+    poses: Mapping[str, Pose],
+    *,
+    reference: str = WGS84,
+    motion: Similarity | None = None,
+    calibration: str = METASHAPE_CAMERA,
+    locked: str | None = "true",
+    labels: Mapping[str, str] | None = None,
+) -> Path:
     """Agisoft's XML: camera-to-chunk matrices, and the transform from the chunk into the reference's coordinates.
 
     Args:

@@ -112,8 +112,10 @@ def test_coarse_positions_are_bettered_by_a_model_and_stay_as_coarse_as_they_are
     known = known_poses(read_capture(photographs))
     inside = [
         np.linalg.norm(a.center - b.center) / np.linalg.norm(truth()[m].center - truth()[n].center)
-        for m, a in working(known).items() for n, b in working(known).items() if m < n
-    ]  # fmt: skip
+        for m, a in working(known).items()
+        for n, b in working(known).items()
+        if m < n
+    ]
     assert np.ptp(inside) < 1e-9  # the model's shape, whatever its scale
     assert {pose.position_sigma_m for pose in known.by_name.values()} == {1.0}
 

@@ -166,9 +166,20 @@ def test_opensfms_perspective_camera(tmp_path: Path) -> None:
     assert found.cameras[0].intrinsics == Intrinsics("RADIAL", 3000, 4000, (3200.0, 1500.0, 2000.0, -0.1, 0.02))
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"features": 3}', '{"features": []}', '{"features": [{}]}', "{",
-                                  "[" * 9999,
-                                  '{"features": [{"properties": {"filename": "a", "rotation": [NaN]}}]}'])  # fmt: skip
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        "{}",
+        '{"features": 3}',
+        '{"features": []}',
+        '{"features": [{}]}',
+        "{",
+        "[" * 9999,
+        '{"features": [{"properties": {"filename": "a", "rotation": [NaN]}}]}',
+    ],
+)
 def test_what_is_no_list_of_shots_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "shots.geojson").write_text(text)
     with pytest.raises(MetadataError) as raised:
@@ -237,10 +248,18 @@ def test_a_camera_with_terms_that_colmap_lacks_is_a_start_only(tmp_path: Path) -
     assert "camera-approximate" in [finding.code for finding in found.findings]
 
 
-@pytest.mark.parametrize("text", ["", "<a/>", "<document><chunk/></document>", "<document><chunk>",
-    '<document><chunk><cameras><camera label="a"><transform>1 2 3</transform></camera></cameras></chunk></document>',
-    f'<document><chunk><cameras><camera><transform>{"1 " * 16}</transform></camera></cameras></chunk></document>',
-    '<!DOCTYPE a [<!ENTITY b "c">]><document><chunk>&b;</chunk></document>'])  # fmt: skip
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "<a/>",
+        "<document><chunk/></document>",
+        "<document><chunk>",
+        '<document><chunk><cameras><camera label="a"><transform>1 2</transform></camera></cameras></chunk></document>',
+        f"<document><chunk><cameras><camera><transform>{'1 ' * 16}</transform></camera></cameras></chunk></document>",
+        '<!DOCTYPE a [<!ENTITY b "c">]><document><chunk>&b;</chunk></document>',
+    ],
+)
 def test_what_is_no_export_of_cameras_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "c.xml").write_text(text)
     with pytest.raises(MetadataError) as raised:

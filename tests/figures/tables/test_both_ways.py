@@ -20,9 +20,13 @@ ERROR = StationErrorEntry(
     station="station 1", image="a.jpg", east_m=0.11, north_m=-0.2, up_m=None, yaw_deg=1.5, pitch_deg=0.5
 )
 KEPT = AdherenceEntry(
-    stations=(ERROR,), missing=("station 5",), extra=("b.jpg",), horizontal_rms_m=0.21, yaw_rms_deg=1.5,
+    stations=(ERROR,),
+    missing=("station 5",),
+    extra=("b.jpg",),
+    horizontal_rms_m=0.21,
+    yaw_rms_deg=1.5,
     pitch_rms_deg=0.5,
-)  # fmt: skip
+)
 PREDICTION = Prediction(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
 PLOT = scored("plot 7").model_copy(update={"traits": TRAITS, "prediction": PREDICTION, "adherence": KEPT})
 GAPS = adherence.gaps(KEPT)

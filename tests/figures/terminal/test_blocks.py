@@ -33,9 +33,13 @@ def shown(*blocks, width: int = 80) -> str:
 def test_names_are_text_and_steer_nothing() -> None:
     table = Table(HOSTILE, (Column("plot"), Column(HOSTILE, True)), ((HOSTILE, HOSTILE),), HOSTILE)
     blocks = (
-        table, Terms(((HOSTILE, HOSTILE),)), KeyFigures((KeyFigure(HOSTILE, HOSTILE, HOSTILE),)), Paragraph(HOSTILE),
-        Statements((Statement("note", HOSTILE, HOSTILE),)), Details(HOSTILE, (Paragraph(HOSTILE),)),
-    )  # fmt: skip
+        table,
+        Terms(((HOSTILE, HOSTILE),)),
+        KeyFigures((KeyFigure(HOSTILE, HOSTILE, HOSTILE),)),
+        Paragraph(HOSTILE),
+        Statements((Statement("note", HOSTILE, HOSTILE),)),
+        Details(HOSTILE, (Paragraph(HOSTILE),)),
+    )
     text = shown(*blocks, width=120)
     assert text.count("[bold]\\x1b[2J\\u202egnp") == 15
     assert not {"\x1b", "\u202e"} & set(text)

@@ -39,9 +39,15 @@ def unscored(name: str) -> PlotEvaluation:
 
 def report(*plots: PlotEvaluation, reference: bool = True) -> EvaluationReport:
     return evaluation_report(
-        "field", plots, SETTINGS, reference_sha256="a" * 64 if reference else None, refine=False,
-        distances_m=(0.002, 0.005, 0.01, 0.02), seconds=1, cpu_seconds=1,
-    )  # fmt: skip
+        "field",
+        plots,
+        SETTINGS,
+        reference_sha256="a" * 64 if reference else None,
+        refine=False,
+        distances_m=(0.002, 0.005, 0.01, 0.02),
+        seconds=1,
+        cpu_seconds=1,
+    )
 
 
 FAILED = failed_plot("[plot] 8", CaptureError("no photographs", remedy="Copy [them]."), seconds=0, cpu_seconds=0)
@@ -65,13 +71,21 @@ class TestTables:
     def test_reference(self) -> None:
         text = shown(reference_output(reference_report(reconstruction(), SETTINGS, seconds=12, cpu_seconds=14)))
         for part in (
-            "photographs registered 7 of 8 (88 %)", "photographs used 6", "registered but wrong 1", "models 1 (7 ",
+            "photographs registered 7 of 8 (88 %)",
+            "photographs used 6",
+            "registered but wrong 1",
+            "models 1 (7 ",
             "20 of 28 pairs verified",
-            "features per photograph 1,035", "40, 280 observations, track length 7.00", "reprojection error 0.50 px",
-            "geo.txt, residuals 3.00 mm RMS, right up to 0.15 m", "SIMPLE_RADIAL 1600×1200, f 1400.0 px, camera.toml",
-            "IMG_0008.jpg 1,070 no pair verified", "Features 8 2 1.5 s 1.4 s", "all 12.0 s 14.0 s",
+            "features per photograph 1,035",
+            "40, 280 observations, track length 7.00",
+            "reprojection error 0.50 px",
+            "geo.txt, residuals 3.00 mm RMS, right up to 0.15 m",
+            "SIMPLE_RADIAL 1600×1200, f 1400.0 px, camera.toml",
+            "IMG_0008.jpg 1,070 no pair verified",
+            "Features 8 2 1.5 s 1.4 s",
+            "all 12.0 s 14.0 s",
             "not-an-image 1 notes.txt: left out: is a text file",
-        ):  # fmt: skip
+        ):
             assert part in text
 
     def test_files_with_the_same_finding_share_a_row(self) -> None:

@@ -27,8 +27,13 @@ def jump(target: float, repeats: float) -> MissionItem:
 
 
 TAKEOFF = MissionItem(Command.NAV_TAKEOFF, 3, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 5.0))
-SHOT = (action(Command.CONDITION_YAW, 90.0), action(Command.DO_MOUNT_CONTROL, -45.0, p7=2.0), waypoint(1),
-        action(Command.IMAGE_START_CAPTURE, 0.0, 0.0, 1.0), action(Command.NAV_DELAY, 1.0, -1, -1, -1))  # fmt: skip
+SHOT = (
+    action(Command.CONDITION_YAW, 90.0),
+    action(Command.DO_MOUNT_CONTROL, -45.0, p7=2.0),
+    waypoint(1),
+    action(Command.IMAGE_START_CAPTURE, 0.0, 0.0, 1.0),
+    action(Command.NAV_DELAY, 1.0, -1, -1, -1),
+)
 LAND = MissionItem(Command.NAV_LAND, 3, (0.0, 0.0, 0.0, 0.0, NORTH, 6.4473, 0.0))
 
 
@@ -84,8 +89,10 @@ def test_an_endless_loop_says_so_instead_of_never() -> None:
     assert len(report.taken) == 1
     behind = checked(TAKEOFF, *SHOT, jump(2.0, -1.0), waypoint(2), SHOT[3], SHOT[4], LAND)
     assert Counter(f.code for f in behind.findings if f.severity == "error") == {
-        "jump-endless": 1, "photo-never": 1, "item-skipped": 3,
-    }  # fmt: skip
+        "jump-endless": 1,
+        "photo-never": 1,
+        "item-skipped": 3,
+    }
 
 
 def test_loops_of_loops() -> None:

@@ -143,9 +143,12 @@ def test_without_a_renderer_the_error_names_the_remedy(tmp_path: Path) -> None:
         """
     )
     done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=False,
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        check=False,
         env={"PYTHONPATH": str(Path(__file__).parents[3]), "PYOPENGL_PLATFORM": "nonsense", "PATH": "/usr/bin"},
-    )  # fmt: skip
+    )
     assert done.stdout.startswith("RenderingError Install the off-screen OpenGL libraries"), done.stderr
 
 

@@ -127,9 +127,12 @@ def test_bands_are_the_mappings(source: RecordedSource) -> None:
 
 def test_noise_moves_the_commands_and_not_the_photographs(source: RecordedSource) -> None:
     noisy = RecordedSource(
-        source.capture, PLOT, RANDOM_CLOUD, cache=source.cache,
+        source.capture,
+        PLOT,
+        RANDOM_CLOUD,
+        cache=source.cache,
         noise=CaptureNoise(position_m=0.02, angle_deg=1.0, image_sigma=0.0),
-    )  # fmt: skip
+    )
     subset = noisy._subset(np.array([1, 2, 3]), seed=5)
     assert [p.sha256 for p in subset.photos] == [p.sha256 for p in source.capture.photos[1:4]]
     priors = [subset.priors[name] for name in subset.names]
@@ -179,9 +182,10 @@ def test_a_turned_plant_is_seen_as_turned_cameras_see_it(source: RecordedSource)
         turned = source.cameras().turned(source.middle, -turn)
         for camera, other in zip(source.cameras().poses(), turned.poses(), strict=True):
             np.testing.assert_allclose(
-                camera.to_camera(kind.plot(number, None).reference.points), other.to_camera(source.cloud.points),
+                camera.to_camera(kind.plot(number, None).reference.points),
+                other.to_camera(source.cloud.points),
                 atol=1e-9,
-            )  # fmt: skip
+            )
 
 
 def test_matches_go_with_the_photographs_that_stand_for_the_turned_views(source: RecordedSource) -> None:
@@ -192,9 +196,7 @@ def test_matches_go_with_the_photographs_that_stand_for_the_turned_views(source:
     found = kind.plot(1, matches).matches
     assert found is not None
     np.testing.assert_allclose(found, rehearsal.kept * matches[np.ix_(index, index)])
-    with source.rehearsing(rehearsal).photograph(
-        source.cameras([0, 2, 5]), FIDELITIES["draft"], 0, Silent()
-    ) as shot:  # fmt: skip
+    with source.rehearsing(rehearsal).photograph(source.cameras([0, 2, 5]), FIDELITIES["draft"], 0, Silent()) as shot:
         assert shot.views == tuple(source.views[index[k]].name for k in (0, 2, 5))
         assert shot.features.kept == pytest.approx(np.sqrt(rehearsal.kept))
 

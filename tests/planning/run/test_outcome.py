@@ -31,10 +31,11 @@ def test_settings_without_a_command_line() -> None:
     with pytest.raises(UsageError, match="plan on what"):
         search_settings(PlanSettings())
     for wrong, words in (
-        ({"cameras": 1}, "cameras"), ({"weights": (0.0, 0.0, 0.0)}, "one of them must be above 0"),
+        ({"cameras": 1}, "cameras"),
+        ({"weights": (0.0, 0.0, 0.0)}, "one of them must be above 0"),
         ({"method": "circle", "weights": (1.0, 1.0, 1.0)}, "would change nothing"),
         ({"method": "cirlce"}, "no method 'cirlce'"),
-    ):  # fmt: skip
+    ):
         with pytest.raises(UsageError, match=words):
             search_settings(PlanSettings(scene="case-1", **wrong))
     own = {"mine": MethodEntry(METHODS["circle"].make, weights=True)}
@@ -45,11 +46,17 @@ def test_settings_without_a_command_line() -> None:
 @pytest.mark.parametrize(
     ("asked", "plots"),
     [
-        ({}, 8), ({"method": "score"}, 8), ({"plots": 5}, 5), ({"purpose": "kind", "method": "circle"}, 8),
-        ({"purpose": "this-plot"}, 1), ({"method": "circle"}, 1), ({"method": "bosfm"}, 1),
-        ({"scene": [Path("case-1"), Path("case-2")]}, 8), ({"scene": [Path("case-1"), Path("case-2")], "plots": 2}, 2),
+        ({}, 8),
+        ({"method": "score"}, 8),
+        ({"plots": 5}, 5),
+        ({"purpose": "kind", "method": "circle"}, 8),
+        ({"purpose": "this-plot"}, 1),
+        ({"method": "circle"}, 1),
+        ({"method": "bosfm"}, 1),
+        ({"scene": [Path("case-1"), Path("case-2")]}, 8),
+        ({"scene": [Path("case-1"), Path("case-2")], "plots": 2}, 2),
     ],
-)  # fmt: skip
+)
 def test_plans_are_for_plots_of_the_kind_where_the_method_knows_how(asked: dict[str, Any], plots: int) -> None:
     assert search_settings(PlanSettings(**{"scene": "case-1"} | asked)).plots == plots
 
@@ -57,11 +64,14 @@ def test_plans_are_for_plots_of_the_kind_where_the_method_knows_how(asked: dict[
 @pytest.mark.parametrize(
     ("asked", "method", "confirmed"),
     [
-        ({}, "score", (4, 3)), ({"finalists": 6}, "score", (6, 3)), ({"method": "field"}, "field", (3, 2)),
+        ({}, "score", (4, 3)),
+        ({"finalists": 6}, "score", (6, 3)),
+        ({"method": "field"}, "field", (3, 2)),
         ({"evaluations": 30}, "field", (3, 2)),
-        ({"purpose": "this-plot"}, "field", (3, 2)), ({"plots": 1}, "field", (3, 2)),
+        ({"purpose": "this-plot"}, "field", (3, 2)),
+        ({"plots": 1}, "field", (3, 2)),
     ],
-)  # fmt: skip
+)
 def test_plans_for_a_kind_are_chosen_and_confirmed_where_no_search_is_asked_for(asked, method, confirmed) -> None:
     settings = search_settings(PlanSettings(scene="case-1", **asked))
     assert (settings.method, (settings.finalists, settings.repeats)) == (method, confirmed)

@@ -47,9 +47,11 @@ def moments(model: SingleTaskGP, x: np.ndarray, *, noise: bool) -> tuple[np.ndar
 def gpytorchs(x: np.ndarray, y: np.ndarray) -> SingleTaskGP:
     variance = LogNormalPrior(np.log(0.01), 1.0)
     base = gpytorch.kernels.MaternKernel(
-        nu=2.5, active_dims=tuple(range(FEATURES)), lengthscale_prior=LogNormalPrior(np.log(0.4), 1.0),
+        nu=2.5,
+        active_dims=tuple(range(FEATURES)),
+        lengthscale_prior=LogNormalPrior(np.log(0.4), 1.0),
         lengthscale_constraint=above(0.02),
-    )  # fmt: skip
+    )
     kernel = gpytorch.kernels.ScaleKernel(base, outputscale_prior=variance, outputscale_constraint=above(1e-6))
     base.lengthscale, kernel.outputscale = 0.4, 0.01
     if len(np.unique(x[:, -1])) > 1:
@@ -59,9 +61,13 @@ def gpytorchs(x: np.ndarray, y: np.ndarray) -> SingleTaskGP:
         effect.outputscale = 0.01
         kernel = kernel + effect
     model = SingleTaskGP(
-        torch.from_numpy(x), torch.from_numpy(y)[:, None], covar_module=kernel, mean_module=ScoreMean(),
-        likelihood=noise_model(NOISE**2), outcome_transform=None,
-    )  # fmt: skip
+        torch.from_numpy(x),
+        torch.from_numpy(y)[:, None],
+        covar_module=kernel,
+        mean_module=ScoreMean(),
+        likelihood=noise_model(NOISE**2),
+        outcome_transform=None,
+    )
     fit(model, 0)
     return model
 

@@ -47,9 +47,13 @@ def run(
 
 def in_a_new_process(**environment: str) -> str:
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM], cwd=ROOT, env=os.environ | environment, capture_output=True, text=True,
+        [sys.executable, "-c", PROGRAM],
+        cwd=ROOT,
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
         check=True,
-    )  # fmt: skip
+    )
     return done.stdout.strip()
 
 

@@ -45,9 +45,7 @@ def map_scene(
 ) -> list[pycolmap.Reconstruction]:
     cameras = [camera or scene.camera]
     camera_of = [0] * len(scene.names)
-    return map_blindly(
-        method, scene.names, scene.features, cameras, camera_of, pairs, fixed_intrinsics=fixed, seed=0
-    )  # fmt: skip
+    return map_blindly(method, scene.names, scene.features, cameras, camera_of, pairs, fixed_intrinsics=fixed, seed=0)
 
 
 def errors(found: dict[str, Pose], scene: FeatureScene) -> tuple[np.ndarray, np.ndarray]:

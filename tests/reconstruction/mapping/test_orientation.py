@@ -90,8 +90,9 @@ def test_photographs_beyond_a_wrong_pair_with_more_matches_are_missing_at_most(w
     pairs = {key: pair for key, pair in pairs_of(poses, reach=2, noise_deg=0.5).items() if len(chain & set(key)) != 1}
     pairs |= {key: two_view(p.rotation, p.translation, 60) for key, p in pairs.items() if chain >= set(key)}
     for (a, b), turn_deg, matches in (
-        (((first - 1) % 13, first), 0.0, 26), ((last, (last + 1) % 13), 67.0, wrong_matches),
-    ):  # fmt: skip
+        (((first - 1) % 13, first), 0.0, 26),
+        ((last, (last + 1) % 13), 67.0, wrong_matches),
+    ):
         i, j = min(a, b), max(a, b)
         rotation, translation = relative_pose(poses[i], poses[j])
         turn = rotation_from_vector(np.radians(turn_deg) * np.array([0.0, 0.0, 1.0]))

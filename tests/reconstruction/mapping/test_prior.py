@@ -148,9 +148,7 @@ def test_a_chain_of_three_photographs_does_not_roll() -> None:
     names = ["1", "2", "3"]
     priors = [PosePrior.of(pose, 0.003, 3.0) for pose in poses]
     camera = Intrinsics.pinhole(320, 240, 304.0)
-    mapping = map_with_priors(
-        names, features, [camera], [0] * 3, priors, PriorMappingSettings(), fixed_intrinsics=True
-    )  # fmt: skip
+    mapping = map_with_priors(names, features, [camera], [0] * 3, priors, PriorMappingSettings(), fixed_intrinsics=True)
     found = model_poses(mapping.model)
     assert max(rotation_angle_deg(found[n].rotation, p.rotation) for n, p in zip(names, poses, strict=True)) < 5.0
 
@@ -159,9 +157,15 @@ def test_rounds_are_reported(scene: FeatureScene) -> None:
     steps: list[int] = []
     settings = PriorMappingSettings(bands_px=(6.0, 3.0))
     map_with_priors(
-        scene.names[:4], scene.features[:4], [scene.camera], [0] * 4, rough(scene.poses[:4]), settings,
-        fixed_intrinsics=True, advance=steps.append,
-    )  # fmt: skip
+        scene.names[:4],
+        scene.features[:4],
+        [scene.camera],
+        [0] * 4,
+        rough(scene.poses[:4]),
+        settings,
+        fixed_intrinsics=True,
+        advance=steps.append,
+    )
     assert steps == [1, 1, 1]
 
 

@@ -103,9 +103,14 @@ def worst_error_m(scene: FeatureScene, settings: PriorMappingSettings, seed: int
     """Of the centres, after the best fit; positions are known to 20 mm, angles to 1° and said to be good to 3°."""
     priors = [PosePrior.of(pose, 0.02, 3.0) for pose in perturbed(scene.poses, 0.02, 1.0, seed)]
     mapping = map_with_priors(
-        scene.names, scene.features, [scene.camera], [0] * 10, priors, settings,
+        scene.names,
+        scene.features,
+        [scene.camera],
+        [0] * 10,
+        priors,
+        settings,
         fixed_intrinsics=True,
-    )  # fmt: skip
+    )
     found = model_poses(mapping.model)
     assert sorted(found) == scene.names
     centers, truth = np.array([found[n].center for n in scene.names]), np.array([p.center for p in scene.poses])

@@ -26,8 +26,9 @@ def flown(folder: Path, corners: list[tuple[float, float]], accuracy_m: float = 
     offsets = [(0.0, 0.0), (1.2, 0.0), (0.0, 1.0), (1.2, 1.0)]
     poses = [
         Pose.from_yaw_pitch((x + dx, y + dy, LOW_M + 0.1 * k), 20.0 * k, -85.0)
-        for x, y in corners for k, (dx, dy) in enumerate(offsets)
-    ]  # fmt: skip
+        for x, y in corners
+        for k, (dx, dy) in enumerate(offsets)
+    ]
     photographed(folder, poses, equivalent=20)
     lines = ["image,x_m,y_m,z_m,yaw_deg,pitch_deg,roll_deg,accuracy_m"]
     for k, pose in enumerate(poses):

@@ -49,9 +49,15 @@ def write_reference(folder: Path, *, source: str = "dense", points: int = 4000) 
 
 
 def write_evaluation(
-    folder: Path, reference: Path | None = None, *, source: str = "season", plots: tuple[str, ...] = ("plot 7",),
-    failed: str = "", adherence: bool = False, points: int = 3000,
-) -> EvaluationReport:  # fmt: skip
+    folder: Path,
+    reference: Path | None = None,
+    *,
+    source: str = "season",
+    plots: tuple[str, ...] = ("plot 7",),
+    failed: str = "",
+    adherence: bool = False,
+    points: int = 3000,
+) -> EvaluationReport:
     """An evaluation's folder; every plot lies 2 mm beside the reference, with a leaf fewer."""
     folder.mkdir(parents=True)
     entries = []
@@ -61,9 +67,13 @@ def write_evaluation(
         cloud = Cloud(whole.points[whole.points[:, 0] > -0.1] + (0.002, 0.0, 0.0), None, None)
         cloud = Cloud(cloud.points, np.full((len(cloud), 3), 120, np.uint8))
         plot = plot_evaluation(
-            name, reconstruction(cloud=cloud), SETTINGS, seconds=1.0, cpu_seconds=1.0,
+            name,
+            reconstruction(cloud=cloud),
+            SETTINGS,
+            seconds=1.0,
+            cpu_seconds=1.0,
             score=score(other, cloud) if reference is not None else None,
-        )  # fmt: skip
+        )
         if (folder / name).resolve().is_relative_to(folder.resolve()) and "\0" not in name:
             (folder / name).mkdir(parents=True)
             write_cloud(folder / name / "cloud.ply", cloud)
@@ -77,9 +87,15 @@ def write_evaluation(
         error = CaptureError("no photographs in it", remedy="Copy them again.")
         entries.append(failed_plot(failed, error, seconds=0.1, cpu_seconds=0.1))
     report = evaluation_report(
-        source, entries, SETTINGS, refine=False, distances_m=(0.002, 0.005, 0.010, 0.020), seconds=2.0, cpu_seconds=2.0,
+        source,
+        entries,
+        SETTINGS,
+        refine=False,
+        distances_m=(0.002, 0.005, 0.010, 0.020),
+        seconds=2.0,
+        cpu_seconds=2.0,
         reference_sha256=None if reference is None else file_sha256(reference / "reference.json"),
-    )  # fmt: skip
+    )
     save_report(folder / "evaluation.json", report)
     return report
 
@@ -107,23 +123,61 @@ def write_run(folder: Path, reference: Path | None = None, *, name: str = "dense
     for k in range(trials):
         value = 0.005 + 0.004 * np.exp(-k / 10) * (1 + rng.random())
         weights = {"set-matern": 0.5 + 0.3 * k / trials, "set-rbf": 0.5 - 0.3 * k / trials} if k >= 16 else None
-        lines.append(LogEntry(
-            number=k, stage="search", origin=f"circle {k}" if k < 3 else f"near {k - 1}", seed=0, fidelity="draft",
-            cameras=rows, value_m=value, chamfer_m=value, accuracy_m=value / 2, completeness_m=value / 2,
-            f_score=dict.fromkeys(("0.002", "0.005", "0.010", "0.020"), 0.5), registered=7, right=7, models=1, points=5,
-            cloud_digest="0" * 32, views=(), failure="", measured=k != 5, cpu_s=9.0, wall_s=9.5, proposal_cpu_s=0.1,
-            finished_s=10.0 * (k + 1), notes={} if weights is None else {"weights": weights},
-        ).model_dump_json())  # fmt: skip
+        lines.append(
+            LogEntry(
+                number=k,
+                stage="search",
+                origin=f"circle {k}" if k < 3 else f"near {k - 1}",
+                seed=0,
+                fidelity="draft",
+                cameras=rows,
+                value_m=value,
+                chamfer_m=value,
+                accuracy_m=value / 2,
+                completeness_m=value / 2,
+                f_score=dict.fromkeys(("0.002", "0.005", "0.010", "0.020"), 0.5),
+                registered=7,
+                right=7,
+                models=1,
+                points=5,
+                cloud_digest="0" * 32,
+                views=(),
+                failure="",
+                measured=k != 5,
+                cpu_s=9.0,
+                wall_s=9.5,
+                proposal_cpu_s=0.1,
+                finished_s=10.0 * (k + 1),
+                notes={} if weights is None else {"weights": weights},
+            ).model_dump_json()
+        )
     (folder / "evaluations.jsonl").write_text("\n".join(lines) + "\n")
     finalist = {
-        "number": trials - 1, "origin": f"near {trials - 2}", "search_value_m": 0.0051, "value_m": 0.0041,
-        "spread_m": 0.0002, "right": [7, 7, 6],
-    }  # fmt: skip
-    (folder / "outcome.json").write_text(json.dumps({
-        "method": "field", "cameras": 7, "chamfer_m": 0.0041, "chamfer_spread_m": 0.0002, "evaluations": trials,
-        "failed_evaluations": 1, "confirmations": 3, "seconds": 10.0 * trials, "evaluation_cpu_s": 9.0 * trials,
-        "proposal_cpu_s": 4.0, "stopped": "evaluations", "finalists": [finalist],
-    }))  # fmt: skip
+        "number": trials - 1,
+        "origin": f"near {trials - 2}",
+        "search_value_m": 0.0051,
+        "value_m": 0.0041,
+        "spread_m": 0.0002,
+        "right": [7, 7, 6],
+    }
+    (folder / "outcome.json").write_text(
+        json.dumps(
+            {
+                "method": "field",
+                "cameras": 7,
+                "chamfer_m": 0.0041,
+                "chamfer_spread_m": 0.0002,
+                "evaluations": trials,
+                "failed_evaluations": 1,
+                "confirmations": 3,
+                "seconds": 10.0 * trials,
+                "evaluation_cpu_s": 9.0 * trials,
+                "proposal_cpu_s": 4.0,
+                "stopped": "evaluations",
+                "finalists": [finalist],
+            }
+        )
+    )
     save_plan(folder / "plan.json", plan)
     return plan
 
@@ -155,21 +209,36 @@ def write_campaign(
         for k, plot in enumerate(campaign.plots):
             value = 0.008 + 0.001 * k + 0.002 * day
             visit = Visit(
-                plot=plot.name, date=date, captures="captures", folder=f"visits/{date}/{plot.name}", images=13,
-                registered=13, right=13 if k else 11, pose_rms_m=0.02, chamfer_m=value, accuracy_m=value / 3,
-                completeness_m=2 * value / 3, f_score={"0.005": 0.6, "0.010": 0.9 - 0.02 * k},
+                plot=plot.name,
+                date=date,
+                captures="captures",
+                folder=f"visits/{date}/{plot.name}",
+                images=13,
+                registered=13,
+                right=13 if k else 11,
+                pose_rms_m=0.02,
+                chamfer_m=value,
+                accuracy_m=value / 3,
+                completeness_m=2 * value / 3,
+                f_score={"0.005": 0.6, "0.010": 0.9 - 0.02 * k},
                 cpu_s=20.0,
                 traits=TraitsEntry(height_m=0.6 + 0.2 * day, cover_percent=30.0 + 5.0 * day, canopy_volume_m3=0.2),
                 notes=(HOSTILE,) if k == 2 else (),
-            )  # fmt: skip
+            )
             if k == 7:
                 visit = Visit(plot=plot.name, date=date, images=9, error=f"the photographs fell apart {HOSTILE}")
             elif k == 6:
                 visit = Visit(
-                    plot=plot.name, date=date, images=13, registered=13, right=13, predicted_chamfer_m=0.011,
-                    predicted_low_m=0.008, predicted_high_m=0.016,
+                    plot=plot.name,
+                    date=date,
+                    images=13,
+                    registered=13,
+                    right=13,
+                    predicted_chamfer_m=0.011,
+                    predicted_low_m=0.008,
+                    predicted_high_m=0.016,
                     traits=TraitsEntry(height_m=0.7, cover_percent=40.0, canopy_volume_m3=0.25),
-                )  # fmt: skip
+                )
             keep_visit(folder, visit)
 
 
@@ -181,18 +250,37 @@ def write_comparison(folder: Path, label: str = "june") -> None:
     )
     told = {"plot": "a", "less": "may", "label": label}
     report = ComparisonReport(
-        fieldkit="0", evaluations=evaluations, figures=("chamfer_m", "height_m", "points"),
+        fieldkit="0",
+        evaluations=evaluations,
+        figures=("chamfer_m", "height_m", "points"),
         notes=(f"A note of {label}.",),
         values=(ValueEntry(plot="a", figure="chamfer_m", label=label, value=0.0132, repeats=1, spread=None),),
         differences=(
-            DifferenceEntry(**told, figure="chamfer_m", difference=-0.0034, noise="repeats", noise_sd=0.0001,
-                            low=-0.0036, high=-0.0032, beyond=True),
-            DifferenceEntry(**told, figure="height_m", difference=0.12, noise="flights", noise_sd=0.1, low=-0.1,
-                            high=0.3, beyond=False),
-            DifferenceEntry(**told, figure="points", difference=1200.0, noise=None, noise_sd=None, low=None, high=None,
-                            beyond=None),
+            DifferenceEntry(
+                **told,
+                figure="chamfer_m",
+                difference=-0.0034,
+                noise="repeats",
+                noise_sd=0.0001,
+                low=-0.0036,
+                high=-0.0032,
+                beyond=True,
+            ),
+            DifferenceEntry(
+                **told,
+                figure="height_m",
+                difference=0.12,
+                noise="flights",
+                noise_sd=0.1,
+                low=-0.1,
+                high=0.3,
+                beyond=False,
+            ),
+            DifferenceEntry(
+                **told, figure="points", difference=1200.0, noise=None, noise_sd=None, low=None, high=None, beyond=None
+            ),
         ),
-    )  # fmt: skip
+    )
     (folder / COMPARE_FILE).write_text(report.model_dump_json())
 
 
@@ -225,12 +313,23 @@ def write_everything(root: Path) -> None:
 def _adherence(plot: str) -> AdherenceEntry:
     stations = tuple(
         StationErrorEntry(
-            station=f"station {k + 1}", image=f"IMG_{k + 1:04d}.jpg", east_m=0.1 * k - 0.2, north_m=0.05,
-            up_m=None if k else -0.1, yaw_deg=1.5, pitch_deg=-0.5, speed_mps=0.04, turning_dps=0.3,
+            station=f"station {k + 1}",
+            image=f"IMG_{k + 1:04d}.jpg",
+            east_m=0.1 * k - 0.2,
+            north_m=0.05,
+            up_m=None if k else -0.1,
+            yaw_deg=1.5,
+            pitch_deg=-0.5,
+            speed_mps=0.04,
+            turning_dps=0.3,
         )
         for k in range(5)
-    )  # fmt: skip
+    )
     return AdherenceEntry(
-        stations=stations, missing=("station 6", f"station {plot}"), extra=("IMG_0008.jpg",), horizontal_rms_m=0.21,
-        yaw_rms_deg=1.5, pitch_rms_deg=0.5,
-    )  # fmt: skip
+        stations=stations,
+        missing=("station 6", f"station {plot}"),
+        extra=("IMG_0008.jpg",),
+        horizontal_rms_m=0.21,
+        yaw_rms_deg=1.5,
+        pitch_rms_deg=0.5,
+    )

@@ -17,11 +17,16 @@ def report(**planned_mm: float) -> DemoReport:
         DemoEntry(plot=plot, views=views, images=10, right=10, to_reference_m=0.003, to_true_plants_m=value / 1000)
         for plot, value_mm in planned_mm.items()
         for views, value in (("circle", 4.0), ("planned", value_mm))
-    ]  # fmt: skip
+    ]
     return DemoReport(
-        seed=0, pose_noise=(0.02, 1.0), wind_m=0.01, vehicle_kg=1.5, reference_to_true_plants_m=0.004,
-        scores=tuple(entries), truth={},
-    )  # fmt: skip
+        seed=0,
+        pose_noise=(0.02, 1.0),
+        wind_m=0.01,
+        vehicle_kg=1.5,
+        reference_to_true_plants_m=0.004,
+        scores=tuple(entries),
+        truth={},
+    )
 
 
 def test_a_report_begins_with_the_planned_views() -> None:
@@ -38,8 +43,12 @@ def test_measured_traits_stand_beside_true_ones() -> None:
     plot = PlotEvaluation(name="planned", images=10, seconds=1.0, cpu_seconds=1.0, traits=known)
     table = demo_traits(told, {"seen": [plot]})
     assert [column.label for column in table.columns][2:] == [
-        "height, m", "true, m", "true, %", "covered area, m²", "true, m²"
-    ]  # fmt: skip
+        "height, m",
+        "true, m",
+        "true, %",
+        "covered area, m²",
+        "true, m²",
+    ]
     assert table.rows == (("the plot that was planned on", "planned", "0.82 ± 0.03", "0.80", "5.3", "0.078", "0.081"),)
 
 

@@ -15,10 +15,15 @@ from tests.report.page_checks import checked
 from tests.report.sections.examples import HOSTILE, write_campaign, write_everything
 
 FILES = (
-    "reference/reference.json", "plan/plan.json", "plan/search.json", "plan/outcome.json", "plan/evaluations.jsonl",
-    "scores/evaluation.json", "mission/field.mission.json",
+    "reference/reference.json",
+    "plan/plan.json",
+    "plan/search.json",
+    "plan/outcome.json",
+    "plan/evaluations.jsonl",
+    "scores/evaluation.json",
+    "mission/field.mission.json",
     "comparison/compare.json",
-)  # fmt: skip
+)
 JUNK: tuple[Any, ...] = (
     None, True, 0, -1, 10**18, 10**40, 0.0, 1e-300, 1e8, 1e308, -1e308, "", HOSTILE, "../../../etc/passwd", "\0", [],
     {}, [HOSTILE], {"a": {"b": [1e308]}},

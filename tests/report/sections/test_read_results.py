@@ -64,9 +64,12 @@ def test_a_result_of_its_own_by_folder_or_file(tmp_path: Path, file: bool) -> No
     write_mission(tmp_path / "mission")
     write_campaign(tmp_path / "campaign")
     files = {
-        "ref": "reference.json", "eval": "evaluation.json", "run": "plan.json", "mission": "field.plan",
+        "ref": "reference.json",
+        "eval": "evaluation.json",
+        "run": "plan.json",
+        "mission": "field.plan",
         "campaign": "campaign.toml",
-    }  # fmt: skip
+    }
     kinds: tuple[type, ...] = (ReferenceReport, EvaluationReport, PlanRun, FlownMission, Campaign)
     for (folder, name), kind in zip(files.items(), kinds, strict=True):
         found = read_results(tmp_path / folder / name if file else tmp_path / folder)
@@ -174,18 +177,25 @@ class TestMissions:
         (tmp_path / "plan").mkdir()
         save_plan(tmp_path / "plan" / "plan.json", planned(5, height_m=2.0))
         export_mission(
-            tmp_path / "plan", "ardupilot-pitch", SITES / "example.toml", tmp_path / "mission",
-            MissionSettings(plant_height=LOW_M), plots=HILLSIDE, picture=False,
-        )  # fmt: skip
+            tmp_path / "plan",
+            "ardupilot-pitch",
+            SITES / "example.toml",
+            tmp_path / "mission",
+            MissionSettings(plant_height=LOW_M),
+            plots=HILLSIDE,
+            picture=False,
+        )
         results = read_results(tmp_path)
         (part,), (plan,) = results.of(FlownMission), results.of(PlanRun)
         view = mission_view(part, results)[0]
         (layer,) = view.points
         field = load_site(SITES / "example.toml", HILLSIDE)
-        wanted = np.concatenate([
-            SiteFrame(field.home).to_local(*PlotFrame.of(field, plot).to_geodetic(plan.report.plan.plants.points_m))
-            for plot in field.plots
-        ])  # fmt: skip
+        wanted = np.concatenate(
+            [
+                SiteFrame(field.home).to_local(*PlotFrame.of(field, plot).to_geodetic(plan.report.plan.plants.points_m))
+                for plot in field.plots
+            ]
+        )
         np.testing.assert_allclose(layer.points, wanted, atol=1e-3)
         (tmp_path / "plan" / "plan.json").rename(part.folder / "low.json")  # as plans that are fitted to plots are kept
         name = part.report.record.plots[0].plan.name

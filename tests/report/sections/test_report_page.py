@@ -60,9 +60,16 @@ class TestFile:
         parsed = checked((tmp_path / "report.html").read_text(encoding="utf-8"))
         ids = [a["id"] for a in parsed.all("section")]
         assert ids == [
-            "summary", "reference-1", "plan-1", "mission-1", "evaluation-1", "comparison-1", "campaign-1",
-            "glossary", "provenance",
-        ]  # fmt: skip
+            "summary",
+            "reference-1",
+            "plan-1",
+            "mission-1",
+            "evaluation-1",
+            "comparison-1",
+            "campaign-1",
+            "glossary",
+            "provenance",
+        ]
         assert SHOWN in parsed.text
         assert "\u202e" not in (tmp_path / "report.html").read_text(encoding="utf-8")
         printed = [a.get("class") == "printed" for a in parsed.all("img")]
@@ -254,9 +261,12 @@ def test_other_plants_than_the_references_are_no_success(scored: Results) -> Non
     (found,) = scored.of(EvaluationReport)
     (plot,) = found.report.plots
     finding = Finding(subject="plot 7", code=OTHER_PLANTS, message="far off; check the plot", left_out=False)
-    odd = replace(found, report=found.report.model_copy(
-        update={"plots": (plot.model_copy(update={"findings": (finding,), "right": plot.images}),)}
-    ))  # fmt: skip
+    odd = replace(
+        found,
+        report=found.report.model_copy(
+            update={"plots": (plot.model_copy(update={"findings": (finding,), "right": plot.images}),)}
+        ),
+    )
     said = summarise(replace(scored, found=(odd,)))
     assert ("problem", "plot 7: far off.", "Check the plot.") in [(s.level, s.text, s.advice) for s in said]
     assert verdict(scored, said).level == "problem"

@@ -16,12 +16,19 @@ from fieldkit_sim.standin.recording import read_messages
 
 T0 = 1781000000.0
 ANSWERS = {
-    "MISSION_REQUEST", "MISSION_ACK", "MISSION_COUNT", "MISSION_ITEM_INT", "COMMAND_ACK", "AUTOPILOT_VERSION",
-}  # fmt: skip
+    "MISSION_REQUEST",
+    "MISSION_ACK",
+    "MISSION_COUNT",
+    "MISSION_ITEM_INT",
+    "COMMAND_ACK",
+    "AUTOPILOT_VERSION",
+}
 TEXTS = {
-    "Flight plan received", "Mission upload timeout", "Only 650 items are supported",
+    "Flight plan received",
+    "Mission upload timeout",
+    "Only 650 items are supported",
     "got MISSION_ITEM; GCS should send MISSION_ITEM_INT",
-}  # fmt: skip
+}
 LOSSY = ((55.7085, 97.3), (108.873, 154.3))
 """Uploads at 15 % and 30 % loss, made by dropping messages between the autopilot and the log."""
 STANDSTILL_S = 0.5
@@ -133,8 +140,14 @@ def test_every_answer(comparison: Comparison) -> None:
     recorded = [entry for entry in comparison.recorded if not lossy(*entry)]
     answered = [entry for entry in comparison.answered if not lossy(*entry)]
     counts = Counter(message.get_type() for _, message in recorded)
-    assert counts == {"MISSION_ACK": 255, "MISSION_COUNT": 81, "MISSION_ITEM_INT": 384, "COMMAND_ACK": 19,
-                      "AUTOPILOT_VERSION": 1, "MISSION_REQUEST": 530}  # fmt: skip
+    assert counts == {
+        "MISSION_ACK": 255,
+        "MISSION_COUNT": 81,
+        "MISSION_ITEM_INT": 384,
+        "COMMAND_ACK": 19,
+        "AUTOPILOT_VERSION": 1,
+        "MISSION_REQUEST": 530,
+    }
     assert len(answered) == len(recorded)
     different = [
         (round(t, 3), str(theirs), str(ours))
@@ -183,8 +196,11 @@ def ask(state: Autopilot, message: Any, now_s: float = 100.0, **sender: int) -> 
 
 def test_one_station_at_a_time() -> None:
     state, _ = ask(Autopilot(), mavlink.MAVLink_mission_count_message(1, 1, 2))
-    for message in (mavlink.MAVLink_mission_count_message(1, 1, 9), mavlink.MAVLink_mission_clear_all_message(1, 1),
-                    mavlink.MAVLink_mission_request_list_message(1, 1)):  # fmt: skip
+    for message in (
+        mavlink.MAVLink_mission_count_message(1, 1, 9),
+        mavlink.MAVLink_mission_clear_all_message(1, 1),
+        mavlink.MAVLink_mission_request_list_message(1, 1),
+    ):
         state, (ack,) = ask(state, message, srcSystem=255, srcComponent=190)
         assert ack.type == 14
     state, (request,) = ask(state, mavlink.MAVLink_mission_count_message(1, 1, 1))

@@ -37,8 +37,10 @@ def test_the_same_seed_is_the_same_link(loss: float, duplicate: float, delay_s: 
     assert run() == run()
 
 
-@pytest.mark.parametrize("arguments", [{"loss": 1.1}, {"loss": -0.1}, {"duplicate": float("nan")}, {"delay_s": -1.0},
-                                       {"delay_s": float("inf")}])  # fmt: skip
+@pytest.mark.parametrize(
+    "arguments",
+    [{"loss": 1.1}, {"loss": -0.1}, {"duplicate": float("nan")}, {"delay_s": -1.0}, {"delay_s": float("inf")}],
+)
 def test_errors(arguments: dict[str, float]) -> None:
     with pytest.raises(UsageError):
         Faults(**arguments)
