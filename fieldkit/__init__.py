@@ -40,10 +40,11 @@ if TYPE_CHECKING:
 def _homes() -> dict[str, str]:
     """The modules of the names that are imported above, by name."""
     import ast
-    from pathlib import Path
+    from pkgutil import get_data
 
-    imports = [node for node in ast.walk(ast.parse(Path(__file__).read_text("utf-8"))) if type(node) is ast.ImportFrom]
-    return {each.asname: node.module or "" for node in imports for each in node.names if each.asname}
+    source = get_data(__name__, "__init__.py") or b""
+    imports = [node for node in ast.walk(ast.parse(source)) if type(node) is ast.ImportFrom]
+    return {name.asname: node.module or "" for node in imports for name in node.names if name.asname}
 
 
 def __getattr__(name: str) -> Any:

@@ -46,8 +46,10 @@ class AllFailedError(ReconstructionError):
     def __init__(self, report: EvaluationReport) -> None:
         first = report.plots[0]
         assert first.error is not None
-        problem = f"none of {len(report.plots)} plots was reconstructed; {first.name}: {first.error.message}"
-        super().__init__(problem, remedy=first.error.remedy)
+        super().__init__(
+            f"none of {len(report.plots)} plots was reconstructed; {first.name}: {first.error.message}",
+            remedy=first.error.remedy,
+        )
         self.report = report
 
 

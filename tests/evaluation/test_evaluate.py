@@ -8,7 +8,7 @@ import pytest
 
 from fieldkit.captures import Capture, read_capture
 from fieldkit.errors import CaptureError, StorageError
-from fieldkit.evaluation.evaluate import evaluate, find_plots
+from fieldkit.evaluation.evaluate import AllFailedError, evaluate, find_plots
 from fieldkit.results.report_files import load_evaluation_report
 from fieldkit.runtime.context import Context
 
@@ -31,7 +31,8 @@ def test_an_error_that_nobody_foresaw_is_its_plots(tmp_path: Path, monkeypatch: 
         return read_capture(folder)
 
     monkeypatch.setattr("fieldkit.evaluation.evaluate.read_capture", read)
-    evaluate(day, tmp_path / "out", context=Context())
+    with pytest.raises(AllFailedError, match="none of 2 plots was reconstructed; plot 1: a bug in fieldkit"):
+        evaluate(day, tmp_path / "out", context=Context())
     report = load_evaluation_report(tmp_path / "out")
     first, second = (plot.error for plot in report.plots)
     assert "ZeroDivisionError" in first.message
