@@ -141,10 +141,10 @@ def partial_folders(folder: Path) -> list[Path]:
     return sorted(folder.glob(".*.partial"))
 
 
-def set_gps(photo: Path, latitude: float, longitude: float, altitude: float) -> None:
-    """Write a GPS position, good to 2 cm, into a JPEG's EXIF; the pixels stay as they are."""
+def set_gps(photo: Path, latitude: float, longitude: float, altitude: float, taken: str) -> None:
+    """Write a time and a GPS position, good to 2 cm, into a JPEG's EXIF; the pixels stay as they are."""
     with Image.open(photo) as image:
-        exif = exif_block(gps={**gps_tags(latitude, longitude, altitude), 31: 0.02})
+        exif = exif_block(detail={36867: taken}, gps={**gps_tags(latitude, longitude, altitude), 31: 0.02})
         image.save(photo, "JPEG", quality="keep", exif=exif)
 
 

@@ -42,7 +42,8 @@ def capture(
         x, z = c * x - s * z, s * x + c * z
         day = 0.001 * int(date[-2:])  # so that no two photographs have the same bytes
         latitude, longitude, altitude = FIELD.to_geodetic((x + 6.0 * PLOTS.index(plot) + day, y, z))
-        set_gps(folder / path.name, float(latitude[0]), float(longitude[0]), float(altitude[0]))
+        taken = f"{date.replace('-', ':')} 1{PLOTS.index(plot)}:00:{2 * k:02}"
+        set_gps(folder / path.name, float(latitude[0]), float(longitude[0]), float(altitude[0]), taken)
     return folder
 
 
