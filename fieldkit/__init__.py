@@ -6,6 +6,7 @@ The commands as functions: `build_reference`, `plan`, `export_mission`, `check`,
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from fieldkit.version import __version__ as __version__
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from fieldkit.runtime.context import Context as Context
 
 
+@cache
 def _homes() -> dict[str, str]:
     """The modules of the names that are imported above, by name."""
     import ast

@@ -26,14 +26,12 @@ from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_refe
 from fieldkit.results.visit import CAMPAIGN_FILE, find_campaign
 from fieldkit.sites.fit import other_camera
 from fieldkit.sites.plots_file import read_plots
-from fieldkit.sites.site_file import Tell, load_site, plots_file_beside
+from fieldkit.sites.site_file import MAX_BYTES, Tell, load_site, plots_file_beside
 from fieldkit.sites.vector_files import parts_of
 from fieldkit.vehicles.vehicle_file import find_vehicle, load_vehicle
 from fieldkit.wording import listed
 
 SITE_FILE, PLOTS_FILE, VEHICLE_FILE, CAMERA_FILE = "site.toml", "plots.geojson", "vehicle.toml", "camera.toml"
-_SITE_BYTES = 256 << 10
-"""Largest site file that is read, bytes."""
 _ZONES = ("geofence", "no_fly", "plots", "neighbours")
 
 
@@ -119,7 +117,7 @@ def _copy_site(sources: CampaignSources, folder: Path, plot_id: str | None) -> s
     _copy(sources.site, folder / SITE_FILE)
     plots = sources.plots or plots_file_beside(sources.site)
     converted = None if plots is None else read_plots(plots, plot_id).geojson()
-    document = read_versioned(sources.site, "site file", "", _SITE_BYTES)
+    document = read_versioned(sources.site, "site file", "", MAX_BYTES)
     for key in _ZONES:
         named = document.get(key)
         its_own = key == "plots" and converted and not sources.plots

@@ -23,13 +23,11 @@ from fieldkit.results.visit import CAMPAIGN_FILE, Visit
 from fieldkit.sites.fitted import flown_plans
 from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.sites.site import Site, SitePlot
-from fieldkit.sites.site_file import load_site
+from fieldkit.sites.site_file import MAX_BYTES, load_site
 from fieldkit.sites.vector_files import read_features
 
 PLANS_FOLDER = "plans"
 _REMEDY = "Make a campaign with `fieldkit campaign init`."
-_SITE_BYTES = 256 << 10
-"""Largest site file that is read, bytes."""
 
 
 class CampaignPlot(SitePlot):
@@ -143,7 +141,7 @@ def visit_plots(campaign: Campaign) -> list[PlotEvaluation]:
 
 def plots_file_of(site_file: Path) -> str | None:
     """The file that a site file names for its plots, as it names it; None where it lists them itself."""
-    own = read_versioned(site_file, "site file", _REMEDY, _SITE_BYTES).get("plots")
+    own = read_versioned(site_file, "site file", _REMEDY, MAX_BYTES).get("plots")
     return own if isinstance(own, str) else None
 
 

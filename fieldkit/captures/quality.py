@@ -19,11 +19,11 @@ from fieldkit.results.finding import Finding
 WORKING_SIDE = 1024
 """Longer side in pixels at which quality is measured, so that cameras of different resolution compare."""
 
-_DARK = 3
+DARK = 3
 """Grey level up to which a pixel is clipped dark."""
-_BRIGHT = 252
+BRIGHT = 252
 """Grey level from which a pixel is clipped bright."""
-_EMPTY_CONTRAST = 3.0
+EMPTY_CONTRAST = 3.0
 """Contrast below which a photograph shows nothing, grey levels."""
 _MIN_SHARPNESS = 3.0
 """Sharpness below which a photograph is blurred whatever the others are, grey levels squared."""
@@ -80,10 +80,10 @@ def measure_quality(gray: ByteArray, mask: BoolArray | None = None) -> Quality:
     values = gray[region]
     sharpness = float(cv2.Laplacian(gray, cv2.CV_32F)[region].var(dtype=np.float64))
     contrast = float(values.std())
-    dark, bright = float((values <= _DARK).mean()), float((values >= _BRIGHT).mean())
+    dark, bright = float((values <= DARK).mean()), float((values >= BRIGHT).mean())
     low, high = np.percentile(values, [1, 99])
     flags = []
-    if contrast < _EMPTY_CONTRAST:
+    if contrast < EMPTY_CONTRAST:
         flags.append("empty")
     elif sharpness < _MIN_SHARPNESS:
         flags.append("blurred")

@@ -107,13 +107,13 @@ def checked_call(function: Callable[P, T]) -> Callable[P, T]:
 
     @wraps(function)
     def called(*arguments: P.args, **keywords: P.kwargs) -> T:
-        if not open_ended:
+        if not open_ended and not keywords.keys() <= signature.parameters.keys():
+            fields = _settings_fields(signature)
             for name in keywords:
-                if name not in signature.parameters and name in (fields := _settings_fields(signature)):
-                    raise UsageError(
-                        f"{function.__name__} has no {name}", remedy=f"Give it as {fields[name]}({name}=…)."
-                    )
-            check_names(function.__name__, keywords, [*signature.parameters, *_settings_fields(signature)])
+                if name in fields and name not in signature.parameters:
+                    remedy = f"Give it as {fields[name]}({name}=…)."
+                    raise UsageError(f"{function.__name__} has no {name}", remedy=remedy)
+            check_names(function.__name__, keywords, [*signature.parameters, *fields])
         try:
             signature.bind(*arguments, **keywords)
         except TypeError as error:

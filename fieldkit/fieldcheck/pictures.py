@@ -16,7 +16,7 @@ import numpy as np
 from fieldkit.arrays import ByteArray, Float32Array, FloatArray
 from fieldkit.cache import StageCache, digest
 from fieldkit.captures import Capture, Photo, read_image
-from fieldkit.captures.quality import quality_findings
+from fieldkit.captures.quality import BRIGHT, DARK, EMPTY_CONTRAST, quality_findings
 from fieldkit.errors import CaptureError
 from fieldkit.reconstruction.stages import load_quality
 from fieldkit.reconstruction.versions import BESIDE
@@ -26,14 +26,8 @@ from fieldkit.runtime.progress import Advance
 
 WORKING_SIDE = 1600
 """Longer side in pixels at which sharpness is measured: that of features and depth maps."""
-_DARK = 3
-"""Grey level up to which a pixel is black."""
-_BRIGHT = 252
-"""Grey level from which a pixel is white."""
 _GAMMA = 2.2
 """Exponent that makes grey levels light."""
-_EMPTY_CONTRAST = 3.0
-"""Contrast below which a photograph shows nothing, grey levels."""
 _AT_ONCE = 4
 """Number of photographs that are measured at once at most: each takes 0.1 GB."""
 _SKY = 1.9
@@ -111,8 +105,8 @@ def measure_picture(gray: ByteArray) -> Picture:
     return Picture(
         widths=edge_widths(gray),
         light=float(count @ levels**_GAMMA),
-        dark=float(count[: _DARK + 1].sum()),
-        bright=float(count[_BRIGHT:].sum()),
+        dark=float(count[: DARK + 1].sum()),
+        bright=float(count[BRIGHT:].sum()),
         contrast=float(gray.std()),
     )
 
@@ -178,7 +172,7 @@ def _judged(picture: Picture, ratios: FloatArray, usual: FloatArray) -> PictureV
     elif stops > _EXPOSURE_STOPS or picture.bright - bright > _CLIPPED_SHARE:
         problem = "too-bright"
         message = f"{max(stops, 0.0):.1f} stops brighter than the others, {picture.bright:.0%} of it white"
-    elif picture.contrast < _EMPTY_CONTRAST:
+    elif picture.contrast < EMPTY_CONTRAST:
         problem, message = "empty", "nothing can be seen in it"
     elif ratio > _BLUR_RATIO:
         problem = "blurred"

@@ -8,14 +8,13 @@ from datetime import datetime
 
 from PIL import ExifTags, Image, TiffImagePlugin
 
+from fieldkit.captures.xmp import RTK_FIXED
 from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.pose import wrapped_deg
 
 _SENSOR_WIDTH_MM = 13.2
 """A one-inch sensor's, which gives the focal length in millimetres its scale."""
 _FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
-_RTK_FIXED = 50
-"""RtkFlag of a fixed solution (DJI Zenmuse P1 and Mavic 3M manuals)."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,7 @@ def xmp_packet(geotag: Geotag) -> bytes:
         "FlightRollDegree": "+0.00",
         "FlightYawDegree": f"{wrapped_deg(geotag.yaw_deg):+.2f}",
         "FlightPitchDegree": "+0.00",
-        "RtkFlag": str(_RTK_FIXED if geotag.rtk else 0),
+        "RtkFlag": str(RTK_FIXED if geotag.rtk else 0),
     }
     if geotag.rtk:
         fields["RtkStdLon"] = fields["RtkStdLat"] = f"{geotag.horizontal_accuracy_m:.5f}"

@@ -26,7 +26,7 @@ from fieldkit.sites.vector_files import read_wgs84, wgs84_features
 
 FARTHEST_M = 100_000.0
 """From home; what lies farther away is not where it was meant to be."""
-_MAX_BYTES = 256 << 10
+MAX_BYTES = 256 << 10
 """Largest site file that is read, bytes."""
 _REMEDY = f"A site file is TOML with format = 1, [home] and plots: {shipped_page('missions/README.md')} lists its keys."
 _NO_PLOTS = 'Give it [[plots]], or plots = "plots.geojson"; --plots takes such a file, too.'
@@ -57,7 +57,7 @@ def load_site(
     """
     path, tell = Path(path), tell or _nobody
     refuse_other(path, "site file", _REMEDY)
-    document = read_versioned(path, "site file", _REMEDY, _MAX_BYTES)
+    document = read_versioned(path, "site file", _REMEDY, MAX_BYTES)
     document.setdefault("name", path.stem)
     own, beside = document.get("plots"), document.get("neighbours")
     if isinstance(own, str):
@@ -107,7 +107,7 @@ def load_site(
 
 def plots_file_beside(path: Path) -> Path | None:
     """The file that a site file names for its plots; None where it lists them itself, or has none."""
-    own = read_versioned(path, "site file", _REMEDY, _MAX_BYTES).get("plots")
+    own = read_versioned(path, "site file", _REMEDY, MAX_BYTES).get("plots")
     return named_file(own, path, "plots", what="site file") if isinstance(own, str) else None
 
 

@@ -11,23 +11,10 @@ import pytest
 
 from fieldkit.report.write_report import write_report
 from tests.browser import colors_in, opened, picture
-from tests.report.sections.examples import SHOWN, write_everything
+from tests.report.sections.examples import SECTIONS, SHOWN, write_everything
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
-
-
-SECTIONS = (
-    "summary",
-    "reference-1",
-    "plan-1",
-    "mission-1",
-    "evaluation-1",
-    "comparison-1",
-    "campaign-1",
-    "glossary",
-    "provenance",
-)
 
 
 @pytest.fixture(scope="module")

@@ -33,6 +33,18 @@ HOSTILE = '<script>document.title="owned"</script>"\'><img src=x onerror=alert(1
 
 SHOWN = HOSTILE.replace("\u202e", "\\u202e")
 """The same as people see it."""
+SECTIONS = (
+    "summary",
+    "reference-1",
+    "plan-1",
+    "mission-1",
+    "evaluation-1",
+    "comparison-1",
+    "campaign-1",
+    "glossary",
+    "provenance",
+)
+"""Of the page about everything that `write_everything` writes, in their order."""
 
 
 def write_reference(folder: Path, *, source: str = "dense", points: int = 4000) -> ReferenceReport:

@@ -24,6 +24,7 @@ from fieldkit.results.visit import Visit
 from tests.report.page_checks import checked
 from tests.report.sections.examples import (
     HOSTILE,
+    SECTIONS,
     SHOWN,
     write_comparison,
     write_evaluation,
@@ -59,17 +60,7 @@ class TestFile:
         assert done.bytes == (tmp_path / "report.html").stat().st_size
         parsed = checked((tmp_path / "report.html").read_text(encoding="utf-8"))
         ids = [a["id"] for a in parsed.all("section")]
-        assert ids == [
-            "summary",
-            "reference-1",
-            "plan-1",
-            "mission-1",
-            "evaluation-1",
-            "comparison-1",
-            "campaign-1",
-            "glossary",
-            "provenance",
-        ]
+        assert tuple(ids) == SECTIONS
         assert SHOWN in parsed.text
         assert "\u202e" not in (tmp_path / "report.html").read_text(encoding="utf-8")
         printed = [a.get("class") == "printed" for a in parsed.all("img")]
