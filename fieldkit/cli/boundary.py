@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import io
 import logging
 import os
@@ -13,7 +12,6 @@ import warnings
 import weakref
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, suppress
-from itertools import chain, islice
 from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, TextIO
@@ -28,13 +26,6 @@ _AGAIN_S = 0.5
 """Time after which SIGTERM is sent again where the first was swallowed, seconds."""
 _NO_TEXT = ("surrogates not allowed", "unable to parse raw data as a unicode string")
 """What Python and pydantic say where a file's name in an unknown encoding is to be written into a result."""
-
-
-_PLAIN_SIGNS = {
-    "−": "-", "‑": "-", "–": "-", "→": "->", "≈": "~", "≥": ">=", "≤": "<=", "±": "+/-", "×": "x", "·": "*", "…": "...",
-    "°": " deg", "²": "2", "³": "3", "µ": "u",
-}  # fmt: skip
-"""For signs that a stream does not know: a redirected one on Windows (cp1252), or that of the C locale."""
 
 
 class _Terminated(SystemExit):
@@ -62,8 +53,9 @@ class Boundary:
         self._catch_warnings: AbstractContextManager[None] = warnings.catch_warnings()
 
     def __enter__(self) -> Boundary:
-        write_plainly(sys.stdout)
-        write_plainly(sys.stderr)
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, io.TextIOWrapper):  # what its encoding does not know is written as an escape
+                stream.reconfigure(errors="backslashreplace")
         self._catch_warnings.__enter__()
         warnings.simplefilter("default")
         warnings.showwarning = self._show_warning
@@ -214,17 +206,10 @@ def finding_entry(finding: Any) -> dict[str, Any]:
 
 
 def emit_json(value: Any) -> None:
-    """Print one JSON object on stdout, iterators item by item. Numbers that JSON does not know become null."""
+    """Print one JSON object on stdout. Numbers that JSON does not know become null."""
     import json
 
-    ascii_only = not knows_every_sign(sys.stdout)  # JSON is UTF-8
-    pieces = json.JSONEncoder(ensure_ascii=ascii_only, indent=2, allow_nan=False).iterencode(_plain(value))
-    with suppress(BrokenPipeError):
-        for piece in iter(lambda: "".join(islice(pieces, 10_000)), ""):
-            # Paths may have bytes that are no UTF-8; as JSON's own escapes they can be written.
-            sys.stdout.write(piece.encode("utf-8", "backslashreplace").decode())
-        sys.stdout.write("\n")
-    flush(sys.stdout)
+    answer(json.dumps(_plain(value), indent=2, allow_nan=False))
 
 
 def say(text: str) -> None:
@@ -252,24 +237,11 @@ def flush(stream: TextIO) -> None:
             os.dup2(nowhere.fileno(), stream.fileno())
 
 
-class _Drawn(list[Any]):
-    """An iterator's items, as a list to an encoder that goes through it once."""
-
-    def __init__(self, items: Iterator[Any]) -> None:
-        super().__init__(islice(items, 1))  # the first, which tells whether there is one
-        self._others = items
-
-    def __iter__(self) -> Iterator[Any]:
-        return map(_plain, chain(super().__iter__(), self._others))
-
-
 def _plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
+    if isinstance(value, list | tuple | Iterator):
         return [_plain(item) for item in value]
-    if isinstance(value, Iterator):
-        return _Drawn(value)
     if isinstance(value, os.PathLike):
         return os.fspath(value)
     if hasattr(value, "tolist"):  # NumPy's scalars and arrays
@@ -295,23 +267,3 @@ def _handle(number: signal.Signals, handler: Any) -> Any:
         return signal.signal(number, handler)
     except ValueError:  # not the main thread
         return None
-
-
-def knows_every_sign(stream: TextIO) -> bool:
-    """Whether a stream takes any text: one of UTF-8 or UTF-16, or in memory."""
-    encoding = getattr(stream, "encoding", None)
-    return encoding is None or encoding.lower().startswith("utf")
-
-
-def write_plainly(stream: TextIO) -> None:
-    """Let a stream write what it does not know in its own signs ("->", "+/-"), else as an escape, never an error."""
-    if not knows_every_sign(stream) and isinstance(stream, io.TextIOWrapper):
-        codecs.register_error("fieldkit.plain", _in_plain_signs)
-        stream.reconfigure(errors="fieldkit.plain")
-
-
-def _in_plain_signs(error: UnicodeError) -> tuple[str, int]:
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
-    unknown = error.object[error.start : error.end]
-    return "".join(_PLAIN_SIGNS.get(c) or c.encode("ascii", "backslashreplace").decode() for c in unknown), error.end

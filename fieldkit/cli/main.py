@@ -21,8 +21,8 @@ from fieldkit.cli.options import grouped
 from fieldkit.errors import EXIT_OK
 from fieldkit.version import __version__
 
-# By stage of the work. The command is the function `command` in fieldkit/cli/<name>.py; a name may be of two words, and
-# its file is then <first>_<second>.py.
+# By stage of the work. A command is the function `command` in fieldkit/cli/<name>.py; one of two words is the function
+# <first>_<second> in fieldkit/cli/<first>.py.
 COMMAND_GROUPS: dict[str, tuple[str, ...]] = {
     "Plan, once for a field": ("reference", "scene from-reference", "plan"),
     "Fly": ("export-mission", "check-mission", "upload"),
@@ -98,7 +98,14 @@ def program() -> Any:
 
 def command_of(name: str) -> Parser:
     """The parser of a command and its options; imports the command's file."""
-    return parser_of(import_module(f"fieldkit.cli.{module_name(name)}").command, name.split()[-1], COMMANDS[name])
+    return parser_of(function_of(name), name.split()[-1], COMMANDS[name])
+
+
+def function_of(command: str) -> Callable[..., int | None]:
+    """A command's function; imports its file."""
+    name = "_".join(command.split()) if " " in command else "command"
+    function: Callable[..., int | None] = getattr(import_module(module_name(command)), name.replace("-", "_"))
+    return function
 
 
 def parser_of(command: Callable[..., int | None], name: str | None = None, stage: str | None = None) -> Parser:
@@ -112,8 +119,8 @@ def parser_of(command: Callable[..., int | None], name: str | None = None, stage
 
 
 def module_name(command: str) -> str:
-    """The module in fieldkit.cli that holds a command."""
-    return command.replace("-", "_").replace(" ", "_")
+    """The module that holds a command."""
+    return f"fieldkit.cli.{command.split()[0].replace('-', '_')}"
 
 
 def _group(name: str, says: str) -> Any:

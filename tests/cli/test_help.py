@@ -2,20 +2,19 @@
 
 import inspect
 import shlex
-from importlib import import_module
 from pathlib import Path
 
 import pytest
 import typer
 
-from fieldkit.cli.main import COMMAND_GROUPS, COMMANDS, command_of, main, module_name
+from fieldkit.cli.main import COMMAND_GROUPS, COMMANDS, command_of, function_of, main
 
 ROOT = Path(__file__).parents[2]
 
 
 def examples(name: str) -> list[str]:
     """The command lines that a command's docstring gives as examples."""
-    text = inspect.cleandoc(import_module(f"fieldkit.cli.{module_name(name)}").command.__doc__ or "")
+    text = inspect.cleandoc(function_of(name).__doc__ or "")
     block = next(block for block in text.split("\n\n") if block.startswith("Example"))
     lines = block.partition(":")[2].strip("\n")
     # "Example: fieldkit …" may run over lines of the docstring, and is one line of the shell's.

@@ -2,29 +2,23 @@
 
 import json
 import shlex
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from fieldkit import __version__
 from fieldkit.captures import read_capture
 from fieldkit.cli.live_plan import Watched
 from fieldkit.cli.main import main
 from fieldkit.cli.progress import Lines
 from fieldkit.planning.plan_settings import NoiseSettings
 from fieldkit.planning.run.folder import create_run, open_run, read_log
-from fieldkit.planning.run.outcome import read_outcome
 from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import save_report
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
-from fieldkit.scenes.renderer import RenderingError
-from fieldkit.vocabulary import WEIGHTS
-from tests.cli.test_scene_commands import TINY
 from tests.evaluation.test_adherence import flown
 from tests.planning.bowl import bowl_settings
 from tests.planning.run.test_folder import entry
@@ -67,16 +61,6 @@ def test_wrong_calls_are_told_in_words(tmp_path, capsys, arguments, code, words)
     assert not (tmp_path / "run").exists()
 
 
-@pytest.mark.parametrize("more", [[], ["--resume"]])  # as a run says that was interrupted before its folder was there
-def test_a_run_that_fails_at_once_leaves_no_folder(tmp_path, capsys, monkeypatch, more) -> None:
-    monkeypatch.setenv("FIELDKIT_CACHE", str(tmp_path / "cache"))
-    (tmp_path / "photos").mkdir()
-    shutil.copy(next(SMALL_PLOT.glob("*.jpg")), tmp_path / "photos")
-    assert main(["plan", "--captures", str(tmp_path / "photos"), *more, "-o", str(tmp_path / "run")]) == 4
-    assert "at least two photographs" in capsys.readouterr().err
-    assert not (tmp_path / "run").exists()
-
-
 @pytest.mark.parametrize(
     "arguments",
     ["-n 5", "--seed 4", "--for kind", "--vary 8", "--clearance 2", "--pose-noise 0.1,1"],
@@ -104,19 +88,6 @@ def test_noise_is_taken_from_an_evaluation(tmp_path: Path, capsys: pytest.Captur
             assert words in capsys.readouterr().err
 
 
-def test_a_run_whose_scene_is_gone_or_of_another_version_says_so(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    source = bowl_settings().source.model_copy(update={"sha256": "0" * 64})
-    for name, version, told in (("old", "0.0.1", True), ("same", __version__, False)):
-        with create_run(tmp_path / name, bowl_settings(source=source).model_copy(update={"fieldkit": version})):
-            pass
-        assert main(["plan", "--resume", "-o", str(tmp_path / name)]) == 2
-        printed = capsys.readouterr().err
-        assert ("begun with fieldkit 0.0.1" in printed) == told
-        assert "gone" in printed  # its scene
-
-
 def test_progress_goes_on_from_what_the_log_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     settings = bowl_settings(evaluations=4, finalists=1, repeats=1)
     better, worse = (entry(2).model_copy(update={"value_m": value}) for value in (1e-4, 1e3))
@@ -135,27 +106,6 @@ def test_progress_goes_on_from_what_the_log_holds(tmp_path: Path, capsys: pytest
         watched.expect(run, 0)
         watched.watch(again)
     assert json.loads(capsys.readouterr().err)["best_m"] is None
-
-
-@pytest.mark.slow
-def test_a_plan_by_the_score_is_made_where_nothing_can_be_rendered(tmp_path, capsys, monkeypatch) -> None:
-    def cannot(*_: object, **__: object) -> None:
-        raise RenderingError("there is no OpenGL", remedy="Install it.")
-
-    monkeypatch.setattr("fieldkit.planning.objective.simulated.Renderer", cannot)
-    (tmp_path / "tiny.toml").write_text(TINY)
-    run = tmp_path / "run"
-    asked = ["plan", "--scene", str(tmp_path / "tiny.toml"), "-n", "4", "--method", "score", "-o", str(run)]
-    assert main(asked) == 0
-    told = capsys.readouterr()
-    assert "there is no OpenGL. Install it." in told.err
-    assert "NOT CONFIRMED" in told.out
-    assert read_log(run) == []
-    plan, outcome = load_plan(run), read_outcome(run)
-    assert (outcome.chamfer_m, outcome.evaluations, outcome.confirmations) == (None, 0, 0)
-    assert (plan.method.chamfer_m, plan.method.repeats, plan.method.weights) == (None, 0, WEIGHTS)
-    assert plan.method.expected_m == outcome.expected_m is not None
-    assert (run / "plan.png").stat().st_size > 100
 
 
 @pytest.mark.slow

@@ -52,13 +52,6 @@ class TestSceneNew:
         assert main(["scene", "new", "-o", str(file), "--overwrite", "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["plants"] == 3
 
-    def test_prints_where_no_file_is_named(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        assert main(["scene", "new", "--layout", "random", "--complete"]) == 0
-        text = capsys.readouterr().out
-        (tmp_path / "a.toml").write_text(text)
-        assert len(read_scene(tmp_path / "a.toml").plot.plants) == 3
-        assert "[plot.light]" in text
-
 
 class TestSceneShow:
     def test_lists(self, capsys: pytest.CaptureFixture[str]) -> None:
@@ -67,10 +60,6 @@ class TestSceneShow:
         assert scenes["case-3"]["plants"] == 6
         assert main(["scene", "show"]) == 0
         assert "tuning-6" in capsys.readouterr().out
-
-    def test_prints_the_whole(self, tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        assert main(["scene", "show", str(tiny)]) == 0
-        assert "jpeg_quality = 93" in capsys.readouterr().out
 
     def test_draws(self, tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         assert main(["scene", "show", str(tiny), "-o", str(tmp_path / "a.jpg"), "--json"]) == 0

@@ -5,7 +5,6 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 from PIL import Image
 
@@ -23,12 +22,6 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def unlike(path: Path, seed: int) -> None:
-    """A photograph that has nothing in common with one of another seed."""
-    coarse = np.random.default_rng(seed).integers(0, 255, (30, 40, 3), dtype=np.uint8)
-    Image.fromarray(coarse).resize((320, 240), Image.Resampling.BICUBIC).save(path, quality=90)
-
-
 def no_images(photographs: Photographs) -> None:
     Path("photos").mkdir()
     Path("photos/readme.txt").write_text("the photographs are on the other disk")
@@ -37,12 +30,6 @@ def no_images(photographs: Photographs) -> None:
 def one_image(photographs: Photographs) -> None:
     photographs(count=1)
     Path("photos/zero.jpg").touch()
-
-
-def two_without_overlap(photographs: Photographs) -> None:
-    Path("photos").mkdir()
-    for seed in range(2):
-        unlike(Path(f"photos/{seed}.jpg"), seed)
 
 
 def truncated(photographs: Photographs) -> None:
@@ -61,7 +48,6 @@ def no_pose_fits(photographs: Photographs) -> None:
     [
         (no_images, 3, "CaptureError", "there are no photographs in this folder", "", "photos"),
         (one_image, 4, "ReconstructionError", "needs at least two photographs", "", "photos"),
-        (two_without_overlap, 4, "ReconstructionError", "no two of them match: they overlap too little", "", "photos"),
         (truncated, 3, "CaptureError", "IMG_0001.jpg: the file is cut short", "Copy the photographs again", "photos"),
         (
             no_pose_fits,
@@ -138,18 +124,6 @@ def test_bad_files_among_good_ones(line: CommandLine, photographs: Photographs) 
     assert {path.name: path.stat().st_mtime_ns for path in folder.iterdir()} == before
     if sys.platform == "linux":
         assert peak_bytes < 2e9
-
-
-@pytest.mark.slow
-def test_long_and_strange_folder_names(line: CommandLine, photographs: Photographs) -> None:
-    name = "Versuchsfläche 玉米 " + "x" * 220
-    photographs(name)
-    done = line.run("reference", name, "-o", f"{name} ref", *DRAFT, "--no-scene", "--json")
-    assert done.json["source"] == name
-    done = line.run("evaluate", name, "--reference", f"{name} ref", "-o", "scores", *DRAFT, "--json")
-    assert done.json["plots"][0]["name"] == name
-    # The plot's folder has the name's first bytes: other files' names come behind it.
-    assert len(list((line.folder / "scores").glob(f"{name[:100]}*/cloud.ply"))) == 1
 
 
 def write_mask(path: Path, photograph: Path, share: float = 1.0) -> None:

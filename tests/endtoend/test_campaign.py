@@ -115,15 +115,6 @@ def test_plots_with_and_without_reference(line: CommandLine, season: Path, small
 
 
 @pytest.mark.slow
-def test_ground_far_from_level(line: CommandLine, season: Path, small_plot: Path) -> None:
-    init(line)
-    capture(line, small_plot, "B", "2026-06-18", tilt_deg=14.0)
-    assert evaluate(line)[0] == ["B 2026-06-18"]
-    (visit,) = read_campaign(season).visits
-    assert any("no ground was found: nothing level to 10°" in note for note in visit.notes), visit.notes
-
-
-@pytest.mark.slow
 def test_height_models(line: CommandLine, season: Path, small_plot: Path) -> None:
     """The heights are those that evaluating the same photographs alone gives, and the plot is where the site has it."""
     rasterio = pytest.importorskip("rasterio")

@@ -92,7 +92,7 @@ def test_an_interrupted_overwrite_keeps_the_old_result(warm: CommandLine, small_
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("draw", range(10))
+@pytest.mark.parametrize("draw", range(3))
 def test_killed_at_a_random_moment(draw: int, line: CommandLine, small_plot: Path, built: Built) -> None:
     """The moment is drawn over the whole run, from the interpreter's start to the last file."""
     moment = random.Random(draw).uniform(0.0, built.report["seconds"] + 2.0)

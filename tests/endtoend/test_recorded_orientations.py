@@ -33,9 +33,7 @@ def test_photographs_that_were_turned_after_their_yaw_was_written(warm, photogra
 @pytest.mark.parametrize(
     ("write", "said"),
     [
-        (lambda yaw, pitch, k: (yaw, pitch), ""),
         (lambda yaw, pitch, k: (yaw, pitch + 90.0), "pitch 0 is straight down"),
-        (lambda yaw, pitch, k: (yaw, -pitch), "pitch counts downwards"),
         (lambda yaw, pitch, k: (yaw + 180.0, pitch), "yaw is off by 180°"),
         (lambda yaw, pitch, k: (yaw, pitch + 90.0 * (k % 2)), "follow no one convention"),
     ],
@@ -52,7 +50,6 @@ def test_angles_of_another_convention_are_read_by_it(photographs, built, write, 
     assert sparse.right >= (7 if "no one" in said else 8)
     notes = " ".join(sparse.frame.notes)
     assert said in notes
-    assert ("convention" in notes or "not as fieldkit reads them" in notes) is bool(said)
 
 
 @pytest.mark.slow

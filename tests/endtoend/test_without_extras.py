@@ -13,8 +13,7 @@ import pytest
 import fieldkit
 from fieldkit.results.plan_file import load_plan
 from tests.cli.test_scene_commands import TINY
-from tests.endtoend.commands import DRAFT, CommandLine
-from tests.endtoend.conftest import Built
+from tests.endtoend.commands import CommandLine
 
 ROOT = Path(__file__).parents[2]
 HIDE = """
@@ -77,18 +76,3 @@ def test_a_plan_by_the_score(line: CommandLine) -> None:
     options = ("--method", "score", "--for", "this-plot", "-n", "3", "--repeats", "0", "--workers", "1")
     line.run("plan", "--scene", "tiny.toml", *options, "-o", "plan")
     assert len(load_plan(line.folder / "plan").stations) == 3
-
-
-@pytest.mark.slow
-def test_a_plan_for_a_kind_ranks_its_confirmations(line: CommandLine) -> None:
-    (line.folder / "tiny.toml").write_text(TINY)
-    options = ("-n", "4", "--vary", "2", "--repeats", "1", "--workers", "1")
-    done = line.run("plan", "--scene", "tiny.toml", *options, "-o", "plan", "--json")
-    assert done.json["method"] == "score"
-    assert all(finalist["kind_m"] is not None for finalist in done.json["finalists"])
-
-
-@pytest.mark.slow
-def test_references_evaluations_and_reports(warm: CommandLine, built: Built, small_plot: Path) -> None:
-    warm.run("evaluate", str(small_plot), "--reference", str(built.reference), "-o", "scores", *DRAFT, "--json")
-    warm.run("report", "scores", "-o", "report.html")

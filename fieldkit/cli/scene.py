@@ -1,13 +1,13 @@
-"""fieldkit scene show."""
+"""fieldkit scene from-reference, new and show."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import JsonOption, OverwriteOption, answer, emit_json, show, table
+from fieldkit.cli.common import JsonOption, OutputOption, OverwriteOption, SeedOption, answer, emit_json, show, table
 from fieldkit.errors import UsageError
 from fieldkit.wording import count
 
@@ -16,7 +16,101 @@ if TYPE_CHECKING:
     from fieldkit.scenes.description import SceneDescription
 
 
-def command(
+def scene_from_reference(
+    reference: Path,
+    output: OutputOption,
+    images: Path | None = None,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Make a scene of a reference's clouds, so that a real plot can be simulated and planned on.
+
+    Every point becomes a small square in its photographed colour, with --images in the photographs' own resolution.
+    The result is a folder with scene.toml that goes wherever a scene file does.
+
+    Args:
+        reference: What `fieldkit reference` wrote, with scene.ply.
+        images: Its photographs: surfels take their pixels from them.
+
+    Examples:
+        fieldkit scene from-reference plot_7-reference --images plot_7/ -o plot_7-scene
+    """
+    from fieldkit.cli.progress import open_progress
+    from fieldkit.evaluation.proxy import make_proxy
+
+    with open_progress(as_json=as_json) as progress:
+        made = make_proxy(reference, output, images=images, overwrite=overwrite, progress=progress)
+    if as_json:
+        from dataclasses import asdict
+
+        emit_json({"output": output, **asdict(made)})
+    else:
+        answer(f"{made.plant_surfels:,} surfels of plants and {made.ground_surfels:,} of the rest: {made.scene}")
+
+
+Layout = Literal["rows", "grid", "random"]
+
+
+def scene_new(
+    plants: Annotated[int, Option(min=1, max=60)] = 3,
+    layout: Layout = "rows",
+    spacing: Annotated[float, Option(min=0.05, max=2.0)] = 0.22,
+    row_spacing: Annotated[float, Option(min=0.05, max=3.0)] = 0.50,
+    output: Annotated[Path | None, Option("--output", "-o")] = None,
+    complete: bool = False,
+    seed: SeedOption = 0,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Write a new scene file: maize plants of their own forms, soil and sun, all from the seed.
+
+    Edit it as you like; the command says which page explains every key.
+
+    Args:
+        plants: How many.
+        layout: In rows along x, on a grid, or at random.
+        spacing: Between plants, metres.
+        row_spacing: Between rows, metres.
+        output: The scene file. Without: the text goes to stdout.
+        complete: Write every key, also those at their default.
+
+    Examples:
+        fieldkit scene new --plants 6 --seed 7 --layout rows -o plot.toml
+        fieldkit scene new --plants 3 --complete
+    """
+    from fieldkit.regular_files import check_replaceable
+
+    if output is not None:
+        check_replaceable(output, overwrite=overwrite)
+    import sys
+
+    from fieldkit.scenes.scene_file import scene_text, write_scene
+    from fieldkit_sim.generator import new_scene
+
+    name = f"plants-{plants}-seed-{seed}" if output is None else output.stem
+    scene = new_scene(
+        plants,
+        seed,
+        layout=layout,
+        spacing_m=spacing,
+        row_spacing_m=row_spacing,
+        name=name,
+        notes=f"fieldkit scene new --plants {plants} --seed {seed} --layout {layout}",
+    )
+    text = scene_text(scene, complete=complete)
+    if output is not None:
+        write_scene(output, scene, complete=complete)
+    if as_json:
+        emit_json({"output": output, "name": name, "plants": plants, "seed": seed, "text": text})
+    elif output is None:
+        sys.stdout.write(text)
+    else:
+        from fieldkit.runtime.shipped import shipped_page
+
+        answer(f"{count(plants, 'plant')} in {output}; {shipped_page('sim/README.md')} explains its keys")
+
+
+def scene_show(
     scene: Annotated[Path | None, Argument()] = None,
     output: Annotated[Path | None, Option("--output", "-o")] = None,
     overwrite: OverwriteOption = False,
