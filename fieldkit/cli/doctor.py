@@ -23,7 +23,7 @@ def command(as_json: JsonOption = False) -> int:
     """
     from dataclasses import asdict
 
-    from fieldkit.doctor.diagnostics import diagnose
+    from fieldkit.doctor import diagnose
 
     checks = list(diagnose())
     worst = max((check.status for check in checks), key=list(_LEVELS).index)
