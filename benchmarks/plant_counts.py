@@ -14,7 +14,6 @@ import numpy as np
 from benchmarks.result import ResultTable, StudyResult
 from benchmarks.scored_captures import FITTED, HELD_OUT, scene_outline
 from fieldkit.captures import read_capture
-from fieldkit.demo.truth import PIXEL_M, height_map
 from fieldkit.evaluation.conversion import plot_evaluation
 from fieldkit.planning.objective.simulated import Proxy
 from fieldkit.reconstruction.pipeline import reconstruct
@@ -26,6 +25,7 @@ from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import Sidecars, simulate_capture
 from fieldkit_sim.simulation import ring_about
+from fieldkit_sim.truth import PIXEL_M, height_map
 
 _RING = (12, 2.0, 2.2)
 """Photographs, radius and height in metres."""

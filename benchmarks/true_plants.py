@@ -7,11 +7,11 @@ from dataclasses import asdict
 from pathlib import Path
 
 from fieldkit.clouds.volume import Volume
-from fieldkit.demo.truth import TrueTraits, true_traits
 from fieldkit.files import write_atomic
 from fieldkit.planning.objective.simulated import Proxy
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.scene_file import read_scene
+from fieldkit_sim.truth import TrueTraits, true_traits
 
 FOLDER = "scenes"
 

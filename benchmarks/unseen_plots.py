@@ -19,7 +19,6 @@ from benchmarks.scored_captures import scene_outline, settle_in_scene
 from fieldkit.cache import StageCache, digest
 from fieldkit.captures import read_capture
 from fieldkit.captures.bursts import by_station
-from fieldkit.demo.truth import true_traits
 from fieldkit.errors import ReconstructionError
 from fieldkit.evaluation.conversion import failed_plot, plot_evaluation
 from fieldkit.files import write_atomic
@@ -52,6 +51,7 @@ from fieldkit.sites.fitted import fitted_to_height
 from fieldkit.vehicles.vehicle_file import find_vehicle, load_vehicle
 from fieldkit.vocabulary import Preset
 from fieldkit_sim.generator import new_scene
+from fieldkit_sim.truth import true_traits
 
 _PLANNED, _PLANTS, _CAMERAS = range(8101, 8111), 3, 10
 """Seeds of the plots that plans are made on, number of plants on each, and of photographs."""

@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from fieldkit.cache import StageCache
-from fieldkit.demo.truth import true_traits
 from fieldkit.evaluation.evaluate import evaluate as evaluate_captures
 from fieldkit.evaluation.reference import build_reference
 from fieldkit.evaluation.settings import EvaluationSettings
@@ -22,6 +21,7 @@ from fieldkit.scenes.library import scenes_folder
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import Outdoors
 from fieldkit_sim.simulation import Stations, dense_about, simulate
+from fieldkit_sim.truth import true_traits
 
 SEEN, UNSEEN = "seen", "unseen"
 SCENES = {SEEN: "demo", UNSEEN: "demo-unseen"}

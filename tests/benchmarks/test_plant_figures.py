@@ -10,8 +10,8 @@ import pytest
 from benchmarks.true_plants import kept_truth
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
-from fieldkit.demo.truth import height_map, true_traits
 from fieldkit.scenes.scene import Mesh
+from fieldkit_sim.truth import height_map, true_traits
 
 
 def square(size: float, z: float) -> Any:
