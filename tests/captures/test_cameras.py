@@ -40,32 +40,12 @@ def test_a_camera_file_wins_over_exif_and_is_held_fixed(photo_file: MakePhoto) -
     assert capture.findings == ()
 
 
-def test_json_says_the_same_and_toml_comes_first(photo_file: MakePhoto) -> None:
-    folder = photo_file("a.jpg").parent
-    camera = {"model": "OPENCV", "width": 120, "height": 90, "params": OPENCV.params, "fixed": False}
-    (folder / "camera.json").write_text(json.dumps([camera]))
-    (group,) = read_capture(folder).groups
-    assert (group.intrinsics, group.source, group.fixed) == (OPENCV, "camera.json", False)
-    (folder / "camera.toml").write_text(TOML)
-    capture = read_capture(folder)
-    assert capture.groups[0].source == "camera.toml"
-    assert [finding.code for finding in capture.findings] == ["sidecar-unused"]
-
-
 def test_another_size_of_the_same_aspect_is_scaled(photo_file: MakePhoto) -> None:
     folder = photo_file("a.jpg", size=(60, 45)).parent
     (folder / "camera.toml").write_text(TOML)
     capture = read_capture(folder)
     assert capture.groups[0].intrinsics == OPENCV.scaled(60, 45)
     assert [finding.code for finding in capture.findings] == ["camera-scaled"]
-
-
-def test_another_aspect_is_refused(photo_file: MakePhoto) -> None:
-    folder = photo_file("a.jpg", size=(120, 80)).parent
-    (folder / "camera.toml").write_text(TOML)
-    with pytest.raises(MetadataError, match=r"120×90.*a\.jpg is 120×80") as caught:
-        read_capture(folder)
-    assert caught.value.path == folder / "camera.toml"
 
 
 def test_several_cameras_by_name_and_by_size(photo_file: MakePhoto) -> None:
@@ -84,25 +64,6 @@ def test_several_cameras_by_name_and_by_size(photo_file: MakePhoto) -> None:
     assert len(capture.groups) == 3
     assert len({group.key for group in capture.groups}) == 3
     assert {finding.code for finding in capture.findings} == {"mixed-sizes", "camera-unused"}
-
-
-@pytest.mark.parametrize(
-    ("options", "code"),
-    [
-        ({"exif": exif_block(base={272: "P1"}, detail={37386: 35.0})}, "mixed-cameras"),
-        ({"exif": exif_block(base={271: "DJI", 272: "P1"}, detail={37386: 37.5})}, "mixed-focal-lengths"),
-        ({"exif": exif_block(base={271: "DJI", 272: "P1"}, detail={37386: 35.0, 42033: "2"})}, "mixed-cameras"),
-        ({"exif": exif_block(base={271: "DJI", 272: "P1"}, detail={37386: 35.0}), "size": (90, 120)}, "mixed-sizes"),
-    ],
-)
-def test_mixed_captures_are_split_and_reported(photo_file: MakePhoto, options: dict, code: str) -> None:
-    main = exif_block(base={271: "DJI", 272: "P1"}, detail={37386: 35.0})
-    for name in ("a.jpg", "b.jpg", "c.jpg"):
-        photo_file(name, exif=main)
-    capture = read_capture(photo_file("d.jpg", **options).parent)
-    assert [group.photos for group in capture.groups] == [("a.jpg", "b.jpg", "c.jpg"), ("d.jpg",)]
-    assert [(finding.subject, finding.code) for finding in capture.findings] == [("d.jpg", code)]
-    assert len({group.key for group in capture.groups}) == 2
 
 
 @pytest.mark.parametrize(

@@ -118,28 +118,3 @@ def test_photographs_that_were_saved_again_are_left_out(photo_file: MakePhoto) -
     said = {finding.subject: finding.message for finding in capture.findings if finding.code == "duplicate"}
     again = ("DJI_0001-edited.jpg", "small.jpg", "sent.jpg", "IMG-20260702-WA0007.jpg")
     assert said == dict.fromkeys(again, "DJI_0001.JPG again, saved by another program")
-
-
-def test_sidecars_that_are_passed_over_are_named(photo_file: MakePhoto) -> None:
-    folder = photo_file("a.jpg").parent
-    for name in (
-        "DJI_0001.SRT",
-        "DJI_0002.SRT",
-        "camera.yaml",
-        "transforms.json",
-        "notes.txt",
-        "DJI_0001.xmp",
-        "geolocation.csv",
-        "reference.txt",
-    ):
-        (folder / name).write_text("")
-    named = [finding for finding in read_capture(folder).findings if finding.code == "sidecar-unused"]
-    assert [finding.subject for finding in named] == [
-        "camera.yaml",
-        "DJI_0001.SRT",
-        "DJI_0001.xmp",
-        "geolocation.csv",
-        "reference.txt",
-        "transforms.json",
-    ]
-    assert named[1].message.endswith("(and 1 more)")

@@ -2,7 +2,6 @@
 
 import os
 import struct
-import unicodedata
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from fieldkit.captures import Capture, find_mask, read_capture, read_image
-from fieldkit.captures.folder import natural_key, sniff_format
+from fieldkit.captures.folder import sniff_format
 from fieldkit.errors import CaptureError
 from tests.captures.photographs import MakePhoto, bomb_png, texture
 
@@ -61,14 +60,6 @@ def test_an_images_folder_is_used_when_nothing_lies_beside_it(photo_file: MakePh
     (folder / "poses.csv").unlink()
     photo_file("b.jpg")
     assert read_capture(folder).names == ("b.jpg",)
-
-
-def test_masks_hidden_files_and_thumbnails_are_no_photographs(photo_file: MakePhoto) -> None:
-    names = ["a.jpg", "a.mask.png", "b_mask.png", "a.jpg.mask.png", "mask.png", "masks/a.png", "._a.jpg", "a.thm"]
-    paths = {name: photo_file(name) for name in names}
-    capture = read_capture(paths["a.jpg"].parent)
-    assert capture.names == ("a.jpg",)
-    assert capture.findings == ()
 
 
 def test_masks_are_found_beside_the_photograph_and_in_masks(photo_file: MakePhoto) -> None:
@@ -144,18 +135,6 @@ def test_tiffs_that_are_no_pictures_are_left_out(photo_file: MakePhoto) -> None:
         assert read_image(photo).shape == (photo.height, photo.width, 3)
 
 
-def test_of_equal_files_the_located_one_is_read(photo_file: MakePhoto) -> None:
-    first = photo_file("b.jpg")
-    for name in ("a copy of b.jpg", "c.jpg"):
-        (first.parent / name).write_bytes(first.read_bytes())
-    photo_file("d.jpg")
-    (first.parent / "poses.csv").write_text("image,x_m,y_m,z_m\nB.JPG,1,2,3\nd.jpg,2,3,4\n")
-    capture = read_capture(first.parent)
-    assert capture.names == ("b.jpg", "d.jpg")
-    assert set(capture.priors) == {"b.jpg", "d.jpg"}
-    assert left_out(capture) == {"a copy of b.jpg": "duplicate", "c.jpg": "duplicate"}
-
-
 def test_a_decompression_bomb_is_not_decoded(photo_file: MakePhoto) -> None:
     folder = photo_file("a.jpg").parent
     bomb_png(folder / "bomb.png")
@@ -163,14 +142,6 @@ def test_a_decompression_bomb_is_not_decoded(photo_file: MakePhoto) -> None:
     assert capture.names == ("a.jpg",)
     assert left_out(capture) == {"bomb.png": "too-large"}
     assert "900 Mpx" in capture.findings[0].message
-
-
-def test_the_size_limit_can_be_set(photo_file: MakePhoto) -> None:
-    folder = photo_file("large.jpg", size=(200, 100)).parent
-    photo_file("small.jpg")
-    capture = read_capture(folder, max_pixels=15_000)
-    assert capture.names == ("small.jpg",)
-    assert "200×100" in capture.findings[0].message
 
 
 def test_links_that_leave_the_folder_are_not_followed(photo_file: MakePhoto, tmp_path: Path) -> None:
@@ -189,18 +160,6 @@ def test_links_that_leave_the_folder_are_not_followed(photo_file: MakePhoto, tmp
     assert left_out(capture) == {**outside, "inside.jpg": "duplicate"}
 
 
-def test_a_linked_folder_itself_is_fine(photo_file: MakePhoto, tmp_path: Path) -> None:
-    folder = photo_file("a.jpg").parent
-    (tmp_path / "link").symlink_to(folder)
-    assert read_capture(tmp_path / "link").names == ("a.jpg",)
-
-
-def test_a_pipe_named_like_a_photograph_does_not_block(photo_file: MakePhoto) -> None:
-    folder = photo_file("a.jpg").parent
-    os.mkfifo(folder / "pipe.jpg")
-    assert left_out(read_capture(folder)) == {"pipe.jpg": "unreadable"}
-
-
 def test_names_of_every_kind_work(photo_file: MakePhoto) -> None:
     names = ["Grünkohl Süd.jpg", "玉米_1.jpg", "🌽.jpg", "x" * 251 + ".jpg", "with, comma.jpg", "it's.jpg"]
     for name in names:
@@ -216,26 +175,6 @@ def test_a_name_that_is_no_text_is_left_out(photo_file: MakePhoto) -> None:
         pytest.skip("this file system allows UTF-8 names only")
     capture = read_capture(good.parent)
     assert left_out(capture) == {"b\\udcff.jpg": "bad-name"}
-
-
-def test_sidecars_in_capitals(photo_file: MakePhoto) -> None:
-    folder = photo_file("a.jpg").parent
-    (folder / "GEO.TXT").write_text("EPSG:4326\na.jpg 13.0 52.0 30\n")
-    (folder / "Camera.toml").write_text('model = "SIMPLE_PINHOLE"\nwidth = 120\nheight = 90\nparams = [90, 60, 45]\n')
-    capture = read_capture(folder)
-    assert capture.priors["a.jpg"].source == "geo.txt"
-    assert capture.groups[0].source == "camera.toml"
-    (folder / "geo.txt").write_text("EPSG:4326\na.jpg 14.0 53.0 30\n")
-    capture = read_capture(folder)
-    assert capture.origin.latitude_deg == pytest.approx(53.0)
-    assert codes(capture)["GEO.TXT"] == "sidecar-unused"
-
-
-@pytest.mark.parametrize("name", ["gcp_list.txt", "GCP_LIST.TXT"])
-def test_control_points_are_mentioned(photo_file: MakePhoto, name: str) -> None:
-    folder = photo_file("a.jpg").parent
-    (folder / name).write_text("EPSG:32615\n500000 5188000 198 60 45 a.jpg gcp1\n")
-    assert codes(read_capture(folder)) == {name: "control-points-unused"}
 
 
 @pytest.mark.parametrize(
@@ -260,17 +199,6 @@ def test_a_cards_folders_are_one_capture(photo_file: MakePhoto, halves: tuple[st
         assert codes(capture) == {f"{names[0].partition('/')[0]}/geo.txt": "sidecar-unused"}
 
 
-@pytest.mark.parametrize(
-    "folders", [("101_EAST", "102_EAST"), ("plot_1", "plot_2"), ("100MEDIA", "plot_1"), ("101", "102"), ("100MEDIA",)]
-)
-def test_other_folders_are_captures_of_their_own(photo_file: MakePhoto, folders: tuple[str, ...]) -> None:
-    for seed, name in enumerate(folders):
-        folder = photo_file(f"{name}/DJI_0001.JPG", seed=seed).parent.parent
-    with pytest.raises(CaptureError) as caught:
-        read_capture(folder)
-    assert all(name in caught.value.message for name in folders)
-
-
 @pytest.mark.parametrize("what", ["missing", "file", "empty", "only bad"])
 def test_unusable_folders_say_what_to_do(what: str, tmp_path: Path) -> None:
     folder = tmp_path / "folder"
@@ -287,21 +215,6 @@ def test_unusable_folders_say_what_to_do(what: str, tmp_path: Path) -> None:
     assert caught.value.exit_code == 3
     if what == "only bad":
         assert "a.jpg" in caught.value.message
-
-
-def test_a_folder_that_cannot_be_read(tmp_path: Path) -> None:
-    if os.geteuid() == 0:
-        pytest.skip("root reads every folder")
-    folder = tmp_path / "locked"
-    folder.mkdir(mode=0o000)
-    with pytest.raises(CaptureError, match="cannot be read"):
-        read_capture(folder)
-
-
-def test_natural_order_ignores_how_an_umlaut_is_composed() -> None:
-    composed = "ä2.jpg"
-    decomposed = unicodedata.normalize("NFD", "ä10.jpg")
-    assert sorted([decomposed, composed], key=natural_key) == [composed, decomposed]
 
 
 @given(st.binary(max_size=64))

@@ -1,13 +1,10 @@
 """ODM's geo.txt."""
 
-import sys
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.captures.geo_txt import GeoRow, parse_geo_txt, settled_heights
-from fieldkit.documents.mistaken import SWAPPED
 from fieldkit.errors import FieldkitError, MetadataError
 from fieldkit.geometry.geodesy import geodetic_to_ecef
 
@@ -34,14 +31,6 @@ def test_projected_coordinates(header: str) -> None:
     assert rows[0].altitude_m == 198.6
 
 
-def test_projected_coordinates_without_pyproj(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "pyproj", None)
-    with pytest.raises(MetadataError, match="needs pyproj") as caught:
-        parse_geo_txt("EPSG:32615\na.jpg 500000 5000000\n")
-    assert "fieldkit[geo]" in caught.value.remedy
-    assert parse_geo_txt("EPSG:4326\na.jpg 13 52\n")[0]
-
-
 def test_accuracies_angles_and_extras() -> None:
     lines = ["a.jpg 13 52 30 10 -90 0 0.02 0.05 some label", "b.jpg 13 52 30 0 0 0 0 0", "c.jpg 13 52 30 0 0 0 label"]
     rows, findings = parse_geo_txt("\n".join(["EPSG:4326", *lines]))
@@ -49,12 +38,6 @@ def test_accuracies_angles_and_extras() -> None:
     assert (rows[1].horizontal_accuracy_m, rows[1].vertical_accuracy_m, rows[1].has_angles) == (None, None, False)
     assert rows[2].horizontal_accuracy_m is None
     assert [finding.code for finding in findings] == ["angles-not-used"]
-
-
-def test_names_with_blanks_comments_and_repeated_lines() -> None:
-    rows, findings = parse_geo_txt("EPSG:4326\n# rover\nplot 7 north 13 52 30\n\na.jpg\t13  52\na.jpg 13 52\n")
-    assert [row.image for row in rows] == ["plot 7 north", "a.jpg"]
-    assert [finding.code for finding in findings] == ["pose-repeated"]
 
 
 @pytest.mark.parametrize(
@@ -80,12 +63,6 @@ def test_mistakes_name_the_line(text: str, words: list[str]) -> None:
         parse_geo_txt(text)
     assert all(word in caught.value.message for word in words), caught.value.message
     assert caught.value.remedy
-
-
-def test_swapped_columns_are_suspected() -> None:
-    with pytest.raises(MetadataError) as caught:
-        parse_geo_txt("EPSG:4326\na.jpg 46.8 -91.99\n")
-    assert caught.value.remedy == SWAPPED.remedy
 
 
 @given(st.one_of(st.text(max_size=150), st.text(alphabet="EPSG:4326 a.jpg0-9\n\t#", max_size=150)))
@@ -140,11 +117,6 @@ def test_the_photographs_altitudes_settle_the_unit_of_heights(own: dict, expecte
     assert settled[0].altitude_m == pytest.approx(expected, abs=0.01)
     assert [finding.code for finding in findings] == ["height-unit"]
     assert words in findings[0].message
-
-
-def test_heights_in_metres_need_no_word() -> None:
-    rows = [GeoRow(46.8, -92.0, 198.57, image="a.jpg")]
-    assert settled_heights(rows, {"a.jpg": 651.0}) == (rows, [])
 
 
 @pytest.mark.parametrize("header", ["EPSG:4978", "+proj=geocent +datum=WGS84 +units=m"])

@@ -61,11 +61,6 @@ def test_a_letter_that_contradicts_xmp_is_reported_and_not_used(photo_file: Make
     assert len(said(capture, "gps-hemisphere")) == 2
 
 
-def test_xmp_of_another_place_says_nothing_about_the_sign(photo_file: MakePhoto) -> None:
-    capture = read_capture(folder_of(photo_file, gps_tags(*SOUTH, 20.0), xmp=dji_xmp(GpsLatitude="+52.0")))
-    assert tags_of(capture)[0].latitude_deg == pytest.approx(-33.9)
-
-
 @pytest.mark.parametrize("missing", [(1,), (3,), (1, 3)])
 def test_the_other_photographs_give_the_sign(photo_file: MakePhoto, missing: tuple[int, ...]) -> None:
     whole = [gps_tags(-33.9 + 1e-4 * k, -70.2, 200.0) for k in range(3)]
@@ -74,30 +69,6 @@ def test_the_other_photographs_give_the_sign(photo_file: MakePhoto, missing: tup
         assert all(tag.latitude_deg < 0 and tag.longitude_deg < 0 for tag in tags_of(capture))
         assert len(tags_of(capture)) == 4
     assert len(said(read_capture(folder), "gps-hemisphere")) == len(missing)
-
-
-def test_photographs_that_contradict_one_another_give_no_sign(photo_file: MakePhoto) -> None:
-    folder = folder_of(photo_file, gps_tags(33.9, 151.2), gps_tags(-33.9, 151.2), unlettered(-33.9001, 151.2))
-    capture = read_capture(folder)
-    assert capture.photo("2.jpg").geotag is None
-
-
-def test_a_minus_is_a_sign_and_not_a_second_one(photo_file: MakePhoto) -> None:
-    from fieldkit.captures.gps_tags import geotag_of
-    from fieldkit.captures.xmp import XmpData
-
-    for letter, expected in (("S", ()), (None, ()), ("N", ("latitude",))):
-        gps = {1: letter, 2: (-33.0, 54.0, 0.0), 3: "E", 4: 151.2}
-        tag = geotag_of({k: v for k, v in gps.items() if v is not None}, XmpData(), [])
-        assert (tag.unsigned, abs(tag.latitude_deg), tag.longitude_deg) == (expected, pytest.approx(33.9), 151.2)
-        assert letter == "N" or tag.latitude_deg < 0
-
-
-def test_a_position_in_xmp_alone_is_read(photo_file: MakePhoto) -> None:
-    xmp = dji_xmp(GpsLatitude="-33.9", GpsLongitude="151.2", AbsoluteAltitude="+80.5", RelativeAltitude="+20.0")
-    path = photo_file("a.jpg", xmp=xmp)
-    (tag,) = tags_of(read_capture(path.parent))
-    assert (tag.latitude_deg, tag.longitude_deg, tag.altitude_m, tag.datum) == (-33.9, 151.2, 80.5, "unknown")
 
 
 @pytest.mark.parametrize(
@@ -176,11 +147,3 @@ def test_xmp_gives_the_position_where_the_exif_s_is_void(photo_file: MakePhoto, 
     void = read_capture(folder_of(photo_file, gps, xmp=dji_xmp(GpsLatitude="0.0", GpsLongitude="0.0")))
     assert tags_of(void) == []
     assert said(void, code)[0].endswith("; not used")
-
-
-def test_xmp_within_a_tiffs_exif_directory(photo_file: MakePhoto) -> None:
-    packet = dji_xmp(GpsLatitude="46.8427", GpsLongitude="-91.994", GimbalPitchDegree="-60.0")
-    path = photo_file("0.tif", exif=exif_block(detail={700: packet}).tobytes())
-    (photo,) = read_capture(path.parent).photos
-    assert photo.pitch_deg == -60.0
-    assert photo.geotag is not None

@@ -47,15 +47,6 @@ def test_where_rtk_drops_heights_above_take_off_bridge_the_datums(dropped: tuple
     assert chosen.accuracies_m["3.jpg"] == (0.3 if 3 in dropped else 0.03)
 
 
-def test_a_drifting_barometer_is_followed_between_rtk_photographs() -> None:
-    made = tags(k=RTK, k3=PLAIN, k5=PLAIN)
-    drifting = {
-        n: replace(t, relative_altitude_m=(t.relative_altitude_m or 0) + 0.1 * k)
-        for k, (n, t) in enumerate(made.items())
-    }
-    assert choose_heights(drifting).heights == pytest.approx(TRUE, abs=1e-6)
-
-
 def test_between_two_take_offs_a_height_is_not_guessed() -> None:
     late = replace(RTK, relative_altitude_m=-10.0)
     chosen = choose_heights(
@@ -85,23 +76,6 @@ def test_post_processed_heights_are_better_than_a_drifting_barometer(horizontal:
     assert set(chosen.accuracies_m.values()) == {max(0.03, horizontal)}
 
 
-@pytest.mark.parametrize(
-    "accuracies", [{}, {"horizontal_accuracy_m": 4.7}, {"horizontal_accuracy_m": 0.02, "vertical_accuracy_m": 1.7}]
-)
-def test_a_plain_receiver_is_worse_than_the_barometer(accuracies: dict[str, float]) -> None:
-    wandering = {f"k{k}": tag(0.4 * (k % 3), **accuracies) for k in range(8)}
-    chosen = choose_heights(tags(k=tag(), **wandering))
-    assert chosen.source == "relative altitude"
-    assert chosen.heights["1.jpg"] - chosen.heights["0.jpg"] == pytest.approx(0.1)
-
-
-def test_post_processing_that_failed_for_some_is_joined() -> None:
-    good = tag(0.0, horizontal_accuracy_m=0.02)
-    chosen = choose_heights(tags(k=good, k2=tag(5.0), k6=tag(-3.0)))
-    assert chosen.heights == pytest.approx(TRUE)
-    assert chosen.source == "absolute altitude, else relative altitude"
-
-
 def test_datums_that_differ_without_rtk_are_bridged_too() -> None:
     chosen = choose_heights(tags(k=tag(), k1=tag(47.3, datum="ellipsoid")))
     assert chosen.heights == pytest.approx(TRUE)
@@ -128,14 +102,6 @@ def test_altitudes_that_differ_by_their_sign_alone(values: tuple[float, ...], ex
     assert codes(chosen) == ([] if values == expected else ["altitude-sign"])
 
 
-def test_half_below_and_half_above_sea_level_is_refused() -> None:
-    chosen = choose_heights(absolute(198.6, -198.5, 198.4, -198.5))
-    assert chosen.heights == {}
-    assert codes(chosen) == ["altitude-sign"] + ["no-altitude"] * 4
-    relative = {n: replace(t, relative_altitude_m=40.0) for n, t in absolute(198.6, -198.5, 198.4, -198.5).items()}
-    assert choose_heights(relative).source == "relative altitude"
-
-
 def test_an_altitude_of_zero_among_others_is_none() -> None:
     chosen = choose_heights(absolute(120.0, 0.0, 121.0))
     assert list(chosen.heights) == ["0.jpg", "2.jpg"]
@@ -154,8 +120,3 @@ def test_altitudes_of_zero_in_all_photographs_are_no_sea_level() -> None:
         "unknown",
         [30.0, 31.0, 32.0],
     )
-
-
-def test_relative_altitudes_of_zero_in_all_photographs_are_none() -> None:
-    zero = {n: replace(t, relative_altitude_m=0.0) for n, t in absolute(120.0, 125.0, 123.0).items()}
-    assert choose_heights(zero).source == "absolute altitude"

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.captures import MarkerDistance, MarkersFile, read_capture
-from fieldkit.captures.markers_file import dictionary_name, marker_dictionary, parse_markers_file
+from fieldkit.captures.markers_file import parse_markers_file
 from fieldkit.errors import FieldkitError, MetadataError
 from tests.captures.photographs import MakePhoto
 
@@ -24,20 +24,6 @@ def test_it_is_read_with_the_capture(photo_file: MakePhoto) -> None:
     assert capture.markers == MarkersFile("DICT_4X4_50", 0.12, (MarkerDistance(3, 7, 1.25), MarkerDistance(3, 9, 2.0)))
     assert capture.findings == ()
     assert capture.names == ("a.jpg",)
-
-
-def test_a_mistake_names_the_file(photo_file: MakePhoto) -> None:
-    folder = photo_file("a.jpg").parent
-    (folder / "markers.toml").write_text("side_m = 0.12")
-    with pytest.raises(MetadataError, match="dictionary: is missing") as caught:
-        read_capture(folder)
-    assert caught.value.path == folder / "markers.toml"
-
-
-@pytest.mark.parametrize("name", ["DICT_APRILTAG_36h11", "dict_apriltag_36H11", "apriltag_36h11", " APRILTAG_36h11 "])
-def test_dictionaries_have_one_name(name: str) -> None:
-    assert dictionary_name(name) == "DICT_APRILTAG_36h11"
-    assert len(marker_dictionary(name).bytesList) == 587
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """Photographs of several lenses, bands and cameras in one folder: one camera's make a capture, the others are named."""
 
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,8 +10,6 @@ from PIL import Image
 
 from fieldkit.captures import Capture, read_capture
 from fieldkit.captures.one_camera import sensor_of
-from fieldkit.captures.selection import capture_of, find_photographs
-from fieldkit.pictures.panels import new_figure, png
 from fieldkit.results.finding import Finding
 from tests.captures.photographs import MakePhoto, dji_xmp, exif_block
 
@@ -63,11 +60,6 @@ def others(capture: Capture) -> list[Finding]:
 )
 def test_names_of_files(name: str, sensor: str) -> None:
     assert sensor_of(name, None, (), "RGB") == sensor
-
-
-def test_micasense_counts_its_bands() -> None:
-    found = [sensor_of(f"IMG_0001_{number}.tif", None, (), "I;16") for number in range(1, 7)]
-    assert found == ["blue", "green", "red", "near infrared", "red edge", "band 6"]
 
 
 @pytest.mark.parametrize(
@@ -149,15 +141,6 @@ def test_poses_of_one_camera_choose_it(photo_file: MakePhoto) -> None:
     assert [finding.code for finding in capture.findings] == ["other-camera", "other-camera"]
 
 
-def test_rows_of_left_out_photographs_are_no_findings(photo_file: MakePhoto) -> None:
-    folder = three_lenses(photo_file)
-    rows = "".join(f"{path.name},{k},0,2\n" for k, path in enumerate(sorted(folder.iterdir())))
-    (folder / "poses.csv").write_text(f"image,x_m,y_m,z_m\n{rows}", "utf-8")
-    capture = read_capture(folder)
-    assert {photo.sensor for photo in capture.photos} == {"wide"}
-    assert {finding.code for finding in capture.findings} == {"other-camera"}
-
-
 def test_a_camera_file_that_names_lenses_keeps_them(photo_file: MakePhoto) -> None:
     folder = three_lenses(photo_file)
     cameras = "".join(
@@ -202,16 +185,6 @@ def test_bands_do_not_mix_with_colours(photo_file: MakePhoto, colour: str, other
     assert len(others(capture)) in (1, len(others_names))  # one where nothing tells the bands apart
 
 
-def test_of_bands_alone_one_is_taken(photo_file: MakePhoto) -> None:
-    folder = photo_file("a.jpg").parent
-    (folder / "a.jpg").unlink()
-    bands(folder, [f"IMG_{{:04}}_{band}.tif" for band in range(1, 6)])
-    capture = read_capture(folder)
-    assert capture.names == ("IMG_0000_2.tif", "IMG_0001_2.tif", "IMG_0002_2.tif")
-    assert [finding.subject for finding in others(capture)] == [f"IMG_0000_{band}.tif" for band in (1, 3, 4, 5)]
-    assert "the band near infrared" in others(capture)[2].message
-
-
 def test_band_names_in_xmp(photo_file: MakePhoto) -> None:
     packet = (
         '<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'
@@ -254,31 +227,3 @@ def test_cameras_differ_in_model_and_lens(photo_file: MakePhoto, options: dict[s
     capture = read_capture(photo_file("d.jpg", **options).parent)
     assert ("d.jpg" in capture.names) is kept
     assert bool(others(capture)) is not kept
-
-
-def test_pictures_of_results_are_no_photographs(photo_file: MakePhoto) -> None:
-    folder = photo_file("a.jpg", size=WIDE).parent
-    (folder / "mission.png").write_bytes(png(new_figure(1.6, 1.2, "mission")))
-    capture = read_capture(folder)
-    assert capture.names == ("a.jpg",)
-    assert [finding.subject for finding in others(capture)] == ["mission.png"]
-
-
-def test_most_photographs_count_where_few_show_colours(photo_file: MakePhoto) -> None:
-    folder = three_lenses(photo_file, 6)
-    for path in sorted(folder.glob("*_[WZ].JPG"))[4:]:
-        path.unlink()
-    assert {photo.sensor for photo in read_capture(folder).photos} == {"thermal"}
-
-
-def test_selections_of_a_tree(photo_file: MakePhoto) -> None:
-    folder = three_lenses(photo_file)
-    shutil.copytree(folder, folder / "again", ignore=lambda path, names: [n for n in names if n == "again"])
-    for path in folder.glob("*_T.JPG"):
-        path.unlink()
-    for path in (folder / "again").glob("*_[WZ].JPG"):
-        path.unlink()
-    capture = capture_of(find_photographs(folder).photos)
-    assert {photo.sensor for photo in capture.photos} == {"wide"}
-    assert {finding.code for finding in capture.findings} == {"other-camera"}
-    assert "again/DJI_0000_T.JPG" in {finding.subject for finding in capture.findings}

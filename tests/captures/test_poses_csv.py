@@ -71,12 +71,6 @@ def test_commas_between_semicolons_are_decimals_or_thousands(fields: str, expect
         assert findings == []
 
 
-def test_one_number_settles_the_thousands_of_a_whole_file() -> None:
-    rows, findings = parse_poses_csv("image;x;y;z\na.jpg;512,345;5,188,123;198\nb.jpg;512,350.25;5,188,120;198\n")
-    assert rows[0].position == (512345.0, 5188123.0, 198.0)
-    assert findings == []
-
-
 def test_commas_that_may_be_either_are_told_of() -> None:
     for fields, x in (("1,234;2,345;3,456", 1.234), ("512,345;188,123;198.6", 512345.0)):
         (row,), findings = parse_poses_csv(f"image;x;y;z\na.jpg;{fields}\n")
@@ -106,13 +100,6 @@ def test_longitude_and_latitude(header: str) -> None:
     swapped[1:3] = swapped[2:0:-1]
     rows, _ = parse_poses_csv(f"{','.join(swapped)}\na.jpg,46.84252125,-91.9942101,198.61\n")
     assert rows[0].position == (-91.9942101, 46.84252125, 198.61)
-
-
-def test_degrees_with_heights_in_feet_and_projected_columns_beside() -> None:
-    text = "image,easting,northing,lat,lon,z_ft\na.jpg,500000,5188000,46.8,-92.0,100\n"
-    (row,), findings = parse_poses_csv(text)
-    assert row.position == pytest.approx((-92.0, 46.8, 30.48))
-    assert [finding.code for finding in findings] == ["unknown-column"]
 
 
 @pytest.mark.parametrize("header", ["image,x,y,z", "image,x_m,y_m,z_m", "Label,X,Y,Z", "image,easting,northing,height"])
@@ -151,18 +138,6 @@ def test_what_metashape_writes_besides() -> None:
     assert all(name in findings[0].message for name in ("Error_(m)", "X_est"))
 
 
-def test_what_pix4d_writes_besides() -> None:
-    text = "imageName X Y Z Omega Phi Kappa\nplot 7 a.JPG 1.5 -2 3 0.1 0.2 90.5\n"
-    rows, findings = parse_poses_csv(text)
-    assert rows == [PoseRow("plot 7 a.JPG", (1.5, -2.0, 3.0))]
-    assert "'Omega', 'Phi', 'Kappa'" in findings[0].message
-    text = "imagename,latitude [decimal degrees],longitude [decimal degrees],altitude [meter],yaw [degrees],"
-    text += "pitch [degrees],roll [degrees],accuracy horz [meter],accuracy vert [meter]\n"
-    rows, findings = parse_poses_csv(f"{text}a.JPG,46.2345612,6.5611445,539.931,38.6,3.5,8.3,0.02,0.04\n")
-    assert rows == [PoseRow("a.JPG", (6.5611445, 46.2345612, 539.931), 38.6, 3.5, 8.3, 0.04, geographic=True)]
-    assert findings == []
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -192,18 +167,6 @@ def test_mistakes_name_the_line_and_the_column(text: str, words: list[str]) -> N
         parse_poses_csv(text)
     assert all(word in caught.value.message for word in words), caught.value.message
     assert caught.value.remedy
-
-
-def test_decimal_commas_between_commas_are_explained() -> None:
-    with pytest.raises(MetadataError) as caught:
-        parse_poses_csv(f"{HEADER}\na.jpg,1,5,2,0,3,0\n")
-    assert "semicolons" in caught.value.remedy
-
-
-def test_repeated_lines_and_unknown_columns_are_findings() -> None:
-    rows, findings = parse_poses_csv(f"{HEADER},speed\na.jpg,1,2,3,9\na.jpg,1,2,3,9\n")
-    assert len(rows) == 1
-    assert {finding.code for finding in findings} == {"unknown-column", "pose-repeated"}
 
 
 def test_encodings() -> None:
@@ -239,18 +202,6 @@ def test_any_text_is_read_or_refused(text: str) -> None:
         except FieldkitError:
             continue
         assert rows
-
-
-def test_names_are_matched_exactly_then_loosely() -> None:
-    photos = ["a.jpg", "B.JPG", "ä.jpg", "c.jpg", "C.jpg"]
-    listed = ["a.jpg", "images/a.jpg", "b.jpg", "a\u0308.jpg", "c.jpg", "C.JPG", "d.jpg"]
-    assert match_names(listed, photos) == {
-        "a.jpg": "a.jpg",
-        "images/a.jpg": "a.jpg",
-        "b.jpg": "B.JPG",
-        "a\u0308.jpg": "ä.jpg",
-        "c.jpg": "c.jpg",
-    }
 
 
 def test_names_without_suffix_and_with_folders() -> None:

@@ -51,19 +51,6 @@ def test_gps_becomes_east_north_up_metres_about_the_centroid(photo_file: MakePho
     assert capture.findings == ()
 
 
-def test_heights_above_take_off_replace_absolute_altitudes_that_wander(photo_file: MakePhoto) -> None:
-    capture = read_capture(geotagged(photo_file, absolute_noise=0.5))
-    heights = positions(capture)[:, 2]
-    truth = np.array([place[2] for place in PLACES.values()])
-    np.testing.assert_allclose(heights - heights.mean(), truth - truth.mean(), atol=2e-3)
-
-
-def test_several_take_offs_fall_back_to_absolute_altitudes(photo_file: MakePhoto) -> None:
-    capture = read_capture(geotagged(photo_file, absolute_noise=20.0))
-    assert capture.height_source == "absolute altitude"
-    assert ("a.jpg", "several-take-offs") in codes(capture)
-
-
 def test_a_receivers_jump_between_flights_can_be_taken_out(photo_file: MakePhoto) -> None:
     """The other heights, if the matches fit them better: those above the one take-off place."""
     folder = geotagged(photo_file)
@@ -99,15 +86,6 @@ def test_rtk_heights_are_used_as_they_are_and_never_believed_better_than_three_c
         assert capture.priors["a.jpg"].position_sigma_m == sigma_m
 
 
-def test_a_photograph_without_gps_is_named(photo_file: MakePhoto) -> None:
-    geotagged(photo_file)
-    photo_file("g.jpg", exif=exif_block(gps=gps_tags(0.0, 0.0, 0.0)))
-    capture = read_capture(photo_file("h.jpg").parent)
-    assert {("g.jpg", "gps-zero"), ("g.jpg", "no-gps"), ("h.jpg", "no-gps")} <= codes(capture)
-    assert set(capture.priors) == set(PLACES)
-    assert capture.metric_source == "EXIF GPS"
-
-
 def test_a_position_on_another_continent_does_not_move_the_frame(photo_file: MakePhoto) -> None:
     geotagged(photo_file)
     folder = photo_file("g.jpg", exif=exif_block(gps=gps_tags(-33.0, 151.0, 5.0))).parent
@@ -115,21 +93,6 @@ def test_a_position_on_another_continent_does_not_move_the_frame(photo_file: Mak
     assert ("g.jpg", "gps-far-away") in codes(capture)
     assert capture.origin.latitude_deg == pytest.approx(52.0, abs=0.01)
     assert "g.jpg" not in capture.priors
-
-
-def test_two_positions_are_too_few_for_a_scale(photo_file: MakePhoto) -> None:
-    geotagged(photo_file, names="ab")
-    capture = read_capture(photo_file("c.jpg").parent)
-    assert capture.metric_source is None
-    assert ("a.jpg", "too-few-positions") in codes(capture)
-    assert capture.priors["a.jpg"].position is not None
-
-
-def test_without_any_position_there_is_no_metric_source(photo_file: MakePhoto) -> None:
-    capture = read_capture(photo_file("a.jpg", xmp=dji_xmp(GimbalYawDegree="10", GimbalPitchDegree="-90")).parent)
-    assert (capture.metric_source, capture.origin) == (None, None)
-    prior = capture.priors["a.jpg"]
-    assert (prior.position, prior.yaw_deg, prior.source) == (None, 10.0, "XMP")
 
 
 def test_geo_txt_comes_before_gps_and_keeps_xmp_angles(photo_file: MakePhoto) -> None:
@@ -183,13 +146,6 @@ def test_a_sidecar_of_another_capture_is_refused(photo_file: MakePhoto, name: st
     assert caught.value.path == folder / name
 
 
-def test_two_rows_for_one_photograph_are_refused(photo_file: MakePhoto) -> None:
-    folder = photo_file("a.jpg").parent
-    (folder / "poses.csv").write_text("image,x_m,y_m,z_m\na.jpg,1,2,3\nA.JPG,4,5,6\n")
-    with pytest.raises(MetadataError, match=r"two lines for a\.jpg"):
-        read_capture(folder)
-
-
 def _circle(radius: float, count: int = 60) -> np.ndarray:
     angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
     return radius * np.stack([np.cos(angle), np.sin(angle), np.zeros(count)], axis=1)
@@ -200,14 +156,6 @@ def _circle(radius: float, count: int = 60) -> np.ndarray:
 )
 def test_a_rig_in_millimetres_is_noticed_by_its_spacing(radius: float, doubted: bool) -> None:
     assert bool(unit_doubt(_circle(radius))) == doubted
-
-
-def test_suspicious_units_are_found_when_reading(photo_file: MakePhoto) -> None:
-    for index, place in enumerate(_circle(300.0, 8)):
-        folder = photo_file(f"{index}.jpg", seed=index).parent
-        with (folder / "poses.csv").open("a") as stream:
-            stream.write(("image,x_m,y_m,z_m\n" if index == 0 else "") + f"{index}.jpg,{place[0]},{place[1]},80\n")
-    assert ("poses.csv", "unit-suspicious") in codes(read_capture(folder))
 
 
 def test_poses_in_degrees_are_georeferenced(photo_file: MakePhoto) -> None:
@@ -229,18 +177,6 @@ def test_poses_in_degrees_are_georeferenced(photo_file: MakePhoto) -> None:
     assert capture.priors["0.jpg"].position_sigma_m == 0.04
 
 
-def test_heights_of_geo_txt_in_feet(photo_file: MakePhoto) -> None:
-    pytest.importorskip("pyproj", reason="pyproj (extra 'geo') is not installed")
-    lines = ["EPSG:26849"] + [f"{k}.jpg 2900000.{k} 50000{k} 651.4{k} 0 0 0 0.066 0.131" for k in range(3)]
-    for k in range(3):
-        folder = photo_file(f"{k}.jpg", seed=k).parent
-    (folder / "GEO.TXT").write_text("\n".join(lines))
-    capture = read_capture(folder)
-    assert capture.origin.altitude_m == pytest.approx(651.41 * 1200 / 3937)
-    assert capture.priors["0.jpg"].position_sigma_m == pytest.approx(0.131 * 1200 / 3937)
-    assert "height-unit" in [finding.code for finding in capture.findings]
-
-
 def test_angles_of_zero_in_all_photographs_are_none(photo_file: MakePhoto) -> None:
     zeros = {"GimbalYawDegree": "+0.00", "GimbalPitchDegree": "+0.00", "GimbalRollDegree": "+0.00"}
     capture = read_capture(geotagged(photo_file, **zeros))
@@ -259,15 +195,6 @@ def test_angles_of_zero_in_some_photographs_are_none_of_these(photo_file: MakePh
     assert ("b.jpg", "angles-zero") in codes(capture)
     assert capture.priors["b.jpg"].yaw_deg is None
     assert capture.priors["a.jpg"].pitch_deg == -60.0
-
-
-def test_angles_of_zero_in_all_lines_of_poses_csv_are_none(photo_file: MakePhoto) -> None:
-    folder = geotagged(photo_file)
-    lines = [f"{name},{x},{y},{z},0,0,0" for name, (x, y, z) in PLACES.items()]
-    (folder / "poses.csv").write_text("image,x_m,y_m,z_m,yaw_deg,pitch_deg,roll_deg\n" + "\n".join(lines))
-    capture = read_capture(folder)
-    assert ("poses.csv", "angles-zero") in codes(capture)
-    assert capture.priors["a.jpg"].yaw_deg is None
 
 
 def test_a_stated_horizontal_accuracy_never_makes_a_barometric_height_exact(photo_file: MakePhoto) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from fieldkit.cache import digest
 from fieldkit.captures import read_capture
-from fieldkit.captures.selection import capture_of, find_photographs, photographs_at
+from fieldkit.captures.selection import capture_of, find_photographs
 from fieldkit.errors import MetadataError
 from tests.captures.photographs import MakePhoto, dji_xmp, exif_block, gps_tags
 
@@ -45,13 +45,6 @@ def test_the_same_bytes_count_once(photo_file: MakePhoto, tmp_path: Path) -> Non
     assert [(f.subject, f.code, f.message) for f in found.findings] == [
         ("b/x.jpg", "duplicate", "the same bytes as a/x.jpg")
     ]
-
-
-def test_folders_that_are_skipped(photo_file: MakePhoto, tmp_path: Path) -> None:
-    photo_file("a/x.jpg")
-    photo_file("results/deep/x.jpg", seed=2)
-    found = find_photographs(tmp_path / "capture", skip=lambda folder: folder.name == "results")
-    assert [each.place for each in found.photos] == ["a/x.jpg"]
 
 
 @pytest.mark.parametrize("where", ["", "images/"])
@@ -108,20 +101,3 @@ def test_a_camera_for_those_without_one(photo_file: MakePhoto, tmp_path: Path) -
     (tmp_path / "capture" / "poses.csv").write_text("nonsense\n")
     with pytest.raises(MetadataError):
         capture_of(find_photographs(tmp_path / "capture").photos)
-
-
-def test_photographs_at_paths(photo_file: MakePhoto, tmp_path: Path) -> None:
-    a, b = photo_file("x/a.jpg"), photo_file("x/b.jpg")
-    (b.parent / "broken.jpg").write_bytes(b"\xff\xd8\xff")
-    found = photographs_at([a, b.parent / "gone.jpg", tmp_path / "no" / "c.jpg", b.parent / "broken.jpg"])
-    assert [each.photo.path for each in found] == [a]
-    assert found[0].place == a.as_posix()
-
-
-def test_paths_hold_in_other_folders(photo_file: MakePhoto, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A cluster's workers are in folders of their own."""
-    photo_file("a/x.jpg").with_name("poses.csv").write_text(POSES)
-    monkeypatch.chdir(tmp_path)
-    (found,) = find_photographs(Path("capture")).photos
-    assert all(path.is_absolute() for path in (found.photo.path, *found.sidecars.values()))
-    assert set(found.sidecars) == {"poses.csv"}

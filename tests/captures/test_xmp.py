@@ -42,20 +42,6 @@ def test_pix4d_counts_pitch_from_straight_down(own, expected) -> None:
     assert angles(data) == pytest.approx(expected, abs=1e-3)
 
 
-def test_pix4d_accuracies_may_be_fractions() -> None:
-    data = parse_xmp(
-        packet(
-            inside="<Camera:GPSXYAccuracy>12/10</Camera:GPSXYAccuracy><Camera:GPSZAccuracy>1.7</Camera:GPSZAccuracy>"
-        )
-    )
-    assert (data.horizontal_accuracy_m, data.vertical_accuracy_m) == (1.2, 1.7)
-
-
-def test_three_zeros_of_pix4d_are_no_angles() -> None:
-    data = parse_xmp(packet({"Camera:Yaw": "0/100", "Camera:Pitch": "0/100", "Camera:Roll": "0/100"}))
-    assert angles(data) == (None, None, None)
-
-
 def test_pix4d_tags_in_any_of_their_namespaces() -> None:
     for uri in ("http://ns.sensefly.com/Camera/1.0/", "http://pix4d.com/camera/1.0", "https://support.pix4d.com/hc/x"):
         text = packet({"Camera:Yaw": "10", "Camera:Pitch": "0"}).replace(SPACES["Camera"].encode(), uri.encode())
@@ -109,14 +95,6 @@ def test_parrot_wins_over_its_pix4d_tags() -> None:
     assert angles(parse_xmp(packet(parrot | pix4d))) == pytest.approx((146.765, -52.0, -0.051), abs=1e-3)
 
 
-def test_autel_writes_djis_names_under_its_own_prefix() -> None:
-    data = parse_xmp(
-        packet({"drone:GimbalPitchDegree": "-90", "drone:GimbalYawDegree": "12", "drone:GpsLongtitude": "-96.3"})
-    )
-    assert angles(data) == (12.0, -90.0, None)
-    assert data.longitude_deg == -96.3
-
-
 def test_yuneec() -> None:
     given = {"drone-yuneec:GimbalYaw": "92.68", "drone-yuneec:GimbalPitch": "-13.74", "drone-yuneec:GimbalRoll": "0.0"}
     data = parse_xmp(packet(given | {"drone-yuneec:AboveHomeAltitude": "69.84", "drone-yuneec:DroneYaw": "93.94"}))
@@ -130,13 +108,6 @@ def test_yuneec() -> None:
 )
 def test_coordinates_with_letters(text: str, expected: float | None) -> None:
     assert parse_xmp(packet({"exif:GPSLatitude": text})).latitude_deg == (expected and pytest.approx(expected))
-
-
-def test_zeros_of_one_maker_do_not_hide_the_angles_of_another() -> None:
-    zeros = {f"drone-dji:Gimbal{name}Degree": "+0.00" for name in ("Yaw", "Pitch", "Roll")}
-    parrot = {"drone-parrot:CameraYawDegree": "12", "drone-parrot:CameraPitchDegree": "-60"}
-    assert angles(parse_xmp(packet({**zeros, **parrot}))) == (12.0, -60.0, None)
-    assert angles(parse_xmp(packet(zeros))) == (0.0, 0.0, 0.0)
 
 
 def test_names_of_other_makers_mean_nothing_elsewhere() -> None:

@@ -23,11 +23,6 @@ def test_no_name_breaks_a_row(name: str) -> None:
     assert rows[1][0] == on_one_line(name)
 
 
-def test_no_header_breaks_either() -> None:
-    text = csv_text(["plot", "so\u202ert\n", "=1"], [["a", 1, 2]])
-    assert text == "plot,so\\u202ert\\n,'=1\na,1,2\n"
-
-
 def test_what_is_written_out() -> None:
     assert on_one_line("a\nb\u202ec\t\udce4") == r"a\nb\u202ec\t\udce4"
     assert on_one_line("Ä 漢 \u00a0 🌽") == "Ä 漢 \u00a0 🌽"

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.documents.toml_file import MOST_CHARACTERS, parse_toml, read_toml, toml_document
-from fieldkit.errors import MetadataError, SceneError
+from fieldkit.documents.toml_file import parse_toml, read_toml, toml_document
+from fieldkit.errors import MetadataError
 
 TEXT = "# Höhe\nformat = 1\n[home]\nlatitude_deg = 50.8649\n"
 READ = {"format": 1, "home": {"latitude_deg": 50.8649}}
@@ -43,25 +43,6 @@ def test_mistakes_are_told_on_one_line(tmp_path: Path, data: bytes, words: str) 
     assert caught.value.remedy
     assert "\n" not in caught.value.message
     assert len(caught.value.message) < 300
-
-
-def test_the_kind_of_error_is_the_callers(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match="no such scene file") as caught:
-        read_toml(tmp_path / "a.toml", "scene file", "Ask.", 9, missing="Make one.", error=SceneError)
-    assert caught.value.remedy == "Make one."
-    with pytest.raises(MetadataError, match="cannot be read"):
-        read_toml(tmp_path, "site file", "Ask.", 9)
-    with pytest.raises(MetadataError, match="is no path of a site file"):
-        read_toml(Path("a\0.toml"), "site file", "Ask.", 9)
-    with pytest.raises(SceneError, match="is not TOML"):
-        toml_document("a = ", None, "Ask.", error=SceneError)
-    with pytest.raises(MetadataError, match="more than 16,777,216 characters"):
-        toml_document("#" * (MOST_CHARACTERS + 1), None, "Ask.")
-
-
-def test_documents_are_tomllibs() -> None:
-    text = "a.b.c = 1\nxs = [" + ", ".join(f"{k}.25" for k in range(5000)) + "]\n# " + "." * 500 + "\n[t]\nd = 1e-3\n"
-    assert parse_toml(text) == tomllib.loads(text)
 
 
 @pytest.mark.parametrize("key", ["a." * 40_000 + "b", ".".join(['"x"'] * 3000), " . ".join("k" * 200)])

@@ -4,7 +4,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fieldkit.documents import xml_tree
 from fieldkit.documents.xml_tree import XmlError, escaped, parse, parse_local
 
 
@@ -37,14 +36,6 @@ def test_names_with_and_without_namespaces_and_stripped_texts() -> None:
 def test_broken_and_hostile_documents_are_refused(data: bytes, message: str) -> None:
     with pytest.raises(XmlError, match=message):
         parse(data)
-
-
-def test_the_number_of_elements_has_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(xml_tree, "_MAX_ELEMENTS", 10)
-    assert len(parse(b"<a>" + b"<b/>" * 9 + b"</a>")) == 9
-    with pytest.raises(XmlError, match="too many elements"):
-        parse(b"<a>" + b"<b/>" * 10 + b"</a>")
-    assert len(parse(b"<a>" * 2 + b"</a>" * 2)) == 1
 
 
 @given(st.binary(max_size=200))

@@ -3,13 +3,11 @@
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from PIL import Image
 
 from benchmarks.rigs import RIG_FILE, read_rig
 from fieldkit.cache import StageCache
@@ -27,7 +25,6 @@ from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.runtime.context import Context
 from fieldkit.scenes.simulate import poses_table
-from tests.captures.photographs import exif_block
 from tests.reconstruction.test_steady import SWAYS, burst, pictures
 
 COUNT, STEP = 8, 2
@@ -121,34 +118,6 @@ def test_without_a_plan_photographs_are_judged_by_themselves(rig: tuple[Path, Pl
         check(copy, site=Path(__file__))
 
 
-def test_bursts_count_as_their_stations_photographs(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
-    """Three of each station, a second apart and a pixel beside each other, but one of the fourth."""
-    order = [row.photograph for row in checked(rig[0], rig).stations]
-    header, *rows = (copy / "poses.csv").read_text("utf-8").splitlines()
-    lines, sole = [header], order[3]
-    for row in rows:
-        name, pose = row.split(",", 1)
-        with Image.open(copy / name) as opened:
-            picture = np.asarray(opened.convert("RGB"))
-        (copy / name).unlink()
-        for k in range(1 if name == sole else 3):
-            taken = datetime(2026, 6, 18, 10, order.index(name), k, tzinfo=UTC)
-            exif = exif_block(detail={36867: taken.strftime("%Y:%m:%d %H:%M:%S"), 37521: "250"})
-            member = f"{Path(name).stem}_{k}.jpg"
-            Image.fromarray(np.roll(picture, k, axis=1)).save(copy / member, exif=exif, quality=95)
-            lines.append(f"{member},{pose}")
-    (copy / "poses.csv").write_text("\n".join(lines) + "\n", "utf-8")
-    report = checked(copy, rig)
-    assert (report.photographs, report.burst, report.extra) == (3 * COUNT - 2, 3, ())
-    assert [row.photograph for row in report.stations] == [f"{Path(name).stem}_0.jpg" for name in order]
-    (short,) = (finding for finding in report.findings if finding.code == "short-burst")
-    assert (short.station, str(short.message)) == (3, "it has 1 of 3 photographs")
-    assert report.ok, report.findings
-    assert report.sway_m is not None
-    assert report.sway_m < 0.003
-    assert report.summary() == f"All {COUNT} will do. Leaves move by about {1000 * report.sway_m:.0f} mm."
-
-
 def test_leaves_that_move_far_are_too_windy(tmp_path: Path, rig: tuple[Path, Plan, StageCache]) -> None:
     """Drawn leaves that move by 4.4 pixels, seen from 2 m."""
     photo = replace(burst(tmp_path, pictures(sways=1.0))[0], burst=burst(tmp_path, pictures(sways=1.0)))
@@ -178,16 +147,6 @@ def test_exchanged_rows(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
     assert report.fix_tags == (1, 5)
     assert [report.stations[k].photograph for k in (1, 5)] == [order[1], order[5]]
     assert codes(report) == {1: "mis-tagged", 5: "mis-tagged"}
-
-
-def test_without_positions_only_quality_is_told(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
-    (copy / "poses.csv").unlink()
-    photographs(copy)[0].unlink()
-    report = checked(copy, rig)
-    assert not report.ok
-    assert report.stations == ()
-    assert [finding.code for finding in report.findings] == ["missing"]
-    assert "no positions" in report.unchecked[0]
 
 
 def test_folders_of_plots(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
@@ -252,27 +211,3 @@ def test_no_station_is_sent_back_for_heights_that_nothing_measured(rig, copy, he
     (copy / "poses.csv").write_text("\n".join(lines) + "\n", "utf-8")
     report = checked(copy, rig)
     assert report.fly_again == (), report.findings
-
-
-def test_photographs_turned_by_their_orientation_will_do(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
-    """Some were saved again with their pixels turned by 180°, or by 90°, by a program that knows EXIF's Orientation."""
-    for k, path in enumerate(photographs(copy)[:4]):
-        with Image.open(path) as image:
-            turned = image.transpose(Image.Transpose.ROTATE_180 if k % 2 else Image.Transpose.ROTATE_90)
-            exif = Image.Exif()
-            exif[0x0112] = 3 if k % 2 else 6
-        turned.save(path, exif=exif, quality=95)
-    report = checked(copy, rig)
-    assert report.ok, report.findings
-    assert report.findings == ()
-
-
-def test_a_second_lens_is_named_and_no_reason_to_fly(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
-    for k, path in enumerate(photographs(copy)):
-        with Image.open(path) as image:
-            image.convert("L").resize((160, 128)).save(copy / f"DJI_{k:04}_T.JPG", format="JPEG")
-    report = checked(copy, rig)
-    assert report.ok, report.findings
-    (finding,) = report.findings
-    assert finding.code == "other-camera"
-    assert f"{COUNT} photographs" in finding.message

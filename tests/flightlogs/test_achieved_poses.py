@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink import DFReader, mavutil
 
-from fieldkit.flightlogs import Attitude, FixedMount, FlightLog, Gimbal, Series, Trigger, achieved_pose, read_flight_log
+from fieldkit.flightlogs import Attitude, FixedMount, Gimbal, Series, Trigger, achieved_pose, read_flight_log
 from fieldkit.flightlogs.adherence import PlannedPose, adherence
-from fieldkit.flightlogs.assembly import euler_deg, gimbal_yaw_frame
+from fieldkit.flightlogs.assembly import euler_deg
 from fieldkit.flightlogs.dataflash import read_messages
 from fieldkit.flightlogs.reading import _unpacked
 from fieldkit.geometry import Pose
@@ -90,15 +90,6 @@ def test_mavsdk4_holds_only_the_triggers() -> None:
     assert {achieved_pose(t).source for t in log.triggers} == {"commanded gimbal"}
 
 
-def test_utc_of_the_two_logs_agree() -> None:
-    """The dataflash log's UTC is late by its GPS receiver's latency."""
-    tlog, dataflash = (flight_log(f"mount_then_yaw.{kind}") for kind in ("tlog", "BIN.gz"))
-    offsets = [[t.utc_s - t.time_s for t in log.triggers if t.utc_s is not None] for log in (tlog, dataflash)]
-    assert np.median(offsets[1]) == pytest.approx(np.median(offsets[0]), abs=0.2)
-    assert tlog.home is not None
-    assert dataflash.home == tlog.home
-
-
 def test_dataflash_messages_are_those_that_pymavlink_reads(tmp_path: Path) -> None:
     packed = recording("mount_then_yaw.BIN.gz")
     data = _unpacked(packed.read_bytes(), packed, 1 << 30)
@@ -118,14 +109,6 @@ def test_dataflash_messages_are_those_that_pymavlink_reads(tmp_path: Path) -> No
             expected = np.array([float(getattr(m, column)) for m in theirs]) * (1e-6 if column == "TimeUS" else 1.0)
             np.testing.assert_allclose(ours.column(column), expected, rtol=1e-6, atol=1e-9)
     reader.close()
-
-
-@pytest.mark.parametrize(
-    ("flags", "frame"),
-    [(32, "vehicle"), (46, "vehicle"), (60, "vehicle"), (64, "north"), (16, "north"), (0, "vehicle")],
-)
-def test_gimbal_yaw_frames(flags: int, frame: str) -> None:
-    assert gimbal_yaw_frame(flags) == frame
 
 
 angles = st.tuples(st.floats(-180, 180), st.floats(-89, 89), st.floats(-180, 180))
@@ -177,13 +160,6 @@ def test_series_wrap_and_end() -> None:
     assert Series.empty(2).at(0.0) is None
 
 
-def test_naive_triggers_come_while_the_camera_turns() -> None:
-    log: FlightLog = flight_log("naive.tlog")
-    assert sum((t.turning_dps or 0.0) > 50.0 for t in log.triggers) >= 10
-    calm = flight_log("mount_then_yaw.tlog")
-    assert all((t.turning_dps or 0.0) < 2.0 for t in calm.triggers)
-
-
 # How far photographs were taken from their stations, on the recorded flights.
 
 
@@ -232,14 +208,3 @@ def test_missing_and_extra_whatever_the_order() -> None:
         assert kept[int(error.image)].image == int(error.station.split()[1]) + 1
         assert np.hypot(error.east_m, error.north_m) < 0.1
         assert error.speed_mps < 0.05
-
-
-def test_nothing_is_assigned_far_away() -> None:
-    triggers = flight_log("mount_then_yaw.tlog").triggers
-    far = [PlannedPose("far", 50.9, 6.5, 2.0, 0.0, -30.0)]
-    found = adherence(far, triggers, names(triggers))
-    assert found.stations == ()
-    assert found.missing == ("far",)
-    assert len(found.extra) == 13
-    assert adherence([], triggers, names(triggers)).missing == ()
-    assert adherence(far, [], []).missing == ("far",)

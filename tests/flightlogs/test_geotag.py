@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from fieldkit.captures import read_capture
 from fieldkit.captures.poses_csv import parse_poses_csv
 from fieldkit.errors import CaptureError, MetadataError, UsageError
-from fieldkit.flightlogs import FixedMount, read_flight_log
+from fieldkit.flightlogs import read_flight_log
 from fieldkit.flightlogs.adherence import PlannedPose, adherence
 from fieldkit.flightlogs.geotag import PhotoPose, geotag, poses_table, turned
 from fieldkit.flightlogs.model import bursts_of
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.sites.placement import PlotFrame
-from tests.captures.photographs import MakePhoto, exif_block, gps_tags
+from tests.captures.photographs import MakePhoto, exif_block
 from tests.flightlogs.recordings import description, flight_log, recording
 from tests.flightlogs.test_px4_logs import UTC_US, flight
 from tests.flightlogs.ulog_file import write_ulog
@@ -83,17 +83,6 @@ def test_what_is_written_is_read_as_priors(photographs: Path) -> None:
     assert [p.position for p in again.poses] == [p.position for p in report.poses]
 
 
-def test_another_origin_and_a_fixed_camera(photographs: Path, tmp_path: Path) -> None:
-    log = recording("mount_then_yaw.tlog")
-    centre = LocalFrame(50.865, 6.4473, 92.06, "sea level")
-    report = geotag(photographs, log, tmp_path / "poses.csv", origin=centre, mount=FixedMount(-45.0))
-    assert report.origin_source == "given"
-    for pose in report.poses:
-        assert (pose.position[0] ** 2 + pose.position[1] ** 2) ** 0.5 == pytest.approx(2.5, abs=0.1)
-        assert pose.pitch_deg == pytest.approx(-45.0, abs=0.3)
-        assert pose.source == "fixed mount"
-
-
 @given(st.floats(0.0, 360.0, exclude_max=True), st.floats(0.0, 359.0), st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))
 def test_a_plots_frame_is_the_plans(heading_deg: float, yaw_deg: float, x: float, y: float) -> None:
     origin = LocalFrame(50.865, 6.4473, 92.06, "sea level")
@@ -105,21 +94,6 @@ def test_a_plots_frame_is_the_plans(heading_deg: float, yaw_deg: float, x: float
     assert found.position == pytest.approx((x, y, 1.5), abs=1e-6)
     assert abs((found.yaw_deg - yaw_deg + 180.0) % 360.0 - 180.0) < 1e-3
     assert found.pitch_deg == -45.0
-
-
-def test_whole_seconds_with_gps(photo_file: MakePhoto, tmp_path: Path) -> None:
-    triggers = flight_log("hold0.tlog").triggers
-    for k, trigger in enumerate(triggers):
-        if k == 0:
-            continue
-        assert trigger.utc_s is not None
-        assert trigger.place is not None
-        place = trigger.place
-        tags = gps_tags(place.latitude_deg + 3e-7, place.longitude_deg - 2e-7, place.amsl_m)
-        taken = datetime.fromtimestamp(int(trigger.utc_s), UTC).strftime("%Y:%m:%d %H:%M:%S")
-        path = photo_file(f"{k}.jpg", size=(48, 36), exif=exif_block(detail={36867: taken}, gps=tags))
-    report = geotag(path.parent, recording("hold0.tlog"), tmp_path / "poses.csv")
-    assert [(p.photograph, p.trigger) for p in report.matches.pairs] == [(f"{k}.jpg", k) for k in range(1, 13)]
 
 
 @pytest.mark.parametrize("whole", [True, False])
@@ -190,15 +164,6 @@ def test_a_camera_that_reports_no_success_at_all_is_not_believed(
     report = geotag(folder, log, tmp_path / "poses.csv")
     assert (len(report.poses), report.triggers) == (8, 8)
     assert any("not believed" in remark for remark in report.remarks) == (result == 0)
-
-
-def test_two_messages_of_one_trigger_count_once(photo_file: MakePhoto, tmp_path: Path) -> None:
-    folder, log = logged(photo_file, tmp_path, [1] * 9, again=True)
-    report = geotag(folder, log, tmp_path / "poses.csv")
-    assert [pair.trigger for pair in report.matches.pairs] == list(range(0, 18, 2))
-    assert (report.matches.triggers, report.matches.doubled) == ((), tuple(range(1, 18, 2)))
-    assert "9 triggers repeat the one before within 0.3 s; not counted" in report.remarks
-    assert not any("station" in remark for remark in report.remarks)
 
 
 def test_what_cannot_be_done(photo_file: MakePhoto, tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from fieldkit.flightlogs import Matches, Place, Stamp, Trigger, match
 from fieldkit.flightlogs.model import bursts_of
-from tests.flightlogs.recordings import flight_log
 
 HOME = (50.865, 6.4473)
 M_NORTH, M_EAST = 1.0 / 111_240.0, 1.0 / 70_370.0
@@ -136,34 +135,12 @@ def test_whole_seconds_without_gps_are_right_or_ambiguous(seed: int, drop: int, 
     assert len(known.pairs) == 12
 
 
-def test_an_even_rhythm_with_whole_seconds_needs_the_offset() -> None:
-    triggers = flown([9.0] * 13)
-    stamps = photographs(triggers, 0, 12, offset=30.3, whole=True)
-    found = match(stamps, triggers)
-    assert not found.pairs
-    assert len(found.ambiguous) == 11
-    assert "give the offset" in found.remarks[0]
-    assert len(match(stamps, triggers, offset_s=30.0).pairs) == 11
-
-
 def test_places_decide_where_times_cannot() -> None:
     triggers = flown([9.0] * 13)
     stamps = photographs(triggers, 0, 12, offset=30.3, noise=(0, 0.02, -0.02), whole=True, gps=True)
     found = match(stamps, triggers)
     assert matched(found) == list(range(1, 12))
     assert found.triggers == (0, 12)
-
-
-def test_by_place_alone() -> None:
-    triggers = flown([9.0] * 13)
-    stamps = [replace(s, time_s=None) for s in photographs(triggers, 4, noise=(0, 0.05, 0.02), gps=True)]
-    found = match(stamps[::-1], triggers)
-    assert matched(found) == [k for k in range(13) if k != 4]
-    # Two photographs at one place, one trigger: which one it was cannot be told.
-    twin = replace(stamps[0], name="twin")
-    again = match([*stamps, twin], triggers)
-    assert {"P0", "twin"} <= set(again.ambiguous)
-    assert len(again.pairs) == 11
 
 
 def test_two_plots_flown_alike_in_one_log() -> None:
@@ -201,23 +178,3 @@ def test_nothing_to_go_by() -> None:
     assert "neither when nor where" in found.remarks[0]
     assert match([], triggers).triggers == (0, 1, 2, 3, 4)
     assert match([Stamp("a", 3.0)], []).photographs == ("a",)
-
-
-def test_photographs_of_another_flight() -> None:
-    triggers = flown(series(13, 1))
-    others = photographs(flown(series(13, 2)))
-    found = match(others, triggers)
-    assert not found.pairs
-    assert found.remarks
-
-
-def test_recorded_flights_with_every_photograph_missing_in_turn() -> None:
-    """hold0 photographs every 2 s, mount_then_yaw every 9.5 s in an almost even rhythm."""
-    for name in ("hold0", "mount_then_yaw"):
-        triggers = flight_log(f"{name}.tlog").triggers
-        for drop in range(13):
-            stamps = [Stamp(f"P{k}", (t.utc_s or 0.0) - 3600.0 + 0.15) for k, t in enumerate(triggers) if k != drop]
-            lone = (triggers[12 - drop].utc_s or 0.0) - 3600.0 - 1.0
-            found = match([Stamp("X", lone), *stamps], triggers)
-            assert matched(found) == [k for k in range(13) if k != drop]
-            assert found.photographs == ("X",)

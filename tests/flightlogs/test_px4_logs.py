@@ -136,17 +136,5 @@ def test_nested_formats_take_no_time() -> None:
     assert read_topics(data, frozenset({"camera_capture"})) == ({}, 0)
 
 
-def test_the_last_instance_that_a_byte_can_number_is_read_like_any_other() -> None:
-    data = write_ulog({})[:16] + b"".join(
-        [
-            message("F", b"camera_capture:uint64_t timestamp;"),
-            message("A", struct_subscription("camera_capture", instance=255)),
-            message("D", b"\0\0" + bytes([7]) + bytes(7)),
-        ]
-    )
-    rows, skipped = read_topics(data, frozenset({"camera_capture"}))
-    assert (rows["camera_capture"]["timestamp"].tolist(), skipped) == ([7], 0)
-
-
 def struct_subscription(name: str, instance: int = 0) -> bytes:
     return bytes([instance, 0, 0]) + name.encode()

@@ -1,6 +1,5 @@
 """Captures whose poses another program found."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -8,19 +7,17 @@ import pytest
 
 from fieldkit.captures import Capture, read_capture
 from fieldkit.captures.programs import METRES, PosesFile
-from fieldkit.errors import MetadataError, ReconstructionError
+from fieldkit.errors import MetadataError
 from fieldkit.geometry import Pose, Similarity
-from fieldkit.geometry.geodesy import LocalFrame, utm_epsg_of
-from fieldkit.geometry.priors import Priors, SourceFrame
+from fieldkit.geometry.geodesy import utm_epsg_of
+from fieldkit.geometry.priors import Priors
 from fieldkit.reconstruction.known_poses import known_poses
 from tests.captures.photographs import MakePhoto
 from tests.captures.programs.known_set import (
     CAMERA,
-    LOCAL,
     NAMES,
     ORIGIN,
     about,
-    apart,
     assert_close,
     geocentric,
     moved,
@@ -86,13 +83,6 @@ def test_a_colmap_model_alone_gives_poses_and_a_camera_but_no_metres(photographs
     assert_close(back, poses, 1e-9, 1e-6)
 
 
-def test_poses_without_scale_are_not_placed_in_a_references_frame(photographs: Path) -> None:
-    write_colmap(photographs / "sparse", truth())
-    with pytest.raises(ReconstructionError, match="no metric scale") as raised:
-        known_poses(read_capture(photographs), SourceFrame("poses.csv", None, Similarity.identity()))
-    assert "--poses-frame" in raised.value.remedy
-
-
 def test_a_colmap_model_takes_scale_and_place_from_positions_beside_it(photographs: Path) -> None:
     write_colmap(photographs / "sparse" / "0", moved(truth(), some_motion()))
     write_positions(photographs, truth(), noise_m=0.01)
@@ -156,20 +146,6 @@ def test_georeferenced_programs_are_the_metric_source(photographs: Path, program
     assert_close(about(capture.origin, prior_poses(capture), ORIGIN), truth(), 1e-3, 0.01)
 
 
-def test_positions_beside_the_photographs_come_before_a_programs_place(photographs: Path) -> None:
-    write_shots(photographs / "shots.geojson", truth())
-    write_positions(photographs, truth())
-    assert read_capture(photographs).metric_source == "poses.csv"
-
-
-def test_a_camera_file_comes_before_a_programs_camera(photographs: Path) -> None:
-    write_shots(photographs / "shots.geojson", truth())
-    (photographs / "camera.toml").write_text(
-        'model = "SIMPLE_PINHOLE"\nwidth = 120\nheight = 90\nparams = [99, 60, 45]\n'
-    )
-    assert read_capture(photographs).groups[0].source == "camera.toml"
-
-
 def test_poses_of_some_photographs(photographs: Path) -> None:
     write_colmap(photographs / "sparse" / "0", {n: p for n, p in truth().items() if n != NAMES[0]})
     capture = read_capture(photographs)
@@ -196,11 +172,6 @@ def test_a_result_of_other_photographs(photographs: Path, tmp_path: Path) -> Non
         read_capture(photographs, poses=PosesFile(photographs / "sparse" / "0"))
 
 
-def test_results_are_not_looked_at_where_a_flight_log_gives_the_poses(photographs: Path) -> None:
-    write_shots(photographs / "shots.geojson", truth())
-    assert read_capture(photographs, sidecars=False).metric_source is None
-
-
 def test_pictures_that_a_program_turned_keep_their_places_only(photographs: Path) -> None:
     upright = opensfm_camera() | {"width": 3000, "height": 4000}
     write_shots(photographs / "shots.geojson", truth(), camera=upright)
@@ -219,53 +190,11 @@ def test_an_undistorters_model_is_not_that_of_the_photographs(photographs: Path)
         read_capture(photographs, poses=PosesFile(photographs / "sparse" / "0"))
 
 
-def test_a_project_of_opendronemap_is_a_capture(photo_file: MakePhoto, tmp_path: Path) -> None:
-    for name in NAMES:
-        photo_file(f"images/{name}")
-    write_shots(tmp_path / "capture" / "odm_report" / "shots.geojson", truth())
-    assert read_capture(tmp_path / "capture").metric_source == "OpenDroneMap"
-
-
-def test_heights_of_unknown_datum_may_meet_any_reference(photographs: Path) -> None:
-    write_shots(photographs / "shots.geojson", truth())
-    place = LocalFrame(ORIGIN.latitude_deg, ORIGIN.longitude_deg, 150.0, "ellipsoid")
-    known = known_poses(read_capture(photographs), SourceFrame("geo.txt", place, Similarity.identity()))
-    assert apart(working(known), about(ORIGIN, truth(), place))[0] < 1e-3
-
-
 def test_a_damaged_result_in_the_folder_is_an_error_that_says_how_to_do_without(photographs: Path) -> None:
     (photographs / "cameras.xml").write_text("<document><chunk>")
     with pytest.raises(MetadataError) as raised:
         read_capture(photographs)
     assert "move it out" in raised.value.remedy
-
-
-def test_a_result_outside_the_folder_behind_a_link_is_not_read(photographs: Path, tmp_path: Path) -> None:
-    write_colmap(tmp_path / "elsewhere", truth())
-    (photographs / "sparse").symlink_to(tmp_path / "elsewhere")
-    assert read_capture(photographs).program is None
-
-
-def test_photographs_of_two_folders_with_one_name_are_told_apart_or_refused(photographs: Path) -> None:
-    """Another plot's DJI_0001 lies 60 m away, in the file's first group."""
-    still = Similarity(1.0, np.eye(3), np.zeros(3))
-    away = moved(truth(), Similarity(1.0, np.eye(3), np.array([60.0, 0.0, 0.0])))
-    file = write_metashape(photographs / "cameras.xml", truth(), reference=LOCAL, motion=still)
-    text = file.read_text()
-    write_metashape(file, away, reference=LOCAL, motion=still)
-    cameras, others = (re.findall(r"<camera .*?</camera>", each) for each in (text, file.read_text()))
-    both = "".join(
-        f'<group label="{label}" type="folder">{"".join(own)}</group>'
-        for label, own in (("100MEDIA", others), (photographs.name, cameras))
-    )
-    file.write_text(re.sub("<cameras.*</cameras>", f"<cameras>{both}</cameras>", text, flags=re.DOTALL))
-    assert_close(prior_poses(read_capture(photographs)), truth(), 1e-6, 1e-4)
-    file.write_text(file.read_text().replace(f'label="{photographs.name}"', 'label="101MEDIA"'))
-    with pytest.raises(MetadataError, match="has several poses of each photograph"):
-        read_capture(photographs)
-    file.write_text(text.replace(cameras[1], cameras[0]))
-    said = [f.message for f in read_capture(photographs).findings if f.code == "poses-apart"]
-    assert any("1 label is there twice (Group 1/DJI_0001.JPG); not used" in each for each in said)
 
 
 def test_colmaps_images_without_their_lines_of_points(photographs: Path) -> None:

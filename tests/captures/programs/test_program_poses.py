@@ -6,11 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from fieldkit.captures.programs import METRES, PosesFile, ProgramPoses, read_result
-from fieldkit.captures.programs.opendronemap import grid_heading
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.reconstruction.colmap_model import new_model, transform_model
@@ -27,7 +24,6 @@ from tests.captures.programs.known_set import (
     geocentric,
     known_poses,
     moved,
-    opensfm_camera,
     some_motion,
     to_grid,
     write_colmap,
@@ -62,17 +58,6 @@ def test_colmaps_poses_and_camera(tmp_path: Path, text: bool) -> None:
     assert set(camera.images) == set(NAMES)
     assert same_camera(camera.intrinsics)
     assert camera.fixed
-
-
-def test_a_colmap_model_has_no_scale_unless_a_person_says_so(tmp_path: Path) -> None:
-    model = write_colmap(tmp_path / "sparse" / "0", known_poses())
-    bare = read_result(PosesFile(tmp_path))
-    assert not bare.metric
-    assert bare.origin is None
-    assert "without metric scale" in bare.frame_said
-    stated = read_result(PosesFile(model, METRES))
-    assert stated.metric
-    assert stated.origin is None
 
 
 def test_a_colmap_model_without_rigs_as_before_3_12(tmp_path: Path) -> None:
@@ -142,22 +127,6 @@ def test_shots_without_gps_are_refused(tmp_path: Path) -> None:
     path.write_text(json.dumps(document))
     with pytest.raises(MetadataError, match="do not fit its places"):
         read_result(PosesFile(path))
-
-
-@given(latitude=st.floats(-80, 80), away=st.floats(-3.5, 3.5))
-def test_a_grids_heading_is_pyprojs_convergence(latitude: float, away: float) -> None:
-    from pyproj import Proj
-
-    factors = Proj("EPSG:32632").get_factors(9.0 + away, latitude)
-    assert np.degrees(grid_heading(latitude, 9.0 + away, 9.0)) == pytest.approx(factors.meridian_convergence, abs=0.01)
-
-
-def test_cameras_of_one_size_cannot_be_told_apart(tmp_path: Path) -> None:
-    path = write_shots(tmp_path / "shots.geojson", known_poses())
-    own, small = opensfm_camera(), opensfm_camera() | {"width": 3000}
-    for cameras, count in (({"a": own, "c": small}, 1), ({"a": own, "b": own}, 0), ({"c": small}, 0)):
-        (tmp_path / "cameras.json").write_text(json.dumps(cameras))
-        assert len(read_result(PosesFile(path)).cameras) == count
 
 
 def test_opensfms_perspective_camera(tmp_path: Path) -> None:
@@ -283,20 +252,3 @@ def test_a_coordinate_system_that_does_not_exist(tmp_path: Path) -> None:
     model = write_colmap(tmp_path / "model", known_poses())
     with pytest.raises(MetadataError, match="no coordinate system"):
         read_result(PosesFile(model, "EPSG:999999"))
-
-
-def test_a_frame_is_not_taken_where_the_file_says_its_own(tmp_path: Path) -> None:
-    files = [
-        write_shots(tmp_path / "shots.geojson", known_poses()),
-        write_metashape(tmp_path / "c.xml", geocentric(known_poses()), motion=chunk_motion()),
-    ]
-    for file in files:
-        with pytest.raises(MetadataError, match="says what frame"):
-            read_result(PosesFile(file, "EPSG:25832"))
-
-
-def test_a_resolution_beyond_all_numbers_is_told(tmp_path: Path) -> None:
-    file = write_metashape(tmp_path / "c.xml", known_poses())
-    file.write_text(file.read_text().replace('width="4000"', f'width="{"4" * 400}"'))
-    with pytest.raises(MetadataError, match="no export of Metashape's cameras"):
-        read_result(PosesFile(file))
