@@ -129,7 +129,7 @@ def _evaluated(job: VisitJob, folder: Path) -> Visit:
             placed.plot,
             placed.outline,
             None if rasters is None else replace(rasters, at_origin=placed.at_origin),
-            None if placed.plot is None else ComparedPlan.of(job.plan, placed.plot.source),
+            None if placed.plot is None else ComparedPlan(job.plan, placed.plot.source),
         )
 
     name = plot_file_name(job.plot.name, (*RESERVED, VISIT_FILE))

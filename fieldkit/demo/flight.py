@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fieldkit.errors import MetadataError
-from fieldkit.evaluation.adherence import angle_noise_deg, position_noise_m
+from fieldkit.evaluation.adherence import pose_noise
 from fieldkit.flightlogs import read_flight_log
 from fieldkit.flightlogs.adherence import PlannedPose, adherence
 from fieldkit.link.upload import UploadReport, upload_mission
@@ -54,7 +54,7 @@ def recorded_flight() -> RecordedFlight:
     log = read_flight_log(folder / f"{FLOWN}.tlog")
     names = [f"photograph {k}" for k in range(len(log.triggers))]
     kept = adherence(_stations(folder / f"{FLOWN}.json"), log.triggers, names)
-    position, angle = position_noise_m([kept]), angle_noise_deg([kept])
+    position, angle = pose_noise([kept])
     if position is None or angle is None:
         raise MetadataError("the recording that belongs to fieldkit is damaged", path=folder / f"{FLOWN}.tlog")
     return RecordedFlight(len(kept.stations), round(position, 4), round(angle, 3))

@@ -10,13 +10,14 @@ import numpy as np
 
 from fieldkit.arrays import FloatArray
 from fieldkit.captures import Capture, read_capture
-from fieldkit.errors import FieldkitError, MetadataError, UsageError
+from fieldkit.errors import FieldkitError, MetadataError
 from fieldkit.evaluation.recorded_angles import read_angles
 from fieldkit.figures.spreadsheets import adherence_csv
 from fieldkit.files import write_atomic
 from fieldkit.flightlogs import FlightLog, Matches, match_log, read_flight_log
-from fieldkit.flightlogs.adherence import PlannedPose, PoseRow, Poses, adherence, assigned, station_errors
+from fieldkit.flightlogs.adherence import PoseRow, Poses, assigned, station_errors
 from fieldkit.flightlogs.geotag import frame_of, local_poses, stamp
+from fieldkit.flightlogs.model import Trigger
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.geometry.priors import PosePrior, SourceFrame
@@ -26,11 +27,10 @@ from fieldkit.results.evaluation import (
     AchievedSource,
     AdherenceEntry,
     PlotEvaluation,
-    StationErrorEntry,
     pooled_spread,
     rms,
 )
-from fieldkit.results.fields import Vector, vector
+from fieldkit.results.fields import vector
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan, station_number
 from fieldkit.results.report_files import describe_files
@@ -86,18 +86,22 @@ class LoggedFlight:
             return None
         frame, _ = frame_of(self.log)
         names = [f"{plot}/{photo.name}" for photo in capture.photos]
-        found = {p.image.removeprefix(f"{plot}/"): p for p in local_poses(self.log, self.matches, frame, names)}
         priors = {
-            name: PosePrior(np.array(pose.position), pose.accuracy_m, source=SOURCE).with_angles(
-                (pose.yaw_deg, pose.pitch_deg, None)
-            )
-            for name, pose in found.items()
+            pose.image.removeprefix(f"{plot}/"): PosePrior(
+                np.array(pose.position), pose.accuracy_m, source=SOURCE
+            ).with_angles((pose.yaw_deg, pose.pitch_deg, None))
+            for pose in local_poses(self.log, self.matches, frame, names)
         }
-        ambiguous = {n.removeprefix(f"{plot}/") for n in self.matches.ambiguous if n in names}
+        untold = {f"{plot}/{photo.name}": photo.name for photo in capture.photos if photo.name not in priors}
         findings = [
-            Finding(p.name, "photo-without-trigger", _without(p.name in ambiguous))
-            for p in capture.photos
-            if p.name not in priors
+            Finding(
+                photograph,
+                "photo-without-trigger",
+                "could belong to more than one trigger of the flight log"
+                if name in self.matches.ambiguous
+                else "no trigger in the flight log",
+            )
+            for name, photograph in untold.items()
         ]
         first = capture.photos[0].name
         findings += [Finding(first, "flight-log", text) for text in (*self.log.remarks, *self.matches.remarks)]
@@ -115,13 +119,13 @@ class LoggedFlight:
             findings=(*capture.findings, *findings),
         )
 
-    def adherence(self, plot: str, planned: Sequence[PlannedPose], datum: str) -> AdherenceEntry | None:
-        """How the photographs of a plot kept to its plan; None where none was taken near it."""
-        pairs = [pair for pair in self.matches.pairs if pair.photograph.startswith(f"{plot}/")]
-        triggers = [self.log.triggers[pair.trigger] for pair in pairs]
-        names = [pair.photograph.removeprefix(f"{plot}/") for pair in pairs]
-        found = adherence(planned, triggers, names, datum=datum)
-        return found if found.stations else None
+    def triggers(self, plot: str) -> dict[str, Trigger]:
+        """The triggers of a plot's photographs, by their names."""
+        return {
+            pair.photograph.removeprefix(f"{plot}/"): self.log.triggers[pair.trigger]
+            for pair in self.matches.pairs
+            if pair.photograph.startswith(f"{plot}/")
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,23 +138,6 @@ class ComparedPlan:
     """The frame of the reference; None without one."""
     flight: LoggedFlight | None = None
     """By its log; None without one."""
-    planned: Sequence[PlannedPose] = ()
-    """The stations on the Earth; empty without a log."""
-    datum: str = "none"
-    """Of their heights."""
-
-    @classmethod
-    def of(cls, plan: Plan, reference: SourceFrame | None, flight: LoggedFlight | None = None) -> ComparedPlan:
-        """A plan with what it is compared with."""
-        if flight is None:
-            return cls(plan, reference)
-        if reference is None:
-            raise UsageError(
-                "a plan is compared with a flight log on the reference's plot",
-                remedy="Give --reference with --log and --plan, or leave --log or --plan out.",
-            )
-        planned, datum = planned_poses(plan, reference)
-        return cls(plan, reference, flight, planned, datum)
 
     def adherence(self, plot: PlotEvaluation, name: str, capture: Capture) -> AdherenceEntry | None:
         """How a plot's photographs kept to the plan; None where none was taken near its stations."""
@@ -159,20 +146,22 @@ class ComparedPlan:
         frame = plot.frame.of_source(plot.metric_source)
         if self.reference is None and (frame.origin is not None or plot.metric_source != _OWN_FRAME):
             return None
-        found: dict[AchievedSource, Poses] = {"reconstructed": {n: _row(pose) for n, pose in plot.poses.items()}}
-        flown = None
+        poses: dict[AchievedSource, Poses] = {"reconstructed": {n: _row(pose) for n, pose in plot.poses.items()}}
         if self.flight is None:
-            found["tagged"] = known_rows(_as_meant(capture, plot.poses, frame), frame)
+            poses["tagged"] = known_rows(_as_meant(capture, plot.poses, frame), frame)
         else:
-            found["reported"] = known_rows(capture, frame)
-            flown = self.flight.adherence(name, self.planned, self.datum)
-        return kept(
-            [image.name for image in plot.image_reports],
-            _stations(self.plan, frame if self.reference is None else None),
-            found,
-            np.eye(3) if frame.origin is None else frame.from_source.rotation.T,
-            flown,
-        )
+            poses["reported"] = known_rows(capture, frame)
+        axes = np.eye(3) if frame.origin is None else frame.from_source.rotation.T
+        stations = _stations(self.plan, frame if self.reference is None else None)
+        entry = _kept([image.name for image in plot.image_reports], stations, poses, axes)
+        if entry is None or self.flight is None or entry.achieved_by != "reported":
+            return entry
+        triggers = self.flight.triggers(name)
+        errors = [
+            error.model_copy(update={key: getattr(triggers[error.image], key) for key in ("speed_mps", "turning_dps")})
+            for error in entry.stations
+        ]
+        return entry.model_copy(update={"stations": tuple(errors)})
 
     @property
     def without_place(self) -> str:
@@ -191,68 +180,44 @@ def write_adherence(folder: Path, place: str, plot: PlotEvaluation) -> PlotEvalu
     return plot.model_copy(update={"files": (*plot.files, *files)})
 
 
-def planned_poses(plan: Plan, source: SourceFrame) -> tuple[list[PlannedPose], str]:
-    """A plan's stations on the Earth, where the reference that it was made on lies, and the datum of their heights."""
-    if source.origin is None:
-        raise UsageError(
-            f"the reference's positions come from {source.source}, so its plan has no place on the Earth",
-            remedy="Leave --plan out, or build the reference with GPS positions.",
-        )
-    to_source = source.from_source.inverse()
-    poses = []
-    for k, station in enumerate(plan.stations):
-        # Rows are the camera's axes: in the source's frame they are those in the plot's times the rotation between.
-        rotation = station.pose.rotation @ source.from_source.rotation
-        yaw, pitch, _ = Pose(rotation, np.zeros(3)).yaw_pitch_roll_deg()
-        place = to_source.apply(np.array(station.position_m))
-        latitude, longitude, height = (float(v[0]) for v in source.origin.to_geodetic(place))
-        poses.append(PlannedPose(_name(k), latitude, longitude, height, yaw % 360.0, pitch))
-    return poses, "amsl" if source.origin.datum == "sea level" else "none"
-
-
-def kept(
-    photographs: Sequence[str],
-    stations: Poses,
-    found: Mapping[AchievedSource, Poses],
-    axes: FloatArray,
-    flown: AdherenceEntry | None = None,
+def _kept(
+    photographs: Sequence[str], stations: Poses, poses: Mapping[AchievedSource, Poses], axes: FloatArray
 ) -> AdherenceEntry | None:
     """How a plot's photographs kept to their plan; None where none was taken near a station.
 
     Args:
         photographs: their names, in order.
         stations: the plan's, by name, in its order; plot frame.
-        found: poses by source; what one does not know is left out.
+        poses: by source; what one does not know is left out.
         axes: (3, 3) rows are east, north and up in the plot frame.
-        flown: by the flight log, with its assignment of photographs, its errors, speeds and turning.
     """
-    station_of = {} if flown is None else {error.image: error.station for error in flown.stations}
-    shifts: dict[AchievedSource, Vector | None] = {}
+    station_of: dict[str, str] = {}
+    shifts: dict[AchievedSource, FloatArray] = {}
     for source in ACHIEVED:
-        _assign(station_of, stations, found.get(source, {}))
-        shifts[source] = _shift(station_of, stations, found.get(source, {}), axes)
+        own = poses.get(source, {})
+        # Photographs that an earlier source has assigned say how far this one lies beside the plan.
+        apart = _apart(station_of, stations, own)
+        offset = np.median(apart, axis=0) if len(apart) >= _LEAST_STATIONS else None
+        free = {name: pose for name, pose in stations.items() if name not in station_of.values()}
+        station_of |= assigned(free, {name: pose for name, pose in own.items() if name not in station_of}, offset)
+        shifts[source] = _apart(station_of, stations, own)
     if not station_of:
         return None
-    known = {s: sum(name in station_of for name in found.get(s, {})) for s in ACHIEVED}
+    known = {source: len(shift) for source, shift in shifts.items()}
     achieved = next((s for s in ACHIEVED if known[s] >= _LEAST_STATIONS), max(ACHIEVED, key=lambda s: known[s]))
-    errors: Sequence[StationErrorEntry]
-    if flown is not None and achieved == "reported":
-        errors = flown.stations
-    else:
-        errors = station_errors(stations, found.get(achieved, {}), station_of, axes)
-    taken = set(station_of.values())
-    somewhere = {name for poses in found.values() for name in poses}
+    somewhere = {name for own in poses.values() for name in own}
     return AdherenceEntry.of(
-        errors,
-        [name for name in stations if name not in taken],
+        station_errors(stations, poses.get(achieved, {}), station_of, axes),
+        [name for name in stations if name not in station_of.values()],
         [name for name in photographs if name in somewhere and name not in station_of],
         achieved,
-        shifts[achieved],
+        vector(np.median(shifts[achieved] @ axes.T, axis=0)) if known[achieved] else None,
     )
 
 
-def _name(station: int) -> str:
-    return f"station {station_number(station)}"
+def _apart(station_of: Mapping[str, str], stations: Poses, poses: Poses) -> FloatArray:
+    """(n, 3) positions of photographs less those of their stations."""
+    return np.array([np.subtract(poses[n][0], stations[s][0]) for n, s in station_of.items() if n in poses], np.float64)
 
 
 def _row(pose: Pose) -> PoseRow:
@@ -270,7 +235,7 @@ def _stations(plan: Plan, to_plot: SourceFrame | None) -> dict[str, PoseRow]:
     poses = [station.pose for station in plan.stations]
     if to_plot is not None:
         poses = [to_plot.from_source.apply_pose(pose) for pose in poses]
-    return {_name(k): _row(pose) for k, pose in enumerate(poses)}
+    return {f"station {station_number(k)}": _row(pose) for k, pose in enumerate(poses)}
 
 
 def known_rows(capture: Capture, frame: SourceFrame) -> dict[str, PoseRow]:
@@ -283,15 +248,15 @@ def known_rows(capture: Capture, frame: SourceFrame) -> dict[str, PoseRow]:
     except FieldkitError:
         return {}
     rows: dict[str, PoseRow] = {}
-    for name, each in known.items():
-        if each.position is None:
+    for name, known_prior in known.items():
+        if known_prior.position is None:
             continue
         prior, yaw, pitch = capture.priors[name], None, None
         if prior.yaw_deg is not None or prior.pitch_deg is not None:
             camera = Pose.from_yaw_pitch(np.zeros(3), prior.yaw_deg or 0.0, prior.pitch_deg or 0.0, prior.roll_deg or 0)
-            _, yaw, pitch = _row(Pose(camera.rotation @ frame.from_source.rotation.T, each.position))
+            _, yaw, pitch = _row(Pose(camera.rotation @ frame.from_source.rotation.T, known_prior.position))
         rows[name] = (
-            vector(each.position),
+            vector(known_prior.position),
             None if prior.yaw_deg is None else yaw,
             None if prior.pitch_deg is None else pitch,
         )
@@ -304,27 +269,6 @@ def _as_meant(capture: Capture, poses: Mapping[str, Pose], frame: SourceFrame) -
     bound = ANGLE_SIGMAS * float(np.median(sigmas)) if sigmas else 0.0
     rotations = {name: pose.rotation for name, pose in poses.items()}
     return read_angles(capture, rotations, frame.from_source.rotation, bound).capture
-
-
-def _assign(station_of: dict[str, str], stations: Poses, poses: Poses) -> None:
-    """Give photographs that have no station yet those that are left, by the poses of one source."""
-    used = set(station_of.values())
-    free = {name: pose for name, pose in stations.items() if name not in used}
-    left = {name: pose for name, pose in poses.items() if name not in station_of}
-    # Those that an earlier source has assigned say how far this one lies beside the plan.
-    apart = _apart(station_of, stations, poses)
-    station_of.update(assigned(free, left, np.median(apart, axis=0) if len(apart) >= _LEAST_STATIONS else None))
-
-
-def _shift(station_of: Mapping[str, str], stations: Poses, poses: Poses, axes: FloatArray) -> Vector | None:
-    """What photographs' positions have in common against their stations': east, north, up."""
-    apart = _apart(station_of, stations, poses)
-    return vector(np.median(apart @ axes.T, axis=0)) if len(apart) else None
-
-
-def _apart(station_of: Mapping[str, str], stations: Poses, poses: Poses) -> FloatArray:
-    """(n, 3) positions of photographs less those of their stations."""
-    return np.array([np.subtract(poses[n][0], stations[s][0]) for n, s in station_of.items() if n in poses], np.float64)
 
 
 def flown_noise(plots: Sequence[PlotEvaluation], path: Path) -> tuple[float, float]:
@@ -345,48 +289,32 @@ def flown_noise(plots: Sequence[PlotEvaluation], path: Path) -> tuple[float, flo
             path=path,
             remedy="Evaluate the flight again with --plan and --reference, or give --pose-noise M,DEG.",
         )
-    best = next(source for source in ACHIEVED if any(each.achieved_by == source for each in known))
-    flown = [each for each in known if each.achieved_by == best]
-    position, angles = position_noise_m(flown), _angle_errors(flown)
-    turned = rms(angles)
-    stations = sum(len(each.stations) for each in flown)
-    if stations < _LEAST_STATIONS or position is None:
+    best = next(source for source in ACHIEVED if any(entry.achieved_by == source for entry in known))
+    flown = [entry for entry in known if entry.achieved_by == best]
+    position, turned = pose_noise(flown)
+    stations = sum(len(entry.stations) for entry in flown)
+    if stations < _LEAST_STATIONS or position is None or turned is None:
+        what = "position" if position is None or stations < _LEAST_STATIONS else "heading and gimbal"
         raise MetadataError(
-            f"the evaluation has the pose errors of {count(stations, 'station')}; {_LEAST_STATIONS} of a plot are the "
-            "least",
+            f"the evaluation has the errors of {what} of too few of {count(stations, 'station')}: {_LEAST_STATIONS} of "
+            "a plot are the least",
             path=path,
-            remedy="Take an evaluation of a longer flight, or give --pose-noise M,DEG.",
-        )
-    if turned is None or len(angles) < _LEAST_STATIONS:
-        what = "flight's log" if best == "reported" else "photographs"
-        raise MetadataError(
-            f"the {what} said nothing of heading and gimbal, so the evaluation has no angle errors",
-            path=path,
-            remedy="Take an evaluation of a log with attitude and gimbal, or give --pose-noise M,DEG.",
+            remedy="Take an evaluation of a longer flight whose log has attitude and gimbal, or give --pose-noise "
+            "M,DEG.",
         )
     return round(position, 5), round(turned, 5)
 
 
-def position_noise_m(flown: Sequence[AdherenceEntry]) -> float | None:
-    """Standard deviation of a coordinate, about each plot's mean error; None where no plot has two errors of one."""
+def pose_noise(flown: Sequence[AdherenceEntry]) -> tuple[float | None, float | None]:
+    """Standard deviation of a coordinate about each plot's mean error, metres, and root mean square of yaw and pitch
+    errors, degrees; None where no plot has two errors of one, or any.
+    """
     pooled = pooled_spread(
         [
-            [error for station in each.stations if (error := getattr(station, name)) is not None]
-            for each in flown
+            [error for station in entry.stations if (error := getattr(station, name)) is not None]
+            for entry in flown
             for name in ("east_m", "north_m", "up_m")
         ]
     )
-    return None if pooled is None else pooled[0]
-
-
-def angle_noise_deg(flown: Sequence[AdherenceEntry]) -> float | None:
-    """Root mean square of yaw and pitch errors; None without any."""
-    return rms(_angle_errors(flown))
-
-
-def _angle_errors(flown: Sequence[AdherenceEntry]) -> list[float]:
-    return [e for each in flown for s in each.stations for e in (s.yaw_deg, s.pitch_deg) if e is not None]
-
-
-def _without(ambiguous: bool) -> str:
-    return "could belong to more than one trigger of the flight log" if ambiguous else "no trigger in the flight log"
+    angles = [angle for entry in flown for s in entry.stations for angle in (s.yaw_deg, s.pitch_deg)]
+    return None if pooled is None else pooled[0], rms(angles)

@@ -114,7 +114,7 @@ def evaluate(
         for finding in read.findings if isinstance(read, CloudReference) else ():
             progress.note(finding.message)
         flight = None if log is None else LoggedFlight.read(log, plots)
-        flown = None if plan is None else ComparedPlan.of(load_plan(plan), _place(read), flight)
+        flown = None if plan is None else ComparedPlan(load_plan(plan), _place(read), flight)
         scoring = Scoring.against(read, refine=asked.refine, distances_m=asked.distances_m)
 
         def given(name: str, path: Path) -> PlotCapture:
