@@ -14,10 +14,12 @@ from benchmarks.result import Cell, ResultTable, StudyResult
 from fieldkit.cache import StageCache
 from fieldkit.clouds import Cloud, icp, read_cloud, read_las
 from fieldkit.clouds.neighbors import PointIndex
-from fieldkit.evaluation.reference import OVERVIEW_FILE, build_reference
+from fieldkit.evaluation.reference import build_reference
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.similarity import fit_similarity
+from fieldkit.pictures.overview import OVERVIEW_FILE, write_overviews
 from fieldkit.results.evaluation import CLOUD_FILE, SCENE_FILE, ReferenceReport
+from fieldkit.results.report_files import load_reference_report
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 
@@ -59,6 +61,7 @@ def run_references(data: Path, *, cache: StageCache, progress: Progress) -> Stud
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
         for name in SETS:
             results.append(reference_of_set(name, data, Path(folder), cache=cache, progress=progress))
+            write_overviews(Path(folder) / name, load_reference_report(Path(folder) / name))
             pictures[f"{name}.png"] = (Path(folder) / name / OVERVIEW_FILE).read_bytes()
     return StudyResult(
         name="references",

@@ -14,8 +14,7 @@ from benchmarks.curves import COLORS, dress
 from fieldkit.arrays import FloatArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
-from fieldkit.pictures.panels import FAINT, INK, Panel, add_panel, draw_cloud, fitting_scale, new_figure
-from fieldkit.pictures.projection import FRONT, TOP
+from fieldkit.pictures.panels import FAINT, FRONT, INK, TOP, Panel, add_panel, draw_cloud, fitting_scale, new_figure
 
 _WIDTH, _ROW, _MARGIN, _TITLE = 13.0, 3.6, 0.55, 0.6
 _COLORS = COLORS[:2]

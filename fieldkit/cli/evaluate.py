@@ -90,6 +90,7 @@ def command(
     if frame and reference is None:
         raise UsageError("--reference-frame is that of --reference", remedy="Give --reference with it.")
     from fieldkit.evaluation.evaluate import AllFailedError, evaluate
+    from fieldkit.pictures.overview import write_overviews
 
     computing = run_context(as_json=as_json, workers=run.workers, scheduler=scheduler, no_cache=run.no_cache)
     with computing as context:
@@ -108,6 +109,7 @@ def command(
             )
         except AllFailedError as error:
             report = error.report
+    write_overviews(output, report)
     if as_json:
         emit_json(
             {"output": output, **report.model_dump(mode="json", exclude={"plots": {"__all__": {"image_reports"}}})}

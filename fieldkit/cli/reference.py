@@ -54,6 +54,7 @@ def command(
         raise UsageError("--rasters need the scene", remedy="Leave --no-scene out.")
     settings, found_poses = with_ties(settings, ties), poses.given()
     from fieldkit.evaluation.reference import build_reference
+    from fieldkit.pictures.overview import write_overviews
 
     computing = run_context(as_json=as_json, workers=run.workers, scheduler=scheduler, no_cache=run.no_cache)
     with computing as context:
@@ -67,6 +68,7 @@ def command(
             overwrite=run.overwrite,
             resume=run.resume,
         )
+    write_overviews(output, report)
     if as_json:
         emit_json({"output": output, **report.model_dump(mode="json", exclude={"image_reports"})})
         return

@@ -71,8 +71,7 @@ def evaluate(
 
     Args:
         captures: a folder of photographs, or a folder of such folders (one per plot); never written to.
-        output: folder of the result: evaluation.json, plots.csv, traits.csv and, per plot, a folder with cloud.ply
-            and overview.png.
+        output: folder of the result: evaluation.json, plots.csv, traits.csv and, per plot, a folder with cloud.ply.
         settings: choices; None takes the defaults. Bounds default to the reference's volume.
         context: None takes the usual cache and one process, and says nothing.
         reference: folder that `build_reference` wrote, or a cloud (PLY, LAS, LAZ); None gives figures that need none.

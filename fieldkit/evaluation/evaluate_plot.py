@@ -17,12 +17,11 @@ from fieldkit.evaluation.adherence import ComparedPlan, write_adherence
 from fieldkit.evaluation.cloud_reference import AnyReference, CloudReference
 from fieldkit.evaluation.conversion import failed_plot, plot_evaluation
 from fieldkit.evaluation.rasters import Rasters, coarse_place, write_rasters
-from fieldkit.evaluation.reference import OVERVIEW_FILE, Reference
+from fieldkit.evaluation.reference import Reference
 from fieldkit.evaluation.traits import PlotOutline, outline_of, scale_doubt
 from fieldkit.figures.spreadsheets import PLANTS_FILE, TRAITS_FILE, plants_csv, plot_rows, plots_csv, traits_csv
 from fieldkit.figures.style import format_length
 from fieldkit.files import storage_errors, write_atomic
-from fieldkit.pictures.overview import write_overview
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
 from fieldkit.reconstruction.result import Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -163,7 +162,7 @@ def _evaluated(
             findings += _other_plants(name, result, reference.cloud, found.sparse)
         (folder / place).mkdir(parents=True)
         write_cloud(folder / place / CLOUD_FILE, plants)
-        names = [CLOUD_FILE, OVERVIEW_FILE]
+        names = [CLOUD_FILE]
         if isinstance(reference, CloudReference):
             findings += reference.findings
         plot = plot_evaluation(
@@ -188,7 +187,6 @@ def _evaluated(
             if told.message:
                 plot = plot.model_copy(update={"findings": (*plot.findings, told)})
                 progress.note(f"{name}: {told.message}")
-        write_overview(folder / place / OVERVIEW_FILE, plot, plants)
         if plot.plants:
             write_atomic(folder / place / PLANTS_FILE, plants_csv(plot.plants))
             names.append(PLANTS_FILE)

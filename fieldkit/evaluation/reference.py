@@ -16,7 +16,6 @@ from fieldkit.evaluation.rasters import Rasters, coarse_place, write_georeferenc
 from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.figures.spreadsheets import TRAITS_FILE, trait_row, traits_csv
 from fieldkit.files import atomic_folder, write_atomic
-from fieldkit.pictures.overview import write_overview
 from fieldkit.reconstruction.colmap_model import color_points
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
 from fieldkit.reconstruction.result import Reconstruction
@@ -30,7 +29,6 @@ from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import Spent
 from fieldkit.runtime.progress import Progress
 
-OVERVIEW_FILE = "overview.png"
 MODEL_FOLDER = "model"
 
 
@@ -53,7 +51,7 @@ def build_reference(
     Args:
         images: the folder; never written to.
         output: folder of the result: reference.json, cloud.ply (plants), scene.ply (with the ground), model/ (COLMAP's
-            binary format, plot frame), overview.png, traits.csv and, where it is georeferenced, cloud.laz and
+            binary format, plot frame), traits.csv and, where it is georeferenced, cloud.laz and
             scene.laz in UTM.
         settings: choices; None takes the defaults. Rasters need the scene; a note says where they cannot be.
         context: None takes the usual cache and one process, and says nothing.
@@ -151,9 +149,8 @@ def _write(
             told = error.message
         if told:
             progress.note(told)
-    write_overview(folder / OVERVIEW_FILE, draft, found.plants)
     write_atomic(folder / TRAITS_FILE, traits_csv([trait_row(draft.source, draft.date, draft.traits)]))
-    report = draft.model_copy(update={"files": describe_files(folder, [*names, OVERVIEW_FILE, TRAITS_FILE])})
+    report = draft.model_copy(update={"files": describe_files(folder, [*names, TRAITS_FILE])})
     save_report(folder / REFERENCE_FILE, report)
     return report
 

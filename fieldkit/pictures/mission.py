@@ -13,8 +13,7 @@ from matplotlib.patheffects import withStroke
 from fieldkit.arrays import FloatArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.pictures.panels import INK, draw_cloud, drawable, view_row
-from fieldkit.pictures.projection import FRONT, SIDE, TOP, Direction
+from fieldkit.pictures.panels import FRONT, INK, SIDE, TOP, Direction, draw_cloud, drawable, view_row
 
 _CAMERA, _LEG, _OUTLINE = "#c0262d", "#2f6db3", "#8a5a2b"
 _SHARE = 0.1

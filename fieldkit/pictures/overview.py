@@ -1,8 +1,7 @@
-"""The overview picture of a reconstruction: the plants from three sides, the cameras, the main figures."""
+"""The overview picture of a reconstruction: the plants from three sides, and the cameras."""
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,27 +13,32 @@ from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 
 from fieldkit.arrays import FloatArray
-from fieldkit.clouds import Cloud
-from fieldkit.figures.style import format_length
-from fieldkit.figures.tables.reconstruction import quality_rows
-from fieldkit.figures.tables.scores import score_rows
+from fieldkit.clouds import Cloud, read_cloud
 from fieldkit.files import write_atomic
 from fieldkit.geometry import Pose
 from fieldkit.pictures.panels import (
-    FAINT,
+    FRONT,
     INK,
+    SIDE,
+    TOP,
+    Direction,
     Panel,
     add_panel,
     draw_cloud,
-    drawable,
     fitting_scale,
     new_figure,
-    nice_length,
     png,
 )
-from fieldkit.pictures.projection import FRONT, SIDE, TOP, Direction
-from fieldkit.results.evaluation import ImageReport, PlotEvaluation, ReconstructionEntry, ReferenceReport
+from fieldkit.results.evaluation import (
+    CLOUD_FILE,
+    EvaluationReport,
+    ImageReport,
+    PlotEvaluation,
+    ReconstructionEntry,
+    ReferenceReport,
+)
 
+OVERVIEW_FILE = "overview.png"
 _WIDTH = 15.0
 """Width of the picture, inches."""
 _HEIGHT = 10.0
@@ -46,20 +50,20 @@ _GAP = 0.55
 _UPPER = (4.55, 4.65)  # bottom and height of the row of panels with the plants
 _LOWER = (0.75, 3.15)
 """Bottom and height of the row of panels with the cameras, inches."""
+_CAMERAS_WIDTH = (_WIDTH - 2 * _MARGIN - _GAP) / 2
+"""Width of a panel with the cameras, inches."""
 _GROUND, _BOX = "#8a5a2b", "#7a6fb0"
 _RIGHT, _WRONG, _MISSING = "#1f5fa8", "#c0262d", "#d98300"
-_TEXT_COLUMNS = 51
-"""Most letters of a line of text."""
-_LABELS_WIDTH = 1.65
-"""Width of the text's labels, inches."""
-_CAMERAS_WIDTH = 4.25
-"""Width of a panel with the cameras, inches."""
-_WEAKEST, _ARROW_SHARE = "#8b1a8b", 0.2
 
 
-def write_overview(path: Path, report: ReferenceReport | PlotEvaluation, plants: Cloud) -> None:
-    """Write the overview picture (PNG)."""
-    write_atomic(path, png(draw_overview(report, plants)))
+def write_overviews(folder: Path, report: ReferenceReport | EvaluationReport) -> None:
+    """Write the overview pictures of a result beside its clouds (`CLOUD_FILE`)."""
+    parts = (report,) if isinstance(report, ReferenceReport) else report.plots
+    for part in parts:
+        for file in part.files:
+            if Path(file.name).name == CLOUD_FILE:
+                cloud = folder / file.name
+                write_atomic(cloud.with_name(OVERVIEW_FILE), png(draw_overview(part, read_cloud(cloud))))
 
 
 def draw_overview(report: ReferenceReport | PlotEvaluation, plants: Cloud) -> Figure:
@@ -97,9 +101,7 @@ def draw_overview(report: ReferenceReport | PlotEvaluation, plants: Cloud) -> Fi
         arrow = 0.05 * min(float(np.ptp(axes.get_xlim())), float(np.ptp(axes.get_ylim())))
         for image in report.image_reports:
             _draw_camera(axes, image, direction, arrow)
-        _draw_weakest(axes, report, direction)
     _legend(figure, report)
-    _write_figures(figure, report)
     return figure
 
 
@@ -200,38 +202,6 @@ def _draw_camera(axes: Axes, image: ImageReport, direction: Direction, arrow: fl
     axes.plot(x, y, "x" if wrong else "o", color=color, markersize=6 if wrong else 3, zorder=5)
 
 
-def _draw_weakest(axes: Axes, report: ReconstructionEntry, direction: Direction) -> None:
-    """How photographs could lie off together that are tied too weakly: arrows, many times as long."""
-    starts, moves = report.loose_moves
-    if not len(moves):
-        return
-    most = float(np.sqrt((moves**2).sum(axis=1).mean()))
-    longest = float(np.linalg.norm(moves, axis=1).max())
-    room = _ARROW_SHARE * min(float(np.ptp(axes.get_xlim())), float(np.ptp(axes.get_ylim())))
-    times = nice_length(max(1.0, room / longest))
-    axes_of = [direction.right, direction.up]
-    axes.plot(*starts[:, axes_of].T, "o", color=_WEAKEST, fillstyle="none", markersize=7, zorder=6)
-    axes.quiver(
-        *starts[:, axes_of].T,
-        *times * moves[:, axes_of].T,
-        angles="xy",
-        scale_units="xy",
-        scale=1.0,
-        color=_WEAKEST,
-        width=0.006,
-        zorder=6,
-    )
-    axes.text(
-        0.02,
-        0.95,
-        f"ringed: could lie {format_length(most)} off together (arrows {times:g} times as long)",
-        size=7,
-        color=_WEAKEST,
-        transform=axes.transAxes,
-        zorder=7,
-    )
-
-
 def _legend(figure: Figure, report: ReconstructionEntry) -> None:
     wrong = sum(image.registered and not image.counts for image in report.image_reports)
     used = "used" if any(image.stated for image in report.image_reports) else "registered"
@@ -265,19 +235,3 @@ def _legend(figure: Figure, report: ReconstructionEntry) -> None:
         handlelength=1.8,
         columnspacing=1.6,
     )
-
-
-def _write_figures(figure: Figure, report: ReferenceReport | PlotEvaluation) -> None:
-    left = _MARGIN + 2 * (_CAMERAS_WIDTH + _GAP)
-    lines: list[tuple[str, str]] = []
-    scores = score_rows(report) if isinstance(report, PlotEvaluation) else ()
-    for label, value in (*quality_rows(report), *scores):
-        wrapped = textwrap.wrap(drawable(value), _TEXT_COLUMNS) or [""]
-        lines += [(label, wrapped[0]), *(("", more) for more in wrapped[1:])]
-    step = min(0.175, (_LOWER[1] + 0.3) / max(len(lines), 1))
-    size = min(8.0, 8.0 * step / 0.155)
-    top = _LOWER[0] + _LOWER[1] + 0.05
-    for index, (label, value) in enumerate(lines):
-        y = (top - index * step) / _HEIGHT
-        figure.text(left / _WIDTH, y, label, size=size, color=FAINT, va="center", parse_math=False)
-        figure.text((left + _LABELS_WIDTH) / _WIDTH, y, value, size=size, color=INK, va="center", parse_math=False)

@@ -1,4 +1,8 @@
-"""Parts of a picture: panels that show a cloud from one side, to scale."""
+"""Parts of a picture: panels that show a cloud from one side, to scale.
+
+Points are drawn as discs, nearest last, and shaded by eye-dome lighting (Boucheny 2009): pixels with nearer neighbours
+are darkened, so that leaves stand out without normals.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 from matplotlib import font_manager, ft2font
 
-from fieldkit.arrays import FloatArray
+from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.clouds import Cloud
 from fieldkit.figures.style import format_nominal
-from fieldkit.pictures.projection import Direction, Window, draw_points
 from fieldkit.vocabulary import DRAWN_BY
 
 if TYPE_CHECKING:
@@ -33,6 +37,89 @@ _ROW_GAP = 0.4
 """Room between its panels, inches."""
 _ROW_TOP = 1.0
 """Room above its panels for the title, inches."""
+_SHADING = 0.5
+"""Strength of the shade behind steps in depth."""
+_FULL_SHADE_SHARE = 0.04  # of the depth range; deeper steps are fully shaded
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A direction to look at a cloud from, by axes (0, 1, 2)."""
+
+    name: str
+    right: int
+    up: int
+    toward: int
+    """The axis that runs towards the viewer."""
+    sign: float
+    """+1 or −1, of that axis."""
+
+    def flat(self, point: FloatArray) -> tuple[float, float]:
+        """Coordinates (to the right, upwards) of a point (3,) in the picture."""
+        return float(point[self.right]), float(point[self.up])
+
+
+FRONT = Direction("from the front (looking along +y)", 0, 2, 1, -1.0)
+SIDE = Direction("from the side (looking along −x)", 1, 2, 0, 1.0)
+TOP = Direction("from above", 0, 1, 2, 1.0)
+
+
+@dataclass(frozen=True)
+class Window:
+    """The part of the plane that a picture shows, in metres, and its size in pixels."""
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+    width: int
+    height: int
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """As Matplotlib's imshow takes it."""
+        return self.left, self.right, self.bottom, self.top
+
+
+def draw_points(points: FloatArray, colors: ByteArray, direction: Direction, window: Window) -> ByteArray:
+    """A picture (height, width, 4) RGBA of points (n, 3) with colours (n, 3); transparent where there is none."""
+    scale = window.width / (window.right - window.left)
+    column, row = (points[:, direction.right] - window.left) * scale, (window.top - points[:, direction.up]) * scale
+    inside = np.flatnonzero((column >= 0) & (column < window.width) & (row >= 0) & (row < window.height))
+    inside = inside[np.argsort(direction.sign * points[inside, direction.toward], kind="stable")]
+    shown = np.full((window.height, window.width), -1, dtype=np.int64)
+    # The nearest point is written last: NumPy assigns repeated indices in order.
+    shown[row[inside].astype(np.int64), column[inside].astype(np.int64)] = np.arange(len(inside))
+    radius = 1 if len(inside) > 1.5 * np.count_nonzero(shown >= 0) else 2  # smaller where points share pixels
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    shown = cv2.dilate(shown.astype(np.float64), disc).astype(np.int64)  # nearer points have greater numbers
+    covered = shown >= 0
+    picture = np.zeros((window.height, window.width, 4), dtype=np.uint8)
+    nearest = inside[shown[covered]]
+    depth = np.full(shown.shape, -np.inf)
+    depth[covered] = direction.sign * points[nearest, direction.toward]
+    shade = eye_dome_shade(depth)[covered]
+    picture[covered, :3] = np.clip(colors[nearest] * shade[:, None], 0, 255).astype(np.uint8)
+    picture[covered, 3] = 255
+    return picture
+
+
+def eye_dome_shade(nearness: FloatArray) -> FloatArray:
+    """Brightness (h, w) in (0, 1] from nearness to the viewer (h, w), −inf where there is nothing."""
+    covered = np.isfinite(nearness)
+    if not covered.any():
+        return np.ones_like(nearness)
+    low, high = np.quantile(nearness[covered], [0.01, 0.99])
+    unit = max(_FULL_SHADE_SHARE * (high - low), 1e-12)
+    padded = np.pad(nearness, 2, constant_values=-np.inf)
+    height, width = nearness.shape
+    obscurance = np.zeros_like(nearness)
+    own = np.where(covered, nearness, 0.0)
+    for dy, dx in ((-2, 0), (2, 0), (0, -2), (0, 2), (-1, -1), (-1, 1), (1, -1), (1, 1)):
+        beside = padded[2 + dy : 2 + dy + height, 2 + dx : 2 + dx + width]
+        step = np.where(np.isfinite(beside), beside - own, 0.0)
+        obscurance += np.clip(step / unit, 0.0, 1.0)
+    return np.where(covered, np.exp(-_SHADING * obscurance / 4.0), 1.0)
 
 
 @dataclass(frozen=True)

@@ -39,15 +39,6 @@ def score_figures(plot: PlotEvaluation) -> Iterator[KeyFigure]:
         yield KeyFigure(DESCRIBED[name].label, "not measured", why)
 
 
-def score_rows(plot: PlotEvaluation) -> tuple[tuple[str, str], ...]:
-    """The same and the F-scores, as label and value."""
-    f_scores = [f_score(distance) for distance in plot.f_score or {}]
-    return (
-        *((each.label, f"{each.value}; {each.meaning}") for each in score_figures(plot)),
-        *((each.label, each.amount(each.value(plot))) for each in f_scores),
-    )
-
-
 def distance_table(plot: PlotEvaluation) -> Table:
     """The share of a scored plot within each distance."""
     return tabulated(
