@@ -15,7 +15,7 @@ from benchmarks.headless import NoBrowserError, headless_browser, offline_page
 from benchmarks.result import Cell, ResultTable, StudyResult
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.errors import InputError
-from fieldkit.figures.drawings import FrustumLayer, PointLayer, ViewerScene
+from fieldkit.figures.content import FrustumLayer, PointLayer, ViewerScene
 from fieldkit.report.html.viewer import viewer_html, viewer_script, viewer_style
 from fieldkit.runtime.progress import Progress
 

@@ -70,18 +70,6 @@ def test_points_that_are_nowhere_are_left_out_with_their_colours() -> None:
     np.testing.assert_allclose(found[np.argsort(tones[:, 0])], [[0, 0, 0], [1, 1, 1]], atol=1e-4)
 
 
-def test_same_points_same_text() -> None:
-    points = np.random.default_rng(0).normal(size=(1000, 3))
-    assert pack_points(points).text == pack_points(points.copy()).text
-
-
-def test_a_surface_takes_less_than_its_plain_integers() -> None:
-    rng = np.random.default_rng(0)
-    xy = rng.uniform(-1, 1, (50_000, 2))
-    points = np.column_stack([xy, 0.1 * np.sin(5 * xy[:, 0])])
-    assert len(base64.b64decode(pack_points(points).text)) < 0.75 * 6 * len(points)
-
-
 @pytest.mark.parametrize(
     ("colors", "values", "limit", "message"),
     [

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from fieldkit.figures.drawings import Curve, LineChart, MappedPlot, Measure, PlotMap
+from fieldkit.figures.content import Curve, LineChart, MappedPlot, Measure, PlotMap
 from fieldkit.figures.style import DISTANCE_RAMP
 from fieldkit.report.html.charts import HEIGHT, WIDTH, draw, round_ticks
 from fieldkit.report.html.plot_map import draw_map, ramp_color
@@ -72,14 +72,14 @@ def test_not_finite_is_an_error() -> None:
     with pytest.raises(ValueError, match="finite"):
         draw(chart(Curve("a", ((0.0, math.nan),))))
     with pytest.raises(ValueError, match="finite"):
-        draw_map(PlotMap("t", (MappedPlot("a", (((math.inf, 0.0),),)),), ()))
+        draw_map(PlotMap("t", (MappedPlot("a", ((math.inf, 0.0),)),), ()))
     with pytest.raises(ValueError, match="plots"):
         draw_map(PlotMap("t", (), ()))
 
 
 def test_a_map_keeps_shape_direction_and_scale() -> None:
-    wide = MappedPlot("wide", (((0.0, 0.0), (40.0, 0.0), (40.0, 10.0), (0.0, 10.0)),))
-    north = MappedPlot("north", (((0.0, 20.0), (10.0, 20.0), (10.0, 30.0), (0.0, 30.0)),))
+    wide = MappedPlot("wide", ((0.0, 0.0), (40.0, 0.0), (40.0, 10.0), (0.0, 10.0)))
+    north = MappedPlot("north", ((0.0, 20.0), (10.0, 20.0), (10.0, 30.0), (0.0, 30.0)))
     height = Measure("height", "m", {"d1": {"wide": 1.0}})
     distance = Measure("quality", "mm", {"d1": {"wide": 5.0, "north": 9.0}})
     drawn = draw_map(PlotMap("t", (wide, north), (height, distance), {"wide": "plot-1"}))
@@ -96,17 +96,8 @@ def test_a_map_keeps_shape_direction_and_scale() -> None:
     assert (measure.low, measure.high) == ("5", "9")
 
 
-@pytest.mark.parametrize(("name", "narrow"), [("A1", True), ("a-plot-of-a-long-name", False)])
-def test_a_map_on_a_phone_keeps_the_plots_names(name: str, narrow: bool) -> None:
-    rings = [((x, 0.0), (x + 2.0, 0.0), (x + 2.0, 1.5), (x, 1.5)) for x in (0.0, 3.0, 6.0)]
-    plots = tuple(MappedPlot(f"{name}{k}", (ring,)) for k, ring in enumerate(rings))
-    drawn = draw_map(PlotMap("t", plots, (Measure("height", "m", {"d": {}}),)))
-    assert all(shape.label for shape in drawn.measures[0].dates[0][1]) or not narrow
-    assert drawn.narrow is narrow
-
-
 def test_plots_without_a_value_say_why() -> None:
-    plot = MappedPlot("a", (((0.0, 0.0),),))
+    plot = MappedPlot("a", ((0.0, 0.0),))
     drawn = draw_map(PlotMap("t", (plot,), (Measure("quality", "mm", {"d": {}}, {"d": {"a": "no photographs"}}),)))
     shape = drawn.measures[0].dates[0][1][0]
     assert (shape.fill, shape.text) == ("", "a, d, quality: no photographs")

@@ -4,7 +4,6 @@ import json
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -14,33 +13,11 @@ from hypothesis import strategies as st
 
 from fieldkit.arrays import FloatArray
 from fieldkit.errors import InputError
-from fieldkit.figures.drawings import FrustumLayer, LineLayer, PointLayer, ViewerScene
+from fieldkit.figures.content import FrustumLayer, LineLayer, PointLayer, ViewerScene
 from fieldkit.figures.style import DISTANCE_RAMP, visible
 from fieldkit.report.html import viewer
+from tests.report.page_checks import Parsed
 from tests.report.views import cameras, leaves, small_scene
-
-
-class Elements(HTMLParser):
-    """What a parser sees: elements with their attributes, and text by element."""
-
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.elements: list[tuple[str, dict[str, str | None]]] = []
-        self.open: list[str] = []
-        self.text: list[tuple[str, str]] = []
-        self.feed(html)
-        self.close()
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.elements.append((tag, dict(attrs)))
-        if tag not in ("input", "img"):
-            self.open.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        self.text.append((self.open[-1] if self.open else "", data))
 
 
 def data_of(html: str) -> dict[str, object]:
@@ -51,22 +28,10 @@ def data_of(html: str) -> dict[str, object]:
     return data
 
 
-def test_elements_are_balanced_and_need_no_leave() -> None:
-    page = Elements(viewer.viewer_html(small_scene(), identifier="view-1"))
-    assert page.open == []
-    names = {name for _, attributes in page.elements for name in attributes}
-    assert not {name for name in names if name.startswith("on")} | (names & {"style", "src", "href"})
-    assert [a["type"] for tag, a in page.elements if tag == "script"] == [
-        "application/json",
-        "application/octet-stream",
-        "application/octet-stream",
-    ]
-
-
 def test_every_layer_has_its_switch() -> None:
     scene = small_scene()
     hidden = PointLayer("Hidden", leaves(10).points, shown=False)
-    page = Elements(
+    page = Parsed(
         viewer.viewer_html(ViewerScene("t", [*scene.points, hidden], scene.frusta, scene.lines), identifier="v")
     )
     switches = [a for tag, a in page.elements if tag == "input" and a["type"] == "checkbox"]
@@ -80,7 +45,7 @@ def test_every_layer_has_its_switch() -> None:
         ("names", "0"),
     ]
     assert ["checked" in a for a in switches] == [True, True, False, True, True, True, True]
-    words = "".join(text for _, text in page.text)
+    words = page.text
     for name in ("Capture", "6,000 points", "Reference", "Planned", "6 cameras", "Legs", "≥ 20 mm"):
         assert name in words
 
@@ -96,7 +61,7 @@ def test_any_name_stays_text(name: str) -> None:
     plain = viewer.viewer_html(
         ViewerScene("t", [PointLayer("p", leaves(3).points)], [cameras("c", "#112233", count=1)]), identifier="v"
     )
-    assert [tag for tag, _ in Elements(html).elements] == [tag for tag, _ in Elements(plain).elements]
+    assert [tag for tag, _ in Parsed(html).elements] == [tag for tag, _ in Parsed(plain).elements]
     frusta = data_of(html)["frusta"]
     assert isinstance(frusta, list)
     assert frusta[0]["labels"] == [visible(f"{name} 1")]

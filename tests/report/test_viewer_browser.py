@@ -13,9 +13,9 @@ import pytest
 
 from benchmarks.headless import ARGUMENTS, find_chromium, offline_page
 from fieldkit.errors import InputError
-from fieldkit.figures.drawings import ViewerScene
+from fieldkit.figures.content import ViewerScene
 from tests.browser import changed, colors_in, opened, picture
-from tests.report.views import HOSTILE, hostile_scene, leaves, page_of, small_scene
+from tests.report.views import leaves, page_of, small_scene
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator, Page
@@ -143,27 +143,6 @@ def test_keys_turn_zoom_and_reset(browser: Browser, small: Path) -> None:
         assert page.evaluate(EYE) == before
 
 
-def test_drag_turns_and_buttons_go_to_views(browser: Browser, small: Path) -> None:
-    with ready(browser, small) as (page, stage):
-        first, before = page.evaluate(EYE), picture(stage)
-        box = stage.bounding_box()
-        assert box
-        page.mouse.move(box["x"] + 300, box["y"] + 200)
-        page.mouse.down()
-        page.mouse.move(box["x"] + 420, box["y"] + 230, steps=3)
-        page.mouse.up()
-        settled(page)
-        eye = page.evaluate(EYE)
-        assert np.isclose(np.linalg.norm(eye), np.linalg.norm(first), rtol=0.2)
-        assert not np.allclose(eye, first, atol=0.1)
-        assert changed(before, picture(stage)) > 1000
-        page.get_by_role("button", name="From above").click()
-        x, y, z = page.evaluate(EYE)
-        assert np.hypot(x, y) < 0.01 * z
-        page.get_by_role("button", name="Reset view").click()
-        np.testing.assert_allclose(page.evaluate(EYE), first, atol=1e-9)
-
-
 @pytest.mark.parametrize("north", [None, (0.6, 0.8)])
 def test_from_above_the_view_is_a_map(browser, written, north) -> None:
     scene = replace(small_scene(), north=north)
@@ -228,47 +207,6 @@ def test_stations_bear_their_numbers_and_plots_their_names(browser: Browser, sma
         assert page.locator(".fk-view-names span:visible").count() == 0
 
 
-def test_the_wheel_is_the_pages_until_the_view_is_clicked(browser: Browser, written: Callable[..., Path]) -> None:
-    with ready(browser, written("tall", small_scene(), small_scene(), gap_px=500)) as (page, _):
-        stage = page.locator(".fk-view-stage").first
-        first = page.evaluate(EYE)
-        stage.hover()
-        page.mouse.wheel(0, 120)
-        page.wait_for_function("() => scrollY > 50")
-        assert page.evaluate(EYE) == first
-        page.evaluate("scrollTo(0, 0)")
-        stage.click(position={"x": 15, "y": 15})
-        page.mouse.wheel(0, -120)
-        page.wait_for_function(f"() => Math.hypot(...{EYE}) < 0.99 * {np.linalg.norm(first)}")
-        assert page.evaluate("scrollY") == 0
-
-
-def test_labels_are_shown_over_cameras(browser: Browser, small: Path) -> None:
-    with ready(browser, small) as (page, stage):
-        tip = page.locator(".fk-view-tip")
-        achieved = page.evaluate(PLACES)[1]
-        top = min(range(len(achieved)), key=lambda i: achieved[i]["y"])
-        before = picture(stage)
-        stage.hover(position=achieved[top])
-        assert tip.inner_text() == f"Achieved {top + 1}"
-        settled(page)
-        assert changed(before, picture(stage)) > 200
-        page.get_by_label("Achieved").uncheck()
-        stage.hover(position={"x": achieved[top]["x"] + 1, "y": achieved[top]["y"]})
-        assert not tip.is_visible() or tip.inner_text().startswith("Planned")
-        stage.hover(position={"x": 5, "y": 5})
-        assert not tip.is_visible()
-
-
-def test_names_that_look_like_script_are_inert(browser: Browser, written: Callable[..., Path]) -> None:
-    with ready(browser, written("hostile", hostile_scene())) as (page, stage):
-        stage.hover(position=page.evaluate(PLACES)[0][0])
-        assert page.locator(".fk-view-tip").inner_text() == HOSTILE
-        assert page.locator(".fk-view-title").inner_text() == HOSTILE
-        assert page.evaluate("window.broken") is None
-        assert page.locator("img").count() == 0
-
-
 def test_a_lost_context_is_told_and_comes_back(browser: Browser, small: Path) -> None:
     # The browser itself warns of a lost context on the console, so this page may complain.
     with offline_page(browser) as (page, complaints):
@@ -297,16 +235,6 @@ def test_a_browser_without_webgl_says_so(browser: Browser, small: Path) -> None:
             assert page.locator(".fk-view-stage canvas").count() == 0
     finally:
         other.close()
-
-
-def test_a_browser_without_javascript_says_so(browser: Browser, small: Path) -> None:
-    context = browser.new_context(java_script_enabled=False)
-    try:
-        page = context.new_page()
-        page.goto(small.as_uri())
-        assert "needs a browser with JavaScript" in page.locator(".fk-view-message").inner_text()
-    finally:
-        context.close()
 
 
 def test_damaged_data_is_told(browser: Browser, small: Path) -> None:

@@ -4,7 +4,6 @@ import importlib.util
 import shutil
 import subprocess
 import sys
-import tarfile
 import tomllib
 import zipfile
 from pathlib import Path
@@ -56,9 +55,8 @@ def with_view(root: Path) -> None:
         (root / VENDOR / name).write_text(name, encoding="utf-8")
 
 
-@pytest.mark.parametrize("target", ["wheel", "sdist"])
-def test_nothing_is_packed_without_the_view(checkout: Path, tmp_path: Path, target: str) -> None:
-    done = hatch(checkout, target, tmp_path / "out")
+def test_nothing_is_packed_without_the_view(checkout: Path, tmp_path: Path) -> None:
+    done = hatch(checkout, "wheel", tmp_path / "out")
     assert done.returncode != 0
     assert f"{VENDOR}/{viewer.BUNDLE} is missing" in done.stderr
     assert "scripts/build_viewer.sh" in done.stderr
@@ -74,19 +72,6 @@ def test_wheel_holds_the_view_and_its_licence(checkout: Path, tmp_path: Path) ->
         names = set(archive.namelist())
     assert {f"{VENDOR}/{viewer.BUNDLE}", f"{VENDOR}/{viewer.LICENSE}", "fieldkit/report/html/web/viewer.css"} <= names
     assert not {name for name in names if name.endswith((".js", ".json")) and "/web/" in name}
-
-
-def test_source_archive_can_be_packed_again(checkout: Path, tmp_path: Path) -> None:
-    with_view(checkout)
-    done = hatch(checkout, "sdist", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
-    (archive,) = (tmp_path / "out").glob("*.tar.gz")
-    with tarfile.open(archive) as packed:
-        packed.extractall(tmp_path, filter="data")
-    (root,) = tmp_path.glob("fieldkit-*")
-    assert (root / "fieldkit/report/html/web/package-lock.json").is_file()
-    done = hatch(root, "wheel", tmp_path / "again")
-    assert done.returncode == 0, done.stderr
 
 
 def test_lock_file_names_no_host_and_exact_versions() -> None:

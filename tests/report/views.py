@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fieldkit.figures.drawings import FrustumLayer, LineLayer, PlaceName, PointLayer, ViewerScene
+from fieldkit.figures.content import FrustumLayer, LineLayer, PlaceName, PointLayer, ViewerScene
 from fieldkit.geometry import Pose
 from fieldkit.report.html.viewer import viewer_html, viewer_script, viewer_style
 

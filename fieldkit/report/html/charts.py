@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from fieldkit.figures.drawings import LineChart, SeriesStyle
+from fieldkit.figures.content import LineChart, SeriesStyle
 
 WIDTH = 560.0
 """Width of a chart, CSS pixels."""

@@ -18,8 +18,7 @@ from jinja2 import Environment
 from markupsafe import Markup
 
 from fieldkit.figures import content
-from fieldkit.figures.content import Block, Details, Page, View3D
-from fieldkit.figures.drawings import PlotMap
+from fieldkit.figures.content import Block, Details, Page, PlotMap, View3D
 from fieldkit.report.html.charts import draw
 from fieldkit.report.html.plot_map import draw_map
 from fieldkit.report.html.templating import TEMPLATES, environment
@@ -44,7 +43,6 @@ _KINDS = {
     content.Charts: "charts",
     PlotMap: "map",
     content.View3D: "view",
-    content.Still: "still",
     content.Details: "details",
 }
 

@@ -22,7 +22,7 @@ import numpy as np
 from markupsafe import Markup
 
 from fieldkit.errors import InputError
-from fieldkit.figures.drawings import FrustumLayer, LineLayer, ViewerScene
+from fieldkit.figures.content import FrustumLayer, LineLayer, ViewerScene
 from fieldkit.figures.style import DISTANCE_RAMP, visible
 from fieldkit.report.html.packing import PackedPoints, pack_points, plain_floats
 from fieldkit.report.html.templating import environment

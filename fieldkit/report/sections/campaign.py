@@ -14,21 +14,23 @@ from fieldkit.figures.content import (
     Block,
     Charts,
     Column,
+    Curve,
     Details,
     KeyFigure,
     KeyFigures,
+    LineChart,
     Link,
+    MappedPlot,
     Mark,
+    Measure,
     Paragraph,
-    Picture,
+    PlotMap,
     Row,
     Section,
     Statement,
-    Still,
     Table,
     tabulated,
 )
-from fieldkit.figures.drawings import Curve, LineChart, MappedPlot, Measure, PlotMap
 from fieldkit.figures.registry import FIGURES, TRENDS, Figure, cells
 from fieldkit.figures.tables.scores import TRAIT_FIGURES, interval, score_columns, trait_reasons
 from fieldkit.geometry.geodesy import LocalFrame
@@ -50,9 +52,9 @@ _MOST_VISITS = 2000  # with rows of their own
 _NAMED = 5  # problems named one by one
 
 
-def campaign_section(result: Loaded[Campaign], anchor: str, shown: Shown) -> Section:
+def campaign_section(result: Loaded[Campaign], anchor: str, _: Shown) -> Section:
     """The results of a campaign, by plot and date."""
-    campaign, pictures = result.report, shown.pictures(anchor)
+    campaign = result.report
     blocks: list[Block] = [KeyFigures(tuple(_figures(campaign)))]
     if campaign.visits:
         drawn = tuple(charts(campaign.visits, "all plots"))
@@ -67,10 +69,10 @@ def campaign_section(result: Loaded[Campaign], anchor: str, shown: Shown) -> Sec
             if rows > _MOST_VISITS and not last:
                 blocks.append(Paragraph(f"Plots on {day} and before: `fieldkit campaign export` writes all dates."))
                 break
-            table = _table(day, visits, anchors, pictures)
+            table = _table(day, visits, anchors)
             blocks.append(table if last else Details(f"Plots on {day}", (traits_table(campaign, day), table)))
         by_plot = by_key((visit.plot, visit) for visit in campaign.visits)
-        blocks += [_plot(by_plot[plot], plot, name, pictures.get(plot)) for plot, name in anchors.items()]
+        blocks += [_plot(by_plot[plot], plot, name) for plot, name in anchors.items()]
     return Section(anchor, f"Campaign: {campaign.name}", tuple(blocks))
 
 
@@ -81,7 +83,7 @@ def plot_anchors(campaign: Campaign, anchor: str) -> dict[str, str]:
     return {plot: f"{anchor}-plot-{number}" for number, plot in enumerate(plots, 1)}
 
 
-def plot_map(campaign: Campaign, anchor: str, photographs: Mapping[str, Picture]) -> PlotMap | None:
+def plot_map(campaign: Campaign, anchor: str) -> PlotMap | None:
     """The plots on every date, coloured by a figure of choice; None without visits, or if they lie too far apart.
 
     Measured and predicted distances have scales of their own: one is not the other.
@@ -96,7 +98,7 @@ def plot_map(campaign: Campaign, anchor: str, photographs: Mapping[str, Picture]
         local = frame.to_local([c[0] for c in corners], [c[1] for c in corners], [0.0] * len(corners))
         if abs(local[:, :2]).max() > _FARTHEST_M:
             return None
-        plots.append(MappedPlot(plot.name, (tuple((float(e), float(n)) for e, n, _ in local),)))
+        plots.append(MappedPlot(plot.name, tuple((float(e), float(n)) for e, n, _ in local)))
     measures = [measure for figure in _FOLLOWED if (measure := _measure(campaign, figure)) is not None]
     if not measures:
         return None
@@ -106,7 +108,6 @@ def plot_map(campaign: Campaign, anchor: str, photographs: Mapping[str, Picture]
         tuple(plots),
         tuple(measures),
         plot_anchors(campaign, anchor),
-        photographs,
         anchor,
     )
 
@@ -143,7 +144,7 @@ def _figures(campaign: Campaign) -> Iterator[KeyFigure]:
     yield KeyFigure("captures", f"{len(visits)}", f"{sum(bool(v.error) for v in visits)} without a score")
 
 
-def _table(day: str, visits: Sequence[Visit], anchors: Mapping[str, str], pictures: Mapping[str, Picture]) -> Table:
+def _table(day: str, visits: Sequence[Visit], anchors: Mapping[str, str]) -> Table:
     """How well one date's plots were reconstructed: those without a score first, then the doubtful ones.
 
     Measured and predicted distances stand in columns of their own, and rank no rows together.
@@ -154,7 +155,6 @@ def _table(day: str, visits: Sequence[Visit], anchors: Mapping[str, str], pictur
         [
             {
                 "plot": Link(visit.plot, anchors[visit.plot]) if visit.plot in anchors else visit.plot,
-                Column("picture", detail=True): pictures.get(visit.plot),
                 **_quality(visit, columns),
             }
             for visit in sorted(visits, key=lambda visit: (not visit.error, not visit.doubts))
@@ -162,7 +162,7 @@ def _table(day: str, visits: Sequence[Visit], anchors: Mapping[str, str], pictur
     )
 
 
-def _plot(visits: Sequence[Visit], plot: str, anchor: str, photograph: Picture | None) -> Details:
+def _plot(visits: Sequence[Visit], plot: str, anchor: str) -> Details:
     """A plot's dates."""
     columns = score_columns(visits)
     grown = tabulated(f"{plot} over the dates", [{"date": visit.date, **_grown(visit)} for visit in visits])
@@ -171,8 +171,6 @@ def _plot(visits: Sequence[Visit], plot: str, anchor: str, photograph: Picture |
     )
     drawn = tuple(charts(visits, plot))
     blocks: list[Block] = [grown, *([Charts(drawn)] if drawn else []), quality]
-    if photograph is not None:
-        blocks.insert(0, Still(photograph, photograph.description))
     return Details(f"Plot {plot}", tuple(blocks), anchor=anchor)
 
 

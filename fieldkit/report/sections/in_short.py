@@ -1,4 +1,4 @@
-"""What a report begins with: the verdict, a picture or a map, what grows there, and what to do next."""
+"""What a report begins with: the verdict, a map, what grows there, and what to do next."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from fieldkit.report.sections.campaign import plot_map, traits_table
 from fieldkit.report.sections.comparison import noise_counts
 from fieldkit.report.sections.demo import demo_blocks, demo_statements, demo_traits
 from fieldkit.report.sections.loaded import FlownMission, PlanRun, Results
-from fieldkit.report.sections.shown import Shown
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.demo import DemoReport
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, ReferenceReport
@@ -32,8 +31,8 @@ _AFTER_EVALUATION = (
 )
 
 
-def in_short(results: Results, statements: Sequence[Statement], shown: Shown) -> Section:
-    """The first section of a report, of all that is said of its results: first with a map or a picture, then traits."""
+def in_short(results: Results, statements: Sequence[Statement]) -> Section:
+    """The first section of a report, of all that is said of its results: first with a map, then traits."""
     to_do = tuple(each for each in statements if each.level in ("problem", "note") and each.advice)
     grouped = tuple(_grouped(to_do))
     rest = tuple(each for each in statements if each not in grouped)
@@ -41,9 +40,8 @@ def in_short(results: Results, statements: Sequence[Statement], shown: Shown) ->
     compared = [each for demo in demos for each in demo_statements(demo)]
     blocks: list[Block] = [Statements((*compared, verdict(results, statements)))]
     anchors = {f"campaign-{k}": result.report for k, result in enumerate(results.of(Campaign), 1)}
-    maps = [plot_map(report, anchor, shown.pictures(anchor)) for anchor, report in anchors.items()]
-    drawn = [each for each in maps if each is not None]
-    blocks += drawn or shown.first_still(("evaluation", "reference", "plan", "mission"))
+    maps = (plot_map(report, anchor) for anchor, report in anchors.items())
+    blocks += [drawn for drawn in maps if drawn is not None]
     tables: list[Block] = list(_plants(results))
     if demos:
         plots = {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Generic
 
 from fieldkit.campaign.reading import Campaign
@@ -20,9 +19,8 @@ from fieldkit.report.sections.captures import (
 from fieldkit.report.sections.comparison import comparison_section, comparison_statements
 from fieldkit.report.sections.in_short import in_short
 from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results, T
-from fieldkit.report.sections.photographs import add_campaign_pictures, add_photographs, overview
 from fieldkit.report.sections.plan import mission_section, mission_statements, plan_section, plan_statements
-from fieldkit.report.sections.shown import Seen, Shown
+from fieldkit.report.sections.shown import Seen, Shown, add_photographs
 from fieldkit.report.sections.views_3d import NotedView, mission_view, plan_view, plot_views, reference_view
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.demo import DemoReport
@@ -89,7 +87,7 @@ KINDS: tuple[Part[Any], ...] = (
     Part("mission", FlownMission, mission_section, mission_statements, _one(mission_view)),
     Part("evaluation", EvaluationReport, evaluation_section, evaluation_statements, plot_views, add_photographs),
     Part("comparison", ComparisonReport, comparison_section, comparison_statements),
-    Part("campaign", Campaign, campaign_section, campaign_statements, add_pictures=add_campaign_pictures),
+    Part("campaign", Campaign, campaign_section, campaign_statements),
 )
 """In the order of the page."""
 
@@ -101,13 +99,13 @@ def build_page(
     shown = Shown()
     with progress.stage("Reading clouds and comparing them"):
         for kind, loaded, anchor in _each(results):
-            shown.add_views(anchor, kind.views(loaded, results), partial(overview, loaded))
+            shown.add_views(anchor, kind.views(loaded, results))
         shown.thin(most_points)
     with progress.stage("Reading photographs"):
         for kind, loaded, anchor in _each(results):
             kind.add_pictures(shown, anchor, loaded, results)
     sections = [kind.section(loaded, anchor, shown) for kind, loaded, anchor in _each(results)]
-    head = in_short(results, summarise(results), shown)
+    head = in_short(results, summarise(results))
     glossary: list[Details | Paragraph] = [
         Details("Terms that this report uses", (Terms(meanings(terms_of(results))),))
     ]

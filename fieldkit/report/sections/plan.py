@@ -9,16 +9,17 @@ from fieldkit.figures.content import (
     Block,
     Charts,
     Column,
+    Curve,
     Details,
     KeyFigure,
     KeyFigures,
+    LineChart,
     Row,
     Section,
     Statement,
     Table,
     tabulated,
 )
-from fieldkit.figures.drawings import Curve, LineChart
 from fieldkit.figures.style import (
     decimal,
     format_length,

@@ -1,13 +1,32 @@
-"""What a report's results look like: their 3D views and overviews, and thumbnails of their photographs."""
+"""What a report's results look like: their 3D views, and thumbnails of their photographs if their folder is found."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from itertools import islice
+from pathlib import Path
 
-from fieldkit.figures.content import Block, Paragraph, Picture, Still, View3D
-from fieldkit.figures.drawings import ViewerScene
+import cv2
+
+from fieldkit.captures.decode import read_image
+from fieldkit.errors import FieldkitError
+from fieldkit.figures.content import Block, Paragraph, Picture, View3D, ViewerScene
+from fieldkit.files import file_beside
+from fieldkit.report.sections.loaded import Loaded, Results
 from fieldkit.report.sections.views_3d import points_of, within_budget
+from fieldkit.results.evaluation import EvaluationReport, ReconstructionEntry, ReferenceReport
+
+SIDE = 160
+"""Longer side of a thumbnail, pixels; shown at half the size."""
+
+_QUALITY = 72
+"""JPEG quality of photographs in the page."""
+_LARGEST_BYTES = 64 << 20
+"""Largest file that is shown, bytes."""
+_MOST_FOLDERS = 400
+"""Most folders that are searched for photographs."""
+
 
 MOST_THUMBNAILS = 300
 """Largest number of a report's thumbnails, about 2 MB."""
@@ -25,7 +44,6 @@ class Shown:
         self._scenes: list[ViewerScene] = []
         self._places: dict[tuple[str, str], int] = {}
         self._notes: dict[tuple[str, str], str] = {}
-        self._stills: dict[int, Picture | None] = {}
         self._pictures: dict[tuple[str, str], Mapping[str, Picture]] = {}
         self.points_found = 0
 
@@ -44,14 +62,13 @@ class Shown:
         """Number of photographs and clouds shown small."""
         return sum(map(len, self._pictures.values()))
 
-    def add_views(self, anchor: str, seen: Seen, overview: Callable[[str], Picture | None]) -> None:
-        """Take in views of a result and the ``overview`` of each plot, as long as there is room for more."""
+    def add_views(self, anchor: str, seen: Seen) -> None:
+        """Take in views of a result, as long as there is room for more."""
         for plot, scene, note in islice(seen, MOST_VIEWS - len(self._scenes)):
             self._notes[anchor, plot] = note
             if scene is not None:
-                place = self._places[anchor, plot] = len(self._scenes)
+                self._places[anchor, plot] = len(self._scenes)
                 self._scenes.append(scene)
-                self._stills[place] = overview(plot)
 
     def add_pictures(self, anchor: str, plot: str, pictures: Mapping[str, Picture]) -> None:
         """Take in small pictures of a result, by name."""
@@ -71,7 +88,7 @@ class Shown:
         note = self._notes.get((anchor, plot), "")
         place = self._places.get((anchor, plot))
         if place is not None:
-            yield View3D(f"view-{place + 1}", self._scenes[place], note, self._stills[place])
+            yield View3D(f"view-{place + 1}", self._scenes[place], note)
         elif note:
             yield Paragraph(note, faint=True)
 
@@ -79,9 +96,76 @@ class Shown:
         """Small pictures of a result, by name."""
         return self._pictures.get((anchor, plot), {})
 
-    def first_still(self, nouns: Iterable[str]) -> Iterator[Still]:
-        """An overview of the first kind of result that has any, to begin a report with: a plot's by the plan first."""
-        ordered = sorted(self._places.items(), key=lambda item: item[0][1] != "planned")
-        places = (k for noun in nouns for (anchor, _), k in ordered if anchor.startswith(f"{noun}-"))
-        found = ((self._scenes[place].title, picture) for place in places if (picture := self._stills[place]))
-        yield from (Still(picture, title) for title, picture in islice(found, 1))
+
+def add_photographs(
+    shown: Shown, anchor: str, result: Loaded[ReferenceReport] | Loaded[EvaluationReport], results: Results
+) -> None:
+    """Thumbnails of a reference's or of every evaluated plot's photographs, unused ones first: people look for them."""
+    report = result.report
+    plots: list[tuple[str, ReconstructionEntry, tuple[str, ...]]]
+    if isinstance(report, ReferenceReport):
+        plots = [("", report, (report.source,))]
+    else:
+        places = (report.source,) if len(report.plots) == 1 else ()
+        plots = [(plot.name, plot, (f"{report.source}/{plot.name}", *places)) for plot in report.plots]
+    for plot, found, sources in plots:
+        names = [image.name for image in sorted(found.image_reports, key=lambda image: image.counts)]
+        folders = (find_photographs(source, names, result.folder, results.root) for source in sources)
+        if (folder := next((each for each in folders if each is not None), None)) is not None:
+            shown.add_pictures(anchor, plot, thumbnails(folder, names, MOST_THUMBNAILS - shown.thumbnails))
+
+
+def find_photographs(source: str, names: Sequence[str], near: Path, root: Path) -> Path | None:
+    """The folder that holds all photographs of a result; None if it is not found.
+
+    Results know only its name ``source``, or "FOLDER/PLOT". It is searched beside the result's folder ``near``, in
+    folders named captures there, and below the report's folder ``root``.
+    """
+    if not names or not source or Path(source).is_absolute() or ".." in Path(source).parts:
+        return None
+    for place in _places(near, root):
+        folder = place / source
+        try:
+            if folder.is_dir() and all(_file(folder, name) is not None for name in names):
+                return folder
+        except OSError:
+            continue
+    return None
+
+
+def thumbnails(folder: Path, names: Sequence[str], most: int) -> Mapping[str, Picture]:
+    """Small JPEGs of the first ``most`` photographs, without metadata, by name; unreadable ones are left out."""
+    pictures = {}
+    for name in names[:most]:
+        file = _file(folder, name)
+        with suppress(FieldkitError, OSError, MemoryError):
+            if file is not None and file.stat().st_size <= _LARGEST_BYTES:
+                pixels = read_image(file, max_side=SIDE)
+                _, jpeg = cv2.imencode(".jpg", pixels[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+                height, width = pixels.shape[:2]
+                size = max(1, width // 2), max(1, height // 2)
+                pictures[name] = Picture(jpeg.tobytes(), *size, f"photograph {name}")
+    return pictures
+
+
+def _places(near: Path, root: Path) -> Iterator[Path]:
+    about = [near, near.parent, near.parent.parent]
+    yield from about
+    yield from (place / "captures" for place in about)
+    folders = sorted(root.glob("*"))[:_MOST_FOLDERS] if root.is_dir() else []
+    yield from (folder for folder in folders if folder.is_dir() and not folder.name.startswith("."))
+
+
+def _file(folder: Path, name: str) -> Path | None:
+    """The path of a photograph, never outside the folder."""
+    if not name or Path(name).is_absolute():
+        return None
+    try:
+        # Captures may keep their photographs in images/.
+        for place in (folder, folder / "images"):
+            found = file_beside(Path(name), place / "photographs")
+            if found is not None and found.is_file():
+                return found
+    except (OSError, RuntimeError, ValueError):
+        return None
+    return None

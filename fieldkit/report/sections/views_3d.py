@@ -11,7 +11,7 @@ import numpy as np
 from fieldkit.arrays import ByteArray, Float32Array
 from fieldkit.clouds import Cloud, PointIndex, read_cloud
 from fieldkit.errors import CloudError, FieldkitError
-from fieldkit.figures.drawings import FrustumLayer, LineLayer, PlaceName, PointLayer, ViewerScene
+from fieldkit.figures.content import FrustumLayer, LineLayer, PlaceName, PointLayer, ViewerScene
 from fieldkit.figures.style import format_length
 from fieldkit.files import file_beside
 from fieldkit.geometry import Intrinsics, Pose

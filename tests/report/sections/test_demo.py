@@ -2,10 +2,7 @@
 
 import pytest
 
-from fieldkit.figures.content import Picture
-from fieldkit.figures.drawings import ViewerScene
 from fieldkit.report.sections.demo import MEASURED, demo_statements, demo_traits
-from fieldkit.report.sections.shown import Shown
 from fieldkit.results.demo import DemoEntry, DemoReport
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.traits import TraitsEntry
@@ -27,13 +24,6 @@ def report(**planned_mm: float) -> DemoReport:
         scores=tuple(entries),
         truth={},
     )
-
-
-def test_a_report_begins_with_the_planned_views() -> None:
-    shown = Shown()
-    views = [(name, ViewerScene(name), "") for name in ("circle", "planned")]
-    shown.add_views("evaluation-1", views, lambda name: Picture(b"", 1, 1, name))
-    assert [still.caption for still in shown.first_still(("evaluation",))] == ["planned"]
 
 
 def test_measured_traits_stand_beside_true_ones() -> None:

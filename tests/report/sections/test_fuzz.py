@@ -75,23 +75,6 @@ def test_changed_values(season: Path, tmp_path: Path, data: st.DataObject) -> No
     checked((tmp_path / "r.html").read_text(encoding="utf-8"))
 
 
-@pytest.mark.slow
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.sampled_from(FILES[:6]), st.integers(0, 10**6), st.binary(min_size=1, max_size=6), st.booleans())
-def test_changed_bytes(season: Path, tmp_path: Path, name: str, place: int, junk: bytes, cut: bool) -> None:
-    file = season / name
-    content = file.read_bytes()
-    place %= len(content)
-    folder = file.parent
-    try:
-        file.write_bytes(content[:place] + junk + (b"" if cut else content[place + len(junk) :]))
-        write_report(folder, tmp_path / "r.html", points=1000, overwrite=True)
-    except FieldkitError as error:
-        assert str(error)  # noqa: PT017 - whatever it is, it says something
-    finally:
-        file.write_bytes(content)
-
-
 def test_a_campaign_with_values_that_no_fieldkit_wrote(tmp_path: Path) -> None:
     write_campaign(tmp_path / "campaign")
     for column, value in (("chamfer_m", 1e308), ("chamfer_m", "x"), ("date", HOSTILE), ("images", -5), ("notes", "{")):
