@@ -18,7 +18,7 @@ import psutil
 
 from benchmarks.result import Cell, ResultTable, StudyResult
 from benchmarks.season_plots import DATES, STATIONS, Flown, make_campaign, photograph
-from fieldkit.campaign.visits import read_visits
+from fieldkit.campaign.reading import read_visits
 from fieldkit.clouds import read_cloud, score
 from fieldkit.errors import ReconstructionError
 from fieldkit.runtime.executor import map_parallel

@@ -26,7 +26,7 @@ import psutil
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "sim")]
 from benchmarks.fuzzing import LIMIT_S, Target, fuzz  # noqa: E402
-from fieldkit.campaign.campaign_file import read_campaign_file  # noqa: E402
+from fieldkit.campaign.reading import read_campaign_file  # noqa: E402
 from fieldkit.captures.camera_file import read_camera_file  # noqa: E402
 from fieldkit.captures.capture import read_photo  # noqa: E402
 from fieldkit.captures.folder import Candidate  # noqa: E402

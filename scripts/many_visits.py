@@ -15,7 +15,7 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "sim")]
-from fieldkit.campaign.visits import stage_versions, visit_place  # noqa: E402
+from fieldkit.campaign.reading import stage_versions, visit_place  # noqa: E402
 from fieldkit.results.traits import TraitsEntry  # noqa: E402
 from fieldkit.results.visit import Visit, save_visit  # noqa: E402
 from fieldkit.version import __version__  # noqa: E402

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.campaign.campaign_file import read_campaign_file
+from fieldkit.campaign.reading import read_campaign_file
 from fieldkit.captures import read_capture
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.captures.decode import read_image

@@ -5,18 +5,15 @@ beside its evaluation; tables, ranks and exports are made of these files.
 
 | Question | File |
 | --- | --- |
-| What does campaign.toml say? | campaign_file.py |
 | How is a campaign's folder made? | create.py |
-| How is it read, with plots, plan and visits? | reading.py |
-| Where is a visit kept, and how is it read? | visits.py; names of folders: fieldkit/sites/plot_ids.py |
+| What does campaign.toml say? How is it read, with plots, plan and visits? | reading.py |
+| Where is a visit kept, and how is it read? | reading.py; names of folders: fieldkit/sites/plot_ids.py |
 | What does `fieldkit evaluate` do in a campaign? What is computed again? | run.py |
-| Which plot and date is a photograph of? | sorting.py; by its geotag: layout.py |
-| What does a worker do with a visit? | evaluate_visit.py; how it is watched: fieldkit/runtime/executor.py |
-| In which frame is a visit reconstructed? | visit_frame.py |
-| Which fieldkit computed a visit? | visits.py; versions of its stages: fieldkit/reconstruction/versions.py |
-| Which plot is better, and what changed? | ranking.py; as `campaign show` says it: overview.py |
-| How does it leave for other programs? | export.py (CSV, GeoJSON, GeoPackage) |
-| How do height models leave for QGIS? | raster_export.py |
+| Which plot and date is a photograph of? | sorting.py |
+| What does a worker do with a visit, in which frame? | evaluate_visit.py, visit_frame.py |
+| Which fieldkit computed a visit? | reading.py; versions of its stages: fieldkit/reconstruction/versions.py |
+| Which plot is better, and what changed? | fieldkit/evaluation/compare.py; as `campaign show` says it: overview.py |
+| How does it leave for other programs? | export.py (CSV, GeoJSON, GeoPackage); height models: raster_export.py |
 | What is flown next? | next_visit.py |
 """
 

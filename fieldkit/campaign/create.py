@@ -10,13 +10,18 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from fieldkit.campaign.campaign_file import CampaignTable, ReferenceTable, campaign_text
-from fieldkit.campaign.reading import Campaign, plots_file_of, read_campaign
+from fieldkit.campaign.reading import (
+    Campaign,
+    CampaignTable,
+    ReferenceTable,
+    campaign_text,
+    plots_file_of,
+    read_campaign,
+)
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.documents.mistaken import check_order
 from fieldkit.documents.toml_file import read_versioned, sentence
 from fieldkit.errors import MetadataError, UsageError
-from fieldkit.evaluation.cloud_reference import is_cloud
 from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.files import atomic_folder, file_beside, write_atomic
 from fieldkit.regular_files import check_regular
@@ -82,10 +87,7 @@ def init_campaign(
             raise Refused(against)
     if sources.camera is not None:
         read_camera_file(sources.camera)
-    references = [
-        _reference(plot, path, folder, {plot.name for plot in site.plots})
-        for plot, path in (sources.references or {}).items()
-    ]
+    references = [_reference(plot, path, folder) for plot, path in (sources.references or {}).items()]
     with atomic_folder(folder) as partial:
         plots = _copy_site(sources, partial, sources.plot_id or (site.plot_id if sources.plots is None else None))
         save_plan(partial / PLAN_FILE, plan)
@@ -159,9 +161,7 @@ def _camera_name(camera: Path) -> str:
     return Path(CAMERA_FILE).with_suffix(".json" if camera.suffix.lower() == ".json" else ".toml").name
 
 
-def _reference(plot: str, path: Path, folder: Path, plots: set[str]) -> ReferenceTable:
-    if plot not in plots:
-        raise UsageError(f'--reference: there is no plot "{plot}"', remedy=f"Name one of: {listed(sorted(plots), 40)}.")
+def _reference(plot: str, path: Path, folder: Path) -> ReferenceTable:
     report = load_reference_report(path)
     if not report.metric:
         raise MetadataError(
@@ -175,24 +175,15 @@ def _reference(plot: str, path: Path, folder: Path, plots: set[str]) -> Referenc
     return ReferenceTable(plot=plot, path=Path(written).as_posix(), sha256=file_sha256(place / REFERENCE_FILE))
 
 
-def split_references(given: Sequence[str], plots: Sequence[str]) -> dict[str, Path]:
-    """PLOT=REF as people give it. Plots' names and paths may hold "=", so the longest plot that fits counts."""
-    found: dict[str, Path] = {}
-    for text in given:
-        fitting = [plot for plot in plots if text.startswith(f"{plot}=") and len(text) > len(plot) + 1]
-        if not fitting:
+def split_references(texts: Sequence[str], plots: Sequence[str]) -> dict[str, Path]:
+    """PLOT=REF as people give it."""
+    references: dict[str, Path] = {}
+    for text in texts:
+        plot, _, path = text.partition("=")
+        if plot not in plots or not path or plot in references:
             raise UsageError(
-                f"--reference: names no plot of the site: {text}",
+                f"--reference: names no plot of the site, or one twice: {text}",
                 remedy=f"Write it like --reference {plots[0]}=references/7, with one of: {listed(list(plots), 40)}.",
             )
-        plot = max(fitting, key=len)
-        if plot in found:
-            raise UsageError(f"--reference: {plot} has two", remedy="Give one reference for each plot.")
-        found[plot] = Path(text[len(plot) + 1 :])
-        if is_cloud(found[plot]):
-            raise UsageError(
-                f"--reference: {plot}: a campaign takes what `fieldkit reference` made, not a cloud",
-                path=found[plot],
-                remedy="Give a reference's folder; `fieldkit evaluate --reference CLOUD` compares a single capture.",
-            )
-    return found
+        references[plot] = Path(path)
+    return references

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from fieldkit.cache import StageCache
-from fieldkit.campaign.reading import CampaignPlot
+from fieldkit.campaign.reading import CampaignPlot, stage_versions, visit_place
 from fieldkit.campaign.visit_frame import place_visit, wanted_sidecars
-from fieldkit.campaign.visits import stage_versions, visit_place
 from fieldkit.captures import Capture
 from fieldkit.captures.bursts import by_station
 from fieldkit.captures.selection import FoundPhoto, capture_of

@@ -13,22 +13,22 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args, get_type_hints
 
 import numpy as np
 import shapely
 
-from fieldkit.campaign.ranking import Ranked, ranking
 from fieldkit.campaign.reading import Campaign, CampaignPlot
 from fieldkit.documents.csv_text import csv_text
 from fieldkit.errors import StorageError, UsageError
-from fieldkit.figures.registry import F_SCORE, FIGURES
+from fieldkit.evaluation.compare import Ranked, ranking
+from fieldkit.figures.registry import F_SCORE
 from fieldkit.files import check_writable, write_atomic
 from fieldkit.regular_files import check_replaceable
 from fieldkit.results.evaluation import distance_key
 from fieldkit.results.report_files import EVALUATION_FILE, load_evaluation_report
-from fieldkit.results.traits import VALUES, PlantEntry, TraitsEntry
-from fieldkit.results.visit import ROW, Visit
+from fieldkit.results.traits import PlantEntry, TraitsEntry
+from fieldkit.results.visit import Visit
 from fieldkit.wording import by_key
 
 Format = Literal["csv", "geojson", "gpkg"]
@@ -37,12 +37,15 @@ VISITS_LAYER, PLOTS_LAYER, PLANTS_LAYER = "visits", "plots", "plants"
 _LATEST = ("chamfer_m", "predicted_chamfer_m", "predicted_low_m", "predicted_high_m")
 _TEXTS = ("captures", "folder", "error")
 _GEOPACKAGE = "1.2"  # GDAL 3.12 writes 1.4 by itself, of which that of QGIS 3.22 warns
-_COUNTS = {
-    "images", "registered", "right", "rank", "predicted_rank", "visits", "plants", "row_gaps", "plant", "row", "in_row",
-    "height_certain",
-}  # fmt: skip
 _PLACE = ("latitude_deg", "longitude_deg", "row_heading_deg")
-_NUMBERS = {*_PLACE, *FIGURES, *VALUES, *PlantEntry.model_fields, "predicted_low_m", "predicted_high_m", "cpu_s"}
+_HINTS = {
+    **get_type_hints(PlantEntry),
+    **get_type_hints(TraitsEntry),
+    **get_type_hints(Visit),
+    **dict.fromkeys(_PLACE, float),
+    **dict.fromkeys(("rank", "predicted_rank", "visits"), int),
+}
+"""Types of columns, by name."""
 
 Values = dict[str, Any]
 
@@ -68,7 +71,7 @@ def visit_rows(campaign: Campaign) -> list[Values]:
     """A row of plain values per visit, in the table's order; every row has the same keys."""
     distances = [distance_key(d) for d in campaign.evaluation.distances_m]
     ranks = {
-        (entry.score.visit.plot, date): entry
+        (entry.visit.plot, date): entry
         for date in campaign.dates
         for entry in ranking(campaign.visits, campaign.plan, date)
     }
@@ -183,9 +186,11 @@ def _write_layer(
 def _column(name: str, values: Sequence[Any]) -> np.ndarray:
     if name == "date":
         return np.array([value or "NaT" for value in values], dtype="datetime64[D]")
-    if name in _COUNTS:
-        return np.array([0 if value is None else value for value in values], dtype=np.int32)
-    if name in _NUMBERS or name.startswith(F_SCORE):
+    hint = float if name.startswith(F_SCORE) else _HINTS.get(name)
+    kinds = {hint, *get_args(hint)}
+    if kinds & {int, bool}:
+        return np.array([value or 0 for value in values], dtype=np.int32)
+    if float in kinds:
         return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
     return np.array(["" if value is None else _text(value) for value in values], dtype=object)
 
@@ -197,20 +202,16 @@ def _text(value: str) -> str:
 
 def _row(visit: Visit, plot: CampaignPlot | None, ranked: Ranked | None, distances: Sequence[str]) -> Values:
     """The visit's own row with its plot's place and rank, F-scores a column each, and texts last."""
-    row = visit.row()
-    texts = {name: _text(row[name]) for name in _TEXTS} | {
-        name: _text("; ".join(said)) for name, said in (("notes", visit.notes), ("doubts", visit.doubts))
-    }
+    own = visit.row()
+    texts = {name: _text(own[name]) for name in _TEXTS}
+    texts |= {name: _text("; ".join(own[name])) for name in ("notes", "doubts")}
     scores = {F_SCORE + distance: visit.f_score.get(distance) for distance in distances}
-    result: Values = {"plot": visit.plot, "date": visit.date, **_place(plot)}
-    for name, predicted in (("rank", False), ("predicted_rank", True)):
-        result[name] = None if ranked is None or ranked.score.predicted is not predicted else ranked.rank
-    for name in ROW:
-        if name == "f_score":
-            result |= scores
-        elif name not in (*_TEXTS, "notes", "doubts", "fieldkit"):
-            result[name] = row[name]
-    return result | texts
+    ranks = {} if ranked is None else {"predicted_rank" if ranked.predicted else "rank": ranked.rank}
+    row: Values = {"plot": visit.plot, "date": visit.date, **_place(plot), "rank": None, "predicted_rank": None} | ranks
+    for name, value in own.items():
+        if name not in (*texts, "fieldkit"):
+            row |= scores if name == "f_score" else {name: value}
+    return row | texts
 
 
 def _columns(campaign: Campaign) -> list[str]:

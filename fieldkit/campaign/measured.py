@@ -18,7 +18,7 @@ from statistics import fmean, stdev
 from fieldkit.campaign.reading import Campaign
 from fieldkit.documents.csv_text import csv_text
 from fieldkit.documents.file_bytes import decoded, file_bytes
-from fieldkit.documents.mistaken import as_centimetres, did_you_mean
+from fieldkit.documents.mistaken import as_centimetres
 from fieldkit.errors import MetadataError
 from fieldkit.figures.content import Column, Table, tabulated
 from fieldkit.figures.registry import FIGURES
@@ -32,7 +32,7 @@ MEASURED_FILE = "measured.csv"
 """In a campaign's folder: the heights by hand that `fieldkit campaign show` and reports join."""
 LIMITS = 1.96
 """Standard deviations of the differences between which 95 % of them lie."""
-_PLOT, _HEIGHT = ("plot", "plot_id", "id", "name"), {"height_m": 1.0, "height_cm": 0.01, "height": 1.0}
+_COLUMNS = ("plot", "date", "height_m")
 _MOST_BYTES = 4 << 20
 """Largest table of heights that is read, bytes."""
 _REMEDY = "Write a row for each plot and date: plot,date,height_m, then for instance A1,2026-07-02,1.25."
@@ -78,22 +78,20 @@ class Agreement:
         return math.sqrt(fmean(pair.difference_m**2 for pair in self.pairs))
 
     @property
-    def sd_m(self) -> float | None:
-        """Standard deviation of the differences; None of fewer than three."""
-        return stdev(pair.difference_m for pair in self.pairs) if len(self.pairs) > 2 else None
-
-    @property
     def limits_m(self) -> tuple[float, float] | None:
-        """Limits of agreement: 95 % of the differences lie between them."""
-        sd_m = self.sd_m
-        return None if sd_m is None else (self.bias_m - LIMITS * sd_m, self.bias_m + LIMITS * sd_m)
+        """Limits of agreement: 95 % of the differences lie between them; None of fewer than three."""
+        if len(self.pairs) < 3:
+            return None
+        reach = LIMITS * stdev(pair.difference_m for pair in self.pairs)
+        return self.bias_m - reach, self.bias_m + reach
 
     def half_interval_m(self, times: float) -> float:
         """Half the 95 % confidence interval of the bias (``times`` 1) or of a limit (3)."""
         from scipy.stats import t
 
         number = len(self.pairs)
-        return float(t.ppf(0.975, number - 1)) * (self.sd_m or 0.0) * math.sqrt(times / number)
+        spread = stdev(pair.difference_m for pair in self.pairs)
+        return float(t.ppf(0.975, number - 1)) * spread * math.sqrt(times / number)
 
     def sentences(self) -> Iterator[str]:
         """What a person should know: how they agree, then what was not joined."""
@@ -132,27 +130,26 @@ class Agreement:
 
     def plain(self) -> dict[str, object]:
         """As JSON has it."""
-        limits = self.limits_m
-        of_limits = (
-            {}
-            if limits is None
-            else {
-                "limits_m": limits,
+        figures: dict[str, object] = {"bias_m": self.bias_m, "rmse_m": self.rmse_m} if self.pairs else {}
+        if self.limits_m is not None:
+            figures |= {
+                "limits_m": self.limits_m,
                 "bias_interval_m": self.half_interval_m(1),
                 "limits_interval_m": self.half_interval_m(3),
             }
-        )
-        figures = {"bias_m": self.bias_m, "rmse_m": self.rmse_m, **of_limits} if self.pairs else {}
-        keys = ("plot", "date", "height_m", "measured_m", "difference_m", "within")
-        pairs = [(*p.visit.key, p.height_m, p.measured_m, p.difference_m, p.within) for p in self.pairs]
-        return {"pairs": [dict(zip(keys, p, strict=True)) for p in pairs], **figures, "not_joined": self.apart}
+        names = ("height_m", "measured_m", "difference_m", "within")
+        pairs = [
+            {"plot": pair.visit.plot, "date": pair.visit.date} | {name: getattr(pair, name) for name in names}
+            for pair in self.pairs
+        ]
+        return {"pairs": pairs, **figures, "not_joined": self.apart}
 
 
 def keep_measured(file: Path, campaign: Campaign) -> Path:
     """Check a table of heights by hand, and keep it in the campaign's folder in place of an earlier one."""
     kept = campaign.folder / MEASURED_FILE
     rows = [(*key, height_m) for key, height_m in _read(file, campaign).items()]
-    write_atomic(kept, csv_text(("plot", "date", "height_m"), rows))
+    write_atomic(kept, csv_text(_COLUMNS, rows))
     return kept
 
 
@@ -179,52 +176,33 @@ def measured_agreement(campaign: Campaign) -> Agreement | None:
 def _read(file: Path, campaign: Campaign) -> dict[tuple[str, str], float]:
     """Heights in metres by plot and date; of several rows the highest, since a plot's height is its highest leaf's."""
     text = decoded(file_bytes(file, _REMEDY, _MOST_BYTES, noun="table of heights"), file)
-    header = text.partition("\n")[0]
-    mark = next((mark for mark in ";\t" if mark in header), ",")
-    lines = list(csv.reader(io.StringIO(text), delimiter=mark))
-    names = [name.strip().lower() for name in lines[0]] if lines else []
-    plot_at, height_at, date_at = (_column(names, wanted) for wanted in (_PLOT, tuple(_HEIGHT), ("date",)))
-    if plot_at is None or height_at is None:
-        missing = _PLOT if plot_at is None else tuple(_HEIGHT)
-        raise MetadataError(f"has no column {' or '.join(missing)}", path=file, remedy=_REMEDY)
-    if date_at is None and len(campaign.dates) != 1:
-        dates = f"the campaign has {count(len(campaign.dates), 'date')}"
-        raise MetadataError(f"has no column date, and {dates}", path=file, remedy=_REMEDY)
+    rows = csv.DictReader(io.StringIO(text), delimiter=";" if ";" in text.partition("\n")[0] else ",", restval="")
+    if lacking := [name for name in _COLUMNS if name not in (rows.fieldnames or ())]:
+        raise MetadataError(f"has no column {lacking[0]}", path=file, remedy=_REMEDY)
     known = {plot.name for plot in campaign.plots} | set(campaign.vanished)
-    found: dict[tuple[str, str], float] = {}
-    for number, row in enumerate(lines[1:], 2):
-        cells = [cell.strip() for cell in row] + [""] * len(names)
-        plot, height = cells[plot_at], cells[height_at]
+    heights: dict[tuple[str, str], float] = {}
+    for row in rows:
+        plot, day, height = (row[name].strip() for name in _COLUMNS)
         plot = plot if plot in known else plot.removeprefix("'")  # as `csv_cell` writes names like formulas
         if not height:
             continue
+        line = f"line {rows.line_num}"
         if plot not in known:
-            remedy = did_you_mean(plot, known, "Write plots' names as `fieldkit campaign show` does.")
-            raise MetadataError(f'line {number}: there is no plot "{plot}"', path=file, remedy=remedy)
-        key = plot, campaign.dates[0] if date_at is None else _date(cells[date_at], number, file)
+            remedy = "Write plots' names as `fieldkit campaign show` does."
+            raise MetadataError(f'{line}: there is no plot "{plot}"', path=file, remedy=remedy)
         try:
-            value = float(height.replace(",", ".") if mark == ";" else height) * _HEIGHT[names[height_at]]
-        except ValueError:
-            value = math.nan
+            key = plot, date.fromisoformat(day).isoformat()
+            value = float(height.replace(",", "."))
+        except ValueError as error:
+            raise MetadataError(f"{line}: {error}", path=file, remedy=_REMEDY) from error
         if not 0.0 <= value <= TALLEST_M:
             slip = as_centimetres(value, TALLEST_M)
-            raise MetadataError(f"line {number}: {height} is no height in metres{slip}", path=file, remedy=_REMEDY)
-        found[key] = max(value, found.get(key, 0.0))
-    if not found:
+            raise MetadataError(f"{line}: {height} is no height in metres{slip}", path=file, remedy=_REMEDY)
+        heights[key] = max(value, heights.get(key, 0.0))
+    if not heights:
         raise MetadataError("has no height", path=file, remedy=_REMEDY)
-    return found
+    return heights
 
 
 def _signed(value: float) -> str:
     return f"{value:+.3f}".replace("-", "−")
-
-
-def _column(names: list[str], wanted: tuple[str, ...]) -> int | None:
-    return next((names.index(name) for name in wanted if name in names), None)
-
-
-def _date(text: str, number: int, file: Path) -> str:
-    try:
-        return date.fromisoformat(text).isoformat()
-    except ValueError as error:
-        raise MetadataError(f"line {number}: {text} is no date like 2026-07-02", path=file, remedy=_REMEDY) from error

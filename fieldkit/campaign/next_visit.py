@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from fieldkit.arrays import FloatArray
-from fieldkit.campaign.reading import PLANS_FOLDER, Campaign
-from fieldkit.campaign.visits import visit_cloud
+from fieldkit.campaign.reading import PLANS_FOLDER, Campaign, visit_cloud
 from fieldkit.clouds import Cloud, read_cloud
 from fieldkit.clouds.plants_apart import tell_apart
 from fieldkit.clouds.volume import Volume

@@ -6,9 +6,8 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from fieldkit.campaign.measured import measured_agreement
-from fieldkit.campaign.ranking import Drift, Ranked, Score, drift, measured_noise_m, ranking, score_of
-from fieldkit.campaign.reading import Campaign
-from fieldkit.campaign.visits import changed_stages, is_current
+from fieldkit.campaign.reading import Campaign, changed_stages, is_current
+from fieldkit.evaluation.compare import Drift, Ranked, drift, measured_noise_m, ranking, score_of
 from fieldkit.figures.content import Column, Table, tabulated
 from fieldkit.figures.registry import TRENDS, figure
 from fieldkit.figures.style import millimetres
@@ -60,7 +59,7 @@ def campaign_tables(campaign: Campaign) -> Iterator[Table]:
     if ranked:
         entries = ranking(campaign.visits, campaign.plan, ranked[-1])
         for predicted, of in ((False, "measured"), (True, "predicted")):
-            own = [entry for entry in entries if entry.score.predicted is predicted]
+            own = [entry for entry in entries if entry.predicted is predicted]
             if len(own) > 1:
                 yield _ranking_table(own, f"Ranking on {ranked[-1]} by {of} distances, the best first")
     last = [visit for visit in campaign.visits if visit.date == campaign.dates[-1]]
@@ -127,8 +126,7 @@ def _doubtful(campaign: Campaign) -> Iterator[str]:
     groups: dict[tuple[bool, str], list[str]] = {}
     for visit in campaign.visits:
         scored = score_of(visit, campaign.plan) is not None
-        unpredicted = next((note for note in visit.notes if note.startswith("no prediction: ")), "")
-        why = ", ".join(code.replace("-", " ") for code in visit.doubts) or ("" if scored else unpredicted)
+        why = ", ".join(code.replace("-", " ") for code in visit.doubts) or ("" if scored else visit.unpredicted)
         if why and not visit.error:
             groups.setdefault((scored, why), []).append(f"{visit.plot} {visit.date}")
     for (scored, why), visits in groups.items():
@@ -184,17 +182,17 @@ def _ranking_table(entries: Sequence[Ranked], caption: str) -> Table:
         caption,
         [
             {
-                "plot": entry.score.visit.plot,
+                "plot": entry.visit.plot,
                 Column("rank", True): f"{entry.rank}{'=' if entry.tied else ''}",
-                Column("chamfer, mm", True): f"{'≈ ' * entry.score.predicted}{millimetres(entry.score.value_m)}",
-                Column("nine in ten, mm", True): _scatter(entry.score),
+                Column("chamfer, mm", True): f"{'≈ ' * entry.predicted}{millimetres(entry.value_m)}",
+                Column("nine in ten, mm", True): _scatter(entry),
             }
             for entry in entries
         ],
     )
 
 
-def _scatter(score: Score) -> str | None:
+def _scatter(score: Ranked) -> str | None:
     """The interval of a prediction, or the noise of a measured distance, in millimetres."""
     if not score.predicted:
         return None if score.noise_m is None else f"± {millimetres(score.noise_m)}"
@@ -226,12 +224,11 @@ def _changed(change: Drift) -> str:
 
 
 def _ranked(entry: Ranked) -> dict[str, Any]:
-    score = entry.score
     return {
         "rank": entry.rank,
         "tied": entry.tied,
-        "plot": score.visit.plot,
-        "chamfer_m": score.value_m,
-        "predicted": score.predicted,
-        "noise_m": score.noise_m,
+        "plot": entry.visit.plot,
+        "chamfer_m": entry.value_m,
+        "predicted": entry.predicted,
+        "noise_m": entry.noise_m,
     }

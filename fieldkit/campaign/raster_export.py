@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
 import numpy as np
 
 from fieldkit.campaign.export import campaign_geopackage
-from fieldkit.campaign.reading import Campaign
-from fieldkit.campaign.visits import visit_files
+from fieldkit.campaign.reading import Campaign, visit_files
 from fieldkit.documents.csv_text import csv_text
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.rasters import (
@@ -26,11 +25,10 @@ from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.results.report_files import load_evaluation_report
 from fieldkit.results.visit import CAMPAIGN_FILE, Visit
 from fieldkit.sites.plot_ids import plot_file_name
-from fieldkit.wording import by_key, count, listed
+from fieldkit.wording import by_key, listed
 
 RASTERS_FILE, GEOPACKAGE_FILE = "rasters.csv", "campaign.gpkg"
 _FILES = (CANOPY_FILE, SURFACE_FILE)
-_NOT_MADE = "evaluated without rasters"
 
 Span = tuple[float, float]
 
@@ -69,7 +67,11 @@ def export_rasters(campaign: Campaign, output: Path, *, overwrite: bool = False)
         rows = tuple(row for row, _ in made)
         spans = np.array([found for _, found in made if found])  # (visits, canopy and surface, low and high)
         if not len(spans):
-            raise _nothing(campaign, rows)
+            raise UsageError(
+                f"no visit has rasters: {'; '.join(without_rasters(rows)[:1]) or 'there are no visits yet'}",
+                remedy=f"Write rasters = true under [evaluation] in {campaign.folder / CAMPAIGN_FILE}, and give the "
+                "photographs to `fieldkit evaluate` again.",
+            )
         canopy, surface = zip(spans[:, :, 0].min(axis=0).tolist(), spans[:, :, 1].max(axis=0).tolist(), strict=True)
         for row in rows:
             if not row.no_rasters:
@@ -97,7 +99,7 @@ def _copied(campaign: Campaign, visit: Visit, folder: Path) -> tuple[RasterRow, 
     try:
         files = visit_files(campaign.folder, visit)
         if any(name not in files for name in _FILES):
-            reason = visit.error or visit.no_rasters or _NOT_MADE
+            reason = visit.error or visit.no_rasters or "evaluated without rasters"
             return RasterRow(visit.plot, visit.date, no_rasters=reason, notes=notes), ()
         spans, tags = [], dict[str, str]()
         for name, file in zip(names, _FILES, strict=True):
@@ -115,17 +117,3 @@ def _copied(campaign: Campaign, visit: Visit, folder: Path) -> tuple[RasterRow, 
     datum = "" if frame is None or frame.origin is None else frame.origin.datum
     refused = tags.get(REFUSED_TAG, "")
     return RasterRow(visit.plot, visit.date, canopy, surface, epsg, cell_m, datum, refused, notes=notes), tuple(spans)
-
-
-def _nothing(campaign: Campaign, rows: Sequence[RasterRow]) -> UsageError:
-    if not rows:
-        return UsageError("there are no visits yet", remedy="Evaluate photographs with `fieldkit evaluate` first.")
-    reasons = without_rasters(rows)
-    more = f" ({count(len(reasons) - 1, 'more reason')})" if len(reasons) > 1 else ""
-    remedy = "Correct what it says, and evaluate the photographs again."
-    if any(row.no_rasters == _NOT_MADE for row in rows):
-        remedy = (
-            f"Write rasters = true under [evaluation] in {campaign.folder / CAMPAIGN_FILE}, and give the same "
-            "photographs to `fieldkit evaluate` again."
-        )
-    return UsageError(f"no visit has rasters: {reasons[0]}{more}", remedy=remedy)

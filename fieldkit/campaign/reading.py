@@ -1,4 +1,4 @@
-"""A campaign read from its folder: plan, site, plots and visits."""
+"""A campaign read from its folder: campaign.toml, plan, site, plots and visits (visit.json in visits/PLOT/DATE)."""
 
 from __future__ import annotations
 
@@ -6,28 +6,143 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, Self
 
-from fieldkit.campaign.campaign_file import CampaignTable, read_campaign_file
-from fieldkit.campaign.visits import read_visits
+from pydantic import Field, model_validator
+
 from fieldkit.documents.mistaken import refuse_other
-from fieldkit.documents.toml_file import read_versioned
+from fieldkit.documents.toml_file import read_versioned, toml_text, validated_toml
 from fieldkit.errors import MetadataError, MissionError
+from fieldkit.evaluation.prediction import prediction_model
 from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.files import file_beside, named_file
-from fieldkit.results.evaluation import PlotEvaluation
+from fieldkit.reconstruction.versions import STAGES
+from fieldkit.results.evaluation import CLOUD_FILE, PlotEvaluation
+from fieldkit.results.fields import Strict
 from fieldkit.results.plan import Plan, plan_on
 from fieldkit.results.plan_file import load_plan
-from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_evaluation_report
-from fieldkit.results.visit import CAMPAIGN_FILE, Visit
+from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE, file_sha256, load_evaluation_report
+from fieldkit.results.visit import CAMPAIGN_FILE, VISIT_FILE, VISITS_FOLDER, Visit, load_visit, save_visit
+from fieldkit.runtime.shipped import shipped_page
 from fieldkit.sites.fitted import flown_plans
 from fieldkit.sites.plot_ids import plot_file_name
-from fieldkit.sites.site import Site, SitePlot
+from fieldkit.sites.site import Name, Site, SitePlot
 from fieldkit.sites.site_file import MAX_BYTES, load_site
 from fieldkit.sites.vector_files import read_features
 
 PLANS_FOLDER = "plans"
 _REMEDY = "Make a campaign with `fieldkit campaign init`."
+_MAX_BYTES = 1 << 20
+"""Largest campaign.toml that is read, bytes."""
+_KEYS_REMEDY = f"{shipped_page('docs/campaigns.md')} lists the keys of campaign.toml."
+
+FileName = Annotated[str, Field(min_length=1, max_length=1000, pattern=r"^[^\x00]+$")]
+Visits = dict[tuple[str, str], Visit]
+"""By plot and date."""
+_OWN = (VISIT_FILE, EVALUATION_FILE)
+
+
+class ReferenceTable(Strict):
+    """The dense reference of one plot."""
+
+    plot: Name
+    path: FileName
+    """Folder that `fieldkit reference` wrote; relative to the campaign's folder, or absolute."""
+    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+    """Of its reference.json."""
+
+
+class CampaignTable(Strict):
+    """campaign.toml. File names are relative to its folder."""
+
+    format: Literal[1] = 1
+    name: Name = "campaign"
+    plan: FileName = "plan.json"
+    site: FileName = "site.toml"
+    plots: FileName | None = None
+    """GeoJSON file whose plots take the place of the site file's own."""
+    vehicle: FileName | None = None
+    camera: FileName | None = None
+    """Calibration (camera.toml) of photographs that have none beside them."""
+    evaluation: EvaluationSettings = EvaluationSettings()
+    references: Annotated[tuple[ReferenceTable, ...], Field(max_length=2000)] = ()
+
+    @model_validator(mode="after")
+    def _one_reference_a_plot(self) -> Self:
+        seen: set[str] = set()
+        for reference in self.references:
+            if reference.plot in seen:
+                raise ValueError(f'references: two of them are of plot "{reference.plot}"')
+            seen.add(reference.plot)
+        return self
+
+
+def read_campaign_file(path: Path) -> CampaignTable:
+    """Read campaign.toml."""
+    document = read_versioned(path, "campaign", _KEYS_REMEDY, _MAX_BYTES)
+    return validated_toml(CampaignTable, document, path, _KEYS_REMEDY)
+
+
+def campaign_text(table: CampaignTable) -> str:
+    """The text of a campaign.toml, every setting written out, so that people see what they can change."""
+    document = table.model_dump()
+    return toml_text({**document, "references": list(document["references"]) or None})
+
+
+def visit_place(plot: str, date: str) -> str:
+    """A visit's folder, relative to the campaign's."""
+    return f"{VISITS_FOLDER}/{plot_file_name(plot)}/{date}"
+
+
+def visit_cloud(campaign: Path, visit: Visit) -> Path | None:
+    """The cloud of a visit's plants; None where it has none."""
+    return None if visit.error else visit_files(campaign, visit).get(CLOUD_FILE)
+
+
+def visit_files(campaign: Path, visit: Visit) -> dict[str, Path]:
+    """The files of a visit's evaluation that are still there, by their own name without folders."""
+    if not visit.folder:
+        return {}
+    folder = campaign / visit.folder
+    listed = [file.name for plot in load_evaluation_report(folder).plots for file in plot.files]
+    return {Path(name).name: folder / name for name in listed if (folder / name).is_file()}
+
+
+def read_visits(campaign: Path) -> list[Visit]:
+    """All visits of a campaign's folder, by plot and date; a copy in another folder than its own is passed over."""
+    files = (campaign / VISITS_FOLDER).glob(f"[!.]*/[!.]*/{VISIT_FILE}")
+    visits = ((load_visit(file.parent), file.parent) for file in files)
+    return sorted((v for v, place in visits if campaign / visit_place(*v.key) == place), key=lambda visit: visit.key)
+
+
+def keep_visit(campaign: Path, visit: Visit) -> bool:
+    """Write a visit into its folder, beside an evaluation that may be there.
+
+    False if it could not be: a folder that holds something else than a visit is somebody's other work.
+    """
+    place = campaign / visit_place(*visit.key)
+    if place.is_dir() and any(place.iterdir()) and not any((place / name).is_file() for name in _OWN):
+        return False
+    save_visit(place, visit)
+    return True
+
+
+def stage_versions() -> dict[str, int]:
+    """Versions of all that a visit is computed by: what invalidates results, and the fit that predictions are by."""
+    return {**STAGES, "prediction": prediction_model().version}
+
+
+def changed_stages(visit: Visit) -> tuple[str, ...] | None:
+    """Stages that computed a visit and have another version today; none where it is current, None where not known."""
+    if not visit.stages:
+        return None
+    now = stage_versions()
+    return tuple(name for name in {**now, **visit.stages} if now.get(name) != visit.stages.get(name))
+
+
+def is_current(visit: Visit) -> bool:
+    """Whether this fieldkit would compute a visit in the same way."""
+    return changed_stages(visit) == ()
 
 
 class CampaignPlot(SitePlot):

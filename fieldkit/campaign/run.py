@@ -16,9 +16,8 @@ from filelock import FileLock, Timeout
 
 from fieldkit.cache import StageCache, digest
 from fieldkit.campaign.evaluate_visit import VisitJob, evaluate_visit, failed_visit
-from fieldkit.campaign.reading import Campaign, read_campaign
+from fieldkit.campaign.reading import Campaign, Visits, keep_visit, read_campaign, stage_versions
 from fieldkit.campaign.sorting import PhotoToSort, Sorting, sort_photographs
-from fieldkit.campaign.visits import Visits, keep_visit, stage_versions
 from fieldkit.captures import find_mask
 from fieldkit.captures.selection import FoundPhoto, FoundPhotos, capture_of, find_photographs, photographs_at
 from fieldkit.errors import CaptureError, FieldkitError, MetadataError, StorageError

@@ -1,13 +1,19 @@
-"""fieldkit compare: several evaluations side by side, and which differences are more than noise.
+"""Do two figures differ beyond noise? Comparisons of several evaluations; ranks and drift of a campaign's visits.
 
-Noise is known from repeats, the scatter within labels that have several evaluations; else from what the benchmark found
-between flights, the errors of traits and the intervals of predictions. Where neither says it, it is not guessed.
+A comparison knows noise from repeats, the scatter within labels that have several evaluations; else from what the
+benchmark found between flights, the errors of traits and the intervals of predictions. Where neither says it, it is not
+guessed.
+
+Of visits a figure's noise is half the interval that holds nine in ten repeats. Of a predicted chamfer distance the
+interval is the prediction's own. Of a measured one it is 1.645 standard deviations of the plan's repeats on what it was
+made on, where plan.json says them: the scatter of reconstruction, not of weather or of flights. Of a trait it is the
+trait's error. Two figures differ beyond noise where they are farther apart than their half intervals, added in squares.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import hypot
 from pathlib import Path
@@ -16,7 +22,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from fieldkit.errors import UsageError
-from fieldkit.figures.registry import Figure, figures_of
+from fieldkit.figures.registry import FIGURES, TRENDS, Figure, figures_of
 from fieldkit.figures.spreadsheets import compare_csv
 from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.results.comparison import (
@@ -29,16 +35,15 @@ from fieldkit.results.comparison import (
 )
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, pooled_spread
 from fieldkit.results.finding import OTHER_PLANTS
+from fieldkit.results.plan import Plan
 from fieldkit.results.report_files import load_evaluation_report
-from fieldkit.results.visit import CAMPAIGN_FILE
+from fieldkit.results.visit import Visit
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.version import __version__
 from fieldkit.vocabulary import NINE_IN_TEN
 from fieldkit.wording import by_key, listed
 
 TABLE_FILE = "compare.csv"
-MOST_EVALUATIONS = 100
-"""Most evaluations that are compared."""
 _NORMAL_95 = 1.959964
 """Standard deviations within which 95 % of normal differences lie."""
 _LARGEST = 1e12  # numbers of hostile files
@@ -148,18 +153,10 @@ def comparison_of(runs: Sequence[Labelled]) -> ComparisonReport:
 
 
 def _read(evaluations: Sequence[Path | str]) -> list[Labelled]:
-    if len(evaluations) > MOST_EVALUATIONS:
-        raise UsageError(f"{len(evaluations)} evaluations are too many", remedy=f"Give up to {MOST_EVALUATIONS}.")
     runs: list[Labelled] = []
     taken: set[str] = set()
     for each in evaluations:
         label, path = _labelled(each)
-        if (path / CAMPAIGN_FILE).is_file():
-            raise UsageError(
-                "is a campaign: its dates are compared within it",
-                path=path,
-                remedy=f"Use `fieldkit campaign show {path.name}`, or give evaluations within it.",
-            )
         report = load_evaluation_report(path)
         folder = path if path.is_dir() else path.parent
         if not label:
@@ -283,3 +280,113 @@ def _what_is_untold(differences: Sequence[DifferenceEntry]) -> Iterator[str]:
     untold = list(dict.fromkeys(each.figure for each in differences if each.noise is None))
     if untold:
         yield f"whether differences of these are beyond noise cannot be told without repeats: {', '.join(untold)}"
+
+
+# Visits of a campaign -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """How good a visit is, and its place in a ranking."""
+
+    visit: Visit
+    value_m: float
+    """Chamfer distance: measured, else predicted."""
+    predicted: bool
+    noise_m: float | None
+    """Half the interval that holds nine in ten; None where it is not known."""
+    rank: int = 0
+    """From 1, the lowest chamfer distance of its kind first; plots that cannot be told from a group's first share its
+    rank. 0 outside of a ranking."""
+    tied: bool = False
+    """Whether others share it."""
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How a plot's figure changed since its first date."""
+
+    plot: str
+    figure: str
+    """Field of `Visit`, or of its traits."""
+    first_date: str
+    date: str
+    """Compared."""
+    first: float
+    value: float
+    """The figure on them."""
+    beyond_noise: bool | None
+    """None where the noise is not known."""
+
+    @property
+    def change(self) -> float:
+        """Value less first."""
+        return self.value - self.first
+
+
+def score_of(visit: Visit, plan: Plan) -> Ranked | None:
+    """A visit's score; None where it has none, or is of other plants than its reference's."""
+    if OTHER_PLANTS in visit.doubts:
+        return None
+    if visit.chamfer_m is not None:
+        return Ranked(visit, visit.chamfer_m, False, measured_noise_m(plan))
+    if visit.predicted_chamfer_m is not None:
+        return Ranked(visit, visit.predicted_chamfer_m, True, FIGURES["predicted_chamfer_m"].error(visit))
+    return None
+
+
+def measured_noise_m(plan: Plan) -> float | None:
+    """Half the interval of a measured chamfer distance; None where the plan does not say its repeats' spread."""
+    spread = None if plan.method is None else plan.method.known_spread_m
+    return None if spread is None else NINE_IN_TEN * spread
+
+
+def ranking(visits: Sequence[Visit], plan: Plan, date: str) -> list[Ranked]:
+    """The plots of a date, the best first: those with measured distances, then those with predicted ones.
+
+    Each kind has ranks of its own: a distance to a reference and one to the true plants are not compared. Plots whose
+    score is not beyond noise of the first of their group share its rank; with unknown noise none do.
+    """
+    scores = [score for visit in visits if visit.date == date and (score := score_of(visit, plan)) is not None]
+    ranked: list[Ranked] = []
+    for predicted in (False, True):
+        groups: list[list[Ranked]] = []
+        own = (score for score in scores if score.predicted is predicted)
+        for score in sorted(own, key=lambda score: (score.value_m, score.visit.plot)):
+            first = groups[-1][0] if groups else None
+            if first and _differ(first.value_m - score.value_m, first.noise_m, score.noise_m) is False:
+                groups[-1].append(score)
+            else:
+                groups.append([score])
+        rank = 1
+        for group in groups:
+            ranked += [replace(score, rank=rank, tied=len(group) > 1) for score in group]
+            rank += len(group)
+    return ranked
+
+
+def _differ(difference: float, noise: float | None, other: float | None) -> bool | None:
+    """Whether a difference is beyond the noise of both figures; None where one is not known."""
+    return None if noise is None or other is None else abs(difference) > hypot(noise, other)
+
+
+def drift(visits: Sequence[Visit], plan: Plan) -> list[Drift]:
+    """Changes of every plot's figures since its first date that has them, by plot as given, figure and date.
+
+    A chamfer distance is compared with one of its own kind only: measured with measured.
+    """
+    found = []
+    by_plot = by_key((visit.plot, visit) for visit in sorted(visits, key=lambda visit: visit.date))
+    for plot in dict.fromkeys(visit.plot for visit in visits):
+        own = by_plot[plot]
+        for figure in TRENDS:
+            having = [(visit, value) for visit in own if (value := figure.value(visit)) is not None]
+            for visit, after in having[1:]:
+                first, before = having[0]
+                rose = after > before  # then the first may be higher, and the last lower, than stated
+                noise = figure.error_towards(first, rose), figure.error_towards(visit, not rose)
+                if figure.key == "chamfer_m":
+                    noise = (measured_noise_m(plan),) * 2
+                surely = _differ(after - before, *noise)
+                found.append(Drift(plot, figure.key, first.date, visit.date, before, after, surely))
+    return found

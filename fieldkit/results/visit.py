@@ -93,6 +93,8 @@ class Visit(Strict):
     """What a person should know."""
     no_rasters: str = ""
     """Why it has none, though they were asked for; empty otherwise."""
+    unpredicted: Text = ""
+    """Why nothing is predicted where there is no reference; empty otherwise."""
     doubts: tuple[str, ...] = ()
     """Codes of findings with which the result must not be taken as it is."""
     fieldkit: str = ""
@@ -108,8 +110,9 @@ class Visit(Strict):
     def of_evaluation(cls, evaluation: PlotEvaluation, **own: Any) -> Self:
         """A visit with the figures of its evaluation."""
         same: dict[str, Any] = {name: getattr(evaluation, name) for name in _SAME}
-        if evaluation.prediction is not None:
-            same |= {f"predicted_{name}": getattr(evaluation.prediction, name) for name in _PREDICTED}
+        if (prediction := evaluation.prediction) is not None:
+            same |= {f"predicted_{name}": getattr(prediction, name) for name in _PREDICTED}
+            same["unpredicted"] = prediction.reason
         return cls(
             **same,
             pose_rms_m=evaluation.pose_rms_m if evaluation.metric else None,
@@ -131,15 +134,13 @@ class Visit(Strict):
 
     def row(self) -> dict[str, Any]:
         """What people see of it, as plain values by name."""
-        found: dict[str, Any] = {}
+        row: dict[str, Any] = {}
         for name, value in self.model_dump(mode="json", exclude=_UNSEEN).items():
-            found |= (self.traits or TraitsEntry()).row() if name == "traits" else {name: value}
-        return found
+            row |= (self.traits or TraitsEntry()).row() if name == "traits" else {name: value}
+        return row
 
 
-_UNSEEN = {"kind", "version", "stages", "inputs", "photographs", "no_rasters"}
-ROW = tuple(Visit(plot="", date="0001-01-01").row())
-"""The keys of `Visit.row`, in order."""
+_UNSEEN = {"kind", "version", "stages", "inputs", "photographs", "no_rasters", "unpredicted"}
 
 
 def save_visit(folder: Path, visit: Visit) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from fieldkit.campaign import Campaign, Visit, read_campaign
 from fieldkit.campaign.next_visit import grown, heights_flown, next_plans, plan_next_visit
-from fieldkit.campaign.visits import keep_visit
+from fieldkit.campaign.reading import keep_visit
 from fieldkit.clouds import Cloud
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.missions.settings import MissionSettings

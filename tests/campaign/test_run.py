@@ -15,8 +15,8 @@ from filelock import FileLock, Timeout
 from fieldkit.campaign import Visit, read_campaign
 from fieldkit.campaign.evaluate_visit import VisitJob
 from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks
+from fieldkit.campaign.reading import changed_stages, is_current, keep_visit, stage_versions
 from fieldkit.campaign.run import LOCK_FILE, _evaluated, campaign_lock, unchanged, visit_inputs
-from fieldkit.campaign.visits import changed_stages, is_current, keep_visit, stage_versions
 from fieldkit.captures.selection import FoundPhoto
 from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.reconstruction.versions import STAGES
@@ -37,7 +37,7 @@ def job(folder: Path) -> VisitJob:
 
 def raised(monkeypatch: pytest.MonkeyPatch, stage: str) -> None:
     changed = MappingProxyType({**STAGES, stage: STAGES[stage] + 1})
-    monkeypatch.setattr("fieldkit.campaign.visits.STAGES", changed)
+    monkeypatch.setattr("fieldkit.campaign.reading.STAGES", changed)
 
 
 @pytest.mark.parametrize("stage", STAGES)

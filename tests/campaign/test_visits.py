@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fieldkit.campaign import Visit
-from fieldkit.campaign.visits import keep_visit, read_visits
+from fieldkit.campaign.reading import keep_visit, read_visits
 from fieldkit.errors import CaptureError, MetadataError, StorageError
 from fieldkit.evaluation.conversion import failed_plot
 from fieldkit.results.evaluation import Prediction

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from fieldkit.campaign import Visit, read_campaign
-from fieldkit.campaign.visits import keep_visit
+from fieldkit.campaign.reading import keep_visit
 from fieldkit.cli.main import main
 from fieldkit.evaluation.rasters import Rasters
 from tests.campaign.examples import campaign_folder, field

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fieldkit.campaign import read_campaign, visit_plots
-from fieldkit.campaign.visits import read_visits
+from fieldkit.campaign.reading import read_visits
 from fieldkit.evaluation.adherence import flown_noise
 from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.geodesy import LocalFrame

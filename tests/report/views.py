@@ -10,8 +10,6 @@ from fieldkit.figures.content import FrustumLayer, LineLayer, PlaceName, PointLa
 from fieldkit.geometry import Pose
 from fieldkit.report.html.viewer import viewer_html, viewer_script, viewer_style
 
-HOSTILE = """<script>window.broken = 1</script><img src=x onerror="window.broken = 2">&amp;'" -->"""
-
 
 def leaves(count: int = 6000, seed: int = 0) -> PointLayer:
     """Three upright leaves and a patch of ground, with colours and values."""
@@ -46,14 +44,6 @@ def small_scene() -> ViewerScene:
         lines=[LineLayer("Legs", [corners], "#a03060")],
         places=[PlaceName("Plot 7", (0.0, 0.0, 0.0))],
     )
-
-
-def hostile_scene() -> ViewerScene:
-    """Names that would be markup or script if they were not escaped."""
-    cloud = leaves(500)
-    labels = FrustumLayer(HOSTILE, cameras("", "#000000", count=1).poses, [HOSTILE], 0.5, 0.4, "#112233")
-    points = PointLayer(HOSTILE, cloud.points, cloud.colors, cloud.values)
-    return ViewerScene(HOSTILE, points=[points], frusta=[labels], lines=[LineLayer(HOSTILE, [], "#445566")])
 
 
 def page_of(*scenes: ViewerScene, gap_px: int = 0) -> str:

@@ -9,7 +9,7 @@ from PIL import Image
 
 from fieldkit.campaign import Visit
 from fieldkit.campaign.create import CampaignSources, init_campaign
-from fieldkit.campaign.visits import keep_visit
+from fieldkit.campaign.reading import keep_visit
 from fieldkit.clouds import Cloud, score, write_cloud
 from fieldkit.errors import CaptureError
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_evaluation, reference_report
