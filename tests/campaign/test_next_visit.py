@@ -83,12 +83,6 @@ def test_every_plot_with_a_cloud_has_its_own_plan_and_no_worse_score(tmp_path: P
     assert plans[2].plan is found.plan
 
 
-@pytest.mark.parametrize("growth", [0.9, 3.1, float("nan")])
-def test_no_plant_shrinks_or_triples(tmp_path: Path, growth: float) -> None:
-    with pytest.raises(UsageError, match="grow by a factor"):
-        next_plans(season(tmp_path, ()), None, Context(), growth=growth)
-
-
 def test_visits_are_compared_with_the_plan_that_was_made_for_them(tmp_path: Path) -> None:
     found = season(tmp_path)
     with pytest.raises(MissionError, match="too low over the plants of r1c"):

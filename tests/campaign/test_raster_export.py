@@ -10,7 +10,7 @@ import pytest
 
 from fieldkit.campaign import Campaign, Visit, read_campaign
 from fieldkit.campaign.raster_export import GEOPACKAGE_FILE, RASTERS_FILE, export_rasters, without_rasters
-from fieldkit.campaign.reading import keep_visit, visit_cloud, visit_place
+from fieldkit.campaign.reading import keep_visit, visit_place
 from fieldkit.clouds import Cloud, write_cloud
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.conversion import evaluation_report, plot_evaluation
@@ -133,8 +133,3 @@ def test_refusals(season: Campaign, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no visit has rasters: no rasters of r1c2"):
         export_rasters(replace(season, visits=season.visits[2:]), tmp_path / "none")
     assert not (tmp_path / "none").exists()
-
-
-def test_the_files_of_a_plot_whose_name_is_no_folders_name(season: Campaign) -> None:
-    file = visit_cloud(season.folder, season.visits[0])
-    assert file.is_file()

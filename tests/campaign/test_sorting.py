@@ -50,21 +50,6 @@ def test_stations_over_a_neighbour_are_told_by_where_they_look() -> None:
     assert counts(sort_photographs(shots, close, PLAN)) == {("r2c1", "2026-06-18"): 8}
 
 
-def test_without_angles_what_fits_two_plots_goes_with_its_neighbours_in_time() -> None:
-    wide = field(1, 3, spacing_m=(2.8, 3.0))  # stations of one plot stand where those of the next do
-    shots = flown(wide[1], angles=False)
-    found = sort_photographs(shots, wide, PLAN)
-    assert counts(found) == {("r1c2", "2026-06-18"): 8}
-    assert set(codes(found)) <= {"sorted-by-neighbours"}
-    # The same photographs one by one, each in a flight of its own, cannot all be told.
-    alone = [
-        replace(shot, photo=replace(shot.photo, captured_at=MORNING + timedelta(hours=k / 9)))
-        for k, shot in enumerate(shots)
-    ]
-    single = sort_photographs(alone, wide, PLAN)
-    assert len(single.left_out) + sum(counts(single).values()) == 8
-
-
 def test_far_photographs_are_named_and_not_dropped() -> None:
     far = FIELD[0].model_copy(update={"name": "elsewhere", "latitude_deg": FIELD[0].latitude_deg + 0.01})
     found = sort_photographs([*flown(FIELD[0]), *flown(far)], FIELD, PLAN)
@@ -128,25 +113,6 @@ def test_a_reflight_adds_up_and_another_pass_does_not() -> None:
     assert counts(found) == {(plot.name, "2026-06-18"): 8}
     assert codes(found) == ["another-pass"] * 5
     assert "from 09:00" in found.visits[0].notes[0]
-
-
-def test_no_time_and_no_dated_folder() -> None:
-    shots = [replace(shot, photo=replace(shot.photo, captured_at=None)) for shot in flown(FIELD[0])]
-    found = sort_photographs(shots, FIELD, PLAN)
-    assert found.visits == ()
-    assert codes(found) == ["no-date"] * 8
-
-
-def test_a_campaign_of_one_plot_needs_no_tags() -> None:
-    shots = [replace(shot, photo=replace(shot.photo, geotag=None)) for shot in flown(FIELD[0])]
-    assert counts(sort_photographs(shots, FIELD[:1], PLAN)) == {("r1c1", "2026-06-18"): 8}
-
-
-def test_what_an_earlier_run_sorted_stays() -> None:
-    shots = [replace(shot, belongs=("r3c4", "2026-06-11")) for shot in flown(FIELD[0])]
-    found = sort_photographs(shots, FIELD, PLAN)
-    assert counts(found) == {("r3c4", "2026-06-11"): 8}
-    assert codes(found) == []
 
 
 @pytest.mark.parametrize(

@@ -97,22 +97,6 @@ def test_coarse_positions_are_put_where_the_plan_looks() -> None:
     assert not place_visit(tagged(0.015), PLOT, PLAN, None).at_origin
 
 
-def test_a_references_ground_is_met() -> None:
-    rng = np.random.default_rng(1)
-    reference = replace(GROUND, offset_m=0.25)
-    poses = {str(k): pose for k, pose in enumerate(STATIONS)}
-    motion, ground = Settling(None, 1.3, reference)(scene(rng), poses)
-    assert motion.translation[2] == pytest.approx(0.25, abs=0.004)
-    assert ground is reference
-
-
-def test_without_ground_the_stations_height_counts() -> None:
-    poses = {str(k): Pose(pose.rotation, pose.center + 5.0) for k, pose in enumerate(STATIONS)}
-    motion, ground = Settling(None, 1.3)(np.zeros((2, 3)), poses)
-    assert ground is None
-    assert motion.translation[2] == pytest.approx(-5.0)
-
-
 def test_poses_in_the_plot_frame_are_told_by_the_stations() -> None:
     assert on_stations(listed(), PLAN)
     assert not on_stations(listed(3.0), PLAN)
@@ -186,11 +170,6 @@ class TestOutline:
         turned = SourceFrame("EXIF GPS", place, Similarity.identity())
         corners = drawn_outline(self.drawn(90.0), turned)
         np.testing.assert_allclose(corners, np.array(self.CORNERS) - (0.0, 1.113), atol=2e-3)
-
-    def test_is_not_known_of_a_point(self) -> None:
-        placed = place_visit(tagged(), PLOT.model_copy(update={"shape": None}), PLAN, None)
-        assert placed.outline.corners is None
-        assert placed.plot.volume == plan_volume(PLAN)
 
     def test_cannot_be_placed_by_coarse_positions(self) -> None:
         placed = place_visit(tagged(3.0), self.drawn(), PLAN, None)

@@ -4,16 +4,14 @@ import json
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from fieldkit.campaign import Visit
 from fieldkit.campaign.reading import keep_visit, read_visits
-from fieldkit.errors import CaptureError, MetadataError, StorageError
+from fieldkit.errors import CaptureError, MetadataError
 from fieldkit.evaluation.conversion import failed_plot
 from fieldkit.results.evaluation import Prediction
 from fieldkit.results.traits import TraitsEntry
-from fieldkit.results.visit import load_visit, save_visit
+from fieldkit.results.visit import load_visit
 
 FULL = Visit(
     plot="r1c1", date="2026-06-18", captures="flights/1", folder="visits/r1c1/2026-06-18", images=13, registered=12,
@@ -57,35 +55,16 @@ def test_somebodys_other_work_is_left_alone(tmp_path: Path) -> None:
     assert keep_visit(tmp_path, FULL)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.text(max_size=20), st.floats(allow_nan=False, allow_infinity=False), st.lists(st.text(max_size=9)))
-def test_values_round_trip(tmp_path: Path, text: str, number: float, notes: list[str]) -> None:
-    visit = Visit(
-        plot="p", date="2026-01-01", captures=text, pose_rms_m=number, notes=tuple(notes), f_score={"0.010": 0.5}
-    )
-    save_visit(tmp_path, visit)
-    assert load_visit(tmp_path) == visit
-
-
 @pytest.mark.parametrize(
     "change",
     [
-        {"date": "soon"},
         {"date": "20260618"},
         {"chamfer_m": float("nan")},
-        {"chamfer_m": "x"},
-        {"images": -1},
         {"images": 1.5},
-        {"folder": "/etc"},
         {"folder": "visits/../../etc"},
-        {"notes": [1]},
-        {"f_score": "[["},
-        {"plot": 7},
-        {"cpu_s": None},
         {"photographs": {"ab": "a\0b"}},
         {"colour": "green"},
         {"version": 3},
-        {"kind": "row"},
     ],
 )
 def test_values_that_nobody_wrote(change: dict[str, object], tmp_path: Path) -> None:
@@ -97,11 +76,6 @@ def test_values_that_nobody_wrote(change: dict[str, object], tmp_path: Path) -> 
             read()
         assert caught.value.path == file
         assert caught.value.remedy
-
-
-def test_a_place_that_cannot_be_written(unwritable: Path) -> None:
-    with pytest.raises(StorageError):
-        keep_visit(unwritable, FULL)
 
 
 def test_a_visit_has_the_figures_of_its_evaluation() -> None:
