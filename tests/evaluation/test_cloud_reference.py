@@ -22,8 +22,6 @@ from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.planning.plan_settings import PlanSettings
-from fieldkit.planning.run.sources import describe_sources
 from fieldkit.reconstruction.result import MetricFrame
 from fieldkit.results.report_files import load_evaluation_report
 from fieldkit.runtime.context import Context
@@ -74,14 +72,6 @@ def test_a_clouds_plants_ground_and_volume(tmp_path: Path) -> None:
     (finding,) = found.findings
     assert finding.code == "reference-from-cloud"
     assert "on the ground that was found in it and left out" in finding.message
-
-
-def test_a_cloud_of_plants_alone_is_used_whole(tmp_path: Path) -> None:
-    write_cloud(tmp_path / "a.ply", plant_cloud(1500))
-    found = opened(tmp_path / "a.ply", "metres")
-    assert found.ground is None
-    assert len(found.cloud) == len(plant_cloud(1500))
-    assert "no ground was found" in found.findings[0].message
 
 
 def test_a_cloud_whose_frame_nobody_knows_is_refused(tmp_path: Path) -> None:
@@ -169,11 +159,6 @@ def test_heights_above_sea_level_and_above_the_ellipsoid_are_told(tmp_path: Path
         assert [f.code for f in found.findings[1:]] == (["gps-datum"] if "25832" in code else [])
 
 
-def test_coarse_steps_of_coordinates_are_told(tmp_path: Path) -> None:
-    write_las_in(tmp_path / "a.las", 32632, "EPSG:32632", step_m=0.01)
-    assert "come in steps of 10 mm" in opened(tmp_path / "a.las").findings[-1].message
-
-
 def test_a_frame_that_contradicts_the_file(tmp_path: Path) -> None:
     write_las_in(tmp_path / "a.las", 32632, "EPSG:32632")
     assert same(about_origin(opened(tmp_path / "a.las", "EPSG:32632")), plot_cloud().points)
@@ -188,19 +173,6 @@ def test_coordinates_that_32_bits_have_rounded_are_refused(tmp_path: Path) -> No
         with pytest.raises(CloudError, match="32-bit numbers") as raised:
             open_reference(tmp_path / "a.ply", frame)
         assert "double precision" in raised.value.remedy
-
-
-def test_coordinates_that_do_not_lie_in_the_system_are_refused(tmp_path: Path) -> None:
-    write_cloud(tmp_path / "a.ply", Cloud(plot_cloud().points * 1e7))
-    with pytest.raises((CloudError, MetadataError)) as raised:
-        open_reference(tmp_path / "a.ply", "EPSG:32632")
-    assert raised.value.remedy
-
-
-def test_millimetres_are_no_plot(tmp_path: Path) -> None:
-    write_cloud(tmp_path / "a.ply", Cloud(plot_cloud().points * 3000.0))
-    with pytest.raises(CloudError, match="no plot"):
-        open_reference(tmp_path / "a.ply", "metres")
 
 
 def test_bounds_cut_the_cloud(tmp_path: Path) -> None:
@@ -229,12 +201,6 @@ def test_photographs_and_cloud_in_unrelated_frames(tmp_path: Path) -> None:
         with pytest.raises(MetadataError, match="photographs' positions") as raised:
             reference.known_plot(capture(origin, "poses.csv"))
         assert "--reference-frame" in raised.value.remedy
-
-
-def test_no_plan_is_made_on_a_bare_cloud(tmp_path: Path) -> None:
-    write_cloud(tmp_path / "a.ply", plot_cloud())
-    with pytest.raises(UsageError, match="bare cloud"):
-        describe_sources(PlanSettings(reference=tmp_path / "a.ply"))
 
 
 @pytest.mark.slow

@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.clouds import score
-from fieldkit.errors import CaptureError, ReconstructionError
+from fieldkit.errors import ReconstructionError
 from fieldkit.evaluation.conversion import (
-    evaluation_report,
     failed_plot,
     known_centers,
     plot_evaluation,
@@ -41,13 +40,6 @@ class TestReference:
         assert (report.seconds, report.cpu_seconds) == (12.5, 20.0)
         assert [stage.cached for stage in report.times] == [2, 0]
 
-    def test_frame(self) -> None:
-        frame = reference_report(reconstruction(), SETTINGS, seconds=0, cpu_seconds=0).frame
-        assert np.array(frame.plot_from_source)[2].tolist() == [0, 0, 1, -1.2]
-        assert frame.origin.datum == "sea level"
-        assert frame.crs_epsg == 32632
-        assert frame.ground.normal == (0, 0, 1)
-
     def test_images_and_cameras(self) -> None:
         report = reference_report(reconstruction(), SETTINGS, seconds=0, cpu_seconds=0)
         first, wrong, out = report.image_reports[0], report.image_reports[6], report.image_reports[7]
@@ -74,16 +66,6 @@ class TestReference:
         assert report.sway_m == report.image_reports[0].sway_m == pytest.approx(2.0 * away / INTRINSICS.fx)
         assert "leaves swayed by 0.9" in next(f.message for f in report.findings if f.code == "leaves-swayed")
         assert reference_report(example, SETTINGS, seconds=0, cpu_seconds=0).sway_m is None
-
-    def test_without_metric_source(self) -> None:
-        report = reference_report(reconstruction(metric=False, scene=False), SETTINGS, seconds=0, cpu_seconds=0)
-        assert not report.metric
-        assert report.metric_source == "none"
-        assert report.right == 7
-        assert report.scene_points is None
-        assert report.points_per_plant_voxel is None
-        assert report.frame.origin is None
-        assert report.frame.ground is None
 
     def test_known_positions_in_another_georeference(self) -> None:
         """A capture's own origin need not be the reference's."""
@@ -116,14 +98,6 @@ class TestPlot:
         assert found["chamfer_m"] == pytest.approx(found["accuracy_m"] + found["completeness_m"])
         assert found["unregistered"] == {"no pair verified": 1, "wrong pose": 1}
 
-    def test_without_reference(self) -> None:
-        plot = plot_evaluation("p", reconstruction(), SETTINGS, score=None, seconds=1, cpu_seconds=1)
-        assert plot.chamfer_m is None
-        assert plot.f_score is None
-        assert plot.error is None
-        assert plot.points_per_plant_voxel is not None
-        assert plot.plant_voxel_m == 0.01
-
     def test_failed(self) -> None:
         error = ReconstructionError("no model", path="plot 7", remedy="Take more photographs.")
         plot = failed_plot("plot 7", error, seconds=1, cpu_seconds=1, photographs=8)
@@ -133,23 +107,6 @@ class TestPlot:
             "remedy": "Take more photographs.",
         }
         assert (plot.images, plot.registered, plot.chamfer_m) == (8, 0, None)
-
-    def test_failed_before_anything(self) -> None:
-        plot = failed_plot("b\udcffd", CaptureError("no photographs"), seconds=0, cpu_seconds=0)
-        assert (plot.images, plot.features_per_image) == (0, None)
-        assert plot.name == "b\\udcffd"
-        report = evaluation_report(
-            "x",
-            [plot],
-            SETTINGS,
-            reference_sha256=None,
-            refine=False,
-            distances_m=(0.01, 0.005),
-            seconds=0,
-            cpu_seconds=0,
-        )
-        assert report.failed == 1
-        assert report.distances_m == (0.005, 0.01)
 
 
 class TestPointsPerVoxel:
@@ -180,13 +137,3 @@ class TestPlants:
         assert "scale" in plot.traits.unknown["height_m"]
         assert plot.prediction.chamfer_m is None
         assert "scale" in plot.prediction.reason
-
-    def test_a_prediction_only_without_a_reference(self) -> None:
-        result = reconstruction()
-        against = plot_evaluation(
-            "p", result, SETTINGS, score=score(plant_cloud(seed=1), result.plants), seconds=1, cpu_seconds=1
-        )
-        alone = plot_evaluation("p", result, SETTINGS, score=None, seconds=1, cpu_seconds=1)
-        assert against.prediction is None
-        # Half a metre wide, on a ring of 0.6 m: nothing like the plots of the fit.
-        assert (alone.prediction.chamfer_m is None) == bool(alone.prediction.reason)

@@ -7,10 +7,8 @@ import pytest
 
 from fieldkit.clouds import Cloud, Volume, score
 from fieldkit.evaluation.evaluate_plot import _other_plants, _refined, scale_doubt
-from fieldkit.geometry import Similarity
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.results.finding import Finding
-from fieldkit.results.frame import Plane
 from tests.evaluation.examples import reconstruction
 from tests.evaluation.test_compare import leaves
 
@@ -41,27 +39,6 @@ def test_plants_of_another_size_are_not_scaled_away(scale: float, rms_m: float |
     assert correction.scale == pytest.approx(1.0 / scale if scaled else 1.0, abs=0.002)
     error = np.linalg.norm(moved.points - reference.points, axis=1).mean()
     assert (error < 0.001) == scaled
-
-
-def test_a_cloud_whose_icp_does_not_settle_is_moved_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fieldkit.clouds.alignment._SCALE_ROUNDS", 0)
-    monkeypatch.setattr("fieldkit.clouds.alignment._ITERATIONS", 1)
-    reference = leaves(0, noise_m=0.0)
-    cloud = Cloud(reference.points + np.array([0.004, -0.003, 0.002]), reference.colors)
-    moved, correction, findings = _refined(found_with(cloud, 0.03), reference, "plot", of_reference=True)
-    assert (correction.scale, findings) == (1.0, [])
-    assert np.linalg.norm(moved.points - reference.points, axis=1).mean() < 0.001
-
-
-def test_a_ground_of_the_capture_s_own_moves_with_its_plants() -> None:
-    reference = leaves(0, noise_m=0.0)
-    low = Cloud(reference.points - [0.0, 0.0, 0.02])
-    plane = Plane((0.0, 0.0, 1.0), float(low.points[:, 2].min()) - 0.01, 0.002, 0.5, 0.01)
-    found = found_with(low, None)
-    found = replace(found, sparse=replace(found.sparse, frame=replace(found.sparse.frame, ground=plane)))
-    lift = Similarity(1.0, np.eye(3), [0.0, 0.0, -0.02])
-    assert len(found.moved_plants(lift, with_ground=True)) == len(low)
-    assert len(found.moved_plants(lift)) < len(low)
 
 
 def test_other_plants_are_not_scored_without_a_word() -> None:

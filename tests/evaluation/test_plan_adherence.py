@@ -154,15 +154,6 @@ def test_without_a_reference_the_plan_is_in_the_frame_of_poses_csv(shuffled: Shu
     assert ComparedPlan(plan, None).adherence(there, "b", read_capture(folder)) is None
 
 
-def test_poses_elsewhere_are_none_of_the_plan(shuffled: Shuffled) -> None:
-    plan, folder, flown, source = shuffled
-    far = {f"{k}.jpg": Pose(pose.rotation, pose.center + np.array([40.0, 0, 0])) for k, pose in enumerate(flown)}
-    (folder / "poses.csv").unlink()
-    plot = plot_report("poses.csv", source.from_source, None, far)
-    assert ComparedPlan(plan, source).adherence(plot, "b", read_capture(folder)) is None
-    assert write_adherence(folder, "b", plot) is plot
-
-
 def test_files_and_table(shuffled: Shuffled, tmp_path: Path) -> None:
     plan, folder, flown, source = shuffled
     (folder / "8.jpg").rename(folder / "=8.jpg")
@@ -182,17 +173,3 @@ def test_files_and_table(shuffled: Shuffled, tmp_path: Path) -> None:
     assert gaps(found) is None
     assert len(adherence_by_plot((compared, compared)).rows) == 2
     assert adherence_by_plot((plot,)).rows == ()
-
-
-def test_straight_down_the_heading_is_the_images(shuffled: Shuffled) -> None:
-    """A tenth of a degree of roll turns the axis' heading by 90° there; the image it does not turn."""
-    _, folder, _, source = shuffled
-    places = ((0.0, 0.0, 3.0), (1.0, 0.0, 3.0), (0.0, 1.5, 3.0))
-    plan = Plan(fieldkit="0", stations=tuple(Station(position_m=p, yaw_deg=30.0, pitch_deg=-90.0) for p in places))
-    tilt = rotation_from_vector([0.0, np.radians(0.2), 0.0])
-    poses = [Pose.from_yaw_pitch(p, 30.0, -90.0, 0.0) for p in places]
-    images = {f"{k}.jpg": Pose(tilt @ pose.rotation, pose.center) for k, pose in enumerate(poses)}
-    plot = plot_report("poses.csv", source.from_source, None, images)
-    found = ComparedPlan(plan, source).adherence(plot, "b", read_capture(folder, sidecars=False))
-    assert found.yaw_rms_deg == pytest.approx(0.0, abs=0.01)
-    assert found.pitch_rms_deg == pytest.approx(0.2, abs=0.01)

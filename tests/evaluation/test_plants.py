@@ -8,7 +8,6 @@ import pytest
 
 from fieldkit.clouds.canopy import Outline, rectangle
 from fieldkit.evaluation.plants import plants_one_by_one
-from fieldkit.figures.spreadsheets import plants_csv
 from fieldkit.results.traits import PlantEntry, Trait
 from tests.evaluation.examples import ORIGIN, reconstruction
 from tests.scenes.conftest import make_row
@@ -65,13 +64,3 @@ def test_neighbours_beyond_the_outline_do_not_count() -> None:
     found, counts, _ = counted(rectangle((-0.6, -0.5), (0.12, 0.5)))
     assert counts["plants"] == len(found) == 2
     assert max(plant.x_m for plant in found) < 0.12
-
-
-def test_a_top_that_may_go_on_is_not_certain() -> None:
-    assert not any(plant.height_certain for plant in counted(seen=False)[0])
-
-
-def test_the_table() -> None:
-    head, *lines = plants_csv(counted()[0]).splitlines()
-    assert head.split(",") == list(PlantEntry.model_fields)
-    assert [line.split(",")[0] for line in lines] == ["1", "2", "3"]

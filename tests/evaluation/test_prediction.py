@@ -55,15 +55,6 @@ class TestModel:
         for feature in model.features:
             assert FLOORS[feature.name] <= feature.low <= feature.high
 
-    def test_in_the_middle_of_the_fit(self) -> None:
-        model = prediction_model()
-        features = {g.name: math.sqrt(g.low * g.high) for g in model.guards}
-        features |= {f.name: math.exp(f.mean) for f in model.features}
-        found = predict(features)
-        assert found.chamfer_m == pytest.approx(math.exp(model.intercept))
-        assert found.reason == ""
-        assert found.model == model.version
-
     @given(st.floats(0.004, 0.05), st.floats(0.01, 0.3))
     def test_interval(self, place_m: float, lone: float) -> None:
         found = predict({"noise_m": place_m, "pose_rms_m": lone}, MODEL)
@@ -89,12 +80,6 @@ class TestModel:
         assert predict({**features, "cameras": 40.0}, model).reason == (
             "the number of photographs that count is 40; plots of the fit have 6 to 13"
         )
-
-    def test_what_is_less_than_counts(self) -> None:
-        """A perfect figure is as good as the least one that counts: no logarithm of 0."""
-        features = MODEL.features[1].model_copy(update={"low": FLOORS["pose_rms_m"]})
-        model = MODEL.model_copy(update={"features": (MODEL.features[0], features)})
-        assert predict({"noise_m": 0.01, "pose_rms_m": 0.0}, model).chamfer_m is not None
 
 
 class TestFeatures:

@@ -69,10 +69,3 @@ def evaluate_with(photographs: Path, reference: Path, output: Path, poses: Poses
     if plot.error is not None:
         raise ReconstructionError(plot.error.message)
     return plot.chamfer_m
-
-
-def test_a_model_in_metres_is_a_metric_source(built: tuple[Path, ReferenceReport], bare: Path, tmp_path: Path) -> None:
-    poses = PosesFile(built[0] / "model", METRES)
-    report = build_reference(bare, tmp_path / "out", DRAFT, context=Context(), scene=False, poses=poses)
-    assert (report.right, report.metric, report.metric_source) == (8, True, "COLMAP")
-    assert report.pose_rms_m < 0.01

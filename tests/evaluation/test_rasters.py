@@ -60,11 +60,6 @@ def test_the_canopy_is_where_the_leaf_is() -> None:
     assert raster.west / CELL_M == pytest.approx(round(raster.west / CELL_M), abs=1e-4)
 
 
-def test_nothing_is_made_up_where_nothing_was_seen() -> None:
-    raster = canopy_raster(LEAF, plate((0.5, 0.5), (0.6, 0.6), 0.0), FRAME, CELL_M)
-    assert np.isnan(at(raster, 0.4, 0.4))
-
-
 def test_the_surface_is_above_the_datum() -> None:
     raster = surface_raster(LEAF, SOIL, FRAME, CELL_M)
     ground = FRAME.origin.altitude_m + 1.2  # the example's source frame lies 1.2 m below the ground

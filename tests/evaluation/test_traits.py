@@ -68,18 +68,6 @@ class TestValues:
         assert told.cover_error_percent is not None
         assert told.cover_error_percent == pytest.approx(AREA_ERROR * told.cover_percent, rel=0.1)
 
-    def test_what_lies_beyond_the_outline_is_another_plots(self) -> None:
-        weed = leaf(0.2, 0.05).points + np.array([0.25, 0.0, 0.0])
-        alone, both = traits(found()), traits(found(Cloud(np.concatenate([leaf().points, weed]))))
-        assert both.height_m == alone.height_m
-        assert both.covered_area_m2 == pytest.approx(alone.covered_area_m2, rel=0.02)
-
-    def test_moved_plants_count(self) -> None:
-        """A cloud that is moved onto a reference has its traits where it lies then."""
-        result = found()
-        moved = plot_traits(result, Cloud(result.plants.points + np.array([0.0, 0.0, 0.02])), PLOT)[0]
-        assert moved.height_m == pytest.approx(0.17, abs=1e-6)
-
     @pytest.mark.parametrize(("metres", "height", "area"), [(0.0, 1.0, 1.0), (0.004, 2.0, 1.0), (0.010, 5.0, 2.0)])
     def test_errors_grow_with_what_depths_scatter_beyond_still_leaves(
         self, metres: float, height: float, area: float
@@ -110,9 +98,6 @@ class TestValues:
         assert set(told.unknown) - COUNTS == {"cover_percent", "covered_area_m2", "canopy_volume_m3"}
         assert told.unknown["cover_percent"].startswith("its error would be 1")
         assert told.height_m is not None
-
-    def test_depths_that_scatter_less_than_those_of_still_leaves_leave_the_errors(self) -> None:
-        assert traits(replace(found(), scatter_px=0.3)).height_error_m == pytest.approx(HEIGHT_ERROR_M, rel=0.02)
 
     def test_a_doubtful_scale_is_in_the_errors(self) -> None:
         sure, doubtful = traits(found()), traits(found(rms_m=0.08))
@@ -145,15 +130,6 @@ class TestRefusals:
         assert why in told.unknown["height_m"]
         assert why in told.unknown["covered_area_m2"]
 
-    def test_too_few_photographs(self) -> None:
-        result = found()
-        images = tuple(
-            i.model_copy(update={"right": False}) if k == 0 else i for k, i in enumerate(result.sparse.images)
-        )
-        told = traits(replace(result, sparse=replace(result.sparse, images=images)))
-        assert told.unknown["height_m"] == "only 5 photographs count, and traits need 6"
-        assert set(told.unknown) == set(TRAITS)
-
     @pytest.mark.parametrize("code", ["height-undetermined", "volume-cuts-plants", "steep-ground"])
     def test_findings_that_forbid_heights(self, code: str) -> None:
         result = found()
@@ -162,10 +138,6 @@ class TestRefusals:
         wrong = {trait for trait, why in told.unknown.items() if why == "what is wrong"}
         assert wrong == {"height_m", "canopy_volume_m3"}
         assert told.covered_area_m2 is not None
-
-    def test_no_plant_within_the_outline(self) -> None:
-        told = traits(found(), PlotOutline(rectangle((0.5, 0.5), (1.0, 1.0))))
-        assert "no plant" in told.unknown["covered_area_m2"]
 
     def test_a_plot_that_is_not_wholly_in_the_pictures(self) -> None:
         told = traits(found(), PlotOutline(rectangle((-4.0, -4.0), (4.0, 4.0))))

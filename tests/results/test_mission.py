@@ -4,18 +4,15 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from fieldkit.errors import MetadataError
 from fieldkit.missions.export_mission import ExportedMission, export_mission
-from fieldkit.missions.export_record import plot_frame, site_frame
 from fieldkit.missions.settings import MissionSettings
 from fieldkit.results.mission import FlownPlan, MissionRecord, load_mission, record_bytes, record_path, records_in
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan, save_plan
 from fieldkit.results.report_files import file_sha256
-from fieldkit.sites.placement import PlotFrame, SiteFrame
 from fieldkit.sites.site_file import load_site
 from tests.missions.test_export import LOW_M, SITES, VEHICLE, planned
 
@@ -50,19 +47,6 @@ def test_it_holds_what_was_exported(tmp_path: Path) -> None:
         )
     assert {entry.name for entry in found.files} == {file.name for file in done.files} - {"field.mission.json"}
     assert MissionRecord.model_validate_json(record_bytes(found)) == found
-
-
-def test_frames_are_the_sites_own_to_the_last_digit(tmp_path: Path) -> None:
-    exported(tmp_path, planned(5, height_m=2.0), plots=SITES / "hillside.geojson")
-    found, site = (
-        load_mission(tmp_path / "field.mission.json"),
-        load_site(SITES / "example.toml", SITES / "hillside.geojson"),
-    )
-    points = np.array([[0.3, -0.2, 0.8], [-0.5, 0.1, 0.0]])
-    for entry, plot in zip(found.plots, site.plots, strict=True):
-        ours, theirs = plot_frame(entry).to_geodetic(points), PlotFrame.of(site, plot).to_geodetic(points)
-        np.testing.assert_array_equal(ours, theirs)
-        np.testing.assert_array_equal(site_frame(found).to_local(*ours), SiteFrame(site.home).to_local(*theirs))
 
 
 def test_plans_are_named_by_the_hash_of_their_file(tmp_path: Path) -> None:
@@ -111,14 +95,3 @@ def test_errors(tmp_path: Path, record: MissionRecord, change: dict[str, Any], m
         load_mission(file)
     assert caught.value.path == file
     assert caught.value.remedy
-
-
-def test_plots_that_are_not_there_or_twice(tmp_path: Path, record: MissionRecord) -> None:
-    document = json.loads(record_bytes(record))
-    for plots, message in (
-        (document["plots"][1:], "none of the plots"),
-        (document["plots"][:1] + document["plots"], "one name"),
-    ):
-        (tmp_path / "mission.json").write_text(json.dumps(document | {"plots": plots}))
-        with pytest.raises(MetadataError, match=message):
-            load_mission(tmp_path / "mission.json")

@@ -50,16 +50,6 @@ def test_stations_read_back_exactly(rows: list[tuple[float, float, float, float,
     assert Plan.model_validate_json(plan.model_dump_json()) == plan
 
 
-def test_what_is_optional_may_be_absent(tmp_path: Path) -> None:
-    (tmp_path / "plan.json").write_text(
-        '{"kind": "plan", "version": 1, "fieldkit": "0.1",'
-        ' "stations": [{"position_m": [0, 0, 2], "yaw_deg": 0, "pitch_deg": -90}]}'
-    )
-    plan = load_plan(tmp_path)
-    assert plan.camera is None
-    np.testing.assert_allclose(plan.stations[0].pose.forward, (0, 0, -1), atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -33,10 +33,6 @@ def scored(name: str, **options: object) -> PlotEvaluation:
     )
 
 
-def unscored(name: str) -> PlotEvaluation:
-    return plot_evaluation(name, reconstruction(), SETTINGS, score=None, seconds=65, cpu_seconds=70)
-
-
 def report(*plots: PlotEvaluation, reference: bool = True) -> EvaluationReport:
     return evaluation_report(
         "field",
@@ -109,11 +105,6 @@ class TestTables:
         assert "plot 9 no pair verified 1" in text
         assert "…" not in text
 
-    def test_without_reference(self) -> None:
-        text = shown(evaluation_output(report(unscored("a"), unscored("b"), reference=False)))
-        assert "chamfer" not in text
-        assert "a 6 of 8 7 of 8 1 0.50 7.00 4,000 8.6 0.40" in text
-
     def test_one_plot_is_shown_in_full(self) -> None:
         moved = CorrectionEntry(translation_m=(0.003, 0.0, 0.004), angle_deg=0.5, scale=1.001, rms_m=0.002)
         text = shown(evaluation_output(report(scored("a", correction=moved))))
@@ -124,15 +115,6 @@ class TestTables:
         )
         assert moved_by in " ".join(text.split())
         assert "Scores against" not in text
-
-    def test_plants_and_prediction_of_one_plot(self) -> None:
-        told = Prediction(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
-        plot = scored("a").model_copy(update={"traits": TRAITS, "prediction": told})
-        text = shown(evaluation_output(report(plot, reference=False)), 120)
-        assert "height 0.81 ± 0.03 m of the highest leaf" in text
-        assert "cover 16.0 ± 1.2 % of the plot, seen from above" in text
-        assert "canopy volume 0.310 ± 0.031 m³ between" in text
-        assert "distance to its plants 12.0 mm predicted; nine in ten such plots: 6.00 to 24.0 mm" in text
 
     def test_plants_and_predictions_of_many(self) -> None:
         told = Prediction(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
@@ -148,15 +130,3 @@ class TestTables:
         assert "a 12.0 6.00 to 24.0" in text  # millimetres, in a table of their own
         assert "b [place] is too far" in text
         assert "…" not in text
-
-    def test_plants_without_a_ground(self) -> None:
-        plot = scored("a").model_copy(update={"traits": TRAITS.model_copy(update={"height_m": None})})
-        assert "of the highest leaf" not in shown(evaluation_output(report(plot)))
-
-    def test_one_failed_plot(self) -> None:
-        text = shown(evaluation_output(report(FAILED)))
-        assert "no photographs" in text
-
-    def test_long_lists_are_cut(self) -> None:
-        text = shown(evaluation_output(report(*[scored(f"plot {i}") for i in range(15)])))
-        assert "and 10 more" in text
