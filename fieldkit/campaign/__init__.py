@@ -10,7 +10,7 @@ beside its evaluation; tables, ranks and exports are made of these files.
 | Where is a visit kept, and how is it read? | reading.py; names of folders: fieldkit/sites/plot_ids.py |
 | What does `fieldkit evaluate` do in a campaign? What is computed again? | run.py |
 | Which plot and date is a photograph of? | sorting.py |
-| What does a worker do with a visit, in which frame? | evaluate_visit.py, visit_frame.py |
+| What does a worker do with a visit, in which frame? | evaluate_visit.py |
 | Which fieldkit computed a visit? | reading.py; versions of its stages: fieldkit/reconstruction/versions.py |
 | Which plot is better, and what changed? | fieldkit/evaluation/compare.py; as `campaign show` says it: overview.py |
 | How does it leave for other programs? | export.py (CSV, GeoJSON, GeoPackage); height models: raster_export.py |

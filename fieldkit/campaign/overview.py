@@ -30,13 +30,8 @@ def campaign_object(campaign: Campaign) -> dict[str, Any]:
         "campaign": campaign.name,
         "folder": str(campaign.folder),
         "plots": [
-            {
-                "plot": plot.name,
-                "latitude_deg": plot.latitude_deg,
-                "longitude_deg": plot.longitude_deg,
-                "row_heading_deg": plot.row_heading_deg,
-                "reference": None if plot.reference is None else str(plot.reference),
-            }
+            {"plot": plot.name, **{name: getattr(plot, name) for name in ("latitude_deg", "longitude_deg")}}
+            | {"row_heading_deg": plot.row_heading_deg, "reference": plot.reference and str(plot.reference)}
             for plot in campaign.plots
         ],
         "dates": list(campaign.dates),

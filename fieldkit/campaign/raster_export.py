@@ -75,7 +75,7 @@ def export_rasters(campaign: Campaign, output: Path, *, overwrite: bool = False)
         canopy, surface = zip(spans[:, :, 0].min(axis=0).tolist(), spans[:, :, 1].max(axis=0).tolist(), strict=True)
         for row in rows:
             if not row.no_rasters:
-                write_style(folder / row.canopy_height, canopy, canopy=True, refused=bool(row.height_refused))
+                write_style(folder / row.canopy_height, canopy, canopy=True)
                 write_style(folder / row.surface, surface, canopy=False)
         columns = [field.name for field in fields(RasterRow)]
         write_atomic(folder / RASTERS_FILE, csv_text(columns, (astuple(row) for row in rows)))

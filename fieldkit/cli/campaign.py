@@ -192,7 +192,7 @@ def campaign_show(
     if as_json:
         emit_json(campaign_object(campaign))
         return
-    from fieldkit.figures.terminal.blocks import rendered
+    from fieldkit.figures.terminal import rendered
 
     show([f"{verdict(campaign)[0]}.\n", *rendered(campaign_tables(campaign), most_rows=MOST_SHOWN)], *remarks(campaign))
 

@@ -162,7 +162,7 @@ def _tell(reports: Sequence[CheckReport]) -> None:
     from rich.text import Text
 
     from fieldkit.figures.style import format_seconds
-    from fieldkit.figures.terminal.blocks import rendered
+    from fieldkit.figures.terminal import rendered
 
     for report in reports:
         head = f"{report.name}: " if len(reports) > 1 else ""

@@ -197,7 +197,7 @@ def show(*parts: str | Path | Iterable[RenderableType]) -> None:
 def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[Cell]]) -> Iterator[RenderableType]:
     """A table with all its rows, for `show`; columns whose name ends in ">" hold figures."""
     from fieldkit.figures.content import Column, Table
-    from fieldkit.figures.terminal.blocks import rendered
+    from fieldkit.figures.terminal import rendered
 
     labels = tuple(Column(name.rstrip(">"), numeric=name.endswith(">")) for name in columns)
     return rendered([Table(caption, labels, tuple(map(tuple, rows)))], most_rows=None)

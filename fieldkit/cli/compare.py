@@ -38,6 +38,6 @@ def command(
     if as_json:
         emit_json({"output": done.output, **done.report.model_dump(mode="json")})
         return
-    from fieldkit.figures.terminal.results import comparison_output
+    from fieldkit.figures.terminal import comparison_output
 
     show(comparison_output(done.report), *([] if done.output is None else [done.output]))

@@ -115,7 +115,7 @@ def command(
             {"output": output, **report.model_dump(mode="json", exclude={"plots": {"__all__": {"image_reports"}}})}
         )
     else:
-        from fieldkit.figures.terminal.results import evaluation_output
+        from fieldkit.figures.terminal import evaluation_output
 
         show(evaluation_output(report), output)
     return ReconstructionError.exit_code if report.failed == len(report.plots) else EXIT_OK
@@ -163,7 +163,7 @@ def _in_campaign(folder: Path, captures: Path, run: RunOptions, scheduler: str, 
         )
     else:
         from fieldkit.campaign.overview import MOST_SHOWN, campaign_tables, verdict
-        from fieldkit.figures.terminal.blocks import rendered
+        from fieldkit.figures.terminal import rendered
 
         left = f"; {count(len(done.left_out), 'file')} left out" if done.left_out else ""
         show(

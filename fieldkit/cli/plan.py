@@ -95,7 +95,7 @@ def _needs_rtk(output: Path, settings: SearchSettings, given: str | Path | None)
 
 def _show(output: Path, settings: SearchSettings, outcome: Outcome, found: Sequence[Finding]) -> None:
     from fieldkit.figures.style import format_length, format_seconds
-    from fieldkit.figures.terminal.blocks import rendered
+    from fieldkit.figures.terminal import rendered
     from fieldkit.report.sections.plan import finalist_table
     from fieldkit.results.plan_file import load_plan
 

@@ -72,6 +72,6 @@ def command(
     if as_json:
         emit_json({"output": output, **report.model_dump(mode="json", exclude={"image_reports"})})
         return
-    from fieldkit.figures.terminal.results import reference_output
+    from fieldkit.figures.terminal import reference_output
 
     show(reference_output(report), output)

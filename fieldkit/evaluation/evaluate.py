@@ -145,8 +145,7 @@ def evaluate(
             results = [evaluated(*plots[0])]
         else:
             results = []
-            weights = [float(1 + count_photographs(path)) for _, path in plots]
-            with progress.stage("Plots", len(plots), weights=weights) as advance:
+            with progress.stage("Plots", len(plots)) as advance:
                 for name, path in plots:
                     results.append(evaluated(name, path))
                     advance(1)
@@ -214,14 +213,6 @@ def find_plots(captures: Path) -> tuple[list[tuple[str, Path]], list[str]]:
         )
     counted = {folder for _, folder in plots}
     return plots, [clean_text(folder.name) for folder in folders if folder not in counted]
-
-
-def count_photographs(folder: Path) -> int:
-    """Image files of a plot's folder; 0 where it cannot be read."""
-    try:
-        return len(list_capture(folder).candidates)
-    except CaptureError:
-        return 0
 
 
 def _holds_images(folder: Path) -> bool:

@@ -7,7 +7,6 @@ import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
 
@@ -36,7 +35,6 @@ REFUSED_TAG = "height_refused"
 _BLOCK = 256
 """Side of a raster's blocks, cells."""
 _CANOPY_COLORS = ("#f7fcb9", "#addd8e", "#41ab5d", "#006837", "#00331b")
-_REFUSED_COLORS = ("#f7f7f7", "#cccccc", "#969696", "#636363", "#252525")
 _SURFACE_COLORS = ("#543005", "#bf812d", "#f6e8c3", "#80cdc1", "#003c30")
 
 
@@ -198,7 +196,7 @@ def write_raster(path: Path, raster: HeightRaster, *, canopy: bool, refused: str
 
     Args:
         refused: why plants may be higher than it says: the reason that the traits give instead of a height. It goes
-            into the band's description, the tag `REFUSED_TAG` and the style's legend.
+            into the band's description and the tag `REFUSED_TAG`.
     """
     require_rasters()
     import rasterio
@@ -233,7 +231,7 @@ def write_raster(path: Path, raster: HeightRaster, *, canopy: bool, refused: str
             OVERVIEW_RESAMPLING="AVERAGE",
         )
         write_atomic(path, optimized.read_bytes())
-    write_style(path, color_span(raster.heights, canopy=canopy), canopy=canopy, refused=bool(refused))
+    write_style(path, color_span(raster.heights, canopy=canopy), canopy=canopy)
 
 
 def color_span(heights: Float32Array, *, canopy: bool) -> tuple[float, float]:
@@ -243,49 +241,37 @@ def color_span(heights: Float32Array, *, canopy: bool) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def write_style(path: Path, span: tuple[float, float], *, canopy: bool, refused: bool = False) -> None:
+def write_style(path: Path, span: tuple[float, float], *, canopy: bool) -> None:
     """Write the QGIS style of a raster beside it."""
     low, high = span
-    colors = _REFUSED_COLORS if refused else _CANOPY_COLORS if canopy else _SURFACE_COLORS
-    unit = " m or more: the height is refused" if refused else " m"
-    write_atomic(path.with_suffix(".qml"), style_text(low, max(high, low + 0.01), colors, unit))
+    text = style_text(low, max(high, low + 0.01), _CANOPY_COLORS if canopy else _SURFACE_COLORS)
+    write_atomic(path.with_suffix(".qml"), text)
 
 
-def style_text(low: float, high: float, colors: tuple[str, ...], unit: str = " m") -> str:
+def style_text(low: float, high: float, colors: tuple[str, ...]) -> str:
     """A QGIS style: colours between two heights, with a legend in metres.
 
     Without its colour ramp the style would be lost at the first change in QGIS. Older QGIS reads the ramp's
     properties from ``prop`` elements, newer from ``Option`` elements.
     """
-    root = Element("qgis", version="3.22")
-    renderer = SubElement(
-        SubElement(root, "pipe"),
-        "rasterrenderer",
-        type="singlebandpseudocolor",
-        band="1",
-        opacity="1",
-        alphaBand="-1",
-        classificationMin=f"{low:.3f}",
-        classificationMax=f"{high:.3f}",
-    )
-    shader = SubElement(
-        SubElement(renderer, "rastershader"),
-        "colorrampshader",
-        colorRampType="INTERPOLATED",
-        classificationMode="1",
-        clip="0",
-        minimumValue=f"{low:.3f}",
-        maximumValue=f"{high:.3f}",
-    )
     shares = np.linspace(0.0, 1.0, len(colors))
     channels = [",".join(str(v) for v in (*bytes.fromhex(color[1:]), 255)) for color in colors]
-    stops = ":".join(f"{share:g};{each}" for share, each in list(zip(shares, channels, strict=True))[1:-1])
-    ramp = SubElement(shader, "colorramp", type="gradient", name="[source]")
-    options = SubElement(ramp, "Option", type="Map")
-    for name, text in (("color1", channels[0]), ("color2", channels[-1]), ("discrete", "0"), ("stops", stops)):
-        SubElement(options, "Option", type="QString", name=name, value=text)
-        SubElement(ramp, "prop", k=name, v=text)
-    for value, color in zip(low + shares * (high - low), colors, strict=True):
-        SubElement(shader, "item", value=f"{value:.3f}", label=f"{value:.2f}{unit}", color=color, alpha="255")
-    SubElement(shader, "rampLegendSettings", useContinuousLegend="1", suffix=unit, orientation="2", direction="0")
-    return "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n" + tostring(root, encoding="unicode") + "\n"
+    stops = ":".join(f"{share:g};{channel}" for share, channel in list(zip(shares, channels, strict=True))[1:-1])
+    properties = (("color1", channels[0]), ("color2", channels[-1]), ("discrete", "0"), ("stops", stops))
+    options = "".join(f'<Option type="QString" name="{name}" value="{text}"/>' for name, text in properties)
+    props = "".join(f'<prop k="{name}" v="{text}"/>' for name, text in properties)
+    items = "".join(
+        f'<item value="{value:.3f}" label="{value:.2f} m" color="{color}" alpha="255"/>'
+        for value, color in zip(low + shares * (high - low), colors, strict=True)
+    )
+    span = f'{{0}}="{low:.3f}" {{1}}="{high:.3f}"'
+    return (
+        "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
+        '<qgis version="3.22"><pipe><rasterrenderer type="singlebandpseudocolor" band="1" opacity="1" alphaBand="-1" '
+        f"{span.format('classificationMin', 'classificationMax')}><rastershader>"
+        '<colorrampshader colorRampType="INTERPOLATED" classificationMode="1" clip="0" '
+        f"{span.format('minimumValue', 'maximumValue')}>"
+        f'<colorramp type="gradient" name="[source]"><Option type="Map">{options}</Option>{props}</colorramp>{items}'
+        '<rampLegendSettings useContinuousLegend="1" suffix=" m" orientation="2" direction="0"/>'
+        "</colorrampshader></rastershader></rasterrenderer></pipe></qgis>\n"
+    )

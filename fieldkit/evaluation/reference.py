@@ -68,7 +68,7 @@ def build_reference(
     """
     asked = settings or EvaluationSettings()
     chosen, rasters = reconstruction or asked.reconstruction, asked.wanted_rasters
-    images, output = Path(images), Path(output)
+    images, output = Path(images).absolute(), Path(output).absolute()  # the working folder may be replaced
     context = replace(context or Context.usual(), seed=chosen.seed)
     progress = context.progress
     spent = Spent.now()
@@ -81,7 +81,7 @@ def build_reference(
             color_points(found.sparse.model, found.sparse.capture.photos)
             if not scene:
                 found = replace(found, scene=None)
-            elif goes_on or _is_here(output):
+            elif goes_on:
                 found = with_scene(found, chosen, context)
             report = _write(folder, found, chosen, progress, spent, rasters)
         if not scene or found.scene is not None:
@@ -105,11 +105,6 @@ def _lacks_scene(output: Path, images: Path, settings: ReconstructionSettings) -
     capture = by_station(read_capture(images), settings.mask)
     same = report.source == clean_text(capture.folder.name)
     return same and tuple(image.name for image in report.image_reports) == capture.names
-
-
-def _is_here(output: Path) -> bool:
-    """Whether a folder is the working folder: nothing is found by a relative path after that has been replaced."""
-    return output.exists() and output.samefile(Path.cwd())
 
 
 def _write(

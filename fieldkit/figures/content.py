@@ -1,6 +1,6 @@
 """The content of results as values: text, tables, charts, maps and 3D views, and a report's page of them.
 
-All text is plain; `fieldkit.report.html.document` and `fieldkit.figures.terminal.blocks` escape it when they set it.
+All text is plain; `fieldkit.report.html.document` and `fieldkit.figures.terminal` escape it when they set it.
 """
 
 from __future__ import annotations

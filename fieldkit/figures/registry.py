@@ -158,8 +158,13 @@ def _predicted(key: str) -> Value:
     return value
 
 
+def predicted_interval(plot: Scored) -> tuple[float | None, float | None]:
+    """The ends between which nine in ten such plots lie, metres."""
+    return _predicted("low_m")(plot), _predicted("high_m")(plot)
+
+
 def _half_interval(plot: Scored) -> float | None:
-    low, high = _predicted("low_m")(plot), _predicted("high_m")(plot)
+    low, high = predicted_interval(plot)
     return None if low is None or high is None else 0.5 * (high - low)
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
-from typing import Annotated, Any
+from collections.abc import Iterable
+from typing import Annotated
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
@@ -41,28 +41,7 @@ Text = Annotated[str, BeforeValidator(lambda given: clean_text(given) if isinsta
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
 
-_LONG = 80  # characters
-
-
-class _Part(str):
-    """Shown without quotation marks."""
-
-    __slots__ = ()
-
-    def __repr__(self) -> str:
-        return f"<{self}>"
-
-
 class Strict(BaseModel):
     """Unknown keys, other types and numbers that are not finite are errors; values are never coerced."""
 
     model_config = STRICT | {"frozen": True}
-
-    def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
-        """What is not as usual, long parts as their number: a notebook shows it."""
-        for name, value in super().__repr_args__():
-            usual = name in type(self).model_fields and value == type(self).model_fields[name].default
-            if not usual and isinstance(value, tuple | dict | BaseModel) and len(repr(value)) > _LONG:
-                yield name, _Part(type(value).__name__ if isinstance(value, BaseModel) else f"{len(value)} of them")
-            elif not usual:
-                yield name, value

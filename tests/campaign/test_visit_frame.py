@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.campaign.reading import CampaignPlot
-from fieldkit.campaign.visit_frame import (
+from fieldkit.campaign.evaluate_visit import (
     Settling,
     drawn_outline,
     on_stations,
@@ -16,6 +15,7 @@ from fieldkit.campaign.visit_frame import (
     plan_volume,
     wanted_sidecars,
 )
+from fieldkit.campaign.reading import CampaignPlot
 from fieldkit.captures.model import Capture
 from fieldkit.captures.priors import priors_from_gps
 from fieldkit.clouds.volume import Volume

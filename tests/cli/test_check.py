@@ -12,7 +12,7 @@ from rich.console import Console
 from fieldkit.cli.check import check_blocks
 from fieldkit.cli.main import main
 from fieldkit.fieldcheck.model import CheckReport, StationCheck
-from fieldkit.figures.terminal.blocks import rendered
+from fieldkit.figures.terminal import rendered
 from fieldkit.geometry import Pose
 from fieldkit.results.plan_file import plan_from_poses, save_plan
 from fieldkit.sites.site_file import load_site

@@ -40,9 +40,6 @@ def test_every_cell_runs(tmp_path: Path) -> None:
     assert known["traits"]["height_m"] == pytest.approx([0.80], abs=0.03)
     assert len(known["cloud"]) > 100
     assert known["report"].output.stat().st_size > 1000
-    shown = [repr(known["result"]), repr(known["result"].plots[0]), repr(known["result"].traits)]
-    assert max(map(len, shown)) < 2000, shown
-    assert shown[2] == "<traits of 1 plot>"
 
 
 def test_it_is_stored_as_it_ran_with_a_picture_and_without_this_machines_folders() -> None:

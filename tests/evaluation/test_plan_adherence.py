@@ -17,7 +17,7 @@ from fieldkit.evaluation.adherence import (
     write_adherence,
 )
 from fieldkit.figures.spreadsheets import adherence_csv
-from fieldkit.figures.tables.adherence import adherence_by_plot, gaps, station_table
+from fieldkit.figures.tables.scores import adherence_by_plot, gaps, station_table
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector, wrapped_deg

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.arrays import ByteArray, FloatArray, IntArray
-from fieldkit.report.html.packing import NO_VALUE, PackedPoints, pack_points
+from fieldkit.report.html.viewer import NO_VALUE, PackedPoints, pack_points
 
 
 def unpacked(block: PackedPoints) -> tuple[FloatArray, ByteArray, ByteArray]:

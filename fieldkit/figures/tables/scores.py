@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+import statistics
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-from fieldkit.figures.content import Column, KeyFigure, Mark, Row, Table, tabulated
-from fieldkit.figures.registry import FIGURES, Figure, Scored, cells, f_score, figures_of
-from fieldkit.figures.style import decimal, format_length, millimetres, percent, with_unit
-from fieldkit.results.evaluation import PlotEvaluation
+from fieldkit.figures.content import Block, Column, KeyFigure, Mark, Row, Statement, Statements, Table, Terms, tabulated
+from fieldkit.figures.registry import (
+    F_SCORE,
+    FIGURES,
+    Scored,
+    cells,
+    f_score,
+    figure,
+    figures_of,
+    predicted_interval,
+)
+from fieldkit.figures.style import decimal, format_length, millimetres, percent, signed, with_unit
+from fieldkit.results.comparison import ComparisonReport, DifferenceEntry
+from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation
+from fieldkit.results.finding import OTHER_PLANTS
 from fieldkit.results.traits import DESCRIBED, TraitsEntry, reasons_in_words
 from fieldkit.results.visit import Visit
 from fieldkit.wording import by_key, count, listed
 
 TRAIT_FIGURES = figures_of("trait")
-_MOST_NAMES = 12  # plots of one reason
+_MOST_PLOTS = 12  # plots of one reason
 _UNSCORED = [FIGURES[key] for key in ("reprojection_px", "track_length", "points", "points_per_plant_voxel", "gsd_m")]
 
 
@@ -75,73 +86,95 @@ def correction_sentence(plot: PlotEvaluation) -> str:
     )
 
 
-def score_columns(plots: Iterable[Scored], only: Sequence[str] = ()) -> list[Figure]:
-    """Distances and the F-scores that any plot has, from short to long; of these ``only`` some, else the first."""
-    found = sorted({distance for plot in plots for distance in plot.f_score or ()}, key=float)
-    if only:
-        found = [distance for distance in found if distance in only] or found[:1]
-    return [*figures_of("distance"), *map(f_score, found)]
-
-
 def interval(low_m: float | None, high_m: float | None) -> str | None:
     """``8.00 to 16.0``, in millimetres; None if an end is unknown."""
     return None if low_m is None or high_m is None else f"{millimetres(low_m)} to {millimetres(high_m)}"
 
 
-def plot_table(plots: Sequence[PlotEvaluation]) -> Table:
-    """One row per plot: scores if any plot has one, else the figures that need no reference."""
+def plot_cell(plot: Scored) -> Row:
+    """The first cell of a row: the plot's name."""
+    return {"plot": plot.plot if isinstance(plot, Visit) else plot.name}
+
+
+def quality_table(caption: str, plots: Sequence[Scored], lead: Callable[[Scored], Row] = plot_cell) -> Table:
+    """How well plots were reconstructed, a row each: distances if any plot has one, else what needs no reference.
+
+    Measured and predicted distances stand in columns of their own, and rank no rows together. ``lead`` begins rows.
+    """
     scored = any(plot.chamfer_m is not None for plot in plots)
-    points, residuals = FIGURES["points"], FIGURES["pose_rms_m"]
-    columns = score_columns(plots) if scored else _UNSCORED
-
-    def row(plot: PlotEvaluation) -> Row:
-        found: Row = {
-            "plot": plot.name,
-            Column("state", detail=True): Mark("good", "done") if plot.error is None else Mark("problem", "failed"),
-            Column("photographs used", True, short="used"): f"{plot.right} of {plot.images}",
-        }
-        if not scored:
-            found[Column("photographs registered", True, short="registered")] = f"{plot.registered} of {plot.images}"
-            found[Column("models", True)] = f"{len(plot.models)}"
-        found |= cells(plot, columns)
-        if scored:
-            found[replace(points.column, detail=True)] = points.cell(plot)
-        return found | {replace(residuals.column, detail=not scored): residuals.cell(plot)}
-
-    return tabulated("Scores against the reference" if scored else "Plots", [row(plot) for plot in plots])
-
-
-def traits_table(caption: str, plots: Iterable[Scored]) -> Table:
-    """What grows on plots: a row each, with dashes where there are no traits."""
-    return tabulated(caption, [{"plot": _name(plot), **cells(plot, TRAIT_FIGURES)} for plot in plots])
+    distances = sorted({distance for plot in plots for distance in plot.f_score or ()}, key=float)
+    columns = [*figures_of("distance"), *map(f_score, distances)] if scored else _UNSCORED
+    predicted = FIGURES["predicted_chamfer_m"]
+    return tabulated(
+        caption,
+        [
+            {
+                **lead(plot),
+                Column("state", detail=True): _state(plot),
+                Column("photographs used", True, short="used"): f"{plot.right} of {plot.images}",
+                **cells(plot, [*columns, predicted]),
+                Column("nine in ten, mm", True): interval(*predicted_interval(plot)),
+                **cells(plot, [FIGURES["pose_rms_m"]]),
+                Column("notes", detail=True): "; ".join(_notes(plot)) or None,
+            }
+            for plot in plots
+        ],
+    )
 
 
-def plant_tables(plots: Sequence[PlotEvaluation], of: str = "") -> Iterator[Table]:
-    """Traits by plot, then predicted distances, and why some are missing; captions say ``of`` what they are."""
-    more = f" of {of}" if of else ""
-    if any(trait.value(plot) is not None for plot in plots for trait in TRAIT_FIGURES):
-        yield traits_table(f"Plants{more}", plots)
-    predicted = [(plot.name, p) for plot in plots if (p := plot.prediction) is not None and p.chamfer_m is not None]
-    if predicted:
-        yield tabulated(
-            f"Distance to the true plants{more}, predicted without a reference",
-            [
-                {
-                    "plot": name,
-                    Column("predicted chamfer, mm", True, short="predicted, mm"): millimetres(found.chamfer_m),
-                    Column("nine in ten such plots, mm", True, short="nine in ten, mm"): interval(
-                        found.low_m, found.high_m
-                    ),
-                }
-                for name, found in predicted
-            ],
-        )
-    unknown = [(plot.name, trait_reasons(plot)) for plot in plots if trait_reasons(plot)]
-    if unknown:
-        yield _reasons("Traits that could not be measured", unknown)
-    why = [(plot.name, p.reason) for plot in plots if (p := plot.prediction) is not None and p.chamfer_m is None]
-    if why:
-        yield _reasons("No prediction", why)
+def traits_table(caption: str, plots: Iterable[Scored], lead: Callable[[Scored], Row] = plot_cell) -> Table:
+    """What grows on plots: a row each, with dashes where there are no traits, and why."""
+    return tabulated(
+        caption,
+        [
+            {
+                **lead(plot),
+                **cells(plot, TRAIT_FIGURES),
+                Column("why not", detail=True): _error(plot) or trait_reasons(plot) or None,
+            }
+            for plot in plots
+        ],
+    )
+
+
+def reason_table(plots: Sequence[PlotEvaluation]) -> Table:
+    """Why plots have no result, trait or prediction, with the plots that each reason is of; no rows if all have."""
+    reasons: list[tuple[tuple[str, str], str]] = []
+    for plot in plots:
+        if (error := plot.error) is not None:
+            reasons.append((("result", f"{error.message}\n→ {error.remedy}".removesuffix("\n→ ")), plot.name))
+        elif told := trait_reasons(plot):
+            reasons.append((("traits", told), plot.name))
+        if plot.prediction is not None and plot.prediction.reason:
+            reasons.append((("prediction", plot.prediction.reason), plot.name))
+    return tabulated(
+        "What is missing",
+        [
+            {"plot": listed(names, _MOST_PLOTS), "no": what, "why": why}
+            for (what, why), names in by_key(reasons).items()
+        ],
+    )
+
+
+def _error(plot: Scored) -> str:
+    return plot.error if isinstance(plot, Visit) else "" if plot.error is None else plot.error.message
+
+
+def _notes(plot: Scored) -> Iterator[str]:
+    if error := _error(plot):
+        yield error
+    if isinstance(plot, Visit):
+        yield from plot.notes
+    elif plot.prediction is not None and plot.prediction.reason:
+        yield f"no prediction: {plot.prediction.reason}"
+
+
+def _state(plot: Scored) -> Mark:
+    if _error(plot):
+        return Mark("problem", "no result")
+    if plot.doubts:
+        return Mark("problem", "other plants" if OTHER_PLANTS in plot.doubts else "doubtful")
+    return Mark("note", "photographs left out") if plot.right < plot.images else Mark("good", "done")
 
 
 def counted_traits(plots: Sequence[Scored], total: int) -> tuple[str, bool]:
@@ -149,11 +182,11 @@ def counted_traits(plots: Sequence[Scored], total: int) -> tuple[str, bool]:
     ``height of none, cover of 3 of 4 plots (16.0 to 21.3 %)``.
     """
     parts, complete = [], True
-    for figure in (FIGURES["height_m"], FIGURES["cover_percent"]):
-        known = sorted(value for plot in plots if (value := figure.value(plot)) is not None)
-        ends = " to ".join(dict.fromkeys(str(figure.number(value)) for value in (*known[:1], *known[-1:])))
-        of = f"{len(known)} of {count(total, 'plot')} ({ends} {figure.unit})" if known else "none"
-        parts.append(f"{figure.label} of {of}")
+    for trait in (FIGURES["height_m"], FIGURES["cover_percent"]):
+        known = sorted(value for plot in plots if (value := trait.value(plot)) is not None)
+        ends = " to ".join(dict.fromkeys(str(trait.number(value)) for value in (*known[:1], *known[-1:])))
+        of = f"{len(known)} of {count(total, 'plot')} ({ends} {trait.unit})" if known else "none"
+        parts.append(f"{trait.label} of {of}")
         complete &= len(known) == total
     return ", ".join(parts), complete
 
@@ -175,17 +208,135 @@ def unused_table(plots: Sequence[PlotEvaluation]) -> Table:
     )
 
 
-def failure_table(plots: Sequence[PlotEvaluation]) -> Table:
-    """Why plots have no result, and what to do; no rows if all have one."""
-    errors = [(plot.name, plot.error) for plot in plots if plot.error is not None]
-    return _reasons("Failed", [(name, f"{e.message}\n→ {e.remedy}" if e.remedy else e.message) for name, e in errors])
+ACHIEVED_BY = {
+    "reported": "the autopilot's own estimate",
+    "reconstructed": "the reconstruction",
+    "tagged": "the photographs' tags",
+}
+"""Sources of achieved poses, by `AdherenceEntry.achieved_by`."""
+
+_MOST_NAMES = 20
+"""Most photographs that are named."""
+_AXES = {
+    "east_m": (Column("east, m", True), 2),
+    "north_m": (Column("north, m", True), 2),
+    "up_m": (Column("up, m", True), 2),
+    "yaw_deg": (Column("yaw, °", True), 1),
+    "pitch_deg": (Column("pitch, °", True), 1),
+}
+_STATISTICS: tuple[tuple[str, int, Callable[[list[float]], float]], ...] = (
+    ("mean", 1, statistics.fmean),
+    ("std. dev.", 2, statistics.stdev),
+    ("largest", 1, lambda values: max(map(abs, values))),
+)
+"""Name, least number of stations, and how it is computed."""
 
 
-def _name(plot: Scored) -> str:
-    return plot.plot if isinstance(plot, Visit) else plot.name
+def adherence_by_plot(plots: Sequence[PlotEvaluation]) -> Table:
+    """Each plot's adherence as root mean squares; no rows if nothing is known of any plot."""
+    return tabulated(
+        "How the photographs kept to the plan, RMS",
+        [
+            {
+                "plot": plot.name,
+                "by": found.achieved_by,
+                Column("stations", True): f"{(n := len(found.stations))} of {n + len(found.missing)}",
+                Column("horizontal, m", True): decimal(found.horizontal_rms_m),
+                Column("yaw, °", True): decimal(found.yaw_rms_deg),
+                Column("pitch, °", True): decimal(found.pitch_rms_deg),
+            }
+            for plot in plots
+            if (found := plot.adherence) is not None
+        ],
+    )
 
 
-def _reasons(caption: str, reasons: Iterable[tuple[str, str]]) -> Table:
-    """A row per reason, with the plots that have it."""
-    by_reason = by_key((why, name) for name, why in reasons)
-    return tabulated(caption, [{"plot": listed(names, _MOST_NAMES), "why": why} for why, names in by_reason.items()])
+def station_table(found: AdherenceEntry) -> Table:
+    """Poses of photographs less their stations': one row per station, and what the errors come to."""
+    rows: list[Row] = [
+        {
+            "station": s.station,
+            "photograph": s.image,
+            **_errors({axis: getattr(s, axis) for axis in _AXES}),
+            Column("speed, m/s", True): decimal(s.speed_mps),
+            Column("turning, °/s", True): decimal(s.turning_dps, 1),
+        }
+        for s in found.stations
+    ]
+    empty = dict.fromkeys(rows[0]) if rows else {}
+    rows += [empty | {"station": name, "photograph": Mark("problem", "no photograph")} for name in found.missing]
+    known = {axis: [v for s in found.stations if (v := getattr(s, axis)) is not None] for axis in _AXES}
+    for name, least, of in _STATISTICS:
+        figures = {axis: of(values) if len(values) >= least else None for axis, values in known.items()}
+        if any(value is not None for value in figures.values()):
+            rows.append(empty | {"station": name, **_errors(figures)})
+    return tabulated(
+        "How the flight kept to its plan", rows, f"Achieved less planned, by {ACHIEVED_BY[found.achieved_by]}."
+    )
+
+
+def _errors(values: Mapping[str, float | None]) -> Row:
+    return {column: decimal(values[axis], digits) for axis, (column, digits) in _AXES.items()}
+
+
+def gaps(found: AdherenceEntry) -> Terms | None:
+    """Stations without a photograph and photographs of no station; None if complete."""
+    rows = [
+        (label, listed(list(names), _MOST_NAMES))
+        for label, names in (("no photograph of", found.missing), ("of no station", found.extra))
+        if names
+    ]
+    return Terms(tuple(rows)) if rows else None
+
+
+_LEADING = ("chamfer_m", "predicted_chamfer_m", "height_m", "cover_percent")
+
+
+def comparison_blocks(report: ComparisonReport) -> Iterator[Block]:
+    """The leading figures with their differences to the first evaluation, then remarks."""
+    for key in leading_figures(report):
+        table = difference_table(report, key)
+        if table.rows:
+            yield table
+    if report.notes:
+        yield Statements(tuple(Statement("note", note) for note in report.notes))
+
+
+def leading_figures(report: ComparisonReport) -> list[str]:
+    """Distances, height, cover and the first F-score, as far as they were compared, in the report's order."""
+    first = next((key for key in report.figures if key.startswith(F_SCORE)), None)
+    return [key for key in report.figures if key in _LEADING or key == first]
+
+
+def difference_table(report: ComparisonReport, key: str) -> Table:
+    """A figure's differences to the first evaluation; no rows without differences."""
+    shown, first = figure(key), report.evaluations[0].label
+    values = {(v.plot, v.label): f"{shown.factor * v.value:.4g}" for v in report.values if v.figure == key}
+    found = [d for d in report.differences if d.less == first and d.figure == key]
+
+    def half(each: DifferenceEntry) -> str:
+        if each.low is None or each.high is None:
+            return ""
+        return f"±{0.5 * shown.factor * (each.high - each.low):.2g}"
+
+    return tabulated(
+        f"{shown.title}, against {first}",
+        [
+            {
+                "plot": each.plot,
+                "evaluation": each.label,
+                Column("value", True): values.get((each.plot, each.label), ""),
+                Column("difference", True): signed(shown.factor * each.difference, 3),
+                Column("95\u00a0%", True): half(each),
+                "beyond noise": verdict(each),
+            }
+            for each in found
+        ],
+    )
+
+
+def verdict(found: DifferenceEntry) -> str:
+    """Whether a difference is beyond noise, in words."""
+    if found.beyond is None:
+        return "cannot be told"
+    return f"{'yes' if found.beyond else 'no'} ({found.noise})"

@@ -21,8 +21,7 @@ from fieldkit.figures import content
 from fieldkit.figures.content import Block, Details, Page, PlotMap, View3D
 from fieldkit.report.html.charts import draw
 from fieldkit.report.html.plot_map import draw_map
-from fieldkit.report.html.templating import TEMPLATES, environment
-from fieldkit.report.html.viewer import viewer_html, viewer_script, viewer_style
+from fieldkit.report.html.viewer import TEMPLATES, environment, viewer_html, viewer_script, viewer_style
 
 _PRINTED_ROWS = 40
 """Rows of a table on paper, as page.css has them: a report is printed on ten pages at most."""

@@ -11,21 +11,28 @@ Colours come from custom properties (``--fk-view-ground`` …; web/viewer.css), 
 
 from __future__ import annotations
 
+import base64
+import gzip
 import json
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup, escape
+from numpy.typing import ArrayLike, NDArray
 
+from fieldkit.arrays import ByteArray, FloatArray
+from fieldkit.clouds.neighbors import z_order
 from fieldkit.errors import InputError
 from fieldkit.figures.content import FrustumLayer, LineLayer, ViewerScene
-from fieldkit.figures.style import DISTANCE_RAMP, visible
-from fieldkit.report.html.packing import PackedPoints, pack_points, plain_floats
-from fieldkit.report.html.templating import environment
+from fieldkit.figures.style import DISTANCE_RAMP, format_nominal, unbroken, visible
 from fieldkit.runtime.shipped import shipped_page
 
 BUNDLE, LICENSE = "viewer.min.js", "LICENSE.three.txt"
@@ -205,3 +212,130 @@ def _switches(scene: ViewerScene, packed: Sequence[PackedPoints]) -> Iterator[di
     if scene.places or any(cameras.numbers for cameras in scene.frusta):
         name = "Names and numbers" if scene.places else "Numbers of the stations"
         yield switch("names", 0, LineLayer(name, (), "#000000"), "", "names", "#000000")
+
+
+NO_VALUE = 255
+"""Level of points without a distance."""
+_STEP_M = 1e-4  # finer than the accuracy of any cloud here
+_LEAST_STEPS = 4095
+"""Least number of steps along a cloud's longest side."""
+_STEPS = 65535
+"""Most steps along a cloud's longest side: 16 bits."""
+
+
+@dataclass(frozen=True)
+class PackedPoints:
+    """A layer's block."""
+
+    count: int
+    """Points with a coordinate that is not finite are left out."""
+    origin: tuple[float, float, float]
+    """Metres; coordinate = origin + step × integer."""
+    step: float
+    colored: bool
+    """Whether colours follow the coordinates; so ``valued`` for values."""
+    valued: bool
+    text: str
+    """Base64."""
+
+
+def pack_points(
+    points: ArrayLike, colors: ArrayLike | None = None, values: ArrayLike | None = None, limit: float = 1.0
+) -> PackedPoints:
+    """A cloud as a block: points (n, 3) metres, colours (n, 3) of 0 to 255, values (n,).
+
+    Values below 0 count as 0, those beyond ``limit``, the scale's end, as ``limit``, and NaN as none. ValueError where
+    the arrays do not fit each other, or ``limit`` is not a positive number.
+    """
+    p = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+    tones = None if colors is None else np.asarray(colors, dtype=np.uint8).reshape(-1, 3)
+    levels = None if values is None else _levels(np.asarray(values, dtype=np.float64).reshape(-1), limit)
+    for name, other in (("colours", tones), ("values", levels)):
+        if other is not None and len(other) != len(p):
+            raise ValueError(f"{len(p)} points have {len(other)} {name}")
+    kept = np.flatnonzero(np.isfinite(p).all(axis=1))
+    p = p[kept]
+    order = z_order(p)
+    origin, step = _frame(p)
+    grid = np.rint((p[order] - origin) / step).astype(np.uint16)
+    parts = [_planes(grid)]
+    if tones is not None:
+        parts.append(_tones(tones[kept][order]))
+    if levels is not None:
+        parts.append(levels[kept][order].tobytes())
+    block = gzip.compress(b"".join(parts), compresslevel=6, mtime=0)
+    x, y, z = (float(value) for value in origin)
+    return PackedPoints(
+        len(p), (x, y, z), step, tones is not None, levels is not None, base64.b64encode(block).decode("ascii")
+    )
+
+
+def _levels(values: FloatArray, limit: float) -> ByteArray:
+    if not (np.isfinite(limit) and limit > 0):
+        raise ValueError(f"a scale cannot end at {limit}")
+    known = ~np.isnan(values)
+    levels = np.full(len(values), NO_VALUE, dtype=np.uint8)
+    levels[known] = np.rint(np.clip(values[known] / limit, 0.0, 1.0) * (NO_VALUE - 1)).astype(np.uint8)
+    return levels
+
+
+def _frame(points: FloatArray) -> tuple[FloatArray, float]:
+    if not len(points):
+        return np.zeros(3), _STEP_M
+    lower = points.min(axis=0)
+    extent = float((points.max(axis=0) - lower).max())
+    step = max(extent / _STEPS, min(_STEP_M, extent / _LEAST_STEPS))
+    return lower, step if step > 0 else _STEP_M
+
+
+def _planes(grid: NDArray[np.uint16]) -> bytes:
+    steps = np.diff(grid, axis=0, prepend=np.zeros((1, 3), dtype=np.uint16)).astype(np.int16)
+    zigzag = ((steps << 1) ^ (steps >> 15)).astype(np.uint16)
+    high, low = (zigzag >> 8).astype(np.uint8), (zigzag & 0xFF).astype(np.uint8)
+    return high.T.tobytes() + low.T.tobytes()
+
+
+def _tones(colors: ByteArray) -> bytes:
+    red, green, blue = colors.T
+    planes = np.stack([green, red - green, blue - green])
+    return np.diff(planes, axis=1, prepend=np.zeros((3, 1), dtype=np.uint8)).tobytes()
+
+
+def plain_floats(values: ArrayLike, digits: int = 4) -> list[Any]:
+    """Coordinates as plain floats for JSON, rounded to ``digits`` decimals; ValueError for one that is not finite."""
+    numbers = np.asarray(values, dtype=np.float64)
+    if not np.isfinite(numbers).all():
+        raise ValueError("a coordinate is no finite number")
+    plain: list[Any] = np.round(numbers, digits).tolist()
+    return plain
+
+
+TEMPLATES = Path(__file__).parent / "templates"
+_CODE = re.compile("`([^`]+)`")
+
+
+@cache
+def environment() -> Environment:
+    """The engine with this page's templates and filters."""
+    engine = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        finalize=_shown,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    engine.filters.update(unbroken=unbroken, nominal=format_nominal, coded=_coded)
+    return engine
+
+
+def _coded(text: str) -> Markup:
+    """Text in which what stands between backticks is code: commands to copy."""
+    shown = escape(visible(unbroken(text)))
+    return Markup(_CODE.sub(r"<code>\1</code>", str(shown))) if "`" in text else shown
+
+
+def _shown(value: Any) -> Any:
+    """The engine's output for an expression: foreign text without hidden characters."""
+    return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import date
 from statistics import median
 
@@ -13,7 +13,6 @@ from fieldkit.figures.content import (
     MOST_ROWS,
     Block,
     Charts,
-    Column,
     Curve,
     Details,
     KeyFigure,
@@ -21,23 +20,19 @@ from fieldkit.figures.content import (
     LineChart,
     Link,
     MappedPlot,
-    Mark,
     Measure,
     Paragraph,
     PlotMap,
     Row,
     Section,
     Statement,
-    Table,
-    tabulated,
 )
-from fieldkit.figures.registry import FIGURES, TRENDS, Figure, cells
-from fieldkit.figures.tables.scores import TRAIT_FIGURES, interval, score_columns, trait_reasons
+from fieldkit.figures.registry import TRENDS, Figure, Scored
+from fieldkit.figures.tables.scores import plot_cell, quality_table, traits_table
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.report.sections.captures import without_height
 from fieldkit.report.sections.loaded import Loaded, Results
 from fieldkit.report.sections.shown import Shown
-from fieldkit.results.finding import OTHER_PLANTS
 from fieldkit.results.visit import Visit
 from fieldkit.wording import by_key, count, listed
 
@@ -62,6 +57,11 @@ def campaign_section(result: Loaded[Campaign], anchor: str, _: Shown) -> Section
             blocks.append(Charts(drawn))
         blocks += [*drift_tables(campaign), *_measured(campaign)]
         anchors = plot_anchors(campaign, anchor)
+
+        def linked(plot: Scored) -> Row:
+            name = plot_cell(plot)["plot"]
+            return {"plot": Link(str(name), anchors[name]) if name in anchors else name}
+
         rows = 0
         for day in reversed(campaign.dates):
             visits = [visit for visit in campaign.visits if visit.date == day]
@@ -69,8 +69,11 @@ def campaign_section(result: Loaded[Campaign], anchor: str, _: Shown) -> Section
             if rows > _MOST_VISITS and not last:
                 blocks.append(Paragraph(f"Plots on {day} and before: `fieldkit campaign export` writes all dates."))
                 break
-            table = _table(day, visits, anchors)
-            blocks.append(table if last else Details(f"Plots on {day}", (traits_table(campaign, day), table)))
+            # Those without a score first, then the doubtful ones.
+            visits.sort(key=lambda visit: (not visit.error, not visit.doubts))
+            table = quality_table(f"How well the plots were reconstructed, {day}", visits, linked)
+            grown = traits_table(f"What grows there, {day}", visits)
+            blocks.append(table if last else Details(f"Plots on {day}", (grown, table)))
         by_plot = by_key((visit.plot, visit) for visit in campaign.visits)
         blocks += [_plot(by_plot[plot], plot, name) for plot, name in anchors.items()]
     return Section(anchor, f"Campaign: {campaign.name}", tuple(blocks))
@@ -112,14 +115,6 @@ def plot_map(campaign: Campaign, anchor: str) -> PlotMap | None:
     )
 
 
-def traits_table(campaign: Campaign, day: str) -> Table:
-    """What grows on the plots on a date: traits and their errors."""
-    return tabulated(
-        f"What grows there, {day}",
-        [{"plot": visit.plot, **_grown(visit)} for visit in campaign.visits if visit.date == day],
-    )
-
-
 def _measure(campaign: Campaign, figure: Figure) -> Measure | None:
     """A figure by date and plot; None where no visit has it."""
     values: dict[str, dict[str, float]] = {day: {} for day in campaign.dates}
@@ -144,34 +139,16 @@ def _figures(campaign: Campaign) -> Iterator[KeyFigure]:
     yield KeyFigure("captures", f"{len(visits)}", f"{sum(bool(v.error) for v in visits)} without a score")
 
 
-def _table(day: str, visits: Sequence[Visit], anchors: Mapping[str, str]) -> Table:
-    """How well one date's plots were reconstructed: those without a score first, then the doubtful ones.
-
-    Measured and predicted distances stand in columns of their own, and rank no rows together.
-    """
-    columns = score_columns(visits, only=("0.005", "0.010"))
-    return tabulated(
-        f"How well the plots were reconstructed, {day}",
-        [
-            {
-                "plot": Link(visit.plot, anchors[visit.plot]) if visit.plot in anchors else visit.plot,
-                **_quality(visit, columns),
-            }
-            for visit in sorted(visits, key=lambda visit: (not visit.error, not visit.doubts))
-        ],
-    )
-
-
 def _plot(visits: Sequence[Visit], plot: str, anchor: str) -> Details:
     """A plot's dates."""
-    columns = score_columns(visits)
-    grown = tabulated(f"{plot} over the dates", [{"date": visit.date, **_grown(visit)} for visit in visits])
-    quality = tabulated(
-        f"How well {plot} was reconstructed", [{"date": visit.date, **_quality(visit, columns)} for visit in visits]
-    )
+
+    def date_cell(visit: Scored) -> Row:
+        return {"date": visit.date}
+
+    grown = traits_table(f"{plot} over the dates", visits, date_cell)
     drawn = tuple(charts(visits, plot))
-    blocks: list[Block] = [grown, *([Charts(drawn)] if drawn else []), quality]
-    return Details(f"Plot {plot}", tuple(blocks), anchor=anchor)
+    quality = quality_table(f"How well {plot} was reconstructed", visits, date_cell)
+    return Details(f"Plot {plot}", (grown, *([Charts(drawn)] if drawn else []), quality), anchor=anchor)
 
 
 def _measured(campaign: Campaign) -> Iterator[Block]:
@@ -207,29 +184,6 @@ def _measured(campaign: Campaign) -> Iterator[Block]:
     )
     yield from (Paragraph(sentence) for sentence in found.sentences())
     yield found.table()
-
-
-def _grown(visit: Visit) -> Row:
-    return {**cells(visit, TRAIT_FIGURES), "why not": visit.error or trait_reasons(visit) or None}
-
-
-def _quality(visit: Visit, columns: Sequence[Figure]) -> Row:
-    return {
-        "state": _state(visit),
-        Column("photographs used", True): f"{visit.right} of {visit.images}",
-        **cells(visit, [*columns, FIGURES["predicted_chamfer_m"]]),
-        Column("interval, mm", True): interval(visit.predicted_low_m, visit.predicted_high_m),
-        **cells(visit, [FIGURES["pose_rms_m"]]),
-        "notes": "; ".join([visit.error, *visit.notes] if visit.error else visit.notes) or None,
-    }
-
-
-def _state(visit: Visit) -> Mark:
-    if visit.error:
-        return Mark("problem", "no score")
-    if visit.doubts:
-        return Mark("problem", "other plants" if OTHER_PLANTS in visit.doubts else "doubtful")
-    return Mark("note", "photographs left out") if visit.right < visit.images else Mark("good", "done")
 
 
 def charts(visits: Sequence[Visit], of: str) -> Iterator[LineChart]:

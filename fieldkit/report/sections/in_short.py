@@ -8,10 +8,9 @@ from fieldkit.campaign import Campaign
 from fieldkit.campaign.overview import verdict as campaign_verdict
 from fieldkit.figures.content import Block, Details, Paragraph, Section, Statement, Statements, Table
 from fieldkit.figures.style import format_length, format_range, format_seconds, format_with_error
-from fieldkit.figures.tables.comparison import difference_table, leading_figures
-from fieldkit.figures.tables.scores import counted_traits, plant_tables
-from fieldkit.report.sections.campaign import plot_map, traits_table
-from fieldkit.report.sections.comparison import noise_counts
+from fieldkit.figures.tables.scores import counted_traits, difference_table, leading_figures, traits_table
+from fieldkit.report.sections.campaign import plot_map
+from fieldkit.report.sections.captures import noise_counts
 from fieldkit.report.sections.demo import demo_blocks, demo_statements, demo_traits
 from fieldkit.report.sections.loaded import FlownMission, PlanRun, Results
 from fieldkit.results.comparison import ComparisonReport
@@ -65,7 +64,8 @@ def _plants(results: Results) -> Iterator[Table]:
     """What grows on the plots: of each campaign's last date and of each evaluation; leading figures of comparisons."""
     for result in results.of(Campaign):
         if dates := result.report.dates:
-            yield traits_table(result.report, dates[-1])
+            last = [visit for visit in result.report.visits if visit.date == dates[-1]]
+            yield traits_table(f"What grows there, {dates[-1]}", last)
     for comparison in results.of(ComparisonReport):
         for figure in leading_figures(comparison.report):
             if (table := difference_table(comparison.report, figure)).rows:
@@ -73,7 +73,8 @@ def _plants(results: Results) -> Iterator[Table]:
     several = len(results.of(EvaluationReport)) > 1
     for evaluation in results.of(EvaluationReport):
         plots = [plot for plot in evaluation.report.plots if plot.error is None]
-        yield from plant_tables(plots, evaluation.report.source if several else "")
+        if any(plot.traits is not None for plot in plots):
+            yield traits_table(f"Plants of {evaluation.report.source}" if several else "Plants", plots)
 
 
 def _grouped(statements: Sequence[Statement]) -> Iterator[Statement]:

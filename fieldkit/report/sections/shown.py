@@ -24,8 +24,6 @@ _QUALITY = 72
 """JPEG quality of photographs in the page."""
 _LARGEST_BYTES = 64 << 20
 """Largest file that is shown, bytes."""
-_MOST_FOLDERS = 400
-"""Most folders that are searched for photographs."""
 
 
 MOST_THUMBNAILS = 300
@@ -123,7 +121,8 @@ def find_photographs(source: str, names: Sequence[str], near: Path, root: Path) 
     """
     if not names or not source or Path(source).is_absolute() or ".." in Path(source).parts:
         return None
-    for place in _places(near, root):
+    about = (near, near.parent, near.parent.parent, root)
+    for place in (*about, *(place / "captures" for place in about)):
         folder = place / source
         try:
             if folder.is_dir() and all(_file(folder, name) is not None for name in names):
@@ -146,14 +145,6 @@ def thumbnails(folder: Path, names: Sequence[str], most: int) -> Mapping[str, Pi
                 size = max(1, width // 2), max(1, height // 2)
                 pictures[name] = Picture(jpeg.tobytes(), *size, f"photograph {name}")
     return pictures
-
-
-def _places(near: Path, root: Path) -> Iterator[Path]:
-    about = [near, near.parent, near.parent.parent]
-    yield from about
-    yield from (place / "captures" for place in about)
-    folders = sorted(root.glob("*"))[:_MOST_FOLDERS] if root.is_dir() else []
-    yield from (folder for folder in folders if folder.is_dir() and not folder.name.startswith("."))
 
 
 def _file(folder: Path, name: str) -> Path | None:

@@ -18,7 +18,7 @@ from fieldkit.figures.content import (
     Table,
     Terms,
 )
-from fieldkit.figures.terminal.blocks import MOST_ROWS, rendered
+from fieldkit.figures.terminal import MOST_ROWS, rendered
 
 HOSTILE = "[bold]\x1b[2J\u202egnp"
 

@@ -8,7 +8,7 @@ from rich.console import Console
 from fieldkit.clouds import score
 from fieldkit.errors import CaptureError
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_evaluation, reference_report
-from fieldkit.figures.terminal.results import evaluation_output, reference_output
+from fieldkit.figures.terminal import evaluation_output, reference_output
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import CorrectionEntry, EvaluationReport, PlotEvaluation, Prediction
 from fieldkit.results.finding import Finding
@@ -101,7 +101,7 @@ class TestTables:
     def test_many_plots(self) -> None:
         text = shown(evaluation_output(report(scored("plot 7"), FAILED, scored("plot 9"))))
         assert re.search(r"plot 7 6 of 8 \d\.\d\d \d\.\d\d \d\.\d\d 0\.\d{3} 0\.\d{3} [01]\.\d{3} 1\.000 3\.00", text)
-        assert "[plot] 8 no photographs \n → Copy [them]." in text
+        assert "[plot] 8 result no photographs \n → Copy [them]." in text
         assert "plot 9 no pair verified 1" in text
         assert "…" not in text
 
@@ -123,10 +123,10 @@ class TestTables:
             scored(name).model_copy(update={"traits": traits, "prediction": prediction})
             for name, traits, prediction in (("a", TRAITS, told), ("b", None, none), ("c", TRAITS, None))
         ]
-        text = shown(evaluation_output(report(*plots, reference=False)))
+        text = shown(evaluation_output(report(*plots, reference=False)), 160)
         assert "a 0.81 ± 0.03 16.0 ± 1.2 0.194 ± 0.015 0.310 ± 0.031" in text
         assert "b – – – –" in text
         assert "c 0.81 ± 0.03 16.0 ± 1.2 0.194 ± 0.015 0.310 ± 0.031" in text
-        assert "a 12.0 6.00 to 24.0" in text  # millimetres, in a table of their own
-        assert "b [place] is too far" in text
+        assert "12.0 6.00 to 24.0" in text  # millimetres
+        assert "b prediction [place] is too far" in text
         assert "…" not in text

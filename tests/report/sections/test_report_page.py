@@ -14,9 +14,8 @@ from fieldkit.errors import MetadataError, StorageError, UsageError
 from fieldkit.report.sections.campaign import charts
 from fieldkit.report.sections.in_short import next_step, verdict
 from fieldkit.report.sections.loaded import PlanRun, Results, read_results
-from fieldkit.report.sections.page import MEANINGS, meanings, summarise
 from fieldkit.report.sections.views_3d import plan_view, plot_view, points_of, within_budget
-from fieldkit.report.write_report import write_report
+from fieldkit.report.write_report import summarise, write_report
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, Prediction
 from fieldkit.results.finding import OTHER_PLANTS, Finding
 from fieldkit.results.report_files import file_sha256
@@ -272,13 +271,6 @@ def test_a_report_begins_with_its_figures_and_ends_with_the_next_step(tmp_path: 
     ):
         assert f"fieldkit {command}" in said[name][1]
     assert next_step(read_results(tmp_path)) == ""
-
-
-def test_terms_are_explained() -> None:
-    assert [name for name, _ in meanings(["accuracy", "F-score"])] == ["F-score", "accuracy"]
-    with pytest.raises(KeyError):
-        meanings(["nonsense"])
-    assert all(meaning.endswith(".") for meaning in MEANINGS.values())
 
 
 def _told(results: Results, **changed: object) -> str:

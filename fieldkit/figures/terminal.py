@@ -14,11 +14,16 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from fieldkit.figures import content
-from fieldkit.figures.content import Block, Cell, Column, Table
+from fieldkit.figures.content import Block, Cell, Column, KeyFigures, Paragraph, Table, Terms
 from fieldkit.figures.style import DASH, visible
+from fieldkit.figures.tables import reconstruction, scores
+from fieldkit.results.comparison import ComparisonReport
+from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, ReconstructionEntry, ReferenceReport
+from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+
 
 MOST_ROWS = 20
 """Largest number of rows of a table; the number of further ones is given."""
@@ -118,3 +123,67 @@ def _cell(cell: Cell) -> Text:
 
 def _text(text: str, style: str = "") -> Text:
     return Text(visible(text), style=style)
+
+
+_MOST_NAMES = 3
+"""Most photographs that a finding names."""
+
+
+def reference_output(report: ReferenceReport) -> Iterator[RenderableType]:
+    """The output of a reconstruction: figures, unused photographs, stages, findings."""
+    yield from rendered(_reconstruction(report), report.source)
+
+
+def evaluation_output(report: EvaluationReport) -> Iterator[RenderableType]:
+    """A single plot in full; for many plots a row each, then failures, and reasons for unused photographs."""
+    plots = [plot for plot in report.plots if plot.error is None]
+    traits, _ = scores.counted_traits(plots, len(report.plots))
+    yield from rendered([Paragraph(f"{count(len(plots), 'plot', of=len(report.plots))}; {traits}.")])
+    if len(report.plots) == 1:
+        yield from rendered((block for plot in plots for block in _plot(plot)), report.plots[0].name)
+        tables = [scores.reason_table(report.plots)]
+    else:
+        traits_known = any(trait.value(plot) is not None for plot in plots for trait in scores.TRAIT_FIGURES)
+        caption = "Scores against the reference" if any(plot.chamfer_m is not None for plot in plots) else "Plots"
+        tables = [
+            scores.quality_table(caption, plots),
+            *([scores.traits_table("Plants", plots)] if traits_known else []),
+            scores.reason_table(report.plots),
+            scores.unused_table(plots),
+            scores.adherence_by_plot(plots),
+        ]
+    yield from rendered(table for table in tables if table.rows)
+    for plot in report.plots:
+        if plot.error is not None and plot.findings:
+            yield from rendered([reconstruction.finding_table(plot.findings, _MOST_NAMES)], plot.name)
+
+
+def comparison_output(report: ComparisonReport) -> Iterator[RenderableType]:
+    """Differences to the first evaluation, and remarks."""
+    yield from rendered(scores.comparison_blocks(report))
+
+
+def _reconstruction(report: ReconstructionEntry) -> Iterator[Block]:
+    yield Terms(reconstruction.quality_rows(report))
+    unused = [image for image in report.image_reports if not image.counts]
+    if unused:
+        yield reconstruction.photograph_table(unused, "Photographs that do not count", metric=report.metric)
+    if report.times:
+        yield reconstruction.stage_table(report)
+    if report.findings:
+        yield reconstruction.finding_table(report.findings, _MOST_NAMES)
+
+
+def _plot(plot: PlotEvaluation) -> Iterator[Block]:
+    yield from _reconstruction(plot)
+    figures = tuple(scores.score_figures(plot))
+    if figures:
+        yield KeyFigures(figures)
+    if plot.f_score is not None:
+        yield scores.distance_table(plot)
+    if plot.correction is not None:
+        yield Paragraph(scores.correction_sentence(plot))
+    if plot.adherence is not None:
+        missing = scores.gaps(plot.adherence)
+        if missing is not None:
+            yield missing
