@@ -24,7 +24,7 @@ from fieldkit.arrays import FloatArray
 from fieldkit.campaign.reading import CampaignPlot
 from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M
 from fieldkit.captures.model import Photo
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.geodesy import LocalFrame, plot_from_enu
 from fieldkit.reconstruction.guided import region_of_interest
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan
@@ -374,8 +374,7 @@ class FieldLayout:
     def of(cls, plots: Sequence[CampaignPlot], plan: Plan) -> FieldLayout:
         latitude = np.array([plot.latitude_deg for plot in plots])
         longitude = np.array([plot.longitude_deg for plot in plots])
-        around = longitude[0] + float(np.mean((longitude - longitude[0] + 180.0) % 360.0 - 180.0))
-        frame = LocalFrame(float(latitude.mean()), float((around + 180.0) % 360.0 - 180.0))
+        frame = LocalFrame(float(latitude.mean()), float(longitude.mean()))
         middles = frame.to_local(latitude, longitude, 0.0)[:, :2]
         poses = [station.pose for station in plan.stations]
         centers = np.array([pose.center for pose in poses])
@@ -388,13 +387,13 @@ class FieldLayout:
         yaws = np.array([station.yaw_deg for station in plan.stations])
         pitches = np.array([station.pitch_deg for station in plan.stations])
         aims = centers[:, :2] + _reach(height, pitches, most)[:, None] * _direction(yaws)
-        turned = [_turn(plot.row_heading_deg) for plot in plots]
+        turned = [plot_from_enu(plot.row_heading_deg)[:2, :2] for plot in plots]
         spacing = np.linalg.norm(middles[:, None] - middles[None], axis=2)
         np.fill_diagonal(spacing, np.inf)
         return cls(
             frame,
-            np.array([middle + aims @ turn.T for middle, turn in zip(middles, turned, strict=True)]),
-            np.array([middle + centers[:, :2] @ turn.T for middle, turn in zip(middles, turned, strict=True)]),
+            np.array([middle + aims @ turn for middle, turn in zip(middles, turned, strict=True)]),
+            np.array([middle + centers[:, :2] @ turn for middle, turn in zip(middles, turned, strict=True)]),
             spacing,
             np.array([_polygon(plot, frame) for plot in plots], dtype=object),
             height,
@@ -429,13 +428,6 @@ def _polygon(plot: CampaignPlot, frame: LocalFrame) -> shapely.Polygon:
         return shapely.Polygon()
     ring = np.array(plot.shape)
     return shapely.Polygon(frame.to_local(ring[:, 0], ring[:, 1], 0.0)[:, :2])
-
-
-def _turn(row_heading_deg: float) -> FloatArray:
-    """(2, 2): east and north of the plot frame's x and y."""
-    heading = np.radians(row_heading_deg)
-    s, c = float(np.sin(heading)), float(np.cos(heading))
-    return np.array([[s, -c], [c, s]])
 
 
 def _direction(yaw_deg: FloatArray) -> FloatArray:

@@ -212,21 +212,13 @@ def _difference(
         if after is not None and before is not None:
             noise, sd = "flights", hypot(after, before) / NINE_IN_TEN
     difference = float(np.mean(found[label]) - np.mean(found[less]))
+    entry = DifferenceEntry(plot=plot, figure=figure.key, label=label, less=less, difference=difference)
     if not sd < _LARGEST:
-        return DifferenceEntry(plot=plot, figure=figure.key, label=label, less=less, difference=difference)
+        return entry
     low, high = difference - width * sd, difference + width * sd
-    return DifferenceEntry(
-        plot=plot,
-        figure=figure.key,
-        label=label,
-        less=less,
-        difference=difference,
-        noise=noise,
-        noise_sd=sd,
-        low=low,
-        high=high,
-        beyond=bool(low > 0.0 or high < 0.0),
-    )
+    beyond = bool(low > 0.0 or high < 0.0)
+    told = {"noise": noise, "noise_sd": sd, "low": low, "high": high, "beyond": beyond}
+    return entry.model_copy(update=told)
 
 
 def _evaluation(label: str, runs: Sequence[Labelled]) -> ComparedEvaluation:

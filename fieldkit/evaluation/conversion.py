@@ -13,16 +13,15 @@ from pydantic_core import to_jsonable_python
 from fieldkit.arrays import FloatArray
 from fieldkit.captures.model import Capture
 from fieldkit.clouds import Cloud, CloudScore
-from fieldkit.clouds.cells import voxel_edge_m
+from fieldkit.clouds.cells import unique_cells, voxel_edge_m
 from fieldkit.errors import FieldkitError
 from fieldkit.evaluation.prediction import plot_features, predict
 from fieldkit.evaluation.traits import PlotOutline, outline_of, plot_traits, sways_m
 from fieldkit.figures.style import format_length
-from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import utm_epsg_of
 from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.evidence import evidence, hidden_sides
-from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult
+from fieldkit.reconstruction.result import Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.silhouettes import Outline, filled
 from fieldkit.results.evaluation import (
@@ -39,7 +38,7 @@ from fieldkit.results.evaluation import (
 )
 from fieldkit.results.fields import Vector, finite, vector
 from fieldkit.results.finding import SIDES_HIDDEN, Finding
-from fieldkit.results.frame import CameraReport, FrameEntry, Row, VolumeEntry
+from fieldkit.results.frame import CameraReport, FrameEntry, VolumeEntry
 from fieldkit.version import __version__
 from fieldkit.vocabulary import MappingName
 
@@ -225,7 +224,13 @@ def _described(
         pairs_verified=int(sparse.pairs_verified),
         points_per_plant_voxel=None if voxel is None else points_per_voxel(own.points, voxel),
         plant_voxel_m=voxel,
-        frame=_frame_entry(frame),
+        frame=FrameEntry(
+            plot_from_source=cast("Any", tuple(map(tuple, frame.plot_from_source.matrix().tolist()))),
+            origin=frame.origin,
+            crs_epsg=utm_epsg_of(frame.origin),
+            ground=frame.ground,
+            notes=frame.notes,
+        ),
         volume=VolumeEntry(lower_m=reconstruction.volume.lower, upper_m=reconstruction.volume.upper),
         cameras=_cameras(sparse),
         dense=DenseEntry(
@@ -251,17 +256,6 @@ def _described(
     )
 
 
-def _frame_entry(frame: MetricFrame) -> FrameEntry:
-    rows = frame.plot_from_source.matrix().tolist()
-    return FrameEntry(
-        plot_from_source=cast("tuple[Row, Row, Row, Row]", tuple(map(tuple, rows))),
-        origin=frame.origin,
-        crs_epsg=utm_epsg_of(frame.origin),
-        ground=frame.ground,
-        notes=frame.notes,
-    )
-
-
 def _cameras(sparse: SparseResult) -> tuple[CameraReport, ...]:
     """One for each camera of an image that counts; photographs of one group share theirs."""
     found: list[CameraReport] = []
@@ -277,26 +271,23 @@ def _cameras(sparse: SparseResult) -> tuple[CameraReport, ...]:
 
 def _placed_images(sparse: SparseResult, sways: Mapping[str, float]) -> tuple[ImageReport, ...]:
     """The photographs' reports with their poses, known positions and bursts, in order."""
-    poses, known = model_poses(sparse.model), known_centers(sparse)
-    bursts = {photo.name: tuple(each.name for each in photo.burst) for photo in sparse.capture.photos}
+    known = known_centers(sparse)
+    bursts = {photo.name: tuple(one.name for one in photo.burst) for photo in sparse.capture.photos}
+    own: dict[str, dict[str, Any]] = {}
+    for name, pose in model_poses(sparse.model).items():
+        yaw, pitch, roll = (float(angle) for angle in pose.yaw_pitch_roll_deg())
+        own[name] = {"center_m": vector(pose.center), "yaw_deg": yaw, "pitch_deg": pitch, "roll_deg": roll}
     return tuple(
         image.model_copy(
             update={
                 "known_center_m": known.get(image.name),
                 "burst": bursts.get(image.name, ()),
                 "sway_m": sways.get(image.name),
-                **_pose_fields(poses.get(image.name)),
+                **own.get(image.name, {}),
             }
         )
         for image in sparse.images
     )
-
-
-def _pose_fields(pose: Pose | None) -> dict[str, Any]:
-    if pose is None:
-        return {}
-    yaw, pitch, roll = (float(angle) for angle in pose.yaw_pitch_roll_deg())
-    return {"center_m": vector(pose.center), "yaw_deg": yaw, "pitch_deg": pitch, "roll_deg": roll}
 
 
 def known_centers(sparse: SparseResult) -> dict[str, Vector]:
@@ -317,12 +308,7 @@ def points_per_voxel(points: FloatArray, edge_m: float) -> float | None:
     if not len(points):
         return None
     cells = np.floor((points - points.min(axis=0)) / edge_m).astype(np.int64)
-    spans = cells.max(axis=0) + 1
-    if float(spans[0]) * float(spans[1]) * float(spans[2]) < 2.0**62:
-        occupied = len(np.unique((cells[:, 0] * spans[1] + cells[:, 1]) * spans[2] + cells[:, 2]))
-    else:
-        occupied = len(np.unique(cells, axis=0))
-    return len(points) / occupied
+    return len(points) / len(unique_cells(cells)[0])
 
 
 def _date(capture: Capture) -> str | None:

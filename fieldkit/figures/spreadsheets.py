@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from fieldkit.documents.csv_text import csv_text
-from fieldkit.results.comparison import ComparisonReport, DifferenceEntry
+from fieldkit.results.comparison import ComparisonReport, DifferenceEntry, ValueEntry
 from fieldkit.results.evaluation import (
     AdherenceEntry,
     EvaluationReport,
@@ -95,36 +95,17 @@ def adherence_csv(found: AdherenceEntry) -> str:
 
 def compare_csv(report: ComparisonReport) -> str:
     """One row per plot, figure and evaluation, and one per further difference."""
-    columns = (
-        "plot",
-        "figure",
-        "evaluation",
-        "value",
-        "repeats",
-        "spread",
-        "less",
-        "difference",
-        "noise",
-        "noise_sd",
-        "low",
-        "high",
-        "beyond_noise",
-    )
     first = report.evaluations[0].label
     told = {(d.plot, d.figure, d.label): d for d in report.differences if d.less == first}
-    rows = [
-        [v.plot, v.figure, v.label, v.value, v.repeats, v.spread, *_difference(told.get((v.plot, v.figure, v.label)))]
-        for v in report.values
-    ]
-    rows += [
-        [each.plot, each.figure, each.label, None, None, None, *_difference(each)]
-        for each in report.differences
-        if each.less != first
-    ]
-    return csv_text(columns, rows)
+    own, differing = (
+        ("value", "repeats", "spread"),
+        ("less", "difference", "noise", "noise_sd", "low", "high", "beyond"),
+    )
 
+    def row(of: ValueEntry | DifferenceEntry, difference: DifferenceEntry | None) -> Row:
+        cells = [(of, name) for name in ("plot", "figure", "label", *own)] + [(difference, name) for name in differing]
+        return [getattr(entry, name, None) for entry, name in cells]
 
-def _difference(found: DifferenceEntry | None) -> Row:
-    if found is None:
-        return [None] * 7
-    return [found.less, found.difference, found.noise, found.noise_sd, found.low, found.high, found.beyond]
+    rows = [row(v, told.get((v.plot, v.figure, v.label))) for v in report.values]
+    rows += [row(d, d) for d in report.differences if d.less != first]
+    return csv_text(("plot", "figure", "evaluation", *own, *differing[:-1], "beyond_noise"), rows)

@@ -98,8 +98,7 @@ def write_report(
     if not 1000 <= points <= MOST_POINTS:
         raise UsageError(f"cannot show {points} points", remedy=f"Give 1000 to {MOST_POINTS}.")
     folder = Path(folder)
-    home = folder if folder.is_dir() else folder.parent
-    output = home / REPORT_FILE if output is None else Path(output)
+    output = folder / REPORT_FILE if output is None else Path(output)
     if output.suffix.lower() not in _SUFFIXES:
         raise UsageError(
             f"a report is an HTML file, not {output.suffix}",
@@ -251,8 +250,8 @@ def provenance_section(results: Results, command: str) -> Section:
     ]
     for each in shown:
         if (settings := _settings(each.report)) is not None:
-            shown = ((name, json.dumps(value)) for name, value in settings.items())
-            blocks.append(Details(f"Settings of {each.name}", (Terms(tuple(shown), mono=True),)))
+            pairs = tuple((name, json.dumps(value)) for name, value in settings.items())
+            blocks.append(Details(f"Settings of {each.name}", (Terms(pairs, mono=True),)))
     blocks.append(
         Paragraph(
             "The SHA-256 of a file changes with any change to it: compare it with `sha256sum FILE`. The same inputs, "

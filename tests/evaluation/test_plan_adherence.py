@@ -169,7 +169,7 @@ def test_files_and_table(shuffled: Shuffled, tmp_path: Path) -> None:
     assert len(rows) == 9
     assert {row["image"] for row in rows if row["image"].endswith("8.jpg")} == {"'=8.jpg"}
     assert float(rows[0]["east_m"]) == found.stations[0].east_m
-    assert [row[0] for row in station_table(found).rows[-3:]] == ["mean", "std. dev.", "largest"]
+    assert "RMS" in station_table(found).note
     assert gaps(found) is None
     assert len(adherence_by_plot((compared, compared)).rows) == 2
     assert adherence_by_plot((plot,)).rows == ()

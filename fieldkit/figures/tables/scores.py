@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import statistics
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from fieldkit.figures.content import Block, Column, KeyFigure, Mark, Row, Statement, Statements, Table, Terms, tabulated
 from fieldkit.figures.registry import (
@@ -16,7 +15,7 @@ from fieldkit.figures.registry import (
     figures_of,
     predicted_interval,
 )
-from fieldkit.figures.style import decimal, format_length, millimetres, percent, signed, with_unit
+from fieldkit.figures.style import DASH, decimal, format_length, millimetres, percent, signed, with_unit
 from fieldkit.results.comparison import ComparisonReport, DifferenceEntry
 from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation
 from fieldkit.results.finding import OTHER_PLANTS
@@ -224,12 +223,6 @@ _AXES = {
     "yaw_deg": (Column("yaw, °", True), 1),
     "pitch_deg": (Column("pitch, °", True), 1),
 }
-_STATISTICS: tuple[tuple[str, int, Callable[[list[float]], float]], ...] = (
-    ("mean", 1, statistics.fmean),
-    ("std. dev.", 2, statistics.stdev),
-    ("largest", 1, lambda values: max(map(abs, values))),
-)
-"""Name, least number of stations, and how it is computed."""
 
 
 def adherence_by_plot(plots: Sequence[PlotEvaluation]) -> Table:
@@ -257,7 +250,7 @@ def station_table(found: AdherenceEntry) -> Table:
         {
             "station": s.station,
             "photograph": s.image,
-            **_errors({axis: getattr(s, axis) for axis in _AXES}),
+            **{column: decimal(getattr(s, axis), digits) for axis, (column, digits) in _AXES.items()},
             Column("speed, m/s", True): decimal(s.speed_mps),
             Column("turning, °/s", True): decimal(s.turning_dps, 1),
         }
@@ -265,18 +258,10 @@ def station_table(found: AdherenceEntry) -> Table:
     ]
     empty = dict.fromkeys(rows[0]) if rows else {}
     rows += [empty | {"station": name, "photograph": Mark("problem", "no photograph")} for name in found.missing]
-    known = {axis: [v for s in found.stations if (v := getattr(s, axis)) is not None] for axis in _AXES}
-    for name, least, of in _STATISTICS:
-        figures = {axis: of(values) if len(values) >= least else None for axis, values in known.items()}
-        if any(value is not None for value in figures.values()):
-            rows.append(empty | {"station": name, **_errors(figures)})
-    return tabulated(
-        "How the flight kept to its plan", rows, f"Achieved less planned, by {ACHIEVED_BY[found.achieved_by]}."
-    )
-
-
-def _errors(values: Mapping[str, float | None]) -> Row:
-    return {column: decimal(values[axis], digits) for axis, (column, digits) in _AXES.items()}
+    rms = (found.horizontal_rms_m, found.yaw_rms_deg, found.pitch_rms_deg)
+    off, yaw, pitch = (decimal(value) or DASH for value in rms)
+    note = f"Achieved less planned, by {ACHIEVED_BY[found.achieved_by]}. RMS: {off} m over ground, yaw {yaw}°, "
+    return tabulated("How the flight kept to its plan", rows, f"{note}pitch {pitch}°.")
 
 
 def gaps(found: AdherenceEntry) -> Terms | None:

@@ -15,11 +15,12 @@ import base64
 import gzip
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +72,10 @@ def viewer_html(scene: ViewerScene, *, identifier: str) -> str:
     """
     packed = [pack_points(layer.points, layer.colors, layer.values, layer.limit) for layer in scene.points]
     data = {
-        "points": [_point_data(number, block) for number, block in enumerate(packed)],
+        "points": [
+            {name: value for name, value in vars(block).items() if name != "text"} | {"color": color}
+            for block, color in zip(packed, cycle(_PLAIN), strict=False)
+        ],
         "frusta": [_frustum_data(layer) for layer in scene.frusta],
         "lines": [
             {"lines": [plain_floats(np.reshape(line, (-1, 3))) for line in layer.lines], "color": _color(layer)}
@@ -95,12 +99,12 @@ def viewer_html(scene: ViewerScene, *, identifier: str) -> str:
         .render(
             name=identifier,
             scene=scene,
-            switches=list(_switches(scene, packed)),
+            packed=list(zip(scene.points, packed, strict=True)),
+            palette=_PLAIN,
             scales=limits,
             point_size=f"{size:g}",
             both=any(layer.values is not None and layer.colors is not None for layer in scene.points),
             data=Markup(_json(data)),
-            blocks=[Markup(block.text) for block in packed],
         )
     )
 
@@ -115,25 +119,10 @@ def _json(data: dict[str, Any]) -> str:
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
-def _plain_color(number: int) -> str:
-    return _PLAIN[number % len(_PLAIN)]
-
-
 def _color(layer: FrustumLayer | LineLayer) -> str:
     if not _COLOR.fullmatch(layer.color):
         raise ValueError(f"{layer.name}: {layer.color!r} is not a colour such as #1a2b3c")
     return layer.color
-
-
-def _point_data(number: int, block: PackedPoints) -> dict[str, Any]:
-    return {
-        "color": _plain_color(number),
-        "count": block.count,
-        "origin": list(block.origin),
-        "step": block.step,
-        "colored": block.colored,
-        "valued": block.valued,
-    }
 
 
 def _frustum_data(layer: FrustumLayer) -> dict[str, Any]:
@@ -187,33 +176,6 @@ def _box(arrays: Sequence[Any]) -> Any:
     return np.stack([stacked.min(axis=0), stacked.max(axis=0)]) if len(stacked) else stacked
 
 
-def _switches(scene: ViewerScene, packed: Sequence[PackedPoints]) -> Iterator[dict[str, Any]]:
-    """What can be shown and hidden, with a mark in its colour."""
-
-    def switch(group: str, number: int, layer: Any, note: str, kind: str, color: str) -> dict[str, Any]:
-        return {
-            "group": group,
-            "number": number,
-            "name": layer.name,
-            "note": note,
-            "shown": layer.shown,
-            "kind": kind,
-            "color": color,
-        }
-
-    for number, (cloud, block) in enumerate(zip(scene.points, packed, strict=True)):
-        kind = "scale" if block.valued else "cloud" if block.colored else "plain"
-        yield switch("points", number, cloud, f"{block.count:,} points", kind, _plain_color(number))
-    for number, cameras in enumerate(scene.frusta):
-        note = f"{len(cameras.poses):,} cameras" if len(cameras.poses) != 1 else "1 camera"
-        yield switch("frusta", number, cameras, note, "frustum", cameras.color)
-    for number, lines in enumerate(scene.lines):
-        yield switch("lines", number, lines, "", "line", lines.color)
-    if scene.places or any(cameras.numbers for cameras in scene.frusta):
-        name = "Names and numbers" if scene.places else "Numbers of the stations"
-        yield switch("names", 0, LineLayer(name, (), "#000000"), "", "names", "#000000")
-
-
 NO_VALUE = 255
 """Level of points without a distance."""
 _STEP_M = 1e-4  # finer than the accuracy of any cloud here
@@ -235,7 +197,7 @@ class PackedPoints:
     colored: bool
     """Whether colours follow the coordinates; so ``valued`` for values."""
     valued: bool
-    text: str
+    text: Markup
     """Base64."""
 
 
@@ -266,7 +228,7 @@ def pack_points(
     block = gzip.compress(b"".join(parts), compresslevel=6, mtime=0)
     x, y, z = (float(value) for value in origin)
     return PackedPoints(
-        len(p), (x, y, z), step, tones is not None, levels is not None, base64.b64encode(block).decode("ascii")
+        len(p), (x, y, z), step, tones is not None, levels is not None, Markup(base64.b64encode(block).decode("ascii"))
     )
 
 

@@ -137,22 +137,16 @@ def read_results(path: Path) -> Results:
     Damaged results are listed, if there are others to show.
     """
     path = Path(os.path.abspath(Path(path).expanduser()))  # noqa: PTH100 - links stay as they were given
-    if not os.path.lexists(path):
+    if not path.is_dir():
         raise MetadataError("there is no such folder", path=path, remedy=_REMEDY)
-    reader = _Reader(path if path.is_dir() else path.parent)
-    if path.is_dir():
-        for folder in _folders(path):
-            reader.read_folder(folder)
-            reader.read_missions(folder)
-    elif path.name in (*_READERS, PLAN_FILE, SETTINGS_FILE):
-        reader.read_folder(path.parent, only=path.name)
-    else:
-        reader.read_missions(path.parent, only=path.name)
+    reader = _Reader(path)
+    for folder in _folders(path):
+        reader.read_folder(folder)
     if all(isinstance(each.report, DemoReport) for each in reader.found):
         if reader.first_error is not None:
             raise reader.first_error
         raise MetadataError("holds no result of fieldkit", path=path, remedy=_REMEDY)
-    return Results(reader.root, tuple(reader.found), tuple(reader.unreadable))
+    return Results(path, tuple(reader.found), tuple(reader.unreadable))
 
 
 def check_plausible(values: Any, file: Path) -> None:
@@ -203,20 +197,17 @@ class _Reader:
         self.unreadable: list[Unreadable] = []
         self.first_error: FieldkitError | None = None
 
-    def read_folder(self, folder: Path, only: str = "") -> None:
-        """Read the folder itself as a result, or only that file of it."""
+    def read_folder(self, folder: Path) -> None:
+        """Read the results of a folder and the flights of its missions."""
         for name in _READERS:
-            if (folder / name).is_file() and only in ("", name):
+            if (folder / name).is_file():
                 self._try(folder / name, lambda file: [_READERS[file.name](file.parent)])
         held = [name for name in (PLAN_FILE, SETTINGS_FILE) if (folder / name).is_file()]
         # A campaign's plan is shown with the campaign.
-        if held and only in ("", *held) and not (folder / CAMPAIGN_FILE).is_file():
+        if held and not (folder / CAMPAIGN_FILE).is_file():
             self._try(folder / held[0], lambda _: [_plan_run(folder)])
-
-    def read_missions(self, folder: Path, only: str = "") -> None:
-        """Read the flights of a folder's missions, or those of a given file."""
         for file in records_in(folder)[:_MOST_MISSIONS]:
-            self._try(file, lambda file: _flights(file, only))
+            self._try(file, _flights)
 
     def _try(self, file: Path, read: Callable[[Path], list[Any]]) -> None:
         try:
@@ -271,16 +262,14 @@ def _plan_run(folder: Path) -> PlanRun:
     return PlanRun(plan, read_settings(folder), tuple(searched(entries)), outcome)
 
 
-def _flights(file: Path, only: str) -> list[FlownMission]:
-    """The flights of a mission; with ``only`` that of a file, and none if the file is another's."""
+def _flights(file: Path) -> list[FlownMission]:
+    """The flights of a mission."""
     record = load_mission(file)
-    if only and only not in (file.name, *(entry.name for entry in record.files)):
-        return []
+    sha256 = {entry.name: entry.sha256 for entry in record.files}
     flights = []
     for flight in record.flights:
-        entry = next(entry for entry in record.files if entry.name == flight.file)
         beside = file.parent / flight.file
         there = beside.is_file()
-        changed = there and file_sha256(beside) != entry.sha256
+        changed = there and file_sha256(beside) != sha256[flight.file]
         flights.append(FlownMission(record, flight, flight.file if there else "", changed))
-    return [each for each in flights if each.flight.file == only] or flights
+    return flights

@@ -84,36 +84,26 @@ def plot_view(result: Loaded[EvaluationReport], plot: PlotEvaluation, results: R
         cloud = _read(_plot_cloud(result, plot))
     except (FieldkitError, OSError) as error:
         return None, f"No 3D view: {error}"
-    reference = next((r for r in results.of(ReferenceReport) if r.sha256 == result.report.reference_sha256), None)
-    note, distances = "", None
+    sha256, distances = result.report.reference_sha256, None
+    other, note = _reference_cloud(sha256, results)
     stations = () if plot.adherence is None else plot.adherence.stations
-    stands = {each.image: each.station.removeprefix("station ") for each in stations}
+    stands = {error.image: error.station.removeprefix("station ") for error in stations}
     frusta = _camera_layers(plot.image_reports, plot.cameras, "Cameras, achieved", stands)
     layers = []
-
-    if reference is not None and len(cloud):
-        try:
-            other = _read(check_file(reference.folder, reference.report, CLOUD_FILE))
-        except (FieldkitError, OSError) as error:
-            note = f"The reference is not shown: {error}"
-        else:
-            limit = min(max(result.report.distances_m, default=0.02), _LARGEST_SCALE_M)
-            distances = PointIndex(other.points).nearest(cloud.points)[0]
-            missing = PointIndex(cloud.points).nearest(other.points)[0]
-            layers = [
-                PointLayer("This capture", *_drawn(cloud), distances.astype(np.float32), limit),
-                PointLayer("Reference", *_drawn(other), missing.astype(np.float32), limit, shown=False),
-            ]
-            note = (
-                "By distance, “This capture” shows accuracy (what should not be there stands out) and “Reference” "
-                "shows completeness (what is missing in this capture stands out)."
-            )
-        plans = [run.report.plan for run in results.of(PlanRun) if run.report.plan is not None]
-        frusta += [
-            _planned_layer(plan) for plan in plans if plan.source is not None and plan.source.sha256 == reference.sha256
+    if other is not None and len(cloud):
+        limit = min(max(result.report.distances_m, default=0.02), _LARGEST_SCALE_M)
+        distances = PointIndex(other.points).nearest(cloud.points)[0]
+        missing = PointIndex(cloud.points).nearest(other.points)[0]
+        layers = [
+            PointLayer("This capture", *_drawn(cloud), distances.astype(np.float32), limit),
+            PointLayer("Reference", *_drawn(other), missing.astype(np.float32), limit, shown=False),
         ]
-    elif result.report.reference_sha256 is not None:
-        note = "The reference that it was scored against is not in this folder, so distances cannot be coloured."
+        note = (
+            "By distance, “This capture” shows accuracy (what should not be there stands out) and “Reference” "
+            "shows completeness (what is missing in this capture stands out)."
+        )
+    plans = [run.report.plan for run in results.of(PlanRun) if run.report.plan is not None]
+    frusta += [_planned_layer(plan) for plan in plans if sha256 and plan.source and plan.source.sha256 == sha256]
     if not layers:
         layers.append(PointLayer("This capture", *_drawn(cloud)))
     title = f"{plot.name}: the capture{' against its reference' * (distances is not None)}"
@@ -136,21 +126,26 @@ def plan_view(result: Loaded[PlanRun], results: Results) -> NotedView:
 
 def _plan_plants(plan: Plan, results: Results) -> tuple[list[PointLayer], str]:
     """The plants of a plan, in its plot frame: the reference's cloud, and the plants that flights keep clear of."""
-    layers: list[PointLayer] = []
-    note = ""
-    source = None if plan.source is None else plan.source.sha256
-    reference = next((r for r in results.of(ReferenceReport) if source is not None and r.sha256 == source), None)
-    if reference is not None:
-        try:
-            cloud = _read(check_file(reference.folder, reference.report, CLOUD_FILE))
-            layers.append(PointLayer("Reference", *_drawn(cloud)))
-        except (FieldkitError, OSError) as error:
-            note = f"The reference is not shown: {error}"
+    cloud, note = _reference_cloud(None if plan.source is None else plan.source.sha256, results)
+    layers = [] if cloud is None else [PointLayer("Reference", *_drawn(cloud))]
     if plan.plants is not None and plan.plants.points_m:
         points = np.array(plan.plants.points_m, dtype=np.float32)
         colors = np.tile(np.array(_PLANT_GREEN, dtype=np.uint8), (len(points), 1))
         layers.append(PointLayer("Plants, as flights keep clear of them", points, colors, shown=not layers))
     return layers, note
+
+
+def _reference_cloud(sha256: str | None, results: Results) -> tuple[Cloud | None, str]:
+    """The cloud of the reference with that reference.json, or why it is not shown; "" where none is asked for."""
+    if sha256 is None:
+        return None, ""
+    reference = next((r for r in results.of(ReferenceReport) if r.sha256 == sha256), None)
+    if reference is None:
+        return None, "The reference is not in this folder, so it is not shown."
+    try:
+        return _read(check_file(reference.folder, reference.report, CLOUD_FILE)), ""
+    except (FieldkitError, OSError) as error:
+        return None, f"The reference is not shown: {error}"
 
 
 def _mission_plants(result: Loaded[FlownMission], results: Results) -> list[PointLayer]:

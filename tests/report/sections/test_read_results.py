@@ -18,7 +18,7 @@ from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
 from fieldkit.results.plan_file import save_plan
 from fieldkit.sites.placement import PlotFrame, SiteFrame
 from fieldkit.sites.site_file import load_site
-from tests.missions.test_export import LOW_M, SITES, VEHICLE, planned
+from tests.missions.test_export import LOW_M, SITES, planned
 from tests.report.sections.examples import (
     write_campaign,
     write_evaluation,
@@ -47,23 +47,21 @@ def test_everything_in_a_folder_is_found_and_what_is_damaged_is_told(tmp_path: P
     assert len(found.found) == 6
 
 
-@pytest.mark.parametrize("file", [True, False])
-def test_a_result_of_its_own_by_folder_or_file(tmp_path: Path, file: bool) -> None:
+def test_a_result_of_its_own(tmp_path: Path) -> None:
     write_reference(tmp_path / "ref")
     write_evaluation(tmp_path / "eval", tmp_path / "ref")
     write_run(tmp_path / "run")
     write_mission(tmp_path / "mission")
     write_campaign(tmp_path / "campaign")
-    files = {
-        "ref": "reference.json",
-        "eval": "evaluation.json",
-        "run": "plan.json",
-        "mission": "field.plan",
-        "campaign": "campaign.toml",
+    kinds = {
+        "ref": ReferenceReport,
+        "eval": EvaluationReport,
+        "run": PlanRun,
+        "mission": FlownMission,
+        "campaign": Campaign,
     }
-    kinds: tuple[type, ...] = (ReferenceReport, EvaluationReport, PlanRun, FlownMission, Campaign)
-    for (folder, name), kind in zip(files.items(), kinds, strict=True):
-        found = read_results(tmp_path / folder / name if file else tmp_path / folder)
+    for folder, kind in kinds.items():
+        found = read_results(tmp_path / folder)
         assert [type(part.report) for part in found.found] == [kind]
         assert not found.unreadable
 
@@ -111,27 +109,6 @@ def test_a_single_damaged_result_is_its_own_error(tmp_path: Path) -> None:
 
 
 class TestMissions:
-    def test_a_flight_by_its_files_name_and_all_by_the_records(self, tmp_path: Path) -> None:
-        battery = VEHICLE.battery.model_copy(update={"endurance_s": 320.0})
-        vehicle, plots = VEHICLE.model_copy(update={"battery": battery}), SITES / "plots.geojson"
-        done = export_mission(
-            planned(5),
-            vehicle,
-            SITES / "example.toml",
-            tmp_path / "field.plan",
-            MissionSettings(plant_height=LOW_M),
-            plots=plots,
-            picture=False,
-        )
-        flights = len(done.routed.flights)
-        assert flights > 1
-        for name, count in (("field-2.plan", 1), ("field.mission.json", flights), ("field-1.geojson", flights)):
-            found = read_results(tmp_path / name).of(FlownMission)
-            assert len(found) == count
-        (part,) = read_results(tmp_path / "field-2.plan").of(FlownMission)
-        assert part.report.mission_file == "field-2.plan"
-        assert len(read_results(tmp_path).of(FlownMission)) == flights
-
     def test_a_mission_that_was_changed_or_is_gone_is_told(self, tmp_path: Path) -> None:
         write_mission(tmp_path / "mission")
         file = tmp_path / "mission" / "field.plan"
