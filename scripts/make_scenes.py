@@ -4,18 +4,22 @@ and runs, and the tables of keys in sim/README.md.
 
 from __future__ import annotations
 
-import typing
-from dataclasses import MISSING, fields, is_dataclass, replace
+import json
+import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter
+
+from fieldkit.documents.json_file import schema_text
+from fieldkit.documents.toml_file import FORMAT
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.run.outcome import run_schemas
 from fieldkit.results.report_files import SCHEMA_FILES, json_schema
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.scene_file import write_scene
 from fieldkit_sim.generator import new_scene, varied, without_plant
-from fieldkit_sim.scene_schema import described_types, key_docs, scene_schema
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "sim" / "scenes"
@@ -99,16 +103,37 @@ def tuning_scenes() -> dict[str, SceneDescription]:
     return {name: replace(scene, name=name) for name, scene in scenes.items()}
 
 
+def scene_schema() -> str:
+    """JSON Schema (2020-12) of a scene file, as text that ends in a newline."""
+    schema = TypeAdapter(SceneDescription).json_schema()
+    schema["properties"] = {"format": {"const": FORMAT, "type": "integer"}, **schema["properties"]}
+    schema["required"] = ["format", *schema.get("required", [])]
+    return schema_text(schema)
+
+
 def key_tables() -> str:
     """A table for each table of a scene file: key, default, meaning."""
-    places = _places(SceneDescription, "", {})
-    parts = []
-    for kind in described_types():
-        docs, hints = key_docs(kind), typing.get_type_hints(kind)
-        lines = [f"### {places[kind] or 'At the top'}", "", "| Key | Default | Meaning |", "| --- | --- | --- |"]
-        lines += [f"| `{f.name}` | {_default(f, hints[f.name])} | {docs[f.name]} |" for f in fields(kind)]
-        parts.append("\n".join(lines))
-    return "\n\n".join(parts)
+    schema = TypeAdapter(SceneDescription).json_schema()
+    tables: dict[str, str] = {}
+
+    def add(name: str, part: dict[str, Any], place: str) -> None:
+        tables[name] = ""
+        lines = [f"### {place or 'At the top'}", "", "| Key | Default | Meaning |", "| --- | --- | --- |"]
+        inner = place.partition("]")[0].strip("`[]")
+        for key, value in part["properties"].items():
+            kinds = _kinds(value)
+            lines.append(f"| `{key}` | {_default(key, part, kinds)} | {' '.join(value['description'].split())} |")
+        tables[name] = "\n".join(lines)
+        for key, value in part["properties"].items():
+            for kind in _kinds(value):
+                if kind not in tables:
+                    header = f"{inner}.{key}".strip(".")
+                    which = schema["$defs"][kind]["properties"].get("kind", {}).get("const")
+                    plant = f'`[[{header}]]` with `kind = "{which}"`'
+                    add(kind, schema["$defs"][kind], plant if which else f"`[{header}]`")
+
+    add("", schema, "")
+    return "\n\n".join(tables.values())
 
 
 def guide_with_tables(text: str) -> str:
@@ -117,39 +142,17 @@ def guide_with_tables(text: str) -> str:
     return f"{before}{_MARK}\n\n{key_tables()}\n\n{_MARK}{after}"
 
 
-def _places(kind: Any, place: str, found: dict[Any, str]) -> dict[Any, str]:
-    """The heading of each dataclass's table."""
-    if kind in found:
-        return found
-    found[kind] = f"`[{place}]`" if place else ""
-    for name, hint in typing.get_type_hints(kind).items():
-        inner = f"{place}.{name}".strip(".")
-        for part in _kinds(hint):
-            _places(part, inner, found)
-            if typing.get_origin(hint) is tuple:
-                found[part] = f"`[[{inner}]]`{_of_kind(part)}"
-    return found
+def _kinds(value: dict[str, Any]) -> list[str]:
+    return re.findall(r"#/\$defs/(\w+)", json.dumps(value))
 
 
-def _of_kind(part: type) -> str:
-    kind = next((field.default for field in fields(part) if field.name == "kind"), None)
-    return f' with `kind = "{kind}"`' if isinstance(kind, str) else ""
-
-
-def _kinds(hint: Any) -> list[type]:
-    if is_dataclass(hint) and isinstance(hint, type):
-        return [hint]
-    return [kind for part in typing.get_args(hint) for kind in _kinds(part)]
-
-
-def _default(field: Any, hint: Any) -> str:
-    if _kinds(hint):
-        return "none" if field.default is None else "see below"
-    if field.default is MISSING:
+def _default(key: str, part: dict[str, Any], kinds: list[str]) -> str:
+    default = part["properties"][key].get("default")
+    if kinds:
+        return "none" if "anyOf" in part["properties"][key] else "see below"
+    if key in part.get("required", []):
         return "needed"
-    if isinstance(field.default, tuple):
-        return str(list(field.default))
-    return f'`"{field.default}"`' if isinstance(field.default, str) else str(field.default).lower()
+    return f'`"{default}"`' if isinstance(default, str) else str(default).lower()
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ the photographs are there already; then only the names of the folders matter.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -16,11 +15,10 @@ from fieldkit import EvaluationSettings, Plan
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.scenes.description import SceneDescription, build
-from fieldkit.scenes.plot_description import PRINTED, PlotDescription
+from fieldkit.scenes.plot_description import MaizeDescription, PlotDescription, SoilDescription
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Light, Scene
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Site, simulate_capture
-from fieldkit_sim.generator import plant_layout
 from fieldkit_sim.simulation import ring
 
 CAMERA = Intrinsics.pinhole(320, 240, 304.0)
@@ -33,9 +31,11 @@ SETTINGS = EvaluationSettings(fidelity="draft", bounds_m=(-0.25, -0.25, -0.03, 0
 # %%
 def scene() -> SceneDescription:
     """The plot: plants, soil, light and camera."""
-    soil = replace(PRINTED, seed=3, spacing_m=0.02, texture_px=1024, stones=60, residues=30)
-    plants = plant_layout(1, 3, spacing_m=0.24, leaves=(6, 7))
-    return SceneDescription(PlotDescription(plants, soil, Light()), name="small plot", camera=CAMERA)
+    soil = SoilDescription(3, spacing_m=0.02, texture_px=1024, stones=60, residues=30, contrast=1.0, kind="printed")
+    plant = MaizeDescription(
+        878646292, 0.0026543375127247317, -0.0010486926433338404, 207.96316450185884, 1.0381120913351625, leaves=7
+    )
+    return SceneDescription(PlotDescription((plant,), soil, Light()), name="small plot", camera=CAMERA)
 
 
 @cache

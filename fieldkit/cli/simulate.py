@@ -141,15 +141,18 @@ def command(
         noise = replace(noise, position_m=off[0], angle_deg=off[1])
     mass_kg = 0.0 if vehicle is None else load_vehicle(vehicle).mass_kg
     outdoors = Outdoors(description.wind_m, mass_kg, burst, interval)
+    description = replace(
+        description,
+        camera=(camera if pixels is None else _at_size(camera, *pixels)).without_distortion(),
+        noise=noise,
+        camera_effects=effects if blur is None else replace(effects, exposure_s=blur),
+    )
     with open_progress(as_json=as_json) as progress:
         done = simulate(
             description,
             commanded,
             output,
-            intrinsics=camera if pixels is None else _at_size(camera, *pixels),
-            noise=noise,
             outdoors=outdoors,
-            effects=effects if blur is None else replace(effects, exposure_s=blur),
             seed=seed,
             poses_csv=not no_poses,
             gps=not no_gps,

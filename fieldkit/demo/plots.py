@@ -84,11 +84,9 @@ def photograph(job: Shooting) -> int:
     scene = read_scene(scene_path(job.plot))
     noise = replace(scene.noise, position_m=job.noise[0], angle_deg=job.noise[1])
     done = simulate(
-        scene,
+        replace(scene, noise=noise, camera=job.camera or scene.camera),
         job.stations,
         job.output,
-        intrinsics=job.camera,
-        noise=noise,
         outdoors=job.outdoors,
         seed=job.seed,
         truth_cloud=job.truth_cloud,

@@ -28,6 +28,7 @@ class Intrinsics:
     model: str
     """A key of `PARAMETER_NAMES`."""
     width: int
+    """Pixels."""
     height: int
     """Pixels."""
     params: tuple[float, ...]

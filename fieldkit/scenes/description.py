@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from fieldkit.cache import digest
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics
+from fieldkit.results.fields import STRICT
 from fieldkit.runtime.progress import Advance, ignore
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.plot_description import PlotDescription
@@ -69,7 +69,7 @@ class ReferenceSampling:
 class SceneDescription:
     """Everything there is to a simulated plot. The same description gives the same scene, bit for bit."""
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
+    __pydantic_config__ = STRICT
 
     plot: PlotDescription = field(default_factory=lambda: PlotDescription(()))
     """Plants, soil and light."""

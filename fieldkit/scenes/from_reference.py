@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -157,22 +156,9 @@ def without_strays(cloud: Cloud, factor: float) -> Cloud:
 
 def without_islands(cloud: Cloud, cell_m: float, least: float) -> Cloud:
     """The points of connected parts of at least ``least`` points; parts are apart by an empty cell of ``cell_m``."""
-    cells = np.floor(cloud.points / cell_m).astype(np.int64)
-    cells -= cells.min(axis=0)
-    size = cells.max(axis=0) + 3  # a margin, so that neighbours do not wrap around
-    key = ((cells[:, 0] + 1) * size[1] + cells[:, 1] + 1) * size[2] + cells[:, 2] + 1
-    occupied, where, counts = np.unique(key, return_inverse=True, return_counts=True)
-    starts, ends = [], []
-    for dx, dy, dz in itertools.product((-1, 0, 1), repeat=3):
-        step = (dx * size[1] + dy) * size[2] + dz
-        if step <= 0:
-            continue
-        place = np.minimum(np.searchsorted(occupied, occupied + step), len(occupied) - 1)
-        found = occupied[place] == occupied + step
-        starts.append(np.flatnonzero(found))
-        ends.append(place[found])
-    i, j = np.concatenate(starts), np.concatenate(ends)
-    graph = coo_array((np.ones(len(i), bool), (i, j)), shape=(len(occupied), len(occupied)))
+    cells, where, counts = np.unique(np.floor(cloud.points / cell_m), axis=0, return_inverse=True, return_counts=True)
+    i, j = cKDTree(cells).query_pairs(1.5, p=np.inf, output_type="ndarray").T
+    graph = coo_array((np.ones(len(i), bool), (i, j)), shape=(len(cells), len(cells)))
     _, part = connected_components(graph, directed=False)
     points = np.bincount(part, counts)
     return cloud.select((points >= least)[part][where.reshape(-1)])

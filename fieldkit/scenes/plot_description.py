@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
-import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
-import numpy as np
+from pydantic import Discriminator, Tag
 
 from fieldkit.errors import SceneError
-from fieldkit.regular_files import open_regular
-from fieldkit.scenes.scene import HAZE, EffectsDescription, Light
+from fieldkit.scenes.scene import HAZE, Light
 
 Stage = Literal[
     "V4", "V5", "V6", "V7", "V8", "V9", "V10", "V11", "V12", "V13", "V14", "V15", "V16", "V17", "V18", "VT", "R1"
@@ -23,7 +20,8 @@ Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 SUFFIXES = (".obj", ".ply", ".glb", ".gltf", ".stl")
 MAX_BYTES = 512 << 20
 """Largest mesh file that is read, bytes."""
-_CONVERT = "Open it in MeshLab or Blender and export it as binary PLY or GLB."
+CONVERT = "Open it in MeshLab or Blender and export it as binary PLY or GLB."
+SIMPLIFY = "Simplify it (MeshLab: quadric edge collapse) to 200,000 triangles."
 SCATTER_M = 1.25
 """Half the side of the square on which stones and straw lie, metres."""
 SoilKind = Literal["tilled", "crumb", "crusted", "printed"]
@@ -38,6 +36,7 @@ class MaizeDescription:
     seed: int
     """Of its individual form and colour; no two leaves of a plant are alike."""
     x_m: float = 0.0
+    """Where it stands, plot frame."""
     y_m: float = 0.0
     """Where it stands, plot frame."""
     yaw_deg: float = 0.0
@@ -57,14 +56,10 @@ class MaizeDescription:
     def __post_init__(self) -> None:
         if self.leaves is not None and not 5 <= self.leaves <= 12:
             raise ValueError(f"a maize plant here has 5 to 12 leaves, not {self.leaves}")
-        if self.stage not in GROWTH_STAGES:
-            raise ValueError(f"{self.stage!r} is no growth stage: it is one of {', '.join(GROWTH_STAGES)}")
-        if not (math.isfinite(self.scale) and 0.2 <= self.scale <= 3.0):
+        if not 0.2 <= self.scale <= 3.0:
             raise ValueError(f"a plant's scale is 0.2 to 3, not {self.scale}")
-        if not (math.isfinite(self.markings) and 0.0 <= self.markings <= 1.5):
+        if not 0.0 <= self.markings <= 1.5:
             raise ValueError(f"a plant's markings are 0 to 1.5, not {self.markings}")
-        if not all(map(math.isfinite, (self.x_m, self.y_m, self.yaw_deg))):
-            raise ValueError("a plant's place and heading must be finite")
 
 
 @dataclass(frozen=True)
@@ -76,6 +71,7 @@ class MeshPlantDescription:
     seed: int = 0
     """Of the procedural colour, where the file has none."""
     x_m: float = 0.0
+    """Where its foot stands, plot frame: the middle of its lowest hundredth."""
     y_m: float = 0.0
     """Where its foot stands, plot frame: the middle of its lowest hundredth."""
     yaw_deg: float = 0.0
@@ -89,15 +85,11 @@ class MeshPlantDescription:
     color: Literal["file", "leaf"] = "file"
     """"file" keeps the file's texture or colours where it has any, "leaf" paints over them (scans often hold labels in
     their colours)."""
-    sha256: str = ""
-    """Of the file; it is compared where given."""
     kind: Literal["mesh"] = "mesh"
     """Tells plants of different kinds apart in scene files."""
 
     def __post_init__(self) -> None:
-        if not np.isfinite([self.x_m, self.y_m, self.yaw_deg]).all():
-            raise ValueError("x_m, y_m and yaw_deg must be finite")
-        if not (np.isfinite([self.scale, self.unit_m]).all() and self.scale > 0 and self.unit_m > 0):
+        if not min(self.scale, self.unit_m) > 0:
             raise ValueError("scale and unit_m must be positive")
 
 
@@ -116,8 +108,9 @@ class SoilDescription:
     clod_height_m: float = 0.030
     """Height of the largest clods of a tilled soil; the other kinds are flatter in proportion."""
     stones: int = 120
+    """How many stones lie within `SCATTER_M` of the origin."""
     residues: int = 60
-    """How many stones and pieces of straw lie within `SCATTER_M` of the origin."""
+    """How many pieces of straw lie there."""
     contrast: float = 0.5
     """Of the colour, 1 as a dry tilled loam; what is seen beyond it is shading."""
     kind: SoilKind = "tilled"
@@ -125,18 +118,12 @@ class SoilDescription:
     height field on a 5 mm grid under a contrasty colour texture of the engine's benchmark."""
 
     def __post_init__(self) -> None:
-        if self.kind not in get_args(SoilKind):
-            raise ValueError(f"{self.kind!r} is no kind of soil: it is one of {', '.join(get_args(SoilKind))}")
         if not (0.1 <= self.core_m <= 10.0 and 0.001 <= self.spacing_m <= 0.1 and self.spacing_m < self.core_m / 4):
             raise ValueError("the soil's core_m is 0.1 to 10, its spacing_m 0.001 to 0.1 and a small part of core_m")
         if not 64 <= self.texture_px <= 8192:
             raise ValueError(f"texture_px is 64 to 8192, not {self.texture_px}")
         if min(self.clod_height_m, self.stones, self.residues, self.contrast) < 0:
             raise ValueError("clod_height_m, stones, residues and contrast cannot be negative")
-
-
-PRINTED = SoilDescription(kind="printed", spacing_m=0.005, texture_px=4096, stones=700, residues=320, contrast=1.0)
-"""The soil of the engine's benchmark; only its seed differs from scene to scene."""
 
 
 @dataclass(frozen=True)
@@ -185,11 +172,20 @@ class NeighboursDescription:
             raise ValueError(f"0 to 5 neighbouring rows on each side, not {self.rows}")
         if not (0.2 <= self.row_spacing_m <= 3.0 and 0.05 <= self.plant_spacing_m <= 1.0 and 0 < self.length_m <= 20):
             raise ValueError("row_spacing_m is 0.2 to 3, plant_spacing_m 0.05 to 1, length_m above 0 and at most 20")
-        if self.stage not in GROWTH_STAGES:
-            raise ValueError(f"{self.stage!r} is no growth stage: it is one of {', '.join(GROWTH_STAGES)}")
 
 
-Plant = MaizeDescription | MeshPlantDescription
+PLANT_KINDS = ("maize", "mesh")
+
+
+def _plant_kind(plant: Any) -> str | None:
+    if isinstance(plant, dict):
+        return str(plant.get("kind", "mesh" if "file" in plant else "maize"))
+    return getattr(plant, "kind", None)
+
+
+Plant = Annotated[
+    Annotated[MaizeDescription, Tag("maize")] | Annotated[MeshPlantDescription, Tag("mesh")], Discriminator(_plant_kind)
+]
 
 
 @dataclass(frozen=True)
@@ -208,37 +204,20 @@ class PlotDescription:
     """Leafy ground cover and weeds between the plants; not part of the reference."""
     neighbours: NeighboursDescription = field(default_factory=NeighboursDescription)
     """Rows of maize around the plot; not part of the reference."""
-    effects: EffectsDescription = field(default_factory=EffectsDescription)
-    """What of the light's behaviour is drawn."""
 
     def __post_init__(self) -> None:
         if not 0.2 <= self.extent_m <= 20.0:
             raise ValueError(f"a plot's extent_m is 0.2 to 20, not {self.extent_m}")
 
 
-def check_mesh_file(path: Path, sha256: str = "") -> None:
-    """Make sure that a mesh file is there, of a known kind, of a sensible size, and the one meant."""
+def check_mesh_file(path: Path) -> None:
+    """Raise SceneError where a mesh file is not there, of no known kind, or too large."""
     if path.suffix.lower() not in SUFFIXES:
-        raise SceneError(
-            f"{path.suffix or 'a file without a suffix'} is not one of {', '.join(SUFFIXES)}",
-            path=path,
-            remedy=_CONVERT,
-        )
+        kind = path.suffix or "a file without a suffix"
+        raise SceneError(f"{kind} is not one of {', '.join(SUFFIXES)}", path=path, remedy=CONVERT)
     if not path.is_file():
         raise SceneError("there is no such mesh file", path=path, remedy="Check 'file' in the scene file.")
     size = path.stat().st_size
     if size > MAX_BYTES:
-        raise SceneError(
-            f"is {size >> 20} MiB; meshes are read up to {MAX_BYTES >> 20} MiB",
-            path=path,
-            remedy="Simplify it (MeshLab: quadric edge collapse) to 200,000 triangles.",
-        )
-    if sha256:
-        with open_regular(path) as file:
-            found = hashlib.file_digest(file, "sha256").hexdigest()
-        if found != sha256.lower():
-            raise SceneError(
-                "is not the file the scene was made with (SHA-256 differs)",
-                path=path,
-                remedy="Put the right file there, or remove 'sha256' from the scene file.",
-            )
+        message = f"is {size >> 20} MiB; meshes are read up to {MAX_BYTES >> 20} MiB"
+        raise SceneError(message, path=path, remedy=SIMPLIFY)

@@ -37,9 +37,10 @@ class RecordedSurface:
     ground_surfel_m: float
     """Side of the others'."""
     plant_atlas: Path | None = None
+    """Picture with ``texels`` × ``texels`` pixels for each of the plants' surfels, in the points' order, in rows of
+    equal length; without it a surfel has its point's one colour."""
     ground_atlas: Path | None = None
-    """Pictures with ``texels`` × ``texels`` pixels for each surfel, in the points' order, in rows of equal length;
-    without them a surfel has its point's one colour."""
+    """The same of the others'."""
     texels: int = 4
     """Along a surfel's side."""
     ground_color: tuple[float, float, float] = (0.5, 0.45, 0.4)

@@ -17,7 +17,6 @@ from PIL import Image
 from fieldkit.arrays import FloatArray, IntArray
 from fieldkit.clouds import Cloud, write_ply
 from fieldkit.clouds.plants_apart import PlantsApart
-from fieldkit.errors import SceneError
 from fieldkit.files import atomic_folder, storage_errors
 from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.scenes.description import Bounds, SceneDescription
@@ -82,12 +81,6 @@ class Variation:
     whole: Change | None = None
     """Of the whole plot, where plants could not be told apart."""
 
-    def __post_init__(self) -> None:
-        if bool(self.plants) == (self.whole is not None):
-            raise ValueError("a variation changes either plants or the whole plot")
-        if not 0 <= self.left_out <= len(self.plants):
-            raise ValueError(f"left_out is 0 to {len(self.plants)}, not {self.left_out}")
-
 
 def draw_variation(cloud: Cloud, apart: PlantsApart, seed: int, number: int) -> Variation:
     """Variation ``number`` of the kind; any number can be drawn without those before it.
@@ -99,9 +92,6 @@ def draw_variation(cloud: Cloud, apart: PlantsApart, seed: int, number: int) -> 
     `LONGER` times as long as wide, it is mirrored across its long axis, turned by 180° or both. There are only three
     such plots; the fourth number is the plot itself, and then they come again.
     """
-    if number < 0:
-        raise ValueError(f"variations are numbered from 0, not {number}")
-    _check_same(cloud, apart)
     rng = np.random.default_rng([seed, _PURPOSE_CHANGE, number])
     if not apart.count:
         return Variation(whole=_whole(cloud, seed, number, rng))
@@ -213,20 +203,16 @@ def _changes(apart: PlantsApart, variation: Variation) -> list[tuple[IntArray, C
 
 def _varied(cloud: Cloud, apart: PlantsApart, variation: Variation) -> tuple[Cloud, IntArray]:
     """The plants of a variation, and which of the cloud's points each of theirs was."""
-    _check_same(cloud, apart)
-    if len(variation.plants) != apart.count:
-        raise ValueError(f"the variation is of {len(variation.plants)} plants, not {apart.count}")
     points = cloud.points.copy()
     normals = None if cloud.normals is None else cloud.normals.copy()
     kept = np.zeros(len(cloud), bool)
     for chosen, change in _changes(apart, variation):
         kept[chosen] = True
-        if change is None or not len(chosen):
-            continue
-        changed = change.apply(cloud.select(chosen))
-        points[chosen] = changed.points
-        if normals is not None and changed.normals is not None:
-            normals[chosen] = changed.normals
+        if change is not None:
+            changed = change.apply(cloud.select(chosen))
+            points[chosen] = changed.points
+            if normals is not None:
+                normals[chosen] = changed.normals
     return Cloud(points, cloud.colors, normals).select(kept), np.flatnonzero(kept)
 
 
@@ -280,15 +266,7 @@ def _notes(name: str, variation: Variation) -> str:
 
 def _link(source: Path, target: Path) -> None:
     """The same file in a second place; a copy where file systems differ or have no links."""
-    source = source.resolve()
-    if not source.is_file():
-        raise SceneError("is not there", path=source, remedy="Make the recorded scene again.")
     try:
-        os.link(source, target)
+        os.link(source.resolve(), target)
     except OSError:
         shutil.copyfile(source, target)
-
-
-def _check_same(cloud: Cloud, apart: PlantsApart) -> None:
-    if len(cloud) != len(apart.numbers):
-        raise ValueError(f"{len(apart.numbers)} plant numbers for {len(cloud)} points")

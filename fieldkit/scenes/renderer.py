@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -22,15 +22,12 @@ from numpy.typing import NDArray
 from fieldkit.arrays import ByteArray, Float32Array, FloatArray
 from fieldkit.errors import InputError
 from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.scenes.edges import smooth_edges
 from fieldkit.scenes.scene import Mesh, Scene
 
 _REMEDY = (
     "Install the off-screen OpenGL libraries (Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri) "
     "and leave PYOPENGL_PLATFORM unset or set it to egl."
-)
-_OSMESA_REMEDY = (
-    "For OSMesa install its library (Debian and Ubuntu: apt-get install libosmesa6) and a PyOpenGL that knows it "
-    '(pip install --no-deps "PyOpenGL>=3.1.7"), or leave PYOPENGL_PLATFORM unset for EGL.'
 )
 _ELSEWHERE_REMEDY = (
     "Rendering needs Linux and EGL; on Windows use WSL. References, evaluations, checks, missions and reports of "
@@ -41,6 +38,10 @@ _NEAR_M = 0.05
 """Nearest distance along the optical axis that is drawn, metres."""
 _FAR_M = 200.0
 """Farthest distance along the optical axis that is drawn, metres."""
+_SAMPLES = 4
+"""Samples a pixel of photographs that are not economical."""
+KEPT_BYTES = 384 << 20
+"""Limit of kept drawings for sets of cameras that share poses, bytes."""
 
 
 class RenderingError(InputError):
@@ -52,14 +53,17 @@ class Renderer:
 
     Args:
         scene: what to render.
+        keep_bytes: of the images and depths that `drawn` made last: a pose asked for again is not drawn again.
     """
 
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
+    def __init__(self, scene: Scene, *, keep_bytes: int = 0) -> None:
+        self.scene, self._keep_bytes = scene, keep_bytes
+        self._kept: dict[Hashable, tuple[ByteArray, Float32Array | None]] = {}
         try:
             self._pyrender, self._platform, self._gl = _start(scene)
         except Exception as error:  # PyOpenGL raises anything from AssertionError to AttributeError here
-            raise RenderingError(f"off-screen rendering cannot start: {error!r}", remedy=_remedy()) from error
+            remedy = _REMEDY if sys.platform == "linux" else _ELSEWHERE_REMEDY
+            raise RenderingError(f"off-screen rendering cannot start: {error!r}", remedy=remedy) from error
         self._content = self._pyrender.Scene(bg_color=[*scene.background, 1.0], ambient_light=[0.0, 0.0, 0.0])
         self._meshes: dict[str, Any] = {}
         self._boxes: dict[str, FloatArray] = {}
@@ -102,6 +106,7 @@ class Renderer:
         """
         if self._platform is None:
             raise RenderingError("the renderer is closed")
+        self._kept.clear()
         self._platform.make_current()
         for name, points in vertices.items():
             if name not in self._meshes:
@@ -139,6 +144,28 @@ class Renderer:
             image = self.photograph(pose, intrinsics, samples=0)
             return image, self._metres(self._gl.depth_of_last())
         return self.photograph(pose, intrinsics, samples=samples), self.depth(pose, intrinsics)
+
+    def drawn(
+        self, pose: Pose, intrinsics: Intrinsics, *, depth: bool, economy: bool
+    ) -> tuple[ByteArray, Float32Array | None]:
+        """`photograph`, and with ``depth`` `depth`: what a camera's effects and noise are put on.
+
+        ``economy`` draws one sample per pixel instead of four, and smooths edges afterwards. A kept drawing is the same
+        to the bit as a new one.
+        """
+        key = (pose.rotation.tobytes(), pose.center.tobytes(), intrinsics, depth, economy)
+        drawing = self._kept.pop(key, None)
+        if drawing is None:
+            samples = 0 if economy else _SAMPLES
+            image = self.photograph(pose, intrinsics, samples=samples)
+            distance = None
+            if depth:
+                distance = self._metres(self._gl.depth_of_last()) if economy else self.depth(pose, intrinsics)
+            drawing = smooth_edges(image) if economy else image, distance
+        self._kept[key] = drawing
+        while sum(part.nbytes for kept in self._kept.values() for part in kept if part is not None) > self._keep_bytes:
+            del self._kept[next(iter(self._kept))]
+        return drawing
 
     def _aim(self, pose: Pose, intrinsics: Intrinsics) -> None:
         if self._platform is None:
@@ -191,35 +218,19 @@ def _start(scene: Scene) -> tuple[Any, Any, Any]:
     reference = type(ctypes.byref(ctypes.c_int()))
     FormatHandler.by_name("ctypesparameter").check.append(f"{reference.__module__}.{reference.__name__}")
     import pyrender
+    from pyrender.platforms import egl
 
-    platform: Any
-    name = os.environ["PYOPENGL_PLATFORM"]
-    if name == "egl":
-        from pyrender.platforms import egl
+    from fieldkit.scenes._gl_renderer import EGLPlatform, GLRenderer
 
-        from fieldkit.scenes._gl_renderer import EGLPlatform
-
-        platform = EGLPlatform(64, 64, device=egl.get_device_by_index(int(os.environ.get("EGL_DEVICE_ID", "0"))))
-    elif name == "osmesa":
-        from pyrender.platforms.osmesa import OSMesaPlatform
-
-        platform = OSMesaPlatform(64, 64)
-    else:
+    if (name := os.environ["PYOPENGL_PLATFORM"]) != "egl":
         raise ValueError(f"PYOPENGL_PLATFORM is {name!r}")
+    platform = EGLPlatform(64, 64, device=egl.get_device_by_index(int(os.environ.get("EGL_DEVICE_ID", "0"))))
     platform.init_context()
     platform.make_current()
     from OpenGL.GL import GL_UNPACK_ALIGNMENT, glPixelStorei
 
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1)  # pyrender's textures have no padding behind their rows
-    from fieldkit.scenes._gl_renderer import GLRenderer
-
     return pyrender, platform, GLRenderer(scene.light, Path(__file__).parent / "shaders")
-
-
-def _remedy() -> str:
-    if sys.platform != "linux":
-        return _ELSEWHERE_REMEDY
-    return _OSMESA_REMEDY if os.environ.get("PYOPENGL_PLATFORM") == "osmesa" else _REMEDY
 
 
 def _upload(pyrender: Any, mesh: Mesh) -> Any:

@@ -44,21 +44,6 @@ class Mesh:
     """(n,) float32 distance along a leaf from where it is fixed, metres: how far wind can move a vertex; None where it
     is not known."""
 
-    def __post_init__(self) -> None:
-        n = len(self.vertices)
-        for name, width in (("normals", 3), ("uv", 2), ("colors", 3), ("shading", 4)):
-            value = getattr(self, name)
-            if value is not None and value.shape != (n, width):
-                raise ValueError(f"{self.name}: {name} must be ({n}, {width}), not {value.shape}")
-        if self.flex_m is not None and self.flex_m.shape != (n,):
-            raise ValueError(f"{self.name}: flex_m must be ({n},), not {self.flex_m.shape}")
-        if self.shading is not None and self.normals is None:
-            raise ValueError(f"{self.name}: a lit mesh needs normals")
-        if (self.texture is None) != (self.uv is None):
-            raise ValueError(f"{self.name}: texture and uv go together")
-        if len(self.faces) and (self.faces.min() < 0 or self.faces.max() >= n):
-            raise ValueError(f"{self.name}: a face refers to a vertex that does not exist")
-
 
 @dataclass(frozen=True)
 class Light:
@@ -76,20 +61,6 @@ class Light:
 
 HAZE = Light(sun_color=(0.585, 0.572, 0.533), sky_color=(0.884, 0.936, 1.014))
 """A hazy day, as one chooses to photograph plants: the sun through thin cloud, its shadows softened by the sky."""
-
-
-@dataclass(frozen=True)
-class EffectsDescription:
-    """Switches of what makes a surface look different from elsewhere or under the sky."""
-
-    gloss: bool = True
-    """The sun's and the sky's reflection on leaves, which moves with the camera."""
-    translucency: bool = True
-    """Sunlight through leaves."""
-    shadows: bool = True
-    """Cast by the sun."""
-    sky_light: bool = True
-    """Less of it where less of the sky is seen (ambient occlusion)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -9,20 +10,17 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
+from PIL import ExifTags, Image, TiffImagePlugin
 
-from fieldkit.arrays import FloatArray
+from fieldkit.captures.xmp import RTK_FIXED
 from fieldkit.errors import UsageError
 from fieldkit.files import atomic_folder, storage_errors, write_atomic
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.geometry.pose import rotation_about_z, rotation_from_vector
+from fieldkit.geometry.pose import rotation_about_z, rotation_from_vector, wrapped_deg
 from fieldkit.runtime.progress import Progress, Silent
-from fieldkit.scenes.camera_effects import CameraEffects, photographed
-from fieldkit.scenes.drawing import Draw, draw
-from fieldkit.scenes.metadata import Geotag, exif_block, xmp_packet
+from fieldkit.scenes.camera_effects import CameraEffects, photographed, with_noise, with_tabled_noise
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.sensor_noise import with_noise, with_tabled_noise
 from fieldkit.scenes.sway import Motion
 from fieldkit.vocabulary import BURST_INTERVAL_S
 
@@ -41,6 +39,10 @@ better than it finds it. An estimate."""
 _HOVER_DEG = 0.3
 """Standard deviation of each angle within a burst, degrees. An estimate."""
 
+_SENSOR_WIDTH_MM = 13.2
+"""A one-inch sensor's, which gives the focal length in millimetres its scale."""
+_FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
+
 
 @dataclass(frozen=True)
 class CaptureNoise:
@@ -51,8 +53,9 @@ class CaptureNoise:
     angle_deg: float = 0.0
     """True against commanded attitude, about each camera axis."""
     gps_horizontal_m: float = 0.015
+    """Reported minus true position, east and north each."""
     gps_vertical_m: float = 0.025
-    """Reported minus true position; east and north each, up."""
+    """Reported minus true height."""
     gimbal_deg: float = 0.3
     """Reported minus true yaw, pitch and roll."""
     image_sigma: float = 2.0
@@ -152,7 +155,6 @@ def simulate_capture(
     started_at: datetime = datetime(2026, 6, 18, 10, 30),
     overwrite: bool = False,
     economy: bool = False,
-    drawing: Draw = draw,
     progress: Progress | None = None,
 ) -> list[Pose]:
     """Photograph the renderer's scene from the poses and write the JPEGs with their metadata.
@@ -174,7 +176,6 @@ def simulate_capture(
         overwrite: replace an existing capture.
         economy: draw with one sample per pixel and smooth the edges afterwards, and take the sensor's noise from a
             table: the same look and other pixels at half the cost, for captures that are made by the hundred.
-        drawing: draws the scene; one that keeps drawings (`KeptDrawings`) is for plants that stand still.
 
     Returns:
         The true poses, one for each photograph.
@@ -187,7 +188,7 @@ def simulate_capture(
     outdoors = outdoors or Outdoors()
     true = perturbed(poses, noise, seed, outdoors.burst)
     names = [f"IMG_{i + 1:04d}.jpg" for i in range(len(true))]
-    reported = np.repeat([noise.gps_horizontal_m, noise.gps_vertical_m, noise.gimbal_deg], [2, 1, 3])
+    reported_sigmas = np.repeat([noise.gps_horizontal_m, noise.gps_vertical_m, noise.gimbal_deg], [2, 1, 3])
     motion = None if outdoors.still else Motion(renderer.scene, seed)
     with (
         atomic_folder(folder, overwrite=overwrite, marker=names[0]) as partial,
@@ -201,17 +202,22 @@ def simulate_capture(
             time_s = outdoors.time_s(i)
             if motion is not None:
                 renderer.move(motion.at(time_s, outdoors.wind_m, outdoors.vehicle_kg, pose.center))
-            image, depth = drawing(renderer, pose, intrinsics, depth=effects.moves, economy=economy)
+            image, depth = renderer.drawn(pose, intrinsics, depth=effects.moves, economy=economy)
             if effects.changes_pixels:
                 shaken = np.random.default_rng([seed, 3, i])
                 image = photographed(image, depth, intrinsics, effects, shaken, economy=economy)
             rng = np.random.default_rng([seed, 2, i])
             image = (with_tabled_noise if economy else with_noise)(image, noise.image_sigma, rng)
             if i % outdoors.burst == 0:  # what is reported hardly errs otherwise within a burst
-                error = rng.normal(size=6) * reported
-            tag = None if site is None else _geotag(_compass(pose, row_heading_deg), site, error)
-            exif = exif_block(intrinsics, started_at + timedelta(seconds=time_s), tag)
-            xmp = None if tag is None else xmp_packet(tag)
+                error = rng.normal(size=6) * reported_sigmas
+            position = xmp = None
+            if site is not None:
+                compass = _compass(pose, row_heading_deg)
+                reported = compass.center + error[:3]
+                position = [float(v[0]) for v in site.origin.to_geodetic(reported)]
+                yaw, pitch, roll = np.array(compass.yaw_pitch_roll_deg()) + error[3:]
+                xmp = xmp_packet(site, position, reported[2], (yaw, np.clip(pitch, -90.0, 90.0), roll))
+            exif = exif_block(intrinsics, started_at + timedelta(seconds=time_s), position)
             Image.fromarray(image).save(partial / name, "JPEG", quality=effects.jpeg_quality, exif=exif, xmp=xmp)
             advance(1)
         if sidecars.poses:
@@ -249,26 +255,109 @@ def _compass(pose: Pose, row_heading_deg: float) -> Pose:
     return Pose(pose.rotation @ east_north.T, east_north @ pose.center)
 
 
-def _geotag(pose: Pose, site: Site, error: FloatArray) -> Geotag:
-    latitude, longitude, altitude = (float(v[0]) for v in site.origin.to_geodetic(pose.center + error[:3]))
-    yaw, pitch, roll = np.array(pose.yaw_pitch_roll_deg()) + error[3:]
-    return Geotag(
-        latitude_deg=latitude,
-        longitude_deg=longitude,
-        altitude_m=altitude,
-        relative_altitude_m=float(pose.center[2] + error[2]),
-        yaw_deg=float(yaw),
-        pitch_deg=float(np.clip(pitch, -90.0, 90.0)),
-        roll_deg=float(roll),
-        rtk=site.rtk,
-        horizontal_accuracy_m=site.accuracy_m[0],
-        vertical_accuracy_m=site.accuracy_m[1],
-    )
-
-
 def camera_toml(intrinsics: Intrinsics) -> str:
     """The text of a camera.toml."""
     params = ", ".join(repr(float(p)) for p in intrinsics.params)
     return (
         f'model = "{intrinsics.model}"\nwidth = {intrinsics.width}\nheight = {intrinsics.height}\nparams = [{params}]\n'
     )
+
+
+# EXIF and XMP as a camera drone writes them (EXIF 2.32, CIPA DC-008; DJI's drone-dji namespace).
+
+
+def exif_block(intrinsics: Intrinsics, taken_at: datetime, position: Sequence[float] | None = None) -> Image.Exif:
+    """Camera, focal length, time and, where given, GPS position.
+
+    FocalLengthIn35mmFilm compares diagonals and is a whole number, so that it gives the focal length in pixels to
+    about 2 % only; FocalLength with FocalPlaneXResolution gives it to a thousandth.
+    """
+    exif = Image.Exif()
+    stamp = taken_at.strftime("%Y:%m:%d %H:%M:%S")
+    base, gps = ExifTags.Base, ExifTags.GPS
+    exif.update({base.Make: "fieldkit", base.Model: "proxy", base.Software: "fieldkit", base.DateTime: stamp})
+    diagonal = math.hypot(intrinsics.width, intrinsics.height)
+    px_per_mm = intrinsics.width / _SENSOR_WIDTH_MM
+    exif.get_ifd(ExifTags.IFD.Exif).update(
+        {
+            base.DateTimeOriginal: stamp,
+            base.SubsecTimeOriginal: f"{taken_at.microsecond // 1000:03d}",
+            base.FocalLength: _rational(intrinsics.fx / px_per_mm, 10_000),
+            base.FocalLengthIn35mmFilm: round(intrinsics.fx * _FILM_DIAGONAL_MM / diagonal),
+            base.FocalPlaneXResolution: _rational(px_per_mm, 1_000_000),
+            base.FocalPlaneYResolution: _rational(px_per_mm * intrinsics.fy / intrinsics.fx, 1_000_000),
+            base.FocalPlaneResolutionUnit: 4,  # millimetre
+            base.ExifImageWidth: intrinsics.width,
+            base.ExifImageHeight: intrinsics.height,
+            base.BodySerialNumber: "proxy-1",
+        }
+    )
+    if position is not None:
+        latitude, longitude, altitude = position
+        exif.get_ifd(ExifTags.IFD.GPSInfo).update(
+            {
+                gps.GPSVersionID: b"\x02\x03\x00\x00",
+                gps.GPSLatitudeRef: "N" if latitude >= 0 else "S",
+                gps.GPSLatitude: _sexagesimal(latitude),
+                gps.GPSLongitudeRef: "E" if longitude >= 0 else "W",
+                gps.GPSLongitude: _sexagesimal(longitude),
+                # DJI writes 0 (sea level) here even where AltitudeType says that the height is ellipsoidal.
+                gps.GPSAltitudeRef: b"\x00" if altitude >= 0 else b"\x01",
+                gps.GPSAltitude: _rational(abs(altitude), 1000),
+                gps.GPSMapDatum: "WGS-84",
+            }
+        )
+    return exif
+
+
+def xmp_packet(site: Site, position: Sequence[float], height_m: float, angles_deg: Sequence[float]) -> bytes:
+    """DJI's fields: position, altitudes, gimbal and flight angles, RTK state.
+
+    Args:
+        site: whether the position is a fixed RTK solution, and how exact.
+        position: latitude and longitude in degrees and height above the ellipsoid in metres, as the drone believes.
+        height_m: above the take-off point.
+        angles_deg: yaw, pitch and roll of the gimbal, as `Pose.from_yaw_pitch` takes them.
+    """
+    latitude, longitude, altitude = position
+    yaw, pitch, roll = angles_deg
+    fields = {
+        "AltitudeType": "RtkAlt" if site.rtk else "GpsFusionAlt",
+        "GpsStatus": "RTK" if site.rtk else "GPS",
+        "GpsLatitude": f"{latitude:+.9f}",
+        "GpsLongitude": f"{longitude:+.9f}",
+        "AbsoluteAltitude": f"{altitude:+.3f}",
+        "RelativeAltitude": f"{height_m:+.3f}",
+        "GimbalRollDegree": f"{roll:+.2f}",
+        "GimbalYawDegree": f"{wrapped_deg(yaw):+.2f}",
+        "GimbalPitchDegree": f"{pitch:+.2f}",
+        "FlightRollDegree": "+0.00",
+        "FlightYawDegree": f"{wrapped_deg(yaw):+.2f}",
+        "FlightPitchDegree": "+0.00",
+        "RtkFlag": str(RTK_FIXED if site.rtk else 0),
+    }
+    if site.rtk:
+        horizontal_m, vertical_m = site.accuracy_m
+        fields |= dict.fromkeys(("RtkStdLon", "RtkStdLat"), f"{horizontal_m:.5f}")
+        fields["RtkStdHgt"] = f"{vertical_m:.5f}"
+    attributes = "\n   ".join(f'drone-dji:{name}="{value}"' for name, value in fields.items())
+    return (
+        '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?>\n'
+        '<x:xmpmeta xmlns:x="adobe:ns:meta/">\n'
+        ' <rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">\n'
+        '  <rdf:Description rdf:about="fieldkit proxy"\n'
+        '   xmlns:drone-dji="http://www.dji.com/drone-dji/1.0/"\n'
+        f"   {attributes}/>\n"
+        ' </rdf:RDF>\n</x:xmpmeta>\n<?xpacket end="w"?>'
+    ).encode()
+
+
+def _rational(value: float, denominator: int) -> TiffImagePlugin.IFDRational:
+    return TiffImagePlugin.IFDRational(round(value * denominator), denominator)
+
+
+def _sexagesimal(degrees: float) -> tuple[TiffImagePlugin.IFDRational, ...]:
+    """Degrees, minutes and seconds; the seconds in 10⁻⁶, which is 0.03 mm."""
+    total = round(abs(degrees) * 3600 * 1_000_000)
+    whole, micro = divmod(total, 60_000_000)
+    return _rational(whole // 60, 1), _rational(whole % 60, 1), TiffImagePlugin.IFDRational(micro, 1_000_000)

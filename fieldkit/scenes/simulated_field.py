@@ -5,7 +5,6 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any, cast
 
-from fieldkit.errors import SceneError
 from fieldkit.runtime.progress import Advance, ignore
 from fieldkit.scenes.plot_description import PlotDescription
 from fieldkit.scenes.scene import Scene
@@ -23,10 +22,4 @@ def build_plants(plot: PlotDescription) -> Scene:
 
 def simulated_field(module: str) -> Any:
     """A module of `fieldkit_sim`."""
-    try:
-        return import_module(f"fieldkit_sim.{module}")
-    except ModuleNotFoundError as error:
-        if error.name is None or not error.name.startswith("fieldkit_sim"):
-            raise
-        remedy = "Install fieldkit's wheel again: it holds both packages."
-        raise SceneError("the simulated field (fieldkit_sim) is not installed", remedy=remedy) from error
+    return import_module(f"fieldkit_sim.{module}")

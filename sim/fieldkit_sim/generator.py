@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -182,7 +182,7 @@ def _of_kind(description: SceneDescription, rng: np.random.Generator) -> SceneDe
 def _places(count: int, layout: Layout, spacing_m: float, row_spacing_m: float, rng: np.random.Generator) -> FloatArray:
     """(count, 2) metres about the origin."""
     if layout == "random":
-        places = random_places(count, 0.8 * spacing_m, rng)
+        places = _random_places(count, 0.8 * spacing_m, rng)
         return np.asarray(places - places.mean(axis=0))
     if layout == "rows":
         rows, across = (1 if count <= 4 else 2 if count <= 12 else 3), row_spacing_m
@@ -218,54 +218,7 @@ def _rounded(value: float, decimals: int = 3) -> float:
     return round(float(value), decimals)
 
 
-def plant_layout(
-    count: int,
-    seed: int,
-    *,
-    layout: Literal["row", "grid", "random"] = "row",
-    spacing_m: float = 0.26,
-    stages: tuple[Stage, ...] = ("V7", "V8", "V9"),
-    leaves: tuple[int, int] | None = None,
-) -> tuple[MaizeDescription, ...]:
-    """``count`` different plants about the origin.
-
-    Args:
-        layout: one row along x, two rows, or at random with at least ``spacing_m`` · 0.8 between plants.
-        stages: one of them is drawn for each plant.
-        leaves: instead of stages, fewest and most leaves of the benchmark's plain plants.
-    """
-    rng = np.random.default_rng([seed, 5])
-    if layout == "row":
-        places = np.column_stack([(np.arange(count) - (count - 1) / 2) * spacing_m, np.zeros(count)])
-    elif layout == "grid":
-        columns = (count + 1) // 2
-        i = np.arange(count)
-        places = np.column_stack(
-            [(i % columns - (columns - 1) / 2) * spacing_m, (i // columns - 0.5) * 1.6 * spacing_m]
-        )
-    else:
-        places = random_places(count, 0.8 * spacing_m, rng)
-    places = places + rng.normal(0, 0.02, places.shape)
-    return tuple(
-        MaizeDescription(
-            seed=int(rng.integers(1 << 30)),
-            x_m=float(x),
-            y_m=float(y),
-            yaw_deg=float(rng.uniform(0, 360)),
-            scale=float(rng.uniform(0.9, 1.1)),
-            **_form(rng, stages, leaves),
-        )
-        for x, y in places
-    )
-
-
-def _form(rng: np.random.Generator, stages: tuple[Stage, ...], leaves: tuple[int, int] | None) -> dict[str, Any]:
-    if leaves is not None:
-        return {"leaves": int(rng.integers(leaves[0], leaves[1] + 1))}
-    return {"stage": stages[int(rng.integers(len(stages)))]}
-
-
-def random_places(count: int, distance: float, rng: np.random.Generator) -> FloatArray:
+def _random_places(count: int, distance: float, rng: np.random.Generator) -> FloatArray:
     """(count, 2) places about the origin, no two nearer than ``distance``, in metres."""
     half, places = 0.5 * distance * np.sqrt(count) * 1.3, np.zeros((0, 2))
     while len(places) < count:

@@ -9,8 +9,9 @@ import numpy as np
 
 from fieldkit.arrays import ByteArray, Float32Array, FloatArray, IntArray
 from fieldkit.errors import SceneError
+from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.scenes.noise import fractal_noise
-from fieldkit.scenes.plot_description import Axis, MeshPlantDescription, check_mesh_file
+from fieldkit.scenes.plot_description import CONVERT, SIMPLIFY, Axis, MeshPlantDescription, check_mesh_file
 from fieldkit.scenes.scene import Mesh
 from fieldkit_sim.faces import vertex_normals
 
@@ -20,23 +21,20 @@ _FINE_EDGE_M = 0.003
 """Median edge to which coarse triangles are divided, metres."""
 _FINE_TRIANGLES = 200_000
 """Most triangles that dividing leads to."""
-_CONVERT = "Open it in MeshLab or Blender and export it as binary PLY or GLB."
 
 
 def build_mesh_plant(plant: MeshPlantDescription, ground_m: float = 0.0) -> Mesh:
     """The plant as one mesh with normals, unlit, its lowest point at height ``ground_m``.
 
-    The texture or the vertex or face colours of the file are kept. Where it has none the triangles are divided to
+    The texture or the vertex colours of the file are kept. Where it has none the triangles are divided to
     3 mm (up to 200,000 of them) and coloured as leaves: green, paler and yellower in flecks, browner at the foot.
     """
     path = Path(plant.file)
-    loaded = _load(path, plant.sha256)
+    loaded = _load(path)
     vertices, faces = np.asarray(loaded.vertices, np.float64), np.asarray(loaded.faces, np.int64)
-    uv, texture, colors, corners = _appearance(loaded) if plant.color == "file" else (None, None, None, False)
-    if corners:  # one colour per face: its corners must not be shared
-        vertices, faces = vertices[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3)
+    uv, texture, colors = _appearance(loaded.visual) if plant.color == "file" else (None, None, None)
     if not np.isfinite(vertices).all():
-        raise SceneError("a vertex is not finite", path=path, remedy=_CONVERT)
+        raise SceneError("a vertex is not finite", path=path, remedy=CONVERT)
     vertices = plant.unit_m * plant.scale * vertices @ _upright(plant.up).T
     height = float(np.ptp(vertices[:, 2]))
     if not 0.005 <= max(height, float(np.ptp(vertices, axis=0).max())) <= 10.0:
@@ -62,8 +60,8 @@ def build_mesh_plant(plant: MeshPlantDescription, ground_m: float = 0.0) -> Mesh
     )
 
 
-def _load(path: Path, sha256: str) -> Any:
-    check_mesh_file(path, sha256)
+def _load(path: Path) -> Any:
+    check_mesh_file(path)
     import trimesh
 
     try:
@@ -71,42 +69,25 @@ def _load(path: Path, sha256: str) -> Any:
         counts = [len(g.faces) for g in loaded.geometry.values() if isinstance(g, trimesh.Trimesh)]
         mesh = loaded.to_mesh() if sum(counts) else None
     except Exception as error:  # trimesh's loaders raise anything, from KeyError to struct.error, on broken files
-        raise SceneError(f"cannot be read as a mesh ({error})", path=path, remedy=_CONVERT) from error
+        raise SceneError(f"cannot be read as a mesh ({error})", path=path, remedy=CONVERT) from error
     if mesh is None or not len(mesh.faces):
-        raise SceneError(
-            "has no triangles", path=path, remedy="A point cloud needs a surface first: mesh it in MeshLab, say."
-        )
+        raise SceneError("has no triangles", path=path, remedy="Make a surface of its points in MeshLab, say.")
     if len(mesh.faces) > MAX_TRIANGLES:
-        raise SceneError(
-            f"has {len(mesh.faces):,} triangles; up to {MAX_TRIANGLES:,} are drawn",
-            path=path,
-            remedy="Simplify it (MeshLab: quadric edge collapse) to 200,000 triangles.",
-        )
+        message = f"has {len(mesh.faces):,} triangles; up to {MAX_TRIANGLES:,} are drawn"
+        raise SceneError(message, path=path, remedy=SIMPLIFY)
     return mesh
 
 
-def _appearance(
-    mesh: Any,
-) -> tuple[Float32Array | None, ByteArray | None, Float32Array | None, bool]:
-    """(uv, texture, vertex colours, whether colours are per face corner); all None where the file has no colour."""
-    visual = mesh.visual
+def _appearance(visual: Any) -> tuple[Float32Array | None, ByteArray | None, Float32Array | None]:
+    """(uv, texture, vertex colours); all None where the file has neither a texture nor colours of vertices."""
+    if visual.kind == "vertex":
+        return None, None, (np.asarray(visual.vertex_colors)[:, :3] / 255.0).astype(np.float32)
     if visual.kind == "texture" and visual.uv is not None:
-        material = visual.material
-        image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+        image = getattr(visual.material, "baseColorTexture", None) or getattr(visual.material, "image", None)
         if image is not None:
             texture = np.ascontiguousarray(np.asarray(image.convert("RGB"), np.uint8))
-            return np.asarray(visual.uv, np.float32)[:, :2].copy(), texture, None, False
-        color = np.asarray(material.main_color, np.float32)[:3] / 255.0
-        # trimesh's own grey stands for "no material"
-        if not np.allclose(color, 102 / 255.0, atol=0.01):
-            return None, None, np.tile(color, (len(mesh.vertices), 1)), False
-        return None, None, None, False
-    if visual.kind == "vertex":
-        return None, None, (np.asarray(visual.vertex_colors)[:, :3] / 255.0).astype(np.float32), False
-    if visual.kind == "face":
-        colors = (np.asarray(visual.face_colors)[:, :3] / 255.0).astype(np.float32)
-        return None, None, np.repeat(colors, 3, axis=0), True
-    return None, None, None, False
+            return np.asarray(visual.uv, np.float32)[:, :2].copy(), texture, None
+    return None, None, None
 
 
 def _upright(up: Axis) -> FloatArray:
@@ -121,12 +102,10 @@ def _upright(up: Axis) -> FloatArray:
 
 def _placed(vertices: FloatArray, plant: MeshPlantDescription, ground_m: float) -> FloatArray:
     lowest = vertices[:, 2].min()
-    low = vertices[:, 2] <= lowest + 0.01 * np.ptp(vertices[:, 2])
-    foot = vertices[low, :2].mean(axis=0)
-    turn = np.radians(-plant.yaw_deg)
-    spin = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    xy = (vertices[:, :2] - foot) @ spin.T + (plant.x_m, plant.y_m)
-    return np.column_stack([xy, vertices[:, 2] - lowest + ground_m])
+    foot = vertices[vertices[:, 2] <= lowest + 0.01 * np.ptp(vertices[:, 2])].mean(axis=0)
+    foot[2] = lowest
+    spin = rotation_about_z(np.radians(-plant.yaw_deg))
+    return np.asarray((vertices - foot) @ spin.T + (plant.x_m, plant.y_m, ground_m))
 
 
 def _divided(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from fieldkit.arrays import FloatArray
 from fieldkit.runtime.progress import Advance, ignore
-from fieldkit.scenes.plot_description import (
-    MaizeDescription,
-    MeshPlantDescription,
-    NeighboursDescription,
-    Plant,
-    PlotDescription,
-)
+from fieldkit.scenes.plot_description import MaizeDescription, MeshPlantDescription, Plant, PlotDescription
 from fieldkit.scenes.sampling import NEIGHBOUR_NAME, visible_from
 from fieldkit.scenes.scene import Light, Mesh, Scene
 from fieldkit_sim.faces import grid_faces
-from fieldkit_sim.maize import build_maize
+from fieldkit_sim.maize.plant import build_maize
 from fieldkit_sim.mesh_plant import build_mesh_plant
 from fieldkit_sim.soil import build_soil, soil_height
 from fieldkit_sim.weeds import build_weeds
@@ -28,55 +23,40 @@ _SKY_DIRECTIONS = 32
 """The sky is sampled in so many, cosine-weighted about the zenith."""
 
 
+Material = tuple[float, float]
+"""Translucency and gloss of a surface, both in [0, 1] and by eye."""
+
+
 def bake_light(
-    meshes: Sequence[Mesh],
-    light: Light,
-    *,
-    gloss: Sequence[tuple[float, float]],
-    radius_m: float,
-    shadows: bool = True,
-    sky_light: bool = True,
-    fine: bool = False,
+    surfaces: Sequence[tuple[Mesh, Material]], light: Light, *, radius_m: float, fine: bool = False
 ) -> list[Mesh]:
     """The meshes with their shading values filled in (see `Mesh`).
 
     Args:
-        meshes: all that cast shadows, with normals.
-        gloss: translucency and gloss of each mesh, both in [0, 1].
+        surfaces: all that cast shadows, with normals, and what they are made of.
+        light: of sun and sky.
         radius_m: only what lies within this distance of the origin (in x and y) casts and receives shadows.
-        shadows: whether anything hides the sun, and
-        sky_light: the sky.
         fine: resolve crumbs of millimetres.
     """
-    points = np.concatenate([m.vertices for m in meshes]).astype(np.float64)
-    triangles = _triangles(meshes, radius_m)
+    points = np.concatenate([mesh.vertices for mesh, _ in surfaces]).astype(np.float64)
+    corners = np.concatenate([mesh.vertices[mesh.faces] for mesh, _ in surfaces]).astype(np.float64)
+    triangles = corners[(np.abs(corners[:, :, :2]) < radius_m).all(axis=(1, 2))]
     sun = np.asarray(light.sun) / np.linalg.norm(light.sun)
-    seen_sun, seen_sky = np.ones(len(points)), np.ones(len(points))
-    if shadows:
-        pixels, bias = (4096, 0.0015) if fine else (3072, 0.003)
-        seen_sun = visible_from(points, triangles, sun, radius_m, pixels=pixels, bias_m=bias, blur=1 if fine else 2)
-    if sky_light:
-        pixels, bias = (1280, 0.003) if fine else (768, 0.006)
-        seen_sky[:] = 0.0
-        for direction in _hemisphere(_SKY_DIRECTIONS):
-            seen_sky += visible_from(points, triangles, direction, radius_m, pixels=pixels, bias_m=bias)
-        seen_sky /= _SKY_DIRECTIONS
+    pixels, bias = (4096, 0.0015) if fine else (3072, 0.003)
+    seen_sun = visible_from(points, triangles, sun, radius_m, pixels=pixels, bias_m=bias, blur=1 if fine else 2)
+    pixels, bias = (1280, 0.003) if fine else (768, 0.006)
+    seen_sky = np.zeros(len(points))
+    for direction in _hemisphere(_SKY_DIRECTIONS):
+        seen_sky += visible_from(points, triangles, direction, radius_m, pixels=pixels, bias_m=bias)
+    seen_sky /= _SKY_DIRECTIONS
     lit, start = [], 0
-    for mesh, (translucency, strength) in zip(meshes, gloss, strict=True):
+    for mesh, material in surfaces:
         part = slice(start, start + len(mesh.vertices))
         start = part.stop
-        shading = np.empty((len(mesh.vertices), 4), np.float32)
-        shading[:, 0], shading[:, 1] = seen_sun[part], seen_sky[part]
-        shading[:, 2], shading[:, 3] = translucency, strength
+        materials = np.tile(material, (len(mesh.vertices), 1))
+        shading = np.column_stack([seen_sun[part], seen_sky[part], materials]).astype(np.float32)
         lit.append(replace(mesh, shading=shading))
     return lit
-
-
-def _triangles(meshes: Sequence[Mesh], radius_m: float) -> FloatArray:
-    corners = np.concatenate([m.vertices[m.faces] for m in meshes]).astype(np.float64)
-    inside = (np.abs(corners[:, :, :2]) < radius_m).all(axis=(1, 2))
-    chosen: FloatArray = corners[inside]
-    return chosen
 
 
 def _hemisphere(count: int) -> FloatArray:
@@ -86,16 +66,14 @@ def _hemisphere(count: int) -> FloatArray:
     return np.stack([r * np.cos(angle), r * np.sin(angle), np.sqrt(1.0 - r * r)], axis=1)
 
 
-Height = Callable[[FloatArray, FloatArray], FloatArray]
-
-
-def neighbour_plants(
-    neighbours: NeighboursDescription, lower: tuple[float, float], upper: tuple[float, float]
-) -> tuple[MaizeDescription, ...]:
-    """Where the neighbours stand, around the bounds of the plot's own plants (in x and y, metres)."""
+def neighbour_plants(plot: PlotDescription) -> tuple[MaizeDescription, ...]:
+    """The neighbours, which stand around the bounds of the plot's own plants."""
+    neighbours = plot.neighbours
     rng = np.random.default_rng([neighbours.seed, 51])
+    feet = np.array([(plant.x_m, plant.y_m) for plant in plot.plants] or [(0.0, 0.0)])
     turn = np.radians(90.0 - neighbours.heading_deg)
     along, across = np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])
+    lower, upper = feet.min(axis=0), feet.max(axis=0)
     corners = np.array([[x, y] for x in (lower[0], upper[0]) for y in (lower[1], upper[1])])
     middle = float((corners @ along).mean())
     plants = []
@@ -120,26 +98,6 @@ def neighbour_plants(
     return tuple(plants)
 
 
-def build_neighbours(
-    neighbours: NeighboursDescription,
-    lower: tuple[float, float],
-    upper: tuple[float, float],
-    height: Height,
-    *,
-    textured: bool = True,
-) -> list[Mesh]:
-    """The neighbours as coarse, unlit meshes that are no part of the reference."""
-    meshes = []
-    for i, plant in enumerate(neighbour_plants(neighbours, lower, upper)):
-        ground = float(height(np.array([plant.x_m]), np.array([plant.y_m]))[0])
-        mesh = build_maize(plant, ground, coarse=True, textured=textured)
-        meshes.append(replace(mesh, name=f"{NEIGHBOUR_NAME}{i + 1}", plant=False))
-    return meshes
-
-
-Material = tuple[float, float]
-"""Translucency and gloss of a surface, both in [0, 1] and by eye."""
-
 _LEAF = (0.45, 0.20)
 """Material of leaves."""
 _PLAIN_LEAF = (0.45, 0.10)
@@ -153,60 +111,40 @@ _CRUMB: Material = (0.0, 0.012)
 
 def build_scene(plot: PlotDescription, advance: Advance = ignore) -> Scene:
     """The plot's meshes with baked light, and the sky."""
-    surfaces = build_surfaces(plot, advance)
-    effects = plot.effects
-    gloss = [(t if effects.translucency else 0.0, g if effects.gloss else 0.0) for _, (t, g) in surfaces]
-    lit = bake_light(
-        [mesh for mesh, _ in surfaces],
-        plot.light,
-        gloss=gloss,
-        radius_m=0.5 * plot.extent_m + 0.6,
-        shadows=effects.shadows,
-        sky_light=effects.sky_light,
-        fine=plot.soil.kind != "printed",
-    )
-    return Scene((*lit, _sky()), plot.light)
-
-
-def build_surfaces(plot: PlotDescription, advance: Advance = ignore) -> list[tuple[Mesh, Material]]:
-    """The plot's meshes, unlit, and what they are made of; without the sky."""
-
-    def height(x: FloatArray, y: FloatArray) -> FloatArray:
-        return soil_height(plot.soil, x, y)
-
-    surfaces = _plants(plot, coarse=False, advance=advance)
+    surfaces = _plants(plot, advance=advance)
     surfaces += [(mesh, _GROUND.get(mesh.name, _CRUMB)) for mesh in build_soil(plot.soil)]
-    surfaces += [(mesh, _WEED) for mesh in build_weeds(plot.weeds, height)]
-    return surfaces
+    surfaces += [(mesh, _WEED) for mesh in build_weeds(plot.weeds, partial(soil_height, plot.soil))]
+    lit = bake_light(surfaces, plot.light, radius_m=0.5 * plot.extent_m + 0.6, fine=plot.soil.kind != "printed")
+    return Scene((*lit, _sky()), plot.light)
 
 
 def build_plants(plot: PlotDescription) -> Scene:
     """The plot's plants and its neighbours as `build_maize`'s coarse forms: no textures, no light, no soil."""
-    return Scene(tuple(mesh for mesh, _ in _plants(plot, coarse=True)))
+    return Scene(tuple(mesh for mesh, _ in _plants(plot, form_only=True)))
 
 
-def _plants(plot: PlotDescription, *, coarse: bool, advance: Advance = ignore) -> list[tuple[Mesh, Material]]:
-    def height(x: FloatArray, y: FloatArray) -> FloatArray:
-        return soil_height(plot.soil, x, y)
+def _plants(
+    plot: PlotDescription, *, form_only: bool = False, advance: Advance = ignore
+) -> list[tuple[Mesh, Material]]:
+    """The plot's own plants, and its neighbours as coarse meshes that are no part of the reference; all unlit."""
+
+    def ground_m(plant: Plant) -> float:
+        return float(soil_height(plot.soil, np.array([plant.x_m]), np.array([plant.y_m]))[0])
 
     surfaces: list[tuple[Mesh, Material]] = []
-    for i, plant in enumerate(plot.plants):
-        ground = float(height(np.array([plant.x_m]), np.array([plant.y_m]))[0])
-        plain = isinstance(plant, MaizeDescription) and plant.leaves is not None
-        leaf = _PLAIN_LEAF if plain else _LEAF
-        surfaces.append((replace(_build_plant(plant, ground, coarse), name=f"plant-{i + 1}"), leaf))
+    for i, plant in enumerate(plot.plants, 1):
+        material = _LEAF
+        if isinstance(plant, MeshPlantDescription):
+            mesh = build_mesh_plant(plant, ground_m(plant))
+        else:
+            mesh = build_maize(plant, ground_m(plant), coarse=form_only, textured=not form_only)
+            material = _LEAF if plant.leaves is None else _PLAIN_LEAF
+        surfaces.append((replace(mesh, name=f"plant-{i}"), material))
         advance(1)
-    if plot.neighbours.rows:
-        x, y = [p.x_m for p in plot.plants] or [0.0], [p.y_m for p in plot.plants] or [0.0]
-        meshes = build_neighbours(plot.neighbours, (min(x), min(y)), (max(x), max(y)), height, textured=not coarse)
-        surfaces += [(mesh, _LEAF) for mesh in meshes]
+    for i, plant in enumerate(neighbour_plants(plot), 1):
+        mesh = build_maize(plant, ground_m(plant), coarse=True, textured=not form_only)
+        surfaces.append((replace(mesh, name=f"{NEIGHBOUR_NAME}{i}", plant=False), _LEAF))
     return surfaces
-
-
-def _build_plant(plant: Plant, ground_m: float, coarse: bool) -> Mesh:
-    if isinstance(plant, MeshPlantDescription):
-        return build_mesh_plant(plant, ground_m)
-    return build_maize(plant, ground_m, coarse=coarse, textured=not coarse)
 
 
 def _sky() -> Mesh:

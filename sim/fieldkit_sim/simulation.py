@@ -16,11 +16,10 @@ from fieldkit.errors import MetadataError, UsageError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.regular_files import check_replaceable
 from fieldkit.runtime.progress import Progress, Silent
-from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription, build, sample_reference
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
-from fieldkit.scenes.simulate import CaptureNoise, Outdoors, Sidecars, simulate_capture
+from fieldkit.scenes.simulate import Outdoors, Sidecars, simulate_capture
 
 Stations = Callable[[Scene, Intrinsics], Sequence[Pose]]
 _RING_PITCH_DEG = 35.0
@@ -50,14 +49,10 @@ def simulate(
     stations: Stations | Sequence[Pose],
     output: Path,
     *,
-    intrinsics: Intrinsics | None = None,
-    noise: CaptureNoise | None = None,
-    effects: CameraEffects | None = None,
     outdoors: Outdoors | None = None,
     seed: int = 0,
     poses_csv: bool = True,
     gps: bool = True,
-    truth: Path | None = None,
     truth_cloud: Path | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
@@ -65,26 +60,22 @@ def simulate(
     """Photograph a described scene as a drone would.
 
     Args:
-        description: the scene; what is not given here is taken from it.
+        description: the scene, with the camera, its effects and the noise of the photographs.
         stations: commanded poses in the plot frame, or what makes them from the scene and the camera (`ring_about`,
             `dense_about`).
         output: the capture's folder: JPEGs, and poses.csv (commanded) and camera.toml with ``poses_csv``.
-        intrinsics: without distortion.
-        noise: of poses, GPS and pixels.
-        effects: of the camera.
         outdoors: wind, wash and bursts; instead of the description's wind.
         seed: of all noise.
         poses_csv: whether commanded poses and intrinsics are written beside the photographs.
         gps: whether EXIF and XMP have positions and angles.
-        truth: CSV of the true poses, outside ``output``; ``output``.truth.csv where not given.
-        truth_cloud: PLY for the plants' true surfaces; not written where not given.
+        truth_cloud: PLY for the plants' true surfaces, outside ``output``; not written where not given.
         overwrite: replace an existing capture, and its truth.
+
+    The true poses go to ``output``.truth.csv.
     """
     progress = progress or Silent()
-    camera = (intrinsics or description.camera).without_distortion()
-    noise, effects = noise or description.noise, effects or description.camera_effects
     outdoors = outdoors or Outdoors(description.wind_m)
-    truth = default_truth(output) if truth is None else truth
+    truth = output.parent / f"{output.name}.truth.csv"
     for file in (truth, truth_cloud):
         if file is not None and file.absolute().is_relative_to(output.absolute()):
             raise UsageError("the truth must not lie in the capture's folder", path=file)
@@ -92,16 +83,16 @@ def simulate(
             check_replaceable(file, overwrite=overwrite)
     with progress.stage("scene", len(description.plot.plants) or None) as advance:
         scene = build(description, advance)
-        poses = list(stations(scene, camera) if callable(stations) else stations)
+        poses = list(stations(scene, description.camera) if callable(stations) else stations)
     with Renderer(scene) as renderer:
         true = simulate_capture(
             output,
             renderer,
             poses,
-            camera,
-            noise=noise,
+            description.camera,
+            noise=description.noise,
             seed=seed,
-            effects=effects,
+            effects=description.camera_effects,
             outdoors=outdoors,
             site=description.site if gps else None,
             row_heading_deg=description.row_heading_deg,
@@ -117,11 +108,6 @@ def simulate(
     commanded = np.repeat([pose.center for pose in poses], outdoors.burst, axis=0)
     errors = np.array([pose.center for pose in true]) - commanded
     return Simulation(len(true), truth, float(np.sqrt((errors**2).sum(axis=1).mean())), scene.triangles)
-
-
-def default_truth(output: Path) -> Path:
-    """Where the true poses of a capture go: beside its folder, under its name."""
-    return output.parent / f"{output.name}.truth.csv"
 
 
 def ring_about(count: int, radius_m: float | None = None, height_m: float | None = None) -> Stations:
@@ -166,9 +152,7 @@ def poses_from_csv(path: Path) -> list[Pose]:
     for row in rows:
         if row.yaw_deg is None or row.pitch_deg is None:
             raise MetadataError(
-                f"{row.image} has no yaw or pitch",
-                path=path,
-                remedy="Add the columns yaw_deg and pitch_deg: a photograph needs a direction.",
+                f"{row.image} has no yaw or pitch", path=path, remedy="Add the columns yaw_deg and pitch_deg."
             )
         poses.append(Pose.from_yaw_pitch(row.position, row.yaw_deg, row.pitch_deg, row.roll_deg or 0.0))
     return poses

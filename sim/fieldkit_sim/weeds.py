@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from fieldkit.arrays import FloatArray
+from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.plot_description import WeedsDescription
 from fieldkit.scenes.sampling import WEED_NAMES
 from fieldkit.scenes.scene import Mesh
-from fieldkit_sim.leaflets import Leaves, leaf_mesh
+from fieldkit_sim.faces import grid_faces, vertex_normals
 
 Height = Callable[[FloatArray, FloatArray], FloatArray]
 _NEAR_M = 1.2
@@ -38,7 +39,7 @@ def build_weeds(weeds: WeedsDescription, height: Height) -> list[Mesh]:
         for q in range(4):
             chosen = group.select(quadrant == q)
             if len(chosen.base):
-                meshes.append(leaf_mesh(f"{name}-{q}", chosen, rows=4 if name == "cover-around" else 5))
+                meshes.append(_leaf_mesh(f"{name}-{q}", chosen, rows=4 if name == "cover-around" else 5))
     return meshes
 
 
@@ -53,7 +54,7 @@ def _spots(weeds: WeedsDescription, per_m2: float, inner: float, outer: float, r
 
 def _cover(
     weeds: WeedsDescription, height: Height, inner: float, outer: float, share: float, rng: np.random.Generator
-) -> Leaves:
+) -> _Leaves:
     """Clover-like plants: leaves of three leaflets on thin stalks of uneven height. Far ones are fewer and larger."""
     spots = _spots(weeds, weeds.cover_per_m2 * share, inner, outer, rng)
     size = 1.0 / np.sqrt(share)
@@ -67,7 +68,7 @@ def _cover(
     # Leaflets at 120°, each with its own tilt.
     three = np.repeat(np.arange(n * per), 3)
     azimuth = way[three] + np.tile([0.0, 2.1, -2.1], n * per) + rng.normal(0, 0.2, len(three))
-    return Leaves(
+    return _Leaves(
         base=np.column_stack([xy, z])[three],
         azimuth=azimuth,
         elevation=rng.normal(0.15, 0.35, len(three)),
@@ -80,7 +81,7 @@ def _cover(
     )
 
 
-def _rosettes(weeds: WeedsDescription, height: Height, rng: np.random.Generator) -> Leaves:
+def _rosettes(weeds: WeedsDescription, height: Height, rng: np.random.Generator) -> _Leaves:
     """Broad-leaved rosettes: 5 to 11 leaves that rise and arch over."""
     spots = _spots(weeds, weeds.weeds_per_m2, 0.0, weeds.radius_m, rng)
     number = rng.integers(5, 12, len(spots))
@@ -92,7 +93,7 @@ def _rosettes(weeds: WeedsDescription, height: Height, rng: np.random.Generator)
     length = vigour * rng.uniform(0.028, 0.060, len(plant)) * (1.1 - 0.5 * young)
     xy = spots[plant]
     z = height(xy[:, 0].copy(), xy[:, 1].copy()) + 0.002
-    return Leaves(
+    return _Leaves(
         base=np.column_stack([xy, z]),
         azimuth=azimuth,
         elevation=0.25 + 0.75 * young + rng.normal(0, 0.15, len(plant)),
@@ -112,3 +113,58 @@ def _greens(hue: FloatArray, rng: np.random.Generator) -> FloatArray:
     dead = rng.random(len(hue)) < 0.04
     rgb[dead] = np.array([0.44, 0.37, 0.24]) * tone[dead, None]
     return np.asarray(np.clip(rgb, 0.02, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Leaves:
+    """Form and place of n leaves; lengths in metres, angles in radians."""
+
+    base: FloatArray
+    """(n, 3) where each is fixed."""
+    azimuth: FloatArray
+    elevation: FloatArray
+    """(n,) of its axis there."""
+    length: FloatArray
+    width: FloatArray
+    """(n,)."""
+    curl: FloatArray
+    """(n,) by which the elevation falls to the tip."""
+    fold: FloatArray
+    """(n,) of both halves about the midrib."""
+    color: FloatArray
+    """(n, 3) sRGB in [0, 1]."""
+    blunt: FloatArray
+    """(n,) 0 widest in the middle, 1 widest near the tip."""
+
+    def select(self, which: BoolArray) -> _Leaves:
+        """Some of them."""
+        return _Leaves(**{name: value[which] for name, value in vars(self).items()})
+
+
+def _leaf_mesh(name: str, leaves: _Leaves, *, rows: int = 5) -> Mesh:
+    """All leaves, each a folded and curled strip of ``rows`` × 3 points, lighter along the midrib and mottled."""
+    n = len(leaves.base)
+    t = np.linspace(0, 1, rows)
+    elevation = leaves.elevation[:, None] - leaves.curl[:, None] * t**1.3
+    step = leaves.length[:, None] / (rows - 1)
+    out = np.concatenate([np.zeros((n, 1)), np.cumsum(np.cos(elevation[:, :-1]) * step, axis=1)], axis=1)
+    rise = np.concatenate([np.zeros((n, 1)), np.cumsum(np.sin(elevation[:, :-1]) * step, axis=1)], axis=1)
+    ca, sa = np.cos(leaves.azimuth)[:, None], np.sin(leaves.azimuth)[:, None]
+    spine = leaves.base[:, None] + np.stack([ca * out, sa * out, rise], axis=-1)
+    widest = 0.42 + 0.25 * leaves.blunt[:, None]
+    profile = np.sin(np.pi * t[None] ** (np.log(0.5) / np.log(widest))) ** 0.75
+    half = 0.5 * leaves.width[:, None] * np.maximum(profile, 0.06)
+    vertices = np.empty((n, rows, 3, 3))
+    for column, q in enumerate((-1.0, 0.0, 1.0)):
+        across = q * half * np.cos(leaves.fold)[:, None]
+        lift = abs(q) * half * np.sin(leaves.fold)[:, None]
+        vertices[:, :, column] = spine + np.stack([-sa * across, ca * across, lift], axis=-1)
+    strip = grid_faces(rows, 3)
+    faces = (strip[None] + (rows * 3 * np.arange(n, dtype=np.int32))[:, None, None]).reshape(-1, 3).astype(np.int32)
+    points = vertices.reshape(-1, 3)
+    mottle = 1.0 + 0.16 * fractal_noise(points[:, 0] / 0.006, points[:, 1] / 0.006, 71, octaves=2)
+    color = np.repeat(leaves.color, rows * 3, axis=0) * mottle[:, None]
+    color.reshape(n, rows, 3, 3)[:, :, 1] *= 1.10
+    placed = points.astype(np.float32)
+    normals = vertex_normals(placed, faces)
+    return Mesh(name, placed, faces, normals, colors=np.clip(color, 0, 1).astype(np.float32))

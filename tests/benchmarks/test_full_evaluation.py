@@ -1,5 +1,7 @@
 """Both sides of a whole evaluation, on the demo's ten small renderings."""
 
+from dataclasses import replace
+
 import pytest
 
 from benchmarks.full_evaluation import LENT, OURS, THEIRS, Case, ours, summary, theirs
@@ -21,10 +23,9 @@ def few(tmp_path_factory: pytest.TempPathFactory) -> Case:
     folder = tmp_path_factory.mktemp("demo")
     try:
         simulate(
-            read_scene(find_scene("demo")),
+            replace(read_scene(find_scene("demo")), noise=CaptureNoise(0.010, 1.0)),
             ring_about(10),
             folder / "few",
-            noise=CaptureNoise(0.010, 1.0),
             truth_cloud=folder / "truth.ply",
         )
     except RenderingError as error:

@@ -5,16 +5,14 @@ They are kept in the repository, so that tests need no renderer and every machin
     python tests/data/make_small_plot.py
 """
 
-from dataclasses import replace
 from pathlib import Path
 
 from fieldkit.geometry import Intrinsics
 from fieldkit.scenes.camera_effects import CameraEffects
-from fieldkit.scenes.plot_description import PRINTED, PlotDescription
+from fieldkit.scenes.plot_description import MaizeDescription, PlotDescription, SoilDescription
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Light
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, simulate_capture
-from fieldkit_sim.generator import plant_layout
 from fieldkit_sim.plot import build_scene
 from fieldkit_sim.simulation import ring
 
@@ -22,8 +20,11 @@ SEED = 3
 
 
 def main() -> None:
-    soil = replace(PRINTED, seed=SEED, spacing_m=0.012, texture_px=1024, stones=200, residues=100)
-    scene = build_scene(PlotDescription(plant_layout(1, SEED, spacing_m=0.24, leaves=(6, 7)), soil, Light()))
+    soil = SoilDescription(SEED, 1.2, 0.012, 1024, stones=200, residues=100, contrast=1.0, kind="printed")
+    plant = MaizeDescription(
+        878646292, 0.0026543375127247317, -0.0010486926433338404, 207.96316450185884, 1.0381120913351625, leaves=7
+    )
+    scene = build_scene(PlotDescription((plant,), soil, Light()))
     with Renderer(scene) as renderer:
         simulate_capture(
             Path(__file__).parent / "small_plot",

@@ -13,7 +13,7 @@ from fieldkit.scenes.plot_description import MaizeDescription, PlotDescription, 
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.sampling import sample_visible
 from fieldkit.scenes.scene import Scene
-from fieldkit_sim.maize import build_maize
+from fieldkit_sim.maize.plant import build_maize
 from fieldkit_sim.plot import build_scene
 
 SMALL_SOIL = SoilDescription(seed=4, core_m=0.5, spacing_m=0.02, texture_px=256, stones=30, residues=10)

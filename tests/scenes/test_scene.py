@@ -14,7 +14,7 @@ from fieldkit.scenes.plot_description import MaizeDescription, PlotDescription, 
 from fieldkit.scenes.sampling import sample_visible, visible_from
 from fieldkit.scenes.scene import Light, Mesh, Scene
 from fieldkit_sim.faces import vertex_normals
-from fieldkit_sim.maize import build_maize
+from fieldkit_sim.maize.plant import build_maize
 from fieldkit_sim.plot import bake_light, build_scene
 from fieldkit_sim.simulation import dense_rig, ring
 from fieldkit_sim.soil import soil_height

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.scenes.plot_description import GROWTH_STAGES, MaizeDescription, Stage
-from fieldkit_sim.maize import build_maize
 from fieldkit_sim.maize.architecture import grow, leaf_size
+from fieldkit_sim.maize.plant import build_maize
 
 
 @pytest.mark.parametrize(

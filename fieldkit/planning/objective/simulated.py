@@ -34,11 +34,10 @@ from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription, build, sample_truth
-from fieldkit.scenes.drawing import Draw, KeptDrawings, draw
 from fieldkit.scenes.from_reference import SCENE_FILE
 from fieldkit.scenes.recorded import recorded_plants
 from fieldkit.scenes.recorded_kind import Variation, bounds_around, draw_variation, varied_cloud, write_varied_scene
-from fieldkit.scenes.renderer import Renderer
+from fieldkit.scenes.renderer import KEPT_BYTES, Renderer
 from fieldkit.scenes.sampling import neighbour_points, plants_area_m2, sample_others
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.scene_file import read_scene
@@ -116,7 +115,6 @@ class SimulatedSource:
         self.effects, self.outdoors = effects, outdoors or Outdoors()
         self._renderer: Renderer | None = None
         self._reference: ReferenceIndex | None = None
-        self._drawings: Draw | None = None
         self.plot = KnownPlot(SourceFrame("poses.csv", None, Similarity.identity()), proxy.volume, None)
         self.cache = StageCache(None)  # no two photographs are the same
 
@@ -144,7 +142,7 @@ class SimulatedSource:
         )
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_renderer": None, "_reference": None, "_drawings": None}
+        return self.__dict__ | {"_renderer": None, "_reference": None}
 
     @property
     def reference(self) -> ReferenceIndex:
@@ -156,15 +154,13 @@ class SimulatedSource:
         """Upload the scene and index the reference."""
         assert self.reference is not None
         if self._renderer is None:
-            self._renderer = Renderer(self.proxy.scene)
-            self._drawings = KeptDrawings() if self.outdoors.still else draw
+            self._renderer = Renderer(self.proxy.scene, keep_bytes=KEPT_BYTES)
 
     @contextmanager
     def photograph(self, cameras: Cameras, fidelity: Fidelity, seed: int, progress: Progress) -> Iterator[PhotoSet]:
         """JPEGs in a temporary folder, with the commanded poses and the camera beside them."""
         self.prepare()
         assert self._renderer is not None
-        assert self._drawings is not None
         camera = fidelity.camera(self.proxy.camera, cameras, self.proxy.volume)
         scale = camera.width / self.proxy.camera.width
         claimed = max(self.noise.position_m, self.claimed_m)
@@ -183,7 +179,6 @@ class SimulatedSource:
                     outdoors=self.outdoors,
                     sidecars=sidecars,
                     economy=True,
-                    drawing=self._drawings,
                 )
             with progress.stage("Reading photographs"):
                 capture = by_station(read_capture(folder))
@@ -193,7 +188,7 @@ class SimulatedSource:
     def close(self) -> None:
         if self._renderer is not None:
             self._renderer.close()
-            self._renderer = self._drawings = None
+            self._renderer = None
 
 
 def _reduced(effects: CameraEffects | None, scale: float) -> CameraEffects | None:

@@ -10,16 +10,14 @@ along the blade as in Prévot, Aries and Monestiez (1991), leaves stand in two r
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fieldkit.arrays import ByteArray, FloatArray
-from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.plot_description import MaizeDescription
 from fieldkit.scenes.scene import Mesh
-from fieldkit_sim.faces import grid_faces, vertex_normals
+from fieldkit_sim.faces import grid_faces
 from fieldkit_sim.maize.colour import mix, to_bytes
-from fieldkit_sim.maize.organs import Leaf, Strip, blade
+from fieldkit_sim.maize.organs import Leaf, Part, Strip, assembled, blade
 
 _STRIP = 96  # texture rows per leaf
 _STEM_STRIP = 160
@@ -37,15 +35,8 @@ def build_compact_maize(plant: MaizeDescription, leaves_count: int, ground_m: fl
     parts += [
         blade(leaf, Strip(_STEM_STRIP + i * _STRIP, _STRIP, rows, _TEXTURE_WIDTH)) for i, leaf in enumerate(leaves)
     ]
-    vertices = np.concatenate([part[0] for part in parts])
-    offsets = np.cumsum([0] + [len(part[0]) for part in parts[:-1]])
-    faces = np.concatenate([part[1] + offset for part, offset in zip(parts, offsets, strict=True)]).astype(np.int32)
-    uv = np.concatenate([part[2] for part in parts]).astype(np.float32)
-    spin = rotation_about_z(np.radians(-plant.yaw_deg))
-    placed = (plant.scale * vertices @ spin.T + (plant.x_m, plant.y_m, ground_m)).astype(np.float32)
-    strips = [_stem_texture(plant.seed, stem_points)] + [_blade_texture(leaf) for leaf in leaves]
-    texture = np.concatenate(strips[::-1])  # texture row 0 is at the top, uv's v = 0 at the bottom
-    return Mesh(f"maize-{plant.seed}", placed, faces, vertex_normals(placed, faces), uv, texture, plant=True)
+    pictures = [_stem_texture(plant.seed, stem_points), *map(_blade_texture, leaves)]
+    return assembled(plant, ground_m, parts, pictures)
 
 
 def _architecture(n: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, list[Leaf]]:
@@ -90,7 +81,7 @@ def _architecture(n: int, rng: np.random.Generator) -> tuple[FloatArray, FloatAr
     return line, radii, leaves
 
 
-def _stem(line: FloatArray, radii: FloatArray, rows: int) -> tuple[FloatArray, NDArray[np.int32], FloatArray]:
+def _stem(line: FloatArray, radii: FloatArray, rows: int) -> Part:
     sides = 25  # the last repeats the first, for the texture's seam
     angle = np.linspace(0, 2 * np.pi, sides)
     ring = np.column_stack([1.12 * np.cos(angle), 0.90 * np.sin(angle), 0 * angle])  # a maize stem is oval

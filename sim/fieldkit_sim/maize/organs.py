@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.arrays import FloatArray
+from fieldkit.arrays import ByteArray, Float32Array, FloatArray
+from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.scenes.noise import fractal_noise
-from fieldkit_sim.faces import grid_faces
+from fieldkit.scenes.plot_description import MaizeDescription
+from fieldkit.scenes.scene import Mesh
+from fieldkit_sim.faces import grid_faces, vertex_normals
 
 Part = tuple[FloatArray, NDArray[np.int32], FloatArray]
 """Vertices (n, 3), faces (m, 3), texture coordinates (n, 2)."""
@@ -46,14 +50,37 @@ class Strip:
     width: int
 
 
-def blade(
-    leaf: Leaf, strip: Strip, *, along: int = 96, across: int = 17
-) -> tuple[FloatArray, NDArray[np.int32], FloatArray]:
-    """A blade as a grid of ``along`` sections and ``across`` points, closer together at the midrib.
+def assembled(
+    plant: MaizeDescription,
+    ground_m: float,
+    parts: Sequence[Part],
+    pictures: Sequence[ByteArray],
+    flex_m: Float32Array | None = None,
+) -> Mesh:
+    """A plant's parts as one mesh, turned, scaled and put in its place; unlit.
 
-    Returns:
-        Vertices (n, 3), faces (m, 3) and texture coordinates (n, 2) into ``strip``.
+    Args:
+        plant: where it stands.
+        ground_m: height of the ground there.
+        parts: stem and leaves.
+        pictures: strips of the texture, the lowest first; none leaves the texture out.
+        flex_m: of `Mesh`.
     """
+    vertices = np.concatenate([part[0] for part in parts])
+    offsets = np.cumsum([0] + [len(part[0]) for part in parts[:-1]])
+    faces = np.concatenate([part[1] + offset for part, offset in zip(parts, offsets, strict=True)]).astype(np.int32)
+    texture = uv = None
+    if pictures:
+        texture = np.concatenate(pictures[::-1])  # texture row 0 is at the top, uv's v = 0 at the bottom
+        uv = np.concatenate([part[2] for part in parts]).astype(np.float32)
+    spin = rotation_about_z(np.radians(-plant.yaw_deg))
+    placed = (plant.scale * vertices @ spin.T + (plant.x_m, plant.y_m, ground_m)).astype(np.float32)
+    normals = vertex_normals(placed, faces)
+    return Mesh(f"maize-{plant.seed}", placed, faces, normals, uv, texture, plant=True, flex_m=flex_m)
+
+
+def blade(leaf: Leaf, strip: Strip, *, along: int = 96, across: int = 17) -> Part:
+    """A blade as a grid of ``along`` sections and ``across`` points, closer together at the midrib."""
     t = np.linspace(0, 1, along)
     q = np.linspace(-1, 1, across)
     q = np.sign(q) * np.abs(q) ** 1.25

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from fieldkit.arrays import ByteArray, FloatArray
-from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.scenes.plot_description import MaizeDescription
 from fieldkit.scenes.scene import Mesh
-from fieldkit_sim.faces import grid_faces, vertex_normals
+from fieldkit_sim.faces import grid_faces
 from fieldkit_sim.maize.architecture import Architecture, grow
 from fieldkit_sim.maize.colour import blade_texture, plain_texture, stem_texture
 from fieldkit_sim.maize.compact import build_compact_maize
-from fieldkit_sim.maize.organs import Part, Strip, blade
+from fieldkit_sim.maize.organs import Part, Strip, assembled, blade
 
 
 def tube(line: FloatArray, radii: FloatArray, sides: int, strip: Strip) -> Part:
@@ -107,26 +106,10 @@ def build_maize(plant: MaizeDescription, ground_m: float = 0.0, *, coarse: bool 
         flex.append(np.repeat(np.linspace(0, leaf.length, along), across))
         if textured:
             pictures.append(blade_texture(leaf, strip.height, strip.width, plant.markings))
-    texture = uv = None
-    vertices = np.concatenate([part[0] for part in parts])
-    offsets = np.cumsum([0] + [len(part[0]) for part in parts[:-1]])
-    faces = np.concatenate([part[1] + offset for part, offset in zip(parts, offsets, strict=True)]).astype(np.int32)
-    if textured:
-        texture = np.concatenate(pictures[::-1])  # texture row 0 is at the top, uv's v = 0 at the bottom
-        uv = np.concatenate([part[2] for part in parts]).astype(np.float32)
-        uv[:, 1] *= np.float32(1.0 / len(texture))
-    spin = rotation_about_z(np.radians(-plant.yaw_deg))
-    placed = (plant.scale * vertices @ spin.T + (plant.x_m, plant.y_m, ground_m)).astype(np.float32)
-    return Mesh(
-        f"maize-{plant.seed}",
-        placed,
-        faces,
-        vertex_normals(placed, faces),
-        uv,
-        texture,
-        plant=True,
-        flex_m=(plant.scale * np.concatenate(flex)).astype(np.float32),
-    )
+    mesh = assembled(plant, ground_m, parts, pictures, (plant.scale * np.concatenate(flex)).astype(np.float32))
+    if mesh.uv is not None and mesh.texture is not None:
+        mesh.uv[:, 1] *= np.float32(1.0 / len(mesh.texture))
+    return mesh
 
 
 class _Strips:
