@@ -1,7 +1,6 @@
 """Other plots of a recorded plot's kind, as clouds and as scenes."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -70,26 +69,14 @@ def test_plants_keep_their_shape_up_to_their_scale(row: Row, apart: PlantsApart)
         np.testing.assert_allclose(varied.normals[mine, 2], row.cloud.normals[mine, 2], atol=1e-6)
 
 
-def test_the_same_seed_and_number_give_the_same(row: Row, apart: PlantsApart) -> None:
-    drawn = [draw_variation(row.cloud, apart, 1, number) for number in range(8)]
-    assert drawn == [draw_variation(row.cloud, apart, 1, number) for number in range(8)]
-    assert len({variation.plants for variation in drawn}) == 8
-    assert drawn[0] != draw_variation(row.cloud, apart, 2, 0)
-
-
 def test_one_in_four_lacks_a_plant(row: Row, apart: PlantsApart) -> None:
-    left_out = [draw_variation(row.cloud, apart, 3, number).left_out for number in range(40)]
+    drawn = [draw_variation(row.cloud, apart, 3, number) for number in range(40)]
+    assert drawn[5] == draw_variation(row.cloud, apart, 3, 5) != draw_variation(row.cloud, apart, 2, 5)
+    left_out = [variation.left_out for variation in drawn]
     assert [sum(number > 0 for number in left_out[k : k + 4]) for k in range(0, 40, 4)] == [1] * 10
     assert set(left_out) == {0, 1, 2, 3}
-    without = Variation(draw_variation(row.cloud, apart, 3, 0).plants, left_out=2)
+    without = Variation(drawn[0].plants, left_out=2)
     assert len(varied_cloud(row.cloud, apart, without)) == (apart.numbers != 2).sum()
-
-
-def test_a_plant_alone_is_never_left_out(row: Row) -> None:
-    alone = row.cloud.select(row.plants == 1)
-    one = tell_apart(alone)
-    drawn = [draw_variation(alone, one, 0, number) for number in range(8)]
-    assert all(variation.left_out == 0 and len(variation.plants) == 1 for variation in drawn)
 
 
 def test_a_row_not_told_apart_keeps_its_direction(row: Row) -> None:
@@ -124,8 +111,6 @@ def test_the_scene_holds_the_same_plants_as_the_cloud(told_apart, row, apart, re
     scene = build(description)
     plants = sample_reference(description, scene)
     expected = varied_cloud(cloud, known, variation)
-    order, place = (np.lexsort(np.round(c.points, 4).T) for c in (plants, expected))
-    np.testing.assert_allclose(plants.points[order].mean(axis=0), expected.points[place].mean(axis=0), atol=1e-6)
     np.testing.assert_allclose(np.sort(plants.points, axis=0), np.sort(expected.points, axis=0), atol=1e-6)
     # What was bright above is bright above, whichever way its plant or the plot was turned.
     assert description.recorded.plant_atlas is not None
@@ -150,16 +135,3 @@ def test_without_patches_points_keep_their_order(row, apart, recorded, tmp_path)
     np.testing.assert_allclose(written.points, varied_cloud(cloud, apart, variation).points, atol=1e-6)
     assert read_scene(tmp_path / "scene" / "scene.toml").name == plain.name
     assert sorted(path.name for path in (tmp_path / "scene").iterdir()) == ["ground.ply", "plants.ply", "scene.toml"]
-
-
-def test_what_does_not_fit_is_refused(row: Row, apart: PlantsApart, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="numbered from 0"):
-        draw_variation(row.cloud, apart, 0, -1)
-    with pytest.raises(ValueError, match="plant numbers"):
-        draw_variation(row.cloud.select(np.arange(10)), apart, 0, 0)
-    with pytest.raises(ValueError, match="plants"):
-        varied_cloud(row.cloud, apart, Variation(whole=Change((0.0, 0.0, 0.0), 180.0)))
-    with pytest.raises(ValueError, match="either"):
-        Variation()
-    with pytest.raises(ValueError, match="made from a reference"):
-        write_varied_scene(SceneDescription(), apart, draw_variation(row.cloud, apart, 0, 0), tmp_path / "scene")

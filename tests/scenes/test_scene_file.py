@@ -4,7 +4,6 @@ import re
 import subprocess
 import sys
 import tempfile
-import tomllib
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -22,7 +21,6 @@ from fieldkit.scenes.recorded import RecordedSurface
 from fieldkit.scenes.scene import Light
 from fieldkit.scenes.scene_file import read_scene, scene_text, write_scene
 from fieldkit.scenes.simulate import CaptureNoise
-from fieldkit_sim.scene_schema import described_types, key_docs, scene_schema
 
 ROOT = Path(__file__).parents[2]
 FOLDER = tempfile.TemporaryDirectory()
@@ -59,7 +57,7 @@ scenes = st.builds(
     reference=st.builds(ReferenceSampling, st.integers(1000, 10**6)),
     camera=st.builds(Intrinsics.pinhole, st.integers(1, 9000), st.integers(1, 9000), st.floats(1, 9000)),
     camera_effects=st.builds(CameraEffects, defocus_px=st.floats(0, 4), jpeg_quality=st.integers(1, 100)),
-    noise=st.builds(CaptureNoise, position_m=st.floats(0, 1), image_sigma=st.integers(0, 9)),
+    noise=st.builds(CaptureNoise, position_m=st.floats(0, 1), image_sigma=st.floats(0, 9)),
     wind_m=st.floats(0, 0.2),
 )
 
@@ -83,11 +81,6 @@ json_like = st.recursive(
 )
 
 
-@given(st.dictionaries(texts, st.one_of(texts, st.lists(st.floats(-1, 1)), st.dictionaries(texts, st.integers(0, 9)))))
-def test_toml_text_reads_back(table: dict[str, object]) -> None:
-    assert tomllib.loads(toml_text(table)) == table
-
-
 @given(st.dictionaries(st.sampled_from([*(f.name for f in fields(SceneDescription)), "x"]), json_like))
 def test_anything_else_is_an_error_for_people(document: dict[str, object]) -> None:
     try:
@@ -108,17 +101,13 @@ def test_anything_else_is_an_error_for_people(document: dict[str, object]) -> No
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "has no 'format'"),
-        ("format = 2", "has format 2; this fieldkit reads 1"),
-        ("format = true", "has format True"),
-        ("format = [", "is not TOML"),
+        ("", "has 'format' None; this fieldkit reads 1"),
+        ("format = true", "has 'format' True"),
         ("format = 1\nx = 1", "x: is not a key of this format"),
         ("format = 1\n[plot]\nextent = 2", "plot.extent: is not a key of this format"),
-        ("format = 1\n[[plot.plants]]\nscale = 1.0", "plot.plants 1.seed: is missing"),
         ("format = 1\n[[plot.plants]]\nseed = 1\n[[plot.plants]]\nseed = 'a'", "plot.plants 2.seed: should be a"),
-        ("format = 1\n[[plot.plants]]\nkind = 'rye'", "plot.plants 1.kind: 'rye' is no kind of plant"),
-        ("format = 1\n[[plot.plants]]\nkind = ['maize']", "plot.plants 1.kind: ['maize'] is no kind of plant"),
-        ("format = 1\n[[plot.plants]]\nseed = 1\nleaves = 40", "5 to 12 leaves, not 40"),
+        ("format = 1\n[[plot.plants]]\nkind = 'rye'", "plot.plants 1: is no kind of plant"),
+        ("format = 1\n[[plot.plants]]\nkind = ['maize']", "plot.plants 1: is no kind of plant"),
         ("format = 1\n[camera_effects]\njpeg_quality = 0", "camera_effects: jpeg_quality is 1 to 100, not 0"),
         ("format = 1\n[plot.soil]\ncore_m = nan", "plot.soil.core_m: input should be a finite number"),
         ("format = 1\n[plot.soil]\nseed = 1979-05-27", "plot.soil.seed: should be a number"),
@@ -132,68 +121,34 @@ def test_errors_name_the_key(text: str, message: str) -> None:
     assert "pydantic" not in str(caught.value)
 
 
-def test_missing_and_unreadable_files(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match="no such scene file"):
-        read_scene(tmp_path / "x.toml")
-    with pytest.raises(SceneError, match="cannot be read"):
-        read_scene(tmp_path)
-    (tmp_path / "x.toml").write_bytes(b"\xff\xfe\xfd")
-    with pytest.raises(SceneError, match="UTF-8"):
-        read_scene(tmp_path / "x.toml")
+def test_files_lie_in_the_scenes_folder_or_are_named_by_an_absolute_path(tmp_path: Path) -> None:
+    folder = tmp_path / "inside"
+    (folder / "meshes").mkdir(parents=True)
+    for name in ("inside/meshes/a.ply", "outside.ply"):
+        (tmp_path / name).write_text("ply")
 
-
-class TestPaths:
-    """Files that a scene names."""
-
-    def scene(self, folder: Path, named: str) -> SceneDescription:
+    def scene(named: str) -> SceneDescription:
         (folder / "scene.toml").write_text(f"format = 1\n[[plot.plants]]\nfile = '{named}'\n")
         return read_scene(folder / "scene.toml")
 
-    @pytest.fixture
-    def folder(self, tmp_path: Path) -> Path:
-        (tmp_path / "inside" / "meshes").mkdir(parents=True)
-        for place in ("inside/meshes/a.ply", "outside.ply"):
-            (tmp_path / place).write_text("ply")
-        return tmp_path / "inside"
-
-    def test_beside_the_scene(self, folder: Path) -> None:
-        plant = self.scene(folder, "meshes/a.ply").plot.plants[0]
+    for named, file in (("meshes/a.ply", folder / "meshes" / "a.ply"), (f"{tmp_path}/outside.ply",) * 2):
+        (plant,) = scene(named).plot.plants
         assert isinstance(plant, MeshPlantDescription)
-        assert plant.file == folder.resolve() / "meshes" / "a.ply"
-
-    def test_an_absolute_path_may_lead_elsewhere(self, folder: Path) -> None:
-        plant = self.scene(folder, str(folder.parent / "outside.ply")).plot.plants[0]
-        assert isinstance(plant, MeshPlantDescription)
-        assert plant.file == folder.parent / "outside.ply"
-
-    def test_out_of_the_folder(self, folder: Path) -> None:
-        (folder / "link.ply").symlink_to(folder.parent / "outside.ply")
-        (folder / "circle.ply").symlink_to(folder / "circle.ply")
-        for named in ("../outside.ply", "link.ply", "meshes/../../outside.ply"):
-            with pytest.raises(SceneError, match="leads out of the scene's folder") as caught:
-                self.scene(folder, named)
-            assert "plot.plants 1.file" in str(caught.value)
-        with pytest.raises(SceneError):
-            self.scene(folder, "circle.ply")
-
-    def test_what_is_not_there(self, folder: Path) -> None:
-        for named, message in (("b.ply", "no such mesh file"), ("scene.toml", "is not one of .obj")):
-            with pytest.raises(SceneError, match=message) as caught:
-                self.scene(folder, named)
-            assert caught.value.path == folder / "scene.toml"
-
-    def test_written_relative_where_it_lies_below(self, folder: Path) -> None:
-        scene = self.scene(folder, "meshes/a.ply")
-        write_scene(folder / "other.toml", scene)
-        assert 'file = "meshes/a.ply"' in (folder / "other.toml").read_text()
-        assert read_scene(folder / "other.toml").plot == scene.plot
-        write_scene(folder.parent / "out" / "scene.toml", scene)
-        assert read_scene(folder.parent / "out" / "scene.toml").plot == scene.plot
-
-    def test_another_file_than_the_one_meant(self, folder: Path) -> None:
-        (folder / "scene.toml").write_text(f"format = 1\n[[plot.plants]]\nfile = 'meshes/a.ply'\nsha256 = '{64 * '0'}'")
-        with pytest.raises(SceneError, match="SHA-256"):
-            read_scene(folder / "scene.toml")
+        assert plant.file == Path(file).resolve()
+    for named, message in (
+        ("../outside.ply", "plot.plants 1.file: ../outside.ply leads out of the scene's folder"),
+        ("b.ply", "no such mesh file"),
+        ("scene.toml", "is not one of .obj"),
+    ):
+        with pytest.raises(SceneError, match=re.escape(message)) as caught:
+            scene(named)
+        assert caught.value.path == folder / "scene.toml"
+    inside = scene("meshes/a.ply")
+    write_scene(folder / "other.toml", inside)
+    assert 'file = "meshes/a.ply"' in (folder / "other.toml").read_text()
+    write_scene(tmp_path / "out" / "scene.toml", inside)
+    for file in (folder / "other.toml", tmp_path / "out" / "scene.toml"):
+        assert read_scene(file).plot == inside.plot
 
 
 def test_the_name_is_the_files(tmp_path: Path) -> None:
@@ -224,16 +179,3 @@ def test_the_same_file_is_the_same_scene_in_another_process(tmp_path: Path, smal
     assert found[0] == found[1] == scene_digest(build(read_scene(file))) + "\n"
     other = replace(small_plot, plants=(replace(plants[0], yaw_deg=1.0),))
     assert scene_digest(build(SceneDescription(other))) + "\n" != found[0]
-
-
-def test_every_key_is_documented() -> None:
-    guide = (ROOT / "sim" / "README.md").read_text()
-    for kind in described_types():
-        docs = key_docs(kind)
-        for field in fields(kind):
-            assert field.name in docs, f"{kind.__name__}.{field.name}"
-            assert f"`{field.name}`" in guide, f"sim/README.md lacks {kind.__name__}.{field.name}"
-
-
-def test_the_schema_is_the_one_in_the_documentation() -> None:
-    assert (ROOT / "docs" / "schemas" / "scene.schema.json").read_text() == scene_schema()
