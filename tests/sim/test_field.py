@@ -1,12 +1,10 @@
 """Soil as geometry, weeds, neighbours, wind and the switches of light."""
 
-from dataclasses import replace
+from collections.abc import Callable
 
 import numpy as np
 import pytest
-from pydantic import TypeAdapter
 
-from benchmarks.scenes import benchmark_scene
 from fieldkit.geometry import Intrinsics
 from fieldkit.scenes.plot_description import (
     MaizeDescription,
@@ -17,9 +15,8 @@ from fieldkit.scenes.plot_description import (
     WeedsDescription,
 )
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.scene import EffectsDescription, Scene
-from fieldkit.scenes.sway import REFERENCE_M, Motion
-from fieldkit_sim.crumbs import Crumbs, build_crumbs, scatter_crumbs
+from fieldkit.scenes.scene import Scene
+from fieldkit.scenes.sway import Motion
 from fieldkit_sim.plot import build_scene, neighbour_plants
 from fieldkit_sim.simulation import ring
 from fieldkit_sim.soil import build_soil, soil_height
@@ -68,17 +65,6 @@ def test_soil_reaches_far_and_leaves_no_hole() -> None:
     assert len({mesh.name for mesh in meshes}) == len(meshes)
 
 
-def test_crumbs_follow_a_power_law_and_stand_on_the_ground() -> None:
-    crumbs = Crumbs("c", 0.2, 1.0, 4000, 0.005, 0.04, 0)
-    places, sizes = scatter_crumbs(crumbs, 1)
-    assert np.abs(places).max(axis=1).min() >= 0.2
-    small, large = (sizes < 0.01).sum(), (sizes > 0.02).sum()
-    assert small / large == pytest.approx((0.005**-1.5 - 0.01**-1.5) / (0.02**-1.5 - 0.04**-1.5), rel=0.25)
-    mesh = build_crumbs(crumbs, places[:50], sizes[:50], np.full(50, 0.1), np.full((50, 3), 0.3), 1)
-    assert float(mesh.vertices[:, 2].min()) > 0.1 - 0.03
-    assert float(mesh.vertices[:, 2].max()) < 0.1 + 0.05
-
-
 def test_only_the_plots_own_plants_are_the_reference(scene: Scene) -> None:
     assert [mesh.name for mesh in scene.plants] == ["plant-1"]
     kinds = {mesh.name.split("-")[0] for mesh in scene.meshes}
@@ -95,46 +81,25 @@ def test_weeds_and_cover_stay_low_and_within_their_radius() -> None:
 
 
 def test_neighbours_stand_in_rows_beside_the_plot() -> None:
+    corners = tuple(MaizeDescription(1, x, y) for x, y in ((-0.3, -0.1), (0.3, 0.1)))
     east_west = NeighboursDescription(rows=2, row_spacing_m=0.75, heading_deg=90.0)
-    y = np.array([p.y_m for p in neighbour_plants(east_west, (-0.3, -0.1), (0.3, 0.1))])
+    y = np.array([p.y_m for p in neighbour_plants(PlotDescription(corners, neighbours=east_west))])
     assert np.allclose(np.unique(np.round(np.abs(y) / 0.75)), [1, 2])
     assert np.abs(y).min() > 0.75
     north_south = NeighboursDescription(rows=1, heading_deg=0.0)
-    assert min(abs(p.x_m) for p in neighbour_plants(north_south, (-0.3, -0.1), (0.3, 0.1))) > 0.9
+    x = np.array([p.x_m for p in neighbour_plants(PlotDescription(corners, neighbours=north_south))])
+    assert np.abs(x).min() > 0.9
 
 
-def test_switches_of_light(field: PlotDescription, scene: Scene) -> None:
-    dull = build_scene(replace(field, effects=EffectsDescription(False, False, False, False)))
-    for lit, flat in zip(scene.meshes, dull.meshes, strict=True):
-        if lit.shading is None or flat.shading is None:
-            continue
-        assert (flat.shading[:, :2] == 1).all()
-        assert (flat.shading[:, 2:] == 0).all()
-    ground = next(mesh.shading for mesh in scene.meshes if mesh.name == "soil-1-1")
-    assert float(ground[:, 1].min()) < 0.8
-
-
-class TestSway:
-    def test_stems_stand_and_tips_move_by_the_strength(self, scene: Scene) -> None:
-        (plant,) = scene.plants
-        motion = Motion(scene, 1)
-        moves = np.stack([motion.at(1.7 * k, 0.01)["plant-1"] - plant.vertices for k in range(60)])
-        assert np.abs(moves[:, plant.flex_m == 0]).max() == 0
-        far = plant.flex_m > 0.7 * plant.flex_m.max()
-        expected = 0.01 * (plant.flex_m[far] / REFERENCE_M) ** 1.6
-        sideways = np.sqrt((moves[:, far, :2] ** 2).mean(axis=(0, 2)))
-        assert float(np.median(sideways / expected)) == pytest.approx(1.0, abs=0.1)
-
-    def test_plants_and_neighbours_move_and_nothing_else(self, scene: Scene) -> None:
-        assert {name.partition("-")[0] for name in Motion(scene, 1).at(0.0, 0.01)} == {"plant", "neighbour"}
-
-    def test_leaves_keep_their_length(self, scene: Scene) -> None:
-        (plant,) = scene.plants
-        moved = Motion(scene, 5).at(0.0, 0.02)["plant-1"]
-        edges = plant.faces[:, [0, 2]]
-        before = np.linalg.norm(plant.vertices[edges[:, 0]] - plant.vertices[edges[:, 1]], axis=1)
-        after = np.linalg.norm(moved[edges[:, 0]] - moved[edges[:, 1]], axis=1)
-        assert float(np.quantile(np.abs(after - before) / np.maximum(before, 1e-3), 0.95)) < 0.15
+def test_leaves_move_with_the_plants_and_neighbours_and_keep_their_length(scene: Scene) -> None:
+    (plant,) = scene.plants
+    moved = Motion(scene, 5).at(0.0, 0.02)
+    assert {name.partition("-")[0] for name in moved} == {"plant", "neighbour"}
+    assert np.array_equal(moved["plant-1"][plant.flex_m == 0], plant.vertices[plant.flex_m == 0])
+    before, after = (
+        np.linalg.norm(v[plant.faces[:, 0]] - v[plant.faces[:, 2]], axis=1) for v in (plant.vertices, moved["plant-1"])
+    )
+    assert float(np.quantile(np.abs(after - before) / np.maximum(before, 1e-3), 0.95)) < 0.15
 
 
 def test_moved_meshes_are_drawn_where_they_are(scene: Scene) -> None:
@@ -154,14 +119,10 @@ def test_moved_meshes_are_drawn_where_they_are(scene: Scene) -> None:
     changed = np.abs(moved.astype(int) - still).max(axis=2) > 20
     assert 10 < changed.sum() < 0.5 * changed.size
     assert (moved_depth != depth).any()
-    # A renderer that never drew before it was moved shows the same.
-    with Renderer(scene) as fresh:
-        fresh.move(Motion(scene, 2).at(0.0, 0.03))
-        assert np.array_equal(fresh.photograph(pose, CAMERA), moved)
 
 
 def test_leaving_out_what_a_camera_does_not_see_changes_nothing(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    poses = [*ring(3, 1.0, 0.8), *ring(2, 0.4, 0.3, target=(1.0, 0.5, 0.0))]
+    poses = [*ring(2, 1.0, 0.8), *ring(1, 0.4, 0.3, target=(1.0, 0.5, 0.0))]
     with Renderer(scene) as renderer:
         culled = [renderer.photograph(pose, CAMERA) for pose in poses]
         monkeypatch.setattr("fieldkit.scenes.renderer._may_be_seen", lambda *_: True)
@@ -169,25 +130,17 @@ def test_leaving_out_what_a_camera_does_not_see_changes_nothing(scene: Scene, mo
     assert all(np.array_equal(a, b) for a, b in zip(culled, whole, strict=True))
 
 
-def test_descriptions_go_through_plain_values_and_back(field: PlotDescription) -> None:
-    adapter = TypeAdapter(PlotDescription)
-    for plot in (field, benchmark_scene("test", 1)):
-        assert adapter.validate_python(adapter.dump_python(plot, mode="json")) == plot
-
-
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: SoilDescription(kind="sand"),
+        lambda: MaizeDescription(seed=1, leaves=3),
+        lambda: MaizeDescription(seed=1, scale=0.0),
         lambda: SoilDescription(spacing_m=0.5),
-        lambda: SoilDescription(stones=-1),
         lambda: WeedsDescription(cover_per_m2=-1.0),
-        lambda: WeedsDescription(patchiness=2.0),
         lambda: NeighboursDescription(rows=9),
-        lambda: NeighboursDescription(stage="V40"),
         lambda: PlotDescription((), extent_m=0.0),
     ],
 )
-def test_descriptions_that_make_no_sense_are_refused(make) -> None:
+def test_descriptions_that_make_no_sense_are_refused(make: Callable[[], object]) -> None:
     with pytest.raises(ValueError):
         make()
