@@ -1,7 +1,6 @@
 """fieldkit upload, and the stand-in's own command."""
 
 import json
-import re
 import socket
 import threading
 from pathlib import Path
@@ -12,7 +11,6 @@ from fieldkit.cli.options import grouped
 from fieldkit.cli.upload import command
 from fieldkit.errors import MissionError
 from fieldkit.missions.items import MissionItem
-from fieldkit.vehicles.vehicle_file import missions_folder
 from fieldkit_sim.__main__ import main
 from fieldkit_sim.standin.recording import Recording
 from fieldkit_sim.standin.replay import Replay
@@ -80,16 +78,6 @@ def test_a_mission_with_errors_is_refused_before_anybody_is_called(mission: Path
         upload(swapped(mission), nowhere, site=site)
     assert caught.value.exit_code == 5
     assert "--force" in caught.value.remedy
-
-
-def test_what_only_a_profile_says_is_checked_with_one(mission: Path) -> None:
-    mini = mission.with_name("mini.toml")
-    known = (missions_folder() / "vehicles" / "ardupilot-pitch.toml").read_text()
-    mini.write_text(re.sub(r"pitch_deg = .*", "pitch_deg = [-30.0, 0.0]", known))
-    with pytest.raises(MissionError, match="beyond the mount"):
-        upload(mission, "udpin://127.0.0.1:0", vehicle=str(mini))
-    with pytest.raises(MissionError, match="does not fly waypoints files"):
-        upload(mission, "udpin://127.0.0.1:0", vehicle="dji-mini-4-pro")
 
 
 def test_force_sends_what_has_errors_and_says_so(mission, vehicle, capsys) -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from fieldkit.errors import MissionError
 from fieldkit.link.items import ARDUPILOT, PX4, WireItem, differences, mission_items, stored, to_wire
-from fieldkit.missions.autopilots.accepting import MAX_ALTITUDE_M, MEASURED, TAKEN, Result, in_centimetres
+from fieldkit.missions.autopilots.accepting import Result
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.items import MissionItem
 from fieldkit.routing.mission import Home
@@ -123,25 +123,6 @@ def test_all_measured_items(probe: dict[str, Any]) -> None:
     assert not wrong
 
 
-def test_what_was_measured_and_what_was_not(probe: dict[str, Any]) -> None:
-    accepted = {case["sent"]["cmd"] for case in probe["cases"] if case["ack"] == "MAV_MISSION_ACCEPTED"}
-    sent = {case["sent"]["cmd"] for case in probe["cases"]}
-    assert accepted == MEASURED
-    # What the source takes was never sent; it is kept as it comes.
-    assert not (TAKEN - MEASURED) & sent
-    for command in TAKEN - MEASURED:
-        item = WireItem(command, 3, (1.0, 2.5, 0.0, -3.0), 508650000, 64473000, 2.0)
-        kept = stored(item)
-        assert isinstance(kept, WireItem)
-        assert kept.params == item.params
-
-
-def test_the_highest_altitude_is_the_sources() -> None:
-    item = WireItem(16, 3, (1.0, 0.0, 0.0, 0.0), 508650000, 64473000, MAX_ALTITUDE_M - 1.0)
-    assert isinstance(stored(item), WireItem)
-    assert stored(replace(item, z=MAX_ALTITUDE_M)) is Result.INVALID_PARAM7
-
-
 @given(
     st.sampled_from([16, 18, 19, 21, 31, 85, 93, 94, 115, 177, 201, 203, 205, 1000, 2000, 42600, 42703, 65535]),
     st.integers(0, 255),
@@ -159,14 +140,6 @@ def test_what_is_kept_is_kept_again(command, frame, params, x, y, z) -> None:
         assert isinstance(again, WireItem)
         assert (again.params, again.x, again.y) == (once.params, once.x, once.y)
         assert again.z == pytest.approx(once.z, abs=0.0101)
-
-
-@given(st.floats(-1000, 1000, width=32))
-def test_heights_are_cut_to_centimetres(metres: float) -> None:
-    kept = in_centimetres(metres)
-    assert abs(kept) <= abs(metres) + 1e-4
-    assert abs(kept - metres) < 0.0102
-    assert kept == pytest.approx(round(kept * 100) / 100, abs=1e-4)
 
 
 def wire(item: dict[str, Any]) -> WireItem:

@@ -8,7 +8,6 @@ import textwrap
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +17,11 @@ from fieldkit.errors import LinkError, MissionError
 from fieldkit.link.items import stored, to_wire
 from fieldkit.link.upload import Held, ItemRefused, UploadError, UploadInterrupted, UploadReport, upload_mission
 from fieldkit.link.vehicle import Vehicle
-from fieldkit.missions.autopilots.writing import render
 from fieldkit.missions.items import MissionItem
 from fieldkit.routing.mission import Home
 from fieldkit_sim.standin.faults import Faults
 from fieldkit_sim.standin.recording import Recording, read_recording
 from fieldkit_sim.standin.replay import Replay
-from tests.missions.vehicles import HOME, small_mission, vehicle
 
 SPEED = 16.0
 SLOW = pytest.mark.slow
@@ -63,15 +60,6 @@ def test_a_flown_mission(recording: Recording, flown: tuple[MissionItem, ...]) -
         assert report.read_back[1:] == vehicle.autopilot.items[1:]
     assert (report.autopilot, report.items, report.attempts) == ("ArduPilot", 67, 1)
     assert shown == 67
-
-
-def test_bursts_arrive_whole(recording: Recording) -> None:
-    items = render(replace(small_mission(), burst=5), vehicle())
-    assert [item.command for item in items[3:17]] == [205, 115, 16, *[2000, 93] * 5, 205]
-    with standing(recording) as there:
-        report = upload(there, items[1:], home=HOME, dialect="ardupilot")
-        assert holds(there, items[1:])
-    assert report.items == len(items) - 1
 
 
 def test_the_largest_mission(recording: Recording, delays: Missions) -> None:
@@ -118,15 +106,6 @@ def test_nobody_there() -> None:
     with pytest.raises(LinkError, match=r"no vehicle was heard in 0\.3 s") as caught:
         Vehicle("udpin://127.0.0.1:14599", connect_s=0.3)
     assert caught.value.exit_code == 6
-
-
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=SLOW), pytest.param(2, marks=SLOW)])
-def test_bad_links(recording: Recording, flown: tuple[MissionItem, ...], delays: Missions, seed: int) -> None:
-    vehicle = standing(recording, delays(30), faults=Faults(loss=0.1, duplicate=0.2, delay_s=0.02, seed=seed))
-    with vehicle:
-        report = upload(vehicle, flown)
-        assert report.read_back[1:] == vehicle.autopilot.items[1:]
-        assert holds(vehicle, flown)
 
 
 @pytest.mark.parametrize("item", [30, pytest.param(1, marks=SLOW), pytest.param(67, marks=SLOW)])

@@ -18,7 +18,6 @@ from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.missions.findings import Finding, Report, error, group_text, ranked
 from fieldkit.missions.items import Command, MissionItem
 from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Shot
-from fieldkit.routing.obstacles import Obstacles, Volume
 from fieldkit.sites.site import Obstacle, Site, SiteHome, SitePlot
 from fieldkit.vehicles.vehicle import Battery, Mount, Vehicle
 from tests.missions.vehicles import HOME, recorded_items, recorded_mission, small_mission, vehicle
@@ -63,7 +62,6 @@ def test_the_recorded_missions(tmp_path: Path, suffix: str) -> None:
     assert counted(hold0, "warning")["value-dropped"] == 13  # whole degrees of the gimbal
 
 
-NAN = float("nan")
 ITEMS = render(small_mission(), vehicle())[1:]
 
 
@@ -135,16 +133,12 @@ def swapped(items: list[MissionItem]) -> list[MissionItem]:
         (without(Command.IMAGE_START_CAPTURE), "no-photographs"),
         (without(Command.NAV_TAKEOFF), "no-takeoff"),
         (changed(Command.NAV_WAYPOINT, p1=0.0), "photo-moving"),
-        (changed(Command.IMAGE_START_CAPTURE, p4=float("nan")), "item-rejected"),
         (changed(Command.IMAGE_START_CAPTURE, p4=float("nan")), "photo-never"),
         (changed(Command.IMAGE_START_CAPTURE, p2=2.0, p3=0.0), "photo-interval"),
         (changed(Command.NAV_DELAY, p1=-1.0, p2=14.0, p3=30.0), "delay-until"),
-        (changed(Command.NAV_DELAY, p1=0.0), "delay-until"),
         (as_digicam, "photo-never"),
         (lambda items: [*items, action(Command.DO_GIMBAL_MANAGER_CONFIGURE, -2.0, -2.0)], "item-rejected"),
         (changed(Command.NAV_WAYPOINT, frame=0), "datum"),
-        (changed(Command.NAV_WAYPOINT, p7=94.0), "datum"),
-        (changed(Command.NAV_WAYPOINT, p7=-5000.0), "datum"),
         (changed(Command.CONDITION_YAW, p2=5.0, p3=1.0), "photo-late"),
         (changed(Command.DO_MOUNT_CONTROL, p1=40.0), "pitch-limit"),
         (changed(Command.NAV_WAYPOINT, p7=0.5), "too-low"),
@@ -157,12 +151,7 @@ def swapped(items: list[MissionItem]) -> list[MissionItem]:
         (inserted(MissionItem(17, 3, (0.0, 0, 0, 0, 50.865, 6.4473, 3.0))), "stops-there"),
         (inserted(MissionItem(21, 3, (0.0,) * 7)), "photo-never"),
         (behind(Command.DO_MOUNT_CONTROL, pitch_yaw(flags=1.0)), "no-pitch"),
-        (behind(Command.DO_MOUNT_CONTROL, pitch_yaw(flags=2.0 + 16.0)), "no-pitch"),
         (changed(Command.IMAGE_START_CAPTURE, p1=2.0), "no-photographs"),
-        (inserted(action(203, 0.0, 0.0, 1.0, p5=1.0)), "unknown-item"),
-        (inserted(action(534, 1.0, 2.0)), "unknown-item"),
-        (inserted(action(2003, 1.0)), "item-rejected"),
-        (inserted(MissionItem(82, 3, (1.0, 0, 0, 0, 50.865, 6.4473, 3.0))), "unknown-item"),
         (ReadMission("plan"), "empty"),
         (ReadMission("plan", ITEMS, home=HOME, firmware="dji"), "wrong-vehicle"),
     ],
@@ -184,12 +173,8 @@ def test_a_capture_without_interval_and_number_is_one_photograph_of_ardupilot(di
 @pytest.mark.parametrize(
     ("dialect", "command", "name"),
     [
-        ("ardupilot", 222, "DO_GUIDED_LIMITS"),
-        ("ardupilot", 181, "DO_SET_RELAY"),
-        ("ardupilot", 531, "SET_CAMERA_ZOOM"),
         ("ardupilot", 18, "NAV_LOITER_TURNS"),
         ("px4", 187, "DO_SET_ACTUATOR"),
-        ("px4", 2500, "VIDEO_START_CAPTURE"),
     ],
 )
 def test_what_nobody_can_say_the_photographs_of_is_refused_by_name(dialect: Any, command: int, name: str) -> None:
@@ -207,31 +192,18 @@ def test_what_nobody_can_say_the_photographs_of_is_refused_by_name(dialect: Any,
         (changed(Command.NAV_WAYPOINT, p1=2.5), "value-dropped"),
         (changed(Command.NAV_WAYPOINT, p1=2.0), "short-settle"),
         (changed(Command.NAV_DELAY, p1=0.5), "short-delay"),
-        (changed(Command.NAV_WAYPOINT, p4=90.0), "value-dropped"),
         (changed(Command.CONDITION_YAW, p4=1.0), "heading-unknown"),
         (changed(Command.NAV_TAKEOFF, p7=0.5), "takeoff-raised"),
         (changed(Command.DO_MOUNT_CONTROL, p7=0.0), "mount-mode"),
         (without(Command.NAV_LAND), "no-landing"),
         (changed(Command.NAV_WAYPOINT, frame=10), "datum"),
         (changed(Command.IMAGE_START_CAPTURE, p1=2.0), "other-camera"),
-        (behind(Command.DO_MOUNT_CONTROL, pitch_yaw(gimbal=2.0)), "other-camera"),
         (replace(with_items(lambda _: None), firmware="px4"), "wrong-vehicle"),
     ],
 )
 def test_what_is_worth_knowing_is_said(change: Any, warning: str) -> None:
     report = check_mission(change if isinstance(change, ReadMission) else with_items(change), vehicle())
     assert counted(report, "warning")[warning] > 0
-
-
-@pytest.mark.parametrize(
-    ("dialect", "trigger"),
-    [("ardupilot", 206), ("px4", 206), ("px4", 214)],  # ArduPilot does not know the last one
-)
-def test_a_mission_that_photographs_at_intervals_takes_photographs(dialect: Any, trigger: int) -> None:
-    there = action(trigger, 2.0)
-    items = tuple(there if item.command == Command.IMAGE_START_CAPTURE else item for item in ITEMS)
-    found = counted(checked(items, by=vehicle(dialect)))
-    assert (found["no-photographs"], found["photo-interval"]) == (0, 3)
 
 
 @pytest.mark.parametrize(
@@ -256,26 +228,10 @@ def test_what_turns_the_first_gimbal_of_a_px4(item: MissionItem, pitch: float | 
     assert report.ok == (pitch is not None)
 
 
-@pytest.mark.parametrize(("mode", "warned"), [(0.0, {}), (2.0, {}), (1.0, {"camera-mode": 1})])
-def test_the_cameras_mode_on_px4(mode: float, warned: dict[str, int]) -> None:
-    first, *items = render(small_mission(), vehicle("px4"))
-    report = checked((first, action(Command.SET_CAMERA_MODE, 0.0, mode, NAN, NAN), *items), by=vehicle("px4"))
-    assert report.ok
-    assert counted(report, "warning") == warned
-
-
 def test_a_px4_waits_where_an_item_does_not_continue() -> None:
     first, *items = render(small_mission(), vehicle("px4"))
     report = checked((replace(first, autocontinue=False), *items), by=vehicle("px4"))
     assert counted(report) == {"stops-there": 1}
-
-
-def test_px4_refuses_ardupilots_words() -> None:
-    report = check_mission(with_items(lambda _: None), vehicle("px4"), planned=small_mission().shots)
-    assert counted(report)["item-rejected"] == 3  # CONDITION_YAW of each photograph
-    # Without it all look north: the waypoints' own yaw is 0.
-    assert [shot.heading_deg for shot in report.taken] == 3 * [0.0]
-    assert counted(report)["off-plan"] == 3
 
 
 def stops_of(folder: Path, form: str, count: int) -> ReadMission:
@@ -305,11 +261,9 @@ def test_a_stay_that_litchi_does_not_hold(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("title", "change", "expected"),
     [
-        ("Mavic 3 E, ours", {}, ""),
         ("DJI Matrice 4E", {}, "error"),
         ("DJI Mavic 3 Thermal", {}, "warning"),
         ("a drone without a number", {}, ""),
-        ("DJI Matrice 4E", {"drone": None}, ""),
         ("Mavic 3 E", {"payload": 68}, "warning"),
         ("DJI Matrice 350 with H20T", {"drone": (89, 0), "payload": 50}, "error"),
     ],
@@ -347,17 +301,6 @@ def test_legs_are_tested_along_their_length_not_at_waypoints() -> None:
     assert counted(bad, "warning")["fence"] == 1
 
 
-def test_plants_obstacles_and_the_ceiling_of_a_site() -> None:
-    items = render(small_mission(), vehicle())[1:]
-    # The plot's centre is 11.1 m north of home.
-    plants = Volume("plot-1", ((-2.0, 10.0), (2.0, 10.0), (2.0, 13.0), (-2.0, 13.0)), 1.8, kind="plants")
-    mast = Volume.cylinder("mast", (0.0, 6.0), 0.5, 8.0, 0.5)
-    obstacles = Obstacles((plants, mast), ceiling_m=5.5)
-    report = checked(items, obstacles=obstacles, origin=HOME)
-    assert set(counted(report)) == {"leg-plants", "leg-obstacle", "leg-ceiling"}
-    assert any("mast" in finding.message for finding in report.findings)
-
-
 def test_against_a_plan() -> None:
     mission = small_mission()
     moved = replace(mission.shots[0], latitude_deg=50.8650261)  # 0.4 m north
@@ -382,15 +325,6 @@ def test_the_least_height_is_above_the_plots_own_ground() -> None:
     assert {f.message.split(" is ")[0] for f in uphill.findings if f.code == "too-low"} >= {
         f"{shots[0].place.height_m - 1.4:.2f} m above its plot's ground"
     }
-
-
-def test_two_stations_at_one_place_are_told_apart_by_where_they_look() -> None:
-    here = GeoPoint(50.865, 6.4473, 2.0)
-    shots = tuple(Shot.at(here, yaw, -30.0, "p", k) for k, yaw in enumerate((0.0, 90.0, 180.0)))
-    mission = replace(small_mission(), stops=shots)
-    report = checked(render(mission, vehicle())[1:], planned=tuple(reversed(shots)))
-    assert [d.planned.name for d in report.deviations] == ["station 1 of p", "station 2 of p", "station 3 of p"]
-    assert report.ok
 
 
 def test_the_site_and_another_home() -> None:

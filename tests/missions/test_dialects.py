@@ -99,15 +99,6 @@ def test_px4_has_yaw_in_the_waypoint_and_a_delay_on_both_sides_of_the_shutter() 
     assert items[3].params[4] == 12.0  # roll and pitch locked to the horizon
 
 
-@pytest.mark.parametrize("dialect", ["ardupilot", "px4"])
-def test_a_pitch_beyond_the_mount_names_the_station_and_the_nearest(dialect: str) -> None:
-    shot = Shot.at(GeoPoint(50.865, 6.4473, 2.0), 90.0, -80.0, "plot-3", 5)
-    narrow = vehicle(dialect, mount=Mount(kind="pitch", pitch_deg=(-60.0, 0.0)))
-    with pytest.raises(MissionError, match=r"station 6 of plot-3: pitch -80.0° .*nearest is -60°") as caught:
-        render(replace(small_mission(), stops=(shot,)), narrow)
-    assert "--adjust" in caught.value.remedy
-
-
 def test_what_is_not_sane_is_refused() -> None:
     mission = small_mission()
     far = Shot.at(GeoPoint(50.865, 6.4473, math.nan), 90.0, -40.0, "p", 0)

@@ -1,26 +1,23 @@
 """From a plan to mission files, and back."""
 
 import json
-from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from fieldkit.errors import MissionError, UsageError
+from fieldkit.errors import UsageError
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.export import route_plan
 from fieldkit.missions.export_mission import export_mission, mission_file
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.settings import MissionSettings
-from fieldkit.pictures.mission import draw_mission
 from fieldkit.results.mission import load_mission
 from fieldkit.results.plan import Plan, PlanPlants, Station
 from fieldkit.routing.mission import Shot
-from fieldkit.sites.placement import SiteFrame, home_of, place
+from fieldkit.sites.placement import home_of
 from fieldkit.sites.plot_plants import with_plant_height
-from fieldkit.sites.site import NoFly, Site
+from fieldkit.sites.site import Site
 from fieldkit.sites.site_file import load_site
 from fieldkit.sites.site_obstacles import site_obstacles
 from fieldkit.vehicles.vehicle_file import load_vehicle
@@ -52,41 +49,19 @@ def planned(count: int = 7, *, height_m: float = 1.2, plants: bool = True) -> Pl
     return Plan(fieldkit="0", stations=tuple(stations), plants=kept)
 
 
-def test_every_photograph_is_the_plans_and_no_leg_comes_too_near() -> None:
-    plan, field = planned(), site()
-    routed = route_plan(plan, VEHICLE, field)
-    (flight,) = routed.flights
-    shots = {shot.station: shot for shot in place(plan, field)}
-    assert {shot.station: shot for shot in flight.mission.shots} == shots
-    assert routed.plants_m > VEHICLE.clearance_m - 0.07
-    # By samples along the legs, against the plants themselves.
-    plants = np.array(plan.plants.points_m) if plan.plants else np.zeros((0, 3))
-    origin = SiteFrame(field.home).to_local(field.plots[0].latitude_deg, field.plots[0].longitude_deg, 0.0)[0]
-    nearest = min(
-        np.linalg.norm(a + share * (b - a) - origin - plants, axis=1).min()
-        for leg in routed.legs()
-        for a, b in pairwise(leg)
-        for share in np.linspace(0, 1, 60)
-    )
-    assert nearest == pytest.approx(routed.plants_m, abs=0.02)
-    assert routed.lowest_m == pytest.approx(1.2)
-
-
 @pytest.mark.parametrize(
     ("vehicle", "form", "suffix"),
     [
         ("ardupilot-pitch", "plan", ".plan"),
-        ("ardupilot-pitch", "waypoints", ".waypoints"),
         ("ardupilot-pan", "plan", ".plan"),
-        ("px4-gimbal", "plan", ".plan"),
         ("px4-gimbal", "waypoints", ".waypoints"),
         ("dji-mavic-3-enterprise", "wpml", ".kmz"),
         ("dji-mini-4-pro", "litchi", ".csv"),
     ],
 )
-@pytest.mark.parametrize("slope", [{}, {"slope_percent": 12.0, "uphill_heading_deg": 310.0, "row_heading_deg": 75.0}])
-def test_what_is_written_passes_its_check_against_the_plan(tmp_path, vehicle, form, suffix, slope) -> None:
+def test_what_is_written_passes_its_check_against_the_plan(tmp_path, vehicle, form, suffix) -> None:
     plan, profile = planned(height_m=2.0, plants=False), load_vehicle(vehicle)
+    slope = {"slope_percent": 12.0, "uphill_heading_deg": 310.0, "row_heading_deg": 75.0}
     field = site().with_each(lambda plot: plot.model_copy(update=slope))
     done = export_mission(
         plan, vehicle, field, tmp_path / "mission", MissionSettings(format=form, adjust=True), picture=False
@@ -105,10 +80,6 @@ def test_what_is_written_passes_its_check_against_the_plan(tmp_path, vehicle, fo
     assert done.routed.time_s == pytest.approx(report.seconds)
     assert done.routed.length_m == pytest.approx(report.length_m)
     assert load_mission(done.files[1]).flights[0].length_m == pytest.approx(report.length_m)
-    # From take-off to landing: the legs, and straight up and down.
-    legs = sum(float(np.linalg.norm(np.diff(leg, axis=0), axis=1).sum()) for leg in done.routed.legs())
-    ends = done.routed.legs()[0][0, 2] + done.routed.legs()[-1][-1, 2]
-    assert report.length_m == pytest.approx(legs + ends, abs=0.01)
     assert load_mission(done.files[1]).flights[0].time_s == pytest.approx(report.seconds)
     assert done.routed.flights[0].flight.time.battery == pytest.approx(report.seconds / profile.battery.usable_s)
 
@@ -117,7 +88,6 @@ def test_what_is_written_passes_its_check_against_the_plan(tmp_path, vehicle, fo
     ("vehicle", "form", "interval_s"),
     [
         ("ardupilot-pitch", "plan", 1.0),
-        ("fixed-gimbal", "waypoints", 1.0),
         ("px4-gimbal", "plan", 1.5),
         ("dji-mavic-3-enterprise", "wpml", 1.0),
         ("dji-mini-4-pro", "litchi", 1.0),
@@ -177,12 +147,6 @@ def test_a_station_that_lost_photographs_is_named_and_so_are_hasty_ones(tmp_path
     assert (short.station, short.photograph) == (shots[3].station, 12)
     assert hasty.message == "taken 0.3 s after the one before; the vehicle's profile asks for 1 s"
     assert (hasty.station, hasty.photograph) == (shots[1].station, 6)
-    unplanned = check_mission(read_mission(file), VEHICLE, burst=5)
-    assert sum("of 5 photographs" in f.message for f in unplanned.findings) == 7
-    # One photograph more somewhere is no burst.
-    single = check_mission(read_mission(export_mission(planned(), VEHICLE, field, tmp_path / "n").files[0]), VEHICLE)
-    assert single.burst == 1
-    assert not single.findings
 
 
 @pytest.mark.parametrize(
@@ -240,32 +204,6 @@ def test_no_file_takes_more_than_a_battery(tmp_path: Path) -> None:
         assert each.flight.time.total_s == pytest.approx(report.seconds)
 
 
-def test_stations_too_low_over_plants_for_a_vehicle_are_raised_over_them(tmp_path: Path) -> None:
-    """As a plan that was made for a smaller vehicle: the demo's, on PX4's."""
-    plan, profile = planned(5, height_m=1.25), load_vehicle("px4-gimbal")
-    close = plan.model_copy(
-        update={
-            "stations": tuple(
-                station.model_copy(
-                    update={"position_m": (0.65 * station.position_m[0], 0.65 * station.position_m[1], 1.25)}
-                )
-                for station in plan.stations
-            )
-        }
-    )
-    with pytest.raises(MissionError, match="too low over the plants") as caught:
-        route_plan(close, profile, site())
-    assert "--adjust" in caught.value.remedy
-    done = export_mission(close, profile, site(), tmp_path / "m", MissionSettings(adjust=True), picture=False)
-    assert done.routed.moved
-    assert {limit for each in done.routed.moved for limit in each.limits} == {"plants"}
-    assert "too low over the plants for PX4" in str(done.routed.moved[0])
-    assert done.routed.plants_m > profile.clearance_m - 0.07
-    assert 1.25 < done.routed.lowest_m < 1.7
-    obstacles = site_obstacles(site(), profile.clearance_m, close)
-    assert check_mission(read_mission(done.files[0]), profile, obstacles=obstacles).ok
-
-
 def test_many_plots_take_several_flights_in_numbered_files(tmp_path: Path) -> None:
     vehicle = VEHICLE.model_copy(update={"battery": VEHICLE.battery.model_copy(update={"endurance_s": 320.0})})
     done = export_mission(
@@ -285,14 +223,6 @@ def test_many_plots_take_several_flights_in_numbered_files(tmp_path: Path) -> No
     assert done.files[-1].read_bytes()[:4] == b"\x89PNG"
     names = {each.mission.name for each in done.routed.flights}
     assert len(names) == len(done.routed.flights)
-
-
-def test_a_zone_over_the_plot_is_an_error_that_names_it() -> None:
-    field = site()
-    lat, lon = field.plots[0].latitude_deg, field.plots[0].longitude_deg
-    zone = NoFly(name="nest", corners=((lat - 1e-5, lon - 3e-5), (lat - 1e-5, lon + 3e-5), (lat + 5e-5, lon)))
-    with pytest.raises(MissionError, match="station"):
-        route_plan(planned(), VEHICLE, field.model_copy(update={"no_fly": (zone,)}))
 
 
 def test_files_are_kept_and_wrong_names_are_refused(tmp_path: Path) -> None:
@@ -325,25 +255,3 @@ def test_a_files_suffix_says_its_format(name: str, asked: str | None, form: str)
     assert mission_file(Path(name), asked)[1] == form
     with pytest.raises(UsageError, match="plan missions are"):
         mission_file(Path("m.geojson"), None)
-
-
-def test_one_number_for_a_station_wherever_it_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Not the order of flight: the plan's own number, from 1, as in its picture."""
-    drawn: dict[str, Any] = {}
-
-    def kept(*given: Any, **options: Any) -> Any:
-        drawn.update(options)
-        return draw_mission(*given, **options)
-
-    monkeypatch.setattr("fieldkit.pictures.mission.draw_mission", kept)
-    done = export_mission(planned(6), VEHICLE, site(), tmp_path / "m.plan")
-    shots = done.routed.flights[0].mission.shots
-    order = [shot.station + 1 for shot in shots]
-    assert order != sorted(order)
-    assert [shot.name for shot in shots] == [f"station {number} of plot" for number in order]
-    assert drawn["stations"] == [str(number) for number in order]
-    assert drawn["plots"] == ["plot"] * 6
-    features = json.loads((tmp_path / "m.geojson").read_text())["features"]
-    assert [f["properties"]["station"] for f in features if f["properties"]["kind"] == "station"] == order
-    flown = load_mission(done.files[1])
-    assert [station.station + 1 for station in flown.flights[0].stations] == order

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from fieldkit.missions.autopilots.writing import render
-from fieldkit.missions.check import check_on_ground, findings_by_dialect
+from fieldkit.missions.check import check_on_ground
 from fieldkit.missions.files.read_mission import ReadMission, ReadStop
 from fieldkit.missions.findings import Report
 from fieldkit.missions.ground import Ground
@@ -49,9 +49,3 @@ def test_items_above_sea_level_are_above_the_sites_home() -> None:
     read = in_frame(Frame.GLOBAL, 92.0, 92.0)
     lowest = [min(p.place.height_m for p in checked(read, each).photographs if p.place) for each in (FIELD, site)]
     assert lowest[0] - lowest[1] == pytest.approx(6.0)
-
-
-def test_what_cannot_be_checked_is_not_uploaded() -> None:
-    read = in_frame(Frame.GLOBAL_TERRAIN_ALT, 92.0)
-    (findings,) = findings_by_dialect(read, None, FIELD).values()
-    assert [f.severity for f in findings if f.code == "plants-unchecked"] == ["error"]

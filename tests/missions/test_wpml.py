@@ -57,35 +57,6 @@ def test_only_models_that_wpml_has_a_number_for() -> None:
         mission_bytes("wpml", small_mission(), vehicle())
 
 
-@pytest.mark.parametrize(
-    ("title", "numbers"),
-    [
-        ("DJI Mavic 3 Enterprise", ("77", "0", "66", "wide")),
-        ("M3T", ("77", "1", "67", "wide")),
-        ("DJI Mavic 3 Multispectral", ("77", "2", "68", "visable")),
-        ("DJI Matrice 4E", ("99", "0", "88", "wide")),
-        ("our M4T", ("99", "1", "89", "wide")),
-        ("Matrice 3D", ("91", "0", "80", "wide")),
-        ("Matrice 3TD", ("91", "1", "81", "wide")),
-        ("Matrice 30", ("67", "0", "52", "wide")),
-        ("DJI M30T", ("67", "1", "53", "wide")),
-        ("DJI Matrice 350 RTK with H20T", ("89", "0", "43", "wide")),
-        ("DJI Matrice 300, H30", ("60", "0", "82", "wide")),
-        ("DJI Mini 4 Pro", ("68", "0", None, "wide")),
-    ],
-)
-def test_models_have_the_numbers_of_djis_documentation(title: str, numbers: tuple[str, str, str | None, str]) -> None:
-    for root in contents(mission_bytes("wpml", small_mission(), vehicle("dji", title=title))):
-        config = root.find("Document/missionConfig")
-        photo = next(a for a in root.iter("action") if a.findtext("actionActuatorFunc") == "takePhoto")
-        assert numbers == (
-            config.findtext("droneInfo/droneEnumValue"),
-            config.findtext("droneInfo/droneSubEnumValue"),
-            config.findtext("payloadInfo/payloadEnumValue"),
-            photo.findtext("actionActuatorFuncParam/payloadLensIndex"),
-        )
-
-
 def test_it_turns_on_the_short_way_and_groups_count_from_0() -> None:
     mission = small_mission()
     for root in contents(mission_bytes("wpml", mission, DJI)):

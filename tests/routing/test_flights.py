@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldkit.errors import MissionError
-from fieldkit.routing.flight_time import flight_time, landing_s, path_time_s, takeoff_s, turn_time_s
+from fieldkit.routing.flight_time import flight_time, landing_s, takeoff_s, turn_time_s
 from fieldkit.routing.flights import FileCapacity, Flight, Stop, plan_flights
 from fieldkit.routing.obstacles import Obstacles, Volume
 from fieldkit.routing.plot_tours import Costs, split
@@ -128,17 +128,6 @@ def test_plots_are_shared_out_to_as_few_flights_as_the_battery_allows() -> None:
     check(flights, stops, obstacles, items)
     assert len(flights) == 2
     assert len(fly(stops, obstacles, copter(4000.0, max_items=most))) == 1
-
-
-def test_many_stations_on_one_plot() -> None:
-    rng = np.random.default_rng(0)
-    places = rng.uniform((10, 10, 2), (30, 30, 4), (40, 3))
-    stops = [Stop((float(x), float(y), float(z)), 0.0, 5.0, "plot") for x, y, z in places]
-    flown_by = copter()
-    (flight,) = fly(stops, Obstacles(), flown_by)
-    check((flight,), stops, Obstacles(), flown_by)
-    shuffled = sum(path_time_s(places[[a, b]], flown_by.speeds) for a, b in pairwise(range(40)))
-    assert flight.time.legs_s < 0.75 * shuffled  # which does not count the ways from home and back
 
 
 def test_a_plot_that_does_not_fit_is_named_with_how_much_is_lacking() -> None:

@@ -70,31 +70,6 @@ def test_the_nearest_plants_are_those_of_brute_force(seed: int, plots: int) -> N
         assert canopy.nearest_m(ways) <= brute_m(site, ways) + 1e-6
 
 
-def test_what_an_export_calls_nearest_is_the_least_over_all_that_is_flown() -> None:
-    """Home between the plots, so that the climb, not a station, is nearest to a plot, and that one is not flown."""
-    site = field(4, 3)
-    neighbour = site.neighbours[0].model_copy(
-        update={
-            "longitude_deg": 6.4473,
-            "latitude_deg": 50.8649 + 3e-5,
-            "length_m": 3.0,
-            "width_m": 3.0,
-            "slope_percent": 0.0,
-            "row_heading_deg": 90.0,
-        }
-    )
-    site = site.model_copy(update={"neighbours": (neighbour,)})
-    plots = tuple(
-        plot.model_copy(update={"slope_percent": 0.0, "length_m": 1.0, "width_m": 1.0}) for plot in site.plots
-    )
-    site = site.model_copy(update={"plots": plots})
-    routed = route_plan(planned(5, height_m=2.2), VEHICLE, site)
-    legs = routed.legs()
-    ways = [np.vstack([legs[0][:1] * (1, 1, 0), *legs, legs[-1][-1:] * (1, 1, 0)])]
-    assert abs(routed.plants_m - brute_m(site, ways)) < _STEP_M
-    assert routed.plants_m < VEHICLE.clearance_m + 1.5
-
-
 def test_stations_over_other_plots_are_told_and_those_too_near_refused() -> None:
     ring = planned(8, height_m=2.4)
     near = [

@@ -10,12 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.arrays import BoolArray, FloatArray
-from fieldkit.cli.main import main
 from fieldkit.errors import MissionError
 from fieldkit.missions.export_mission import export_mission
 from fieldkit.missions.settings import MissionSettings
 from fieldkit.results.plan import Plan, PlanEnvelope, PlanPlants
-from fieldkit.results.plan_file import load_plan, save_plan
+from fieldkit.results.plan_file import load_plan
 from fieldkit.sites.fitted import fitted, fitted_to, fitted_to_height, flown_plans
 from fieldkit.sites.plot_plants import BAND_M, Band, PlanFacts, no_fly_bands
 from fieldkit.sites.site import SitePlot
@@ -89,13 +88,6 @@ def test_whatever_the_plot_the_plan_keeps_its_limits_and_fits_once(height, lengt
     assert (was >= from_box - 1e-9).all()
 
 
-def test_cameras_keep_looking_at_the_same_part_of_the_plants() -> None:
-    plan = plan_in_envelope()
-    found = fitted(plan, plot(plant_height_m=1.35 * 0.9))
-    np.testing.assert_allclose(aims(found)[:, 2], 1.35 * aims(plan)[:, 2], rtol=0.12)
-    assert (positions(found)[:, 2] > positions(plan)[:, 2]).all()
-
-
 def test_a_plan_stated_for_plants_of_a_height_is_fitted_unless_it_must_not_be() -> None:
     """Its plants are those of several plots, of which one may be higher than the height it is stated for."""
     plan = plan_in_envelope().model_copy(update={"plant_height_m": 0.8})
@@ -149,31 +141,6 @@ def test_every_kind_of_plot_has_its_own_plan_and_its_file(tmp_path: Path) -> Non
     assert sum(file.suffix == ".json" for file in done.files) == 3
     for name, found in heights.items():
         assert sorted(found) == pytest.approx(sorted(positions(plans[name])[:, 2]), abs=1e-6)
-
-
-def test_a_fitted_mission_is_checked_against_the_fitted_stations(tmp_path, capsys) -> None:
-    save_plan(tmp_path / "plan.json", plan_in_envelope())
-    site = tmp_path / "site.toml"
-    site.write_text(
-        'format = 1\nname = "field"\n[home]\nlatitude_deg = 50.8649\nlongitude_deg = 6.4473\n'
-        '[[plots]]\nname = "a"\nlatitude_deg = 50.8650\nlongitude_deg = 6.4473\nplant_height_m = 1.2\n'
-    )
-    where, what = ["--site", str(site)], ["--vehicle", "ardupilot-pitch"]
-    file = str(tmp_path / "m.plan")
-    assert main(["export-mission", str(tmp_path / "plan.json"), *what, *where, "--fit", "-o", file]) == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert "Fitted to a: plants 1.3" in said
-    assert "m-a.json" in said
-    stated = plan_in_envelope().model_copy(update={"plant_height_m": 0.9})
-    save_plan(tmp_path / "kind.json", stated)
-    for plan, fit, code in (
-        ("plan.json", ["--fit"], 0),
-        ("m-a.json", [], 0),
-        ("plan.json", [], 5),
-        ("kind.json", [], 0),
-        ("kind.json", ["--no-fit"], 5),
-    ):
-        assert main(["check-mission", file, *what, *where, "--plan", str(tmp_path / plan), *fit]) == code
 
 
 # The plants' no-fly volume.

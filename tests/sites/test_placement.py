@@ -13,7 +13,7 @@ from fieldkit.arrays import FloatArray
 from fieldkit.errors import MetadataError, MissionError
 from fieldkit.results.plan import Plan, Station
 from fieldkit.routing.mission import GeoPoint
-from fieldkit.sites.placement import MAX_SHOTS, PlotFrame, SiteFrame, ground_below, home_of, place
+from fieldkit.sites.placement import MAX_SHOTS, PlotFrame, SiteFrame, place
 from fieldkit.sites.site import Site, SiteHome, SitePlot
 
 SITL = Path(__file__).parents[2] / "sim" / "sitl"
@@ -142,33 +142,6 @@ def test_a_heading_points_at_what_the_camera_looks_at(where: str, row_heading: f
     )
     assert abs((first.yaw_deg - azimuth + 180.0) % 360.0 - 180.0) < 1e-4
     assert metres == pytest.approx(5.0, abs=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("row_heading", "yaw", "heading"), [(90.0, 30.0, 30.0), (0.0, 30.0, 300.0), (180.0, 300.0, 30.0), (90.0, -360, 0.0)]
-)
-def test_only_the_plots_heading_turns(row_heading: float, yaw: float, heading: float) -> None:
-    site = site_at(50.0, 6.0, row_heading_deg=row_heading)
-    for own in (None, 90.0, 25.0):  # how the plot lay that the plan was made on
-        (shot,) = place(plan_of((0.0, 0.0, 2.0, yaw, -45.0), row_heading_deg=own), site)
-        assert shot.yaw_deg == pytest.approx(heading, abs=1e-9)
-
-
-def test_plots_in_their_order_with_their_names() -> None:
-    home = SiteHome(latitude_deg=50.0, longitude_deg=6.0, amsl_m=90.0)
-    plots = tuple(
-        SitePlot(name=name, latitude_deg=50.0 + 1e-4 * k, longitude_deg=6.0, height_m=90.0 + k, datum="amsl")
-        for k, name in enumerate(("b", "a", "c"))
-    )
-    site = Site(home=home, plots=plots)
-    shots = place(plan_of((0, 0, 2, 0, -90), (1, 0, 3, 0, -60)), site)
-    assert [(shot.plot, shot.station) for shot in shots] == [(p, s) for p in "bac" for s in (0, 1)]
-    assert [shot.place.height_m for shot in shots] == pytest.approx([2, 3, 3, 4, 4, 5], abs=1e-6)
-    assert [shot.pitch_deg for shot in shots] == [-90, -60] * 3
-    assert shots[1].name == "station 2 of b"
-    assert home_of(site).amsl_m == 90.0
-    beside = Site(home=home, plots=plots[:1], neighbours=plots[1:])
-    assert ground_below(beside, [shot.place for shot in shots]).tolist() == pytest.approx([0, 0, 1, 1, 2, 2], abs=1e-6)
 
 
 def test_outlines() -> None:

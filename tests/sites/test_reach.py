@@ -53,17 +53,6 @@ def test_too_low_is_above_the_plots_ground_and_not_above_home() -> None:
     assert "0.60 m above the ground, but" in found[0].what
 
 
-def test_a_fixed_camera_has_one_pitch() -> None:
-    vehicle = load_vehicle("fixed-gimbal")
-    shots, problems = nearest(shots_of((2.0, -45.0), (2.0, -60.0), (0.5, 10.0)), SITE, vehicle)
-    assert {shot.pitch_deg for shot in shots} == {-45.0}
-    assert [(each.shot.station, each.limits) for each in problems if each.shot.plot == "low"] == [
-        (1, ("pitch",)),
-        (2, ("pitch", "height")),
-    ]
-    assert "is fixed at -45°" in problems[0].what
-
-
 def test_stations_that_become_one_photograph_are_named() -> None:
     """On a fixed mount, two stations at a place that looked down and ahead."""
     vehicle = load_vehicle("fixed-gimbal")

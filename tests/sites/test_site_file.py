@@ -1,7 +1,6 @@
 """Site files and plots files."""
 
 import json
-import math
 import re
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,6 @@ from fieldkit.sites.placement import SiteFrame
 from fieldkit.sites.plots_file import heading_near, load_plots, plot_shape
 from fieldkit.sites.site import NoFly, Obstacle, Site, SiteHome, SitePlot
 from fieldkit.sites.site_file import load_site, with_plots
-from fieldkit.sites.vector_files import read_features
 from tests.vehicles.test_vehicle_file import check_table
 
 ROOT = Path(__file__).parents[2]
@@ -105,16 +103,6 @@ def test_the_readme_lists_the_keys(section: str, model: type[BaseModel]) -> None
     check_table(section, model)
 
 
-def test_defaults(tmp_path: Path) -> None:
-    site = load_site(site_file(tmp_path))
-    assert site == Site(
-        name="site",
-        home=SiteHome(latitude_deg=50.8649, longitude_deg=6.4473, amsl_m=92.0),
-        plots=(SitePlot(latitude_deg=50.8650, longitude_deg=6.4473),),
-    )
-    assert (site.takeoff_m, site.transit_m, site.plots[0].row_heading_deg) == (5.0, 5.0, 90.0)
-
-
 def test_polygons_inline_and_beside_are_the_same(tmp_path: Path) -> None:
     (tmp_path / "maps").mkdir()
     geojson(tmp_path, polygon(SQUARE, name="hut"), name="zones.geojson")
@@ -127,13 +115,6 @@ def test_polygons_inline_and_beside_are_the_same(tmp_path: Path) -> None:
     site = load_site(site_file(tmp_path, with_top('geofence = "multi.geojson"')))
     assert len(site.fence) == 2
     assert site.fence[0] == site.fence[1] == tuple((lat, lon) for lon, lat in SQUARE[:-1])
-
-
-def test_a_long_line_of_numbers_and_a_row_of_dots(tmp_path: Path) -> None:
-    angles = np.linspace(0, 2 * np.pi, 300, endpoint=False)
-    corners = [[50.865 + 1e-3 * math.cos(a), 6.4473 + 1e-3 * math.sin(a)] for a in angles.tolist()]
-    site = load_site(site_file(tmp_path, with_top(f"# {'.' * 200}\ngeofence = [{corners}]")))
-    assert [list(corner) for corner in site.fence[0]] == corners
 
 
 def test_plots_beside_in_place_of_or_instead_of(tmp_path: Path) -> None:
@@ -155,65 +136,19 @@ def test_plots_beside_in_place_of_or_instead_of(tmp_path: Path) -> None:
     assert "--plots" in caught.value.remedy
 
 
-def _another(name: str, size_m: float, latitude_deg: float = 50.86501) -> str:
-    place = f"latitude_deg = {latitude_deg}\nlongitude_deg = 6.4473\n"
-    return f"[[plots]]\nname = '{name}'\n{place}length_m = {size_m}\nwidth_m = {size_m}\n"
-
-
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
         ("format = 1", "", "has no 'format'"),
         ("latitude_deg = 50.8649", "lat = 50.8649", "home.latitude_deg: is missing"),
-        ("amsl_m = 92.0", "amsl = 92.0", "home.amsl: is not a key of this format"),
         ("amsl_m = 92.0", "amsl_m = 92.0\nellipsoid_m = 300", "home: ellipsoid_m 300 and amsl_m 92 differ by more"),
-        ("amsl_m = 92.0", "amsl_m = inf", "home.amsl_m: "),
-        ("longitude_deg = 6.4473\na", "longitude_deg = 190\na", "home.longitude_deg: "),
-        ("[[plots]]", "[[plots]]\nheight_m = 91", "plots 1: height_m is 91, but above what?"),
-        ("[[plots]]", '[[plots]]\ndatum = "amsl"', 'plots 1: datum is "amsl", but height_m is missing'),
-        ("[[plots]]", '[[plots]]\nheight_m = 91.4\ndatum = "home"', 'this looks like datum "amsl"'),
-        ("[[plots]]", '[[plots]]\nheight_m = 141\ndatum = "ellipsoid"', "home needs ellipsoid_m"),
-        (
-            "[[plots]]",
-            _another("a", 1).replace("]]", ']]\nheight_m = 91\ndatum = "home"', 1)
-            + '[[plots]]\nheight_m = 141\ndatum = "ellipsoid"',
-            'looks like datum "amsl"; plot is given in metres above',
-        ),
-        ("[[plots]]", '[[plots]]\nheight_m = 45\ndatum = "amsl"', "plot lies 47 m below home and 11 m away"),
-        ("[[plots]]", '[[plots]]\nheight_m = 40\ndatum = "home"', "40 m above home and 11 m away: is one of"),
-        (
-            "[[plots]]",
-            '[[plots]]\nname = "a"\nlatitude_deg = 50.8650\nlongitude_deg = 6.4473\n[[plots]]\nname = "a"',
-            'plots: two of them are called "a"',
-        ),
-        (
-            "[[plots]]",
-            '[[plots]]\nname = "a"\nlatitude_deg = 50.8650001\nlongitude_deg = 6.4473\n[[plots]]\nname = "b"',
-            "plots: a and b lie over each other, by 89%",
-        ),
-        ("[[plots]]", f"{_another('a', 3)}[[plots]]\nname = 'b'", "plots: a and b lie over each other, by 100%"),
-        (
-            "[[plots]]",
-            f"{_another('all', 90)}{_another('c', 1, 50.86508)}[[plots]]\nname = 'b'",
-            "plots: all lies over 2 others (b and c), as the outline of a field does",
-        ),
-        ("[[plots]]", '[[plots]]\nname = "a\\nb"', "plots 1.name: is not plain text"),
-        ("[[plots]]", '[[plots]]\nname = ""', "plots 1.name: "),
-        ("[[plots]]", "[[plots]]\nname = 3", "plots 1.name: "),
         (
             "latitude_deg = 50.8650\nlongitude_deg = 6.4473",
             "latitude_deg = 6.4473\nlongitude_deg = 50.8650",
             "its latitude and longitude look swapped",
         ),
         ("latitude_deg = 50.8650", "latitude_deg = 52.8650", 'plot "plot" lies 223 km from home'),
-        ("longitude_deg = 6.4473", "longitude_deg = 12.4473", "km from home"),
         ("format = 1", "format = 1\nceiling_m = 4", "takeoff_m is 5, above ceiling_m, which is 4"),
-        (
-            "format = 1",
-            "format = 1\nlanding = {latitude_deg = 0, longitude_deg = 6}",
-            "landing lies 5,636 km from home",
-        ),
-        ("format = 1", "format = 1\ngeofence = [[[1, 2], [3, 4]]]", "geofence 1: "),
         ("format = 1", "format = 1\ngeofence = [[[1, 2], [3, 4], [1, 2]]]", "fewer than three different corners"),
         (
             "format = 1",
@@ -228,14 +163,6 @@ def _another(name: str, size_m: float, latitude_deg: float = 50.86501) -> str:
         ("format = 1", 'format = 1\ngeofence = "../fence.geojson"', "leads out of the site file's folder"),
         ("format = 1", 'format = 1\ngeofence = "no.geojson"', "there is no such file"),
         ("format = 1", 'format = 1\nno_fly = ""', "no_fly: is not a path"),
-        ("format = 1", "format = 1\nno_fly = 3", "no_fly: "),
-        (
-            "format = 1",
-            "format = 1\nobstacles = [{latitude_deg = 0, longitude_deg = 0, radius_m = 1, top_m = 1}]",
-            'obstacle "obstacle" lies',
-        ),
-        ("format = 1", "format = 1\nrally = [{latitude_deg = 0, longitude_deg = 0}]", "rally 1 lies"),
-        ("[[plots]]", "[plots]", "plots: "),
     ],
 )
 def test_site_errors(tmp_path: Path, old: str, new: str, message: str) -> None:
@@ -265,30 +192,15 @@ def test_no_way_out_of_the_folder(tmp_path: Path) -> None:
     [
         ([point()], "feature 1: is a point without row_heading_deg"),
         ([point(row_heading_deg="90")], "feature 1: row_heading_deg: "),
-        ([point(row_heading_deg=1000)], "feature 1: row_heading_deg: "),
         ([point(50.8650, 96.4473, row_heading_deg=0)], SWAPPED.looks_like),
         ([point(326543.2, 5637000.1, row_heading_deg=0)], "metres of a map projection look like this"),
         ([point(6.4, 50.8, 91.5, row_heading_deg=0)], "has the height 91.5 in its coordinates"),
         ([point(row_heading_deg=0, height_m=91.5)], "height_m is 91.5, but above what?"),
-        ([point(row_heading_deg=0, height_m=1, datum="nhn")], "feature 1: datum: "),
-        ([point(row_heading_deg=0, name="a"), point(row_heading_deg=0, name="a ")], 'is called "a", as feature 1 is'),
-        ([point(row_heading_deg=0, name=True)], "feature 1: name: "),
-        ([point(row_heading_deg=0, name="\ud800")], "feature 1: name: "),
-        ([point(row_heading_deg=0, name="x" * 81)], "feature 1: name: "),
         ([polygon(SQUARE, SQUARE)], "has a hole"),
         ([polygon([SQUARE[0], SQUARE[1], SQUARE[0]])], "fewer than three different corners"),
-        ([polygon([SQUARE[0], SQUARE[2], SQUARE[1], SQUARE[3], SQUARE[0]])], "crosses itself"),
-        ([polygon([[0, 0], [1, 0], [1, 1]])], "is wider than 10 km"),
         ([polygon(rectangle((50.0, 6.0), 20, 4.1, 4.0))], "nearly square"),
-        (
-            [{"type": "Feature", "geometry": {"type": "MultiPolygon", "coordinates": [[SQUARE], [SQUARE]]}}],
-            "has several parts",
-        ),
-        ([{"type": "Feature", "geometry": {"type": "LineString", "coordinates": SQUARE}}], "is a LineString"),
         ([{"type": "Feature", "geometry": None}], "feature 1: is not a feature with a geometry"),
-        ([{"type": "Feature", "geometry": {"type": "Point", "coordinates": []}}], "a position is not"),
         ([{"type": "Feature", "geometry": {"type": "Point", "coordinates": [True, 1]}}], "a position is not"),
-        ([3], "feature 1: is not a feature"),
         ([], "holds no features"),
         ([point(row_heading_deg=0)] * 2001, "2000 are the most"),
     ],
@@ -311,17 +223,6 @@ def test_plots_far_from_home_or_without_its_datum(tmp_path: Path) -> None:
     plots = load_plots(geojson(tmp_path, point(row_heading_deg=0, height_m=140.0, datum="ellipsoid")))
     with pytest.raises(MetadataError, match="home needs ellipsoid_m"):
         with_plots(load_site(site), plots)
-
-
-def test_reference_systems(tmp_path: Path) -> None:
-    def crs(name: str) -> dict[str, Any]:
-        return {"type": "name", "properties": {"name": name}}
-
-    good = geojson(tmp_path, point(row_heading_deg=0), crs=crs("urn:ogc:def:crs:OGC:1.3:CRS84"))
-    assert len(read_features(good)) == 1
-    bad = geojson(tmp_path, point(row_heading_deg=0), crs=crs("urn:ogc:def:crs:EPSG::25832"))
-    with pytest.raises(MetadataError, match=r"coordinates that are none in .*EPSG:25832.*: these look like degrees"):
-        read_features(bad)
 
 
 @given(
@@ -357,13 +258,6 @@ def test_all_plots_of_a_field_lie_the_same_way_round(tmp_path: Path) -> None:
     assert heading_near(170.0, 45.0) == 350.0
 
 
-def test_names(tmp_path: Path) -> None:
-    path = geojson(tmp_path, point(row_heading_deg=0, name=None), point(row_heading_deg=0, name=17))
-    with pytest.raises(MetadataError, match='feature 1: has no "name", which others have'):
-        load_plots(path)
-    assert [plot.name for plot in load_plots(geojson(tmp_path, point(row_heading_deg=0, name=17)))] == ["17"]
-
-
 def test_changed_at_random(tmp_path: Path) -> None:
     sites = tmp_path / "sites"
     sites.mkdir()
@@ -377,14 +271,14 @@ def test_changed_at_random(tmp_path: Path) -> None:
     seeds = [(SITES / "example.toml").read_bytes(), whole.encode(), slopes.encode()]
     (sites / "slopes.toml").write_text(slopes)
     assert [round(plot.slope_percent, 1) for plot in load_site(sites / "slopes.toml").plots] == [4.5, 6.1]
-    found = fuzz(Target(".toml", seeds, load_site), 400, sites, seed=5)
+    found = fuzz(Target(".toml", seeds, load_site), 100, sites, seed=5)
     assert not found.defects
     assert (found.hangs, found.written) == (0, ())
     seeds = [(SITES / name).read_bytes() for name in ("plots.geojson", "hillside.geojson", "example-fence.geojson")]
-    found = fuzz(Target(".geojson", seeds, load_plots), 400, tmp_path, seed=6)
+    found = fuzz(Target(".geojson", seeds, load_plots), 100, tmp_path, seed=6)
     assert not found.defects
     assert (found.hangs, found.written) == (0, ())
-    assert found.refused > 30
+    assert found.refused > 10
 
 
 def test_plots_side_by_side_may_share_an_edge(tmp_path: Path) -> None:

@@ -1,8 +1,7 @@
 """Vehicle profiles."""
 
 import re
-from contextlib import nullcontext
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -10,15 +9,10 @@ import pytest
 from pydantic import BaseModel
 
 from benchmarks.fuzzing import Target, fuzz
-from fieldkit.errors import MetadataError, MissionError
+from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics
-from fieldkit.missions.autopilots.execution import Execution, Photograph
-from fieldkit.missions.autopilots.writing import check_shot
-from fieldkit.missions.check_photographs import photograph_findings
-from fieldkit.routing.mission import GeoPoint, Shot
 from fieldkit.vehicles.vehicle import Battery, Mount, Speeds, Trigger, Vehicle
 from fieldkit.vehicles.vehicle_file import find_vehicle, load_vehicle, vehicle_names, vehicles_folder
-from tests.missions.vehicles import vehicle as copter
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "missions" / "README.md").read_text(encoding="utf-8")
@@ -64,14 +58,6 @@ def test_what_is_shipped() -> None:
         assert f"| `{name}` |" in README, name
     assert vehicles["ardupilot-pitch"].battery.usable_s == pytest.approx(1080 * 0.75)
     assert [vehicles[f"dji-{name}"].mass_kg for name in ("mavic-3-enterprise", "mini-4-pro")] == [0.915, 0.249]
-
-
-def test_the_profile_of_the_recordings() -> None:
-    """What sim/sitl measured."""
-    vehicle = load_vehicle("ardupilot-pitch")
-    assert vehicle.mount.pitch_deg == (-90.0, 30.0)
-    assert (vehicle.trigger.settle_s, vehicle.trigger.exposure_s) == (4.0, 1.0)
-    assert (vehicle.speeds.cruise_mps, vehicle.acceptance_m, vehicle.max_items) == (2.0, 0.2, 650)
 
 
 @pytest.mark.parametrize(
@@ -137,10 +123,6 @@ def test_errors(tmp_path: Path, old: str, new: str, message: str) -> None:
     assert caught.value.remedy
 
 
-def test_a_profile_without_mass_means_a_kilogram(tmp_path: Path) -> None:
-    assert load_vehicle(write(tmp_path, TEXT.replace("mass_kg = 1.5", ""))).mass_kg == 1.0
-
-
 def test_changed_at_random(tmp_path: Path) -> None:
     seeds = [path.read_bytes() for path in sorted(vehicles_folder().glob("*.toml"))]
     found = fuzz(Target(".toml", seeds, load_vehicle), 250, tmp_path, seed=5)
@@ -148,20 +130,3 @@ def test_changed_at_random(tmp_path: Path) -> None:
     assert not found.written
     assert found.hangs == 0
     assert found.refused > 30
-
-
-def test_every_check_of_a_pitch_asks_the_mount() -> None:
-    """The plan's poses, the writers and the check of a mission agree at the limits, rounding of files included."""
-    for pitch, reached in ((30.0, True), (30.0005, True), (30.01, False), (-90.0, True), (-90.01, False)):
-        mount = copter().mount
-        assert mount.reaches(pitch) == reached
-        assert mount.reaches(mount.nearest_deg(pitch))
-        shot = Shot.at(GeoPoint(50.865, 6.4473, 2.0), 0.0, pitch, "p", 0)
-        taken = Photograph(0, 0, shot.place, 0.0, pitch, 0, settled_s=9.0, after_s=9.0)
-        flown = Execution((taken,), (), 0.0, (), "land", True)
-        codes = {finding.code for finding in photograph_findings(flown, copter(), {}, {})}
-        assert codes == (set() if reached else {"pitch-limit"})
-        with nullcontext() if reached else pytest.raises(MissionError, match="beyond the mount"):
-            check_shot(shot, copter())
-    with pytest.raises(MissionError, match="not a number"):
-        check_shot(replace(shot, yaw_deg=float("nan")), copter())

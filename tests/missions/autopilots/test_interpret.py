@@ -14,7 +14,7 @@ from fieldkit.missions.autopilots.writing import action, delay, render
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.items import Command, MissionItem
 from fieldkit.routing.mission import GeoPoint
-from fieldkit.routing.motion import leg, turn_deg
+from fieldkit.routing.motion import turn_deg
 from fieldkit.vehicles.vehicle import Mount, Vehicle
 from tests.missions.vehicles import HOME, metres, recorded_items, recording, small_mission, vehicle
 
@@ -103,15 +103,6 @@ def test_a_refused_item_and_one_that_comes_too_late_are_never_carried_out() -> N
     assert {number for number, _ in execution.skipped} == {first + 1, second + 2}
 
 
-def test_without_a_home_row_the_first_item_is_lost() -> None:
-    items = tuple(render(small_mission(), vehicle())[1:])
-    with_home = interpret(ReadMission("waypoints", items, home=HOME), vehicle(), "ardupilot")
-    without = interpret(ReadMission("waypoints", items, home=HOME, first_number=0), vehicle(), "ardupilot")
-    climb, first = with_home.legs[0], without.legs[0]
-    assert (climb.item, climb.end) == (1, replace(climb.start, height_m=5.0))
-    assert metres(first.start, first.end) > 1.0  # it does not climb, but flies to the first photograph
-
-
 @pytest.mark.parametrize(
     ("dialect", "north_m", "height_m", "rally_m", "top_m"),
     [
@@ -152,21 +143,6 @@ def test_a_region_of_interest_aims_the_camera() -> None:
     (shot,) = executed(items).photographs
     assert shot.heading_deg == pytest.approx(180.0, abs=0.01)
     assert shot.pitch_deg == pytest.approx(-math.degrees(math.atan2(1.0, 2.5)), abs=0.1)
-
-
-def test_the_time_of_a_leg_is_what_was_flown() -> None:
-    """From one delay's end to the next waypoint's: NAV items report when they are reached, 4 s of hold included."""
-    document = recording("mount_then_yaw")
-    reached = {item: t for t, item in document["mission_item_reached"]}
-    stations = document["stations"]
-    for k in range(1, 13):
-        a, b = (GeoPoint(s["lat"] * 1e-7, s["lon"] * 1e-7, s["h"]) for s in (stations[k - 1], stations[k]))
-        way = leg(metres(a, b), b.height_m - a.height_m, vehicle().speeds)
-        measured = reached[4 + 5 * k] - reached[2 + 5 * k] - 4.0
-        assert way.seconds == pytest.approx(measured, abs=0.8)
-        assert [way.fraction(t) for t in (0.0, way.seconds)] == [0.0, 1.0]
-        halfway = (way.seconds - 0.8) / 2.0
-        assert way.fraction(halfway) == pytest.approx(0.5)
 
 
 def test_turning_and_paths() -> None:
@@ -221,45 +197,6 @@ def test_a_turn_may_be_relative_to_a_heading_that_is_known(yaw: tuple[float, ...
     shot = turned((10.0, 0.0, 0.0, 0.0), yaw).photographs[1]
     assert shot.heading_deg == pytest.approx(heading)
     assert (shot.turning_s, shot.settled_s) == (0.0, pytest.approx(4.0))
-
-
-@pytest.mark.parametrize("yaw", [(180.0, 5.0, 0.0, 0.0), (350.0, 20.0, 1.0, 0.0), (20.0, 20.0, -1.0, 0.0)])
-def test_a_turn_that_is_slow_or_the_long_way_is_not_over_in_time(yaw: tuple[float, ...]) -> None:
-    shot = turned((10.0, 0.0, 0.0, 0.0), yaw, hold=1.0).photographs[1]
-    assert shot.turning_s > 3.0
-    assert shot.settled_s == 0.0
-    assert shot.heading_deg is not None
-    assert abs(turn_deg(shot.heading_deg, yaw[0])) > 30.0
-
-
-def test_a_turn_relative_to_a_heading_of_the_autopilots_own_leads_nobody_knows_where() -> None:
-    relative = (90.0, 0.0, 1.0, 1.0)
-    first, second, third = turned(relative, (30.0, 0.0, 0.0, 0.0), relative).photographs
-    assert (first.heading_deg, second.heading_deg, third.heading_deg) == (None, 30.0, pytest.approx(120.0))
-    assert "nobody knows" in first.heading_why
-    assert (second.heading_why, third.heading_why) == ("", "")
-    # A leg without a turn of its own: ArduCopter looks where it flies.
-    items = [
-        action(Command.CONDITION_YAW, 30.0),
-        *(
-            MissionItem(Command.NAV_WAYPOINT, 3, (1.0, 0, 0, 0, latitude, 6.4473, 3.0))
-            for latitude in (50.865, 50.8651)
-        ),
-        action(Command.CONDITION_YAW, *relative),
-        MissionItem(Command.NAV_WAYPOINT, 3, (4.0, 0, 0, 0, 50.865, 6.4473, 3.0)),
-        *SHOT,
-    ]
-    shot = executed(items).photographs[0]
-    assert (shot.heading_deg, bool(shot.heading_why)) == (None, True)
-
-
-def test_the_mounts_own_yaw_in_front_of_a_relative_turn_is_told_of() -> None:
-    items = list(render(small_mission(vias=False), vehicle())[1:])
-    second = [k for k, item in enumerate(items) if item.command == Command.CONDITION_YAW][1]
-    items[second] = replace(items[second], params=(90.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0))
-    shot = executed(items).photographs[1]
-    assert shot.heading_deg == pytest.approx(270.0)
-    assert "DO_MOUNT_CONTROL" in shot.heading_why
 
 
 @pytest.mark.parametrize(("flags", "heading"), [(12.0, 40.0), (28.0, 30.0)])

@@ -2,7 +2,6 @@
 
 import math
 import time
-from collections import Counter
 
 import pytest
 
@@ -82,19 +81,6 @@ def test_an_endless_loop_is_an_error_and_flown_once(dialect: str) -> None:
     assert interpret(read, vehicle(dialect), dialect).legs[-1].item == 3
 
 
-def test_an_endless_loop_says_so_instead_of_never() -> None:
-    report = checked(TAKEOFF, *SHOT, jump(2.0, -1.0))
-    assert Counter(f.code for f in report.findings if f.severity == "error") == {"jump-endless": 1}
-    assert "without end" in report.findings[0].message
-    assert len(report.taken) == 1
-    behind = checked(TAKEOFF, *SHOT, jump(2.0, -1.0), waypoint(2), SHOT[3], SHOT[4], LAND)
-    assert Counter(f.code for f in behind.findings if f.severity == "error") == {
-        "jump-endless": 1,
-        "photo-never": 1,
-        "item-skipped": 3,
-    }
-
-
 def test_loops_of_loops() -> None:
     items = (TAKEOFF, waypoint(1), jump(2.0, 2.0), waypoint(2), jump(2.0, -1.0), LAND)
     assert numbers(*items) == [1, 2, 2, 2, 4]
@@ -120,12 +106,6 @@ def test_a_jump_to_nowhere(target: float) -> None:
     assert checked(TAKEOFF, *SHOT, jump(target, 0.0), LAND).ok
 
 
-def test_numbers_are_the_files() -> None:
-    rows = (TAKEOFF, TAKEOFF, waypoint(1), waypoint(2), jump(2.0, 1.0), LAND)
-    assert numbers(*rows, first=0) == [1, 2, 3, 2, 3, 5]  # item 0 is home's
-    assert numbers(*rows, first=0, dialect="px4") == [0, 1, 2, 3, 2, 3, 5]
-
-
 @pytest.mark.parametrize(
     ("behind", "stops"),
     [
@@ -147,12 +127,6 @@ def test_nothing_is_carried_out_behind_a_landing(behind: tuple[MissionItem, ...]
         approach = checked(TAKEOFF, action(Command.DO_LAND_START), *SHOT, end, *behind)
         assert counted(approach) == counted(report)
         assert report.length_m == checked(TAKEOFF, *SHOT, end).length_m
-
-
-def test_jumps_to_tags_are_refused_by_name() -> None:
-    report = checked(TAKEOFF, action(Command.JUMP_TAG, 300.0), *SHOT, action(601, 300.0, 2.0), LAND)
-    errors = {finding.message for finding in report.findings if finding.severity == "error"}
-    assert errors == {"item 8 is DO_JUMP_TAG: fieldkit cannot say what photographs this gives"}
 
 
 def test_what_a_number_is_not() -> None:
