@@ -13,7 +13,7 @@ from matplotlib.patheffects import withStroke
 from fieldkit.arrays import FloatArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.pictures.panels import FRONT, INK, SIDE, TOP, Direction, draw_cloud, drawable, view_row
+from fieldkit.pictures.panels import FRONT, INK, SIDE, TOP, Direction, annotate, draw_cloud, drawable, view_row
 
 _CAMERA, _LEG, _OUTLINE = "#c0262d", "#2f6db3", "#8a5a2b"
 _SHARE = 0.1
@@ -42,7 +42,7 @@ def draw_plan(
         arrows = np.stack([positions, positions + arrow * forward], axis=1)
         _draw_cameras(axes, list(arrows), direction, linewidth=0.9, size=4.0)
         for number, spot in enumerate(positions, 1):
-            _annotate(axes, str(number), direction.flat(spot))
+            annotate(axes, str(number), direction.flat(spot))
     return figure
 
 
@@ -100,7 +100,7 @@ def draw_mission(
         for number, corners in zip(stations, of_view, strict=False):
             x, y = direction.flat(corners[0])
             if k and window.left < x < window.right and window.bottom < y < window.top:
-                _annotate(axes, drawable(number), (x, y))
+                annotate(axes, drawable(number), (x, y))
     return figure
 
 
@@ -130,7 +130,7 @@ def _draw_surroundings(axes: Axes, outlines: Sequence[FloatArray], home: FloatAr
         arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 0.9},
     )
     axes.scatter([home[0]], [home[1]], marker="^", s=30, color=INK, zorder=6)
-    _annotate(axes, "home", (float(home[0]), float(home[1])), shift=(5, -9))
+    annotate(axes, "home", (float(home[0]), float(home[1])), shift=(5, -9))
 
 
 def _name_plots(axes: Axes, centers: FloatArray, plots: Sequence[str]) -> None:
@@ -151,12 +151,6 @@ def _name_plots(axes: Axes, centers: FloatArray, plots: Sequence[str]) -> None:
             parse_math=False,
             path_effects=[withStroke(linewidth=2, foreground="white")],
         )
-
-
-def _annotate(axes: Axes, text: str, at: tuple[float, float], shift: tuple[float, float] = (3, 3)) -> None:
-    axes.annotate(
-        text, at, shift, textcoords="offset points", size=7, color=INK, zorder=6, parse_math=False, annotation_clip=True
-    )
 
 
 def _draw_cameras(

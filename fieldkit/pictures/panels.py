@@ -206,7 +206,7 @@ def add_panel(
 
 
 def view_row(
-    title: str, views: Sequence[tuple[Direction, FloatArray]], *, names: Sequence[str] = ()
+    title: str, views: Sequence[tuple[Direction, FloatArray]], *, names: Sequence[str] = (), unit: str = "m"
 ) -> tuple[Figure, list[tuple[Direction, Axes, Window]]]:
     """A figure with panels side by side.
 
@@ -226,7 +226,7 @@ def view_row(
     for k, ((direction, shown), place) in enumerate(zip(views, places, strict=True)):
         middle = 0.5 * (shown.min(axis=0) + shown.max(axis=0))
         name = names[k] if names else direction.name.capitalize()
-        row.append((direction, *add_panel(figure, place, middle, direction, scales[id(shown)], name, unit="m")))
+        row.append((direction, *add_panel(figure, place, middle, direction, scales[id(shown)], name, unit=unit)))
     return figure, row
 
 
@@ -239,6 +239,13 @@ def draw_cloud(axes: Axes, cloud: Cloud, direction: Direction, window: Window) -
         aspect="auto",
         interpolation="nearest",
         zorder=1,
+    )
+
+
+def annotate(axes: Axes, text: str, at: tuple[float, float], shift: tuple[float, float] = (3, 3)) -> None:
+    """Write a short text beside a place (x, y), shifted by so many points."""
+    axes.annotate(
+        text, at, shift, textcoords="offset points", size=7, color=INK, zorder=6, parse_math=False, annotation_clip=True
     )
 
 

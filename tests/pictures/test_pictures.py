@@ -47,7 +47,7 @@ class TestOverview:
         said = texts(figure)
         for part in ("plot 7: reference", "registered (6)", "registered but wrong (1)", "not registered (1)"):
             assert part in said
-        assert len(figure.axes) == 5
+        assert len(figure.axes) == 4
         picture = pixels(figure).astype(int)
         greens = (picture[..., 1] > picture[..., 0] + 40) & (picture[..., 1] > picture[..., 2] + 40)
         assert np.count_nonzero(greens) > 5000
@@ -68,7 +68,7 @@ class TestOverview:
         result = reconstruction(cloud=cloud, metric=False, scene=False)
         plot = plot_evaluation("样地 $x^2 $", result, SETTINGS, score=None, seconds=1, cpu_seconds=1)
         figure = draw_overview(plot, cloud)
-        assert pixels(figure).shape == (1500, 2250, 3)
+        assert pixels(figure).shape == (840, 2250, 3)
         assert "□□ $x^2 $" in texts(figure)
 
 
