@@ -187,15 +187,10 @@ def _reference(plot: CampaignPlot) -> Reference | None:
     if plot.reference is None:
         return None
     if plot.reference_sha256_now() != plot.reference_sha256:
-        file = plot.reference / REFERENCE_FILE
-        if not file.is_file():
-            raise MetadataError(
-                f"the reference of {plot.name} is not there", path=file, remedy="Correct its path in campaign.toml."
-            )
         raise MetadataError(
-            f"the reference of {plot.name} is not the one that campaign.toml names by its sha256",
-            path=file,
-            remedy="Put its new sha256 into campaign.toml; all visits of the plot are then evaluated again.",
+            f"the reference of {plot.name} is not there, or is not the one that campaign.toml names by its sha256",
+            path=plot.reference / REFERENCE_FILE,
+            remedy="Correct its path or its sha256 in campaign.toml; all visits of the plot are then evaluated again.",
         )
     return Reference(plot.reference)
 

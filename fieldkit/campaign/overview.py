@@ -40,7 +40,18 @@ def campaign_object(campaign: Campaign) -> dict[str, Any]:
         "noise_m": measured_noise_m(campaign.plan),
         "visits": (visit.row() | {"current": is_current(visit)} for visit in campaign.visits),
         "ranking": {
-            date: [_ranked(entry) for entry in ranking(campaign.visits, campaign.plan, date)] for date in campaign.dates
+            date: [
+                {
+                    "rank": entry.rank,
+                    "tied": entry.tied,
+                    "plot": entry.visit.plot,
+                    "chamfer_m": entry.value_m,
+                    "predicted": entry.predicted,
+                    "noise_m": entry.noise_m,
+                }
+                for entry in ranking(campaign.visits, campaign.plan, date)
+            ]
+            for date in campaign.dates
         },
         "measured": None if (found := measured_agreement(campaign)) is None else found.plain(),
         "drift": (vars(change) | {"change": change.change} for change in drift(campaign.visits, campaign.plan)),
@@ -133,17 +144,15 @@ def _computed_by(campaign: Campaign) -> Iterator[str]:
     """Which fieldkit computed the visits, a sentence for each; those whose figures are another engine's are marked."""
     groups = by_key(((visit.fieldkit, changed_stages(visit)), visit) for visit in campaign.visits)
     for (version, changed), visits in groups.items():
-        visited = count(len(visits), "visit")
-        by = f"computed by fieldkit {version}" if version else "computed by an unknown fieldkit"
+        by = f"{count(len(visits), 'visit')} computed by {f'fieldkit {version}' if version else 'an unknown fieldkit'}"
         if changed == ():
-            yield f"{visited} {by}."
+            yield f"{by}."
             continue
-        named = ", ".join(f"{visit.plot} {visit.date}" for visit in visits[:_NAMED])
-        more = f" and {len(visits) - _NAMED} more" if len(visits) > _NAMED else ""
-        why = f"by another version of {', '.join(changed)}" if changed else "by unknown versions of its stages"
+        why = f"another version of {', '.join(changed)}" if changed else "unknown versions of its stages"
+        named = listed([f"{visit.plot} {visit.date}" for visit in visits], _NAMED)
         yield (
-            f"† {visited} {by}, {why} ({named}{more}). Figures of this fieldkit, {__version__}, may differ: "
-            "`fieldkit evaluate` computes anew the visits whose photographs it is given."
+            f"† {by}, by {why} ({named}). Figures of this fieldkit, {__version__}, may differ: `fieldkit evaluate` "
+            "computes anew the visits whose photographs it is given."
         )
 
 
@@ -216,14 +225,3 @@ def _drift_table(changes: list[Drift]) -> Table:
 def _changed(change: Drift) -> str:
     said = {True: ", beyond noise", False: ", within noise", None: ""}[change.beyond_noise]
     return ("+" if change.change >= 0 else "−") + figure(change.figure).amount(abs(change.change)) + said
-
-
-def _ranked(entry: Ranked) -> dict[str, Any]:
-    return {
-        "rank": entry.rank,
-        "tied": entry.tied,
-        "plot": entry.visit.plot,
-        "chamfer_m": entry.value_m,
-        "predicted": entry.predicted,
-        "noise_m": entry.noise_m,
-    }

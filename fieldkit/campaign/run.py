@@ -21,6 +21,7 @@ from fieldkit.campaign.sorting import PhotoToSort, Sorting, sort_photographs
 from fieldkit.captures import find_mask
 from fieldkit.captures.selection import FoundPhoto, FoundPhotos, capture_of, find_photographs, photographs_at
 from fieldkit.errors import CaptureError, FieldkitError, MetadataError, StorageError
+from fieldkit.evaluation.evaluate_plot import unforeseen
 from fieldkit.figures.spreadsheets import TRAITS_FILE, trait_row, traits_csv
 from fieldkit.figures.style import format_length
 from fieldkit.files import check_writable, remove_if_abandoned, storage_errors, write_atomic
@@ -128,12 +129,8 @@ def _visit(job: VisitJob, future: Future[Visit]) -> Visit:
         return future.result()
     except (StorageError, NoWorkersError):
         raise
-    except FieldkitError as error:
-        return failed_visit(job, str(error))
-    except MemoryError:
-        return failed_visit(job, "not enough memory")
     except Exception as error:  # one plot must not stop the others
-        return failed_visit(job, f"a bug in fieldkit: {type(error).__name__}: {error}")
+        return failed_visit(job, str(error if isinstance(error, FieldkitError) else unforeseen(error).message))
 
 
 @contextmanager

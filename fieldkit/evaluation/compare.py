@@ -250,20 +250,16 @@ def _what_differs(
     if changed:
         yield f"the evaluations were made with different settings: {', '.join(sorted(changed))}"
     for label, own in by_label.items():
-        having = {name for run in own for name in run.plots}
-        without = [name for name in names if name not in having]
-        if without:
-            yield f"{label} has no plot named {listed(without, _NAMED)}"
-        for plots in (run.plots for run in own):
-            failed = [name for name, plot in plots.items() if plot.error is not None]
-            foreign = [name for name, plot in plots.items() if OTHER_PLANTS in plot.doubts]
-            doubtful = [name for name, plot in plots.items() if plot.doubts and name not in foreign]
-            if failed:
-                yield f"{label}: failed: {listed(failed, _NAMED)}"
-            if foreign:
-                yield f"{label}: hardly the reference's plants, distances and F-scores left out: {listed(foreign)}"
-            if doubtful:
-                yield f"{label}: doubtful, its findings say why: {listed(doubtful)}"
+        having = {name: plot for run in own for name, plot in run.plots.items()}
+        foreign = [name for name, plot in having.items() if OTHER_PLANTS in plot.doubts]
+        for what, plots in (
+            ("there is no plot", [name for name in names if name not in having]),
+            ("failed:", [name for name, plot in having.items() if plot.error is not None]),
+            ("hardly the reference's plants, distances and F-scores left out:", foreign),
+            ("doubtful, as findings say:", [n for n, plot in having.items() if plot.doubts and n not in foreign]),
+        ):
+            if plots:
+                yield f"{label}: {what} {listed(plots, _NAMED)}"
 
 
 def _what_is_untold(differences: Sequence[DifferenceEntry]) -> Iterator[str]:

@@ -10,7 +10,7 @@ from fieldkit.captures import read_capture
 from fieldkit.captures.bursts import by_station
 from fieldkit.captures.folder import instead_of, list_capture, natural_key
 from fieldkit.captures.programs import PosesFile
-from fieldkit.errors import CaptureError, FieldkitError, ReconstructionError, StorageError, UsageError
+from fieldkit.errors import CaptureError, ReconstructionError, StorageError, UsageError
 from fieldkit.evaluation.adherence import ComparedPlan, LoggedFlight
 from fieldkit.evaluation.cloud_reference import (
     AnyReference,
@@ -20,7 +20,14 @@ from fieldkit.evaluation.cloud_reference import (
     reference_file,
 )
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot
-from fieldkit.evaluation.evaluate_plot import RESERVED, PlotCapture, Scoring, evaluate_plot, write_evaluation
+from fieldkit.evaluation.evaluate_plot import (
+    RESERVED,
+    PlotCapture,
+    Scoring,
+    evaluate_plot,
+    unforeseen,
+    write_evaluation,
+)
 from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.files import atomic_folder
 from fieldkit.geometry.priors import SourceFrame
@@ -94,7 +101,7 @@ def evaluate(
         AllFailedError: every plot failed; the report is written all the same.
 
     Example:
-        >>> evaluate("flight_7", "scores", EvaluationSettings(fidelity="draft")).traits.to_dataframe()
+        >>> evaluate("flight_7", "scores", EvaluationSettings(fidelity="draft")).plots[0].traits
     """
     asked = settings or EvaluationSettings()
     chosen, rasters = reconstruction or asked.reconstruction, asked.wanted_rasters
@@ -137,7 +144,7 @@ def evaluate(
             except Exception as error:
                 if alone or isinstance(error, StorageError | NoWorkersError):
                     raise
-                failure = _unexpected(error)
+                failure = unforeseen(error)
                 progress.note(f"{name}: {failure}")
                 return failed_plot(name, failure, seconds=begun.seconds, cpu_seconds=begun.cpu_seconds)
 
@@ -171,16 +178,6 @@ def _place(reference: AnyReference | None) -> SourceFrame | None:
     if isinstance(reference, CloudReference):
         return SourceFrame("poses.csv", reference.origin, reference.from_source)
     return None if reference is None else reference.known_plot().source
-
-
-def _unexpected(error: Exception) -> FieldkitError:
-    """What a person is told of an error that nobody foresaw."""
-    if isinstance(error, MemoryError):
-        return FieldkitError("not enough memory", remedy="Close other programs, or choose a lower --fidelity.")
-    return FieldkitError(
-        f"a bug in fieldkit: {type(error).__name__}: {error}",
-        remedy="Evaluate this plot alone with --debug, and report what that shows.",
-    )
 
 
 def find_plots(captures: Path) -> tuple[list[tuple[str, Path]], list[str]]:

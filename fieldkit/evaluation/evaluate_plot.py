@@ -119,6 +119,16 @@ def evaluate_plot(
         return failed_plot(plot, error, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds, photographs=photographs)
 
 
+def unforeseen(error: Exception) -> FieldkitError:
+    """What a person is told of an error that nobody foresaw."""
+    if isinstance(error, MemoryError):
+        return FieldkitError("not enough memory", remedy="Close other programs, or choose a lower --fidelity.")
+    return FieldkitError(
+        f"a bug in fieldkit: {type(error).__name__}: {error}",
+        remedy="Evaluate this plot alone with --debug, and report what that shows.",
+    )
+
+
 def write_evaluation(folder: Path, report: EvaluationReport) -> EvaluationReport:
     """Write plots.csv, traits.csv and evaluation.json of evaluated plots."""
     write_atomic(folder / PLOTS_FILE, plots_csv(report))

@@ -16,7 +16,7 @@ from fieldkit.geometry import Pose
 from fieldkit.results.fields import Count, Length, Sha256, Share, Strict, Text, Vector, vector
 from fieldkit.results.finding import DOUBTFUL, WEAKLY_TIED, Finding
 from fieldkit.results.frame import CameraReport, FrameEntry, VolumeEntry
-from fieldkit.results.traits import REASONS, PlantEntry, TraitsEntry, TraitTable
+from fieldkit.results.traits import PlantEntry, TraitsEntry
 from fieldkit.vocabulary import Fidelity, MappingName, Mask
 
 CLOUD_FILE, SCENE_FILE = "cloud.ply", "scene.ply"
@@ -390,15 +390,6 @@ class EvaluationReport(Strict):
     seconds: Seconds
     cpu_seconds: Seconds
     files: tuple[FileEntry, ...]
-
-    @property
-    def traits(self) -> TraitTable:
-        """Of all plots."""
-        return TraitTable(
-            {"plot": plot.name, "date": plot.date, **(plot.traits or TraitsEntry()).row()}
-            | ({} if plot.error is None else {REASONS: plot.error.message})
-            for plot in self.plots
-        )
 
     @property
     def failed(self) -> int:

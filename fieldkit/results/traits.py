@@ -10,12 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args
 
-import numpy as np
 from pydantic import Field
 
-from fieldkit.errors import UsageError
 from fieldkit.results.fields import Count, Latitude, Length, Longitude, Share, Strict
-from fieldkit.wording import by_key, count
+from fieldkit.wording import by_key
 
 Trait = Literal["height_m", "cover_percent", "covered_area_m2", "canopy_volume_m3", "plants", "row_gaps"]
 TRAITS: tuple[Trait, ...] = get_args(Trait)
@@ -146,24 +144,6 @@ class PlantEntry(Strict):
     """Of the ground below it, seen from above, whether or not others stand over it."""
     touching: Share
     """Share of that area where a neighbour is above, below or beside it."""
-
-
-class TraitTable(tuple[Mapping[str, Any], ...]):
-    """Traits of plots: a row each, with ``plot``, ``date`` and the columns of traits.csv."""
-
-    __slots__ = ()
-
-    def to_dataframe(self) -> Any:
-        """A pandas DataFrame, its figures as floats. Raises UsageError: pandas is not installed."""
-        try:
-            import pandas as pd  # type: ignore[import-untyped,import-not-found,unused-ignore]
-        except ImportError as error:
-            raise UsageError("pandas is not installed", remedy="Run: pip install pandas") from error
-        kinds = {"plot": object, "date": object} | dict.fromkeys(VALUES, float) | {REASONS: object}
-        return pd.DataFrame({name: np.array([row[name] for row in self], kind) for name, kind in kinds.items()})
-
-    def __repr__(self) -> str:
-        return f"<traits of {count(len(self), 'plot')}>"
 
 
 DESCRIBED: Mapping[Trait, Described] = {

@@ -1,5 +1,6 @@
 """The notebook of the documentation runs as it stands; and what a notebook shows is short."""
 
+import csv
 import json
 import re
 import shutil
@@ -12,7 +13,6 @@ from typing import Any
 import pytest
 
 import fieldkit
-from fieldkit.results.traits import TraitsEntry, TraitTable
 
 ROOT = Path(__file__).parents[2]
 
@@ -23,9 +23,14 @@ NOTEBOOK = ROOT / "docs" / "notebook.ipynb"
 @pytest.fixture
 def _frames(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """In a folder of its own; columns in the place of a DataFrame, whether or not pandas is there."""
+
+    def read_csv(path: str, dtype: dict[str, type]) -> dict[str, str]:
+        head, row = csv.reader(Path(path).read_text("utf-8").splitlines())
+        return dict(zip(head, row, strict=True))
+
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("FIELDKIT_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setitem(sys.modules, "pandas", SimpleNamespace(DataFrame=dict))
+    monkeypatch.setitem(sys.modules, "pandas", SimpleNamespace(read_csv=read_csv))
 
 
 @pytest.mark.slow
@@ -36,8 +41,8 @@ def test_every_cell_runs(tmp_path: Path) -> None:
     for cell in json.loads(NOTEBOOK.read_text("utf-8"))["cells"]:
         if cell["cell_type"] == "code":
             exec("".join(cell["source"]), known)
-    assert known["traits"]["plot"] == ["plot_7"]
-    assert known["traits"]["height_m"] == pytest.approx([0.80], abs=0.03)
+    assert known["traits"]["plot"] == "plot_7"
+    assert float(known["traits"]["height_m"]) == pytest.approx(0.80, abs=0.03)
     assert len(known["cloud"]) > 100
     assert known["report"].output.stat().st_size > 1000
 
@@ -47,13 +52,6 @@ def test_it_is_stored_as_it_ran_with_a_picture_and_without_this_machines_folders
     assert all(outputs)
     assert any("image/png" in output.get("data", {}) for cell in outputs for output in cell)
     assert not re.search(r"/(home|root|tmp|work|Users)/", NOTEBOOK.read_text("utf-8"))
-
-
-@pytest.mark.usefixtures("_frames")
-def test_figures_are_floats_even_where_there_are_none() -> None:
-    columns = TraitTable([{"plot": "a", "date": None, **TraitsEntry().row()}]).to_dataframe()
-    kinds = {name: values.dtype.kind for name, values in columns.items()}
-    assert {name for name, kind in kinds.items() if kind != "f"} == {"plot", "date", "no_trait"}
 
 
 @pytest.mark.parametrize(
@@ -89,9 +87,3 @@ def test_paths_may_be_text(tmp_path: Path, call: Callable[[str], Any]) -> None:
     with pytest.raises(fieldkit.FieldkitError, match=r"(?i)no such") as caught:
         call(str(tmp_path / "nowhere"))
     assert caught.value.remedy in str(caught.value)
-
-
-def test_without_pandas_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(fieldkit.FieldkitError, match="pandas is not installed"):
-        TraitTable().to_dataframe()

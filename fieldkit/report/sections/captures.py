@@ -33,7 +33,7 @@ from fieldkit.results.evaluation import (
     ReconstructionEntry,
     ReferenceReport,
 )
-from fieldkit.results.finding import DOUBTFUL, OTHER_PLANTS
+from fieldkit.results.finding import DOUBTFUL
 from fieldkit.results.traits import TraitsEntry
 from fieldkit.wording import by_key, count, listed
 
@@ -142,7 +142,6 @@ def evaluation_statements(result: Loaded[EvaluationReport], results: Results) ->
     again = f"`fieldkit evaluate {shlex.quote(report.source)} --reference REFERENCE -o {results.path(result)}{{}}`"
     for plot in plots:
         yield from _left_out(plot, plot.name, plot.unregistered)
-        yield from _displaced(plot, f"See how much of it is displacement: {again.format(' --refine --overwrite')}")
         yield from _doubts(plot, plot.name)
     known = (FIGURES["chamfer_m"], FIGURES["predicted_chamfer_m"])
     unknown = [plot for plot in plots if all(figure.value(plot) is None for figure in known)]
@@ -160,22 +159,6 @@ def evaluation_statements(result: Loaded[EvaluationReport], results: Results) ->
     for plot in plots:
         if plot.adherence is not None:
             yield from _adherence(plot.name, plot.adherence, report.source)
-
-
-def _displaced(plot: PlotEvaluation, advice: str) -> Iterator[Statement]:
-    """That a plot's distance may be that of a cloud as a whole."""
-    # The frame is fitted to all positions at once, so their errors average out.
-    shift = None if plot.pose_rms_m is None or not plot.right else plot.pose_rms_m / plot.right**0.5
-    if OTHER_PLANTS in plot.doubts or plot.chamfer_m is None or plot.correction is not None or shift is None:
-        return
-    if shift > 0.25 * plot.chamfer_m:
-        yield Statement(
-            "note",
-            f"{plot.name}: the known camera positions are {format_length(plot.pose_rms_m)} (RMS) off the reconstructed "
-            f"ones, which can displace the whole cloud by about {format_length(shift)}. Its distance to the reference "
-            f"is {format_length(plot.chamfer_m)}.",
-            advice,
-        )
 
 
 def without_height(plots: Iterable[tuple[str, TraitsEntry | None]], plan: str) -> Iterator[Statement]:

@@ -117,8 +117,6 @@ class TestSummary:
             return _told(scored, **changed)
 
         base = {"chamfer_m": 0.008, "pose_rms_m": 0.001}
-        assert "--refine" not in told(**base)
-        assert "displace the whole cloud by about 4.08 mm" in told(**base | {"pose_rms_m": 0.01})
         assert "not metres" in told(**base | {"metric": False})
         assert "fell apart into 2 groups" in told(**base | {"models": (5, 3)})
 
