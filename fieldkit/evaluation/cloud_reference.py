@@ -136,7 +136,17 @@ def open_reference(path: Path, frame: str = "", bounds: Volume | None = None) ->
 
 
 def _cloud_reference(path: Path, frame: str, bounds: Volume | None) -> CloudReference:
-    cloud, crs, units, noise, step = _read(path)
+    with open_regular(path) as file:
+        is_las = file.read(4) == b"LASF"
+    crs: Any = None
+    units, noise, step = None, 0, 0.0  # metres per unit of the coordinates, where the file says it
+    if is_las:
+        las = read_las(path)
+        cloud, crs, noise, step = las.cloud, las.crs, las.left_out, las.step_m
+        if crs is not None or any(unit != 1.0 for unit in las.units_m):
+            units = np.array(las.units_m)
+    else:
+        cloud = read_cloud(path)
     if not len(cloud):
         why = "has no points" if not noise else f"has {noise:,} points, all of them noise or withheld"
         raise EmptyCloudError(why, path=path, remedy="Give the cloud of the plot's plants.")
@@ -151,7 +161,7 @@ def _cloud_reference(path: Path, frame: str, bounds: Volume | None) -> CloudRefe
         crs = stated if crs is None else crs
     elif crs is None:
         raise CloudError("does not say in which frame its coordinates are", path=path, remedy=_FRAME_REMEDY)
-    if not _is_las(path):
+    if not is_las:
         _check_steps(cloud.points, path)
     if crs is None:
         origin, placed, said, odd = None, cloud, "in the frame of the photographs' positions", list[Finding]()
@@ -167,26 +177,6 @@ def _cloud_reference(path: Path, frame: str, bounds: Volume | None) -> CloudRefe
         said = f"its coordinates come in steps of {1000.0 * step:.3g} mm: distances to it are no finer"
         odd = [*odd, Finding(path.name, "reference-steps", said)]
     return replace(reference, findings=(*reference.findings, *odd))
-
-
-def _is_las(path: Path) -> bool:
-    """Whether a cloud's file is LAS or LAZ, by its first bytes."""
-    with open_regular(path) as file:
-        return file.read(4) == b"LASF"
-
-
-def _read(path: Path) -> tuple[Cloud, Any, FloatArray | None, int, float]:
-    """The points, what the file says they are in, metres per unit of its coordinates, how many it marks as noise, and
-    the steps of its coordinates.
-
-    None where it says nothing. The points are in metres where that is said, else in the file's unit.
-    """
-    if not _is_las(path):
-        return read_cloud(path), None, None, 0, 0.0
-    las = read_las(path)
-    units = np.array(las.units_m)
-    known = units if las.crs is not None or (units != 1.0).any() else None
-    return las.cloud, las.crs, known, las.left_out, las.step_m
 
 
 def _check_steps(points: FloatArray, path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -148,14 +149,11 @@ def evaluate(
                 progress.note(f"{name}: {failure}")
                 return failed_plot(name, failure, seconds=begun.seconds, cpu_seconds=begun.cpu_seconds)
 
-        if len(plots) == 1:
-            results = [evaluated(*plots[0])]
-        else:
-            results = []
-            with progress.stage("Plots", len(plots)) as advance:
-                for name, path in plots:
-                    results.append(evaluated(name, path))
-                    advance(1)
+        results = []
+        with progress.stage("Plots", len(plots)) if len(plots) > 1 else nullcontext(lambda _: None) as advance:
+            for name, path in plots:
+                results.append(evaluated(name, path))
+                advance(1)
         report = evaluation_report(
             Path(captures).absolute().name,
             results,

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fieldkit.arrays import Float32Array, FloatArray
+from fieldkit.arrays import Float32Array
 from fieldkit.clouds import Cloud, write_cloud
 from fieldkit.errors import UsageError
 from fieldkit.files import write_atomic
@@ -95,11 +95,6 @@ def write_georeferenced(path: Path, cloud: Cloud, frame: MetricFrame, progress: 
     return True
 
 
-def sampling_m(pixel_m: float, given_m: float | None = None) -> float:
-    """Edge of a raster's cells: as given, else 5 mm, or what a pixel of the depth maps covers where that is more."""
-    return given_m if given_m is not None else max(LEAST_SAMPLING_M, round(pixel_m, 3))
-
-
 def require_rasters(frame: MetricFrame | None = None) -> None:
     """Refuse rasters where they cannot be written."""
     if any(importlib.util.find_spec(name) is None for name in ("rasterio", "pyproj")):
@@ -111,33 +106,23 @@ def require_rasters(frame: MetricFrame | None = None) -> None:
         )
 
 
-def canopy_raster(plants: Cloud, scene: Cloud, frame: MetricFrame, cell_m: float) -> HeightRaster:
-    """Height of the plants above the ground: of the highest point in each cell; 0 where only ground was seen.
+def height_raster(plants: Cloud, scene: Cloud, frame: MetricFrame, cell_m: float, *, canopy: bool) -> HeightRaster:
+    """Heights of a canopy above the ground, or of a surface above the datum of the frame's origin.
+
+    Of plants it is that of the highest point in a cell. Where only ground was seen a canopy has 0; a surface has the
+    median of the ground's points, since a cloud of everything has points that float above bare soil.
 
     Args:
         plants: above the ground, plot frame; not empty.
         scene: with the ground, plot frame.
-        frame: georeferenced, with a ground.
+        frame: georeferenced, for a canopy with a ground.
     """
-    if frame.ground is None:
-        raise UsageError("there is no canopy height: no ground was found", remedy="Leave --rasters out.")
-    above = frame.ground.heights(plants.points)
-    return _raster(plants, scene, frame, cell_m, (above, np.zeros(len(scene))))  # stones and dead leaves are no plants
-
-
-def surface_raster(plants: Cloud, scene: Cloud, frame: MetricFrame, cell_m: float) -> HeightRaster:
-    """Height of plants and ground above the datum of the frame's origin.
-
-    Of plants it is that of the highest point in a cell, of the ground the median: a cloud of everything has points
-    that float above bare soil. Arguments and errors are those of `canopy_raster`.
-    """
-    return _raster(plants, scene, frame, cell_m, None)
-
-
-def _raster(
-    plants: Cloud, scene: Cloud, frame: MetricFrame, cell_m: float, heights: tuple[FloatArray, FloatArray] | None
-) -> HeightRaster:
     parts = [to_utm(cloud, frame) for cloud in (plants, scene)]
+    heights = [moved.points[:, 2] for moved, _ in parts]
+    if canopy:
+        if frame.ground is None:
+            raise UsageError("there is no canopy height: no ground was found", remedy="Leave --rasters out.")
+        heights = [frame.ground.heights(plants.points), np.zeros(len(scene))]  # stones and dead leaves are no plants
     cells = [np.floor(moved.points[:, :2] * (1.0, -1.0) / cell_m).astype(np.int64) for moved, _ in parts]
     low, high = (edge(np.concatenate(cells), axis=0) for edge in (np.min, np.max))
     columns, rows = (high - low + 1).tolist()
@@ -146,15 +131,14 @@ def _raster(
             f"a raster of {columns} × {rows} cells of {1000 * cell_m:g} mm is too large",
             remedy="Give larger cells with --gsd.",
         )
-    found = np.full(rows * columns, np.nan, dtype=np.float32)
+    grid = np.full(rows * columns, np.nan, dtype=np.float32)
     for part, share in ((1, 0.5), (0, 1.0)):  # plants stand above the ground, so they are drawn last
         place = (cells[part] - low) @ np.array([1, columns])
-        values = parts[part][0].points[:, 2] if heights is None else heights[part]
-        order = np.lexsort((values, place))
+        order = np.lexsort((heights[part], place))
         where, first, count = np.unique(place[order], return_index=True, return_counts=True)
-        found[where] = values[order][first + ((count - 1) * share).astype(int)]
-    grid = found.reshape(rows, columns)
-    return HeightRaster(float(low[0]) * cell_m, -float(low[1]) * cell_m, cell_m, grid, parts[0][1])
+        grid[where] = heights[part][order][first + ((count - 1) * share).astype(int)]
+    west, north = float(low[0]) * cell_m, -float(low[1]) * cell_m
+    return HeightRaster(west, north, cell_m, grid.reshape(rows, columns), parts[0][1])
 
 
 def write_rasters(folder: Path, found: Reconstruction, wanted: Rasters, traits: TraitsEntry | None = None) -> list[str]:
@@ -164,15 +148,18 @@ def write_rasters(folder: Path, found: Reconstruction, wanted: Rasters, traits: 
     """
     frame, scene = found.sparse.frame, found.scene
     require_rasters(frame)
-    frame = _at_origin(frame) if wanted.at_origin else frame
+    if wanted.at_origin:
+        motion = frame.plot_from_source
+        motion = Similarity(motion.scale, motion.rotation, motion.translation * (0, 0, 1))
+        frame = replace(frame, plot_from_source=motion)
     if scene is None:
         raise ValueError("rasters need the scene")
-    cell_m = sampling_m(found.pixel_m, wanted.cell_m)
-    canopy = canopy_raster(found.plants, scene, frame, cell_m)
-    surface = surface_raster(found.plants, scene, frame, cell_m)
+    cell_m = wanted.cell_m or max(LEAST_SAMPLING_M, round(found.pixel_m, 3))
     refused = "" if traits is None else traits.unknown.get("height_m", "")
-    write_raster(folder / CANOPY_FILE, canopy, canopy=True, refused=refused)
-    write_raster(folder / SURFACE_FILE, surface, canopy=False)
+    for file in (CANOPY_FILE, SURFACE_FILE):
+        canopy = file == CANOPY_FILE
+        raster = height_raster(found.plants, scene, frame, cell_m, canopy=canopy)
+        write_raster(folder / file, raster, canopy=canopy, refused=refused if canopy else "")
     return [name for file in (CANOPY_FILE, SURFACE_FILE) for name in (file, Path(file).with_suffix(".qml").name)]
 
 
@@ -182,11 +169,6 @@ def coarse_place(frame: MetricFrame) -> str:
     if sigma_m <= COARSE_M:
         return ""
     return f"positions are good to {sigma_m:.1f} m only: the rasters may lie that far off, the surface's heights too"
-
-
-def _at_origin(frame: MetricFrame) -> MetricFrame:
-    motion = frame.plot_from_source
-    return replace(frame, plot_from_source=Similarity(motion.scale, motion.rotation, motion.translation * (0, 0, 1)))
 
 
 def write_raster(path: Path, raster: HeightRaster, *, canopy: bool, refused: str = "") -> None:

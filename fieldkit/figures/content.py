@@ -306,8 +306,6 @@ class ViewerScene:
     """(x, y) of true north in the frame, of length 1; None where it is not known."""
     metric: bool = True
     """Whether lengths are metres; else they are units of the reconstruction's own."""
-    subject: Literal["clouds", "cameras"] = "clouds"
-    """What a still picture must hold: the clouds, or the cameras too."""
 
 
 @dataclass(frozen=True)

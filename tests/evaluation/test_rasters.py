@@ -14,11 +14,10 @@ from fieldkit.evaluation.rasters import (
     REFUSED_TAG,
     HeightRaster,
     Rasters,
-    canopy_raster,
     coarse_place,
+    height_raster,
     require_rasters,
     style_text,
-    surface_raster,
     to_utm,
     write_raster,
     write_rasters,
@@ -50,7 +49,7 @@ def at(raster: HeightRaster, x: float, y: float) -> float:
 
 
 def test_the_canopy_is_where_the_leaf_is() -> None:
-    raster = canopy_raster(LEAF, SOIL, FRAME, CELL_M)
+    raster = height_raster(LEAF, SOIL, FRAME, CELL_M, canopy=True)
     assert at(raster, 0.1, 0.05) == pytest.approx(0.3, abs=1e-6)
     assert at(raster, -0.1, 0.05) == 0.0
     assert at(raster, 0.1, -0.05) == 0.0
@@ -61,7 +60,7 @@ def test_the_canopy_is_where_the_leaf_is() -> None:
 
 
 def test_the_surface_is_above_the_datum() -> None:
-    raster = surface_raster(LEAF, SOIL, FRAME, CELL_M)
+    raster = height_raster(LEAF, SOIL, FRAME, CELL_M, canopy=False)
     ground = FRAME.origin.altitude_m + 1.2  # the example's source frame lies 1.2 m below the ground
     assert at(raster, 0.1, 0.05) == pytest.approx(ground + 0.3, abs=1e-3)
     assert at(raster, -0.1, 0.05) == pytest.approx(ground + 0.004, abs=1e-3)
@@ -88,9 +87,9 @@ def test_positions_of_metres_leave_the_plot_where_its_site_has_it(tmp_path: Path
 
 def test_refusals(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(UsageError, match="no ground"):
-        canopy_raster(LEAF, SOIL, replace(FRAME, ground=None), CELL_M)
+        height_raster(LEAF, SOIL, replace(FRAME, ground=None), CELL_M, canopy=True)
     with pytest.raises(UsageError, match="too large"):
-        canopy_raster(LEAF, SOIL, FRAME, 1e-5)
+        height_raster(LEAF, SOIL, FRAME, 1e-5, canopy=True)
     monkeypatch.setattr("importlib.util.find_spec", lambda name: object())
     with pytest.raises(UsageError, match="no place on Earth"):
         require_rasters(replace(FRAME, origin=None))
@@ -116,7 +115,7 @@ def test_a_style_has_its_colours_in_order() -> None:
 def test_files(tmp_path: Path) -> None:
     """Opened as any program would: the place, the datum, no data, overviews and the layout for the web."""
     rasterio = pytest.importorskip("rasterio")
-    raster = canopy_raster(LEAF, plate((-3.0, -3.0), (3.0, 3.0), 0.0, 400_000), FRAME, CELL_M)
+    raster = height_raster(LEAF, plate((-3.0, -3.0), (3.0, 3.0), 0.0, 400_000), FRAME, CELL_M, canopy=True)
     write_raster(tmp_path / CANOPY_FILE, raster, canopy=True)
     with rasterio.open(tmp_path / CANOPY_FILE) as file:
         assert file.crs.to_epsg() == raster.epsg

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from pydantic import BaseModel
+from pydantic_core import to_jsonable_python
 
-from fieldkit.campaign.reading import Campaign, read_campaign
+from fieldkit.campaign.reading import read_campaign
 from fieldkit.errors import FieldkitError, MetadataError, StorageError
 from fieldkit.results.comparison import COMPARE_FILE, load_comparison
 from fieldkit.results.demo import DEMO_FILE, DemoReport, load_demo
@@ -25,7 +25,6 @@ from fieldkit.results.report_files import (
     load_evaluation_report,
     load_reference_report,
 )
-from fieldkit.results.traits import TraitsEntry
 from fieldkit.results.visit import CAMPAIGN_FILE
 
 if TYPE_CHECKING:
@@ -213,8 +212,7 @@ class _Reader:
         try:
             reports = read(file)
             for report in reports:
-                for values in _plain(report):
-                    check_plausible(values, file)
+                check_plausible(to_jsonable_python(report), file)
             sha256 = file_sha256(file)
         except FieldkitError as error:
             self._damaged(error, file if error.path is None else Path(error.path))
@@ -233,21 +231,6 @@ class _Reader:
         if path == self.root or not path.is_relative_to(self.root):
             return path.name
         return path.relative_to(self.root).as_posix()
-
-
-def _plain(report: Any) -> Iterator[Any]:
-    """The numbers of a result as plain values, part by part."""
-    match report:
-        case BaseModel():
-            yield report.model_dump()
-        case Campaign():
-            yield from (vars(visit) | {"traits": vars(visit.traits or TraitsEntry())} for visit in report.visits)
-        case PlanRun():
-            parts = {"plan": report.plan, "search": report.settings, "outcome": report.outcome}
-            trials = {f"evaluations.{k}": trial for k, trial in enumerate(report.trials)}
-            yield from ({name: part.model_dump()} for name, part in (parts | trials).items() if part is not None)
-        case _:
-            yield report.record.model_dump()
 
 
 def _plan_run(folder: Path) -> PlanRun:

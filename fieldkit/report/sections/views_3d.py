@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fieldkit.arrays import ByteArray, Float32Array
+from fieldkit.arrays import ByteArray, Float32Array, FloatArray
 from fieldkit.clouds import Cloud, PointIndex, read_cloud
 from fieldkit.errors import CloudError, FieldkitError
 from fieldkit.figures.content import FrustumLayer, LineLayer, PlaceName, PointLayer, ViewerScene
@@ -45,7 +45,6 @@ _FARTHEST_M = 100_000.0
 """Distance from the plot's centre beyond which points are not shown, metres."""
 _PLANT_GREEN = (70, 140, 70)
 """RGB of plants' points without colours of their own."""
-_MOST_PLANTS = 1_000_000  # points over all of a mission's plots; the first ones count
 
 
 NotedView = tuple[ViewerScene | None, str]
@@ -121,7 +120,7 @@ def plan_view(result: Loaded[PlanRun], results: Results) -> NotedView:
         note = "The plan does not say where the plants are: they stand about the middle, on z = 0."
     heading = None if plan.row_heading_deg is None else np.radians(plan.row_heading_deg)
     north = None if heading is None else (float(np.cos(heading)), float(np.sin(heading)))
-    return ViewerScene("The planned cameras", layers, (_planned_layer(plan),), north=north, subject="cameras"), note
+    return ViewerScene("The planned cameras", layers, (_planned_layer(plan),), north=north), note
 
 
 def _plan_plants(plan: Plan, results: Results) -> tuple[list[PointLayer], str]:
@@ -129,10 +128,13 @@ def _plan_plants(plan: Plan, results: Results) -> tuple[list[PointLayer], str]:
     cloud, note = _reference_cloud(None if plan.source is None else plan.source.sha256, results)
     layers = [] if cloud is None else [PointLayer("Reference", *_drawn(cloud))]
     if plan.plants is not None and plan.plants.points_m:
-        points = np.array(plan.plants.points_m, dtype=np.float32)
-        colors = np.tile(np.array(_PLANT_GREEN, dtype=np.uint8), (len(points), 1))
-        layers.append(PointLayer("Plants, as flights keep clear of them", points, colors, shown=not layers))
+        layers += _kept_clear(np.array(plan.plants.points_m), shown=not layers)
     return layers, note
+
+
+def _kept_clear(points: FloatArray, *, shown: bool = True) -> list[PointLayer]:
+    colors = np.tile(np.array(_PLANT_GREEN, dtype=np.uint8), (len(points), 1))
+    return [PointLayer("Plants, as flights keep clear of them", points.astype(np.float32), colors, shown=shown)]
 
 
 def _reference_cloud(sha256: str | None, results: Results) -> tuple[Cloud | None, str]:
@@ -152,24 +154,13 @@ def _mission_plants(result: Loaded[FlownMission], results: Results) -> list[Poin
     """The plants of the plots that are flown: by the report's plans, else by the fitted ones beside the mission."""
     record, flown = result.report.record, result.report.flight.plots
     home, known = site_frame(record), {run.sha256: run.report.plan for run in results.of(PlanRun)}
-    layers: dict[str, list[PointLayer]] = {}
+    clouds = []
     for plot in record.plots:
         plan = known.get(plot.plan.sha256) or _fitted_plan(result.folder / (plot.plan.name or ""), plot.plan.sha256)
-        if plan is None or plot.name not in flown:
-            continue
-        # A reference's plants are not as high as those of a plot that the plan is fitted to.
-        for layer in _plan_plants(plan, results if plot.plan.sha256 in known else Results(results.root))[0]:
-            before = layers.setdefault(layer.name, [])
-            if sum(len(each.points) for each in before) < _MOST_PLANTS:
-                points = home.to_local(*plot_frame(plot).to_geodetic(layer.points)).astype(np.float32)
-                before.append(replace(layer, points=points))
-    joined = []
-    for alike in layers.values():
-        colors = [layer.colors for layer in alike if layer.colors is not None]
-        points = np.concatenate([layer.points for layer in alike])
-        together = np.concatenate(colors) if len(colors) == len(alike) else None
-        joined.append(replace(alike[0], points=points, colors=together))
-    return joined
+        if plan is not None and plan.plants is not None and plot.name in flown:
+            points = np.array(plan.plants.points_m).reshape(-1, 3)
+            clouds.append(home.to_local(*plot_frame(plot).to_geodetic(points)))
+    return _kept_clear(np.concatenate(clouds)) if clouds else []
 
 
 def _fitted_plan(file: Path, sha256: str) -> Plan | None:
@@ -211,7 +202,6 @@ def mission_view(result: Loaded[FlownMission], results: Results) -> NotedView:
         lines,
         places,
         north=(0.0, 1.0),
-        subject="cameras",
     ), ""
 
 
