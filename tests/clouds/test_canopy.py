@@ -7,19 +7,14 @@ from hypothesis import strategies as st
 
 from fieldkit.arrays import FloatArray
 from fieldkit.clouds.canopy import (
-    SEAM_PIXELS,
     Canopy,
     canopy,
     highest_leaf_m,
-    inside_outline,
-    outline_area_m2,
     rectangle,
     seam_cells,
 )
-from tests.clouds.examples import cone
 
 PIXEL_M = 0.002
-SEAM_M = SEAM_PIXELS * PIXEL_M
 SLOW = settings(max_examples=12, deadline=None)
 
 
@@ -54,20 +49,6 @@ class TestShapes:
         assert (found.covered_m2 == pytest.approx(0.006, rel=0.04)) == whole
         assert found.volume_m3 == pytest.approx(found.covered_m2 * 0.05, rel=1e-5)
 
-    def test_a_cone(self) -> None:
-        points = cone(0.25, 0.6, count=200_000)
-        found = seen(points)
-        inner = 0.25 - SEAM_M + 0.5 * PIXEL_M
-        assert found.covered_m2 == pytest.approx(np.pi * inner**2, rel=0.02)
-        assert found.volume_m3 == pytest.approx(np.pi * 0.25**2 * 0.6 / 3, rel=0.05)
-        assert highest_leaf_m(points, points[:, 2], PIXEL_M) == pytest.approx(0.6, abs=0.01)
-
-    def test_leaves_that_reconstruct_with_a_seam(self) -> None:
-        """A strip that is wider by what masks and pixels add comes out as it is."""
-        widened = np.random.default_rng(0).uniform((0, 0), (1.0, 0.05 + 2 * (SEAM_M - 0.5 * PIXEL_M)), (200_000, 2))
-        points = np.column_stack([widened, np.full(len(widened), 0.5)])
-        assert seen(points).covered_m2 == pytest.approx(0.05, rel=0.05)
-
     def test_the_tops_of_swaying_leaves_reach_over_what_is_seen_between_them(self) -> None:
         rng = np.random.default_rng(1)
         leaf, below = rng.uniform(0, 0.2, (4_000, 2)), rng.uniform(0, 0.2, (60_000, 2))
@@ -81,11 +62,6 @@ class TestShapes:
         sparse = dense[rng.uniform(size=len(dense)) < 0.3]
         assert seen(sparse).covered_m2 == pytest.approx(seen(dense).covered_m2, rel=0.04)
 
-    def test_one_point(self) -> None:
-        found = seen(np.array([[0.1, 0.2, 0.3]]))
-        assert found.covered_m2 == 0.0
-        assert found.volume_m3 == 0.0
-
 
 class TestInvariance:
     @given(st.floats(-5, 5), st.floats(-5, 5))
@@ -94,19 +70,6 @@ class TestInvariance:
         points = box(0.2, 0.3, 0.4)
         moved = points + np.array([x, y, 0.0])
         assert seen(moved).covered_m2 == pytest.approx(seen(points).covered_m2, rel=0.04)
-
-    def test_the_order_of_points_changes_nothing(self) -> None:
-        points = cone(0.2, 0.5)
-        other = points[np.random.default_rng(0).permutation(len(points))]
-        first, second = seen(points), seen(other)
-        assert np.array_equal(first.cover, second.cover)
-        assert np.array_equal(first.tops, second.tops, equal_nan=True)
-
-    def test_more_plants_never_cover_less(self) -> None:
-        one = box(0.1, 0.1, 0.3)
-        assert seen(np.concatenate([one, one + np.array([0.5, 0, 0])])).covered_m2 == pytest.approx(
-            2 * seen(one).covered_m2, rel=0.02
-        )
 
     def test_a_large_plot_takes_coarser_cells(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("fieldkit.clouds.canopy.MOST_CELLS", 10_000)
@@ -122,13 +85,6 @@ class TestOutline:
         assert half.covered_m2 == pytest.approx(0.5 * found.covered_m2, rel=0.03)
         assert half.volume_m3 == pytest.approx(0.5 * found.volume_m3, rel=0.03)
         assert found.within(rectangle((1.0, 1.0), (2.0, 2.0))).covered_m2 == 0.0
-
-    def test_turned(self) -> None:
-        """A plot's sides need not be those of the frame."""
-        diamond = ((0.0, -0.1), (0.1, 0.0), (0.0, 0.1), (-0.1, 0.0))
-        assert outline_area_m2(diamond) == pytest.approx(0.02)
-        assert seen(box(0.4, 0.4, 0.5)).within(diamond).covered_m2 == pytest.approx(0.02, rel=0.03)
-        assert inside_outline(np.array([[0.0, 0.0], [0.09, 0.09]]), diamond).tolist() == [True, False]
 
 
 class TestHeight:
@@ -147,18 +103,3 @@ class TestHeight:
         leaf = np.random.default_rng(0).uniform((0.3, 0.3, 0.7), (0.4, 0.34, 0.7005), (4000, 3))
         points = np.concatenate([box(0.1, 0.1, 0.5), leaf])
         assert highest_leaf_m(points, points[:, 2], PIXEL_M) == pytest.approx(0.7, abs=0.001)
-
-    def test_few_points(self) -> None:
-        points = np.array([[0.0, 0.0, 0.3], [0.5, 0.0, 0.2]])
-        assert highest_leaf_m(points, points[:, 2], PIXEL_M) == 0.3
-
-
-@pytest.mark.parametrize("pixel_m", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_pixel_that_is_none(pixel_m: float) -> None:
-    with pytest.raises(ValueError, match="positive"):
-        seen(cone(0.3, 0.8), pixel_m)
-
-
-def test_no_points() -> None:
-    with pytest.raises(ValueError, match="needs points"):
-        canopy(np.zeros((0, 3)), np.zeros(0), PIXEL_M)

@@ -28,30 +28,11 @@ def test_points_and_clumps_in_the_air_go() -> None:
     assert not kept[len(PLANT) :].any()
 
 
-def test_a_leaf_on_its_own_is_kept() -> None:
-    """What hides its collar must not cost the leaf."""
-    assert without_strays(np.concatenate([PLANT, leaf(0.3, 0.04)]), VOXEL_M).all()
-
-
 def test_a_leaf_that_hangs_by_a_thread_of_points() -> None:
     thread = np.column_stack([np.linspace(0.28, 0.48, 9), np.zeros(9), np.full(9, 0.9)])
     cap = np.column_stack([PLANT[:, :2], np.full(20_000, 0.9)])
     kept = without_strays(np.concatenate([cap, thread, leaf(0.02, 0.02, 200)]), VOXEL_M)
     assert kept.all()
-
-
-def test_small_plants_set_their_own_measure() -> None:
-    """Beside a seedling a clump of 10 cm² is a leaf, beside a grown plant it is none."""
-    clump = leaf(0.05, 0.02, 500) + np.array([0.5, 0.0, 0.0])
-    seedling = leaf(0.12, 0.06)
-    assert without_strays(np.concatenate([seedling, clump]), VOXEL_M).all()
-    assert not without_strays(np.concatenate([PLANT, clump]), VOXEL_M)[-500:].any()
-
-
-def test_nothing_but_strays() -> None:
-    points = np.random.default_rng(0).uniform((-0.9, -0.9, 0.1), 0.9, (50, 3))
-    assert not without_strays(points, VOXEL_M).any()
-    assert without_strays(np.zeros((0, 3)), VOXEL_M).shape == (0,)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.01, 0.03]))
@@ -92,7 +73,3 @@ def test_rows_and_small_plants_between_them_belong_together() -> None:
     for points in (np.concatenate([row(0.0), row(0.75)]), np.concatenate([row(0.0), row(0.75), small])):
         stand = find_stand(points)
         assert stand.apart == 0.0
-
-
-def test_nothing() -> None:
-    assert find_stand(np.zeros((0, 3))) is None

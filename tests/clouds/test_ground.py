@@ -1,4 +1,3 @@
-import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -6,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fieldkit.clouds import fit_ground_plane, read_las, read_ply
-from fieldkit.errors import EmptyCloudError, ReconstructionError
+from fieldkit.clouds import fit_ground_plane, read_ply
+from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.results.fields import vector
@@ -42,17 +41,6 @@ def test_ground_under_plants_in_any_orientation(seed: int, counts: tuple[int, in
     assert 0.03 < plane.inlier_share < 0.7
 
 
-def test_the_same_seed_gives_the_same_plane() -> None:
-    points, cameras = plot(3)
-    a, b = fit_ground_plane(points, cameras, seed=5), fit_ground_plane(points, cameras, seed=5)
-    assert a == b
-
-
-def test_without_cameras_up_is_where_the_plants_are() -> None:
-    points, _ = plot(1, clutter=200)
-    assert fit_ground_plane(points).normal[2] > 0.999
-
-
 def test_a_canopy_that_is_flatter_than_the_soil_is_not_the_ground() -> None:
     rng = np.random.default_rng(0)
     soil = np.column_stack([rng.uniform(-1, 1, (4000, 2)), rng.normal(0, 0.006, 4000)])
@@ -72,15 +60,6 @@ def test_a_known_up_direction_rules_out_slanting_planes() -> None:
     assert fit_ground_plane(points, [[-2.0, 0, 3]], up=[0.1, 0.1, 2.0]).tilt_deg() < 1
     with pytest.raises(ValueError, match="length"):
         fit_ground_plane(points, up=[0, 0, 0])
-
-
-def test_memory_does_not_grow_with_points_times_planes() -> None:
-    points = np.random.default_rng(0).uniform((-1.5, -1.5, 0.0), (1.5, 1.5, 0.01), (10_000, 3))
-    tracemalloc.start()
-    fit_ground_plane(points, up=(0.0, 0.0, 1.0))
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 200e6
 
 
 def canopy(seed: int, *, soil: int, leaves: int = 3000) -> tuple[np.ndarray, np.ndarray]:
@@ -127,34 +106,6 @@ def test_levelling_puts_the_ground_at_zero() -> None:
         points = np.random.default_rng(0).normal(size=(20, 3))
         np.testing.assert_allclose(level.apply(points)[:, 2], plane.heights(points), atol=1e-9)
         np.testing.assert_allclose(level.apply(origin)[:2], 0.0, atol=1e-9)
-
-
-def test_degenerate_input_is_named() -> None:
-    with pytest.raises(EmptyCloudError):
-        fit_ground_plane(np.zeros((0, 3)))
-    line = np.outer(np.linspace(0, 1, 50), [1.0, 2.0, 3.0])
-    ball = np.random.default_rng(0).normal(size=(3000, 3))
-    for points, cameras in [
-        (np.zeros((2, 3)), None),
-        (np.zeros((100, 3)), None),
-        (line, None),
-        (line, [[0.0, 0, 9]]),
-        (ball, ball[:200] / np.linalg.norm(ball[:200], axis=1, keepdims=True) * 9),
-    ]:
-        with pytest.raises(ReconstructionError, match="no ground plane") as caught:
-            fit_ground_plane(points, cameras)
-        assert caught.value.remedy
-    with pytest.raises(ValueError, match="tolerance"):
-        fit_ground_plane(ball, tolerance_m=0.0)
-
-
-def test_the_lawn_of_a_drone_model(data_folder: Path) -> None:
-    pytest.importorskip("laspy", reason="LAS needs the extra geo")
-    points = read_las(data_folder / "drone_trees" / "model.laz").cloud.points
-    camera = points.mean(axis=0) + np.array([0.0, 0.0, 40.0])
-    plane = fit_ground_plane(points, [camera], tolerance_m=0.5)
-    assert plane.tilt_deg() < 7  # the lawn slopes
-    assert plane.inlier_share > 0.4
 
 
 def test_a_plant_without_any_ground_is_told(data_folder: Path) -> None:

@@ -54,13 +54,6 @@ def test_holes_do_not_cut_a_plant_in_two(row: Row) -> None:
     assert (apart.numbers == torn.plants).mean() > 0.9
 
 
-def test_the_same_whatever_the_order_of_the_points(row: Row, apart: PlantsApart) -> None:
-    order = np.random.default_rng(1).permutation(len(row.cloud))
-    again = tell_apart(row.cloud.select(order))
-    assert (again.numbers == apart.numbers[order]).mean() > 0.999
-    np.testing.assert_allclose(again.feet_m, apart.feet_m, atol=1e-9)
-
-
 def test_weeds_belong_to_no_plant(row: Row) -> None:
     rng = np.random.default_rng(2)
     weed = Cloud(rng.uniform((-0.03, 0.2, -0.02), (0.03, 0.26, 0.02), (500, 3)))
@@ -68,13 +61,6 @@ def test_weeds_belong_to_no_plant(row: Row) -> None:
     apart = tell_apart(with_weed)
     assert apart.count == 3
     assert (apart.numbers[-500:] == 0).all()
-
-
-def test_one_plant_is_one_plant(row: Row) -> None:
-    apart = tell_apart(row.cloud.select(row.plants == 2))
-    assert apart.count == 1
-    assert apart.clear == 1.0
-    assert (apart.numbers == 1).all()
 
 
 def test_a_closed_canopy_is_refused(row: Row) -> None:

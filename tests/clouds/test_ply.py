@@ -173,21 +173,6 @@ def test_damage_is_named_with_its_remedy(tmp_path: Path, header: str, body: byte
     assert caught.value.remedy
 
 
-@pytest.mark.parametrize("content", [b"", b"plywood", b"\x89PNG\r\n", b"ply\nformat ascii 1.0\n", b"ply\n" + b"a" * 99])
-def test_other_files(tmp_path: Path, content: bytes) -> None:
-    path = tmp_path / "cloud.ply"
-    path.write_bytes(content)
-    with pytest.raises(CloudError):
-        read_ply(path)
-
-
-def test_missing_files_and_folders(tmp_path: Path) -> None:
-    with pytest.raises(CloudError, match="No such file"):
-        read_ply(tmp_path / "none.ply")
-    with pytest.raises(CloudError, match="directory"):
-        read_ply(tmp_path)
-
-
 ASCII_EXAMPLE = (
     b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
     b"property uchar red\nproperty uchar green\nproperty uchar blue\n"
@@ -223,12 +208,6 @@ def test_damaged_files_give_a_cloud_or_a_cloud_error(tmp_path: Path, content: by
         error = None
         assert np.isfinite(cloud.points).all()
     assert error is None or (error.path == path and error.remedy)
-
-
-@pytest.mark.parametrize(("content", "count"), [(ASCII_EXAMPLE, 3), (BINARY_EXAMPLE, 2)])
-def test_the_undamaged_examples_are_read(tmp_path: Path, content: bytes, count: int) -> None:
-    (tmp_path / "cloud.ply").write_bytes(content)
-    assert len(read_ply(tmp_path / "cloud.ply")) == count
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,8 @@
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fieldkit.clouds import Cloud, thinning, voxel_thin
+from fieldkit.clouds import Cloud, voxel_thin
 from tests.clouds.examples import clouds
 
 SIZES = st.sampled_from([0.05, 0.5, 2.0, 20.0])
@@ -41,30 +40,6 @@ def test_averages_position_colour_and_normal() -> None:
     np.testing.assert_array_equal(thinned.filled, [False, True])
 
 
-def test_opposite_normals_have_no_mean() -> None:
-    normals = np.array([[1, 0, 0], [-1, 0, 0]], np.float32)
-    np.testing.assert_array_equal(voxel_thin(Cloud(np.zeros((2, 3)), None, normals), 1.0).normals, [[0, 0, 0]])
-
-
 def test_extents_too_large_for_one_key() -> None:
     points = np.array([[1e6, 1e6, 1e6], [-1e6, 0, 0], [0, -1e6, 5], [0, -1e6, 5.0001]])
     assert len(voxel_thin(Cloud(points), 1e-3)) == 3
-
-
-@pytest.mark.parametrize("size", [0.0, -1.0, np.nan, np.inf, 1e-12])
-def test_impossible_sizes_are_refused(size: float) -> None:
-    with pytest.raises(ValueError):
-        voxel_thin(Cloud(np.full((1, 3), 1e5)), size)
-
-
-@given(clouds(), SIZES)
-def test_parts_and_a_moved_origin_change_nothing(cloud: Cloud, size: float) -> None:
-    whole = voxel_thin(cloud, size)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(thinning, "_POINTS_AT_A_TIME", 3)
-        parts = voxel_thin(cloud, size)
-    for name in ("points", "colors", "normals"):
-        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name))
-    origin = np.array([0.3, -2.0, 7.0])
-    moved = Cloud(cloud.points - origin, cloud.colors, cloud.normals)
-    np.testing.assert_array_equal(voxel_thin(cloud, size, origin=origin).points, voxel_thin(moved, size).points)

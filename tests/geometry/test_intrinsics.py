@@ -1,11 +1,8 @@
 """Projection against COLMAP's and OpenCV's own."""
 
-import cv2
 import numpy as np
 import pycolmap
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.intrinsics import PARAMETER_NAMES
@@ -41,20 +38,6 @@ def test_projection_agrees_with_colmap(model: str) -> None:
 
 
 @pytest.mark.parametrize("model", EXAMPLES)
-def test_projection_agrees_with_opencv_but_for_its_pixel_origin(model: str) -> None:
-    """OpenCV puts (0, 0) at the centre of the first pixel, COLMAP and fieldkit at its corner: half a pixel apart."""
-    camera = _camera(model)
-    names = PARAMETER_NAMES[model]
-    named = dict(zip(names, camera.params, strict=True))
-    radial = [named.get("k1", named.get("k", 0.0)), named.get("k2", 0.0)]
-    rest = [named.get(n, 0.0) for n in ("p1", "p2", "k3", "k4", "k5", "k6")]
-    matrix = camera.matrix()
-    matrix[:2, 2] -= 0.5
-    pixels, _ = cv2.projectPoints(_points(), np.zeros(3), np.zeros(3), matrix, np.array(radial + rest))
-    np.testing.assert_allclose(camera.project(_points()), pixels.reshape(-1, 2) + 0.5, atol=1e-9)
-
-
-@pytest.mark.parametrize("model", EXAMPLES)
 def test_scaled_camera_projects_to_scaled_pixels(model: str) -> None:
     camera = _camera(model)
     half = camera.scaled(640, 360)
@@ -67,13 +50,6 @@ def test_undistorted_pixels_are_those_of_the_camera_without_distortion(model: st
     camera = _camera(model)
     ideal = camera.without_distortion().project(_points())
     np.testing.assert_allclose(camera.undistort(camera.project(_points())), ideal, atol=1e-6)
-
-
-@given(st.floats(100, 5000), st.integers(2, 8000), st.integers(2, 8000))
-def test_the_axis_of_a_pinhole_hits_the_middle_of_the_image(focal: float, width: int, height: int) -> None:
-    camera = Intrinsics.pinhole(width, height, focal)
-    np.testing.assert_allclose(camera.project(np.array([[0.0, 0.0, 2.0]])), [[width / 2, height / 2]])
-    assert not camera.distorted
 
 
 def test_points_behind_the_camera_have_no_pixel() -> None:

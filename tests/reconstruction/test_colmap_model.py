@@ -9,18 +9,15 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from fieldkit.captures.model import Photo
-from fieldkit.geometry import Intrinsics, Pose, Similarity
+from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.reconstruction.colmap_model import (
     Track,
     build_tracks,
     color_points,
-    from_colmap_camera,
-    model_intrinsics,
     model_points,
     model_poses,
     new_model,
-    to_colmap_camera,
     transform_model,
     triangulate_tracks,
 )
@@ -47,17 +44,6 @@ def model_of(scene: FeatureScene):
     return new_model(scene.names, [scene.camera], [0] * len(scene.names), scene.poses, scene.features)
 
 
-@pytest.mark.parametrize(
-    "camera",
-    [
-        Intrinsics("SIMPLE_PINHOLE", 640, 480, (500.5, 320.25, 240.0)),
-        Intrinsics("OPENCV", 4000, 3000, (2950.0, 2960.0, 2001.0, 1499.0, -0.1, 0.02, 1e-4, -2e-4)),
-    ],
-)
-def test_cameras_come_back(camera: Intrinsics) -> None:
-    assert from_colmap_camera(to_colmap_camera(camera, 7)) == camera
-
-
 def test_colmap_projects_as_we_do(scene: FeatureScene) -> None:
     model = model_of(scene)
     for index, pose in enumerate(scene.poses):
@@ -65,16 +51,6 @@ def test_colmap_projects_as_we_do(scene: FeatureScene) -> None:
         ours = scene.camera.project(pose.to_camera(scene.points[:20]))
         theirs = np.array([image.project_point(point) for point in scene.points[:20]])
         assert theirs == pytest.approx(ours, abs=1e-6)
-
-
-def test_poses_and_intrinsics_come_back_by_name(scene: FeatureScene) -> None:
-    model = model_of(scene)
-    poses = model_poses(model)
-    assert list(poses) == scene.names
-    assert model_intrinsics(model) == dict.fromkeys(scene.names, scene.camera)
-    for found, pose in zip(poses.values(), scene.poses, strict=True):
-        assert found.center == pytest.approx(pose.center, abs=1e-12)
-        assert found.rotation == pytest.approx(pose.rotation, abs=1e-12)
 
 
 def test_tracks_triangulate_to_their_points(scene: FeatureScene) -> None:
@@ -96,12 +72,6 @@ def test_a_wrong_observation_is_left_out(scene: FeatureScene) -> None:
     (found,) = model.points3D.values()
     assert sorted(e.image_id - 1 for e in found.track.elements) == sorted({i for i, _ in track} - {image})
     assert np.linalg.norm(found.xyz - scene.points[point]) < 0.005
-
-
-def test_small_angles_give_no_point(scene: FeatureScene) -> None:
-    tracks, _ = true_tracks(scene)
-    model = model_of(scene)
-    assert triangulate_tracks(model, scene.features, tracks[:20], max_error_px=3.0, min_angle_deg=120.0, seed=0) == 0
 
 
 def test_a_model_moves_as_its_poses_do(scene: FeatureScene) -> None:
@@ -171,30 +141,3 @@ def union_find(matches: Matches) -> list[Track]:
 def test_union_find_gives_the_same(problem: tuple[list[int], Matches]) -> None:
     counts, matches = problem
     assert build_tracks(counts, matches) == union_find(matches)
-
-
-@given(problems(), st.randoms())
-def test_the_order_of_pairs_does_not_matter(problem: tuple[list[int], Matches], random: object) -> None:
-    counts, matches = problem
-    shuffled = list(matches.items())
-    random.shuffle(shuffled)
-    assert build_tracks(counts, dict(shuffled)) == build_tracks(counts, matches)
-
-
-def test_a_chain_becomes_one_track() -> None:
-    matches = {(0, 1): np.array([[4, 2]], np.uint32), (1, 2): np.array([[2, 0]], np.uint32)}
-    assert build_tracks([5, 3, 1], matches) == [((0, 4), (1, 2), (2, 0))]
-
-
-def test_an_image_met_twice_is_dropped_from_the_track() -> None:
-    matches = {
-        (0, 1): np.array([[0, 0]], np.uint32),
-        (1, 2): np.array([[0, 0]], np.uint32),
-        (0, 2): np.array([[1, 0]], np.uint32),
-    }
-    assert build_tracks([2, 1, 1], matches) == [((1, 0), (2, 0))]
-
-
-def test_nothing_gives_nothing() -> None:
-    assert build_tracks([], {}) == []
-    assert build_tracks([3, 3], {(0, 1): np.zeros((0, 2), np.uint32)}) == []

@@ -75,38 +75,9 @@ def test_form_and_order() -> None:
     assert lengths == pytest.approx(512, rel=0.02)
 
 
-def test_root_sift_compares_as_hellinger() -> None:
-    """The dot product of RootSIFT is the Hellinger kernel of SIFT (Arandjelović & Zisserman 2012)."""
-    image = picture(3)
-    mine = extract_features(image, FeatureSettings(max_features=5000, contrast_threshold=0.02))
-    sift = cv2.SIFT_create(nfeatures=5000, contrastThreshold=0.02, edgeThreshold=10.0)
-    keypoints, raw = sift.detectAndCompute(image, None)
-    places = np.array([(k.pt[0] + 0.25, k.pt[1] + 0.25, k.size / 2, np.radians(k.angle)) for k in keypoints])
-    theirs = raw[np.lexsort(places.astype(np.float32).T)]
-    normalised = theirs / theirs.sum(axis=1, keepdims=True)
-    expected = np.sqrt(normalised[:40, None] * normalised[None, 40:80]).sum(axis=2)
-    unit = mine.descriptors.astype(float) / 512
-    assert unit[:40] @ unit[40:80].T == pytest.approx(expected, abs=0.01)
-
-
-@pytest.mark.parametrize("limit", [1, 7, 40])
-def test_the_strongest_are_kept(limit: int) -> None:
-    image = blobs((300, 200), np.array([[60.0, 60.0]]), 4.0)
-    image[100:, 150:] = np.maximum(image[100:, 150:], picture(2, 150, 100) // 6 + 40)
-    features = extract_features(image, FeatureSettings(max_features=limit, contrast_threshold=0.001))
-    assert len(features) == limit
-    assert np.linalg.norm(features.points - (60, 60), axis=1).min() < 2
-
-
 @pytest.mark.parametrize("image", [np.zeros((90, 120), np.uint8), np.full((500, 700), 255, np.uint8)])
 def test_no_texture_no_features(image: np.ndarray) -> None:
     features = extract_features(image, FeatureSettings(working_side=200))
     assert len(features) == 0
     assert features.points.shape == (0, 2)
     assert features.descriptors.shape == (0, 128)
-
-
-def test_the_same_image_gives_the_same_bits() -> None:
-    first, second = (extract_features(picture(5), FeatureSettings()) for _ in range(2))
-    assert first.keypoints.tobytes() == second.keypoints.tobytes()
-    assert first.descriptors.tobytes() == second.descriptors.tobytes()

@@ -17,7 +17,6 @@ from fieldkit.reconstruction.guided import (
     fundamental_matrix,
     match_guided,
     midpoints,
-    relative_pose,
 )
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, posed, random_descriptors, ring
 
@@ -100,27 +99,12 @@ def test_brute_force_finds_the_same(seed, counts, band, ratio, place) -> None:
     assert match_guided(*posed, Band(band, rule=settings)).tolist() == brute_force(*posed, band, ratio)
 
 
-def test_what_lies_off_the_epipolar_line_is_not_matched(scene: FeatureScene) -> None:
-    features = scene.features[1]
-    moved = with_keypoints(features, 1, features.keypoints[:, 1] + 60)
-    matches = match_guided(posed(scene, 0), posed(scene, 1, features=moved), Band(BAND_PX, REGION))
-    assert len(matches) < 0.05 * shared(scene, 0, 1)
-
-
 @pytest.mark.parametrize("turn_deg", [90.0, 180.0, -90.0])
 def test_wrongly_turned_features_are_not_matched(scene: FeatureScene, turn_deg: float) -> None:
     features = scene.features[1]
     turned = with_keypoints(features, 3, (features.keypoints[:, 3] + np.radians(turn_deg)) % (2 * np.pi))
     matches = match_guided(posed(scene, 0), posed(scene, 1, features=turned), Band(BAND_PX, REGION))
     assert len(matches) < 0.15 * shared(scene, 0, 1)
-
-
-@pytest.mark.parametrize("factor", [0.4, 2.5])
-def test_features_of_another_size_are_not_matched(scene: FeatureScene, factor: float) -> None:
-    features = scene.features[1]
-    larger = with_keypoints(features, 2, features.keypoints[:, 2] * factor)
-    matches = match_guided(posed(scene, 0), posed(scene, 1, features=larger), Band(BAND_PX, REGION))
-    assert len(matches) < 0.05 * shared(scene, 0, 1)
 
 
 def test_sizes_are_predicted_from_the_distance() -> None:
@@ -155,13 +139,6 @@ def test_matches_must_meet_in_the_region(scene: FeatureScene) -> None:
     assert len(match_guided(a, b, Band(BAND_PX, REGION, elsewhere))) == 0
 
 
-def test_no_features_no_matches(scene: FeatureScene) -> None:
-    nothing = Features(np.zeros((0, 4), np.float32), np.zeros((0, 128), np.uint8))
-    empty = posed(scene, 0, features=nothing)
-    assert match_guided(empty, posed(scene, 1), Band(BAND_PX)).shape == (0, 2)
-    assert match_guided(posed(scene, 1), empty, Band(BAND_PX)).shape == (0, 2)
-
-
 A = Intrinsics("PINHOLE", 1600, 1200, (1500.0, 1480.0, 810.0, 590.0))
 B = Intrinsics("PINHOLE", 1200, 1600, (900.0, 905.0, 600.0, 800.0))
 places = st.tuples(*[st.floats(-3, 3)] * 3).filter(lambda place: np.linalg.norm(place) > 1)
@@ -171,10 +148,6 @@ def points(count: int = 20) -> np.ndarray:
     return np.random.default_rng(0).uniform(-0.3, 0.3, (count, 3))
 
 
-def line_distance(line: np.ndarray, point: np.ndarray) -> float:
-    return abs(float(line @ (*point, 1.0))) / float(np.hypot(line[0], line[1]))
-
-
 @given(places, places)
 def test_images_of_a_point_lie_on_each_others_lines(one: tuple, other: tuple) -> None:
     assume(np.linalg.norm(np.subtract(one, other)) > 0.1)
@@ -182,28 +155,3 @@ def test_images_of_a_point_lie_on_each_others_lines(one: tuple, other: tuple) ->
     fundamental = fundamental_matrix(a, b, A, B)
     pixels_a, pixels_b = A.project(a.to_camera(points())), B.project(b.to_camera(points()))
     assert epipolar_distance(fundamental, pixels_a, pixels_b) == pytest.approx(0, abs=1e-6)
-
-
-@given(places, places)
-def test_relative_pose_maps_one_camera_into_the_other(one: tuple, other: tuple) -> None:
-    a, b = Pose.look_at(one, (0, 0, 0)), Pose.look_at(other, (0.1, 0, 0))
-    rotation, translation = relative_pose(a, b)
-    assert a.to_camera(points()) @ rotation.T + translation == pytest.approx(b.to_camera(points()), abs=1e-9)
-
-
-def two_views() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    rng = np.random.default_rng(3)
-    a, b = Pose.look_at((1, 0, 0.4), (0, 0, 0)), Pose.look_at((0.6, 0.7, 0.5), (0, 0, 0))
-    fundamental = fundamental_matrix(a, b, A, B)
-    pixels_a = A.project(a.to_camera(points(60))) + rng.normal(0, 20, (60, 2))
-    pixels_b = B.project(b.to_camera(points(60)[:50])) + rng.normal(0, 20, (50, 2))
-    return fundamental, pixels_a, pixels_b
-
-
-def test_the_distance_is_the_larger_of_the_two() -> None:
-    fundamental, a, b = two_views()
-    for one, other in zip(a[:50], b, strict=True):
-        forth = line_distance(fundamental @ (*one, 1.0), other)
-        back = line_distance(fundamental.T @ (*other, 1.0), one)
-        (distance,) = epipolar_distance(fundamental, one[None], other[None])
-        assert distance == pytest.approx(max(forth, back))

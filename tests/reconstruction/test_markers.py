@@ -3,14 +3,12 @@
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from fieldkit.captures.markers_file import MarkerDistance, MarkersFile, marker_dictionary
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.pose import rotation_from_vector
-from fieldkit.reconstruction.markers import MarkerDetection, MarkerScale, detect_markers, marker_scale, refine_corners
+from fieldkit.reconstruction.markers import MarkerDetection, MarkerScale, detect_markers, marker_scale
 from tests.reconstruction.synthetic import Board, marker_board, render_board
 
 CAMERA = Intrinsics("SIMPLE_RADIAL", 1600, 1200, (1500.0, 800.0, 600.0, -0.05))
@@ -75,14 +73,6 @@ def test_from_sides_and_distances() -> None:
     assert long.notes == ()
 
 
-@given(st.floats(0.001, 1000.0), st.integers(0, 10))
-def test_any_model_unit(factor: float, seed: int) -> None:
-    smaller = Similarity(factor, np.eye(3), np.zeros(3))
-    poses = {name: smaller.apply_pose(pose) for name, pose in POSES.items()}
-    scale = marker_scale(detections(seed=seed), poses, CAMERAS, SIDE, seed=0)
-    assert scale.scale * factor == pytest.approx(1.0, rel=3e-3)
-
-
 def test_a_typing_error_is_named() -> None:
     wrong = MarkersFile("DICT_4X4_50", None, (between(0, 3), between(0, 7), between(0, 11, 1.2)))
     scale = scale_of(wrong)
@@ -106,61 +96,11 @@ def test_a_print_scaled_to_fit_the_page_is_named() -> None:
     assert all("side of marker" in note for note in scale.notes)
 
 
-def test_two_lengths_that_disagree_leave_a_doubt() -> None:
-    scale = scale_of(MarkersFile("DICT_4X4_50", None, (between(0, 3), between(0, 7, 1.5))))
-    assert any("another scale" in note for note in scale.notes)
-    assert scale.inliers == 1
-
-
-def test_one_length_alone_is_said_to_be_alone() -> None:
-    scale = scale_of(MarkersFile("DICT_4X4_50", None, (between(0, 3), MarkerDistance(3, 40, 1.0))))
-    assert scale.scale == pytest.approx(3.7, rel=1e-3)
-    assert scale.notes == (
-        "the distance 3–40 is not used: marker 40 was not located",
-        "the scale rests on one length alone (markers 0–3)",
-    )
-
-
-def test_a_wrong_reading_in_one_photograph_does_not_matter() -> None:
-    found = detections()
-    first = found["2.jpg"][0]
-    found["2.jpg"][0] = MarkerDetection(first.id, first.corners + np.array([150.0, -80.0]))
-    assert scale_of(SIDE, found).scale == pytest.approx(3.7, rel=2e-3)
-
-
 def test_a_wrong_pose_does_not_matter() -> None:
     poses = dict(UNSCALED)
     poses["1.jpg"] = Pose(poses["1.jpg"].rotation, poses["1.jpg"].center + np.array([0.1, 0.0, 0.05]))
     scale = marker_scale(detections(), poses, CAMERAS, SIDE, seed=0)
     assert scale.scale == pytest.approx(3.7, rel=2e-3)
-
-
-def test_a_marker_read_at_two_places_is_not_used() -> None:
-    """Two prints with the same number, of which each photograph shows one."""
-    found = detections()
-    for index, name in enumerate(POSES):
-        if index % 2:
-            found[name][0] = MarkerDetection(0, found[name][1].corners)
-            del found[name][1]
-    scale = scale_of(SIDE, found)
-    assert scale.scale == pytest.approx(3.7, rel=2e-3)
-
-
-def test_a_quadrilateral_that_is_no_square_is_not_used() -> None:
-    found = {
-        name: [*views[1:], MarkerDetection(0, CAMERA.project(POSES[name].to_camera(corners(CENTERS[0]) * (1, 0.6, 1))))]
-        for name, views in detections().items()
-    }
-    scale = scale_of(SIDE, found)
-    assert scale.scale == pytest.approx(3.7, rel=2e-3)
-    assert sorted(scale.corners) == [3, 7, 11, 20]
-    assert any(note.startswith("marker 0 is not square") for note in scale.notes)
-
-
-def test_no_marker_at_all() -> None:
-    with pytest.raises(ReconstructionError, match="found in any of the 6 photographs") as caught:
-        scale_of(SIDE, {name: [] for name in POSES})
-    assert "dictionary" in caught.value.remedy
 
 
 @pytest.mark.parametrize("others", [False, True], ids=["one photograph", "others not registered"])
@@ -171,24 +111,6 @@ def test_no_marker_in_two_registered_photographs(others: bool) -> None:
     with pytest.raises(ReconstructionError, match="two registered photographs") as caught:
         marker_scale(found if others else {names[0]: found[names[0]]}, poses, CAMERAS, SIDE, seed=0)
     assert caught.value.remedy
-
-
-def test_no_known_length_among_those_seen() -> None:
-    with pytest.raises(ReconstructionError, match="marker 41 and 42 was not located"):
-        scale_of(MarkersFile("DICT_4X4_50", None, (MarkerDistance(41, 42, 1.0),)))
-
-
-def test_photographs_from_one_place_give_no_scale() -> None:
-    name = "0.jpg"
-    found = {key: detections()[name] for key in ("a", "b")}
-    with pytest.raises(ReconstructionError, match="does not lie where"):
-        marker_scale(found, dict.fromkeys(found, UNSCALED[name]), dict.fromkeys(found, CAMERA), SIDE, seed=0)
-
-
-def test_the_same_seed_gives_the_same_bits() -> None:
-    first, second = (scale_of(SIDE) for _ in range(2))
-    assert first.scale == second.scale
-    assert all(first.corners[n].tobytes() == second.corners[n].tobytes() for n in first.corners)
 
 
 BOARD_CAMERA = Intrinsics("PINHOLE", 480, 360, (450.0, 450.0, 241.3, 178.9))
@@ -238,23 +160,3 @@ def test_corners_start_at_the_printed_upper_left(turn: int) -> None:
     for _ in range(turn):
         square = np.column_stack([square[:, 1], 160 - square[:, 0]])
     assert detection.corners == pytest.approx(square, abs=0.05)
-
-
-@pytest.mark.parametrize("shape", [(1, 1), (12, 300), (90, 120)])
-def test_images_without_markers(shape: tuple[int, int]) -> None:
-    rng = np.random.default_rng(0)
-    for image in (np.zeros(shape, np.uint8), rng.integers(0, 256, shape).astype(np.uint8)):
-        assert detect_markers(image, "DICT_6X6_50") == []
-
-
-def test_the_same_image_gives_the_same_bits() -> None:
-    markers = marker_board("DICT_4X4_50", BOARD_CENTERS, 0.12, (0.6, 0.55))
-    image = render_board(markers, Pose.look_at((0.3, 0.2, 0.8), (0.3, 0.28, 0)), BOARD_CAMERA)
-    first, second = (detect_markers(image, "DICT_4X4_50") for _ in range(2))
-    assert len(first) == 4
-    assert all(a.corners.tobytes() == b.corners.tobytes() for a, b in zip(first, second, strict=True))
-
-
-def test_corners_without_contrast_stay_as_they_are() -> None:
-    given = np.array([[10.0, 10.0], [50.0, 10.0], [50.0, 50.0], [10.0, 50.0]])
-    assert np.array_equal(refine_corners(np.full((64, 64), 128, np.uint8), given, 6), given)

@@ -1,6 +1,5 @@
 """Descriptor matching against brute force."""
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import given
@@ -55,48 +54,3 @@ def test_brute_force_finds_the_same(seed: int, n: int, m: int, chunk: int, ratio
         found = match_features(a, b, ratio=ratio)
     assert found.dtype == np.uint32
     assert found.tolist() == brute_force(a, b, ratio)
-
-
-def test_opencv_finds_the_same() -> None:
-    rng = np.random.default_rng(4)
-    a, b = related(rng, 700, 900, 500)
-    one, two = (f.descriptors / np.linalg.norm(f.descriptors.astype(float), axis=1, keepdims=True) for f in (a, b))
-    matcher = cv2.BFMatcher(cv2.NORM_L2)
-
-    def good(x: np.ndarray, y: np.ndarray) -> set[tuple[int, int]]:
-        pairs = matcher.knnMatch(x.astype(np.float32), y.astype(np.float32), k=2)
-        return {(p.queryIdx, p.trainIdx) for p, q in pairs if p.distance <= 0.8 * q.distance}
-
-    expected = sorted(good(one, two) & {(i, j) for j, i in good(two, one)})
-    assert len(expected) > 450
-    assert [tuple(match) for match in match_features(a, b).tolist()] == expected
-
-
-def test_copies_are_found_over_chunk_boundaries(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(matching, "_CHUNK_ROWS", 64)
-    rng = np.random.default_rng(0)
-    descriptors = random_descriptors(rng, 300)
-    order = rng.permutation(300)
-    found = match_features(features(descriptors), features(descriptors[order]))
-    assert np.array_equal(found[:, 0], np.arange(300))
-    assert np.array_equal(order[found[:, 1]], np.arange(300))
-
-
-@pytest.mark.parametrize("chunk", [1, 2, 3, 1024])
-def test_twins_are_ambiguous_in_both_directions(monkeypatch: pytest.MonkeyPatch, chunk: int) -> None:
-    monkeypatch.setattr(matching, "_CHUNK_ROWS", chunk)
-    one, other = random_descriptors(np.random.default_rng(0), 2)
-    twins, single = features(np.array([one, one, other])), features(np.array([other, one]))
-    assert match_features(twins, single).tolist() == [[2, 0]]
-    assert match_features(single, twins).tolist() == [[0, 2]]
-
-
-@pytest.mark.parametrize(("n", "m"), [(0, 0), (0, 5), (5, 0)])
-def test_no_features_no_matches(n: int, m: int) -> None:
-    rng = np.random.default_rng(0)
-    assert match_features(features(random_descriptors(rng, n)), features(random_descriptors(rng, m))).shape == (0, 2)
-
-
-def test_descriptors_of_zeros_do_no_harm() -> None:
-    a = features(np.zeros((3, 128)))
-    assert len(match_features(a, a)) == 0

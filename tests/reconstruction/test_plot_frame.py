@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from fieldkit.captures.model import Capture
-from fieldkit.clouds.volume import Volume
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
@@ -12,10 +11,8 @@ from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.geometry.priors import PosePrior, Priors, SourceFrame
 from fieldkit.reconstruction.plot_frame import (
     check_upright,
-    cuts_plants,
     find_ground,
     known_up,
-    looked_beside_m,
     moved_plane,
     plot_from_world,
     volume_of_interest,
@@ -98,11 +95,6 @@ def test_up_is_what_a_georeference_three_positions_or_angles_say(said: str, sigm
         assert up is None
 
 
-def test_without_a_ground_the_frame_stands_as_up_is_known() -> None:
-    motion = plot_from_world(np.zeros((3, 3)), _ring(), None, georeferenced=False, up=np.array([0.6, 0.0, 0.8]))
-    assert motion.rotation @ [0.6, 0.0, 0.8] == pytest.approx(UP)
-
-
 def test_the_volume_holds_what_converging_cameras_share_and_not_the_background() -> None:
     rng = np.random.default_rng(2)
     background = rng.normal(size=(2000, 3))
@@ -112,22 +104,6 @@ def test_the_volume_holds_what_converging_cameras_share_and_not_the_background()
     volume = volume_of_interest(points, poses, dict.fromkeys(poses, CAMERA))
     assert volume.contains(_soil_and_plant()[3000:]).mean() > 0.97
     assert not volume.contains(background).any()
-
-
-@pytest.mark.parametrize(("x", "y", "beside_m"), [(0.0, 0.0, 0.0), (4.0, 0.0, 3.5), (3.5, -4.5, 5.0)])
-def test_photographs_of_another_place_look_beside_the_volume(x: float, y: float, beside_m: float) -> None:
-    volume = Volume((x - 0.5, y - 0.5, 3.0), (x + 0.5, y + 0.5, 4.0))
-    assert looked_beside_m(_ring(), volume) == pytest.approx(beside_m, abs=0.01)
-
-
-def test_plants_that_go_on_to_the_top_of_the_volume_are_noticed() -> None:
-    rng = np.random.default_rng(4)
-    stem = rng.uniform([-0.01, -0.01, 0.0], [0.01, 0.01, 0.6], size=(6000, 3))
-    stray = np.array([[0.2, 0.1, 0.699], [0.0, 0.1, 0.6995]])
-    higher = Volume((-0.5, -0.5, -0.1), (0.5, 0.5, 0.7))
-    assert not cuts_plants(np.concatenate([stem, stray]), higher, gsd_m=0.001)
-    lower = Volume((-0.5, -0.5, -0.1), (0.5, 0.5, 0.5))
-    assert cuts_plants(stem[stem[:, 2] <= 0.5], lower, gsd_m=0.001)
 
 
 def test_too_few_points_leave_the_volume_to_the_person() -> None:

@@ -18,9 +18,3 @@ from fieldkit.reconstruction.settings import mapping_methods
 )
 def test_auto_is_prior_with_known_positions_else_incremental_else_global(positioned, photographs, methods) -> None:
     assert mapping_methods("auto", positioned, photographs) == methods
-
-
-@pytest.mark.parametrize("choice", ["incremental", "global", "prior"])
-@pytest.mark.parametrize("positioned", [0, 10])
-def test_a_method_asked_for_is_the_only_one_tried(choice: str, positioned: int) -> None:
-    assert mapping_methods(choice, positioned, 10) == (choice,)

@@ -10,7 +10,6 @@ import pytest
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.clouds import Volume
-from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Intrinsics
 from fieldkit.reconstruction.pipeline import place
 from fieldkit.reconstruction.result import SparseResult
@@ -90,18 +89,6 @@ def test_photographs_of_a_rig_count_by_stated_poses_and_are_not_called_registere
     assert beside.inside is not None
     assert beside.inside < 0.3
     assert filled([], plants, Volume((0, 0, 0), (1, 1, 1))) == Filled(None, None, None)
-
-
-@pytest.mark.parametrize("changed", [(",0.001", ",0.05"), (",0.001", ",0.003"), ("roll_deg", "note")])
-def test_poses_that_are_not_stated_as_exact_do_not_count(
-    photographed: Path, tmp_path: Path, changed: tuple[str, str]
-) -> None:
-    text = (photographed / "poses.csv").read_text()
-    for file in photographed.iterdir():
-        (tmp_path / file.name).write_bytes(file.read_bytes())
-    (tmp_path / "poses.csv").write_text(text.replace(*changed))
-    with pytest.raises(ReconstructionError):
-        placed(tmp_path, photographed)
 
 
 def shown(parts: Sequence[np.ndarray]) -> list[Outline]:

@@ -112,12 +112,6 @@ class TestCapture:
             np.testing.assert_array_equal(read_image(again.photos[0]), made)
         assert [file.name for file in capture.image_folder.iterdir()].count("p0.png") == 1
 
-    def test_a_capture_without_bursts_is_as_it_is(self, tmp_path: Path) -> None:
-        capture = self.capture(tmp_path)
-        single = replace(capture, photos=tuple(replace(p, burst=()) for p in capture.photos))
-        with steady_capture(single, Context()) as same:
-            assert same is single
-
     def capture(self, tmp_path: Path) -> Capture:
         folder = tmp_path / "capture"
         folder.mkdir()

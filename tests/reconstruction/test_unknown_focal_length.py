@@ -10,8 +10,8 @@ from PIL import Image
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
-from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.cameras import assumed_camera, cameras_of, spread_deg
+from fieldkit.geometry import Pose
+from fieldkit.reconstruction.cameras import assumed_camera
 from fieldkit.reconstruction.pipeline import place
 from fieldkit.reconstruction.result import SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -101,19 +101,3 @@ def test_views_from_around_calibrate_themselves(tmp_path: Path) -> None:
     result = mapped(photographed(tmp_path / "flight", around, equivalent=None), tmp_path, "incremental")
     assert codes(result) == []
     assert next(iter(result.intrinsics.values())).fx == pytest.approx(FOCAL, rel=0.05)
-
-
-def test_spread_of_axes() -> None:
-    assert spread_deg([]) == 0.0
-    assert spread_deg(nadir(0.0)) == pytest.approx(0.0, abs=1e-4)
-    assert spread_deg([Pose.from_yaw_pitch((0, 0, 0), yaw, -80.0) for yaw in (0, 90, 180, 270)]) == pytest.approx(10.0)
-    opposed = [Pose.from_yaw_pitch((0, 0, 0), yaw, 0.0) for yaw in (0, 180)]
-    assert spread_deg(opposed) == pytest.approx(90.0)
-
-
-def test_only_unknown_cameras_are_assumed(tmp_path: Path) -> None:
-    folder = photographed(tmp_path / "flight", nadir(), equivalent=20)
-    Image.fromarray(ground(300)).convert("RGB").save(folder / "other.jpg", exif=exif_block())
-    cameras = cameras_of(read_capture(folder)).held()
-    assert [camera.fx for camera in cameras.cameras] == pytest.approx([FOCAL, assumed_camera(300, 300).fx])
-    assert isinstance(cameras.cameras[0], Intrinsics)

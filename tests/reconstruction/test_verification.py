@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.reconstruction.guided import epipolar_distance, relative_pose
 from fieldkit.reconstruction.matching import match_features
 from fieldkit.reconstruction.settings import VerificationSettings
 from fieldkit.reconstruction.verification import TwoView, verify_pair
-from tests.reconstruction.synthetic import CAMERA, FeatureScene, feature_scene, ring
+from tests.reconstruction.synthetic import FeatureScene, feature_scene, ring
 
 SETTINGS = VerificationSettings(max_error_px=2.0, min_inliers=15)
 
@@ -60,52 +59,3 @@ def test_random_matches_are_refused(scene: FeatureScene) -> None:
     rng = np.random.default_rng(0)
     matches = np.column_stack([rng.integers(0, counts[0], 200), rng.integers(0, counts[1], 200)]).astype(np.uint32)
     assert len(verify(scene, matches).inliers) < 2 * SETTINGS.min_inliers
-
-
-@pytest.mark.parametrize("calibrated", [True, False])
-@pytest.mark.parametrize("count", [0, 1, 14])
-def test_too_few_matches(scene: FeatureScene, count: int, calibrated: bool) -> None:
-    found = verify(scene, match_features(*scene.features)[:count], calibrated=calibrated)
-    assert found.inliers.shape == (0, 2)
-    assert found.config == 0
-    assert not found.translation.any()
-
-
-def test_a_pure_rotation_has_no_direction() -> None:
-    pose = ring(12)[0]
-    yaw, pitch, _ = pose.yaw_pitch_roll_deg()
-    scene = feature_scene([pose, type(pose).from_yaw_pitch(pose.center, yaw + 3, pitch)], pixel_noise=0.1)
-    found = verify(scene, match_features(*scene.features))
-    assert len(found.inliers) > 100
-    assert rotation_angle_deg(found.rotation, scene.poses[1].rotation @ scene.poses[0].rotation.T) < 0.5
-
-
-@pytest.mark.parametrize("calibrated", [True, False])
-def test_the_same_seed_gives_the_same_bits(scene: FeatureScene, calibrated: bool) -> None:
-    first, second = (verify(scene, putative(scene), calibrated=calibrated, seed=3) for _ in range(2))
-    assert np.array_equal(first.inliers, second.inliers)
-    assert first.fundamental.tobytes() == second.fundamental.tobytes()
-    assert first.rotation.tobytes() == second.rotation.tobytes()
-
-
-def test_two_different_cameras() -> None:
-    scene = feature_scene(ring(12)[:2])
-    wide = Intrinsics("PINHOLE", 800, 600, (750.0, 750.0, 400.0, 300.0))
-    features = scene.features[1]
-    ideal = CAMERA.undistort(features.points)
-    points = (ideal - (CAMERA.cx, CAMERA.cy)) / CAMERA.fx * wide.fx + (wide.cx, wide.cy)
-    keypoints = features.keypoints.copy()
-    keypoints[:, :2] = points
-    small = type(features)(keypoints, features.descriptors)
-    found = verify_pair(
-        scene.features[0],
-        small,
-        CAMERA,
-        wide,
-        match_features(scene.features[0], small),
-        SETTINGS,
-        calibrated=True,
-        seed=0,
-    )
-    rotation, _ = relative_pose(*scene.poses)
-    assert rotation_angle_deg(found.rotation, rotation) < 1.0

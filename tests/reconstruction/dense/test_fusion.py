@@ -14,7 +14,6 @@ from fieldkit.reconstruction.dense.fusion import (
     agreeing_points,
     depth_scatter_px,
     fusion_rule,
-    ground_sampling_distance,
     tolerances,
 )
 from fieldkit.results.frame import Plane as Ground
@@ -141,14 +140,6 @@ def test_wide_tolerances_let_no_depth_pass_that_views_see_through(eight):
     assert len(agreeing_points(views, maps, VOLUME, 2, 4.0)) < 0.05 * len(agreeing_points(*eight, VOLUME, 2, 4.0))
 
 
-def test_dear_depths_count_nowhere(perfect):
-    views, maps = perfect
-    dear = [replace(m, cost=np.full_like(m.cost, 0.6)) for m in maps]
-    assert len(agreeing_points(views, dear, VOLUME)) == 0
-    assert len(agreeing_points(views, [*maps[:2], *dear[2:]], VOLUME)) == 0
-    assert len(agreeing_points(views, [*maps[:3], *dear[3:]], VOLUME)) > 1000
-
-
 def test_colours_are_the_mean_of_the_agreeing_pixels(perfect):
     views, maps = perfect
     painted = []
@@ -223,32 +214,8 @@ def test_a_hole_is_filled_from_one_view_where_all_masks_show_plants(eight, throu
     assert not found_on_the_plane((views[:4], alone[:4])), "with four masks"
 
 
-def test_colours_of_edges_are_those_farther_in(perfect):
-    views, maps = perfect
-    inner = np.zeros(views[0].image.shape[:2], dtype=np.bool_)
-    inner[60:120, 80:160] = True
-    edge = np.zeros_like(inner)
-    edge[58:122, 78:162] = True
-    image = np.where(inner[..., None], np.uint8(200), np.uint8(20)) * np.ones(3, dtype=np.uint8)
-    painted = [replace(v, image=image, mask=edge) for v in views]
-    cut = [replace(m, depth=np.where(edge, m.depth, np.float32(0.0))) for m in maps]
-    cloud = agreeing_points(painted, cut, VOLUME)
-    assert cloud.colors is not None
-    assert len(cloud) > 1000
-    assert (cloud.colors == 200).all()
-
-
 def test_points_outside_the_volume_are_dropped(perfect):
     small = Volume((-0.1, -0.2, -0.1), (0.1, 0.2, 0.1))
     cloud = agreeing_points(*perfect, small)
     assert len(cloud) > 100
     assert small.contains(cloud.points).all()
-
-
-def test_thinning_follows_the_ground_sampling_distance(perfect):
-    views, _ = perfect
-    gsd = ground_sampling_distance(views, VOLUME)
-    assert gsd == pytest.approx(np.linalg.norm(views[0].pose.center - VOLUME.center) / 260.0, rel=0.03)
-    thin = fuse(*perfect, VOLUME)
-    assert len(np.unique(np.floor(thin.points / gsd), axis=0)) == len(thin)
-    assert 100 < len(thin) < len(agreeing_points(*perfect, VOLUME))

@@ -30,15 +30,6 @@ def test_thin_parts_are_found_with_the_mixed_pixels_around_them_and_wide_ones_wi
     assert np.array_equal(mask, expected)
 
 
-def test_a_stalk_is_widened_and_the_leaf_on_it_is_not():
-    image = field()
-    image[5:15, 10:30] = LEAF
-    image[15:35, 20] = LEAF
-    mask = plant_mask(image)
-    assert not mask[5:15, [9, 30]].any()
-    assert mask[16:35, 19:22].all()
-
-
 def test_a_stem_of_one_pixel_is_kept_and_a_speck_is_not():
     image = field()
     image[5:35, 20] = LEAF
@@ -67,14 +58,6 @@ def test_edges_have_the_colours_of_the_pixels_farther_in():
     assert (image[9, 9:31] == SOIL).all()  # the photograph itself is left alone
 
 
-def test_a_stem_keeps_its_own_colour():
-    image = field()
-    image[20, 3:35] = LEAF
-    mask = np.zeros((40, 40), dtype=bool)
-    mask[19:22, 3:35] = True
-    assert np.array_equal(inner_colors(image, mask), image)
-
-
 def test_a_file_is_taken_as_it_is():
     given = np.zeros((40, 40), dtype=np.uint8)
     given[3, 4] = 7
@@ -87,8 +70,3 @@ def test_a_file_is_taken_as_it_is():
 def test_a_file_of_another_shape_is_refused(given):
     with pytest.raises(UsageError, match="needs a mask image"):
         plant_mask(field(), "file", given)
-
-
-def test_an_unknown_kind_is_refused():
-    with pytest.raises(UsageError, match="no mask 'deep'"):
-        plant_mask(field(), "deep")

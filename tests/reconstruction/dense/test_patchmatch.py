@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from fieldkit.cache import StageCache
-from fieldkit.geometry import Intrinsics
 from fieldkit.reconstruction.dense import DepthMap, View, compute_depth_maps, fuse
 from fieldkit.reconstruction.dense import depth_maps as module
 from fieldkit.runtime.context import Context
@@ -55,18 +54,6 @@ def test_normals_are_those_of_the_plane_and_face_the_camera(slanted):
         assert ((depth_map.normal[has] * world).sum(axis=1) < 0).all()
 
 
-def test_the_fused_cloud_lies_on_the_plane(slanted):
-    views, _, found = slanted
-    cloud = fuse(views, found, VOLUME)
-    assert cloud.normals is not None
-    height = cloud.points[:, 2] - 0.3 * cloud.points[:, 0] + 0.2 * cloud.points[:, 1]
-    assert len(cloud) > 10_000
-    assert np.abs(height).mean() < 0.002
-    assert VOLUME.contains(cloud.points).all()
-    red, _, blue = cloud.colors.mean(axis=0)
-    assert blue / red == pytest.approx(0.8, abs=0.02)
-
-
 def test_depths_on_both_sides_of_an_occluding_edge():
     front = Plane(height=0.25, half=0.15, seed=3, tint=(0.5, 1.0, 0.4))
     views, truth = scene_views([Plane(), front], ring(6))
@@ -75,16 +62,6 @@ def test_depths_on_both_sides_of_an_occluding_edge():
         near_front = depth[12:-12, 12:-12] < depth[12:-12, 12:-12].max() * 0.85
         assert np.mean(errors[near_front] < 0.01) > 0.9
         assert np.mean(errors < 0.01) > 0.88
-
-
-def test_a_pixel_outside_the_mask_has_no_depth():
-    views, _ = scene_views([Plane()], ring(4))
-    masks = [np.arange(180)[:, None] + np.zeros((1, 240)) < 90 for _ in views]
-    masked = [View(v.name, v.image, v.intrinsics, v.pose, m) for v, m in zip(views, masks, strict=True)]
-    for depth_map in depth_maps(masked):
-        assert not depth_map.depth[90:].any()
-        assert np.isinf(depth_map.cost[90:]).all()
-        assert (depth_map.depth[20:70, 20:-20] > 0).mean() > 0.9
 
 
 def test_what_lies_behind_the_volume_is_left_out():
@@ -98,18 +75,6 @@ def test_a_view_without_neighbours_has_no_depths():
     views, _ = scene_views([Plane()], ring(4))
     for depth_map in depth_maps(views[:1]):
         assert not depth_map.depth.any()
-
-
-def test_views_of_different_sizes_go_together():
-    views, truth = scene_views([Plane(slope_x=0.2)], ring(4))
-    other, _ = scene_views([Plane(slope_x=0.2)], ring(4), focal=300.0)
-    mixed = [views[0], other[1], views[2], other[3]]
-    camera = Intrinsics("PINHOLE", 200, 150, (300.0, 300.0, 120.0, 90.0))
-    small = View("small", mixed[1].image[:150, :200].copy(), camera, mixed[1].pose)
-    found = depth_maps([mixed[0], small, mixed[2], mixed[3]])
-    assert found[1].depth.shape == (150, 200)
-    assert np.median(relative_errors(found[0], truth[0])) < 0.002
-    assert len(fuse([mixed[0], small, mixed[2], mixed[3]], found, VOLUME)) > 5000
 
 
 @pytest.mark.parametrize("coarsest", [10_000_000, 20_000, 5_000])

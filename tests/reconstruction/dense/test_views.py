@@ -3,11 +3,8 @@
 import numpy as np
 import pytest
 
-from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.dense import View, prepare_view
-from fieldkit.reconstruction.dense.views import undistortion_grid
-from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.dense import prepare_view
 
 POSE = Pose(np.eye(3), np.zeros(3))
 CAMERAS = [
@@ -43,15 +40,6 @@ def test_points_lie_where_the_views_camera_projects_them(camera, size):
         assert np.abs(centre - (u, v)).max() < 0.06
 
 
-def test_the_undistortion_grid_is_the_cameras_own_projection():
-    camera = CAMERAS[4]
-    x, y = undistortion_grid(camera)
-    row, column = 100, 1000
-    ray = [(column + 0.5 - camera.cx) / camera.fx, (row + 0.5 - camera.cy) / camera.fy, 1.0]
-    expected = camera.project(np.array([ray]))[0] - 0.5
-    assert (x[row, column], y[row, column]) == pytest.approx(expected, abs=1e-3)
-
-
 def test_without_distortion_at_full_size_the_image_is_untouched():
     image = np.random.default_rng(0).integers(0, 256, (90, 121, 3), dtype=np.uint8)
     camera = Intrinsics.pinhole(121, 90, 100.0)
@@ -83,31 +71,3 @@ def test_a_photograph_reduced_by_another_program_keeps_its_camera():
     camera = Intrinsics("SIMPLE_RADIAL", 4000, 3000, (3000.0, 2000.0, 1500.0, -0.1))
     view = prepare_view("a", np.zeros((750, 1000, 3), np.uint8), camera, POSE, None, "none")
     assert view.intrinsics.params == (750.0, 750.0, 500.0, 375.0)
-
-
-def test_a_view_checks_its_parts():
-    camera = Intrinsics.pinhole(40, 30, 30.0)
-    image = np.zeros((30, 40, 3), dtype=np.uint8)
-    View("a", image, camera, POSE)
-    with pytest.raises(ValueError, match="uint8 of shape"):
-        View("a", image[:-1], camera, POSE)
-    with pytest.raises(ValueError, match="mask must be bool"):
-        View("a", image, camera, POSE, np.zeros((30, 40), dtype=np.uint8))
-    with pytest.raises(ValueError, match="free of distortion"):
-        View("a", image, Intrinsics("SIMPLE_RADIAL", 40, 30, (30.0, 20.0, 15.0, 0.1)), POSE)
-
-
-def test_settings_name_what_is_wrong_with_them():
-    with pytest.raises(UsageError, match="fidelity 'best'"):
-        ReconstructionSettings(fidelity="best")
-
-
-def test_pixels_from_outside_the_photograph_are_told_from_background():
-    camera = Intrinsics("SIMPLE_RADIAL", 400, 300, (300.0, 200.0, 150.0, 0.1))
-    leaf = np.full((300, 400, 3), (90, 140, 60), dtype=np.uint8)
-    view = prepare_view("a", leaf, camera, POSE)
-    assert view.mask is not None
-    assert np.array_equal(view.mask, view.inside)
-    assert 0 < (~view.inside).sum() < 0.2 * view.inside.size
-    straight = prepare_view("a", leaf, Intrinsics.pinhole(400, 300, 300.0), POSE)
-    assert straight.inside is None

@@ -73,21 +73,6 @@ def test_all_photographs_together_tell_the_convention(true: list[Angles], write:
         assert rotation_angle_deg(convention.rotations[f"{k}.jpg"], rotation(angles)) < BOUND_DEG
 
 
-def test_angles_read_as_pix4ds_that_were_not() -> None:
-    from fieldkit.captures.xmp import parse_xmp
-    from tests.captures.test_xmp import angles as of_xmp
-    from tests.captures.test_xmp import packet
-
-    recorded = []
-    for yaw, pitch, roll in OBLIQUE:
-        tags = {"Camera:Yaw": f"{yaw}", "Camera:Pitch": f"{pitch}", "Camera:Roll": f"{roll}"}
-        read = of_xmp(parse_xmp(packet(tags)))
-        recorded.append((read[0] or 0.0, read[1] or 0.0, read[2] or 0.0))
-    convention = told(OBLIQUE, recorded)
-    assert (convention.kind, convention.name) == ("other", "pitch 0 is the horizon")
-    assert look_odd({f"{k}.jpg": rotation(angles) for k, angles in enumerate(recorded)})
-
-
 def test_the_aircrafts_heading_is_tried() -> None:
     aircraft: list[float | None] = [37.0 * k for k in range(8)]
     true = [(37.0 * k, -50.0 - k, 0.0) for k in range(8)]
@@ -106,20 +91,10 @@ def test_a_mixture_is_none(others: int) -> None:
     assert convention.agreeing == tuple(f"{k}.jpg" for k in range(others, 8))
 
 
-def test_angles_of_other_photographs_are_none() -> None:
-    rng = np.random.default_rng(1)
-    recorded = [(float(rng.uniform(0, 360)), float(rng.uniform(-90, 0)), 0.0) for _ in OBLIQUE]
-    assert told(OBLIQUE, recorded).kind == "none"
-
-
 def test_a_single_wrong_one_changes_nothing() -> None:
     recorded = [(a[0] + 180.0, a[1], a[2]) if k == 2 else a for k, a in enumerate(OBLIQUE)]
     convention = told(OBLIQUE, recorded)
     assert (convention.kind, len(convention.agreeing)) == ("recorded", 7)
-
-
-def test_two_photographs_tell_nothing() -> None:
-    assert find_convention(capture(NADIR), found(NADIR[:2]), np.eye(3), BOUND_DEG) is None
 
 
 def test_the_frame_may_be_turned() -> None:

@@ -93,20 +93,3 @@ def test_what_does_not_connect_becomes_two_models() -> None:
     mapping = map_scene("incremental", both, verified(both, [(i, j) for i in range(9) for j in range(i + 1, 9)]))
     names = [sorted(model_poses(model)) for model in mapping]
     assert names == [both.names[:5], both.names[5:]]
-
-
-@pytest.mark.parametrize("method", BLIND_METHODS)
-def test_nothing_in_common_gives_no_model(method: str) -> None:
-    scenes = [feature_scene(ring(4), points=60, clutter=20, seed=k) for k in range(4)]
-    mixed = replace(scenes[0], features=[scene.features[k] for k, scene in enumerate(scenes)])
-    pairs = verified(mixed, [(i, j) for i in range(4) for j in range(i + 1, 4)])
-    assert map_scene(method, mixed, pairs) == []
-    assert map_scene(method, mixed, {}) == []
-
-
-@pytest.mark.parametrize("method", BLIND_METHODS)
-def test_the_same_seed_gives_the_same_bits(method: str, scene: FeatureScene, pairs: Pairs) -> None:
-    first, second = (map_scene(method, scene, pairs)[0] for _ in range(2))
-    for one, other in zip(model_poses(first).values(), model_poses(second).values(), strict=True):
-        assert one.center.tobytes() == other.center.tobytes()
-        assert one.rotation.tobytes() == other.rotation.tobytes()

@@ -14,8 +14,8 @@ from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_poses
 from fieldkit.reconstruction.features import Features, extract_features
-from fieldkit.reconstruction.guided import epipolar_distance, fundamental_matrix, region_of_interest
-from fieldkit.reconstruction.mapping.prior import PriorMapping, epipolar_sigma_px, map_with_priors
+from fieldkit.reconstruction.guided import region_of_interest
+from fieldkit.reconstruction.mapping.prior import PriorMapping, map_with_priors
 from fieldkit.reconstruction.settings import FeatureSettings, PriorMappingSettings
 from fieldkit_sim.simulation import poses_from_csv
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, perturbed, random_descriptors, ring
@@ -75,14 +75,6 @@ def test_rough_poses_are_corrected(scene: FeatureScene, sigma_m: float, sigma_de
     assert mapping.model.compute_mean_reprojection_error() < 0.6
 
 
-def test_exact_positions_and_rough_angles_give_the_truth(scene: FeatureScene) -> None:
-    noisy = perturbed(scene.poses, 0.0, 1.5, seed=4)
-    mapping = map_scene(scene, [PosePrior.of(pose, 0.001, 1.5) for pose in noisy])
-    found = model_poses(mapping.model)
-    errors = [np.linalg.norm(found[n].center - p.center) for n, p in zip(scene.names, scene.poses, strict=True)]
-    assert max(errors) < 0.001
-
-
 def test_an_image_of_something_else_is_not_registered(scene: FeatureScene) -> None:
     rng = np.random.default_rng(0)
     count = len(scene.features[5])
@@ -97,22 +89,6 @@ def test_an_image_of_something_else_is_not_registered(scene: FeatureScene) -> No
     assert sorted(model_poses(mapping.model)) == [n for n in scene.names if n != "05.jpg"]
     centers, _ = shape_errors(mapping, scene)
     assert centers.max() < 0.001
-
-
-def test_an_image_without_features_is_not_registered(scene: FeatureScene) -> None:
-    features = [*scene.features]
-    features[0] = Features(np.zeros((0, 4), np.float32), np.zeros((0, 128), np.uint8))
-    features[7] = Features(scene.features[7].keypoints[:9], scene.features[7].descriptors[:9])
-    mapping = map_scene(scene, rough(scene.poses), features=features)
-    assert mapping.unregistered == {"00.jpg": "too few features", "07.jpg": "too few features"}
-    assert mapping.model.num_reg_images() == 10
-
-
-def test_nothing_in_common_registers_nothing(scene: FeatureScene) -> None:
-    others = [feature_scene(ring(12), points=120, clutter=50, seed=k).features[k] for k in range(12)]
-    mapping = map_scene(scene, rough(scene.poses), features=others)
-    assert sorted(mapping.unregistered) == scene.names
-    assert mapping.model.num_reg_images() == 0
 
 
 def test_a_start_value_of_the_focal_length_is_refined(scene: FeatureScene) -> None:
@@ -153,22 +129,6 @@ def test_a_chain_of_three_photographs_does_not_roll() -> None:
     assert max(rotation_angle_deg(found[n].rotation, p.rotation) for n, p in zip(names, poses, strict=True)) < 5.0
 
 
-def test_rounds_are_reported(scene: FeatureScene) -> None:
-    steps: list[int] = []
-    settings = PriorMappingSettings(bands_px=(6.0, 3.0))
-    map_with_priors(
-        scene.names[:4],
-        scene.features[:4],
-        [scene.camera],
-        [0] * 4,
-        rough(scene.poses[:4]),
-        settings,
-        fixed_intrinsics=True,
-        advance=steps.append,
-    )
-    assert steps == [1, 1, 1]
-
-
 def test_the_same_seed_gives_the_same_bits(scene: FeatureScene) -> None:
     first, second = (map_scene(scene, rough(scene.poses)).model for _ in range(2))
     for one, other in zip(model_poses(first).values(), model_poses(second).values(), strict=True):
@@ -184,22 +144,6 @@ def test_the_region_is_what_the_axes_share() -> None:
     assert region_of_interest(away) is None
     nadir = [Pose.from_yaw_pitch((x, 0, 30), 0, -90) for x in range(5)]
     assert region_of_interest(nadir) is None
-
-
-def test_the_first_band_follows_the_priors() -> None:
-    """Against the scatter of simulated priors' epipolar distances."""
-    a, b = ring(16)[:2]
-    camera = Intrinsics.pinhole(1600, 1200, 1500.0)
-    point = np.zeros((1, 3))
-    distances = []
-    for seed in range(300):
-        one, other = perturbed([a, b], 0.01, 1.0, seed)
-        fundamental = fundamental_matrix(one, other, camera, camera)
-        pixels = camera.project(a.to_camera(point)), camera.project(b.to_camera(point))
-        distances.append(epipolar_distance(fundamental, *pixels)[0])
-    scatter = float(np.sqrt(np.mean(np.square(distances))))
-    stated = epipolar_sigma_px(*rough([a, b]), 1500.0, float(np.linalg.norm(a.center)))
-    assert 0.4 * stated < scatter < 1.6 * stated
 
 
 BASIL = Intrinsics("SIMPLE_RADIAL", 2304, 1296, (1707.0, 1152.0, 648.0, 0.0))

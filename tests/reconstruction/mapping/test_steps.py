@@ -11,7 +11,7 @@ import pytest
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import Photo
-from fieldkit.errors import FieldkitError, ReconstructionError
+from fieldkit.errors import FieldkitError
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.priors import PosePrior, Priors
 from fieldkit.reconstruction.cameras import CameraSet
@@ -103,13 +103,6 @@ def test_an_orientation_that_matches_contradict_is_put_right(scene: FeatureScene
     assert f"orientations of {wrong} contradict the photographs" in mapped.notes[0]
     assert (belief.notes, belief.rough, belief.mapped) == ((), {}, None)
     assert belief.priors.by_name[wrong].rotation is not None
-
-
-def test_without_orientations_and_matches_nothing_is_mapped(scene: FeatureScene) -> None:
-    others = [feature_scene(ring(COUNT), points=60, clutter=20, seed=k).features[k] for k in range(COUNT)]
-    priors = {name: replace(prior, rotation=None) for name, prior in recorded(scene).items()}
-    with pytest.raises(ReconstructionError, match="could not be found from their matches"):
-        orient(*given(replace(scene, features=others), priors))
 
 
 @pytest.mark.parametrize("reached", [3, COUNT])

@@ -62,15 +62,6 @@ def test_the_motion_that_most_matches_agree_with_is_found() -> None:
         np.testing.assert_allclose(found, motion, atol=0.004)
 
 
-def test_matches_without_meaning_agree_with_nothing() -> None:
-    across, pivot = matches_across(np.zeros(7), 140, 0, 3)
-    rng = np.random.default_rng(0)
-    found = best_motion(across, pivot, np.diag(SIGMAS**2), BAND, rng)[1].sum()
-    none = best_motion(across.without_meaning(BAND, rng), pivot, np.diag(SIGMAS**2), BAND, rng)
-    assert found == 140
-    assert none[1].sum() < 30
-
-
 @given(st.lists(st.floats(-1, 1), min_size=7, max_size=7), st.sampled_from([1, 2, 5]))
 def test_a_submodel_is_placed_by_what_is_known(share: list[float], count: int) -> None:
     """Whatever similarity it is off by; one or two cameras have no scale of their own worth the name."""

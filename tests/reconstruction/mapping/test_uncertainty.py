@@ -9,7 +9,6 @@ import pytest
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.colmap_model import new_model, triangulate_tracks
-from fieldkit.reconstruction.mapping import uncertainty
 from fieldkit.reconstruction.mapping.bundle import adjust
 from fieldkit.reconstruction.mapping.uncertainty import Uncertainty, pair_information, pose_uncertainty
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, ring
@@ -80,28 +79,6 @@ def test_a_group_without_a_pair_across_is_known_by_its_positions(scene: FeatureS
     assert SIGMA_M / 2 < sigma < 4 * SIGMA_M
     # As much as the positions leave open.
     assert known(scene, model, ties(without=apart), 10 * SIGMA_M).weakest()[1] == pytest.approx(10 * sigma, rel=0.2)
-
-
-def test_a_lone_photograph_is_told(scene: FeatureScene) -> None:
-    found = known(scene, modelled(scene, 0.5, 1), ties(without={2}))
-    assert found.weakest()[0] == [scene.names[2]]
-    assert found.sigma[2] == found.sigma.max() > 5 * np.median(found.sigma) / 3
-    assert found.names == tuple(scene.names)
-
-
-def test_of_too_many_observations_every_third_point_tells_the_same(monkeypatch) -> None:
-    scene = feature_scene(ring(COUNT), points=500, clutter=0, seed=3)
-    model = modelled(scene, 0.5, draw=0)
-    whole = known(scene, model, ties())
-    monkeypatch.setattr(uncertainty, "_MOST_OBSERVATIONS", -(-model.compute_num_observations() // 3))
-    assert known(scene, model, ties()).sigma == pytest.approx(whole.sigma, rel=0.1)
-
-
-def test_what_all_have_in_common_is_the_frames(scene: FeatureScene) -> None:
-    """Positions good to metres leave the place open, and not how cameras lie to one another."""
-    model = modelled(scene, 0.5, 2)
-    fine, coarse = known(scene, model, ties()), known(scene, model, ties(), 5.0)
-    np.testing.assert_allclose(coarse.sigma, fine.sigma, rtol=0.3)
 
 
 def test_a_free_lens_makes_nothing_surer(scene: FeatureScene) -> None:

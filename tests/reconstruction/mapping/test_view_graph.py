@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from fieldkit.geometry import Pose
 from fieldkit.reconstruction.guided import Band, GuidedSettings, Region, match_guided
@@ -34,15 +32,6 @@ def test_a_displaced_band_gives_what_chance_gives(other: tuple[float, float, flo
     chance = null_model_matches(a, b, BAND)
     assert len(found) > 100
     assert chance < 0.1 * len(found)
-
-
-def test_unrelated_photographs_match_by_chance_only() -> None:
-    one, other = feature_scene(ring(16)[:2], seed=1), feature_scene(ring(16)[:2], seed=2)
-    a, b = posed(one, 0), posed(other, 1)
-    found = len(match_guided(a, b, BAND))
-    chance = null_model_matches(a, b, BAND)
-    assert found < 25
-    assert abs(found - chance) < 15
 
 
 def crowded() -> tuple[list[int], dict[Pair, np.ndarray]]:
@@ -103,42 +92,6 @@ def test_matches_without_a_rival_are_right_where_the_band_is_crowded() -> None:
 
 def test_an_image_that_lacks_ties_gets_what_touches_a_good_pair() -> None:
     assert usable_matches(*crowded(), EDGES, nothing, least=LEAST)[2, 5].tolist() == [[4, 7], [3, 9]]
-
-
-def test_few_ties_are_as_none() -> None:
-    """An image with fewer features in good pairs than a pair must have counts as lacking."""
-    counts, matches = crowded()
-    used = usable_matches(counts, matches, EDGES, nothing, least=100)
-    assert used.keys() == matches.keys()
-    assert all(np.array_equal(used[pair], found) for pair, found in matches.items())
-
-
-def test_without_a_pair_that_holds_all_matches_are_used() -> None:
-    counts, matches = crowded()
-    used = usable_matches(counts, matches, set(), nothing, least=LEAST)
-    assert all(np.array_equal(used[pair], found) for pair, found in matches.items())
-
-
-@given(st.sets(st.sampled_from(sorted(crowded()[1]))))
-def test_pairs_that_hold_are_used_whole_and_nothing_is_made_up(edges: set[Pair]) -> None:
-    counts, matches = crowded()
-    used = usable_matches(counts, matches, edges, nothing, least=LEAST)
-    assert set(used) <= set(matches)
-    for pair, found in used.items():
-        assert {tuple(row) for row in found.tolist()} <= {tuple(row) for row in matches[pair].tolist()}
-        if pair in edges:
-            assert np.array_equal(found, matches[pair])
-
-
-@pytest.mark.parametrize("share", [0.5, 1.0])
-def test_neighbours_hold_and_strangers_do_not(share: float) -> None:
-    scene = feature_scene(ring(16)[:2], clutter=500, seen_share=share)
-    a, b = posed(scene, 0), posed(scene, 1)
-    found = len(match_guided(a, b, BAND))
-    assert is_edge(a, b, found, BAND)
-    stranger = posed(feature_scene(ring(16)[:2], clutter=500, seed=2), 1)
-    found = len(match_guided(a, stranger, BAND))
-    assert not is_edge(a, stranger, found, BAND, least=1)
 
 
 @pytest.mark.parametrize("factor", [0.2, 0.7, 0.9, 1.1, 1.4, 5.0])
