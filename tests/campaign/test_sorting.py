@@ -37,19 +37,6 @@ def test_a_flight_over_plots_side_by_side(noise_m: float) -> None:
     assert codes(found) == []
 
 
-def test_stations_over_a_neighbour_are_told_by_where_they_look() -> None:
-    """Rows 1.5 m apart: a camera 1.4 m beside its plot stands over the middle of the next."""
-    close = field(3, 1)
-    shots = flown(close[1])
-    middles = {plot.name: plot for plot in close}
-    nearest = []
-    for shot in shots:
-        tag = shot.photo.geotag
-        nearest.append(min(middles, key=lambda name: abs(middles[name].latitude_deg - tag.latitude_deg)))
-    assert set(nearest) == {"r1c1", "r2c1", "r3c1"}
-    assert counts(sort_photographs(shots, close, PLAN)) == {("r2c1", "2026-06-18"): 8}
-
-
 def test_far_photographs_are_named_and_not_dropped() -> None:
     far = FIELD[0].model_copy(update={"name": "elsewhere", "latitude_deg": FIELD[0].latitude_deg + 0.01})
     found = sort_photographs([*flown(FIELD[0]), *flown(far)], FIELD, PLAN)

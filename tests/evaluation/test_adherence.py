@@ -125,13 +125,6 @@ def test_noise_is_that_of_the_flights_errors() -> None:
     assert angle_deg == pytest.approx(0.8, rel=0.05)
 
 
-def test_an_offset_of_the_compass_counts_and_unknown_heights_do_not() -> None:
-    errors = [(e, 0.0, None, 3.0, None) for e in (-0.02, 0.0, 0.02)]
-    position_m, angle_deg = flown_noise(flown(errors).plots, Path("scores"))
-    assert position_m == pytest.approx(np.sqrt(2 * 0.02**2 / 4), abs=1e-5)
-    assert angle_deg == 3.0
-
-
 @pytest.mark.parametrize(
     ("report", "words"),
     [

@@ -66,35 +66,6 @@ def test_legs_and_cameras_are_drawn_in_all_views(plants: Cloud) -> None:
         assert (right - left) / (box.width * width) == pytest.approx((top - bottom) / (box.height * height))
 
 
-def test_the_front_view_has_nothing_of_the_plots_behind() -> None:
-    """Two plots, one 6 m north of the other: seen from the front they would lie in one another."""
-    away = np.array([0.2, 6.0, 0.4])
-    ring = [Pose.look_at((1.3 * np.cos(a), 1.3 * np.sin(a), 1.2), (0, 0, 0)) for a in np.linspace(0, 5, 4)]
-    behind = [Pose(pose.rotation, pose.center + away) for pose in ring]
-    poses = ring + behind
-    home = Pose.look_at((-3.0, -3.0, 0.0), (0, 0, 0))
-    legs = [np.array([a.center, b.center]) for a, b in pairwise([home, *poses])]
-    here = np.random.default_rng(1).random((200, 3)) * [0.6, 0.6, 0.9] - [0.3, 0.3, 0.0]
-    there = here + away
-    plants = Cloud(np.concatenate([here, there]))
-    named: dict[str, Any] = {
-        "near": 4,
-        "near_plants": Cloud(here),
-        "stations": list("12345678"),
-        "plots": list("aaaabbbb"),
-        "home": HOME,
-    }
-    figure = draw_mission("two", legs, poses, CAMERA, plants, [], **named)
-    alone = draw_mission("one", legs[:5], poses, CAMERA, Cloud(here), [], **named)
-    both, one = figure.axes[2], alone.axes[2]
-    assert len(both.lines) == len(one.lines)
-    for some, others in zip(_lines(both), _lines(one), strict=True):
-        np.testing.assert_array_equal(np.concatenate(some), np.concatenate(others))
-    np.testing.assert_array_equal(both.images[0].get_array(), one.images[0].get_array())
-    assert {text.get_text() for text in both.texts} >= {"1", "2", "3", "4"}
-    assert "5" not in {text.get_text() for text in both.texts}
-
-
 def test_home_north_names_of_plots_and_the_plans_own_numbers() -> None:
     """Numbers are those that are given, not the order of flight; a plot's name stands once, at its middle."""
     ring = [Pose.look_at((1.3 * np.cos(a), 1.3 * np.sin(a), 1.2), (0, 0, 0)) for a in np.linspace(0, 5, 4)]

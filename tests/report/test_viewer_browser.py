@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from benchmarks.headless import ARGUMENTS, find_chromium, offline_page
 from fieldkit.errors import InputError
 from fieldkit.figures.content import ViewerScene
 from tests.browser import changed, colors_in, opened, picture
@@ -205,46 +204,6 @@ def test_stations_bear_their_numbers_and_plots_their_names(browser: Browser, sma
         page.get_by_label("Names and numbers").uncheck()
         settled(page)
         assert page.locator(".fk-view-names span:visible").count() == 0
-
-
-def test_a_lost_context_is_told_and_comes_back(browser: Browser, small: Path) -> None:
-    # The browser itself warns of a lost context on the console, so this page may complain.
-    with offline_page(browser) as (page, complaints):
-        page.goto(small.as_uri())
-        page.wait_for_selector(READY)
-        stage, message = page.locator(".fk-view-stage"), page.locator(".fk-view-message")
-        before = picture(stage)
-        page.evaluate("document.querySelector('.fk-view').fieldkitView.renderer.forceContextLoss()")
-        page.wait_for_selector('.fk-view[data-state="lost"]')
-        assert "graphics driver has stopped" in message.inner_text()
-        page.evaluate("document.querySelector('.fk-view').fieldkitView.renderer.forceContextRestore()")
-        page.wait_for_selector(READY)
-        settled(page)
-        assert not message.is_visible()
-        assert changed(before, picture(stage)) == 0
-        assert not [text for text in complaints if "ontext" not in text]
-
-
-def test_a_browser_without_webgl_says_so(browser: Browser, small: Path) -> None:
-    arguments = [*ARGUMENTS, "--disable-3d-apis"]
-    other = browser.browser_type.launch(executable_path=find_chromium(), args=arguments)
-    try:
-        with opened(other, small) as page:
-            page.wait_for_selector('.fk-view[data-state="failed"]')
-            assert "needs WebGL 2" in page.locator(".fk-view-message").inner_text()
-            assert page.locator(".fk-view-stage canvas").count() == 0
-    finally:
-        other.close()
-
-
-def test_damaged_data_is_told(browser: Browser, small: Path) -> None:
-    text = small.read_text(encoding="utf-8")
-    at = text.index('class="fk-view-block">') + 400
-    broken = small.with_name("broken.html")
-    broken.write_text(text[:at] + text[at + 8 :], encoding="utf-8")
-    with opened(browser, broken) as page:
-        page.wait_for_selector('.fk-view[data-state="failed"]')
-        assert "could not be started" in page.locator(".fk-view-message").inner_text()
 
 
 def test_many_views_start_when_they_come_near_and_make_way(browser: Browser, written: Callable[..., Path]) -> None:
