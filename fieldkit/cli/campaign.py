@@ -228,7 +228,7 @@ def campaign_export(
     campaign = read_campaign(folder)
     counts = {"visits": len(campaign.visits), "plots": len(campaign.plots)}
     if rasters:
-        from fieldkit.campaign.raster_export import export_rasters, without_rasters
+        from fieldkit.campaign.export import export_rasters, without_rasters
 
         rows = export_rasters(campaign, output, overwrite=overwrite)
         if as_json:

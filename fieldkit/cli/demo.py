@@ -37,7 +37,7 @@ def command(output: OutputOption, run: RunOptions, seed: SeedOption = 0, as_json
     from fieldkit.figures.content import Statements
     from fieldkit.figures.style import format_seconds
     from fieldkit.figures.terminal import rendered
-    from fieldkit.report.sections.demo import demo_blocks, demo_statements, demo_traits
+    from fieldkit.report.sections.in_short import demo_blocks, demo_statements, demo_traits
 
     end = f"In {format_seconds(demo.seconds)}. Open the report in a browser:"
     first = Statements(demo_statements(demo.compared))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fieldkit.campaign import Campaign, Visit, read_campaign
-from fieldkit.campaign.raster_export import GEOPACKAGE_FILE, RASTERS_FILE, export_rasters, without_rasters
+from fieldkit.campaign.export import GEOPACKAGE_FILE, RASTERS_FILE, export_rasters, without_rasters
 from fieldkit.campaign.reading import keep_visit, visit_place
 from fieldkit.clouds import Cloud, write_cloud
 from fieldkit.errors import UsageError

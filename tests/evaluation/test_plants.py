@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fieldkit.clouds.canopy import Outline, rectangle
-from fieldkit.evaluation.plants import plants_one_by_one
+from fieldkit.evaluation.traits import plants_one_by_one
 from fieldkit.results.traits import PlantEntry, Trait
 from tests.evaluation.examples import ORIGIN, reconstruction
 from tests.scenes.conftest import make_row

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from fieldkit.figures.content import Curve, LineChart, MappedPlot, Measure, PlotMap
 from fieldkit.figures.style import DISTANCE_RAMP
-from fieldkit.report.html.charts import HEIGHT, WIDTH, draw, round_ticks
-from fieldkit.report.html.plot_map import draw_map, ramp_color
+from fieldkit.report.html.drawings import HEIGHT, WIDTH, draw, draw_map, ramp_color, round_ticks
 
 FINITE = st.floats(-1e9, 1e9)
 

@@ -19,8 +19,7 @@ from markupsafe import Markup
 
 from fieldkit.figures import content
 from fieldkit.figures.content import Block, Details, Page, PlotMap, View3D
-from fieldkit.report.html.charts import draw
-from fieldkit.report.html.plot_map import draw_map
+from fieldkit.report.html.drawings import draw, draw_map
 from fieldkit.report.html.viewer import TEMPLATES, environment, viewer_html, viewer_script, viewer_style
 
 _PRINTED_ROWS = 40

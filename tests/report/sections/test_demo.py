@@ -2,7 +2,7 @@
 
 import pytest
 
-from fieldkit.report.sections.demo import MEASURED, demo_statements, demo_traits
+from fieldkit.report.sections.in_short import MEASURED, demo_statements, demo_traits
 from fieldkit.results.demo import DemoEntry, DemoReport
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.traits import TraitsEntry
