@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -19,8 +20,10 @@ from fieldkit.evaluation.prediction import plot_features, predict
 from fieldkit.evaluation.traits import PlotOutline, outline_of, plot_traits, sways_m
 from fieldkit.figures.style import format_length
 from fieldkit.geometry.geodesy import utm_epsg_of
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.evidence import evidence, hidden_sides
+from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.reconstruction.result import Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.silhouettes import Outline, filled
@@ -293,14 +296,11 @@ def _placed_images(sparse: SparseResult, sways: Mapping[str, float]) -> tuple[Im
 def known_centers(sparse: SparseResult) -> dict[str, Vector]:
     """Positions in the plot frame that the metric source gives, by photograph; none without a common frame."""
     capture, frame = sparse.capture, sparse.frame
-    positions = {name: prior.position for name, prior in capture.priors.items() if prior.position is not None}
-    if frame.source != capture.metric_source or not positions or (capture.origin is None) != (frame.origin is None):
+    if frame.source != capture.metric_source or (capture.origin is None) != (frame.origin is None):
         return {}
-    points = np.array(list(positions.values()), dtype=np.float64)
-    if capture.origin is not None and frame.origin is not None and capture.origin != frame.origin:
-        points = frame.origin.to_local(*capture.origin.to_geodetic(points))
-    moved = frame.plot_from_source.apply(points)
-    return {name: vector(point) for name, point in zip(positions, moved, strict=True)}
+    source = SourceFrame(frame.source, frame.origin, frame.plot_from_source)
+    known = known_poses(replace(capture, program=None), source).by_name
+    return {name: vector(prior.position) for name, prior in known.items() if prior.position is not None}
 
 
 def points_per_voxel(points: FloatArray, edge_m: float) -> float | None:

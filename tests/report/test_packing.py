@@ -4,7 +4,6 @@ import base64
 import gzip
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -68,17 +67,3 @@ def test_points_that_are_nowhere_are_left_out_with_their_colours() -> None:
     found, tones, _ = unpacked(pack_points(points, colors))
     assert sorted(tones[:, 0]) == [1, 3]
     np.testing.assert_allclose(found[np.argsort(tones[:, 0])], [[0, 0, 0], [1, 1, 1]], atol=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("colors", "values", "limit", "message"),
-    [
-        (np.zeros((2, 3)), None, 1.0, "3 points have 2 colours"),
-        (None, np.zeros(4), 1.0, "3 points have 4 values"),
-        (None, np.zeros(3), 0.0, "cannot end at 0"),
-        (None, np.zeros(3), np.nan, "cannot end at nan"),
-    ],
-)
-def test_arrays_that_do_not_fit(colors: object, values: object, limit: float, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        pack_points(np.zeros((3, 3)), colors, values, limit)

@@ -144,11 +144,3 @@ def test_invisible_characters() -> None:
     assert visible("ירושלים 7") == "ירושלים 7"
     assert len(visible("x" * 100_000)) == 600
     assert unbroken("4.5 mm ± 0.2 mm, 94 % of 10 mines") == "4.5\u00a0mm ±\u00a00.2\u00a0mm, 94\u00a0% of 10 mines"
-
-
-@pytest.mark.parametrize("anchors", [("a", "a"), ("A",), ("a b",), ("",), ('a"',), ("view-1",)])
-def test_anchors_are_unique_and_plain(anchors: tuple[str, ...]) -> None:
-    view = View3D("view-1", ViewerScene("t"))
-    sections = [Section(anchor, "h", (view,) if k == 0 else ()) for k, anchor in enumerate(anchors)]
-    with pytest.raises(ValueError, match="anchors"):
-        render(Page("t", "s", tuple(sections)))

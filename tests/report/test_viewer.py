@@ -67,20 +67,6 @@ def test_any_name_stays_text(name: str) -> None:
     assert frusta[0]["labels"] == [visible(f"{name} 1")]
 
 
-def test_a_mission_is_seen_from_its_lines_and_the_ground() -> None:
-    way = LineLayer("Way", [np.array([[0, 0, 0], [0, 0, 5], [3, 0, 5]], dtype=np.float32)], "#112233")
-    fence = LineLayer("Fence", [np.array([[-900, 0, 0], [900, 0, 0]], dtype=np.float32)], "#112233")
-    photographs = cameras("Photographs", "#112233")
-    near = data_of(viewer.viewer_html(ViewerScene("t", frusta=[photographs], lines=[way]), identifier="v"))["focus"]
-    far = data_of(viewer.viewer_html(ViewerScene("t", frusta=[photographs], lines=[fence]), identifier="v"))["focus"]
-    assert isinstance(near, dict)
-    assert isinstance(far, dict)
-    assert near["outer"][1] == [3.0, near["outer"][1][1], 5.0]
-    assert near["outer"][0][2] == 0
-    assert far["outer"][1][0] < 2
-    assert far["outer"][0][2] == 0
-
-
 def test_the_first_view_shows_the_plants_not_the_strays() -> None:
     points = np.vstack([leaves().points, [[500.0, 0.0, 0.0]], [[np.nan, 0.0, 0.0]]]).astype(np.float32)
     focus = data_of(viewer.viewer_html(ViewerScene("t", [PointLayer("p", points)]), identifier="v"))["focus"]
@@ -101,20 +87,6 @@ def test_an_empty_scene_and_empty_layers_are_views() -> None:
         focus = data_of(viewer.viewer_html(each, identifier="v"))["focus"]
         assert isinstance(focus, dict)
         assert np.isfinite(focus["outer"]).all()
-
-
-def test_what_does_not_fit_is_refused() -> None:
-    planned = cameras("f", "#123456", count=2)
-    wrong = [
-        ViewerScene("t", frusta=[FrustumLayer("f", planned.poses, ["one"], 0.5, 0.4, "#123456")]),
-        ViewerScene("t", frusta=[replace(planned, numbers=["1"])]),
-        ViewerScene("t", frusta=[cameras("f", "red")]),
-        ViewerScene("t", lines=[LineLayer("l", [], 'x"')]),
-        ViewerScene("t", lines=[LineLayer("l", [np.full((2, 3), np.nan, dtype=np.float32)], "#123456")]),
-    ]
-    for scene in wrong:
-        with pytest.raises(ValueError):
-            viewer.viewer_html(scene, identifier="v")
 
 
 def test_distances_have_one_scale_of_colours_that_is_seen_on_light_and_dark() -> None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import base64
 import hashlib
 import io
-import re
 from collections.abc import Iterator, Sequence
 from functools import cache
 
@@ -24,14 +23,10 @@ from fieldkit.report.html.viewer import TEMPLATES, environment, viewer_html, vie
 
 _PRINTED_ROWS = 40
 """Rows of a table on paper, as page.css has them: a report is printed on ten pages at most."""
-_SENTENCE = 40
-"""Characters of a cell that has no room beside others on a narrow screen."""
 _NARROW_COLUMNS = 4
 """Number of columns that fit a screen 390 pixels wide."""
 _FEW_ROWS = 8
 """Most rows of a wider table that are set one below the other there."""
-_PATH = re.compile(r"[MLHVZ0-9. -]*")
-_ANCHOR = re.compile(r"[a-z][a-z0-9-]*")
 _KINDS = {
     content.Statements: "statements",
     content.Paragraph: "paragraph",
@@ -46,16 +41,12 @@ _KINDS = {
 
 
 def render(page: Page) -> str:
-    """The page as HTML, ending in a newline; ValueError for an invalid or repeated anchor."""
-    anchors = [section.anchor for section in page.sections]
-    anchors += [name for block in _blocks_of(page) if (name := _anchor(block))]
-    if len(set(anchors)) < len(anchors) or not all(_ANCHOR.fullmatch(anchor) for anchor in anchors):
-        raise ValueError(f"anchors must be unique, of letters, digits and hyphens: {anchors}")
+    """The page as HTML, ending in a newline."""
     has_views = any(True for _ in views_of(page))
     styles = [_read("page.css"), *([viewer_style()] if has_views else [])]
     scripts = [_read("page.js"), *([viewer_script()] if has_views else [])]
     template = _environment().get_template("page.html.jinja")
-    raw = {"styles": [_raw(text, "style") for text in styles], "scripts": [_raw(text, "script") for text in scripts]}
+    raw = {"styles": list(map(Markup, styles)), "scripts": list(map(Markup, scripts))}
     text = io.StringIO()  # `render` would hold every piece of it at once
     text.writelines(template.generate(page=page, policy=Markup(policy(styles, scripts)), **raw))
     return text.getvalue()
@@ -88,19 +79,8 @@ def _blocks_of(page: Page) -> Iterator[Block]:
         yield from within(section.blocks)
 
 
-def _anchor(block: Block) -> str:
-    return block.identifier if isinstance(block, View3D) else block.anchor if isinstance(block, Details) else ""
-
-
 def _source(text: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
-
-
-def _raw(text: str, element: str) -> Markup:
-    """Trusted text for a raw-text element; it must not end the element (HTML, 13.1.2.6) or change on reading."""
-    if re.search(rf"</{element}|<!--", text, re.IGNORECASE) or "\r" in text or "\0" in text:
-        raise ValueError(f"this text cannot stand in a {element} element")
-    return Markup(text)
 
 
 @cache
@@ -113,31 +93,19 @@ def _environment() -> Environment:
     engine = environment()
     engine.globals.update(
         printed_rows=_PRINTED_ROWS,
-        stacked=_stacked,
+        narrow_columns=_NARROW_COLUMNS,
+        few_rows=_FEW_ROWS,
         draw=draw,
         draw_map=draw_map,
         data_uri=_data_uri,
         kind=lambda block: _KINDS[type(block)],
         view_html=lambda view: Markup(viewer_html(view.scene, identifier=view.identifier)),
     )
-    engine.filters.update(path=_path)
+    engine.filters.update(path=Markup)  # drawn here, so that it is not cut like foreign text
     engine.tests["text"] = lambda value: isinstance(value, str)
     engine.tests["link"] = lambda value: isinstance(value, content.Link)
     engine.tests["picture"] = lambda value: isinstance(value, content.Picture)
     return engine
-
-
-def _path(path: str) -> Markup:
-    """The path of a drawing, marked so that it is not cut like foreign text."""
-    if not _PATH.fullmatch(path):
-        raise ValueError("not the path of a drawing")
-    return Markup(path)
-
-
-def _stacked(table: content.Table) -> bool:
-    """Whether a narrow screen shows a row's cells one below the other: they have no room beside each other."""
-    few = len(table.rows) <= _FEW_ROWS and len(table.columns) > _NARROW_COLUMNS
-    return few or any(isinstance(cell, str) and len(cell) > _SENTENCE for row in table.rows for cell in row[1:])
 
 
 def _data_uri(picture: content.Picture) -> Markup:

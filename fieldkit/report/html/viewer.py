@@ -32,14 +32,12 @@ from numpy.typing import ArrayLike, NDArray
 from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.clouds.neighbors import z_order
 from fieldkit.errors import InputError
-from fieldkit.figures.content import FrustumLayer, LineLayer, ViewerScene
+from fieldkit.figures.content import FrustumLayer, ViewerScene
 from fieldkit.figures.style import DISTANCE_RAMP, format_nominal, unbroken, visible
 from fieldkit.runtime.shipped import shipped_page
 
 BUNDLE, LICENSE = "viewer.min.js", "LICENSE.three.txt"
 _PLAIN = ("#6f9a80", "#c58a4a", "#7c8fc4", "#b0739b")  # of clouds without colours and values, in turn
-_COLOR = re.compile(r"#[0-9a-fA-F]{6}")
-_FAR = 4.0  # times the cameras' box: the first view leaves out a fence about the whole farm
 _SIZE_STEP = 0.25  # of the point size, CSS pixels
 
 
@@ -78,7 +76,7 @@ def viewer_html(scene: ViewerScene, *, identifier: str) -> str:
         ],
         "frusta": [_frustum_data(layer) for layer in scene.frusta],
         "lines": [
-            {"lines": [plain_floats(np.reshape(line, (-1, 3))) for line in layer.lines], "color": _color(layer)}
+            {"lines": [plain_floats(np.reshape(line, (-1, 3))) for line in layer.lines], "color": layer.color}
             for layer in scene.lines
         ],
         "places": [{"text": visible(place.text), "at": plain_floats(np.array(place.at))} for place in scene.places],
@@ -119,17 +117,7 @@ def _json(data: dict[str, Any]) -> str:
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
-def _color(layer: FrustumLayer | LineLayer) -> str:
-    if not _COLOR.fullmatch(layer.color):
-        raise ValueError(f"{layer.name}: {layer.color!r} is not a colour such as #1a2b3c")
-    return layer.color
-
-
 def _frustum_data(layer: FrustumLayer) -> dict[str, Any]:
-    if len(layer.labels) != len(layer.poses):
-        raise ValueError(f"{layer.name}: {len(layer.poses)} cameras have {len(layer.labels)} labels")
-    if len(layer.numbers) not in (0, len(layer.poses)):
-        raise ValueError(f"{layer.name}: {len(layer.poses)} cameras have {len(layer.numbers)} numbers")
     return {
         "centers": [plain_floats(pose.center) for pose in layer.poses],
         "rotations": [plain_floats(pose.rotation, 6) for pose in layer.poses],
@@ -137,31 +125,24 @@ def _frustum_data(layer: FrustumLayer) -> dict[str, Any]:
         "numbers": [visible(number) for number in layer.numbers],
         "width": float(layer.half_width),
         "height": float(layer.half_height),
-        "color": _color(layer),
+        "color": layer.color,
     }
 
 
 def _focus(scene: ViewerScene) -> dict[str, Any]:
     """The extent of the first view: the box of the middle 98 % of the points, and the box that also holds the cameras.
 
-    Without points it holds the cameras and the ground below, and the lines unless they lead far away.
+    Without points it holds the cameras and the ground below.
     """
     inner = _box([_robust_box(layer.points) for layer in scene.points])
     cameras = _box([np.reshape([pose.center for pose in layer.poses], (-1, 3)) for layer in scene.frusta])
     outer = _box([inner, cameras])
-    if not len(inner):
-        ways = _box([outer, *(np.reshape(line, (-1, 3)) for layer in scene.lines for line in layer.lines)])
-        outer = ways if not len(outer) or _diagonal(ways) < _FAR * _diagonal(outer) else outer
     if not len(outer):
         outer = np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 1.0]])
     if not len(inner):
         outer[0, 2], outer[1, 2] = min(outer[0, 2], 0.0), max(outer[1, 2], 0.0)
         inner = outer
     return {"inner": plain_floats(inner), "outer": plain_floats(outer)}
-
-
-def _diagonal(box: Any) -> float:
-    return float(np.linalg.norm(box[1] - box[0]))
 
 
 def _robust_box(points: Any) -> Any:
@@ -206,15 +187,11 @@ def pack_points(
 ) -> PackedPoints:
     """A cloud as a block: points (n, 3) metres, colours (n, 3) of 0 to 255, values (n,).
 
-    Values below 0 count as 0, those beyond ``limit``, the scale's end, as ``limit``, and NaN as none. ValueError where
-    the arrays do not fit each other, or ``limit`` is not a positive number.
+    Values below 0 count as 0, those beyond ``limit``, the scale's end, as ``limit``, and NaN as none.
     """
     p = np.asarray(points, dtype=np.float64).reshape(-1, 3)
     tones = None if colors is None else np.asarray(colors, dtype=np.uint8).reshape(-1, 3)
     levels = None if values is None else _levels(np.asarray(values, dtype=np.float64).reshape(-1), limit)
-    for name, other in (("colours", tones), ("values", levels)):
-        if other is not None and len(other) != len(p):
-            raise ValueError(f"{len(p)} points have {len(other)} {name}")
     kept = np.flatnonzero(np.isfinite(p).all(axis=1))
     p = p[kept]
     order = z_order(p)
@@ -233,8 +210,6 @@ def pack_points(
 
 
 def _levels(values: FloatArray, limit: float) -> ByteArray:
-    if not (np.isfinite(limit) and limit > 0):
-        raise ValueError(f"a scale cannot end at {limit}")
     known = ~np.isnan(values)
     levels = np.full(len(values), NO_VALUE, dtype=np.uint8)
     levels[known] = np.rint(np.clip(values[known] / limit, 0.0, 1.0) * (NO_VALUE - 1)).astype(np.uint8)
