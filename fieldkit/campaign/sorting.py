@@ -12,9 +12,10 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date, datetime, timedelta
+from enum import StrEnum
 
 import numpy as np
 import shapely
@@ -32,7 +33,6 @@ from fieldkit.wording import by_key, count
 
 ANOTHER_PASS = timedelta(hours=2)
 """A longer break between photographs of a plot on one date makes them another pass; a shorter one is a re-flight."""
-_MIDNIGHT = timedelta(minutes=30)
 _DATE = re.compile(r"(\d{4})-?(\d{2})-?(\d{2})")
 NEIGHBOURS = timedelta(seconds=60)
 """Photographs of one flight follow each other faster than this."""
@@ -42,10 +42,16 @@ _MOST_REACH_M = 25.0
 """Largest such distance, metres."""
 _MOST_ACCURACY_M = 5.0
 """Largest accuracy of a tag that widens it, metres."""
-_NO_PLOT = "no-plot"
-_FAR = "far-from-plots"
 _AMBIGUOUS = 0.25  # of the distance between the two plots
 _LEAST_PITCH_DEG = 15.0  # flatter, and where the axis meets the ground is not known
+
+
+class Problem(StrEnum):
+    """Why a photograph's geotag tells no plot; codes of findings."""
+
+    NO_TAG = "no-plot"
+    FAR = "far-from-plots"
+    AMBIGUOUS = "ambiguous-plot"
 
 
 @dataclass(frozen=True)
@@ -116,7 +122,7 @@ class _Row:
         assert taken is not None
         return taken
 
-    def is_problem(self, code: str) -> bool:
+    def is_problem(self, code: Problem) -> bool:
         return self.problem is not None and self.problem.code == code
 
 
@@ -128,7 +134,7 @@ def sort_photographs(shots: Sequence[PhotoToSort], plots: Sequence[CampaignPlot]
     rows = _by_neighbours(rows)
     untagged = plots[0].name if len(plots) == 1 else None
     rows = [
-        replace(row, plot=row.folder_plot or row.tag_plot or (untagged if row.is_problem(_NO_PLOT) else None))
+        replace(row, plot=row.folder_plot or row.tag_plot or (untagged if row.is_problem(Problem.NO_TAG) else None))
         for row in rows
     ]
     placed = [row for row in rows if row.plot is not None]
@@ -160,12 +166,12 @@ def _folded(name: str) -> str:
 def _by_geotag(row: _Row, plots: Sequence[CampaignPlot], layout: FieldLayout) -> _Row:
     """With the plot that the photograph's geotag fits, or why there is none."""
 
-    def without(code: str, message: str, *candidates: str) -> _Row:
+    def without(code: Problem, message: str, *candidates: str) -> _Row:
         return replace(row, problem=Finding(row.shot.place, code, message, True), candidates=candidates)
 
     photo = row.shot.photo
     if photo.geotag is None:
-        return without(_NO_PLOT, "has no geotag, and no folder says its plot")
+        return without(Problem.NO_TAG, "has no geotag, and no folder says its plot")
     away = layout.distances(photo)
     accuracy = min(tag_accuracy_m(photo), _MOST_ACCURACY_M)
     order = np.argsort(away, kind="stable")
@@ -174,7 +180,7 @@ def _by_geotag(row: _Row, plots: Sequence[CampaignPlot], layout: FieldLayout) ->
     nearest_plot = float(layout.spacing[best].min())
     reach = min(max(_LEAST_REACH_M, 0.5 * nearest_plot), _MOST_REACH_M) + 2.0 * accuracy
     if not away[best] <= reach:
-        return without(_FAR, f"{away[best]:,.0f} m from what the plan photographs on {name}, the nearest")
+        return without(Problem.FAR, f"{away[best]:,.0f} m from what the plan photographs on {name}, the nearest")
     # Of plots that fit alike the nearest two are enough to say that they do.
     if len(plots) > 1:
         second = int(order[1])
@@ -182,7 +188,7 @@ def _by_geotag(row: _Row, plots: Sequence[CampaignPlot], layout: FieldLayout) ->
         if away[second] - away[best] < margin:
             other = plots[second].name
             message = f"fits {name} and {other} alike, and no folder says which"
-            return without("ambiguous-plot", message, name, other)
+            return without(Problem.AMBIGUOUS, message, name, other)
     return replace(row, tag_plot=name)
 
 
@@ -194,7 +200,7 @@ def _by_neighbours(rows: Sequence[_Row]) -> list[_Row]:
         members.sort(key=lambda k: rows[k].time)
         run = [rows[k] for k in members]
         for k, row in enumerate(run):
-            if row.folder_plot is not None or row.is_problem(_FAR) or row.tag_plot is not None:
+            if row.folder_plot is not None or row.is_problem(Problem.FAR) or row.tag_plot is not None:
                 continue
             before, after = _next_sure(row, reversed(run[:k])), _next_sure(row, run[k + 1 :])
             around = {plot for plot in (before, after) if plot is not None}
@@ -214,40 +220,33 @@ def _next_sure(row: _Row, others: Iterable[_Row]) -> str | None:
     return None
 
 
-def _sorted_by_neighbours(placed: Sequence[_Row]) -> list[Finding]:
+def _sorted_by_neighbours(placed: Sequence[_Row]) -> Iterator[Finding]:
     """One finding per folder, plot and reason."""
 
     def why(row: _Row) -> str:
         return f"fitting {' and '.join(sorted(row.candidates))} alike" if row.candidates else "without a geotag"
 
-    found = by_key(((row.folder, row.plot, why(row)), row) for row in placed if row.by_neighbours)
-    return [
-        Finding(
-            members[0].shot.place,
-            "sorted-by-neighbours",
-            f"{count(len(members), 'photograph')} from here, {reason}: sorted into {plot} like those before and after",
-        )
-        for (_, plot, reason), members in found.items()
-    ]
+    groups = by_key(((row.folder, row.plot, why(row)), row) for row in placed if row.by_neighbours)
+    for (_, plot, reason), members in groups.items():
+        those = f"{count(len(members), 'photograph')} from here, {reason}"
+        message = f"{those}: sorted into {plot} like those before and after"
+        yield Finding(members[0].shot.place, "sorted-by-neighbours", message)
 
 
-def _contradicting_plots(given: Sequence[_Row]) -> list[Finding]:
+def _contradicting_plots(rows: Sequence[_Row]) -> Iterator[Finding]:
     """Folders that say one plot while geotags say another, or none."""
-    found: dict[tuple[str, str, str], list[_Row]] = defaultdict(list)
-    for row in given:
-        if row.folder_plot is None or row.shot.belongs is not None:
-            continue
-        if row.tag_plot is not None and row.tag_plot != row.folder_plot:
-            found[(row.folder, row.folder_plot, row.tag_plot)].append(row)
-        elif row.is_problem(_FAR):
-            found[(row.folder, row.folder_plot, "")].append(row)
-    findings = []
-    for (_, plot, tag), members in found.items():
+    groups = by_key(
+        ((row.folder, row.folder_plot, row.tag_plot), row)
+        for row in rows
+        if row.folder_plot is not None
+        and row.shot.belongs is None
+        and (row.is_problem(Problem.FAR) or row.tag_plot not in (None, row.folder_plot))
+    )
+    for (_, plot, tag), members in groups.items():
         says = f"the geotags of {tag}" if tag else "geotags far from every plot"
         those = count(len(members), "photograph has", "photographs have")
         message = f"in a folder of {plot}, from here, {those} {says}; sorted into {plot}"
-        findings.append(Finding(members[0].shot.place, "plot-contradicts-geotag", message))
-    return findings
+        yield Finding(members[0].shot.place, "plot-contradicts-geotag", message)
 
 
 # Dates ---------------------------------------------------------------------------------------------------------------
@@ -256,22 +255,17 @@ def _contradicting_plots(given: Sequence[_Row]) -> list[Finding]:
 def _by_date(placed: Sequence[_Row]) -> tuple[list[SortedVisit], list[Finding], list[Finding]]:
     left_out: list[Finding] = []
     dated: dict[tuple[str, str], list[_Row]] = defaultdict(list)
-    by_clock: dict[str, list[_Row]] = defaultdict(list)
     for row in placed:
         assert row.plot is not None
-        if row.folder_date is not None:
-            dated[(row.plot, row.folder_date)].append(row)
-        elif row.timed:
-            by_clock[row.plot].append(row)
-        else:
+        day = row.folder_date or (row.time.date().isoformat() if row.timed else None)
+        if day is None:
             message = "does not say when it was taken, and no folder does"
             left_out.append(Finding(row.shot.place, "no-date", message, True))
-    for plot, members in by_clock.items():
-        for day, chosen in days([row.time for row in members]):
-            dated[(plot, day)] += [members[k] for k in chosen]
-    findings = _contradicting_dates(dated)
-    visits = []
+        else:
+            dated[(row.plot, day)].append(row)
+    visits, findings = [], []
     for (plot, day), members in dated.items():
+        findings += _contradicting_dates(day, members)
         best, rest = best_pass([row.shot.photo.local_time for row in members])
         kept, others = [members[k] for k in best], [members[k] for k in rest]
         notes: tuple[str, ...] = ()
@@ -288,23 +282,13 @@ def _by_date(placed: Sequence[_Row]) -> tuple[list[SortedVisit], list[Finding], 
     return visits, left_out, findings
 
 
-def _contradicting_dates(dated: Mapping[tuple[str, str], Sequence[_Row]]) -> list[Finding]:
-    findings = []
-    for (_, day), members in dated.items():
-        other = [
-            row
-            for row in members
-            if row.folder_date is not None
-            and row.shot.belongs is None
-            and row.timed
-            and row.time.date().isoformat() != day
-        ]
-        if other:
-            clock = Counter(row.time.date().isoformat() for row in other).most_common(1)[0][0]
-            those = count(len(other), "photograph was", "photographs were")
-            message = f"in a folder of {day}, from here, {those} taken on {clock} by the camera's clock"
-            findings.append(Finding(other[0].shot.place, "date-contradicts-clock", f"{message}; sorted under {day}"))
-    return findings
+def _contradicting_dates(day: str, members: Sequence[_Row]) -> Iterator[Finding]:
+    other = [row for row in members if row.shot.belongs is None and row.timed and row.time.date().isoformat() != day]
+    if other:
+        clock = Counter(row.time.date().isoformat() for row in other).most_common(1)[0][0]
+        those = count(len(other), "photograph was", "photographs were")
+        message = f"in a folder of {day}, from here, {those} taken on {clock} by the camera's clock"
+        yield Finding(other[0].shot.place, "date-contradicts-clock", f"{message}; sorted under {day}")
 
 
 def folder_date(name: str) -> str | None:
@@ -316,19 +300,6 @@ def folder_date(name: str) -> str | None:
         return date(*map(int, found.groups())).isoformat()
     except ValueError:
         return None
-
-
-def days(times: Sequence[datetime]) -> list[tuple[str, list[int]]]:
-    """Indices by local date (ISO 8601), in order of time; what follows shortly after midnight belongs to before it."""
-    groups: list[tuple[str, list[int]]] = []
-    for k in sorted(range(len(times)), key=lambda k: times[k]):
-        day = times[k].date().isoformat()
-        goes_on = bool(groups) and times[k] - times[groups[-1][1][-1]] <= _MIDNIGHT
-        if groups and (groups[-1][0] == day or goes_on):
-            groups[-1][1].append(k)
-        else:
-            groups.append((day, [k]))
-    return groups
 
 
 def best_pass(times: Sequence[datetime | None]) -> tuple[list[int], list[int]]:
