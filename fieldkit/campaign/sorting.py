@@ -263,7 +263,8 @@ def _by_date(placed: Sequence[_Row]) -> tuple[list[SortedVisit], list[Finding], 
             left_out.append(Finding(row.shot.place, "no-date", message, True))
         else:
             dated[(row.plot, day)].append(row)
-    visits, findings = [], []
+    visits: list[SortedVisit] = []
+    findings: list[Finding] = []
     for (plot, day), members in dated.items():
         findings += _contradicting_dates(day, members)
         best, rest = best_pass([row.shot.photo.local_time for row in members])
