@@ -295,7 +295,7 @@ def place_visit(
         corners = drawn_outline(plot, own)
         source = SourceFrame(capture.metric_source, None, Similarity.identity())
         known = KnownPlot(source, visit_volume(plan, corners), None, settle=Settling(None, height, None, seed))
-        return PlacedVisit(known, outline=_known_or_not(corners))
+        return PlacedVisit(known, outline=PlotOutline(corners))
     origin = LocalFrame(plot.latitude_deg, plot.longitude_deg, capture.origin.altitude_m, capture.origin.datum)
     source = SourceFrame(capture.metric_source, origin, _own_axes(plot))
     accuracy = _accuracy_m(capture)
@@ -306,7 +306,7 @@ def place_visit(
         notes = (note,)
     settle = Settling(aim if coarse else None, height, None, seed)
     corners = None if coarse else drawn_outline(plot, source)
-    outline = _known_or_not(corners)
+    outline = PlotOutline(corners)
     if coarse and (plot.shape is not None or plot.size_m is not None):
         outline = PlotOutline(
             None, f"positions are good to {accuracy:.1f} m only, so the plot's outline cannot be placed"
@@ -341,10 +341,6 @@ def visit_volume(plan: Plan, outline: Outline | None) -> Volume:
         return volume
     low, high = np.min(outline, axis=0), np.max(outline, axis=0)
     return Volume((*low.tolist(), volume.lower[2]), (*high.tolist(), volume.upper[2]))
-
-
-def _known_or_not(corners: Outline | None) -> PlotOutline:
-    return PlotOutline() if corners is None else PlotOutline(corners)
 
 
 def plan_aim(plan: Plan) -> tuple[tuple[float, float], float]:

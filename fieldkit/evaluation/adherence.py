@@ -46,6 +46,9 @@ poses copied, or GPS without corrections."""
 _LEAST_STATIONS = 3
 """Least number of stations that say how a flight kept to its plan."""
 _OWN_FRAME = "poses.csv"
+NO_ADHERENCE = (
+    "no photograph lies near its stations, or their place needs --reference, or a poses.csv in the plan's frame"
+)
 _STEEP_SINE = float(np.sin(np.radians(75.0)))
 
 
@@ -162,13 +165,6 @@ class ComparedPlan:
             for error in entry.stations
         ]
         return entry.model_copy(update={"stations": tuple(errors)})
-
-    @property
-    def without_place(self) -> str:
-        """Why a plot has no adherence."""
-        if self.reference is None:
-            return "its place needs --reference, or a poses.csv in the plan's frame"
-        return "no photograph was taken near the plan's stations"
 
 
 def write_adherence(folder: Path, place: str, plot: PlotEvaluation) -> PlotEvaluation:

@@ -13,7 +13,7 @@ from fieldkit.captures import Capture
 from fieldkit.clouds import Cloud, CloudScore, ReferenceIndex, score, write_cloud
 from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
 from fieldkit.errors import FieldkitError, ReconstructionError, StorageError, UsageError
-from fieldkit.evaluation.adherence import ComparedPlan, write_adherence
+from fieldkit.evaluation.adherence import NO_ADHERENCE, ComparedPlan, write_adherence
 from fieldkit.evaluation.cloud_reference import AnyReference, CloudReference
 from fieldkit.evaluation.conversion import failed_plot, plot_evaluation
 from fieldkit.evaluation.rasters import Rasters, coarse_place, write_rasters
@@ -205,7 +205,7 @@ def _evaluated(
         return plot
     kept = given.flown.adherence(plot, name, given.capture)
     if kept is None:
-        progress.note(f"{name}: no adherence to the plan: {given.flown.without_place}")
+        progress.note(f"{name}: no adherence to the plan: {NO_ADHERENCE}")
     return write_adherence(folder, place, plot.model_copy(update={"adherence": kept}))
 
 

@@ -62,18 +62,10 @@ def campaign_section(result: Loaded[Campaign], anchor: str, _: Shown) -> Section
             name = plot_cell(plot)["plot"]
             return {"plot": Link(str(name), anchors[name]) if name in anchors else name}
 
-        rows = 0
-        for day in reversed(campaign.dates):
-            visits = [visit for visit in campaign.visits if visit.date == day]
-            last, rows = day == campaign.dates[-1], rows + len(visits)
-            if rows > _MOST_VISITS and not last:
-                blocks.append(Paragraph(f"Plots on {day} and before: `fieldkit campaign export` writes all dates."))
-                break
-            # Those without a score first, then the doubtful ones.
-            visits.sort(key=lambda visit: (not visit.error, not visit.doubts))
-            table = quality_table(f"How well the plots were reconstructed, {day}", visits, linked)
-            grown = traits_table(f"What grows there, {day}", visits)
-            blocks.append(table if last else Details(f"Plots on {day}", (grown, table)))
+        # Those without a score first, then the doubtful ones.
+        last = [visit for visit in campaign.visits if visit.date == campaign.dates[-1]]
+        last.sort(key=lambda visit: (not visit.error, not visit.doubts))
+        blocks.append(quality_table(f"How well the plots were reconstructed, {campaign.dates[-1]}", last, linked))
         by_plot = by_key((visit.plot, visit) for visit in campaign.visits)
         blocks += [_plot(by_plot[plot], plot, name) for plot, name in anchors.items()]
     return Section(anchor, f"Campaign: {campaign.name}", tuple(blocks))
@@ -157,23 +149,13 @@ def _measured(campaign: Campaign) -> Iterator[Block]:
     if found is None or not found.pairs:
         return
     pairs, said = found.pairs, next(found.sentences())
-    ends = [bound(v for pair in pairs for v in (pair.height_m, pair.measured_m)) for bound in (min, max)]
-    against = [(pair.measured_m, pair.height_m) for pair in pairs]
     differences = [(0.5 * (pair.height_m + pair.measured_m), pair.difference_m) for pair in pairs]
     left, right = (bound(x for x, _ in differences) for bound in (min, max))
     limits = tuple(p for y in found.limits_m or () for p in ((left, y), (right, y), (right, None)))
     yield Charts(
         (
             LineChart(
-                "Heights by fieldkit and by hand",
-                said,
-                "by hand, m",
-                "by fieldkit, m",
-                (Curve("a plot on a date", tuple(against), "dots"), Curve("the same", tuple((v, v) for v in ends))),
-                y_zero=False,
-            ),
-            LineChart(
-                "Their differences (Bland and Altman)",
+                "Heights by fieldkit less those by hand (Bland and Altman)",
                 said,
                 "mean of both, m",
                 "fieldkit less by hand, m",
