@@ -266,7 +266,7 @@ def wanted_sidecars(capture: Capture, plan: Plan, reference: KnownPlot | None) -
 
 def on_stations(capture: Capture, plan: Plan) -> bool:
     """Whether the known positions are those of the plan's stations: then they are in the plot frame."""
-    positions = _positions(capture)
+    positions = np.array([p.position for p in capture.priors.values() if p.position is not None], dtype=np.float64)
     if not len(positions):
         return False
     stations = np.array([station.position_m for station in plan.stations])
@@ -376,10 +376,6 @@ def plan_volume(plan: Plan) -> Volume:
 
 def _own_axes(plot: CampaignPlot) -> Similarity:
     return Similarity(1.0, plot_from_enu(plot.row_heading_deg), np.zeros(3))
-
-
-def _positions(capture: Capture) -> FloatArray:
-    return np.array([p.position for p in capture.priors.values() if p.position is not None], dtype=np.float64)
 
 
 def _accuracy_m(capture: Capture) -> float:

@@ -144,7 +144,15 @@ def comparison_of(runs: Sequence[Labelled]) -> ComparisonReport:
     notes = [*_what_differs(runs, by_label, names, scored), *_what_is_untold(differences)]
     return ComparisonReport(
         fieldkit=__version__,
-        evaluations=tuple(_evaluation(label, own) for label, own in by_label.items()),
+        evaluations=tuple(
+            ComparedEvaluation(
+                label=label,
+                sources=tuple(run.report.source for run in own),
+                reference_sha256=_only({run.report.reference_sha256 for run in own}),
+                plots=tuple(dict.fromkeys(name for run in own for name in run.plots)),
+            )
+            for label, own in by_label.items()
+        ),
         figures=tuple(figure.key for figure in figures if figure.key in present),
         values=tuple(values),
         differences=tuple(differences),
@@ -221,14 +229,8 @@ def _difference(
     return entry.model_copy(update=told)
 
 
-def _evaluation(label: str, runs: Sequence[Labelled]) -> ComparedEvaluation:
-    references = {run.report.reference_sha256 for run in runs}
-    return ComparedEvaluation(
-        label=label,
-        sources=tuple(run.report.source for run in runs),
-        reference_sha256=references.pop() if len(references) == 1 else None,
-        plots=tuple(dict.fromkeys(name for run in runs for name in run.plots)),
-    )
+def _only(hashes: set[str | None]) -> str | None:
+    return hashes.pop() if len(hashes) == 1 else None
 
 
 def _what_differs(

@@ -133,7 +133,8 @@ def predict(features: Mapping[str, float] | str, model: PredictionModel | None =
         low, place, high = (logarithm(limit.name, v) for v in (limit.low, raw, limit.high))
         slack = _MARGIN * (high - low) + 1e-9
         if not low - slack <= place <= high + slack:
-            return _refused(_outside(limit, raw), model)
+            fit = f"plots of the fit have {limit.low:.3g} to {limit.high:.3g}"
+            return _refused(f"{WORDS.get(limit.name, limit.name)} is {raw:.3g}; {fit}", model)
     return extrapolated(features, model)
 
 
@@ -153,8 +154,3 @@ def _refused(reason: str, model: PredictionModel) -> Prediction:
 def logarithm(name: str, value: float) -> float:
     """Natural logarithm of a figure, or of the least that counts (`FLOORS`)."""
     return float(np.log(max(value, FLOORS[name])))
-
-
-def _outside(limit: Guard, value: float) -> str:
-    least, most = f"{limit.low:.3g}", f"{limit.high:.3g}"
-    return f"{WORDS.get(limit.name, limit.name)} is {value:.3g}; plots of the fit have {least} to {most}"

@@ -134,7 +134,9 @@ def plot_traits(
     ground = found.sparse.frame.ground
     if ground is None or len(unknown) == len(TRAITS):
         return TraitsEntry(plot_area_m2=area, unknown=unknown), ()
-    swayed_m, doubt = _swayed_m(found), scale_doubt(found.sparse)
+    # By how much depths of leaves scatter beyond those of still ones.
+    swayed_m = found.pixel_m * float(np.sqrt(max(0.0, found.scatter_px**2 - STILL_SCATTER_PX**2)))
+    doubt = scale_doubt(found.sparse)
     heights, sways = ground.heights(points), (found.pixel_m, swayed_m)
     cells = *sways, _seam(found, shown, swayed_m)
     seen = canopy(points, heights, *cells)
@@ -186,11 +188,6 @@ def _seam(found: Reconstruction, shown: Sequence[silhouettes.Outline], swayed_m:
         return swaying
     filling = silhouettes.filling_seam(shown, found.plants.measured().points, found.pixel_m)
     return min(still, swaying + _OF_FILLING * max(0.0, filling - swaying))
-
-
-def _swayed_m(found: Reconstruction) -> float:
-    """By how much depths of leaves scatter beyond those of still ones."""
-    return found.pixel_m * float(np.sqrt(max(0.0, found.scatter_px**2 - STILL_SCATTER_PX**2)))
 
 
 def sways_m(found: Reconstruction) -> dict[str, float]:

@@ -32,7 +32,6 @@ from fieldkit.report.sections.views_3d import NotedView, mission_view, plan_view
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.demo import DemoReport
 from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
-from fieldkit.results.plan import PlanSource
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.version import __version__
 
@@ -264,40 +263,15 @@ def provenance_section(results: Results, command: str) -> Section:
 
 def _input(loaded: Loaded[Any]) -> Row:
     report = loaded.report
-    written: Any = report
-    match report:
-        case ReferenceReport():
-            made = f"“{report.source}”"
-        case EvaluationReport():
-            against = report.reference_sha256
-            made = f"“{report.source}”, {f'reference {_short(against)}' if against else 'no reference'}"
-        case PlanRun():
-            written = report.plan or report.settings
-            made = _planned_on(getattr(written, "source", None))
-        case ComparisonReport():
-            made = ", ".join(f"“{each.label}”" for each in report.evaluations)
-        case FlownMission():
-            written, made = report.record, ""
-        case _:
-            made = ""
-    seed = (_settings(report) or {}).get("seed")
+    if isinstance(report, PlanRun):
+        report = report.plan or report.settings
+    elif isinstance(report, FlownMission):
+        report = report.record
     return {
         "input": f"{loaded.name}/{loaded.file.name}",
-        "fieldkit": getattr(written, "fieldkit", None),
-        Column("seed", True): str(seed) if isinstance(seed, int) and not isinstance(seed, bool) else None,
-        "made from": made or None,
+        "fieldkit": getattr(report, "fieldkit", None),
         _SHA256: loaded.sha256,
     }
-
-
-def _planned_on(source: PlanSource | None) -> str:
-    if source is None:
-        return ""
-    return f"{source.kind} “{source.name}”" + (f", {_short(source.sha256)}" if source.sha256 else "")
-
-
-def _short(sha256: str) -> str:
-    return f"{sha256[:12]}…"
 
 
 def _settings(report: Any) -> Mapping[str, Any] | None:

@@ -215,7 +215,8 @@ def campaign_statements(result: Loaded[Campaign], results: Results) -> Iterator[
     doubtful = ((next(iter(visit.notes), ", ".join(visit.doubts)), visit) for visit in done if visit.doubts)
     for why, named in _alike(doubtful):
         told, _, remedy = why.partition("; ")  # what people are told of findings ends in the remedy
-        yield Statement("problem", f"{named}: {told}.", _sentence(remedy or "Its notes in the table say more"))
+        advice = remedy[:1].upper() + remedy[1:].rstrip(".") or "Its notes in the table say more"
+        yield Statement("problem", f"{named}: {told}.", f"{advice}.")
     plan = f"`fieldkit campaign plan {folder} -o next.plan`"
     yield from without_height([(v.plot, v.traits) for v in done if v.date == dates[-1]], plan)
     for why, named in _alike((visit.error, visit) for visit in visits if visit.error):
@@ -230,7 +231,3 @@ def _alike(found: Iterable[tuple[str, Visit]]) -> Iterator[tuple[str, str]]:
     """Each reason once, with the visits that it is of."""
     for why, visits in by_key((why, f"{visit.plot}, {visit.date}") for why, visit in found).items():
         yield why, "; ".join(visits[:_NAMED]) + (f" and {len(visits) - _NAMED} more" if len(visits) > _NAMED else "")
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:].rstrip(".") + "."
