@@ -199,10 +199,14 @@ class Boundary:
 
 
 def finding_entry(finding: Any) -> dict[str, Any]:
-    """Something about a plan on a plot, as JSON has it."""
-    station = None if finding.station is None else finding.station + 1
-    keys = ("code", "severity", "message", "remedy")
-    return {"plot": finding.subject or None, "station": station, **{key: getattr(finding, key) for key in keys}}
+    """Something about a plan or a mission on a plot, as JSON has it: numbers as people count."""
+    numbers = ((key, getattr(finding, key)) for key in ("station", "photograph"))
+    return {
+        "plot": finding.subject or None,
+        "item": finding.item,
+        **{key: None if number is None else number + 1 for key, number in numbers},
+        **{key: getattr(finding, key) for key in ("code", "severity", "message", "remedy")},
+    }
 
 
 def emit_json(value: Any) -> None:

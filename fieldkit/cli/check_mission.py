@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
+from fieldkit.cli.boundary import finding_entry
 from fieldkit.cli.common import (
     VEHICLE,
     FitOption,
@@ -14,7 +15,6 @@ from fieldkit.cli.common import (
     SiteOptions,
     answer,
     emit_json,
-    finding_entries,
     plant_height,
     say,
     show_findings,
@@ -119,7 +119,7 @@ def _facts(report: Report, ground: Ground | None) -> dict[str, Any]:
         "checked_against_plants": report.unchecked == {},
         "plants": _plants(report, ground),
         "photographs": len(report.taken),
-        "findings": finding_entries(report.findings),
+        "findings": [finding_entry(finding) for finding in report.findings],
         "poses": poses,
         "length_m": report.length_m,
         "time_s": report.seconds,

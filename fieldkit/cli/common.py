@@ -226,24 +226,6 @@ def read_pose_noise(text: str) -> tuple[float, float]:
     return metres, degrees
 
 
-def finding_entries(findings: Sequence[Finding]) -> list[dict[str, Any]]:
-    """Findings as JSON has them, each by itself."""
-    from fieldkit.results.plan import station_number
-
-    return [
-        {
-            "code": f.code,
-            "severity": f.severity,
-            "item": f.item,
-            "photograph": None if f.photograph is None else f.photograph + 1,
-            "plot": f.subject or None,
-            "station": None if f.station is None else station_number(f.station),
-            "message": f.message,
-        }
-        for f in findings
-    ]
-
-
 def show_findings(findings: Sequence[Finding], file: Path) -> None:
     """A table of them; those that say the same are one row."""
     from fieldkit.missions.findings import group_text, ranked

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
+from fieldkit.cli.boundary import finding_entry
 from fieldkit.cli.common import (
     JsonOption,
     SiteOptions,
     VehicleOption,
     answer,
     emit_json,
-    finding_entries,
     say,
     show_findings,
 )
@@ -85,7 +85,7 @@ def command(
                 "attempts": report.attempts,
                 "seconds": report.seconds,
                 "vehicle_holds": "new mission",
-                "findings": finding_entries(findings),
+                "findings": [finding_entry(finding) for finding in findings],
             }
         )
         return
