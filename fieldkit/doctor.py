@@ -243,7 +243,8 @@ def probe_renderer() -> None:
     pose = Pose.from_yaw_pitch([0.0, 0.0, distance_m], 0.0, -90.0)
     # 64 pixels see 2 m, so the square of 1 m covers the pixels 16 to 47.
     with Renderer(Scene((square,), background=(0.0, 0.0, 1.0))) as renderer:
-        image, depth = renderer.render(pose, Intrinsics.pinhole(64, 64, 64.0))
+        camera = Intrinsics.pinhole(64, 64, 64.0)
+        image, depth = renderer.photograph(pose, camera), renderer.depth(pose, camera)
         from OpenGL.GL import GL_RENDERER, glGetString
 
         name = glGetString(GL_RENDERER).decode()

@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtri
 
 from fieldkit.arrays import ByteArray, Float32Array
@@ -57,19 +57,11 @@ class CameraEffects:
     """Of the files, 1 to 100."""
 
     def __post_init__(self) -> None:
-        numbers = {name: value for name, value in vars(self).items() if name != "jpeg_quality"}
-        for name, value in numbers.items():
-            if not (np.isfinite(value) and value >= 0):
-                raise ValueError(f"{name} cannot be {value}: it is 0 (off) or more")
-        if self.exposure_s > 1.0:
-            raise ValueError(f"exposure_s is at most 1 s, not {self.exposure_s}")
-        for name in ("vignetting", "veiling_glare"):
-            if numbers[name] >= 1.0:
-                raise ValueError(f"{name} is a share below 1, not {numbers[name]}")
-        if self.grain_px < 1.0:
-            raise ValueError(f"grain_px is at least 1 pixel, not {self.grain_px}")
-        if not 1 <= self.jpeg_quality <= 100:
-            raise ValueError(f"jpeg_quality is 1 to 100, not {self.jpeg_quality}")
+        for name, value in vars(self).items():
+            most = 1.0 if name in ("exposure_s", "vignetting", "veiling_glare") else 100.0
+            least = 1.0 if name in ("grain_px", "jpeg_quality") else 0.0
+            if not least <= value <= most:
+                raise ValueError(f"{name} is {least:g} to {most:g}, not {value}")
 
     @property
     def moves(self) -> bool:
@@ -79,24 +71,16 @@ class CameraEffects:
     @property
     def changes_pixels(self) -> bool:
         """Whether anything but the JPEG is on."""
-        strengths = (
-            self.defocus_px,
-            self.vignetting,
-            self.veiling_glare,
-            self.exposure_ev,
-            self.white_balance,
-            self.grain,
-        )
-        return self.moves or any(strengths)
+        return any(value for name, value in vars(self).items() if name not in ("grain_px", "jpeg_quality"))
 
 
 @dataclass(frozen=True)
 class Motion:
     """How the camera moves while it exposes, about the pose the photograph is drawn from (mid-exposure)."""
 
-    shift_m: tuple[float, float, float]
+    shift_m: ArrayLike
     """(3,) from the shutter's opening to its closing, in the camera's axes."""
-    turn_rad: tuple[float, float, float]
+    turn_rad: ArrayLike
     """(3,) rotation vector over the same time, in the camera's axes."""
 
 
@@ -104,7 +88,7 @@ def draw_motion(exposure_s: float, rng: np.random.Generator) -> Motion:
     """A random motion during an exposure."""
     shift = rng.normal(size=3) * _DRIFT_M_S * exposure_s
     turn = rng.normal(size=3) * np.radians(_TURN_DEG_S) * exposure_s
-    return Motion((float(shift[0]), float(shift[1]), float(shift[2])), (float(turn[0]), float(turn[1]), float(turn[2])))
+    return Motion(shift, turn)
 
 
 def photographed(
@@ -158,7 +142,7 @@ def image_motion(depth: Float32Array, intrinsics: Intrinsics, motion: Motion) ->
     x = ((np.arange(w, dtype=np.float32) + 0.5 - intrinsics.cx) / intrinsics.fx)[None, :]
     y = ((np.arange(h, dtype=np.float32) + 0.5 - intrinsics.cy) / intrinsics.fy)[:, None]
     nearness = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth > 0)
-    (tx, ty, tz), (wx, wy, wz) = motion.shift_m, motion.turn_rad
+    (tx, ty, tz), (wx, wy, wz) = np.asarray(motion.shift_m).tolist(), np.asarray(motion.turn_rad).tolist()
     flow = np.empty((h, w, 2), np.float32)
     flow[..., 0] = intrinsics.fx * ((x * tz - tx) * nearness + wx * x * y - wy * (1.0 + x * x) + wz * y)
     flow[..., 1] = intrinsics.fy * ((y * tz - ty) * nearness + wx * (1.0 + y * y) - wy * x * y - wz * x)

@@ -149,11 +149,6 @@ def _thinned(cloud: Cloud, points: int, seed: int) -> Cloud:
 def scene_digest(scene: Scene) -> str:
     """A digest of all that is drawn: every mesh's arrays, the light and the background."""
     meshes = [
-        (
-            m.name,
-            m.plant,
-            *(getattr(m, k) for k in ("vertices", "faces", "normals", "uv", "texture", "colors", "shading")),
-        )
-        for m in scene.meshes
+        (m.name, m.plant, m.vertices, m.faces, m.normals, m.uv, m.texture, m.colors, m.shading) for m in scene.meshes
     ]
-    return digest(*[tuple(mesh) for mesh in meshes], scene.light, scene.background)
+    return digest(*meshes, scene.light, scene.background)

@@ -16,8 +16,7 @@ from fieldkit.clouds import Cloud, read_cloud
 from fieldkit.errors import CloudError, SceneError
 from fieldkit.scenes.scene import Mesh, Scene
 
-MAX_SURFELS = 5_000_000
-"""Most surfels that are drawn."""
+_REMEDY = "Make the scene again with `fieldkit scene from-reference`."
 _GROUND_REACH_M = 30.0
 """Half the side of the fitted ground, metres."""
 _BELOW_M = 0.004
@@ -162,16 +161,15 @@ def read_atlas(path: Path, count: int, texels: int) -> ByteArray:
     """The atlas of ``count`` patches of ``texels`` × ``texels`` pixels in a file."""
     from PIL import Image
 
-    remedy = "Make the scene again with `fieldkit scene from-reference`."
     columns = _columns(count)
     width, height = columns * texels, -(-count // columns) * texels
     try:
         with Image.open(path) as image:
             if image.size != (width, height):
-                raise SceneError(f"is {image.size}, not {(width, height)} pixels", path=path, remedy=remedy)
+                raise SceneError(f"is {image.size}, not {(width, height)} pixels", path=path, remedy=_REMEDY)
             return np.asarray(image.convert("RGB"), np.uint8)
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise SceneError(f"cannot be read as a picture ({error})", path=path, remedy=remedy) from error
+        raise SceneError(f"cannot be read as a picture ({error})", path=path, remedy=_REMEDY) from error
 
 
 def _columns(count: int) -> int:
@@ -208,15 +206,10 @@ def _plane(color: tuple[float, float, float]) -> Mesh:
 
 
 def _read(path: Path) -> Cloud:
-    remedy = "Make the scene again with `fieldkit scene from-reference`."
     try:
         cloud = read_cloud(Path(path))
     except CloudError as error:
-        raise SceneError(error.message, path=error.path or path, remedy=remedy) from error
+        raise SceneError(error.message, path=error.path or path, remedy=_REMEDY) from error
     if not len(cloud) or cloud.colors is None:
-        raise SceneError("has no coloured points to make surfels of", path=path, remedy=remedy)
-    if len(cloud) > MAX_SURFELS:
-        raise SceneError(
-            f"has {len(cloud):,} points; up to {MAX_SURFELS:,} are drawn as surfels", path=path, remedy=remedy
-        )
+        raise SceneError("has no coloured points to make surfels of", path=path, remedy=_REMEDY)
     return cloud

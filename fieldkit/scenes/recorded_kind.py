@@ -15,7 +15,7 @@ import numpy as np
 from PIL import Image
 
 from fieldkit.arrays import FloatArray, IntArray
-from fieldkit.clouds import Cloud, write_ply
+from fieldkit.clouds import Cloud, concatenate, write_ply
 from fieldkit.clouds.plants_apart import PlantsApart
 from fieldkit.files import atomic_folder, storage_errors
 from fieldkit.geometry.pose import rotation_about_z
@@ -155,7 +155,7 @@ def write_varied_scene(description: SceneDescription, apart: PlantsApart, variat
             varied = replace(varied, ground_atlas=partial / ATLAS_FILES[1])
         written = replace(
             description,
-            notes=_notes(description.name, variation),
+            notes=f"A plot of the kind of {description.name}.",
             recorded=varied,
             bounds=bounds_around(description.bounds, plants),
         )
@@ -203,17 +203,12 @@ def _changes(apart: PlantsApart, variation: Variation) -> list[tuple[IntArray, C
 
 def _varied(cloud: Cloud, apart: PlantsApart, variation: Variation) -> tuple[Cloud, IntArray]:
     """The plants of a variation, and which of the cloud's points each of theirs was."""
-    points = cloud.points.copy()
-    normals = None if cloud.normals is None else cloud.normals.copy()
-    kept = np.zeros(len(cloud), bool)
-    for chosen, change in _changes(apart, variation):
-        kept[chosen] = True
-        if change is not None:
-            changed = change.apply(cloud.select(chosen))
-            points[chosen] = changed.points
-            if normals is not None:
-                normals[chosen] = changed.normals
-    return Cloud(points, cloud.colors, normals).select(kept), np.flatnonzero(kept)
+    changes = _changes(apart, variation)
+    parts = [(cloud.select(chosen), change) for chosen, change in changes]
+    varied = concatenate([part if change is None else change.apply(part) for part, change in parts])
+    origin = np.concatenate([chosen for chosen, _ in changes])
+    order = np.argsort(origin)
+    return varied.select(order), origin[order]
 
 
 def _turned_order(
@@ -250,18 +245,6 @@ def bounds_around(bounds: Bounds, plants: Cloud) -> Bounds:
         (round(float(lower[0]), 6), round(float(lower[1]), 6), bounds.lower_m[2]),
         (round(float(upper[0]), 6), round(float(upper[1]), 6), round(float(upper[2]), 6)),
     )
-
-
-def _notes(name: str, variation: Variation) -> str:
-    if variation.whole is not None:
-        whole = variation.whole
-        mirrored = "" if whole.mirror_deg is None else ", mirrored"
-        return f"A plot of the kind of {name}: turned by {whole.turn_deg:g}°{mirrored}."
-    parts = [
-        f"{number} left out" if number == variation.left_out else f"{number} by {c.turn_deg:g}° and {c.scale:g}"
-        for number, c in enumerate(variation.plants, 1)
-    ]
-    return f"A plot of the kind of {name}. Plants turned and scaled: {', '.join(parts)}."
 
 
 def _link(source: Path, target: Path) -> None:

@@ -17,9 +17,8 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fieldkit.arrays import ByteArray, Float32Array, FloatArray
+from fieldkit.arrays import ByteArray, Float32Array
 from fieldkit.errors import InputError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.scenes.edges import smooth_edges
@@ -66,11 +65,10 @@ class Renderer:
             raise RenderingError(f"off-screen rendering cannot start: {error!r}", remedy=remedy) from error
         self._content = self._pyrender.Scene(bg_color=[*scene.background, 1.0], ambient_light=[0.0, 0.0, 0.0])
         self._meshes: dict[str, Any] = {}
-        self._boxes: dict[str, FloatArray] = {}
         for index, mesh in enumerate(scene.meshes):
             uploaded = _upload(self._pyrender, mesh)
             self._content.add(uploaded, name=f"{index:06d}")  # the order they are drawn in
-            self._meshes[mesh.name], self._boxes[mesh.name] = uploaded, _box(mesh.vertices)
+            self._meshes[mesh.name] = uploaded
         self._camera: Any = None
 
     def __enter__(self) -> Renderer:
@@ -115,7 +113,6 @@ class Renderer:
             if points.shape != primitive.positions.shape:
                 raise ValueError(f"{name} has {len(primitive.positions)} vertices, not {points.shape}")
             self._gl.move(primitive, np.ascontiguousarray(points, dtype=np.float32))
-            self._boxes[name] = _box(points)
 
     def rest(self) -> None:
         """Put every mesh back where the scene has it."""
@@ -137,13 +134,6 @@ class Renderer:
         depth = _NEAR_M * _FAR_M / (_FAR_M - window * (_FAR_M - _NEAR_M))
         depth[window >= 1.0] = 0.0
         return depth.astype(np.float32)
-
-    def render(self, pose: Pose, intrinsics: Intrinsics, *, samples: int = 4) -> tuple[ByteArray, Float32Array]:
-        """`photograph` and `depth` of a view; without anti-aliasing for little more than the photograph alone."""
-        if samples == 0:
-            image = self.photograph(pose, intrinsics, samples=0)
-            return image, self._metres(self._gl.depth_of_last())
-        return self.photograph(pose, intrinsics, samples=samples), self.depth(pose, intrinsics)
 
     def drawn(
         self, pose: Pose, intrinsics: Intrinsics, *, depth: bool, economy: bool
@@ -184,27 +174,7 @@ class Renderer:
         world_from_camera[:3, 3] = pose.center
         self._camera = self._content.add(camera, pose=world_from_camera)
         self._content.main_camera_node = self._camera
-        for name, mesh in self._meshes.items():
-            mesh.is_visible = _may_be_seen(self._boxes[name], pose, intrinsics)
         self._gl.viewport_width, self._gl.viewport_height = intrinsics.width, intrinsics.height
-
-
-def _box(vertices: NDArray[np.floating]) -> FloatArray:
-    """(8, 3) corners of the axis-aligned box; (0, 3) where there are no vertices."""
-    if not len(vertices):
-        return np.zeros((0, 3))
-    low, high = vertices.min(0).astype(np.float64), vertices.max(0).astype(np.float64)
-    return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
-
-
-def _may_be_seen(corners: FloatArray, pose: Pose, intrinsics: Intrinsics) -> bool:
-    """Whether a box may reach into the picture: False only where all corners lie beyond one side of it."""
-    if not len(corners):
-        return False
-    x, y, z = pose.to_camera(corners).T
-    u, v = intrinsics.fx * x + intrinsics.cx * z, intrinsics.fy * y + intrinsics.cy * z
-    outside = (z < _NEAR_M, u < 0, u > intrinsics.width * z, v < 0, v > intrinsics.height * z)
-    return not any(bool(side.all()) for side in outside)
 
 
 def _start(scene: Scene) -> tuple[Any, Any, Any]:

@@ -46,7 +46,8 @@ def sample_others(scene: Scene, volume: Volume, per_m2: float, seed: int = 0) ->
     """
     rng = np.random.default_rng([seed, 13])
     parts = []
-    for mesh in (*weed_meshes(scene), *neighbour_meshes(scene)):
+    others = [mesh for mesh in scene.meshes if mesh.name.startswith(WEED_NAMES)]
+    for mesh in (*others, *_neighbours(scene)):
         near = volume.contains(mesh.vertices.astype(np.float64))[mesh.faces].any(axis=1)
         area = np.where(near, _areas(mesh), 0.0)
         if near.any():
@@ -117,19 +118,13 @@ def _sample(
     return at(mesh.vertices), colors, normals.astype(np.float32)
 
 
-def weed_meshes(scene: Scene) -> list[Mesh]:
-    """A scene's ground cover and weeds."""
-    return [mesh for mesh in scene.meshes if mesh.name.startswith(WEED_NAMES)]
-
-
-def neighbour_meshes(scene: Scene) -> list[Mesh]:
-    """A scene's neighbour plants."""
+def _neighbours(scene: Scene) -> list[Mesh]:
     return [mesh for mesh in scene.meshes if mesh.name.startswith(NEIGHBOUR_NAME)]
 
 
 def neighbour_points(scene: Scene) -> FloatArray:
     """(n, 3) vertices of a scene's neighbour plants: what a drone has to keep clear of beside the plot's own."""
-    points = [mesh.vertices for mesh in neighbour_meshes(scene)]
+    points = [mesh.vertices for mesh in _neighbours(scene)]
     return np.concatenate(points).astype(np.float64) if points else np.zeros((0, 3))
 
 

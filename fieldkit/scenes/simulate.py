@@ -14,7 +14,7 @@ from PIL import ExifTags, Image, TiffImagePlugin
 
 from fieldkit.captures.xmp import RTK_FIXED
 from fieldkit.errors import UsageError
-from fieldkit.files import atomic_folder, storage_errors, write_atomic
+from fieldkit.files import atomic_folder, storage_errors
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_about_z, rotation_from_vector, wrapped_deg
@@ -151,7 +151,6 @@ def simulate_capture(
     site: Site | None = None,
     row_heading_deg: float = 90.0,
     sidecars: Sidecars | None = None,
-    truth: Path | None = None,
     started_at: datetime = datetime(2026, 6, 18, 10, 30),
     overwrite: bool = False,
     economy: bool = False,
@@ -171,7 +170,6 @@ def simulate_capture(
         site: no GPS and no XMP is written without one.
         row_heading_deg: compass heading of the plot frame's x axis, for GPS positions and yaw angles.
         sidecars: none by default.
-        truth: a CSV file for the true poses; it must lie outside ``folder``, where no reader finds it.
         started_at: time of the first photograph; the others' by `Outdoors.time_s`.
         overwrite: replace an existing capture.
         economy: draw with one sample per pixel and smooth the edges afterwards, and take the sensor's noise from a
@@ -183,12 +181,11 @@ def simulate_capture(
     noise, effects, sidecars = noise or CaptureNoise(), effects or CameraEffects(), sidecars or Sidecars()
     if not poses:
         raise UsageError("a capture needs at least one pose")
-    if truth is not None and truth.absolute().is_relative_to(folder.absolute()):
-        raise UsageError("the true poses must not lie in the capture's folder", path=truth)
     outdoors = outdoors or Outdoors()
     true = perturbed(poses, noise, seed, outdoors.burst)
     names = [f"IMG_{i + 1:04d}.jpg" for i in range(len(true))]
     reported_sigmas = np.repeat([noise.gps_horizontal_m, noise.gps_vertical_m, noise.gimbal_deg], [2, 1, 3])
+    east_north = rotation_about_z(np.radians(90.0 - row_heading_deg))
     motion = None if outdoors.still else Motion(renderer.scene, seed)
     with (
         atomic_folder(folder, overwrite=overwrite, marker=names[0]) as partial,
@@ -212,7 +209,7 @@ def simulate_capture(
                 error = rng.normal(size=6) * reported_sigmas
             position = xmp = None
             if site is not None:
-                compass = _compass(pose, row_heading_deg)
+                compass = Pose(pose.rotation @ east_north.T, east_north @ pose.center)
                 reported = compass.center + error[:3]
                 position = [float(v[0]) for v in site.origin.to_geodetic(reported)]
                 yaw, pitch, roll = np.array(compass.yaw_pitch_roll_deg()) + error[3:]
@@ -226,8 +223,6 @@ def simulate_capture(
             (partial / "poses.csv").write_text(poses_table(names, commanded, accuracy_m=stated), encoding="utf-8")
         if sidecars.camera:
             (partial / "camera.toml").write_text(camera_toml(intrinsics), encoding="utf-8")
-    if truth is not None:
-        write_atomic(truth, poses_table(names, true, roll=True))
     return true
 
 
@@ -247,12 +242,6 @@ def poses_table(
         values += [f"{v:.{_ANGLE_DECIMALS}f}" for v in ([yaw, pitch, roll_deg] if roll else [yaw, pitch])]
         lines.append(",".join([name, *values, *tail]))
     return "\n".join(lines) + "\n"
-
-
-def _compass(pose: Pose, row_heading_deg: float) -> Pose:
-    """A pose of the plot frame in east, north and up."""
-    east_north = rotation_about_z(np.radians(90.0 - row_heading_deg))
-    return Pose(pose.rotation @ east_north.T, east_north @ pose.center)
 
 
 def camera_toml(intrinsics: Intrinsics) -> str:

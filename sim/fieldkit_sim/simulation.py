@@ -13,13 +13,14 @@ from numpy.typing import ArrayLike
 from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.clouds import write_ply
 from fieldkit.errors import MetadataError, UsageError
+from fieldkit.files import write_atomic
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.regular_files import check_replaceable
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.scenes.description import SceneDescription, build, sample_reference
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
-from fieldkit.scenes.simulate import Outdoors, Sidecars, simulate_capture
+from fieldkit.scenes.simulate import Outdoors, Sidecars, poses_table, simulate_capture
 
 Stations = Callable[[Scene, Intrinsics], Sequence[Pose]]
 _RING_PITCH_DEG = 35.0
@@ -76,11 +77,12 @@ def simulate(
     progress = progress or Silent()
     outdoors = outdoors or Outdoors(description.wind_m)
     truth = output.parent / f"{output.name}.truth.csv"
-    for file in (truth, truth_cloud):
-        if file is not None and file.absolute().is_relative_to(output.absolute()):
-            raise UsageError("the truth must not lie in the capture's folder", path=file)
-        if file is not None and not output.exists():  # else it is the folder that is spoken of
-            check_replaceable(file, overwrite=overwrite)
+    if truth_cloud is not None and truth_cloud.absolute().is_relative_to(output.absolute()):
+        raise UsageError("the truth must not lie in the capture's folder", path=truth_cloud)
+    if not output.exists():  # else it is the folder that is spoken of
+        for file in (truth, truth_cloud):
+            if file is not None:
+                check_replaceable(file, overwrite=overwrite)
     with progress.stage("scene", len(description.plot.plants) or None) as advance:
         scene = build(description, advance)
         poses = list(stations(scene, description.camera) if callable(stations) else stations)
@@ -97,10 +99,10 @@ def simulate(
             site=description.site if gps else None,
             row_heading_deg=description.row_heading_deg,
             sidecars=Sidecars(poses=poses_csv, camera=poses_csv),
-            truth=truth,
             overwrite=overwrite,
             progress=progress,
         )
+    write_atomic(truth, poses_table(sorted(file.name for file in output.glob("*.jpg")), true, roll=True))
     if truth_cloud is not None:
         with progress.stage("truth") as advance:
             write_ply(truth_cloud, sample_reference(description, scene))

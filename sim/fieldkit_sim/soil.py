@@ -256,7 +256,6 @@ def _ground(soil: SoilDescription) -> list[Mesh]:
         edge = np.stack([axis, np.full(n + 1, soil.core_m / 2)], axis=-1) * sign @ turn
         half = (n + 1) // 2
         for part, columns in enumerate((slice(0, half + 1), slice(half, n + 1))):
-            # In bands, so that a renderer can leave out what lies behind the camera.
             for band, (start, end) in enumerate(
                 pairwise([0, *np.searchsorted(scale[:, 0], (1.8, 5.0)), len(scale) - 1])
             ):

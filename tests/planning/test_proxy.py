@@ -27,7 +27,7 @@ from fieldkit.scenes.plot_description import (
     WeedsDescription,
 )
 from fieldkit.scenes.recorded import RecordedSurface
-from fieldkit.scenes.sampling import neighbour_points, weed_meshes
+from fieldkit.scenes.sampling import WEED_NAMES, neighbour_points
 from fieldkit.scenes.simulate import CaptureNoise, Outdoors
 from tests.planning.conftest import CAMERA
 from tests.scenes.conftest import SMALL_PLOT, SMALL_SOIL
@@ -105,7 +105,9 @@ def test_a_proxy_of_a_reference_keeps_its_volume(tmp_path: Path) -> None:
 def test_weeds_are_not_asked_for_and_no_error_where_they_are_reconstructed() -> None:
     weedy = replace(SCENE, plot=replace(SCENE.plot, weeds=WeedsDescription(seed=2, weeds_per_m2=40.0)))
     proxy = Proxy.from_description(weedy)
-    vertices = np.concatenate([mesh.vertices for mesh in weed_meshes(proxy.scene)]).astype(float)
+    vertices = np.concatenate(
+        [mesh.vertices for mesh in proxy.scene.meshes if mesh.name.startswith(WEED_NAMES)]
+    ).astype(float)
     weeds = vertices[proxy.volume.contains(vertices)]
     assert len(weeds) > 100
     assert cKDTree(proxy.surface.points).query(weeds)[0].max() < 0.01

@@ -96,7 +96,7 @@ def test_blur_is_what_many_exposures_give(renderer: Renderer) -> None:
         center = pose.center + pose.rotation.T @ (s * np.array(motion.shift_m))
         exposures.append((renderer.photograph(Pose(turned, center), camera) / 255.0) ** 2)
     truth = np.sqrt(np.mean(exposures, axis=0))
-    sharp, depth = renderer.render(pose, camera)
+    sharp, depth = renderer.drawn(pose, camera, depth=True, economy=False)
     flow = image_motion(depth, camera, motion)
     assert np.abs(flow).max() > 3.0
     blurred = np.sqrt(motion_blurred(((sharp / 255.0) ** 2).astype(np.float32), flow))

@@ -61,7 +61,7 @@ def test_a_scene_of_a_reference(tmp_path: Path, reference: ReferenceFiles) -> No
     scene = build(description)
     assert scene.bounds()[1][2] == pytest.approx(0.2)  # no strays
     with Renderer(scene) as renderer:
-        image, depth = renderer.render(ABOVE, CAMERA)
+        image, depth = renderer.drawn(ABOVE, CAMERA, depth=True, economy=False)
     np.testing.assert_allclose(image[75, 100], (60, 160, 50), atol=1)
     np.testing.assert_allclose(image[75, 160], (120, 100, 80), atol=1)
     assert depth[75, 100] == pytest.approx(0.8, abs=1e-3)

@@ -34,6 +34,7 @@ from fieldkit.scenes.simulate import (
     Site,
     exif_block,
     perturbed,
+    poses_table,
     simulate_capture,
     xmp_packet,
 )
@@ -90,7 +91,6 @@ def test_rows_that_do_not_run_east(tmp_path: Path, renderer: Renderer) -> None:
 
 def test_sidecars_hold_the_commanded_poses_and_the_camera(tmp_path: Path, renderer: Renderer) -> None:
     noise = CaptureNoise(position_m=0.05, angle_deg=1.0)
-    truth = tmp_path / "truth" / "poses.csv"
     true = simulate_capture(
         tmp_path / "flight",
         renderer,
@@ -98,7 +98,6 @@ def test_sidecars_hold_the_commanded_poses_and_the_camera(tmp_path: Path, render
         CAMERA,
         noise=noise,
         sidecars=Sidecars(poses=True, camera=True),
-        truth=truth,
     )
     capture = read_capture(tmp_path / "flight")
     assert capture.metric_source == "poses.csv"
@@ -107,7 +106,7 @@ def test_sidecars_hold_the_commanded_poses_and_the_camera(tmp_path: Path, render
     commanded = np.array([capture.priors[p.name].position for p in capture.photos])
     np.testing.assert_allclose(commanded, [p.center for p in POSES], atol=1e-5)
     assert {prior.position_sigma_m for prior in capture.priors.values()} == {0.05}
-    rows, _ = parse_poses_csv(truth.read_text())
+    rows, _ = parse_poses_csv(poses_table([photo.name for photo in capture.photos], true, roll=True))
     np.testing.assert_allclose([r.position for r in rows], [p.center for p in true], atol=1e-5)
     for row, pose in zip(rows, true, strict=True):
         assert row.yaw_deg is not None
@@ -116,7 +115,6 @@ def test_sidecars_hold_the_commanded_poses_and_the_camera(tmp_path: Path, render
         read = Pose.from_yaw_pitch(row.position, row.yaw_deg, row.pitch_deg, row.roll_deg)
         assert rotation_angle_deg(read.rotation, pose.rotation) < 1e-3
     assert np.abs(np.array([p.center for p in true]) - commanded).max() > 0.01
-    assert not list((tmp_path / "flight").rglob("*truth*"))
 
 
 def test_photographs_are_taken_from_the_true_poses_the_same_at_a_seed(tmp_path: Path, renderer: Renderer) -> None:
@@ -146,8 +144,6 @@ def test_noise_has_the_size_that_is_asked_for() -> None:
 def test_wrong_calls_leave_nothing_behind(tmp_path: Path, renderer: Renderer) -> None:
     with pytest.raises(UsageError, match="at least one pose"):
         simulate_capture(tmp_path / "a", renderer, [], CAMERA)
-    with pytest.raises(UsageError, match="true poses"):
-        simulate_capture(tmp_path / "a", renderer, POSES, CAMERA, truth=tmp_path / "a" / "truth.csv")
     assert not (tmp_path / "a").exists()
     simulate_capture(tmp_path / "a", renderer, POSES[:1], CAMERA)
     with pytest.raises(UsageError):
@@ -207,11 +203,10 @@ def test_photographs_of_a_burst_share_their_stations_errors(tmp_path: Path, rend
         site=SITE,
         seed=2,
         sidecars=Sidecars(poses=True),
-        truth=tmp_path / "truth.csv",
     )
     photos = read_capture(tmp_path / "a").photos
     assert [photo.name for photo in photos] == [f"IMG_{k:04d}.jpg" for k in range(1, 13)]
-    assert len(parse_poses_csv((tmp_path / "truth.csv").read_text())[0]) == len(true) == 12
+    assert len(true) == 12
     started = photos[0].captured_at
     taken = [(photo.captured_at - started).total_seconds() for photo in photos]
     assert taken == pytest.approx([outdoors.time_s(k) for k in range(12)], abs=1e-3)

@@ -105,11 +105,11 @@ def test_leaves_move_with_the_plants_and_neighbours_and_keep_their_length(scene:
 def test_moved_meshes_are_drawn_where_they_are(scene: Scene) -> None:
     pose = ring(1, 1.0, 0.8)[0]
     with Renderer(scene) as renderer:
-        still, depth = renderer.render(pose, CAMERA)
+        still, depth = renderer.drawn(pose, CAMERA, depth=True, economy=False)
         renderer.move(Motion(scene, 2).at(0.0, 0.03))
-        moved, moved_depth = renderer.render(pose, CAMERA)
+        moved, moved_depth = renderer.drawn(pose, CAMERA, depth=True, economy=False)
         renderer.rest()
-        again, depth_again = renderer.render(pose, CAMERA)
+        again, depth_again = renderer.drawn(pose, CAMERA, depth=True, economy=False)
         with pytest.raises(ValueError, match="no mesh"):
             renderer.move({"nothing": np.zeros((3, 3), np.float32)})
         with pytest.raises(ValueError, match="vertices"):
@@ -119,15 +119,6 @@ def test_moved_meshes_are_drawn_where_they_are(scene: Scene) -> None:
     changed = np.abs(moved.astype(int) - still).max(axis=2) > 20
     assert 10 < changed.sum() < 0.5 * changed.size
     assert (moved_depth != depth).any()
-
-
-def test_leaving_out_what_a_camera_does_not_see_changes_nothing(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    poses = [*ring(2, 1.0, 0.8), *ring(1, 0.4, 0.3, target=(1.0, 0.5, 0.0))]
-    with Renderer(scene) as renderer:
-        culled = [renderer.photograph(pose, CAMERA) for pose in poses]
-        monkeypatch.setattr("fieldkit.scenes.renderer._may_be_seen", lambda *_: True)
-        whole = [renderer.photograph(pose, CAMERA) for pose in poses]
-    assert all(np.array_equal(a, b) for a, b in zip(culled, whole, strict=True))
 
 
 @pytest.mark.parametrize(

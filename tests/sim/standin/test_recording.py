@@ -4,7 +4,6 @@ import json
 import struct
 import tempfile
 from contextlib import suppress
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -15,15 +14,6 @@ from fieldkit.errors import MetadataError
 from fieldkit.flightlogs.mavlink import LogReader, checksum_right, decode, frame_length, mavlink
 from fieldkit_sim.standin.recording import read_frames, read_messages, read_recording
 from fieldkit_sim.standin.replay import Splitter
-
-
-def test_every_frame_is_read(sitl: Path) -> None:
-    file = sitl / "probe_items.tlog"
-    frames = list(read_frames(file))
-    assert sum(8 + len(frame.data) for frame in frames) == file.stat().st_size
-    assert {frame.system for frame in frames} == {1, 255}
-    assert frames[0].time_s == 1781000000.0
-    assert all(a.time_s <= b.time_s for a, b in pairwise(frames))
 
 
 def test_messages_are_those_that_mavutil_reads(sitl: Path) -> None:
@@ -62,17 +52,11 @@ def test_damaged_logs_never_fail_but_cleanly(data: st.DataObject) -> None:
         assert decode(frame.data) is not None
 
 
-@pytest.mark.parametrize("content", [b"", b"x", b"\xfd" * 100_000, b"\xfe\x00" * 5000, bytes(70_000)])
+@pytest.mark.parametrize("content", [b"", b"\xfe\x00" * 5000])
 def test_no_log(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "x.tlog").write_bytes(content)
     with pytest.raises(MetadataError, match="holds no MAVLink messages"):
         list(read_frames(tmp_path / "x.tlog"))
-    with pytest.raises(MetadataError):
-        read_recording(tmp_path / "x.tlog")
-    with pytest.raises(MetadataError, match="no such file"):
-        list(read_frames(tmp_path / "y.tlog"))
-    with pytest.raises(MetadataError, match="cannot be read"):
-        list(read_frames(tmp_path))
 
 
 def test_a_recording_is_what_the_vehicle_said(sitl: Path) -> None:
@@ -83,11 +67,6 @@ def test_a_recording_is_what_the_vehicle_said(sitl: Path) -> None:
     assert flight.parameters["WPNAV_SPEED"].param_value == 200
     kinds = {mavlink.mavlink_map[frame.message_id].msgname for frame in flight.telemetry}
     assert {"HEARTBEAT", "GLOBAL_POSITION_INT", "EKF_STATUS_REPORT", "STATUSTEXT", "CAMERA_FEEDBACK"} <= kinds
-    assert not {
-        name
-        for name in kinds
-        if name.startswith("MISSION_") and name not in {"MISSION_CURRENT", "MISSION_ITEM_REACHED"}
-    }
 
 
 def test_a_log_without_a_vehicle(sitl: Path, tmp_path: Path) -> None:
@@ -111,25 +90,19 @@ def test_a_stream_is_cut_wherever_it_arrives(sitl: Path) -> None:
     assert frame_length(frames[3]) == len(frames[3])
 
 
-@pytest.mark.parametrize("count", [1, 3, 40])
-def test_frames_of_kinds_that_no_dialect_has_are_no_damage(sitl: Path, count: int) -> None:
+@pytest.mark.parametrize(
+    ("stranger", "skipped"),
+    [
+        (3 * (bytes(8) + b"\xfd\x04\x00\x00\x00\x01\x01\xee\xee\xee" + b"abcd" + b"\x12\x34"), 0),
+        (bytes(8) + b"\xfd\xf0\x00\x00\x00\x01\x01\xee\xee\xee" + bytes(20), 38),  # says that it is longer
+    ],
+)
+def test_frames_of_kinds_that_no_dialect_has_take_no_other_with_them(sitl: Path, stranger: bytes, skipped: int) -> None:
     frames = list(read_frames(sitl / "probe_items.tlog"))[:30]
     parts = [struct.pack(">Q", round(frame.time_s * 1e6)) + frame.data for frame in frames]
-    unknown = bytes(8) + b"\xfd\x04\x00\x00\x00\x01\x01\xee\xee\xee" + b"abcd" + b"\x12\x34"
-    for place in (10, 30):
-        data = b"".join([*parts[:place], *([unknown] * count), *parts[place:]])
-        reader = LogReader(data)
-        assert [frame.data for frame in reader] == [frame.data for frame in frames]
-        assert (reader.frames, reader.skipped) == (30 + count, 0)
-
-
-def test_noise_after_a_frame_of_an_unknown_kind_takes_nothing_with_it(sitl: Path) -> None:
-    frames = list(read_frames(sitl / "probe_items.tlog"))[:30]
-    parts = [struct.pack(">Q", round(frame.time_s * 1e6)) + frame.data for frame in frames]
-    parts.insert(10, bytes(8) + b"\xfd\xf0\x00\x00\x00\x01\x01\xee\xee\xee" + bytes(20))  # says that it is longer
-    reader = LogReader(b"".join(parts))
+    reader = LogReader(b"".join([*parts[:10], stranger, *parts[10:]]))
     assert [frame.data for frame in reader] == [frame.data for frame in frames]
-    assert reader.skipped == 38
+    assert reader.skipped == skipped
 
 
 def test_damage_costs_no_frame_but_those_it_lies_in(sitl: Path) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from fieldkit.errors import LinkError, UsageError
+from fieldkit.errors import UsageError
 from fieldkit.link.items import ARDUPILOT, mission_items
 from fieldkit.missions.items import MissionItem
 from fieldkit_sim.standin.faults import Faults
@@ -110,22 +110,10 @@ def test_faults_lose_packets_both_ways(recording: Recording, station: Any) -> No
     assert traffic.lost > 30
 
 
-def test_only_on_this_machine(recording: Recording) -> None:
-    for serve in (
-        "udpout://192.0.2.1:14550",
-        "udpin://0.0.0.0:14550",
-        "tcpout://127.0.0.1:5760",
-        "udpout://example.org:1",
-    ):
-        with pytest.raises(UsageError, match="this machine only"):
-            Replay(recording, serve=serve)
-
-
-def test_a_taken_port_is_told(recording: Recording) -> None:
-    with Replay(recording, begin_s=45.0) as first:
-        port = first.url.rpartition(":")[2]
-        with pytest.raises(LinkError, match="cannot serve"):
-            Replay(recording, serve=f"udpin://127.0.0.1:{port}").start()
+@pytest.mark.parametrize("serve", ["udpout://192.0.2.1:14550", "udpin://0.0.0.0:14550", "tcpout://127.0.0.1:5760"])
+def test_only_on_this_machine(recording: Recording, serve: str) -> None:
+    with pytest.raises(UsageError, match="this machine only"):
+        Replay(recording, serve=serve)
 
 
 def test_noise_does_not_stop_it(recording: Recording, delays: Callable[[int], tuple[MissionItem, ...]]) -> None:
