@@ -87,11 +87,11 @@ def piece_surface_m2(points: FloatArray, voxel_m: float, reach: int = 1) -> Floa
     """
     voxels, of_point = unique_cells(np.floor(points / voxel_m).astype(np.int64))
     coarse, of_voxel = unique_cells(np.floor_divide(voxels, reach))
-    pieces = _pieces(coarse, 1.8)[of_voxel]  # all 26 neighbours: √3 < 1.8 < 2
+    pieces = pieces_of(coarse, 1.8)[of_voxel]  # all 26 neighbours: √3 < 1.8 < 2
     return np.asarray((np.bincount(pieces) * voxel_m**2)[pieces][of_point], dtype=np.float64)
 
 
-def _pieces(cells: IntArray, reach: float) -> NDArray[np.int32]:
+def pieces_of(cells: IntArray, reach: float) -> NDArray[np.int32]:
     """(n,) number of the piece that each cell (n, d) belongs to; cells within ``reach`` of one another are of one."""
     pairs = cKDTree(cells).query_pairs(reach, output_type="ndarray")
     links = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(len(cells),) * 2)
@@ -120,7 +120,7 @@ def find_stand(points: FloatArray) -> Stand | None:
     if not len(points):
         return None
     cells, _ = unique_cells(np.floor(points[:, :2] / _CELL_M).astype(np.int64))
-    pieces = _pieces(cells, _GAP_M / _CELL_M)
+    pieces = pieces_of(cells, _GAP_M / _CELL_M)
     sizes = np.bincount(pieces)
     corners = np.stack([cells, cells + 1]).astype(np.float64) * _CELL_M
     large = (sizes >= _LARGE_SHARE * sizes.max())[pieces]

@@ -9,14 +9,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Annotated
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 from scipy.special import ndtri
 
 from fieldkit.arrays import ByteArray, Float32Array
 from fieldkit.geometry import Intrinsics
+from fieldkit.results.fields import Length, Share
 from fieldkit.runtime.kernels import fast_kernel, kernel
 
 USUAL_GRAIN = 3.5
@@ -36,32 +39,25 @@ _STEPS = 1 << 16
 class CameraEffects:
     """Strength of each effect; at 0 it is off."""
 
-    exposure_s: float = 0.0
+    exposure_s: Share = 0.0
     """Exposure time. The camera moves meanwhile: this switches motion blur on."""
-    defocus_px: float = 0.0
+    defocus_px: Length = 0.0
     """Standard deviation of the lens's blur, pixels."""
-    vignetting: float = 0.0
+    vignetting: Share = 0.0
     """Share of the light that is lost in the corners, growing with the distance's fourth power."""
-    veiling_glare: float = 0.0
+    veiling_glare: Share = 0.0
     """Stray light that the lens spreads evenly over the picture, as a share of white. Under a bright sky it lifts dark
     soil and takes its contrast away."""
-    exposure_ev: float = 0.0
+    exposure_ev: Length = 0.0
     """Standard deviation of a photograph's exposure, stops."""
-    white_balance: float = 0.0
+    white_balance: Length = 0.0
     """Standard deviation of a photograph's red and blue gains against green, relative."""
-    grain: float = 0.0
+    grain: Length = 0.0
     """Standard deviation of the noise that is left in a file after demosaicing and denoising, grey levels."""
-    grain_px: float = 2.0
+    grain_px: Annotated[float, Field(ge=1)] = 2.0
     """Size of its grains, pixels."""
-    jpeg_quality: int = 93
+    jpeg_quality: Annotated[int, Field(ge=1, le=100)] = 93
     """Of the files, 1 to 100."""
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            most = 1.0 if name in ("exposure_s", "vignetting", "veiling_glare") else 100.0
-            least = 1.0 if name in ("grain_px", "jpeg_quality") else 0.0
-            if not least <= value <= most:
-                raise ValueError(f"{name} is {least:g} to {most:g}, not {value}")
 
     @property
     def moves(self) -> bool:
@@ -84,13 +80,6 @@ class Motion:
     """(3,) rotation vector over the same time, in the camera's axes."""
 
 
-def draw_motion(exposure_s: float, rng: np.random.Generator) -> Motion:
-    """A random motion during an exposure."""
-    shift = rng.normal(size=3) * _DRIFT_M_S * exposure_s
-    turn = rng.normal(size=3) * np.radians(_TURN_DEG_S) * exposure_s
-    return Motion(shift, turn)
-
-
 def photographed(
     image: ByteArray,
     depth: Float32Array | None,
@@ -111,7 +100,8 @@ def photographed(
             the others as they were.
         economy: the tone curve in single precision, at a fraction of its cost: 255 of 10⁹ values round otherwise.
     """
-    motion = draw_motion(effects.exposure_s, rng)
+    shift, turn = rng.normal(size=3) * _DRIFT_M_S, rng.normal(size=3) * np.radians(_TURN_DEG_S)
+    motion = Motion(shift * effects.exposure_s, turn * effects.exposure_s)
     gain = 2.0 ** (rng.normal() * effects.exposure_ev)
     balance = 1.0 + rng.normal(size=2) * effects.white_balance
     if not effects.changes_pixels:

@@ -11,7 +11,7 @@ from fieldkit.cache import digest
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics
-from fieldkit.results.fields import STRICT
+from fieldkit.results.fields import STRICT, Heading
 from fieldkit.runtime.progress import Advance, ignore
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.plot_description import PlotDescription
@@ -79,7 +79,7 @@ class SceneDescription:
     """For people."""
     bounds: Bounds = field(default_factory=Bounds)
     """The plot as a box."""
-    row_heading_deg: float = 90.0
+    row_heading_deg: Heading = 90.0
     """Compass heading of the plot frame's x axis: 90 where it is east."""
     recorded: RecordedSurface | None = None
     """Surfaces made from a reference; then nothing of ``plot`` is built, and it has no plants."""
@@ -98,8 +98,6 @@ class SceneDescription:
     """Where on Earth the plot lies."""
 
     def __post_init__(self) -> None:
-        if not -360.0 <= self.row_heading_deg <= 360.0:
-            raise ValueError(f"row_heading_deg is −360 to 360, not {self.row_heading_deg}")
         if not 0.0 <= self.wind_m <= MAX_WIND_M:
             raise ValueError(f"wind_m is 0 to {MAX_WIND_M}, not {self.wind_m}")
         if self.camera.distorted:

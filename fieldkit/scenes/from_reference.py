@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from fieldkit.clouds import Cloud, read_cloud, write_ply
+from fieldkit.clouds.cells import pieces_of, unique_cells
 from fieldkit.clouds.neighbors import z_order
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.errors import SceneError
@@ -156,12 +155,9 @@ def without_strays(cloud: Cloud, factor: float) -> Cloud:
 
 def without_islands(cloud: Cloud, cell_m: float, least: float) -> Cloud:
     """The points of connected parts of at least ``least`` points; parts are apart by an empty cell of ``cell_m``."""
-    cells, where, counts = np.unique(np.floor(cloud.points / cell_m), axis=0, return_inverse=True, return_counts=True)
-    i, j = cKDTree(cells).query_pairs(1.5, p=np.inf, output_type="ndarray").T
-    graph = coo_array((np.ones(len(i), bool), (i, j)), shape=(len(cells), len(cells)))
-    _, part = connected_components(graph, directed=False)
-    points = np.bincount(part, counts)
-    return cloud.select((points >= least)[part][where.reshape(-1)])
+    cells, of_point = unique_cells(np.floor(cloud.points / cell_m).astype(np.int64))
+    part = pieces_of(cells, 1.8)[of_point]  # all 26 neighbours: √3 < 1.8 < 2
+    return cloud.select((np.bincount(part) >= least)[part])
 
 
 def spacing(cloud: Cloud) -> float:

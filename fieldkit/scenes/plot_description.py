@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import Discriminator, Tag
+from pydantic import Discriminator, PositiveFloat, Tag
 
 from fieldkit.errors import SceneError
 from fieldkit.scenes.scene import HAZE, Light
@@ -18,10 +18,7 @@ Stage = Literal[
 GROWTH_STAGES: tuple[Stage, ...] = get_args(Stage)
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 SUFFIXES = (".obj", ".ply", ".glb", ".gltf", ".stl")
-MAX_BYTES = 512 << 20
-"""Largest mesh file that is read, bytes."""
 CONVERT = "Open it in MeshLab or Blender and export it as binary PLY or GLB."
-SIMPLIFY = "Simplify it (MeshLab: quadric edge collapse) to 200,000 triangles."
 SCATTER_M = 1.25
 """Half the side of the square on which stones and straw lie, metres."""
 SoilKind = Literal["tilled", "crumb", "crusted", "printed"]
@@ -76,9 +73,9 @@ class MeshPlantDescription:
     """Where its foot stands, plot frame: the middle of its lowest hundredth."""
     yaw_deg: float = 0.0
     """Turned about the vertical by this, clockwise from above."""
-    scale: float = 1.0
+    scale: PositiveFloat = 1.0
     """Of all lengths, beside ``unit_m``."""
-    unit_m: float = 1.0
+    unit_m: PositiveFloat = 1.0
     """Metres per unit of the file; 0.001 for millimetres."""
     up: Axis = "z"
     """The file's axis that points upwards; y in most GLB files."""
@@ -87,10 +84,6 @@ class MeshPlantDescription:
     their colours)."""
     kind: Literal["mesh"] = "mesh"
     """Tells plants of different kinds apart in scene files."""
-
-    def __post_init__(self) -> None:
-        if not min(self.scale, self.unit_m) > 0:
-            raise ValueError("scale and unit_m must be positive")
 
 
 @dataclass(frozen=True)
@@ -211,13 +204,9 @@ class PlotDescription:
 
 
 def check_mesh_file(path: Path) -> None:
-    """Raise SceneError where a mesh file is not there, of no known kind, or too large."""
+    """Raise SceneError where a mesh file is not there or of no known kind."""
     if path.suffix.lower() not in SUFFIXES:
         kind = path.suffix or "a file without a suffix"
         raise SceneError(f"{kind} is not one of {', '.join(SUFFIXES)}", path=path, remedy=CONVERT)
     if not path.is_file():
         raise SceneError("there is no such mesh file", path=path, remedy="Check 'file' in the scene file.")
-    size = path.stat().st_size
-    if size > MAX_BYTES:
-        message = f"is {size >> 20} MiB; meshes are read up to {MAX_BYTES >> 20} MiB"
-        raise SceneError(message, path=path, remedy=SIMPLIFY)

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from fieldkit.arrays import ByteArray, Float32Array, FloatArray
 from fieldkit.clouds import Cloud, read_cloud
@@ -31,28 +33,21 @@ class RecordedSurface:
     """PLY with colours and normals: the plants, plot frame."""
     ground: Path
     """PLY with colours and normals: everything else."""
-    plant_surfel_m: float
+    plant_surfel_m: Annotated[float, Field(ge=1e-5, le=0.1)]
     """Side of a plant's surfels."""
-    ground_surfel_m: float
+    ground_surfel_m: Annotated[float, Field(ge=1e-5, le=0.1)]
     """Side of the others'."""
     plant_atlas: Path | None = None
     """Picture with ``texels`` × ``texels`` pixels for each of the plants' surfels, in the points' order, in rows of
     equal length; without it a surfel has its point's one colour."""
     ground_atlas: Path | None = None
     """The same of the others'."""
-    texels: int = 4
+    texels: Annotated[int, Field(ge=2, le=32)] = 4
     """Along a surfel's side."""
     ground_color: tuple[float, float, float] = (0.5, 0.45, 0.4)
     """SRGB in [0, 1] of the plane z = 0 beyond and below them."""
     background: tuple[float, float, float] = (0.78, 0.84, 0.90)
     """SRGB in [0, 1] above the horizon."""
-
-    def __post_init__(self) -> None:
-        for name in ("plant_surfel_m", "ground_surfel_m"):
-            if not 1e-5 <= getattr(self, name) <= 0.1:
-                raise ValueError(f"{name} is 0.00001 to 0.1, not {getattr(self, name)}")
-        if not 2 <= self.texels <= 32:
-            raise ValueError(f"texels is 2 to 32, not {self.texels}")
 
     @property
     def files(self) -> dict[str, Path]:

@@ -19,6 +19,7 @@ from fieldkit.clouds import Cloud, concatenate, write_ply
 from fieldkit.clouds.plants_apart import PlantsApart
 from fieldkit.files import atomic_folder, storage_errors
 from fieldkit.geometry.pose import rotation_about_z
+from fieldkit.results.fields import vector
 from fieldkit.scenes.description import Bounds, SceneDescription
 from fieldkit.scenes.from_reference import ATLAS_FILES, GROUND_FILE, PLANTS_FILE, SCENE_FILE
 from fieldkit.scenes.plot_description import SCALE_RANGE
@@ -97,11 +98,11 @@ def draw_variation(cloud: Cloud, apart: PlantsApart, seed: int, number: int) -> 
         return Variation(whole=_whole(cloud, seed, number, rng))
     plants = tuple(
         Change(
-            (float(x), float(y), float(z)),
+            vector(foot),
             turn_deg=round(float(rng.uniform(0.0, 360.0)), 1),
             scale=round(float(rng.uniform(*SCALE_RANGE)), 3),
         )
-        for x, y, z in apart.feet_m
+        for foot in apart.feet_m
     )
     left_out = 0
     if apart.count >= 2:
@@ -241,10 +242,8 @@ def bounds_around(bounds: Bounds, plants: Cloud) -> Bounds:
     lower = np.minimum(bounds.lower_m, np.floor(100.0 * (low - _MARGIN_M)) / 100.0)
     upper = np.maximum(bounds.upper_m, np.ceil(100.0 * (high + _MARGIN_M)) / 100.0)
     # The ground is where it was: what lies below it is no plant's.
-    return Bounds(
-        (round(float(lower[0]), 6), round(float(lower[1]), 6), bounds.lower_m[2]),
-        (round(float(upper[0]), 6), round(float(upper[1]), 6), round(float(upper[2]), 6)),
-    )
+    lower[2] = bounds.lower_m[2]
+    return Bounds(vector(round(float(v), 6) for v in lower), vector(round(float(v), 6) for v in upper))
 
 
 def _link(source: Path, target: Path) -> None:

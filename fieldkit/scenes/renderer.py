@@ -13,7 +13,6 @@ import sys
 from collections.abc import Hashable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -25,12 +24,9 @@ from fieldkit.scenes.edges import smooth_edges
 from fieldkit.scenes.scene import Mesh, Scene
 
 _REMEDY = (
-    "Install the off-screen OpenGL libraries (Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri) "
-    "and leave PYOPENGL_PLATFORM unset or set it to egl."
-)
-_ELSEWHERE_REMEDY = (
-    "Rendering needs Linux and EGL; on Windows use WSL. References, evaluations, checks, missions and reports of "
-    "photographs work without it."
+    "Rendering needs Linux and EGL (on Windows use WSL): install the off-screen OpenGL libraries (Debian and Ubuntu: "
+    "apt-get install libegl1 libgl1-mesa-dri) and leave PYOPENGL_PLATFORM unset. References, evaluations, checks, "
+    "missions and reports of photographs work without it."
 )
 
 _NEAR_M = 0.05
@@ -61,8 +57,7 @@ class Renderer:
         try:
             self._pyrender, self._platform, self._gl = _start(scene)
         except Exception as error:  # PyOpenGL raises anything from AssertionError to AttributeError here
-            remedy = _REMEDY if sys.platform == "linux" else _ELSEWHERE_REMEDY
-            raise RenderingError(f"off-screen rendering cannot start: {error!r}", remedy=remedy) from error
+            raise RenderingError(f"off-screen rendering cannot start: {error!r}", remedy=_REMEDY) from error
         self._content = self._pyrender.Scene(bg_color=[*scene.background, 1.0], ambient_light=[0.0, 0.0, 0.0])
         self._meshes: dict[str, Any] = {}
         for index, mesh in enumerate(scene.meshes):
@@ -74,9 +69,7 @@ class Renderer:
     def __enter__(self) -> Renderer:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         self.close()
 
     def __del__(self) -> None:

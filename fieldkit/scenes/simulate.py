@@ -103,10 +103,6 @@ class Outdoors:
     interval_s: float = BURST_INTERVAL_S
     """Between the photographs of a burst."""
 
-    def __post_init__(self) -> None:
-        if not (self.wind_m >= 0 and self.burst >= 1 and self.interval_s > 0):
-            raise ValueError("a wind of at least 0, bursts of at least one photograph and a time between them")
-
     @property
     def still(self) -> bool:
         """Whether nothing moves."""

@@ -5,6 +5,7 @@ Sizes follow a power law, as the aggregates of a seedbed do: many small ones nea
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,13 +102,23 @@ def build_crumbs(
             offset = start + len(points) * np.arange(len(chosen))
             faces.append((triangles[None] + offset[:, None, None]).reshape(-1, 3))
             start += len(points) * len(chosen)
-    if not vertices:
-        empty = np.zeros((0, 3), np.float32)
-        return Mesh(crumbs.name, empty, np.zeros((0, 3), np.int32), empty, colors=empty)
-    merged, every = np.concatenate(vertices).astype(np.float32), np.concatenate(faces).astype(np.int32)
-    normals = vertex_normals(merged, every)
     # Seen from outside only, for what lies in the ground is open.
-    return Mesh(crumbs.name, merged, every, normals, two_sided=False, colors=np.concatenate(colors).astype(np.float32))
+    return pile(crumbs.name, vertices, faces, colors, two_sided=False)
+
+
+def pile(
+    name: str,
+    vertices: Sequence[FloatArray],
+    faces: Sequence[NDArray[np.integer]],
+    colors: Sequence[FloatArray],
+    *,
+    two_sided: bool = True,
+) -> Mesh:
+    """One mesh of many bodies whose faces already count their vertices in order."""
+    points = np.concatenate([np.zeros((0, 3)), *vertices]).astype(np.float32)
+    triangles = np.concatenate([np.zeros((0, 3), np.int32), *faces]).astype(np.int32)
+    tones = np.concatenate([np.zeros((0, 3)), *colors]).astype(np.float32)
+    return Mesh(name, points, triangles, vertex_normals(points, triangles), colors=tones, two_sided=two_sided)
 
 
 def _shape(seed: int, detail: int, roughness: float) -> tuple[FloatArray, NDArray[np.int32]]:

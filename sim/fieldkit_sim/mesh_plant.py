@@ -11,7 +11,7 @@ from fieldkit.arrays import ByteArray, Float32Array, FloatArray, IntArray
 from fieldkit.errors import SceneError
 from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.scenes.noise import fractal_noise
-from fieldkit.scenes.plot_description import CONVERT, SIMPLIFY, Axis, MeshPlantDescription, check_mesh_file
+from fieldkit.scenes.plot_description import CONVERT, Axis, MeshPlantDescription, check_mesh_file
 from fieldkit.scenes.scene import Mesh
 from fieldkit_sim.faces import vertex_normals
 
@@ -74,7 +74,7 @@ def _load(path: Path) -> Any:
         raise SceneError("has no triangles", path=path, remedy="Make a surface of its points in MeshLab, say.")
     if len(mesh.faces) > MAX_TRIANGLES:
         message = f"has {len(mesh.faces):,} triangles; up to {MAX_TRIANGLES:,} are drawn"
-        raise SceneError(message, path=path, remedy=SIMPLIFY)
+        raise SceneError(message, path=path, remedy="Simplify it in MeshLab to 200,000 triangles.")
     return mesh
 
 

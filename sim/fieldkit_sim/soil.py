@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.scenes.noise import bumps, fractal_noise
 from fieldkit.scenes.plot_description import SCATTER_M, SoilDescription
 from fieldkit.scenes.scene import Mesh
-from fieldkit_sim.crumbs import Crumbs, build_crumbs, scatter_crumbs
+from fieldkit_sim.crumbs import Crumbs, build_crumbs, pile, scatter_crumbs
 from fieldkit_sim.faces import grid_faces, vertex_normals
 
 
@@ -22,17 +21,6 @@ def places(seed: int, count: int, purpose: int) -> tuple[np.random.Generator, Fl
     """A generator and (count, 2) places in the square ±`SCATTER_M`, drawn from it."""
     rng = np.random.default_rng([seed, purpose])
     return rng, rng.uniform(-SCATTER_M, SCATTER_M, (count, 2))
-
-
-def pile(name: str, vertices: list[FloatArray], faces: list[NDArray[np.int32]], colors: list[FloatArray]) -> Mesh:
-    """One mesh of many bodies whose faces already count their vertices in order."""
-    if not vertices:
-        empty = np.zeros((0, 3), np.float32)
-        return Mesh(name, empty, np.zeros((0, 3), np.int32), empty, colors=empty)
-    points, triangles = np.concatenate(vertices).astype(np.float32), np.concatenate(faces).astype(np.int32)
-    return Mesh(
-        name, points, triangles, vertex_normals(points, triangles), colors=np.concatenate(colors).astype(np.float32)
-    )
 
 
 def printed_height(soil: SoilDescription, x: FloatArray, y: FloatArray) -> FloatArray:

@@ -15,7 +15,7 @@ from fieldkit.documents.toml_file import toml_text
 from fieldkit.errors import SceneError
 from fieldkit.geometry import Intrinsics
 from fieldkit.scenes.camera_effects import CameraEffects
-from fieldkit.scenes.description import Bounds, ReferenceSampling, SceneDescription, build, scene_digest
+from fieldkit.scenes.description import Bounds, SceneDescription, build, scene_digest
 from fieldkit.scenes.plot_description import MaizeDescription, MeshPlantDescription, PlotDescription, SoilDescription
 from fieldkit.scenes.recorded import RecordedSurface
 from fieldkit.scenes.scene import Light
@@ -36,8 +36,6 @@ maize = st.builds(
     y_m=small,
     yaw_deg=st.floats(-360, 360),
     scale=st.floats(0.5, 2),
-    leaves=st.integers(5, 12),
-    markings=st.floats(0, 1.5),
 )
 scenes = st.builds(
     SceneDescription,
@@ -46,19 +44,15 @@ scenes = st.builds(
         st.lists(maize, max_size=4).map(tuple),
         st.builds(SoilDescription, seed=st.integers(0, 99), contrast=st.floats(0, 1)),
         st.builds(Light, sun_color=st.tuples(positive, positive, positive)),
-        st.floats(0.5, 4),
     ),
     name=texts.filter(bool),
     notes=texts,
-    row_heading_deg=st.floats(-360, 360),
     bounds=st.builds(
         Bounds, st.tuples(st.floats(-9, -1), st.floats(-9, -1), st.just(0.0)), st.tuples(positive, positive, positive)
     ),
-    reference=st.builds(ReferenceSampling, st.integers(1000, 10**6)),
     camera=st.builds(Intrinsics.pinhole, st.integers(1, 9000), st.integers(1, 9000), st.floats(1, 9000)),
     camera_effects=st.builds(CameraEffects, defocus_px=st.floats(0, 4), jpeg_quality=st.integers(1, 100)),
     noise=st.builds(CaptureNoise, position_m=st.floats(0, 1), image_sigma=st.floats(0, 9)),
-    wind_m=st.floats(0, 0.2),
 )
 
 
@@ -74,11 +68,10 @@ def test_round_trip(scene: SceneDescription, complete: bool) -> None:
     assert scene_text(scene_of(text), complete=complete) == text
 
 
-json_like = st.recursive(
-    st.one_of(texts, st.booleans(), st.integers(-(2**63), 2**63 - 1), st.floats(allow_nan=False, allow_infinity=False)),
-    lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(texts, inner, max_size=3)),
-    max_leaves=8,
+plain = st.one_of(
+    texts, st.booleans(), st.integers(-(2**63), 2**63 - 1), st.floats(allow_nan=False, allow_infinity=False)
 )
+json_like = st.one_of(plain, st.lists(plain, max_size=3), st.dictionaries(texts, plain, max_size=3))
 
 
 @given(st.dictionaries(st.sampled_from([*(f.name for f in fields(SceneDescription)), "x"]), json_like))
@@ -108,7 +101,7 @@ def test_anything_else_is_an_error_for_people(document: dict[str, object]) -> No
         ("format = 1\n[[plot.plants]]\nseed = 1\n[[plot.plants]]\nseed = 'a'", "plot.plants 2.seed: should be a"),
         ("format = 1\n[[plot.plants]]\nkind = 'rye'", "plot.plants 1: is no kind of plant"),
         ("format = 1\n[[plot.plants]]\nkind = ['maize']", "plot.plants 1: is no kind of plant"),
-        ("format = 1\n[camera_effects]\njpeg_quality = 0", "camera_effects: jpeg_quality is 1 to 100, not 0"),
+        ("format = 1\n[camera_effects]\njpeg_quality = 0", "camera_effects.jpeg_quality: input should be greater"),
         ("format = 1\n[plot.soil]\ncore_m = nan", "plot.soil.core_m: input should be a finite number"),
         ("format = 1\n[plot.soil]\nseed = 1979-05-27", "plot.soil.seed: should be a number"),
         ("format = 1\n[bounds]\nlower_m = [9, 9, 9]", "bounds: the lower corner"),
@@ -144,16 +137,12 @@ def test_files_lie_in_the_scenes_folder_or_are_named_by_an_absolute_path(tmp_pat
             scene(named)
         assert caught.value.path == folder / "scene.toml"
     inside = scene("meshes/a.ply")
+    assert inside.name == "scene"
     write_scene(folder / "other.toml", inside)
     assert 'file = "meshes/a.ply"' in (folder / "other.toml").read_text()
     write_scene(tmp_path / "out" / "scene.toml", inside)
     for file in (folder / "other.toml", tmp_path / "out" / "scene.toml"):
         assert read_scene(file).plot == inside.plot
-
-
-def test_the_name_is_the_files(tmp_path: Path) -> None:
-    (tmp_path / "plot 7.toml").write_text("format = 1\n")
-    assert read_scene(tmp_path / "plot 7.toml").name == "plot 7"
 
 
 def test_a_scene_is_recorded_or_grown() -> None:

@@ -258,9 +258,6 @@ def test_nothing_beside_the_photographs_where_it_is_not_wanted(tmp_path: Path, d
     simulate(description, ring_about(1), tmp_path / "a", poses_csv=False, gps=False)
     assert [p.name for p in (tmp_path / "a").iterdir()] == ["IMG_0001.jpg"]
     assert read_capture(tmp_path / "a").metric_source is None
-    simulate(replace(description, wind_m=0.05), ring_about(1), tmp_path / "windy", poses_csv=False, gps=False)
-    (still,), (moved,) = pixels(tmp_path / "a"), pixels(tmp_path / "windy")
-    assert 0.001 < (np.abs(moved - still).max(axis=2) > 40).mean() < 0.3
 
 
 def test_stations_see_the_plants(small_scene: Scene) -> None:
@@ -271,9 +268,6 @@ def test_stations_see_the_plants(small_scene: Scene) -> None:
             pixels = CAMERA.project(pose.to_camera(corners))
             assert (pixels > -10).all()
             assert (pixels < (210, 160)).all()
-    asked = ring_about(4, 2.0, 1.0)(small_scene, CAMERA)
-    assert [p.center[2] for p in asked] == [1.0] * 4
-    assert len(dense_about(45)(small_scene, CAMERA)) == 45
 
 
 def test_sway_moves_plants_between_photographs_only(tmp_path: Path, renderer: Renderer) -> None:

@@ -23,8 +23,6 @@ class Faults:
         for name, share in (("loss", self.loss), ("duplicate", self.duplicate)):
             if not 0.0 <= share <= 1.0:
                 raise UsageError(f"{name}: {share:g} is not a share", remedy="Give a number from 0 to 1, such as 0.05.")
-        if not (math.isfinite(self.delay_s) and 0.0 <= self.delay_s <= 60.0):
-            raise UsageError(f"delay: cannot be {self.delay_s:g} s", remedy="Give seconds from 0 to 60.")
 
 
 class Channel:

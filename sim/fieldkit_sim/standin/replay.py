@@ -66,10 +66,6 @@ class Replay:
     ) -> None:
         if not (math.isfinite(speed) and 0.0 < speed <= 1000.0):
             raise UsageError(f"speed: cannot be {speed:g}", remedy="Give vehicle seconds per second, such as 1 or 10.")
-        if not (math.isfinite(begin_s) and begin_s >= 0.0):
-            raise UsageError(f"from: cannot be {begin_s:g} s", remedy="Give seconds of the recording.")
-        if rate_hz is not None and not (math.isfinite(rate_hz) and rate_hz > 0.0):
-            raise UsageError(f"rate: cannot be {rate_hz:g}", remedy="Give messages per second, such as 2.")
         self._recording, self._speed, self._begin_s, self._rate_hz = recording, speed, begin_s, rate_hz
         address = _ADDRESS.fullmatch(serve)
         if address is None or int(address[3]) > 65535 or not _is_this_machine(address[2]):

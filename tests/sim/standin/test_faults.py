@@ -23,7 +23,7 @@ def test_shares_and_the_order_are_kept_the_same_at_a_seed() -> None:
 
 @pytest.mark.parametrize(
     "arguments",
-    [{"loss": 1.1}, {"duplicate": float("nan")}, {"delay_s": float("inf")}],
+    [{"loss": 1.1}, {"duplicate": float("nan")}],
 )
 def test_errors(arguments: dict[str, float]) -> None:
     with pytest.raises(UsageError):
