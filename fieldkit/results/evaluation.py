@@ -14,7 +14,7 @@ from pydantic import Field
 from fieldkit.arrays import FloatArray
 from fieldkit.geometry import Pose
 from fieldkit.results.fields import Count, Length, Sha256, Share, Strict, Text, Vector, vector
-from fieldkit.results.finding import DOUBTFUL, WEAKLY_TIED, Finding
+from fieldkit.results.finding import DOUBTFUL, Finding
 from fieldkit.results.frame import CameraReport, FrameEntry, VolumeEntry
 from fieldkit.results.traits import PlantEntry, TraitsEntry
 from fieldkit.vocabulary import Fidelity, MappingName, Mask
@@ -204,16 +204,6 @@ class ReconstructionEntry(Strict):
     """The same within 6."""
     inside: Share | None = None
     """Share of the cloud's points, over all these photographs, that fall on plants' pixels."""
-
-    @property
-    def loose_moves(self) -> tuple[FloatArray, FloatArray]:
-        """Where photographs stand (k, 3), and how they could lie off together (k, 3): of those tied too weakly."""
-        told = self.weakest if any(finding.code == WEAKLY_TIED for finding in self.findings) else None
-        center = {image.name: image.center_m for image in self.image_reports}
-        pairs = zip(told.photographs, told.moves_m, strict=False) if told is not None else ()
-        placed = [(center[name], move) for name, move in pairs if center.get(name) is not None]
-        starts, moves = np.array(placed, np.float64).reshape(-1, 2, 3).transpose(1, 0, 2)
-        return starts, moves
 
     @property
     def poses(self) -> dict[str, Pose]:

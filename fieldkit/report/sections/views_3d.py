@@ -16,7 +16,6 @@ from fieldkit.figures.style import format_length
 from fieldkit.files import file_beside
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.missions.export_record import plot_frame, site_frame, way
-from fieldkit.pictures.panels import nice_length
 from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results
 from fieldkit.results.evaluation import (
     CLOUD_FILE,
@@ -40,7 +39,6 @@ _WAY, _FENCE, _ZONE = "#d9812b", "#7b61c4", "#d0383f"
 _HALF_VIEW = (0.55, 0.41)  # of an unknown camera
 _LARGEST_SCALE_M = 10.0
 """Largest distance that a scale of colours ends at, metres."""
-_WEAKEST, _ARROW_SHARE = "#8b1a8b", 0.2
 _FARTHEST_M = 100_000.0
 """Distance from the plot's centre beyond which points are not shown, metres."""
 _PLANT_GREEN = (70, 140, 70)
@@ -62,7 +60,7 @@ def reference_view(result: Loaded[ReferenceReport], _: Results) -> NotedView:
     layer = PointLayer("Reference", *_drawn(cloud))
     frusta = _camera_layers(report.image_reports, report.cameras, "Cameras")
     title = f"{report.source}: the reference and its {report.right} cameras"
-    return ViewerScene(title, (layer,), frusta, _loose(report), north=_north_of(report), metric=report.metric), ""
+    return ViewerScene(title, (layer,), frusta, north=_north_of(report), metric=report.metric), ""
 
 
 def plot_views(result: Loaded[EvaluationReport], results: Results) -> Iterator[tuple[str, ViewerScene | None, str]]:
@@ -107,7 +105,7 @@ def plot_view(result: Loaded[EvaluationReport], plot: PlotEvaluation, results: R
         layers.append(PointLayer("This capture", *_drawn(cloud)))
     title = f"{plot.name}: the capture{' against its reference' * (distances is not None)}"
     numbers = [PlaceName(str(each.plant), (each.x_m, each.y_m, 0.0)) for each in plot.plants]
-    return ViewerScene(title, layers, frusta, _loose(plot), numbers, north=_north_of(plot), metric=plot.metric), note
+    return ViewerScene(title, layers, frusta, places=numbers, north=_north_of(plot), metric=plot.metric), note
 
 
 def plan_view(result: Loaded[PlanRun], results: Results) -> NotedView:
@@ -281,18 +279,6 @@ def _camera_layers(
                 )
             )
     return layers
-
-
-def _loose(report: ReconstructionEntry) -> list[LineLayer]:
-    """How photographs could lie off together that are tied too weakly, many times as long."""
-    starts, moves = report.loose_moves
-    if not len(moves):
-        return []
-    centers = [image.center_m for image in report.image_reports if image.center_m is not None]
-    room = _ARROW_SHARE * float(np.linalg.norm(np.ptp(centers, axis=0)))
-    times = nice_length(max(1.0, room / max(1e-9, float(np.linalg.norm(moves, axis=1).max()))))
-    lines = np.stack([starts, starts + times * moves], axis=1).astype(np.float32)
-    return [LineLayer(f"How loose cameras could lie off, {times:g} times as far", list(lines), _WEAKEST)]
 
 
 def _label(image: ImageReport) -> str:
