@@ -12,8 +12,7 @@ from benchmarks.fuzzing import Fuzzed, Target, fuzz
 from benchmarks.mission_trips import random_mission
 from fieldkit.flightlogs import read_flight_log
 from fieldkit.missions.check import check_mission
-from fieldkit.missions.files.reading import read_mission
-from fieldkit.missions.files.writing import FORMATS, mission_bytes
+from fieldkit.missions.files.formats import FORMATS, mission_bytes, read_mission
 from fieldkit.results.plan_file import load_plan
 from fieldkit.runtime.progress import Progress
 from fieldkit.sites.plots_file import load_plots

@@ -9,7 +9,7 @@ import numpy as np
 
 from fieldkit.arrays import FloatArray
 from fieldkit.missions.export import route_plan
-from fieldkit.missions.files.writing import mission_bytes
+from fieldkit.missions.files.formats import mission_bytes
 from fieldkit.results.plan import Plan, PlanPlants
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.routing.tour import shortest_tour

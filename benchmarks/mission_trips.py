@@ -16,10 +16,9 @@ import numpy as np
 from fieldkit.errors import FieldkitError
 from fieldkit.flightlogs.mavlink import mavlink
 from fieldkit.missions.autopilots.writing import render
+from fieldkit.missions.files.formats import mission_bytes, read_mission
 from fieldkit.missions.files.read_mission import ReadMission
-from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.waypoints import definite
-from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.missions.items import Command, Frame, MissionItem, plain_frame
 from fieldkit.routing.mission import GeoPoint, Home, Mission, Shot, Via
 from fieldkit.vehicles.vehicle import Vehicle

@@ -21,9 +21,9 @@ from fieldkit.clouds.ply import read_ply
 from fieldkit.errors import CaptureError, FieldkitError, StorageError, UsageError
 from fieldkit.files import write_atomic
 from fieldkit.flightlogs.reading import read_flight_log
+from fieldkit.missions.files.formats import read_mission
 from fieldkit.missions.files.litchi import read_litchi
 from fieldkit.missions.files.qgc_plan import read_plan
-from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.waypoints import read_waypoints
 from fieldkit.missions.files.wpml_reading import read_wpml
 from fieldkit.planning.run.folder import LOG_FILE, read_log, read_settings

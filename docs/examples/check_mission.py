@@ -12,7 +12,7 @@ from small_plot import plan
 
 from fieldkit import MissionSettings, export_mission
 from fieldkit.missions.check import check_mission, check_on_ground
-from fieldkit.missions.files.reading import read_mission
+from fieldkit.missions.files.formats import read_mission
 from fieldkit.missions.ground import ground_of
 from fieldkit.vehicles.vehicle_file import load_vehicle
 

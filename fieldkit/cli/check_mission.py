@@ -59,7 +59,7 @@ def command(
     from fieldkit.cli.progress import open_progress
     from fieldkit.documents.mistaken import check_order
     from fieldkit.missions.check import check_on_ground
-    from fieldkit.missions.files.reading import read_mission
+    from fieldkit.missions.files.formats import read_mission
     from fieldkit.missions.ground import ground_of
     from fieldkit.results.plan_file import load_plan
     from fieldkit.vehicles.vehicle_file import load_vehicle

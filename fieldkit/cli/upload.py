@@ -53,7 +53,7 @@ def command(
     from fieldkit.link.upload import check_size, upload_mission
     from fieldkit.link.vehicle import Vehicle
     from fieldkit.missions.check import findings_by_dialect
-    from fieldkit.missions.files.reading import read_mission
+    from fieldkit.missions.files.formats import read_mission
     from fieldkit.vehicles.vehicle_file import load_vehicle
 
     read = read_mission(mission).behind_home()

@@ -12,7 +12,7 @@ from fieldkit.flightlogs import read_flight_log
 from fieldkit.flightlogs.adherence import PlannedPose, adherence
 from fieldkit.link.upload import UploadReport, upload_mission
 from fieldkit.link.vehicle import Vehicle
-from fieldkit.missions.files.reading import read_mission
+from fieldkit.missions.files.formats import read_mission
 from fieldkit.runtime.shipped import shipped_folder
 
 FLOWN = "mount_then_yaw"

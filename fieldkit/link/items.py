@@ -9,8 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fieldkit.errors import MissionError
-from fieldkit.missions.autopilots import accepting
-from fieldkit.missions.autopilots.accepting import MEASURED, Result
+from fieldkit.missions.autopilots.acceptance import (
+    FRAMES,
+    MEASURED,
+    PLACED,
+    Result,
+    ardupilot_refusal,
+    in_centimetres,
+    kept_params,
+    u8,
+)
 from fieldkit.missions.items import MissionItem, command_name, plain_frame, with_jump_moved
 from fieldkit.routing.mission import Home
 from fieldkit.wording import count
@@ -72,16 +80,16 @@ def _wire_item(number: int, item: MissionItem) -> WireItem:
 
 def stored(item: WireItem) -> WireItem | Result:
     """A mission item as ArduCopter keeps it and gives it back, or why it refuses it."""
-    problem = accepting.refusal(item.command, item.frame, item.params, item.x / _UNITS, item.y / _UNITS, item.z)
+    problem = ardupilot_refusal(item.command, item.frame, item.params, item.x / _UNITS, item.y / _UNITS, item.z)
     if problem is not None:
         return problem
-    params = accepting.kept_params(item.command, item.params)
-    if item.command in accepting.PLACED:
-        z = accepting.in_centimetres(item.z)
-        return replace(item, frame=accepting.FRAMES[item.frame], params=params, z=z, autocontinue=1)
+    params = kept_params(item.command, item.params)
+    if item.command in PLACED:
+        z = in_centimetres(item.z)
+        return replace(item, frame=FRAMES[item.frame], params=params, z=z, autocontinue=1)
     x, y, z = 0, 0, 0.0
     if item.command == 1000:  # flags and the gimbal's number
-        x, z = item.x & 0xFF, accepting.u8(item.z) if math.isfinite(item.z) else 0.0
+        x, z = item.x & 0xFF, u8(item.z) if math.isfinite(item.z) else 0.0
     elif item.command == 203:  # shoot, and the command's number
         x, y = item.x & 0xFF, item.y & 0xFF
     return WireItem(item.command, 0, params, x, y, z)

@@ -14,7 +14,7 @@ from enum import Enum
 from fieldkit.errors import EXIT_INTERRUPTED, FieldkitError, LinkError, MissionError
 from fieldkit.link.items import ARDUPILOT, MAX_ITEMS, WireItem, differences, mission_items, to_wire
 from fieldkit.link.vehicle import TransferFailed, Vehicle
-from fieldkit.missions.autopilots.accepting import Result
+from fieldkit.missions.autopilots.acceptance import Result
 from fieldkit.missions.items import MissionItem, command_name
 from fieldkit.routing.mission import Home
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from fieldkit.errors import LinkError, UsageError
 from fieldkit.link.items import ARDUPILOT, MAX_ITEMS, PX4, WireItem
-from fieldkit.missions.autopilots.accepting import Result
+from fieldkit.missions.autopilots.acceptance import Result
 
 _STATION = (245, 190)
 """MAVSDK's own system and component id as a ground station."""

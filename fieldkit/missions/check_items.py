@@ -36,7 +36,7 @@ def item_findings(read: ReadMission, vehicle: Vehicle, dialect: str) -> Iterator
         yield error("first-item-lost", message, 0)
     for number, item in enumerate(read.items, read.first_number):
         if not (lost and number == 0):
-            yield from _one(number, item, dialect, vehicle)
+            yield from _one(number, item, dialect)
     followed = course(read, dialect)
     if followed.trouble is not None:
         code, number, message = followed.trouble
@@ -49,7 +49,7 @@ def item_findings(read: ReadMission, vehicle: Vehicle, dialect: str) -> Iterator
         yield from _begin_and_end({item.command for _, item in followed.numbered}, dialect)
 
 
-def _one(number: int, item: MissionItem, dialect: str, vehicle: Vehicle) -> Iterator[Finding]:
+def _one(number: int, item: MissionItem, dialect: str) -> Iterator[Finding]:
     refused = refusal(item, dialect)
     if refused is not None:
         yield error("item-rejected", f"{item.name} is refused at the upload ({refused})", number)
@@ -57,8 +57,7 @@ def _one(number: int, item: MissionItem, dialect: str, vehicle: Vehicle) -> Iter
     for what in dropped(item, dialect):
         yield warning("value-dropped", f"{item.name}: the autopilot drops the {what}", number)
     p1, p2, p3 = item.params[:3]
-    autopilot = AUTOPILOTS[dialect]
-    if whose := autopilot.other(item):
+    if whose := AUTOPILOTS[dialect].other(item):
         yield warning("other-camera", f"{item.name} is for {whose}, and the profile's is the first", number)
         return
     if item.command in INTERVALS and p1 > 0.0:
@@ -75,14 +74,8 @@ def _one(number: int, item: MissionItem, dialect: str, vehicle: Vehicle) -> Iter
     elif item.command == Command.DO_MOUNT_CONTROL and item.params[6] != 2.0:
         message = f"DO_MOUNT_CONTROL has mode {item.params[6]:g}: other firmware than 4.5 takes only 2 for an angle"
         yield warning("mount-mode", message, number)
-    elif item.command == Command.SET_CAMERA_MODE and p2 == 1.0:
-        yield warning("camera-mode", "the camera is set to video: photographs behind it may not be taken", number)
-    elif item.command in TAKEOFFS and 0.0 < item.params[6] < (least := autopilot.takeoff_m):
-        yield warning("takeoff-raised", f"a take-off below {least:g} m is raised to {least:g} m", number)
     if not item.autocontinue and dialect == "px4":
         yield error("stops-there", f"{item.name} does not continue by itself: the mission waits there", number)
-    if item.command in (Command.DO_MOUNT_CONTROL, Command.DO_GIMBAL_MANAGER_PITCHYAW) and vehicle.mount.kind == "fixed":
-        yield warning("item-ignored", f"{item.name}: the vehicle's mount is fixed", number)
 
 
 def _datums(read: ReadMission) -> Iterator[Finding]:

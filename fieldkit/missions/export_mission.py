@@ -16,11 +16,9 @@ from fieldkit.figures.style import format_length, format_seconds
 from fieldkit.files import write_atomic
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.export import Routed, RoutedFlight, route_plan
-from fieldkit.missions.export_record import mission_record
+from fieldkit.missions.export_record import geojson_bytes, mission_record
+from fieldkit.missions.files.formats import FORMATS, mission_bytes, read_mission_bytes
 from fieldkit.missions.files.limits import APPS, MOST_WAYPOINTS
-from fieldkit.missions.files.maps import geojson_bytes
-from fieldkit.missions.files.reading import read_mission_bytes
-from fieldkit.missions.files.writing import FORMATS, mission_bytes
 from fieldkit.missions.settings import MissionSettings
 from fieldkit.regular_files import check_replaceable, read_regular
 from fieldkit.results.mission import FlownPlan, record_bytes, record_path

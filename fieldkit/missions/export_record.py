@@ -1,10 +1,12 @@
-"""mission.json of an export, and the frames that it holds."""
+"""What is written beside missions: mission.json, and each route as GeoJSON for looking at in a GIS."""
 
 from __future__ import annotations
 
 import hashlib
-import math
+import json
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
 
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.export import Routed, RoutedFlight
@@ -20,14 +22,12 @@ from fieldkit.results.mission import (
     MissionRecord,
     MissionVehicle,
 )
-from fieldkit.routing.mission import Fence, GeoPoint
-from fieldkit.sites.placement import PlotFrame, SiteFrame
-from fieldkit.sites.site import NoFly, Obstacle, Site, SiteHome, SitePlot
+from fieldkit.results.plan import station_number
+from fieldkit.routing.mission import Fence, GeoPoint, Mission, Shot
+from fieldkit.sites.placement import PlotFrame
+from fieldkit.sites.site import Site, SitePlot
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.version import __version__
-
-_TRANSIT_M = 5.0
-"""Height of take-off and transit, which mission.json does not hold, metres."""
 
 
 def mission_record(
@@ -75,64 +75,6 @@ def mission_record(
     )
 
 
-def site_frame(record: MissionRecord) -> SiteFrame:
-    """Metres east and north of home, and above it."""
-    return SiteFrame(record.home)
-
-
-def plot_frame(plot: MissionOutline) -> PlotFrame:
-    """The frame of a plot's plan."""
-    return PlotFrame(plot.origin, plot.ground_m, plot.row_heading_deg, plot.gradient)
-
-
-def way(record: MissionRecord, flight: MissionFlight) -> tuple[GeoPoint, ...]:
-    """Corners of a flight's way: home, above it, the stops, above the landing place, and that place at home's height.
-
-    Its length is the flight's.
-    """
-    home, landing = record.home, flight.landing
-    begin = tuple(GeoPoint(home.latitude_deg, home.longitude_deg, height) for height in (0.0, flight.takeoff_m))
-    end = GeoPoint(landing.latitude_deg, landing.longitude_deg, 0.0)
-    return (*begin, *flight.stops, landing, end)
-
-
-def site_of(record: MissionRecord) -> Site:
-    """The site as far as mission.json has it."""
-    low = _TRANSIT_M if record.ceiling_m is None else min(_TRANSIT_M, record.ceiling_m)
-    return Site(
-        name=record.name,
-        home=SiteHome(**record.home.model_dump()),
-        fence=record.inside,
-        ceiling_m=record.ceiling_m,
-        no_fly=tuple(NoFly(corners=ring) for ring in record.outside),
-        takeoff_m=low,
-        transit_m=low,
-        plots=tuple(_plot_of(plot) for plot in record.plots),
-        neighbours=tuple(_plot_of(plot) for plot in record.neighbours),
-        obstacles=tuple(Obstacle(**obstacle.model_dump()) for obstacle in record.obstacles),
-    )
-
-
-def _plot_of(plot: MissionOutline) -> SitePlot:
-    along, across = plot.gradient
-    percent = 100.0 * math.hypot(along, across)
-    uphill = (plot.row_heading_deg + math.degrees(math.atan2(-across, along))) % 360.0 if percent else None
-    return SitePlot(
-        name=plot.name,
-        latitude_deg=plot.origin.latitude_deg,
-        longitude_deg=plot.origin.longitude_deg,
-        height_m=plot.ground_m,
-        datum="home",
-        row_heading_deg=plot.row_heading_deg,
-        slope_percent=percent,
-        uphill_heading_deg=uphill,
-        length_m=plot.length_m,
-        width_m=plot.width_m,
-        row_spacing_m=plot.row_spacing_m,
-        plant_height_m=None if plot.plants is None else plot.plants.height_m,
-    )
-
-
 def _outline(site: Site, plot: SitePlot, routed: Routed, vehicle: Vehicle) -> MissionOutline:
     home, frame = site.home, PlotFrame.of(site, plot)
     tangent, height_m = frame.tangent, plot.plant_height_m
@@ -167,3 +109,64 @@ def _flight(each: RoutedFlight, file: str) -> MissionFlight:
         battery=flight.time.battery,
         burst=MissionBurst(photographs=mission.burst, interval_s=mission.interval_s) if mission.burst > 1 else None,
     )
+
+
+def geojson_bytes(mission: Mission) -> bytes:
+    """A FeatureCollection: home, stations with their poses, legs in the order they are flown, the fence.
+
+    Heights stand in the properties: RFC 7946's third coordinate is above the ellipsoid, which missions do not have.
+    """
+    above = GeoPoint(mission.home.latitude_deg, mission.home.longitude_deg, mission.takeoff_m)
+    features = [_feature("Point", _lonlat(above), kind="home", height_above_home_m=0.0, amsl_m=mission.home.amsl_m)]
+    taken = 0
+    for order, stop in enumerate(mission.stops):
+        height = stop.place.height_m
+        if isinstance(stop, Shot):
+            burst = {"photographs": [taken + 1, taken + mission.burst]} if mission.burst > 1 else {}
+            taken += mission.burst
+            features.append(
+                _feature(
+                    "Point",
+                    _lonlat(stop.place),
+                    kind="station",
+                    order=order,
+                    plot=stop.plot,
+                    station=station_number(stop.station),
+                    height_above_home_m=height,
+                    yaw_deg=stop.yaw_deg,
+                    pitch_deg=stop.pitch_deg,
+                    **burst,
+                )
+            )
+        else:
+            features.append(_feature("Point", _lonlat(stop.place), kind="via", order=order, height_above_home_m=height))
+    features.append(
+        _feature("Point", _lonlat(mission.landing), kind="landing", height_above_home_m=mission.landing.height_m)
+    )
+    way = [above, *(stop.place for stop in mission.stops), mission.landing]
+    features += [
+        _feature(
+            "LineString",
+            [_lonlat(a), _lonlat(b)],
+            kind="leg",
+            order=k,
+            from_height_m=a.height_m,
+            to_height_m=b.height_m,
+        )
+        for k, (a, b) in enumerate(pairwise(way))
+    ]
+    if mission.fence is not None:
+        for kind, polygons in (("fence", mission.fence.inside), ("no-fly", mission.fence.outside)):
+            for corners in polygons:
+                ring = [[longitude, latitude] for latitude, longitude in (*corners, corners[0])]
+                features.append(_feature("Polygon", [ring], kind=kind))
+    document = {"type": "FeatureCollection", "name": mission.name, "features": features}
+    return (json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def _feature(geometry: str, coordinates: Any, **properties: Any) -> dict[str, Any]:
+    return {"type": "Feature", "geometry": {"type": geometry, "coordinates": coordinates}, "properties": properties}
+
+
+def _lonlat(place: GeoPoint) -> list[float]:
+    return [round(place.longitude_deg, 9), round(place.latitude_deg, 9)]

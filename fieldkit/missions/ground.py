@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from fieldkit.missions.export_record import plot_frame, site_of
 from fieldkit.regular_files import read_regular
 from fieldkit.results.finding import Finding
 from fieldkit.results.mission import MissionOutline, MissionPlot, MissionRecord, load_mission, record_path
@@ -19,12 +19,14 @@ from fieldkit.results.plan_file import load_plan
 from fieldkit.sites.fitted import flown_plans
 from fieldkit.sites.placement import PlotFrame
 from fieldkit.sites.plot_plants import PlantHeight, facts_of, heights_taken, plants_on, same_height_m, with_plant_height
-from fieldkit.sites.site import Site, SitePlot
+from fieldkit.sites.site import NoFly, Obstacle, Site, SiteHome, SitePlot
 
 NO_PLOTS = "no plots are given, and no mission.json lies beside the file"
 _NO_HEIGHT = "the height of its plants is not known"
 _NOWHERE = "neither a plan nor the plot's outline says where its plants stand"
 _NOT_GIVEN = "mission.json says that it is flown over, and it is none of the plots given"
+_TRANSIT_M = 5.0
+"""Height of take-off and transit, which mission.json does not hold, metres."""
 _SAME_M = 0.05
 """Distance by which a plot's frame may differ from that in mission.json, metres."""
 _SAME_DEG = 0.5
@@ -67,7 +69,7 @@ def ground_of(
     exported = {} if record is None else {plot.name: plot for plot in (*record.plots, *record.neighbours)}
     if site is None:
         assert record is not None
-        site = site_of(record)
+        site = _site_of(record)
     else:
         site = site.with_each(lambda plot: _with_height(plot, exported.get(plot.name)))
     stated, site = site, with_plant_height(site, plans, plant_height)
@@ -126,7 +128,7 @@ def _kept_clear(exported: MissionOutline | None, plot: SitePlot, frame: PlotFram
     """Whether an export has kept clear of all plants of a plot."""
     if exported is None or exported.plants is None or exported.plants.clear_m is None or plot.plant_height_m is None:
         return False
-    before = plot_frame(exported)
+    before = PlotFrame.recorded(exported)
     origin = before.to_plot(frame.tangent.latitude_deg, frame.tangent.longitude_deg, frame.ground_m)
     turned = abs((frame.row_heading_deg - before.row_heading_deg + 180.0) % 360.0 - 180.0)
     return bool(
@@ -135,6 +137,43 @@ def _kept_clear(exported: MissionOutline | None, plot: SitePlot, frame: PlotFram
         and float(np.linalg.norm(origin)) <= _SAME_M
         and turned <= _SAME_DEG
         and np.allclose(frame.gradient, before.gradient, atol=1e-3)
+    )
+
+
+def _site_of(record: MissionRecord) -> Site:
+    """The site as far as mission.json has it."""
+    low = _TRANSIT_M if record.ceiling_m is None else min(_TRANSIT_M, record.ceiling_m)
+    return Site(
+        name=record.name,
+        home=SiteHome(**record.home.model_dump()),
+        fence=record.inside,
+        ceiling_m=record.ceiling_m,
+        no_fly=tuple(NoFly(corners=ring) for ring in record.outside),
+        takeoff_m=low,
+        transit_m=low,
+        plots=tuple(_plot_of(plot) for plot in record.plots),
+        neighbours=tuple(_plot_of(plot) for plot in record.neighbours),
+        obstacles=tuple(Obstacle(**obstacle.model_dump()) for obstacle in record.obstacles),
+    )
+
+
+def _plot_of(plot: MissionOutline) -> SitePlot:
+    along, across = plot.gradient
+    percent = 100.0 * math.hypot(along, across)
+    uphill = (plot.row_heading_deg + math.degrees(math.atan2(-across, along))) % 360.0 if percent else None
+    return SitePlot(
+        name=plot.name,
+        latitude_deg=plot.origin.latitude_deg,
+        longitude_deg=plot.origin.longitude_deg,
+        height_m=plot.ground_m,
+        datum="home",
+        row_heading_deg=plot.row_heading_deg,
+        slope_percent=percent,
+        uphill_heading_deg=uphill,
+        length_m=plot.length_m,
+        width_m=plot.width_m,
+        row_spacing_m=plot.row_spacing_m,
+        plant_height_m=None if plot.plants is None else plot.plants.height_m,
     )
 
 

@@ -246,6 +246,15 @@ class MissionRecord(Strict):
     files: tuple[FileEntry, ...]
     """All that was written beside this one."""
 
+    def way(self, flight: MissionFlight) -> tuple[GeoPoint, ...]:
+        """Corners of a flight's way: home, above it, the stops, above the landing place, and there at home's height.
+
+        Its length is the flight's.
+        """
+        home, landing = self.home, flight.landing
+        begin = tuple(GeoPoint(home.latitude_deg, home.longitude_deg, height) for height in (0.0, flight.takeoff_m))
+        return (*begin, *flight.stops, landing, GeoPoint(landing.latitude_deg, landing.longitude_deg, 0.0))
+
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
         plots, files = {plot.name for plot in self.plots}, {entry.name for entry in self.files}

@@ -21,8 +21,8 @@ from fieldkit.arrays import FloatArray
 from fieldkit.errors import MissionError
 from fieldkit.results.finding import Finding, Refused
 from fieldkit.results.plan import station_number
-from fieldkit.routing.flight_time import FlightTime, flight_time, landing_s, takeoff_s
 from fieldkit.routing.legs import Leg, Place, leg_of, legs_between, no_way
+from fieldkit.routing.motion import FlightTime, flight_time, landing_s, takeoff_s
 from fieldkit.routing.obstacles import Obstacles
 from fieldkit.routing.plot_tours import (
     Costs,

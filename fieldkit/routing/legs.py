@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from fieldkit.arrays import BoolArray, FloatArray, IntArray
 from fieldkit.results.finding import Finding, Refused
-from fieldkit.routing.flight_time import level_time_s, path_time_s, stretch_time_s
+from fieldkit.routing.motion import level_time_s, path_time_s, stretch_time_s
 from fieldkit.routing.obstacles import TOLERANCE_M, Obstacles
 from fieldkit.vehicles.vehicle import Speeds
 

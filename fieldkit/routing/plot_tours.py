@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from fieldkit.arrays import FloatArray
 from fieldkit.errors import MissionError
 from fieldkit.results.finding import Refused
-from fieldkit.routing.flight_time import turn_time_s
 from fieldkit.routing.legs import Legs, legs_between, no_way
+from fieldkit.routing.motion import turn_time_s
 from fieldkit.routing.obstacles import Obstacles
 from fieldkit.routing.tour import EXACT_PLACES, shortest_paths, shortest_tour
 from fieldkit.vehicles.vehicle import Speeds

@@ -16,7 +16,6 @@ import numpy as np
 from fieldkit.arrays import FloatArray
 from fieldkit.errors import MissionError
 from fieldkit.geometry import Intrinsics
-from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.results.finding import Finding, Refused, Severity
 from fieldkit.results.plan import Plan, Plans, plan_on, station_number
 from fieldkit.routing.flights import AMONG_NEIGHBOURS, AMONG_PLANTS, Stop, objections
@@ -47,11 +46,7 @@ CODES: dict[str, Severity] = {
     "plot-size": "warning",  # not all of the plot is photographed
     "row-spacing": "warning",
     "slope-steep": "warning",
-    "plants-lower": "note",
-    "row-spacing-unknown": "note",
-    "size-unknown": "note",
     "slope": "note",
-    "turned": "note",
     # The vehicle there.
     "out-of-reach": "error",  # pitch beyond the mount, or too low above the ground; --adjust flies the nearest pose
     "one-photograph": "error",  # two stations are one when they are adjusted
@@ -75,8 +70,6 @@ STEEP_PERCENT = 10.0
 """Up to here plans have been tried on slopes (docs/vehicles-and-sites.md)."""
 HIGHER_M = 0.05
 """By which plants may be higher than the plan's: points of plan.json stand for cells of this size."""
-LOWER_SHARE = 0.8
-"""Of the plan's height, below which plants are said to be lower."""
 SEEN_SHARE = 0.9
 """Of a plot, that a plan has to show in three photographs or more."""
 _VIEWS = 3
@@ -84,8 +77,6 @@ _VIEWS = 3
 _GRID = 15
 """Number of places along each side of a plot."""
 _FAR = 2.0  # times the median distance at which the plan photographs: what is farther is hardly resolved
-_TURNED_DEG = 45.0
-"""Angle between the rows of plot and plan from which the plan is turned against them, degrees."""
 _NAMED = 4
 """Most stations that are named."""
 _VIEWS_APART = 1.33
@@ -223,7 +214,6 @@ def fit_plot(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> tuple[Find
         _size(facts, plot),
         _spacing(facts, plot, clearance_m),
         _slope(facts, plot),
-        _heading(facts, plot),
     )
     return tuple(finding for part in parts for finding in part)
 
@@ -335,13 +325,6 @@ def _plants(facts: PlanFacts | None, plot: SitePlot, clearance_m: float) -> Iter
                 f"{higher}; the mission keeps clear of them, but they fill more of the pictures than planned",
                 "Fit the plan to them with --fit, or look at what the photographs show.",
             )
-    elif height < LOWER_SHARE * top:
-        yield _finding(
-            plot,
-            "plants-lower",
-            f"plants of {height:.2f} m are {top - height:.2f} m lower than the plan's: they are photographed from "
-            "farther away than planned",
-        )
 
 
 def _size(facts: PlanFacts, plot: SitePlot) -> Iterator[Finding]:
@@ -359,27 +342,11 @@ def _size(facts: PlanFacts, plot: SitePlot) -> Iterator[Finding]:
     if larger:
         remedy = "Plan on a plot of this size; one plan photographs one part of a larger plot."
         yield _finding(plot, "plot-size", larger, remedy)
-    elif share is None and extent is None:
-        yield _finding(
-            plot,
-            "size-unknown",
-            f"whether the plan shows all of the plot of {sizes} cannot be told: it has neither camera nor plants",
-        )
 
 
 def _spacing(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[Finding]:
     wanted, known = plot.row_spacing_m, facts.spacing_m if plot.row_spacing_m is not None else None
-    if wanted is None:
-        return
-    if known is None:
-        yield _finding(
-            plot,
-            "row-spacing-unknown",
-            f"whether rows {wanted:.2f} m apart are as the plan's cannot be told: no rows along x are found in the "
-            "plan's plants",
-        )
-        return
-    if not other_spacing(known, wanted):
+    if wanted is None or known is None or not other_spacing(known, wanted):
         return
     plants = plants_on(facts, plot)
     assert plants is not None
@@ -417,25 +384,6 @@ def _slope(facts: PlanFacts, plot: SitePlot) -> Iterator[Finding]:
         )
     else:
         yield _finding(plot, "slope", f"the ground rises by {plot.slope_percent:.1f} %: {shifted}, and pitches turn")
-
-
-def _heading(facts: PlanFacts, plot: SitePlot) -> Iterator[Finding]:
-    if facts.plan.row_heading_deg is None:
-        return
-    turn = wrapped_deg(plot.row_heading_deg - facts.plan.row_heading_deg)
-    if abs(turn) <= _TURNED_DEG:
-        return
-    remedy = ""
-    if abs(turn) > 90.0:
-        back = (plot.row_heading_deg + 180.0) % 360.0 % 360.0
-        remedy = f"The other direction of its rows, row_heading_deg = {back:.1f}, turns it by {180.0 - abs(turn):.0f}°."
-    yield _finding(
-        plot,
-        "turned",
-        f"lies turned by {abs(turn):.0f}° against the plot that the plan was made on: at the same hour light and shade "
-        "fall otherwise on its rows",
-        remedy,
-    )
 
 
 def _among(facts: PlanFacts, plants: PlotPlants, clearance_m: float, *, unless: PlotPlants | None = None) -> list[int]:

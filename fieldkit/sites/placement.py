@@ -37,13 +37,12 @@ from numpy.typing import ArrayLike
 from fieldkit.arrays import FloatArray
 from fieldkit.errors import MetadataError, MissionError
 from fieldkit.geometry.geodesy import LocalFrame, plot_from_enu
-from fieldkit.results.mission import MissionHome
+from fieldkit.results.mission import MissionHome, MissionOutline
 from fieldkit.results.plan import Plan, Plans, plan_on, station_number
 from fieldkit.routing.flights import Stop
 from fieldkit.routing.legs import Place
 from fieldkit.routing.mission import GeoPoint, Home, Shot
-from fieldkit.sites.site import Site, SitePlot
-from fieldkit.sites.terrain import LEVEL, Gradient
+from fieldkit.sites.site import LEVEL, Gradient, Site, SitePlot
 from fieldkit.vehicles.vehicle import Vehicle
 
 MAX_SHOTS = 100_000
@@ -124,6 +123,11 @@ class PlotFrame:
         ground = ground_above_home(site, plot)
         tangent = LocalFrame(plot.latitude_deg, plot.longitude_deg, _altitude(site.home) + ground)
         return cls(tangent, ground, plot.row_heading_deg, plot.gradient)
+
+    @classmethod
+    def recorded(cls, plot: MissionOutline) -> PlotFrame:
+        """The frame of a plot of mission.json."""
+        return cls(plot.origin, plot.ground_m, plot.row_heading_deg, plot.gradient)
 
     def to_geodetic(self, points: ArrayLike) -> Geodetic:
         """(n, 3) or (3,) metres of the plot frame to latitudes, longitudes and heights above home."""

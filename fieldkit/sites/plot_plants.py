@@ -16,8 +16,7 @@ from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.errors import MissionError
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan, PlanPlants, Plans
-from fieldkit.sites.site import Site, SitePlot
-from fieldkit.sites.terrain import LEVEL, Gradient
+from fieldkit.sites.site import LEVEL, Gradient, Site, SitePlot
 
 BAND_M = 0.05
 """Height of the bands that plants are cut into as obstacles, metres."""

@@ -28,12 +28,13 @@ _AS_THEY_ARE = (
     "height_m",
     "datum",
     "slope_percent",
-    "slope_deg",
     "uphill_heading_deg",
     "plant_height_m",
     "row_spacing_m",
 )
-_PROPERTIES = (*NUMBERS, "datum", "ground_points")
+_PROPERTIES = (*NUMBERS, "datum")
+_OTHERWISE = {"slope_deg": "slope_percent", "ground_points": "slope_percent"}
+"""Columns that say the slope in another way."""
 _NEAR = 0.87
 """Likeness from which a column's name is a slip: plant_heigth_m and lenght_m are, height and length are not."""
 _MOST_COLUMNS = 12
@@ -128,7 +129,7 @@ def _unused(features: Sequence[Feature], id_field: str | None, path: Path) -> tu
     others = [name for name in columns if name not in (*_PROPERTIES, id_field) and name.casefold() not in ID_FIELDS]
     for name in others:
         plain = re.sub(r"\W+", "_", name.casefold()).strip("_")
-        near = nearest(plain, [known for known in _PROPERTIES if known not in columns], _NEAR)
+        near = _OTHERWISE.get(plain) or nearest(plain, [p for p in _PROPERTIES if p not in columns], _NEAR)
         if near is not None:
             raise MetadataError(
                 f'has a column "{name}", which is not used. {MISSPELT.looks_like.format(near)}',
@@ -171,8 +172,6 @@ def _plot(feature: Feature, name: Any, towards: float | None) -> tuple[SitePlot,
         )
     values = {"name": name, "latitude_deg": latitude, "longitude_deg": longitude, "row_heading_deg": heading}
     values |= {key: given[key] for key in _AS_THEY_ARE if key in given}
-    if "ground_points" in given:
-        values["ground_points"] = _latitude_first(given["ground_points"])
     if "length_m" in given or "width_m" in given:
         values |= {key: given[key] for key in ("length_m", "width_m") if key in given}
     elif shape is not None and isinstance(heading, int | float) and abs(heading) <= 360:
@@ -180,13 +179,6 @@ def _plot(feature: Feature, name: Any, towards: float | None) -> tuple[SitePlot,
         if _SIDES_M[0] <= width <= _SIDES_M[1] and _SIDES_M[0] <= length <= _SIDES_M[1]:
             values |= {"length_m": length, "width_m": width}
     return SitePlot.model_validate(values), from_shape
-
-
-def _latitude_first(points: Any) -> Any:
-    """GeoJSON's positions [longitude, latitude, height] as a site file has them; anything else as it is."""
-    if not isinstance(points, list):
-        return points
-    return [[p[1], p[0], *p[2:]] if isinstance(p, list) and len(p) > 1 else p for p in points]
 
 
 @dataclass(frozen=True)

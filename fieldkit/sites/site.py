@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 import shapely
@@ -15,10 +15,15 @@ from fieldkit.documents.mistaken import as_centimetres
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.results.fields import Heading, Latitude, Longitude, Strict
 from fieldkit.results.mission import MissionHome, MissionObstacle
-from fieldkit.sites.terrain import STEEPEST_PERCENT, Gradient, gradient, with_plane
 from fieldkit.vehicles.vehicle import Positive
 from fieldkit.wording import count, listed
 
+Gradient = tuple[float, float]
+"""Rise of the ground per horizontal metre along x and y of a plot frame."""
+LEVEL: Gradient = (0.0, 0.0)
+"""Gradient of level ground."""
+STEEPEST_PERCENT = 100.0
+"""45°: no field is as steep, so that degrees or heights that are mixed up are found."""
 Datum = Literal["home", "amsl", "ellipsoid"]
 """What a height is above: home, mean sea level, the WGS 84 ellipsoid."""
 
@@ -95,11 +100,7 @@ class SiteHome(MissionHome):
 
 
 class SitePlot(Strict):
-    """Where a plot's frame lies: the plan's origin and its axes, its ground, and what is known of what grows there.
-
-    A file may give ``slope_deg`` in place of ``slope_percent``, or ``ground_points``, three of latitude, longitude and
-    height above ``datum``, in place of slope and ``height_m``; see `fieldkit.sites.terrain`.
-    """
+    """Where a plot's frame lies: the plan's origin and its axes, its ground, and what is known of what grows there."""
 
     name: Name = "plot"
     latitude_deg: Latitude
@@ -123,11 +124,6 @@ class SitePlot(Strict):
     row_spacing_m: RowSpacing | None = None
     """From row to row."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _ground(cls, values: Any) -> Any:
-        return with_plane(values) if isinstance(values, dict) else values
-
     @model_validator(mode="after")
     def _slope_and_size(self) -> Self:
         if self.slope_percent > 0.0 and self.uphill_heading_deg is None:
@@ -141,8 +137,11 @@ class SitePlot(Strict):
 
     @property
     def gradient(self) -> Gradient:
-        """Rise of the ground per metre along x and y of the plot frame."""
-        return gradient(self.slope_percent, self.uphill_heading_deg, self.row_heading_deg)
+        """Exactly `LEVEL` where the ground is."""
+        if self.slope_percent == 0.0 or self.uphill_heading_deg is None:
+            return LEVEL
+        turn = math.radians(self.uphill_heading_deg - self.row_heading_deg)
+        return 0.01 * self.slope_percent * math.cos(turn), -0.01 * self.slope_percent * math.sin(turn)
 
     @property
     def size_m(self) -> tuple[float, float] | None:

@@ -16,8 +16,7 @@ from fieldkit.routing.obstacles import FARTHEST_M, Corners, Obstacles, Volume
 from fieldkit.routing.prisms import Prisms
 from fieldkit.sites.placement import PlotFrame, SiteFrame
 from fieldkit.sites.plot_plants import BAND_M, Band, PlotPlants, facts_of, plants_on
-from fieldkit.sites.site import Site, SitePlot
-from fieldkit.sites.terrain import LEVEL, Gradient
+from fieldkit.sites.site import LEVEL, Gradient, Site, SitePlot
 
 _AROUND_M = 1.0
 """Width about a plan's stations and plants over which the ground is an obstacle, metres."""

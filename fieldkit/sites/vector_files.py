@@ -20,7 +20,7 @@ import shapely
 
 from fieldkit.captures.crs import to_wgs84
 from fieldkit.documents.file_bytes import file_bytes
-from fieldkit.documents.json_file import json_number, read_json_object
+from fieldkit.documents.json_file import read_json_object
 from fieldkit.documents.mistaken import DEGREES, PROJECTED, SWAPPED, look_like_degrees, look_swapped, refuse_other
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import on_earth
@@ -34,7 +34,6 @@ MAX_CORNERS = 20_000
 NUMBERS = (
     "height_m",
     "slope_percent",
-    "slope_deg",
     "uphill_heading_deg",
     "plant_height_m",
     "row_spacing_m",
@@ -286,90 +285,67 @@ def _reference_system(document: Mapping[str, Any]) -> str | None:
 
 def wgs84_features(document: Mapping[str, Any], path: Path) -> tuple[Feature, ...]:
     """The points and polygons of a GeoJSON document in WGS 84: a FeatureCollection, a Feature or a bare geometry."""
-    return _GeoJson(path).features(document)
+    kind, own = document.get("type"), document.get("kind")
+    if kind is None and isinstance(own, str) and own.isidentifier():
+        raise MetadataError(f"is fieldkit's {own[:40]}, not a {_NOUN}", path=path, remedy=_REMEDY)
+    rows = document.get("features") if kind == "FeatureCollection" else [document]
+    if kind not in ("FeatureCollection", "Feature"):
+        rows = [{"type": "Feature", "geometry": document}]
+    if not isinstance(rows, list) or not 0 < len(rows) <= MAX_FEATURES:
+        message = f"holds no features, or too many: {MAX_FEATURES} are the most"
+        raise MetadataError(message, path=path, remedy=_REMEDY)
+    features, corners = list[Feature](), 0
+    for number, row in enumerate(rows, 1):
+        try:
+            feature = _feature(number, row)
+        except _Wrong as wrong:
+            raise MetadataError(f"feature {number}: {wrong}", path=path, remedy=wrong.remedy) from wrong
+        features.append(feature)
+        corners += sum(map(len, feature.parts))
+        if corners > MAX_CORNERS:
+            remedy = "Simplify its polygons: a few dozen are plenty."
+            raise MetadataError(f"has more than {MAX_CORNERS} corners", path=path, remedy=remedy)
+    return tuple(features)
 
 
-class _GeoJson:
-    """Reads one document; all its errors name the file."""
+class _Wrong(Exception):
+    """What is wrong with a feature, and what to do."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.corners = 0
+    def __init__(self, message: str, remedy: str = _REMEDY) -> None:
+        super().__init__(message)
+        self.remedy = remedy
 
-    def features(self, document: Mapping[str, Any]) -> tuple[Feature, ...]:
-        kind = document.get("type")
-        own = document.get("kind")
-        if kind is None and isinstance(own, str) and own.isidentifier():
-            self._fail(f"is fieldkit's {own[:40]}, not a {_NOUN}")
-        if kind == "FeatureCollection":
-            rows = document.get("features")
-        else:
-            rows = [document if kind == "Feature" else {"type": "Feature", "geometry": document}]
-        if not isinstance(rows, list) or not 0 < len(rows) <= MAX_FEATURES:
-            self._fail(f"holds no features, or too many: {MAX_FEATURES} are the most")
-        return tuple(self._feature(number, row) for number, row in enumerate(rows, 1))
 
-    def _feature(self, number: int, row: Any) -> Feature:
-        where = f"feature {number}"
-        geometry = row.get("geometry") if isinstance(row, dict) and row.get("type") == "Feature" else None
-        given = row.get("properties") if isinstance(row, dict) else None
-        if not isinstance(geometry, dict) or not isinstance(given, dict | None):
-            self._fail(f"{where}: is not a feature with a geometry and properties")
-        properties = {key: value for key, value in {"id": row.get("id"), **(given or {})}.items() if value is not None}
-        members = geometry.get("geometries")
-        if geometry.get("type") == "GeometryCollection" and isinstance(members, list):
-            # A polygon with its label's point, as KML's MultiGeometry has it.
-            areas = [each for each in members if isinstance(each, dict) and "Polygon" in str(each.get("type"))]
-            if len(areas) != 1:
-                self._fail(
-                    f"{where}: holds {len(members)} shapes, {len(areas)} of them polygons; a plot is one",
-                    remedy="Draw each plot as one polygon. In QGIS: Vector > Geometry Tools > Multipart to Singleparts",
-                )
-            geometry = areas[0]
-        kind, coordinates = geometry.get("type"), geometry.get("coordinates")
-        if kind == "Point":
-            corner, height = self._position(coordinates, where)
-            return Feature(number, "Point", ((corner,),), height, properties)
-        polygons = [coordinates] if kind == "Polygon" else coordinates
-        if kind not in ("Polygon", "MultiPolygon") or not isinstance(polygons, list) or not polygons:
-            known = isinstance(kind, str) and len(kind) <= 40 and kind.isprintable()
-            self._fail(f"{where}: is {f'a {kind}' if known else 'something else'}, not a Point or Polygon")
-        rings = [self._ring(part, where) for part in polygons]
-        return Feature(number, "Polygon", tuple(ring for ring, _ in rings), rings[0][1], properties)
-
-    def _ring(self, rings: Any, where: str) -> tuple[Ring, float | None]:
-        """The outer ring of a polygon, and the third coordinate of its first corner."""
-        if not isinstance(rings, list) or len(rings) != 1 or not isinstance(rings[0], list):
-            self._fail(
-                f"{where}: its polygon is not a single ring, or has a hole",
-                remedy="Draw it without; a place to keep out of is a no-fly zone.",
-            )
-        self.corners += len(rings[0])
-        if self.corners > MAX_CORNERS:
-            self._fail(f"has more than {MAX_CORNERS} corners", remedy="Simplify its polygons: a few dozen are plenty.")
-        positions = [self._position(position, where) for position in rings[0]]
-        ring = tuple(corner for corner, _ in positions)
-        if len(ring) > 1 and ring[0] == ring[-1]:
-            ring = ring[:-1]
-        if len(set(ring)) < 3:
-            self._fail(f"{where}: its polygon has fewer than three different corners")
-        return ring, positions[0][1]
-
-    def _position(self, position: Any, where: str) -> tuple[tuple[float, float], float | None]:
-        """(latitude, longitude) and the third coordinate."""
-        values = [json_number(v) for v in position] if isinstance(position, list) and len(position) <= 8 else []
-        if len(values) < 2 or None in values:
-            self._fail(f"{where}: a position is not [longitude, latitude] in numbers")
-        longitude, latitude = values[0], values[1]
-        assert longitude is not None
-        assert latitude is not None
+def _feature(number: int, row: Any) -> Feature:
+    geometry = row.get("geometry") if isinstance(row, dict) and row.get("type") == "Feature" else None
+    given = row.get("properties") if isinstance(row, dict) else None
+    if not isinstance(geometry, dict) or not isinstance(given, dict | None):
+        raise _Wrong("is not a feature with a geometry and properties")
+    properties = {key: value for key, value in {"id": row.get("id"), **(given or {})}.items() if value is not None}
+    try:
+        shape = shapely.from_geojson(json.dumps(geometry))
+    except (shapely.GEOSException, ValueError, RecursionError) as error:
+        raise _Wrong(f"its geometry is no GeoJSON: {str(error)[:120]}") from error
+    if isinstance(shape, shapely.GeometryCollection):
+        # A polygon with its label's point, as KML's MultiGeometry has it.
+        areas = [part for part in shape.geoms if isinstance(part, shapely.Polygon | shapely.MultiPolygon)]
+        shape = areas[0] if len(areas) == 1 else shape
+    if shape.is_empty or not isinstance(shape, shapely.Point | shapely.Polygon | shapely.MultiPolygon):
+        kind = f"an empty {shape.geom_type}" if shape.is_empty else f"a {shape.geom_type}"
+        raise _Wrong(f"is {kind}, not a Point or Polygon")
+    places = shapely.get_coordinates(shape, include_z=True)
+    for longitude, latitude in places[:, :2].tolist():
         if not on_earth(latitude, longitude):
             slip = SWAPPED if look_swapped(latitude, longitude) else PROJECTED
-            self._fail(
-                f"{where}: [{longitude:g}, {latitude:g}] is no longitude and latitude; {slip.looks_like}",
-                remedy=slip.remedy,
-            )
-        return (latitude, longitude), values[2] if len(values) > 2 else None
-
-    def _fail(self, message: str, *, remedy: str = _REMEDY) -> NoReturn:
-        raise MetadataError(message, path=self.path, remedy=remedy)
+            message = f"[{longitude:g}, {latitude:g}] is no longitude and latitude; {slip.looks_like}"
+            raise _Wrong(message, slip.remedy)
+    height = None if np.isnan(places[0, 2]) else float(places[0, 2])
+    if isinstance(shape, shapely.Point):
+        return Feature(number, "Point", (((shape.y, shape.x),),), height, properties)
+    polygons = [part for part in shapely.get_parts(shape) if isinstance(part, shapely.Polygon)]
+    if any(polygon.interiors for polygon in polygons):
+        raise _Wrong("its polygon has a hole", "Draw it without; a place to keep out of is a no-fly zone.")
+    rings = tuple(tuple((y, x) for x, y, *_ in polygon.exterior.coords[:-1]) for polygon in polygons)
+    if any(len(set(ring)) < 3 for ring in rings):
+        raise _Wrong("its polygon has fewer than three different corners")
+    return Feature(number, "Polygon", rings, height, properties)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from fieldkit.errors import MissionError
 from fieldkit.link.items import ARDUPILOT, PX4, WireItem, differences, mission_items, stored, to_wire
-from fieldkit.missions.autopilots.accepting import Result
+from fieldkit.missions.autopilots.acceptance import Result
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.items import MissionItem
 from fieldkit.routing.mission import Home

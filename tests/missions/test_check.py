@@ -10,16 +10,15 @@ import pytest
 
 from fieldkit.missions.autopilots.writing import action, render
 from fieldkit.missions.check import check_mission, findings_by_dialect
+from fieldkit.missions.files.formats import mission_bytes, read_mission
 from fieldkit.missions.files.qgc_plan import plan_bytes
 from fieldkit.missions.files.read_mission import ReadMission
-from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.waypoints import waypoints_bytes
-from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.missions.findings import Finding, Report, error, group_text, ranked
 from fieldkit.missions.items import Command, MissionItem
 from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Shot
 from fieldkit.sites.site import Obstacle, Site, SiteHome, SitePlot
-from fieldkit.vehicles.vehicle import Battery, Mount, Vehicle
+from fieldkit.vehicles.vehicle import Battery, Vehicle
 from tests.missions.vehicles import HOME, recorded_items, recorded_mission, small_mission, vehicle
 
 
@@ -193,7 +192,6 @@ def test_what_nobody_can_say_the_photographs_of_is_refused_by_name(dialect: Any,
         (changed(Command.NAV_WAYPOINT, p1=2.0), "short-settle"),
         (changed(Command.NAV_DELAY, p1=0.5), "short-delay"),
         (changed(Command.CONDITION_YAW, p4=1.0), "heading-unknown"),
-        (changed(Command.NAV_TAKEOFF, p7=0.5), "takeoff-raised"),
         (changed(Command.DO_MOUNT_CONTROL, p7=0.0), "mount-mode"),
         (without(Command.NAV_LAND), "no-landing"),
         (changed(Command.NAV_WAYPOINT, frame=10), "datum"),
@@ -335,11 +333,9 @@ def test_the_site_and_another_home() -> None:
     assert counted(near, "warning")["other-home"] == 1
 
 
-def test_a_vehicles_battery_and_mount_count() -> None:
+def test_a_vehicles_battery_counts() -> None:
     tired = vehicle(battery=Battery(endurance_s=60.0, reserve=0.5))
     assert counted(checked(ITEMS, by=tired)) == {"endurance": 1}
-    fixed = vehicle(mount=Mount(kind="fixed", pitch_deg=(-90.0, -90.0)))
-    assert counted(checked(ITEMS, by=fixed), "warning")["item-ignored"] == 3
 
 
 def test_findings_that_say_the_same_are_one_and_causes_come_first(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from fieldkit.errors import UsageError
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.export import route_plan
 from fieldkit.missions.export_mission import export_mission, mission_file
-from fieldkit.missions.files.reading import read_mission
+from fieldkit.missions.files.formats import read_mission
 from fieldkit.missions.settings import MissionSettings
 from fieldkit.results.mission import load_mission
 from fieldkit.results.plan import Plan, PlanPlants, Station

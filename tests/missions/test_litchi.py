@@ -9,9 +9,9 @@ import pytest
 from fieldkit.errors import MetadataError, MissionError
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.check import check_mission
+from fieldkit.missions.files.formats import mission_bytes
 from fieldkit.missions.files.litchi import COLUMNS, read_litchi
 from fieldkit.missions.files.read_mission import ReadMission
-from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.missions.findings import Report
 from tests.missions.vehicles import small_mission, vehicle
 

@@ -11,9 +11,8 @@ from benchmarks.fuzzing import Target, fuzz
 from fieldkit.documents.json_file import json_number
 from fieldkit.errors import FieldkitError, MetadataError
 from fieldkit.missions.check import check_mission
+from fieldkit.missions.files.formats import mission_bytes, read_mission
 from fieldkit.missions.files.limits import MAX_BYTES, number
-from fieldkit.missions.files.reading import read_mission
-from fieldkit.missions.files.writing import mission_bytes
 from tests.missions.vehicles import small_mission, vehicle
 
 ARDUPILOT, DJI = vehicle(), vehicle("dji")

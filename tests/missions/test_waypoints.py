@@ -8,9 +8,9 @@ from hypothesis import HealthCheck, given, settings
 
 from benchmarks.mission_trips import by_pymavlink, difference, random_mission, upload_items
 from fieldkit.errors import MetadataError
+from fieldkit.missions.files.formats import mission_bytes
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.waypoints import read_waypoints
-from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.missions.items import Command
 from fieldkit.routing.mission import Mission, Shot
 from tests.missions.random_missions import missions

@@ -11,9 +11,9 @@ import pytest
 
 from fieldkit.documents.xml_tree import parse_local
 from fieldkit.errors import MetadataError, MissionError
+from fieldkit.missions.files.formats import mission_bytes
 from fieldkit.missions.files.wpml import TEMPLATE, WAYLINES
 from fieldkit.missions.files.wpml_reading import read_wpml
-from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.routing.mission import Shot
 from tests.missions.vehicles import small_mission, vehicle
 
@@ -107,12 +107,8 @@ OUTSIDE = b'<?xml version="1.0"?><!DOCTYPE k SYSTEM "file:///etc/passwd"><k/>'
         (archive((WAYLINES, b"<kml><Folder><Placemark/></Folder></kml>")), "waypoint 0 has no coordinates"),
         (archive((WAYLINES, b"<a>" * 100_000)), "too many elements"),
         (archive((WAYLINES, bytes(40 << 20))), "would unpack"),
-        (archive((WAYLINES, b"<kml/>"), ("../../evil", b"x")), "leads out"),
-        (archive((WAYLINES, b"<kml/>"), ("/etc/evil", b"x")), "leads out"),
-        (archive((WAYLINES, b"<kml/>"), compression=zipfile.ZIP_LZMA), "compressed in a way"),
-        (archive(*((f"{k}", b"") for k in range(1100))), "far too many"),
     ],
-    ids=range(15),
+    ids=range(11),
 )
 def test_hostile_archives_are_refused_and_nothing_is_written(tmp_path: Path, content: bytes, message: str) -> None:
     folder = tmp_path / "in"

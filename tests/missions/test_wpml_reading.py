@@ -7,12 +7,11 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from fieldkit.missions.check import check_mission
-from fieldkit.missions.files.archive import zip_bytes
-from fieldkit.missions.files.wpml import TEMPLATE, WAYLINES
+from fieldkit.missions.files.wpml import TEMPLATE, WAYLINES, zip_bytes
 from fieldkit.missions.files.wpml_reading import read_wpml
 from fieldkit.missions.findings import Report
-from fieldkit.routing.flight_time import landing_s, takeoff_s
 from fieldkit.routing.mission import Home
+from fieldkit.routing.motion import landing_s, takeoff_s
 from fieldkit.vehicles.vehicle import Mount
 from tests.missions.vehicles import vehicle
 

@@ -12,19 +12,23 @@ from hypothesis import strategies as st
 
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.files.read_mission import ReadMission
-from fieldkit.routing.flight_time import (
+from fieldkit.routing.motion import (
+    ARRIVAL_LAG_S,
+    JERK_MPS3,
     LANDING_MPS,
     SPOOL_S,
     TOUCHDOWN_S,
+    TURN_LAG_S,
+    corner,
     flight_time,
     landing_s,
+    leg,
     level_time_s,
     path_time_s,
     stretch_time_s,
     takeoff_s,
     turn_time_s,
 )
-from fieldkit.routing.motion import ARRIVAL_LAG_S, JERK_MPS3, TURN_LAG_S, corner, leg
 from fieldkit.vehicles.vehicle import Speeds
 from tests.missions.vehicles import HOME, SITL, item_of, vehicle
 

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldkit.errors import MissionError
-from fieldkit.routing.flight_time import flight_time, landing_s, takeoff_s, turn_time_s
 from fieldkit.routing.flights import FileCapacity, Flight, Stop, plan_flights
+from fieldkit.routing.motion import flight_time, landing_s, takeoff_s, turn_time_s
 from fieldkit.routing.obstacles import Obstacles, Volume
 from fieldkit.routing.plot_tours import Costs, split
 from fieldkit.vehicles.vehicle import Battery, Vehicle

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.errors import MissionError
-from fieldkit.routing.flight_time import path_time_s, stretch_time_s
 from fieldkit.routing.legs import legs_between
+from fieldkit.routing.motion import path_time_s, stretch_time_s
 from fieldkit.routing.obstacles import TOLERANCE_M, Obstacles, Volume
 from fieldkit.vehicles.vehicle import Speeds
 from tests.missions.clearance import is_clear

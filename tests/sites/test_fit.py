@@ -98,11 +98,10 @@ def headed(heading_deg: float | None) -> Plan:
             {"plant_height_m": 1.4},
             {"plants-too-high": ["error: ", "station 8 would stand in them, or nearer to them than 0.5 m"]},
         ),
-        (PLAN, {"plant_height_m": 0.5}, {"plants-lower": ["note: "]}),
         (
             BARE,
             {"plant_height_m": 1.5, "row_spacing_m": 0.75},
-            {"plants-unknown": ["warning: ", "not checked against plants"], "row-spacing-unknown": []},
+            {"plants-unknown": ["warning: ", "not checked against plants"]},
         ),
         (
             SEEN,
@@ -119,13 +118,6 @@ def headed(heading_deg: float | None) -> Plan:
         (IN_ROWS, {"row_spacing_m": 0.78}, {}),
         (IN_ROWS, {"row_spacing_m": 0.5}, {"row-spacing": ["rows are 0.50 m apart, the plan's 0.7"]}),
         (LOW_IN_ROWS, {"row_spacing_m": 0.5}, {"rows-elsewhere": ["error: ", "may stand among plants"]}),
-        (PLAN, {"row_spacing_m": 0.5}, {"row-spacing-unknown": []}),
-        (headed(90.0), {"row_heading_deg": 150.0}, {"turned": ["note: ", "turned by 60°"]}),
-        (
-            headed(10.0),
-            {"row_heading_deg": 190.0},
-            {"turned": ["turned by 180°", "row_heading_deg = 10.0, turns it by 0°"]},
-        ),
         (PLAN, {"slope_percent": 8.0, **UPHILL}, {"slope": ["note: ", "rises by 8.0 %: stations are shifted by −0.1"]}),
         (PLAN, {"slope_percent": 14.0, **UPHILL}, {"slope-steep": ["warning: ", "plans have been tried to 10 %"]}),
     ],
@@ -274,7 +266,7 @@ def test_all_that_speaks_against_a_plan_is_one_list() -> None:
     assert found[:2] == [("p0", "plant-height-unknown", None), ("p0", "out-of-reach", 0)]
     assert set(found[1:13]) == {(f"p{plot}", "out-of-reach", station) for plot in range(3) for station in range(4)}
     assert set(found[13:]) == {("", "height", None), *(("p1", "among-plants", station) for station in range(4))}
-    assert {each.code for each in report.findings if each.severity == "note"} == {"plants-lower", "wash"}
+    assert {each.code for each in report.findings if each.severity == "note"} == {"wash"}
     assert all(
         CODES[each.code] == each.severity and (each.remedy or each.severity == "note") for each in report.findings
     )

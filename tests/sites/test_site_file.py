@@ -106,7 +106,7 @@ def test_the_readme_lists_the_keys(section: str, model: type[BaseModel]) -> None
 def test_polygons_inline_and_beside_are_the_same(tmp_path: Path) -> None:
     (tmp_path / "maps").mkdir()
     geojson(tmp_path, polygon(SQUARE, name="hut"), name="zones.geojson")
-    geojson(tmp_path / "maps", polygon(SQUARE[:-1], name=3), name="fence.geojson")
+    geojson(tmp_path / "maps", polygon(SQUARE, name=3), name="fence.geojson")
     beside = with_top('geofence = "maps/fence.geojson"\nno_fly = "zones.geojson"')
     corners = [[lat, lon] for lon, lat in SQUARE]
     inline = with_top(f'geofence = [{corners[:-1]}]\nno_fly = [{{name = "hut", corners = {corners}}}]')
@@ -200,7 +200,7 @@ def test_no_way_out_of_the_folder(tmp_path: Path) -> None:
         ([polygon([SQUARE[0], SQUARE[1], SQUARE[0]])], "fewer than three different corners"),
         ([polygon(rectangle((50.0, 6.0), 20, 4.1, 4.0))], "nearly square"),
         ([{"type": "Feature", "geometry": None}], "feature 1: is not a feature with a geometry"),
-        ([{"type": "Feature", "geometry": {"type": "Point", "coordinates": [True, 1]}}], "a position is not"),
+        ([{"type": "Feature", "geometry": {"type": "Point", "coordinates": [True, 1]}}], "is no GeoJSON"),
         ([], "holds no features"),
         ([point(row_heading_deg=0)] * 2001, "2000 are the most"),
     ],
@@ -264,10 +264,9 @@ def test_changed_at_random(tmp_path: Path) -> None:
     (sites / "example-fence.geojson").write_bytes((SITES / "example-fence.geojson").read_bytes())
     (sites / "plots.geojson").write_bytes((SITES / "plots.geojson").read_bytes())
     whole = with_top('geofence = "example-fence.geojson"\nlanding = {latitude_deg = 50.8649, longitude_deg = 6.4473}')
-    points = "[[50.865, 6.4473, 92.0], [50.8651, 6.4473, 92.5], [50.865, 6.4475, 92.0]]"
-    slopes = SITE + f'ground_points = {points}\ndatum = "amsl"\nlength_m = 3\nwidth_m = 1.5\n'
+    slopes = SITE + "slope_percent = 4.5\nuphill_heading_deg = 0\nlength_m = 3\nwidth_m = 1.5\n"
     slopes += SITE.partition("[[plots]]")[1] + '\nname = "b"\nlatitude_deg = 50.866\nlongitude_deg = 6.4473\n'
-    slopes += "slope_deg = 3.5\nuphill_heading_deg = 20.0\nplant_height_m = 1.2\nrow_spacing_m = 0.75\n"
+    slopes += "slope_percent = 6.1\nuphill_heading_deg = 20.0\nplant_height_m = 1.2\nrow_spacing_m = 0.75\n"
     seeds = [(SITES / "example.toml").read_bytes(), whole.encode(), slopes.encode()]
     (sites / "slopes.toml").write_text(slopes)
     assert [round(plot.slope_percent, 1) for plot in load_site(sites / "slopes.toml").plots] == [4.5, 6.1]

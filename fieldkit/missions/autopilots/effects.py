@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, ParamSpec, TypeVar
 
 from fieldkit.geometry.geodesy import on_earth
-from fieldkit.missions.autopilots.accepting import kept_params
+from fieldkit.missions.autopilots.acceptance import kept_params
 from fieldkit.missions.files.limits import number
 from fieldkit.missions.items import Command, MissionItem, plain_frame
 from fieldkit.routing.mission import GeoPoint, Home

@@ -24,9 +24,8 @@ from fieldkit.missions.autopilots.effects import (
 )
 from fieldkit.missions.autopilots.execution import Photograph, aim, distance, offset
 from fieldkit.missions.items import MissionItem
-from fieldkit.routing.flight_time import landing_s, takeoff_s
 from fieldkit.routing.mission import GeoPoint
-from fieldkit.routing.motion import TURN_LAG_S, Even, Leg, Way, corner, leg, turn_cosine, turn_deg
+from fieldkit.routing.motion import TURN_LAG_S, Even, Leg, Way, corner, landing_s, leg, takeoff_s, turn_cosine, turn_deg
 from fieldkit.vehicles.vehicle import Speeds, Vehicle
 
 _NO_TURN_DEG = 1e-3

@@ -13,10 +13,9 @@ from pathlib import Path
 from fieldkit.errors import MetadataError, MissionError
 from fieldkit.missions.autopilots.effects import LITCHI, Effect, Shoot, Stay, cannot_say, effects_of
 from fieldkit.missions.autopilots.execution import aim
-from fieldkit.missions.autopilots.writing import LEAST_EXPOSURE_S
+from fieldkit.missions.autopilots.writing import LEAST_EXPOSURE_S, RoutePoint, route_points
 from fieldkit.missions.files.limits import LONGEST_STAY_S, MAX_ITEMS, number, read_text
 from fieldkit.missions.files.read_mission import Facing, ReadMission, ReadStop, in_passing
-from fieldkit.missions.files.route import RoutePoint, route_points
 from fieldkit.missions.findings import warning
 from fieldkit.routing.mission import GeoPoint, Mission
 from fieldkit.vehicles.vehicle import Vehicle

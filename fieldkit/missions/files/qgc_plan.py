@@ -34,8 +34,8 @@ _PLAN_VERSION = 1
 """Version of QGroundControl's plan files."""
 _MISSION_VERSION = 2
 """Version of their mission."""
-_FENCE_VERSIONS = (1, 2)
-"""Versions of their fence that are read."""
+_FENCE_VERSION = 2
+"""Version of their fence."""
 _MOST_CIRCLES = 80
 """Of a fence; each is checked as a polygon of many corners."""
 _REMEDY = "Save it again with QGroundControl, or export it with `fieldkit export-mission`."
@@ -142,16 +142,13 @@ def _read(document: dict[str, Any]) -> ReadMission:
     if not isinstance(mission, dict) or not isinstance(mission.get("items"), list):
         raise _Wrong('has no "mission" with "items"')
     remarks: list[Finding] = []
-    _check_version(document, _PLAN_VERSION, "it", remarks)
-    _check_version(mission, _MISSION_VERSION, 'its "mission"', remarks)
-    entries, whole = _unfolded(mission["items"], remarks)
+    _check_version(document, _PLAN_VERSION, "it")
+    _check_version(mission, _MISSION_VERSION, 'its "mission"')
+    entries = _unfolded(mission["items"], remarks)
     if len(entries) > MAX_ITEMS:
         raise _Wrong(f"has {len(entries)} items; at most {MAX_ITEMS} are read")
     items = [_read_item(entry, number) for number, entry in enumerate(entries, 1)]
     ids = [entry.get("doJumpId", number) for number, entry in enumerate(entries, 1)]
-    if whole:
-        message = "its doJumpId is not its place in the file"
-        remarks += [warning("numbering", message, k) for k, found in enumerate(ids, 1) if found != k]
     home = _read_home(mission.get("plannedHomePosition"), remarks)
     firmware = mission.get("firmwareType")
     dialect = _DIALECT.get(firmware) if isinstance(firmware, int) and not isinstance(firmware, bool) else None
@@ -164,19 +161,15 @@ def _read(document: dict[str, Any]) -> ReadMission:
     return ReadMission("plan", moved, home=home, firmware=dialect, fence=fence, rally=goals, remarks=tuple(remarks))
 
 
-def _check_version(entry: dict[str, Any], wanted: int, what: str, remarks: list[Finding]) -> None:
-    found = entry.get("version")
-    if found is None:
-        message = f"{what} does not say its version, without which other programs refuse it"
-        remarks.append(warning("plan-version", message))
-    elif isinstance(found, bool) or found != wanted:
+def _check_version(entry: dict[str, Any], wanted: int, what: str) -> None:
+    found = entry.get("version", wanted)
+    if isinstance(found, bool) or found != wanted:
         raise _Wrong(f"{what} is of version {str(found)[:20]}; version {wanted} is read")
 
 
-def _unfolded(listed: list[Any], remarks: list[Finding]) -> tuple[list[Any], bool]:
-    """All simple items, those of complex ones in their place; and whether every complex one carries its items."""
+def _unfolded(listed: list[Any], remarks: list[Finding]) -> list[Any]:
+    """All simple items, those that complex ones carry in their place."""
     entries: list[Any] = []
-    whole = True
     for entry in listed:
         if not isinstance(entry, dict) or entry.get("type", "SimpleItem") == "SimpleItem":
             entries.append(entry)
@@ -184,12 +177,12 @@ def _unfolded(listed: list[Any], remarks: list[Finding]) -> tuple[list[Any], boo
         transects = entry.get("TransectStyleComplexItem")
         carried = (transects if isinstance(transects, dict) else entry).get("Items")
         if not isinstance(carried, list) or not carried or not all(map(_is_simple, carried)):
-            whole, carried = False, []
+            carried = []
             kind = str(entry.get("complexItemType", entry.get("type")))[:40]
             message = f"a complex item ({kind}) does not carry its items: what it flies and photographs is unknown"
             remarks.append(error("unknown-item", message, len(entries) + 1))
         entries += carried
-    return entries, whole
+    return entries
 
 
 def _is_simple(entry: object) -> bool:
@@ -250,10 +243,8 @@ def _read_fence(value: object, remarks: list[Finding]) -> Fence | None:
     for key, listed in (("polygons", polygons), ("circles", circles)):
         if not isinstance(listed, list):
             raise _Wrong(f'its "{key}" is not a list')
-    if value.get("polygon"):  # version 1 has one, to stay in
-        polygons = [{"polygon": value["polygon"]}, *polygons]
-    if (polygons or circles) and value.get("version", 2) not in _FENCE_VERSIONS:
-        raise _Wrong(f"its fence is of version {str(value['version'])[:20]}; versions 1 and 2 are read")
+    if polygons or circles or value.get("polygon"):
+        _check_version(value, _FENCE_VERSION, "its fence")
     if len(circles) > _MOST_CIRCLES:
         raise _Wrong("has far too many fence circles")
     rings: dict[bool, list[tuple[tuple[float, float], ...]]] = {True: [], False: []}

@@ -15,9 +15,7 @@ from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.files.limits import MAX_ITEMS, number, read_text
 from fieldkit.missions.files.read_mission import ReadMission
-from fieldkit.missions.findings import warning
 from fieldkit.missions.items import Command, Frame, MissionItem
-from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import Home
 from fieldkit.wording import count
 
@@ -71,23 +69,19 @@ def read_waypoints(path: Path) -> ReadMission:
         found = lines[0][:40] if lines else ""
         raise _error(path, f"is no waypoints file: it begins with {found!r}, not {HEADER!r}")
     rows: list[MissionItem] = []
-    remarks: list[Finding] = []
     for line_number, line in enumerate(lines[1:], 2):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         if len(rows) >= MAX_ITEMS:
             raise _error(path, f"has more than {MAX_ITEMS} rows")
-        seq, item = _read_row(path, line.split(), line_number)
-        if seq != len(rows):
-            remarks.append(warning("numbering", f"row {len(rows)} is numbered {seq}", len(rows)))
-        rows.append(item)
+        rows.append(_read_row(path, line.split(), line_number))
     if rows and _is_home(rows[0]):
         latitude, longitude, altitude = rows[0].params[4:]
         if not (on_earth(latitude, longitude) and math.isfinite(altitude)):
             raise _error(path, "row 0, home, is not at a latitude, longitude and altitude")
         home = None if latitude == longitude == 0.0 else Home(latitude, longitude, altitude or None)
-        return ReadMission("waypoints", items=tuple(rows[1:]), home=home, remarks=tuple(remarks))
-    return ReadMission("waypoints", items=tuple(rows), remarks=tuple(remarks), first_number=0)
+        return ReadMission("waypoints", items=tuple(rows[1:]), home=home)
+    return ReadMission("waypoints", items=tuple(rows), first_number=0)
 
 
 def _is_home(item: MissionItem) -> bool:
@@ -95,7 +89,7 @@ def _is_home(item: MissionItem) -> bool:
     return item.command in (0, Command.NAV_WAYPOINT) and item.frame == Frame.GLOBAL and item.params[0] == 0.0
 
 
-def _read_row(path: Path, columns: list[str], line: int) -> tuple[int, MissionItem]:
+def _read_row(path: Path, columns: list[str], line: int) -> MissionItem:
     if len(columns) != 12:
         raise _error(path, f"line {line} has {count(len(columns), 'column')}, not 12")
     integers = []
@@ -117,7 +111,7 @@ def _read_row(path: Path, columns: list[str], line: int) -> tuple[int, MissionIt
             raise _error(path, f"line {line}: column {column} is not a number: {text[:20]!r}")
         values.append(value)
     params = (values[0], values[1], values[2], values[3], values[4], values[5], values[6])
-    return integers[0], MissionItem(integers[3], integers[2], params, bool(integers[4]))
+    return MissionItem(integers[3], integers[2], params, bool(integers[4]))
 
 
 def _error(path: Path, message: str) -> MetadataError:

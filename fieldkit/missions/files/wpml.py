@@ -11,20 +11,22 @@ out, as in its samples: the height that is set in the controller counts.
 
 from __future__ import annotations
 
+import io
 import re
+import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fieldkit.documents.xml_tree import escaped
 from fieldkit.errors import MissionError
 from fieldkit.geometry.pose import wrapped_deg
-from fieldkit.missions.autopilots.writing import LEAST_EXPOSURE_S
-from fieldkit.missions.files.archive import zip_bytes
-from fieldkit.missions.files.route import RoutePoint, route_points
+from fieldkit.missions.autopilots.writing import LEAST_EXPOSURE_S, RoutePoint, route_points
 from fieldkit.results.plan import station_number
 from fieldkit.routing.mission import Mission
 from fieldkit.vehicles.vehicle import Vehicle
 
 TEMPLATE, WAYLINES = "wpmz/template.kml", "wpmz/waylines.wpml"
+_STAMP = (1980, 1, 1, 0, 0, 0)  # the earliest that zip can say: the same mission gives the same bytes at any time
 _LEAST_TAKEOFF_M = 1.2
 """Least takeOffSecurityHeight that DJI's apps take, metres (WPML documentation)."""
 
@@ -92,6 +94,19 @@ def wpml_bytes(mission: Mission, vehicle: Vehicle) -> bytes:
     template = _document(config + _template_folder(mission, points, actions))
     waylines = _document(config + _wayline_folder(mission, points, actions))
     return zip_bytes([(TEMPLATE, template), (WAYLINES, waylines)])
+
+
+def zip_bytes(members: Sequence[tuple[str, bytes]]) -> bytes:
+    """An archive of named members, in this order, deflated."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, content in members:
+            info = zipfile.ZipInfo(name, _STAMP)
+            info.compress_type = zipfile.ZIP_DEFLATED
+            info.create_system = 3
+            info.external_attr = 0o644 << 16
+            archive.writestr(info, content, compresslevel=9)
+    return buffer.getvalue()
 
 
 def _document(body: str) -> bytes:

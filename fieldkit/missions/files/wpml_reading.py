@@ -10,7 +10,11 @@ payload is told, and counts for nothing.
 
 from __future__ import annotations
 
+import io
 import math
+import struct
+import zipfile
+import zlib
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -32,7 +36,6 @@ from fieldkit.missions.autopilots.effects import (
     cannot_say,
     effects_of,
 )
-from fieldkit.missions.files.archive import read_members
 from fieldkit.missions.files.limits import MAX_ITEMS, number, read_bytes
 from fieldkit.missions.files.read_mission import LAND, RETURN, Ends, Facing, ReadMission, ReadStop, in_passing
 from fieldkit.missions.files.wpml import TEMPLATE, WAYLINES
@@ -42,6 +45,8 @@ from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import GeoPoint, Home
 
 _REMEDY = "Save it again with DJI Pilot 2, or export it with `fieldkit export-mission --format wpml`."
+_MAX_MEMBER_BYTES = 32 << 20
+"""Most bytes of a member unpacked."""
 _SAME_DEG = 0.05
 """Difference within which two pitches are one, degrees."""
 _COLOUR = frozenset({"wide", "visable", "visible"})
@@ -52,11 +57,11 @@ _INTERVALS = {"multipleTiming": "s", "multipleDistance": "m"}
 def read_wpml(path: Path) -> ReadMission:
     """Read a WPML .kmz."""
     data = read_bytes(path)
-    members = read_members(data, [WAYLINES], path)
-    if WAYLINES not in members:
+    waylines = _member(data, WAYLINES, path)
+    if waylines is None:
         raise MetadataError(f"holds no {WAYLINES}: it is no DJI mission", path=path, remedy=_REMEDY)
     try:
-        root = parse_local(members[WAYLINES])
+        root = parse_local(waylines)
     except XmlError as error:
         raise MetadataError(f"{WAYLINES}: {error}", path=path, remedy=_REMEDY) from error
     folders = list(root.iter("Folder"))
@@ -84,10 +89,44 @@ def read_wpml(path: Path) -> ReadMission:
     )
 
 
+def _member(data: bytes, name: str, path: Path) -> bytes | None:
+    """A member of a zip archive, None where there is none; it is never unpacked to disk, and others never opened.
+
+    Sizes are limited as they are declared and as they turn out.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = [info for info in archive.infolist() if info.filename == name]
+            if not members:
+                return None
+            content = b""
+            if members[0].file_size <= _MAX_MEMBER_BYTES:
+                with archive.open(members[0]) as member:
+                    content = member.read(_MAX_MEMBER_BYTES + 1)
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        struct.error,
+        ArithmeticError,
+        EOFError,
+        LookupError,
+        MemoryError,
+        OSError,
+        RuntimeError,
+        ValueError,
+    ) as error:
+        raise MetadataError("is not a zip archive that can be read", path=path, remedy=_REMEDY) from error
+    if len(members) > 1:
+        raise MetadataError(f"holds {name} more than once", path=path, remedy=_REMEDY)
+    if max(members[0].file_size, len(content)) > _MAX_MEMBER_BYTES:
+        raise MetadataError(f"{name} in it would unpack to far more than a mission", path=path, remedy=_REMEDY)
+    return content
+
+
 def _template(data: bytes, path: Path) -> Element:
     try:
-        return parse_local(read_members(data, [TEMPLATE], path)[TEMPLATE])
-    except (XmlError, MetadataError, KeyError):  # the waylines count
+        return parse_local(_member(data, TEMPLATE, path) or b"")
+    except (XmlError, MetadataError):  # the waylines count
         return Element("kml")
 
 

@@ -28,11 +28,11 @@ from fieldkit.figures.style import (
     format_with_error,
     millimetres,
 )
-from fieldkit.missions.export_record import site_frame
 from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results
 from fieldkit.report.sections.shown import Shown
 from fieldkit.results.mission import Shot
 from fieldkit.results.plan import Plan, Station, station_number
+from fieldkit.sites.placement import SiteFrame
 from fieldkit.wording import count
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def mission_section(result: Loaded[FlownMission], anchor: str, shown: Shown) -> 
     if stations:
         heights = [station.height_m for station in stations]
         figures.append(KeyFigure("heights of photographs", format_range(heights), "above home"))
-    positions = site_frame(mission.record).points(stations).tolist()
+    positions = SiteFrame(mission.record.home).points(stations).tolist()
     table = tabulated(
         "Photographs in the order they are flown",
         [

@@ -15,7 +15,6 @@ from fieldkit.figures.content import FrustumLayer, LineLayer, PlaceName, PointLa
 from fieldkit.figures.style import format_length
 from fieldkit.files import file_beside
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.missions.export_record import plot_frame, site_frame, way
 from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results
 from fieldkit.results.evaluation import (
     CLOUD_FILE,
@@ -30,6 +29,7 @@ from fieldkit.results.frame import CameraReport
 from fieldkit.results.plan import Plan, station_number
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import check_file, file_sha256
+from fieldkit.sites.placement import PlotFrame, SiteFrame
 
 MOST_VIEWS_OF_PLOTS = 4
 """An evaluation of more plots shows those with the greatest distances: browsers draw about a dozen views at once."""
@@ -151,13 +151,13 @@ def _reference_cloud(sha256: str | None, results: Results) -> tuple[Cloud | None
 def _mission_plants(result: Loaded[FlownMission], results: Results) -> list[PointLayer]:
     """The plants of the plots that are flown: by the report's plans, else by the fitted ones beside the mission."""
     record, flown = result.report.record, result.report.flight.plots
-    home, known = site_frame(record), {run.sha256: run.report.plan for run in results.of(PlanRun)}
+    home, known = SiteFrame(record.home), {run.sha256: run.report.plan for run in results.of(PlanRun)}
     clouds = []
     for plot in record.plots:
         plan = known.get(plot.plan.sha256) or _fitted_plan(result.folder / (plot.plan.name or ""), plot.plan.sha256)
         if plan is not None and plan.plants is not None and plot.name in flown:
             points = np.array(plan.plants.points_m).reshape(-1, 3)
-            clouds.append(home.to_local(*plot_frame(plot).to_geodetic(points)))
+            clouds.append(home.to_local(*PlotFrame.recorded(plot).to_geodetic(points)))
     return _kept_clear(np.concatenate(clouds)) if clouds else []
 
 
@@ -171,7 +171,7 @@ def _fitted_plan(file: Path, sha256: str) -> Plan | None:
 def mission_view(result: Loaded[FlownMission], results: Results) -> NotedView:
     """A mission's way, photographs and limits over the plants it is planned for, in metres about home."""
     record, flight = result.report.record, result.report.flight
-    frame = site_frame(record)
+    frame = SiteFrame(record.home)
     positions = frame.points(flight.stations)
     poses = [
         Pose.from_yaw_pitch(position, s.yaw_deg, s.pitch_deg)
@@ -179,7 +179,7 @@ def mission_view(result: Loaded[FlownMission], results: Results) -> NotedView:
     ]
     numbers = [f"{station_number(s.station)}" for s in flight.stations]
     labels = [f"{s.plot}, station {number}" for s, number in zip(flight.stations, numbers, strict=True)]
-    lines = [LineLayer("Way", (frame.points(way(record, flight)).astype(np.float32),), _WAY)]
+    lines = [LineLayer("Way", (frame.points(record.way(flight)).astype(np.float32),), _WAY)]
     for name, rings, color in (("Fence", record.inside, _FENCE), ("No-fly zones", record.outside, _ZONE)):
         if rings:
             closed = [
@@ -191,7 +191,7 @@ def mission_view(result: Loaded[FlownMission], results: Results) -> NotedView:
     places = [PlaceName("home", (0.0, 0.0, 0.0))]
     for plot in record.plots:
         if plot.name in flight.plots:
-            x, y, z = frame.to_local(*plot_frame(plot).to_geodetic(np.zeros((1, 3))))[0].tolist()
+            x, y, z = frame.to_local(*PlotFrame.recorded(plot).to_geodetic(np.zeros((1, 3))))[0].tolist()
             places.append(PlaceName(plot.name, (x, y, z)))
     return ViewerScene(
         f"{flight.name}: the way and its photographs",

@@ -16,7 +16,7 @@ import numpy as np
 
 from fieldkit.flightlogs.mavlink import Message, mavlink
 from fieldkit.link.items import MAX_ITEMS, WireItem, stored
-from fieldkit.missions.autopilots.accepting import Result
+from fieldkit.missions.autopilots.acceptance import Result
 
 ASK_AGAIN_S = 1.0
 """Time after which an item is asked for again, seconds."""

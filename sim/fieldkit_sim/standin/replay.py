@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from fieldkit.errors import LinkError, UsageError
 from fieldkit.flightlogs.mavlink import MAGIC_2, Message, checksum, checksum_right, decode, frame_length, mavlink
 from fieldkit.link.items import ARDUPILOT, WireItem, mission_items, stored
-from fieldkit.missions.autopilots.accepting import Result, in_centimetres
+from fieldkit.missions.autopilots.acceptance import Result, in_centimetres
 from fieldkit.missions.items import MissionItem, command_name
 from fieldkit_sim.standin.autopilot import Autopilot, on_message, on_time
 from fieldkit_sim.standin.faults import Channel, Faults

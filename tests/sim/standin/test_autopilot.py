@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from fieldkit.flightlogs.mavlink import mavlink
-from fieldkit.missions.autopilots.accepting import in_centimetres
+from fieldkit.missions.autopilots.acceptance import in_centimetres
 from fieldkit_sim.standin.autopilot import Autopilot, on_message, on_time
 from fieldkit_sim.standin.recording import read_messages
 
