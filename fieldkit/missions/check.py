@@ -191,7 +191,7 @@ def _drone_findings(drone: tuple[int, int], payload: int | None, vehicle: Vehicl
         yield warning("wrong-vehicle", message)
     elif payload is not None and payload != own.payload:
         message = f"the file is for DJI's payload {payload}, {vehicle.title} has {own.payload or 'none'}"
-        yield (error if own.carries else warning)("wrong-vehicle", message)
+        yield warning("wrong-vehicle", message)
 
 
 def _stop_findings(read: ReadMission, vehicle: Vehicle) -> Iterator[Finding]:

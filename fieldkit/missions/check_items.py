@@ -36,7 +36,7 @@ def item_findings(read: ReadMission, vehicle: Vehicle, dialect: str) -> Iterator
         yield error("first-item-lost", message, 0)
     for number, item in enumerate(read.items, read.first_number):
         if not (lost and number == 0):
-            yield from _one(number, item, dialect)
+            yield from _one(number, item, dialect, vehicle)
     followed = course(read, dialect)
     if followed.trouble is not None:
         code, number, message = followed.trouble
@@ -49,7 +49,7 @@ def item_findings(read: ReadMission, vehicle: Vehicle, dialect: str) -> Iterator
         yield from _begin_and_end({item.command for _, item in followed.numbered}, dialect)
 
 
-def _one(number: int, item: MissionItem, dialect: str) -> Iterator[Finding]:
+def _one(number: int, item: MissionItem, dialect: str, vehicle: Vehicle) -> Iterator[Finding]:
     refused = refusal(item, dialect)
     if refused is not None:
         yield error("item-rejected", f"{item.name} is refused at the upload ({refused})", number)
@@ -76,6 +76,8 @@ def _one(number: int, item: MissionItem, dialect: str) -> Iterator[Finding]:
         yield warning("mount-mode", message, number)
     if not item.autocontinue and dialect == "px4":
         yield error("stops-there", f"{item.name} does not continue by itself: the mission waits there", number)
+    if item.command in (Command.DO_MOUNT_CONTROL, Command.DO_GIMBAL_MANAGER_PITCHYAW) and vehicle.mount.kind == "fixed":
+        yield warning("item-ignored", f"{item.name}: the vehicle's mount is fixed", number)
 
 
 def _datums(read: ReadMission) -> Iterator[Finding]:

@@ -264,7 +264,7 @@ def _wash(stations: FloatArray, plants: FloatArray, plot: SitePlot, vehicle: Veh
         )
 
 
-def plants_outgrown(plan: Plan, plant_height_m: float, *, plot: str = "plot") -> Finding | None:
+def plants_outgrown(plan: Plan, plant_height_m: float) -> Finding | None:
     """What to say of plants that were measured on photographs of a plan's flight.
 
     ``plant_height_m`` is that of the highest plants above the ground, as measured. A warning where they are higher than
@@ -275,7 +275,7 @@ def plants_outgrown(plan: Plan, plant_height_m: float, *, plot: str = "plot") ->
     if top is None or not math.isfinite(plant_height_m) or plant_height_m <= top + HIGHER_M:
         return None
     return _finding(
-        plot,
+        "plot",
         "plants-outgrown",
         f"plants are {plant_height_m:.2f} m high, {plant_height_m - top:.2f} m higher than those that the plan keeps "
         f"clear of ({top:.2f} m)",

@@ -293,13 +293,6 @@ class Site(Strict):
             for a, b, part in zip(first.tolist(), second.tolist(), share, strict=True)
             if a != b and part > _DRAWN_TWICE
         ]
-        for k, outer in enumerate(self.plots):
-            inside = [self.plots[b].name for a, b, _ in pairs if a == k and areas[b] < areas[a]]
-            if len(inside) > 1:
-                raise ValueError(
-                    f"plots: {outer.name} lies over {len(inside)} others ({listed(inside, 3)}), as the "
-                    "outline of a field does: take it out of the plots"
-                )
         if pairs:
             a, b, part = pairs[0]
             raise ValueError(

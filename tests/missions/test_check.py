@@ -17,7 +17,6 @@ from fieldkit.missions.files.waypoints import waypoints_bytes
 from fieldkit.missions.findings import Finding, Report, error, group_text, ranked
 from fieldkit.missions.items import Command, MissionItem
 from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Shot
-from fieldkit.sites.site import Obstacle, Site, SiteHome, SitePlot
 from fieldkit.vehicles.vehicle import Battery, Vehicle
 from tests.missions.vehicles import HOME, recorded_items, recorded_mission, small_mission, vehicle
 
@@ -226,12 +225,6 @@ def test_what_turns_the_first_gimbal_of_a_px4(item: MissionItem, pitch: float | 
     assert report.ok == (pitch is not None)
 
 
-def test_a_px4_waits_where_an_item_does_not_continue() -> None:
-    first, *items = render(small_mission(), vehicle("px4"))
-    report = checked((replace(first, autocontinue=False), *items), by=vehicle("px4"))
-    assert counted(report) == {"stops-there": 1}
-
-
 def stops_of(folder: Path, form: str, count: int) -> ReadMission:
     """A DJI file with its photographs again and again."""
     path = folder / {"litchi": "many.csv", "wpml": "many.kmz"}[form]
@@ -263,7 +256,6 @@ def test_a_stay_that_litchi_does_not_hold(tmp_path: Path) -> None:
         ("DJI Mavic 3 Thermal", {}, "warning"),
         ("a drone without a number", {}, ""),
         ("Mavic 3 E", {"payload": 68}, "warning"),
-        ("DJI Matrice 350 with H20T", {"drone": (89, 0), "payload": 50}, "error"),
     ],
 )
 def test_the_files_own_model_against_the_profile(tmp_path, title, change, expected) -> None:
@@ -333,11 +325,6 @@ def test_the_site_and_another_home() -> None:
     assert counted(near, "warning")["other-home"] == 1
 
 
-def test_a_vehicles_battery_counts() -> None:
-    tired = vehicle(battery=Battery(endurance_s=60.0, reserve=0.5))
-    assert counted(checked(ITEMS, by=tired)) == {"endurance": 1}
-
-
 def test_findings_that_say_the_same_are_one_and_causes_come_first(tmp_path: Path) -> None:
     naive = check_mission(read_mission(file_of(tmp_path, "naive", "plan")), vehicle(), planned=recorded_mission().shots)
     groups = ranked(naive.findings)
@@ -386,22 +373,3 @@ def test_what_only_a_profile_says_needs_one() -> None:
     assert errors(findings_by_dialect(read)["ardupilot"]) == set()
     tired = vehicle(battery=Battery(endurance_s=30.0, reserve=0.5))
     assert {"too-low", "endurance"} <= errors(findings_by_dialect(read, tired)["ardupilot"])
-
-
-def test_the_sites_home_and_obstacles_count() -> None:
-    home = SiteHome(latitude_deg=HOME.latitude_deg, longitude_deg=HOME.longitude_deg, amsl_m=92.0)
-    read = ReadMission("plan", render(small_mission(), vehicle())[1:], home=HOME, firmware="ardupilot")
-    plot = SitePlot(latitude_deg=50.865, longitude_deg=6.4473, height_m=92.0, datum="amsl")
-    plain = Site(home=home, plots=(plot,))
-    assert {f.code for f in findings_by_dialect(read, None, plain)["ardupilot"]} == {"plants-unchecked"}
-    planted = plot.model_copy(update={"length_m": 4.0, "width_m": 4.0, "plant_height_m": 2.0})
-    full = findings_by_dialect(read, None, plain.model_copy(update={"plots": (planted,)}))
-    assert errors(full["ardupilot"]) == {"leg-plants"}
-    shot = small_mission().shots[0].place
-    mast = Obstacle(
-        name="mast", latitude_deg=shot.latitude_deg, longitude_deg=shot.longitude_deg, radius_m=1.0, top_m=9.0
-    )
-    met = findings_by_dialect(read, None, plain.model_copy(update={"obstacles": (mast,)}))
-    assert errors(met["ardupilot"]) == {"leg-obstacle", "plants-unchecked"}
-    elsewhere = plain.model_copy(update={"home": home.model_copy(update={"latitude_deg": 51.5})})
-    assert {"other-home", "far-from-home"} <= errors(findings_by_dialect(read, None, elsewhere)["ardupilot"])

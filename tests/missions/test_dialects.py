@@ -99,24 +99,6 @@ def test_px4_has_yaw_in_the_waypoint_and_a_delay_on_both_sides_of_the_shutter() 
     assert items[3].params[4] == 12.0  # roll and pitch locked to the horizon
 
 
-def test_what_is_not_sane_is_refused() -> None:
-    mission = small_mission()
-    far = Shot.at(GeoPoint(50.865, 6.4473, math.nan), 90.0, -40.0, "p", 0)
-    for stops in (
-        (far,),
-        (replace(far, latitude_deg=0.0, longitude_deg=0.0, height_m=2.0),),
-        (replace(far, yaw_deg=math.nan),),
-    ):
-        with pytest.raises(MissionError):
-            render(replace(mission, stops=stops), vehicle())
-    with pytest.raises(MissionError, match="take-off height"):
-        render(replace(mission, takeoff_m=0.5), vehicle())
-    with pytest.raises(MissionError, match=r"has \d+ items; Copter stores 12"):
-        render(mission, vehicle(max_items=12))
-    with pytest.raises(MissionError, match="takes no mission items"):
-        render(mission, vehicle("dji"))
-
-
 def test_650_items_are_taken_and_651_refused() -> None:
     shot = Shot.at(GeoPoint(50.865, 6.4473, 2.0), 90.0, -40.0, "p", 0)
     mission = replace(small_mission(), stops=129 * (shot,))  # 3 + 129 × 5 + 2

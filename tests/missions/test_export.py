@@ -9,7 +9,7 @@ import pytest
 from fieldkit.errors import UsageError
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.export import route_plan
-from fieldkit.missions.export_mission import export_mission, mission_file
+from fieldkit.missions.export_mission import export_mission
 from fieldkit.missions.files.formats import read_mission
 from fieldkit.missions.settings import MissionSettings
 from fieldkit.results.mission import load_mission
@@ -238,20 +238,3 @@ def test_files_are_kept_and_wrong_names_are_refused(tmp_path: Path) -> None:
         export_mission(planned(), VEHICLE, site(), file, MissionSettings(format="waypoints"))
     with pytest.raises(UsageError, match="no such format"):
         export_mission(planned(), VEHICLE, site(), file, MissionSettings(format="gpx"))
-
-
-@pytest.mark.parametrize(
-    ("name", "asked", "form"),
-    [
-        ("m.kmz", None, "wpml"),
-        ("m.csv", None, "litchi"),
-        ("m.waypoints", None, "waypoints"),
-        ("m.plan", None, "plan"),
-        ("m", None, "plan"),
-        ("m", "wpml", "wpml"),
-    ],
-)
-def test_a_files_suffix_says_its_format(name: str, asked: str | None, form: str) -> None:
-    assert mission_file(Path(name), asked)[1] == form
-    with pytest.raises(UsageError, match="plan missions are"):
-        mission_file(Path("m.geojson"), None)

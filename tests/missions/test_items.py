@@ -5,7 +5,7 @@ import math
 import pytest
 
 from fieldkit.errors import MissionError
-from fieldkit.missions.autopilots.acceptance import check_items, dropped, item_problem, refusal
+from fieldkit.missions.autopilots.acceptance import check_items, dropped, item_problem
 from fieldkit.missions.items import Command, Frame, MissionItem, Params
 from tests.missions.vehicles import item_of, recording
 
@@ -85,14 +85,6 @@ def test_what_ardupilot_would_take_otherwise_is_refused(item: MissionItem, probl
 )
 def test_what_px4_does_not_take_is_refused(item: MissionItem, problem: str) -> None:
     assert problem in str(item_problem(item, "px4"))
-
-
-def test_px4_takes_what_ardupilot_does_not() -> None:
-    assert item_problem(waypoint(1.5, 0.2, 0, 90), "px4") is None
-    assert item_problem(waypoint(1, 0.2, 0, math.nan), "px4") is None
-    assert item_problem(action(Command.DO_GIMBAL_MANAGER_CONFIGURE, -2, -2, -1, -1), "px4") is None
-    assert refusal(action(Command.DO_SET_ROI_NONE), "px4") is None
-    assert refusal(action(Command.DO_LAND_START), "px4") is None  # without a place
 
 
 def test_the_error_names_item_and_station() -> None:

@@ -157,14 +157,6 @@ def test_a_point_of_interest_is_faced() -> None:
         assert not report.ok
 
 
-def test_photographs_at_intervals_are_an_error_and_not_counted() -> None:
-    for name, unit in (("photo_distinterval", "m"), ("photo_timeinterval", "s")):
-        report = checked(TILTED | {name: 5}, acts(*SHOT, **TILTED), TILTED | {name: 5})
-        assert len(report.photographs) == 1
-        (found,) = (f for f in report.findings if f.code == "photo-interval")
-        assert (found.item, f"every 5 {unit} up to waypoint 1" in found.message) == (0, True)
-
-
 def test_actions_that_nobody_can_say_the_photographs_of_are_refused() -> None:
     assert codes(checked(acts((3, 0.0), (5, -45.0), *SHOT))) == set()
     for kind in (2, 9, 4.5):

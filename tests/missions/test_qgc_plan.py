@@ -133,17 +133,11 @@ def test_home_without_an_altitude_and_none_at_all(tmp_path: Path, position: Any,
     assert home is None or check_mission(read, vehicle()).findings == ()
 
 
-@pytest.mark.parametrize("version", [1, 3, 7, "2", True])
-def test_another_version_is_refused(tmp_path: Path, version: Any) -> None:
+def test_another_version_is_refused(tmp_path: Path) -> None:
     document = written(small_mission())
-    for part, name in ((document, "it is"), (document["mission"], '"mission" is')):
-        if version == 1 and part is document:
-            continue
-        with pytest.raises(MetadataError, match=f"{name} of version {version}"):
-            read_of(
-                tmp_path,
-                document | ({"version": version} if part is document else {"mission": part | {"version": version}}),
-            )
+    for other, where in (({"version": 3}, "version: "), ({"mission": document["mission"] | {"version": 1}}, "mission")):
+        with pytest.raises(MetadataError, match=where):
+            read_of(tmp_path, document | other)
 
 
 def test_fences_of_all_versions(tmp_path: Path) -> None:
@@ -174,14 +168,14 @@ def test_jumps_lead_to_ids_not_to_places(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (["fileType"], "Mission", "is not a QGroundControl plan"),
-        (["mission"], [], 'has no "mission"'),
-        (["mission", "items", 0], 3, "is not an object"),
-        (["mission", "items", 0, "command"], True, '"command"'),
+        (["fileType"], "Mission", "fileType"),
+        (["mission"], [], "mission: "),
+        (["mission", "items", 0], 3, "mission.items.0: "),
+        (["mission", "items", 0, "command"], True, "items.0.command"),
         (["mission", "items", 0, "params"], [1, 2], "seven"),
         (["mission", "items", 0, "autoContinue"], "yes", "autoContinue"),
         (["mission", "plannedHomePosition"], [95, 6, 1], "plannedHomePosition"),
-        (["geoFence", "polygons"], [{"polygon": [[1, 2]]}], "fewer than three"),
+        (["geoFence", "polygons"], [{"polygon": [[1, 2]]}], "at least 3 items"),
         (["geoFence", "circles"], [{"circle": {"center": [1, 2], "radius": -1}}], "radius"),
     ],
 )

@@ -50,9 +50,6 @@ def test_only_models_that_wpml_has_a_number_for() -> None:
     with pytest.raises(MissionError, match="no DJI model") as caught:
         mission_bytes("wpml", small_mission(), vehicle("dji", title="Somebody's quad"))
     assert "litchi" in caught.value.remedy
-    with pytest.raises(MissionError, match="does not name the camera") as caught:
-        mission_bytes("wpml", small_mission(), vehicle("dji", title="DJI Matrice 350 RTK"))
-    assert "H20T" in caught.value.remedy
     with pytest.raises(MissionError, match="does not fly DJI WPML"):
         mission_bytes("wpml", small_mission(), vehicle())
 

@@ -221,11 +221,6 @@ def test_a_waypoints_own_pitch_of_0_is_a_placeholder_unless_the_file_says_so(own
     assert (poses(report), codes(report)) == ([(90.0, pitch)], found)
 
 
-def test_a_waypoints_own_yaw_is_refused() -> None:
-    yaw = checked(at(1, SHOT) + own_pitch(0).replace("YawAngle>0", "YawAngle>30"), pitch=-60)
-    assert refused(yaw) == ["waypoint 1 has a waypointGimbalYawAngle of 30°"]
-
-
 def test_the_gimbal_turns_evenly_to_the_next_waypoint() -> None:
     def even(start: int, end: int, pitch: object = -30) -> str:
         return group(

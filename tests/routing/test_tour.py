@@ -85,22 +85,6 @@ def test_many_places_with_fixed_ends_and_one_way_distances() -> None:
     assert length(matrix, tuple(part), closed=False) <= 1.1 * exact
 
 
-def test_wrong_calls() -> None:
-    with pytest.raises(ValueError, match="n × n"):
-        shortest_tour(np.zeros((2, 3)))
-    with pytest.raises(ValueError, match="negative"):
-        shortest_tour([[0, -1], [1, 0]])
-    with pytest.raises(ValueError, match="place"):
-        shortest_tour(np.zeros((2, 2)), start=2)
-    with pytest.raises(ValueError, match="closed"):
-        shortest_tour(np.zeros((3, 3)), end=1)
-    with pytest.raises(ValueError, match="open"):
-        shortest_tour(np.zeros((3, 3)), start=1, end=1, closed=False)
-    with pytest.raises(ValueError, match="more than"):
-        shortest_paths(np.zeros((14, 14)))
-    assert shortest_tour(np.zeros((0, 0))) == ()
-
-
 def test_routes_share_out_all_places_under_the_limit() -> None:
     places = np.random.default_rng(2).uniform(0, 100, (25, 2))
     matrix = np.linalg.norm(places[:, None] - places[None], axis=2)

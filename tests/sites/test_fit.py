@@ -11,16 +11,14 @@ from hypothesis import strategies as st
 
 from fieldkit.arrays import FloatArray
 from fieldkit.campaign.create import CampaignSources, init_campaign
-from fieldkit.errors import MissionError
 from fieldkit.geometry import Intrinsics
 from fieldkit.missions.export import route_plan
 from fieldkit.results.finding import Finding, Refused
 from fieldkit.results.plan import Plan, PlanPlants, Plans
 from fieldkit.results.plan_file import save_plan
-from fieldkit.sites.fit import CODES, fit_plot, fit_report, plants_outgrown
-from fieldkit.sites.fitted import flown_plan
+from fieldkit.sites.fit import CODES, fit_plot, fit_report
 from fieldkit.sites.placement import PlotFrame, SiteFrame
-from fieldkit.sites.plot_plants import PlanFacts, plants_on, row_spacing_m, with_plant_height
+from fieldkit.sites.plot_plants import PlanFacts, row_spacing_m, with_plant_height
 from fieldkit.sites.site import Site, SiteHome, SitePlot
 from fieldkit.sites.site_obstacles import site_obstacles
 from fieldkit.vehicles.vehicle_file import load_vehicle
@@ -132,11 +130,6 @@ def test_what_is_found(plan: Plan, plot: dict[str, Any], expected: dict[str, lis
         assert [word for word in words if word not in text] == []
 
 
-def test_of_lower_plants_the_plans_are_kept_clear_of() -> None:
-    volumes = [site_obstacles(site_with(plot), 0.5, PLAN).volumes for plot in ({}, {"plant_height_m": 0.5})]
-    assert volumes[0] == volumes[1]
-
-
 RANDOM = np.random.default_rng(3)
 NO_ROWS = {
     "evenly spread": RANDOM.uniform((-1, -1, 0), (1, 1, 0.9), (3000, 3)),
@@ -190,16 +183,6 @@ def test_what_is_flown_keeps_clear_of_plants_as_high_as_said(height: float) -> N
     assert routed.plants_m > VEHICLE.clearance_m - 0.07
 
 
-@pytest.mark.parametrize("height", [0.86, 0.90, 0.93, 1.0, 1.2])
-def test_what_fitting_takes_for_the_plans_plants_is_kept_clear_of_as_such(height: float) -> None:
-    plan = planned().model_copy(update={"plant_height_m": 0.9})
-    plot = site_with({"plant_height_m": height}).plots[0]
-    flown = flown_plan(plan, plot)
-    facts = PlanFacts(flown)
-    np.testing.assert_array_equal(plants_on(facts, plot).points, facts.points)
-    assert (flown == plan) == (abs(height - 0.9) < 0.045)
-
-
 def test_stations_nearer_than_a_receiver_holds_them_need_rtk() -> None:
     without, field = load_vehicle("dji-mavic-3-enterprise"), site_with({"plant_height_m": 0.9})
     plan = planned(40, height_m=1.5)  # 0.2 m from each other, and 1.1 m from the nearest plants
@@ -237,24 +220,6 @@ def test_all_of_an_outline_is_kept_clear_of_and_leaves_make_it_higher(length: fl
         )
         > 1.3 + 0.4
     )
-
-
-def test_measured_plants_that_have_outgrown_the_plan() -> None:
-    plan = planned()
-    told = plants_outgrown(plan, 1.31, plot="plot-7")
-    assert (told.subject, told.code, told.severity) == ("plot-7", "plants-outgrown", "warning")
-    assert "1.31 m high, 0.4" in told.message
-    assert "plant_height_m = 1.35" in told.remedy
-    assert plants_outgrown(plan, 0.92) is None
-    assert plants_outgrown(plan, float("nan")) is None
-    assert plants_outgrown(planned(plants=False), 3.0) is None
-
-
-def test_plants_where_none_can_be() -> None:
-    for place in ((0.0, 0.0, 1e300), (1e300, 0.0, 0.5), (0.0, 0.0, -500.0)):
-        plan = with_plants(planned(), np.array([place, (0.0, 0.0, 0.5)]))
-        with pytest.raises(MissionError, match="a plant of the plan lies farther than 10 km"):
-            route_plan(plan, VEHICLE, site_with({"plant_height_m": 1.0}))
 
 
 def test_all_that_speaks_against_a_plan_is_one_list() -> None:

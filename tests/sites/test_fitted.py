@@ -48,13 +48,6 @@ def positions(plan: Plan) -> np.ndarray:
     return np.array([station.position_m for station in plan.stations])
 
 
-def test_a_plot_as_the_plans_has_the_plan_itself() -> None:
-    plan = plan_in_envelope()
-    top = PlanFacts(plan).top_m
-    for same in (plot(), plot(plant_height_m=top), plot(plant_height_m=0.93), plot(length_m=0.9, width_m=0.6)):
-        assert fitted(plan, same) is plan
-
-
 def test_of_plants_larger_on_all_sides_the_pictures_are_the_same() -> None:
     """Everything twice as large and as far away: what is looked at is where it was in the picture."""
     plan = plan_in_envelope()
@@ -177,18 +170,3 @@ def test_what_is_near_or_below_a_plant_is_inside(seed: int, count: int, clearanc
 def test_what_keeps_the_distance_is_outside(seed: int, count: int, clearance: float) -> None:
     found, apart, below = drawn(seed, count, clearance)
     assert not found[(apart >= clearance).all(axis=1) & (below >= clearance).all(axis=1)].any()
-
-
-def test_no_plants_take_no_air() -> None:
-    assert no_fly_bands(PlanPlants(points_m=(), cell_m=0.05), 0.5) == ()
-
-
-def test_a_plant_that_leans_out_of_its_outline_does_not_shrink_the_plot() -> None:
-    """Its top hangs 0.9 m beyond where it stands; the outline is about the feet."""
-    rows = [(x, y, z) for x in (-1.0, 0.0, 1.0) for y in (-0.4, 0.4) for z in (0.1, 0.5, 0.9)]
-    lean = [(1.0 + z, 0.4, z) for z in (0.1, 0.5, 0.9)]
-    plan = planned().model_copy(update={"plants": PlanPlants(points_m=(*rows, *lean), cell_m=0.05)})
-    assert fitted(plan, plot(length_m=2.2, width_m=1.0, plant_height_m=0.9)) is plan
-    small = fitted(plan, plot(length_m=1.2, width_m=1.0, plant_height_m=0.9))
-    assert small.fit is not None
-    assert 0.5 < small.fit.length < 0.6

@@ -10,32 +10,30 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from fieldkit.documents.json_file import json_number, read_json_object
+from pydantic import BaseModel, ConfigDict, Field
+
+from fieldkit.documents.json_file import read_json_object, validated
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.files.limits import MAX_BYTES, MAX_ITEMS, MAX_POINTS
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.findings import error, warning
 from fieldkit.missions.items import Command, MissionItem, plain_frame
+from fieldkit.results.fields import Latitude, Longitude
 from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home
 
 _FIRMWARE = {"ardupilot": 3, "px4": 12}
-_DIALECT = {number: name for name, number in _FIRMWARE.items()}
+_DIALECT: dict[int | None, str] = {number: name for name, number in _FIRMWARE.items()}
 _ALTITUDE_MODE = {0: 2, 3: 1, 10: 4}
 """QGroundControl's AltitudeMode by plain frame: 1 relative to home, 2 above mean sea level, 4 terrain frame."""
 _QUADROTOR = 2
 """MAV_TYPE_QUADROTOR."""
-_PLAN_VERSION = 1
-"""Version of QGroundControl's plan files."""
-_MISSION_VERSION = 2
-"""Version of their mission."""
 _FENCE_VERSION = 2
-"""Version of their fence."""
+"""Version of the fence in QGroundControl's plan files."""
 _MOST_CIRCLES = 80
 """Of a fence; each is checked as a polygon of many corners."""
 _REMEDY = "Save it again with QGroundControl, or export it with `fieldkit export-mission`."
@@ -58,10 +56,10 @@ def plan_bytes(
     whole_mps = max(round(cruise_mps), 1)
     document = {
         "fileType": "Plan",
-        "version": _PLAN_VERSION,
+        "version": 1,
         "groundStation": "fieldkit",
         "mission": {
-            "version": _MISSION_VERSION,
+            "version": 2,
             "firmwareType": _FIRMWARE[dialect],
             "vehicleType": _QUADROTOR,
             "cruiseSpeed": whole_mps,
@@ -119,8 +117,66 @@ def _fence_parts(fence: Fence | None) -> dict[str, Any]:
     }
 
 
-class _Wrong(Exception):
-    """Says what is not as it must be."""
+class _Part(BaseModel):
+    """A part of a plan file, of which other keys are passed over; values are never coerced."""
+
+    model_config = ConfigDict(strict=True, allow_inf_nan=False)
+
+
+_Place = tuple[Latitude, Longitude]
+
+
+class _Item(_Part):
+    command: Annotated[int, Field(ge=0, le=65535)]
+    frame: Annotated[int, Field(ge=0, le=255)]
+    goes_on: Annotated[bool, Field(alias="autoContinue")] = True
+    params: Annotated[list[float | None], Field(min_length=7, max_length=7)]
+    jump_id: Annotated[Any, Field(alias="doJumpId")] = None
+
+
+class _Items(_Part):
+    items: Annotated[list[_Item], Field(max_length=MAX_ITEMS)]
+
+
+class _Polygon(_Part):
+    polygon: Annotated[list[_Place], Field(min_length=3, max_length=MAX_POINTS)]
+    inclusion: bool = True
+
+
+class _Round(_Part):
+    center: _Place
+    radius: Annotated[float, Field(gt=0.0, le=1e5)]
+
+
+class _Circle(_Part):
+    circle: _Round
+    inclusion: bool = True
+
+
+class _GeoFence(_Part):
+    version: int = 2
+    polygon: list[Any] = []
+    polygons: list[_Polygon] = []
+    circles: Annotated[list[_Circle], Field(max_length=_MOST_CIRCLES)] = []
+
+
+class _Rally(_Part):
+    points: list[tuple[Latitude, Longitude, float | None]] = []
+
+
+class _Mission(_Part):
+    version: Literal[2] = 2
+    items: list[dict[str, Any]]
+    firmware: Annotated[int | None, Field(alias="firmwareType")] = None
+    home: Annotated[list[float | None] | None, Field(alias="plannedHomePosition", min_length=2, max_length=3)] = None
+
+
+class _Plan(_Part):
+    kind: Annotated[Literal["Plan"], Field(alias="fileType")]
+    version: Literal[1] = 1
+    mission: _Mission
+    fence: Annotated[_GeoFence | None, Field(alias="geoFence")] = None
+    rally: Annotated[_Rally, Field(alias="rallyPoints")] = _Rally()
 
 
 def read_plan(path: Path) -> ReadMission:
@@ -129,49 +185,31 @@ def read_plan(path: Path) -> ReadMission:
     Complex items stand for the items that they carry; one that carries none is reported as an error.
     """
     document = read_json_object(path, _REMEDY, noun="mission", max_bytes=MAX_BYTES)
+    plan = validated(_Plan, document, path, _REMEDY)
+    entries, remarks = _unfolded(plan.mission.items)
+    items = validated(_Items, {"items": entries}, path, _REMEDY).items
+    ids = [number if item.jump_id is None else item.jump_id for number, item in enumerate(items, 1)]
     try:
-        return _read(document)
-    except _Wrong as wrong:
+        moved = tuple(_mission_item(item, number, ids) for number, item in enumerate(items, 1))
+        home = _home(plan.mission.home)
+        fence = None if plan.fence is None else _fence(plan.fence)
+    except ValueError as wrong:
         raise MetadataError(str(wrong), path=path, remedy=_REMEDY) from wrong
-
-
-def _read(document: dict[str, Any]) -> ReadMission:
-    if document.get("fileType") != "Plan":
-        raise _Wrong(f'is not a QGroundControl plan: its "fileType" is {document.get("fileType")!r}'[:200])
-    mission = document.get("mission")
-    if not isinstance(mission, dict) or not isinstance(mission.get("items"), list):
-        raise _Wrong('has no "mission" with "items"')
-    remarks: list[Finding] = []
-    _check_version(document, _PLAN_VERSION, "it")
-    _check_version(mission, _MISSION_VERSION, 'its "mission"')
-    entries = _unfolded(mission["items"], remarks)
-    if len(entries) > MAX_ITEMS:
-        raise _Wrong(f"has {len(entries)} items; at most {MAX_ITEMS} are read")
-    items = [_read_item(entry, number) for number, entry in enumerate(entries, 1)]
-    ids = [entry.get("doJumpId", number) for number, entry in enumerate(entries, 1)]
-    home = _read_home(mission.get("plannedHomePosition"), remarks)
-    firmware = mission.get("firmwareType")
-    dialect = _DIALECT.get(firmware) if isinstance(firmware, int) and not isinstance(firmware, bool) else None
-    fence = _read_fence(document.get("geoFence"), remarks)
-    moved = tuple(_with_place_of_jump(item, number, ids) for number, item in enumerate(items, 1))
-    rally = document.get("rallyPoints")
-    points = rally.get("points") if isinstance(rally, dict) else None
-    places = (_numbers(point) for point in points) if isinstance(points, list) else ()
-    goals = tuple(GeoPoint(place[0], place[1], 0.0) for place in places if place is not None)
+    if home is None:
+        remarks.append(error("no-home", "its plannedHomePosition does not say where home is"))
+    if fence is not None and (fence.inside_circles or fence.outside_circles):
+        remarks.append(warning("fence-circles", "its fence circles are checked as polygons of 64 corners"))
+    goals = tuple(GeoPoint(latitude, longitude, 0.0) for latitude, longitude, _ in plan.rally.points)
+    dialect = _DIALECT.get(plan.mission.firmware)
     return ReadMission("plan", moved, home=home, firmware=dialect, fence=fence, rally=goals, remarks=tuple(remarks))
 
 
-def _check_version(entry: dict[str, Any], wanted: int, what: str) -> None:
-    found = entry.get("version", wanted)
-    if isinstance(found, bool) or found != wanted:
-        raise _Wrong(f"{what} is of version {str(found)[:20]}; version {wanted} is read")
-
-
-def _unfolded(listed: list[Any], remarks: list[Finding]) -> list[Any]:
-    """All simple items, those that complex ones carry in their place."""
+def _unfolded(listed: list[dict[str, Any]]) -> tuple[list[Any], list[Finding]]:
+    """All simple items, those that complex ones carry in their place; and what is to be said of the others."""
     entries: list[Any] = []
+    remarks: list[Finding] = []
     for entry in listed:
-        if not isinstance(entry, dict) or entry.get("type", "SimpleItem") == "SimpleItem":
+        if _is_simple(entry):
             entries.append(entry)
             continue
         transects = entry.get("TransectStyleComplexItem")
@@ -182,107 +220,51 @@ def _unfolded(listed: list[Any], remarks: list[Finding]) -> list[Any]:
             message = f"a complex item ({kind}) does not carry its items: what it flies and photographs is unknown"
             remarks.append(error("unknown-item", message, len(entries) + 1))
         entries += carried
-    return entries
+    return entries, remarks
 
 
 def _is_simple(entry: object) -> bool:
     return isinstance(entry, dict) and entry.get("type", "SimpleItem") == "SimpleItem"
 
 
-def _with_place_of_jump(item: MissionItem, number: int, ids: list[Any]) -> MissionItem:
-    """A jump with the number of the item that it leads to, in place of its doJumpId; any other item as it is."""
-    target, *others = item.params
-    if item.command != Command.DO_JUMP or not math.isfinite(target):
-        return item
-    if target not in ids:
-        raise _Wrong(f"item {number}: DO_JUMP leads to doJumpId {target:g}, which no item has")
-    return replace(item, params=(float(ids.index(target) + 1), *others))  # type: ignore[arg-type]
+def _mission_item(item: _Item, number: int, ids: list[Any]) -> MissionItem:
+    """An item; a jump with the number of the item that it leads to, in place of its doJumpId."""
+    p1, p2, p3, p4, p5, p6, p7 = (math.nan if value is None else value for value in item.params)
+    if item.command == Command.DO_JUMP and math.isfinite(p1):
+        if p1 not in ids:
+            raise ValueError(f"item {number}: DO_JUMP leads to doJumpId {p1:g}, which no item has")
+        p1 = float(ids.index(p1) + 1)
+    return MissionItem(item.command, item.frame, (p1, p2, p3, p4, p5, p6, p7), item.goes_on)
 
 
-def _read_item(entry: object, number: int) -> MissionItem:
-    if not isinstance(entry, dict):
-        raise _Wrong(f"item {number} is not an object")
-    command, frame = entry.get("command"), entry.get("frame")
-    for name, value, high in (("command", command, 65535), ("frame", frame, 255)):
-        if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= high:
-            raise _Wrong(f'item {number}: its "{name}" is not a number of MAVLink\'s')
-    assert isinstance(command, int)
-    assert isinstance(frame, int)
-    autocontinue = entry.get("autoContinue", True)
-    if not isinstance(autocontinue, bool):
-        raise _Wrong(f'item {number}: its "autoContinue" is neither true nor false')
-    given = entry.get("params")
-    values = [math.nan if v is None else json_number(v) for v in given] if isinstance(given, list) else []
-    known = [value for value in values if value is not None]
-    if not len(known) == len(values) == 7:
-        raise _Wrong(f'item {number}: its "params" are not seven numbers or null')
-    p1, p2, p3, p4, p5, p6, p7 = known
-    return MissionItem(command, frame, (p1, p2, p3, p4, p5, p6, p7), autocontinue)
-
-
-def _read_home(value: object, remarks: list[Finding]) -> Home | None:
-    if value is None:
-        remarks.append(error("no-home", "it has no plannedHomePosition"))
+def _home(position: list[float | None] | None) -> Home | None:
+    """None where nobody says where it is. 0 is the altitude that programs write that do not know it."""
+    latitude, longitude, altitude = (*(position or ()), None, None, None)[:3]
+    if latitude in (None, 0.0) and longitude in (None, 0.0):
         return None
-    if isinstance(value, list) and len(value) in (2, 3) and all(each in (None, 0) for each in value[:2]):
-        remarks.append(error("no-home", "its plannedHomePosition does not say where home is"))
+    if latitude is None or longitude is None or not on_earth(latitude, longitude):
+        raise ValueError('its "plannedHomePosition" is not latitude, longitude and altitude')
+    return Home(latitude, longitude, altitude or None)
+
+
+def _fence(given: _GeoFence) -> Fence | None:
+    if given.polygons or given.circles or given.polygon:
+        if given.version != _FENCE_VERSION:
+            raise ValueError(f"its fence is of version {given.version}; version {_FENCE_VERSION} is read")
+        if sum(len(part.polygon) for part in given.polygons) > MAX_POINTS:
+            raise ValueError(f"its fences have more than {MAX_POINTS} corners")
+    rings = {True: list[tuple[tuple[float, float], ...]](), False: list[tuple[tuple[float, float], ...]]()}
+    rounds = {True: list[Circle](), False: list[Circle]()}
+    for part in given.polygons:
+        closed = part.polygon[0] == part.polygon[-1] and len(part.polygon) > 3
+        rings[part.inclusion].append(tuple(part.polygon[:-1] if closed else part.polygon))
+    for each in given.circles:
+        rounds[each.inclusion].append(Circle(*each.circle.center, each.circle.radius))
+    if not (given.polygons or given.circles):
         return None
-    if isinstance(value, list) and len(value) == 3 and value[2] is None:
-        value = value[:2]
-    numbers = _numbers(value)
-    if numbers is None:
-        raise _Wrong('its "plannedHomePosition" is not latitude, longitude and altitude')
-    # 0 is what programs write that do not know it, and null what QGroundControl does.
-    return Home(numbers[0], numbers[1], (numbers[2] or None) if len(numbers) == 3 else None)
-
-
-def _read_fence(value: object, remarks: list[Finding]) -> Fence | None:
-    if not isinstance(value, dict):
-        return None
-    polygons, circles = value.get("polygons", []), value.get("circles", [])
-    for key, listed in (("polygons", polygons), ("circles", circles)):
-        if not isinstance(listed, list):
-            raise _Wrong(f'its "{key}" is not a list')
-    if polygons or circles or value.get("polygon"):
-        _check_version(value, _FENCE_VERSION, "its fence")
-    if len(circles) > _MOST_CIRCLES:
-        raise _Wrong("has far too many fence circles")
-    rings: dict[bool, list[tuple[tuple[float, float], ...]]] = {True: [], False: []}
-    rounds: dict[bool, list[Circle]] = {True: [], False: []}
-    points = 0
-    for entry in polygons:
-        corners = entry.get("polygon") if isinstance(entry, dict) else None
-        if not isinstance(corners, list) or len(corners) < 3:
-            raise _Wrong("a fence polygon has fewer than three corners")
-        points += len(corners)
-        if points > MAX_POINTS:
-            raise _Wrong(f"its fences have more than {MAX_POINTS} corners")
-        polygon = [_place(corner) for corner in corners]
-        if polygon[0] == polygon[-1] and len(polygon) > 3:
-            polygon.pop()
-        rings[entry.get("inclusion", True) is not False].append(tuple(polygon))
-    for entry in circles:
-        circle = entry.get("circle") if isinstance(entry, dict) else None
-        radius = json_number(circle.get("radius")) if isinstance(circle, dict) else None
-        if not isinstance(circle, dict) or radius is None or not 0.0 < radius <= 1e5:
-            raise _Wrong("a fence circle has no radius between 0 and 100 km")
-        rounds[entry.get("inclusion", True) is not False].append(Circle(*_place(circle.get("center")), radius))
-    if circles:
-        remarks.append(warning("fence-circles", "its fence circles are checked as polygons of 64 corners"))
-    inside, outside = tuple(rings[True]), tuple(rings[False])
-    fence = Fence(inside, outside, inside_circles=tuple(rounds[True]), outside_circles=tuple(rounds[False]))
-    return None if fence == Fence() else fence
-
-
-def _place(value: object) -> tuple[float, float]:
-    numbers = _numbers(value)
-    if numbers is None:
-        raise _Wrong("a corner of a fence is not a latitude and a longitude")
-    return numbers[0], numbers[1]
-
-
-def _numbers(value: object) -> list[float] | None:
-    """Latitude and longitude on Earth, and perhaps one number more; None where it is something else."""
-    found = [json_number(v) for v in value] if isinstance(value, list) and len(value) in (2, 3) else []
-    numbers = [v for v in found if v is not None]
-    return numbers if numbers and len(numbers) == len(found) and on_earth(numbers[0], numbers[1]) else None
+    return Fence(
+        tuple(rings[True]),
+        tuple(rings[False]),
+        inside_circles=tuple(rounds[True]),
+        outside_circles=tuple(rounds[False]),
+    )

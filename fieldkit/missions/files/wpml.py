@@ -38,7 +38,6 @@ class DjiModel:
     drone: tuple[int, int]  # droneEnumValue and droneSubEnumValue
     payload: int | None  # payloadEnumValue; None where the aircraft's own app writes none
     lens: str = "wide"  # payloadLensIndex of its colour camera
-    carries: bool = False  # different cameras
 
 
 # What a profile's title may hold. Numbers: Cloud API, "Product support" (type, sub_type; type of the camera). The Minis
@@ -55,9 +54,6 @@ _MODELS: tuple[tuple[str, DjiModel], ...] = (
     (r"(matrice|m) ?30\b", DjiModel((67, 0), 52)),
     (r"mini (4|5) pro\b", DjiModel((68, 0), None)),
 )
-_CARRIERS = ((r"(matrice|m) ?350\b", (89, 0)), (r"(matrice|m) ?300\b", (60, 0)))
-_CAMERAS = ((r"\bh20t\b", 43), (r"\bh20n\b", 61), (r"\bh20\b", 42), (r"\bh30t\b", 83), (r"\bh30\b", 82))
-"""Aircraft that carry different cameras, and these: the title names both."""
 
 
 def dji_model(vehicle: Vehicle) -> DjiModel:
@@ -66,15 +62,6 @@ def dji_model(vehicle: Vehicle) -> DjiModel:
     for pattern, model in _MODELS:
         if re.search(pattern, title):
             return model
-    for pattern, drone in _CARRIERS:
-        if re.search(pattern, title):
-            payload = next((number for name, number in _CAMERAS if re.search(name, title)), None)
-            if payload is not None:
-                return DjiModel(drone, payload, carries=True)
-            raise MissionError(
-                f"{vehicle.title!r} does not name the camera, and WPML needs its number",
-                remedy="Name it in the profile's title, such as DJI Matrice 350 with H20T.",
-            )
     raise MissionError(
         f"{vehicle.title!r} is no DJI model that WPML has a number for",
         remedy="Name the model in the profile's title, such as DJI Mavic 3 Enterprise, or use --format litchi.",

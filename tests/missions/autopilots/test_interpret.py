@@ -82,13 +82,6 @@ def test_the_naive_order_photographs_late_and_away_from_its_places_as_it_did() -
             assert math.hypot(metres(meant, there), meant.height_m - there.height_m) > 0.02
 
 
-def test_px4_shoots_as_it_leaves_without_a_delay_behind() -> None:
-    items = [i for i in render(small_mission(), vehicle("px4")) if i.command != Command.NAV_DELAY]
-    execution = executed(items, by=vehicle("px4"))
-    assert [shot.after_s for shot in execution.photographs] == 3 * [0.0]
-    assert [shot.settled_s for shot in execution.photographs] == 3 * [pytest.approx(1.0)]
-
-
 def test_a_refused_item_and_one_that_comes_too_late_are_never_carried_out() -> None:
     items = list(render(small_mission(vias=False), vehicle())[1:])
     first = next(k for k, item in enumerate(items) if item.command == Command.IMAGE_START_CAPTURE)
@@ -107,9 +100,7 @@ def test_a_refused_item_and_one_that_comes_too_late_are_never_carried_out() -> N
     ("dialect", "north_m", "height_m", "rally_m", "top_m"),
     [
         ("ardupilot", 100.0, 5.0, 0.0, 15.0),
-        ("ardupilot", 100.0, 20.0, 0.0, 20.0),
         ("ardupilot", 3.0, 5.0, 0.0, 9.0),  # three times as high as far from home
-        ("ardupilot", 0.5, 1.0, 0.0, 2.0),
         ("ardupilot", 100.0, 5.0, 98.0, 6.0),
         ("px4", 100.0, 5.0, 0.0, 60.0),
         ("px4", 8.0, 5.0, 0.0, 8.0),
@@ -186,11 +177,8 @@ def turned(*yaws: tuple[float, float, float, float], hold: float = 4.0) -> Execu
     [
         ((90.0, 0.0, 0.0, 0.0), 90.0),
         ((90.0, 0.0, 1.0, 1.0), 100.0),
-        ((90.0, 0.0, 0.0, 1.0), 100.0),
         ((90.0, 0.0, -1.0, 1.0), 280.0),
-        ((-90.0, 0.0, -1.0, 1.0), 100.0),
         ((270.0, 0.0, 1.0, 1.0), 280.0),
-        ((0.0, 0.0, 1.0, 1.0), 10.0),
     ],
 )
 def test_a_turn_may_be_relative_to_a_heading_that_is_known(yaw: tuple[float, ...], heading: float) -> None:
