@@ -86,7 +86,7 @@ class Baseline:
         with self._timer.stage("Dense stereo"):
             maps = sgbm_depth_maps(views, volume)
         with self._timer.stage("Fusion"):
-            return fuse(views, maps, volume)
+            return fuse(views, maps, volume)[0]
 
     def _map(self, folder: Path) -> pycolmap.Reconstruction | None:
         database, images = folder / "database.db", self._capture.image_folder

@@ -109,7 +109,7 @@ def measure(
         else:
             maps = compute_depth_maps(views, volume, seed=0, context=Context())
         matched = time.process_time()
-        cloud = fuse(views, maps, volume)
+        cloud, _ = fuse(views, maps, volume)
         fused = time.process_time()
         found = score(truth, cloud, DISTANCES_M)
         runs.append(

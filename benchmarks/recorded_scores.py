@@ -172,7 +172,7 @@ def witnessed_cloud(
         if photo.name in sparse.poses
     ]
     maps = compute_depth_maps(views, plot.volume, seed=settings.seed, context=Context(cache, progress))
-    cloud = fuse(views, maps, plot.volume)
+    cloud, _ = fuse(views, maps, plot.volume)
     if plot.ground is None:
         return cloud
     return cloud.select(plot.ground.heights(cloud.points) > clearance(plot.ground))

@@ -13,8 +13,8 @@ import numpy as np
 
 from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.clouds.volume import Volume
+from fieldkit.reconstruction.dense.matching import gray
 from fieldkit.reconstruction.dense.source_views import choose_sources
-from fieldkit.reconstruction.dense.support import gray
 from fieldkit.reconstruction.dense.views import DepthMap, View, depth_range
 
 PAIRS = 3

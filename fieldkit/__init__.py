@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from fieldkit.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from fieldkit.clouds.io import read_cloud as read_cloud
+    from fieldkit.clouds.ply import read_cloud as read_cloud
     from fieldkit.errors import FieldkitError as FieldkitError
     from fieldkit.evaluation.compare import Comparison as Comparison
     from fieldkit.evaluation.compare import compare_evaluations as compare_evaluations

@@ -15,9 +15,8 @@ from fieldkit.captures.decode import read_image
 from fieldkit.captures.geo_txt import read_geo_txt
 from fieldkit.captures.markers_file import read_markers_file
 from fieldkit.captures.poses_csv import read_poses_csv
-from fieldkit.clouds.io import read_cloud
 from fieldkit.clouds.las import read_las
-from fieldkit.clouds.ply import read_ply
+from fieldkit.clouds.ply import read_cloud, read_ply
 from fieldkit.errors import CaptureError, FieldkitError, StorageError, UsageError
 from fieldkit.files import write_atomic
 from fieldkit.flightlogs.reading import read_flight_log

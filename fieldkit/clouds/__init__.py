@@ -3,7 +3,6 @@
 from fieldkit.clouds.alignment import AlignmentStats, icp
 from fieldkit.clouds.cloud import Cloud, concatenate
 from fieldkit.clouds.ground import fit_ground_plane
-from fieldkit.clouds.io import read_cloud, write_cloud
 from fieldkit.clouds.las import LasCloud, read_las, write_las
 from fieldkit.clouds.metrics import (
     Chamfer,
@@ -16,7 +15,7 @@ from fieldkit.clouds.metrics import (
     score_distances,
 )
 from fieldkit.clouds.neighbors import PointIndex
-from fieldkit.clouds.ply import read_ply, write_ply
+from fieldkit.clouds.ply import read_cloud, read_ply, write_cloud, write_ply
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume, crop
 

@@ -24,7 +24,7 @@ _FINEST_SCALE_M = 1e-4
 """Finest step of written coordinates, metres: below a cloud's own noise."""
 _CHUNK_POINTS = 500_000  # what is allocated at a time, whatever the header promises
 _NORMALS = ("nx", "ny", "nz")
-_OTHER_NORMALS = (_NORMALS, ("NormalX", "NormalY", "NormalZ"), ("normal_x", "normal_y", "normal_z"))
+_OTHER_NORMALS = (_NORMALS, ("NormalX", "NormalY", "NormalZ"))
 _WITH_COLOR = (2, 3, 5, 7, 8, 10)  # point formats
 _LINEAR_UNITS = 3076
 """GeoTIFF key of the unit of easting and northing (ProjLinearUnitsGeoKey, OGC 19-008r4, 7.5)."""

@@ -1,4 +1,4 @@
-"""Reading and writing PLY point clouds (Turk 1994; paulbourke.net/dataformats/ply).
+"""Reading and writing clouds of any supported format, told apart by content, and PLY itself (Turk 1994).
 
 Read: ASCII and binary of both byte orders, any scalar types, elements and properties in any order. What fieldkit has no
 use for is passed over; lists may only stand behind the vertices, as faces do. Written: binary little endian.
@@ -16,9 +16,9 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.arrays import BoolArray, ByteArray, Float32Array, FloatArray
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.errors import CloudError
+from fieldkit.clouds.las import read_las, write_las
+from fieldkit.errors import CloudError, UsageError
 from fieldkit.files import write_atomic
 from fieldkit.regular_files import open_regular
 from fieldkit.wording import count
@@ -32,8 +32,8 @@ _SCALARS = {
 _FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _MAX_HEADER_BYTES = 1 << 20
 """Most bytes that are searched for the header's end."""
-_COLOR_NAMES = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
-_NORMAL_NAMES = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
+_COLOR_NAMES = ("red", "green", "blue")
+_NORMAL_NAMES = ("nx", "ny", "nz")
 _FLOAT32_LIMIT_M = 16.0  # below it float32 is within 0.5 µm
 _LARGEST_COORDINATE = 1e12  # beyond any place on Earth in millimetres: swapped bytes or damage
 _TRUNCATED = "The file is damaged or was not copied completely: copy or export it again."
@@ -59,11 +59,43 @@ class _Header(NamedTuple):
     """Offset of the first byte behind the header."""
 
 
+def read_cloud(path: Path | str) -> Cloud:
+    """Read a PLY, LAS or LAZ file, whatever its name ends in."""
+    path = Path(path)
+    try:
+        with open_regular(path) as file:
+            start = file.read(4)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise CloudError(f"cannot be read: {reason}", path=path, remedy="Check the path and permissions.") from error
+    if start == b"LASF":
+        return read_las(path).cloud
+    if start.startswith(b"ply"):
+        return read_ply(path)
+    raise CloudError(
+        "is empty" if not start else "is neither PLY, LAS nor LAZ",
+        path=path,
+        remedy="Give a point cloud as PLY, LAS or LAZ.",
+    )
+
+
+def write_cloud(path: Path, cloud: Cloud, *, crs_epsg: int | None = None) -> None:
+    """Write a cloud in the format that the name's ending asks for: .ply, .las or .laz."""
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix in (".las", ".laz"):
+        write_las(path, cloud, crs_epsg=crs_epsg)
+    elif suffix == ".ply":
+        write_ply(path, cloud)
+    else:
+        raise UsageError("point clouds are written as .ply, .las or .laz", path=path, remedy="Choose one of them.")
+
+
 def read_ply(path: Path) -> Cloud:
     """Read the vertices of a PLY file.
 
-    Colours may be 8 or 16 bit integers or floating-point numbers in [0, 1]; rows with a coordinate that is not finite
-    (how some exporters mark missing points) are left out. The unit is the file's own.
+    Colours are red, green and blue of 8 bits, normals nx, ny and nz; rows with a coordinate that is not finite (how
+    some exporters mark missing points) are left out. The unit is the file's own.
     """
     path = Path(path)
     try:
@@ -75,7 +107,7 @@ def read_ply(path: Path) -> Cloud:
     except OSError as error:
         reason = error.strerror or str(error)
         raise CloudError(f"cannot be read: {reason}", path=path, remedy="Check the path and permissions.") from error
-    return _cloud(columns, path)
+    return _cloud(columns, header, path)
 
 
 def write_ply(path: Path, cloud: Cloud) -> None:
@@ -90,10 +122,10 @@ def write_ply(path: Path, cloud: Cloud) -> None:
     lines += [f"property {kind} {name}" for name in "xyz"]
     fields: list[tuple[str, str, tuple[int, ...]]] = [("points", code, (3,))]
     if cloud.normals is not None:
-        lines += [f"property float {name}" for name in _NORMAL_NAMES[0]]
+        lines += [f"property float {name}" for name in _NORMAL_NAMES]
         fields.append(("normals", "<f4", (3,)))
     if cloud.colors is not None:
-        lines += [f"property uchar {name}" for name in _COLOR_NAMES[0]]
+        lines += [f"property uchar {name}" for name in _COLOR_NAMES]
         fields.append(("colors", "u1", (3,)))
     if cloud.filled is not None:
         lines.append("property uchar filled")
@@ -199,18 +231,10 @@ def _read_ascii(file: BinaryIO, header: _Header, size: int, path: Path) -> Colum
             raise CloudError(f"has a row that cannot be read: {error}", path=path, remedy=_TRUNCATED) from error
     if len(values) < header.vertex.rows:
         raise _short(path, header.vertex)
-    return {name: _as_declared(values[:, k], str(kind)) for k, (name, kind) in enumerate(kinds.items())}
+    return {name: values[:, k] for k, name in enumerate(kinds)}
 
 
-def _as_declared(values: FloatArray, kind: str) -> NDArray[np.generic]:
-    """Integers as the header has them, which decides how a colour is scaled; others stay float64."""
-    if kind.startswith("f"):
-        return values
-    limits = np.iinfo(kind)
-    return np.nan_to_num(values).clip(limits.min, limits.max).astype(kind)
-
-
-def _cloud(columns: Columns, path: Path) -> Cloud:
+def _cloud(columns: Columns, header: _Header, path: Path) -> Cloud:
     with np.errstate(invalid="ignore", over="ignore"):
         points = np.empty((len(columns["x"]), 3))
         for axis, name in enumerate("xyz"):
@@ -225,42 +249,11 @@ def _cloud(columns: Columns, path: Path) -> Cloud:
                 path=path,
                 remedy="Its values or byte order are damaged: export it again.",
             )
-        colors = _first(columns, _COLOR_NAMES, finite)
-        normals = _first(columns, _NORMAL_NAMES, finite)
-        return Cloud(
-            points,
-            None if colors is None else _eight_bit(colors),
-            None if normals is None else _known(np.stack([n.astype(np.float32) for n in normals], axis=1)),
-        )
-
-
-def _first(
-    columns: Columns, alternatives: tuple[tuple[str, ...], ...], rows: BoolArray | slice
-) -> list[NDArray[np.generic]] | None:
-    for names in alternatives:
-        if all(name in columns for name in names):
-            return [columns[name][rows] for name in names]
-    return None
-
-
-def _eight_bit(channels: list[NDArray[np.generic]]) -> ByteArray:
-    """Three colour channels (n,) as (n, 3) of 8 bits.
-
-    16-bit integers are divided by 257; floating-point numbers run from 0 to 1, or from 0 to 255 if any is above 1.
-    """
-    kind = channels[0].dtype
-    if all(channel.dtype == np.uint8 for channel in channels):
-        return np.stack(channels, axis=1).astype(np.uint8, copy=False)
-    values = np.stack([np.nan_to_num(c.astype(np.float64), posinf=0.0, neginf=0.0) for c in channels], axis=1)
-    if kind.kind == "f" and (not values.size or values.max() <= 1.0):
-        values *= 255.0
-    elif kind.kind == "u" and kind.itemsize == 2:
-        values /= 257.0
-    colors: ByteArray = np.rint(values.clip(0.0, 255.0)).astype(np.uint8)
-    return colors
-
-
-def _known(normals: Float32Array) -> Float32Array:
-    """Normals as they are, those that are not finite as zero, which means unknown."""
-    normals[~np.isfinite(normals).all(axis=1)] = 0.0
-    return normals
+        kinds = header.vertex.kinds
+        colors = normals = None
+        if all(kinds.get(name) == "u1" for name in _COLOR_NAMES):
+            colors = np.stack([columns[name][finite] for name in _COLOR_NAMES], axis=1).astype(np.uint8)
+        if all(name in columns for name in _NORMAL_NAMES):
+            normals = np.stack([columns[name][finite] for name in _NORMAL_NAMES], axis=1).astype(np.float32)
+            normals[~np.isfinite(normals).all(axis=1)] = 0.0
+        return Cloud(points, colors, normals)

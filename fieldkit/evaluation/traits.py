@@ -25,8 +25,7 @@ from fieldkit.clouds.canopy import (
     with_room_m,
 )
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.plant_rows import LEAST_PLANTS, find_rows
-from fieldkit.clouds.plants_apart import everywhere, tell_apart
+from fieldkit.clouds.plants_apart import LEAST_PLANTS, everywhere, find_rows, tell_apart
 from fieldkit.reconstruction import silhouettes
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult
 from fieldkit.reconstruction.scale import scale_error

@@ -16,7 +16,7 @@ from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.geometry.stations import PoseArray, associate, turn_between
 from fieldkit.reconstruction.mapping.orientation import orient_cameras
-from fieldkit.reconstruction.verification import TwoView
+from fieldkit.reconstruction.matching import TwoView
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan
 from fieldkit.sites.placement import PlotFrame

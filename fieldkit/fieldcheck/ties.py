@@ -34,7 +34,7 @@ from fieldkit.reconstruction.mapping.prior import (
     FIRST_VERIFICATION,
     epipolar_sigma_px,
 )
-from fieldkit.reconstruction.matching import match_features
+from fieldkit.reconstruction.matching import TwoView, match_features, verify_pair
 from fieldkit.reconstruction.settings import FeatureSettings, ReconstructionSettings
 from fieldkit.reconstruction.stages import (
     RATIO,
@@ -44,7 +44,6 @@ from fieldkit.reconstruction.stages import (
     load_pairs,
     with_ground_features,
 )
-from fieldkit.reconstruction.verification import TwoView, verify_pair
 from fieldkit.reconstruction.versions import BESIDE
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import map_threads

@@ -1,8 +1,7 @@
 """Metric scale from printed square markers (ArUco, AprilTag): known sides and distances against triangulated corners.
 
-OpenCV finds and reads markers. Its own corner refinement (cornerSubPix) draws the corners inwards: measured on rendered
-markers, sides of 40–120 px come out 0.25 px short in sharp and 0.5 px in soft images, half a percent of a metric scale.
-So the corners are found anew as the intersections of lines fitted to the black square's four edges.
+OpenCV finds and reads markers. Corners are the intersections of lines that the AprilTag library's method (Wang & Olson
+2016) fits to the black square's edges; cornerSubPix would draw them inwards, by half a percent of a metric scale.
 
 Corners are triangulated over all posed photographs that see them (RANSAC over pairs of views). Each marker's side and
 each measured distance between centres then proposes a scale; the one that most of them agree with is refined by least
@@ -26,10 +25,6 @@ from fieldkit.runtime.colmap import pycolmap
 
 _MIN_SIDE_PX = 16.0
 """Least side of a marker, and of a photograph, pixels."""
-_STEP_PX = 0.25
-"""Step of samples across a marker's edge, pixels."""
-_ROUNDS = 3
-"""Number of rounds in which corners are refined."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +48,7 @@ def detect_markers(gray: ByteArray, dictionary: str) -> list[MarkerDetection]:
     if min(gray.shape) < _MIN_SIDE_PX:
         return []
     parameters = cv2.aruco.DetectorParameters()
-    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_APRILTAG
     # OpenCV's default of 0.03 is a side of 45 px in a photograph of 6000.
     parameters.minMarkerPerimeterRate = min(0.03, 4.0 * _MIN_SIDE_PX / max(gray.shape))
     quads, ids, _ = cv2.aruco.ArucoDetector(book, parameters).detectMarkers(gray)
@@ -61,95 +56,12 @@ def detect_markers(gray: ByteArray, dictionary: str) -> list[MarkerDetection]:
         return []
     numbers, counts = np.unique(np.asarray(ids).ravel(), return_counts=True)
     once = {int(number) for number, count in zip(numbers, counts, strict=True) if count == 1}
-    cells = book.markerSize + 2
     found = [
-        MarkerDetection(
-            int(number), refine_corners(gray, np.asarray(quad, dtype=np.float64).reshape(4, 2) + 0.5, cells)
-        )
+        MarkerDetection(int(number), np.asarray(quad, dtype=np.float64).reshape(4, 2))
         for quad, number in zip(quads, np.asarray(ids).ravel(), strict=True)
         if int(number) in once
     ]
     return sorted(found, key=lambda detection: detection.id)
-
-
-def refine_corners(gray: ByteArray, corners: FloatArray, cells: int) -> FloatArray:
-    """Corners (4, 2) as intersections of lines fitted to the edges between them, from black inside to white outside.
-
-    The given ones are returned where an edge has no clear contrast or the corners run away. ``corners`` are clockwise,
-    within about a pixel of the truth; ``cells`` those of the marker along a side with its border.
-    """
-    current = corners
-    for _ in range(_ROUNDS):
-        side = np.linalg.norm(np.roll(current, -1, axis=0) - current, axis=1)
-        # Beyond half a cell the marker's own bits, or what lies beyond its white margin, would come into view.
-        reach = float(np.clip(0.5 * side.min() / cells, 1.5, 5.0))
-        lines = [_edge_line(gray, current[k], current[(k + 1) % 4], reach) for k in range(4)]
-        moved = np.empty((4, 2))
-        for k in range(4):
-            before, after = lines[k - 1], lines[k]
-            if before is None or after is None:
-                return corners
-            crossing = np.cross(before, after)
-            if abs(crossing[2]) < 0.1:
-                return corners
-            moved[k] = crossing[:2] / crossing[2]
-        current = moved
-    return current if np.abs(current - corners).max() <= 2.0 + reach else corners
-
-
-def _edge_line(gray: ByteArray, start: FloatArray, end: FloatArray, reach: float) -> FloatArray | None:
-    """(3,) unit line through the brightest rise across the segment, which runs clockwise around black; or None."""
-    length = float(np.linalg.norm(end - start))
-    along = (end - start) / max(length, 1e-9)
-    # Image y points down, so left of a clockwise edge is outside.
-    outward = np.array([along[1], -along[0]])
-    margin = min(0.25 * length, max(1.5, 0.06 * length))
-    t = np.linspace(margin, length - margin, max(6, min(int(length), 200)))
-    d = np.arange(-reach - _STEP_PX / 2, reach + _STEP_PX, _STEP_PX)
-    samples = _bilinear(gray, start + t[:, None, None] * along + d[None, :, None] * outward)
-    rise = np.maximum(np.diff(samples, axis=1), 0.0)
-    middle = 0.5 * (d[1:] + d[:-1])
-    # Squares weigh the steepest place, as the AprilTag library does (Wang & Olson 2016).
-    weight = rise**2
-    total = weight.sum(axis=1)
-    clear = np.isfinite(total) & (rise.max(axis=1, initial=0.0) > 4.0 * _STEP_PX)
-    if clear.sum() < 5:
-        return None
-    offset = (weight[clear] @ middle) / total[clear]
-    slope, intercept = _fit_line(t[clear], offset)
-    direction = along + slope * outward
-    direction /= np.linalg.norm(direction)
-    point = start + intercept * outward
-    normal = np.array([direction[1], -direction[0]])
-    return np.array([normal[0], normal[1], -(normal @ point)])
-
-
-def _fit_line(t: FloatArray, offset: FloatArray) -> tuple[float, float]:
-    """Slope and intercept by least squares, twice without what lies more than 3 robust deviations off."""
-    keep = np.ones(len(t), dtype=np.bool_)
-    slope = intercept = 0.0
-    for _ in range(3):
-        center = t[keep].mean()
-        spread = float(((t[keep] - center) ** 2).sum())
-        slope = float(((t[keep] - center) * offset[keep]).sum() / max(spread, 1e-9))
-        intercept = float(offset[keep].mean() - slope * center)
-        residual = np.abs(offset - slope * t - intercept)
-        keep = residual <= max(3.0 * 1.4826 * float(np.median(residual)), 1e-6)
-    return slope, intercept
-
-
-def _bilinear(gray: ByteArray, points: FloatArray) -> FloatArray:
-    """Grey values at points (..., 2), pixels with centres at .5; NaN outside the image."""
-    height, width = gray.shape
-    x, y = points[..., 0] - 0.5, points[..., 1] - 0.5
-    inside = (x >= 0) & (y >= 0) & (x <= width - 1) & (y <= height - 1)
-    x, y = np.clip(x, 0, width - 1), np.clip(y, 0, height - 1)
-    x0, y0 = np.minimum(x.astype(np.int64), width - 2), np.minimum(y.astype(np.int64), height - 2)
-    fx, fy = x - x0, y - y0
-    upper = (1 - fx) * gray[y0, x0] + fx * gray[y0, x0 + 1]
-    lower = (1 - fx) * gray[y0 + 1, x0] + fx * gray[y0 + 1, x0 + 1]
-    values: FloatArray = np.where(inside, (1 - fy) * upper + fy * lower, np.nan)
-    return values
 
 
 AGREE = 0.02

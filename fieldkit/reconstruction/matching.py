@@ -1,4 +1,4 @@
-"""Descriptor matching: mutual best with the ratio test."""
+"""Descriptor matching, mutual best with the ratio test, and geometric verification of an image pair by pycolmap."""
 
 from __future__ import annotations
 
@@ -7,24 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.arrays import BoolArray, Float32Array, IntArray
+from fieldkit.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from fieldkit.geometry import Intrinsics
+from fieldkit.reconstruction.colmap_model import to_colmap_camera
 from fieldkit.reconstruction.features import Features
+from fieldkit.reconstruction.settings import VerificationSettings
+from fieldkit.runtime.colmap import pycolmap
 
-_CHUNK_ROWS = 1024  # of the similarity matrix: 32 MB against 8192 features
 _EXACT = 1e-6  # squared distance below which descriptors are the same, so that twins at distance 0 are ambiguous too
-
-
-@dataclass
-class _BestTwo:
-    """The two highest similarities seen per entry and the index of the highest."""
-
-    index: IntArray
-    first: Float32Array
-    second: Float32Array
-
-    @classmethod
-    def empty(cls, n: int) -> _BestTwo:
-        return cls(np.full(n, -1), np.full(n, -np.inf, np.float32), np.full(n, -np.inf, np.float32))
 
 
 def match_features(a: Features, b: Features, *, ratio: float = 0.8) -> NDArray[np.uint32]:
@@ -35,22 +25,11 @@ def match_features(a: Features, b: Features, *, ratio: float = 0.8) -> NDArray[n
     """
     if len(a) == 0 or len(b) == 0:
         return np.zeros((0, 2), np.uint32)
-    left, right = _unit(a), _unit(b)
-    rows, columns = _BestTwo.empty(len(a)), _BestTwo.empty(len(b))
-    for start in range(0, len(a), _CHUNK_ROWS):
-        part = slice(start, min(start + _CHUNK_ROWS, len(a)))
-        similarity = left[part] @ right.T
-        _update_columns(columns, similarity, start)
-        here = np.arange(len(similarity))
-        best = similarity.argmax(axis=1)
-        rows.index[part], rows.first[part] = best, similarity[here, best]
-        similarity[here, best] = -np.inf
-        rows.second[part] = similarity.max(axis=1)
-    good_rows, good_columns = _passes_ratio(rows, ratio), _passes_ratio(columns, ratio)
-    candidates = np.flatnonzero(good_rows)
-    partners = rows.index[candidates]
-    mutual = (columns.index[partners] == candidates) & good_columns[partners]
-    return np.stack([candidates[mutual], partners[mutual]], axis=1).astype(np.uint32)
+    similarity = _unit(a) @ _unit(b).T
+    partners, passing = _best(similarity, ratio)
+    back, passing_back = _best(np.ascontiguousarray(similarity.T), ratio)
+    first = np.flatnonzero(passing & passing_back[partners] & (back[partners] == np.arange(len(a))))
+    return np.stack([first, partners[first]], axis=1).astype(np.uint32)
 
 
 def _unit(features: Features) -> Float32Array:
@@ -59,25 +38,81 @@ def _unit(features: Features) -> Float32Array:
     return unit
 
 
-def _update_columns(columns: _BestTwo, similarity: Float32Array, start: int) -> None:
-    here = np.arange(similarity.shape[1])
-    first = similarity.max(axis=0)
-    # Not argmax(axis=0), which transposes the matrix first and so takes several times as long as all of this.
-    hits = np.flatnonzero(similarity == np.where(np.isfinite(first), first, np.nan))[::-1]
-    best = np.zeros(len(here), np.int64)
-    best[hits % len(here)] = hits // len(here)  # of equals the first, which is written last
-    similarity[best, here] = -np.inf
-    second = similarity.max(axis=0)
-    similarity[best, here] = first
-    better = first > columns.first
-    columns.second = np.maximum(np.minimum(first, columns.first), np.maximum(second, columns.second))
-    columns.index = np.where(better, best + start, columns.index)
-    columns.first = np.maximum(first, columns.first)
+def _best(similarity: Float32Array, ratio: float) -> tuple[IntArray, BoolArray]:
+    """(n,) the likest column of each row, and whether it passes the ratio test; no second one passes."""
+    rows, best = np.arange(len(similarity)), similarity.argmax(axis=1)
+    first = similarity[rows, best]
+    similarity[rows, best] = -np.inf
+    second = similarity.max(axis=1)
+    similarity[rows, best] = first
+    nearest, runner_up = (np.sqrt(np.maximum(2.0 - 2.0 * cosine, _EXACT)) for cosine in (first, second))
+    return best, nearest <= ratio * runner_up
 
 
-def _passes_ratio(best: _BestTwo, ratio: float) -> BoolArray:
-    """Distances of unit vectors are √(2 − 2 cos); no second candidate passes, no first does not."""
-    nearest = np.sqrt(np.maximum(2.0 - 2.0 * best.first, _EXACT))
-    runner_up = np.sqrt(np.maximum(2.0 - 2.0 * best.second, _EXACT))
-    passes: BoolArray = np.isfinite(best.first) & (nearest <= ratio * runner_up)
-    return passes
+@dataclass(frozen=True, eq=False)
+class TwoView:
+    """What verification says of a pair."""
+
+    inliers: NDArray[np.uint32]
+    """(k, 2) feature indices; empty when the pair fails."""
+    config: int
+    """COLMAP's TwoViewGeometryConfiguration as a number."""
+    fundamental: FloatArray
+    essential: FloatArray
+    homography: FloatArray
+    """(3, 3), zeros where not estimated."""
+    rotation: FloatArray
+    translation: FloatArray
+    """(3, 3), (3,) of camera b from camera a, |translation| = 1; identity and zeros where not estimated."""
+
+
+def verify_pair(
+    a: Features,
+    b: Features,
+    camera_a: Intrinsics,
+    camera_b: Intrinsics,
+    matches: NDArray[np.uint32],
+    settings: VerificationSettings,
+    *,
+    calibrated: bool,
+    seed: int,
+) -> TwoView:
+    """Verify one pair by its own seeded RANSAC, so that the answer does not depend on other pairs.
+
+    ``matches`` (k, 2) are putative; ``calibrated``: the intrinsics are trusted (essential matrix), else a fundamental
+    matrix is estimated.
+    """
+    options = pycolmap.TwoViewGeometryOptions()
+    options.ransac.max_error = settings.max_error_px
+    options.ransac.random_seed = seed
+    options.ransac.num_threads = 1
+    options.min_num_inliers = settings.min_inliers
+    options.detect_watermark = False
+    options.compute_relative_pose = calibrated
+    estimate = pycolmap.estimate_calibrated_two_view_geometry if calibrated else pycolmap.estimate_two_view_geometry
+    if len(matches) < settings.min_inliers:
+        return _nothing()
+    geometry = estimate(
+        to_colmap_camera(camera_a, 1), a.points, to_colmap_camera(camera_b, 2), b.points, matches, options
+    )
+    if len(geometry.inlier_matches) < settings.min_inliers:
+        return _nothing()
+    pose = geometry.cam2_from_cam1
+    return TwoView(
+        inliers=np.asarray(geometry.inlier_matches, dtype=np.uint32).reshape(-1, 2),
+        config=int(geometry.config),
+        fundamental=_matrix(geometry.F),
+        essential=_matrix(geometry.E),
+        homography=_matrix(geometry.H),
+        rotation=np.eye(3) if pose is None else np.array(pose.rotation.matrix()),
+        translation=np.zeros(3) if pose is None else np.array(pose.translation),
+    )
+
+
+def _matrix(value: FloatArray | None) -> FloatArray:
+    return np.zeros((3, 3)) if value is None else np.array(value, dtype=np.float64)
+
+
+def _nothing() -> TwoView:
+    zero = np.zeros((3, 3))
+    return TwoView(np.zeros((0, 2), np.uint32), 0, zero, zero, zero, np.eye(3), np.zeros(3))

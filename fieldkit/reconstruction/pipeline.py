@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
@@ -29,7 +30,7 @@ from fieldkit.reconstruction.colmap_model import (
 )
 from fieldkit.reconstruction.dense import View, compute_depth_maps, fuse, prepare_view
 from fieldkit.reconstruction.dense.depth_maps import expected_bytes, expected_cost
-from fieldkit.reconstruction.dense.fusion import STANDING_M, depth_scatter_px, fusion_rule
+from fieldkit.reconstruction.dense.fusion import STANDING_M, fusion_rule
 from fieldkit.reconstruction.dense.resolution import (
     MOST_PIXELS,
     UNSCALED_M,
@@ -84,6 +85,7 @@ _MASKS: Mapping[Mask, str] = {
 }
 """What else to do where no plant was reconstructed."""
 _CALIBRATIONS = ("camera.toml", "camera.json", "reference")
+T = TypeVar("T")
 Settle = Callable[[FloatArray, Mapping[str, Pose]], tuple[Similarity, Plane | None]]
 
 
@@ -232,10 +234,8 @@ def place(
             scale = scale_by_markers(mapped.model, capture, seed=settings.seed, advance=advance)
     frame, motion = _frame(mapped, priors, settings, known_plot, scale)
     transform_model(mapped.model, motion)
-    images = mapped.images
-    counting = {image.name for image in images if image.counts}
-    poses = {name: pose for name, pose in model_poses(mapped.model).items() if name in counting}
-    intrinsics = {name: found for name, found in model_intrinsics(mapped.model).items() if name in counting}
+    poses = _counting(mapped, model_poses(mapped.model))
+    intrinsics = _counting(mapped, model_intrinsics(mapped.model))
     undetermined = _undetermined(capture, mapped, poses, intrinsics)
     findings += undetermined
     for note in (*frame.notes, *(finding.message for finding in (*mapped.findings, *undetermined))):
@@ -247,7 +247,7 @@ def place(
         mapped.method,
         mapped.model,
         mapped.model_sizes,
-        images,
+        mapped.images,
         poses,
         intrinsics,
         mapped.intrinsics_source,
@@ -259,6 +259,12 @@ def place(
         mapped.weakest and mapped.weakest.turned(motion.rotation),
     )
     return result, {"Features": mapped.features_cached}
+
+
+def _counting(mapped: Mapped, by_name: Mapping[str, T]) -> dict[str, T]:
+    """Of the photographs that count."""
+    counting = {image.name for image in mapped.images if image.counts}
+    return {name: value for name, value in by_name.items() if name in counting}
 
 
 def _undetermined(
@@ -295,9 +301,7 @@ def _frame(
     scale: MarkerScale | None,
 ) -> tuple[MetricFrame, Similarity]:
     """The metric frame, and the motion from the mapped model's frame to the plot frame."""
-    counting = {image.name for image in mapped.images if image.counts}
-    poses = {name: pose for name, pose in model_poses(mapped.model).items() if name in counting}
-    points = model_points(mapped.model)
+    poses, points = _counting(mapped, model_poses(mapped.model)), model_points(mapped.model)
     source = priors.frame if mapped.metric else None
     to_working = source.from_source if source is not None else Similarity.identity()
     georeferenced = source is not None and source.georeferenced
@@ -338,7 +342,7 @@ class _Dense:
     context: Context
 
     def cloud(self) -> tuple[Cloud, float]:
-        """The fused cloud of all views that count, and how far their depths scatter (`depth_scatter_px`)."""
+        """The fused cloud of all views that count, and how far their depths scatter (`Stack.scatter_px`)."""
         what, progress, views = "plants" if self.settings.mask != "none" else "scene", self.context.progress, []
         pixels = sum(size.size[0] * size.size[1] for size in self.sizes.values())
         matched = pixels * (_SHOWN_BY_MASKS if self.settings.mask != "none" else 1.0)
@@ -353,8 +357,8 @@ class _Dense:
         progress.note(f"{self._sizes()}; {expected_cost(views)}{filed}")
         maps = compute_depth_maps(views, self.volume, self.context, seed=self.settings.seed, memory=memory)
         with progress.stage(f"Fusion ({what})"):
-            scatter_px = depth_scatter_px(views, maps, self.volume, memory, self.sparse.frame.ground)
-            return fuse(views, maps, self.volume, self.settings.min_agreeing_views, scatter_px, memory), scatter_px
+            least, ground = self.settings.min_agreeing_views, self.sparse.frame.ground
+            return fuse(views, maps, self.volume, least, ground, memory)
 
     @cached_property
     def sizes(self) -> Mapping[str, Resolution]:

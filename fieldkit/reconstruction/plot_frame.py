@@ -144,9 +144,6 @@ _MARGIN = 0.15  # of the box's edges, on every side but the top
 _TOP_MARGIN = 0.35  # few sparse points lie on the tips of leaves
 _MIN_POINTS = 20
 """Least number of sparse points that give a volume."""
-_CUT_LAYER = 0.005  # of the box's height
-_CUT_POINTS = 20
-"""Number of points in the volume's top layer from which it cuts plants."""
 
 
 def volume_of_interest(points: FloatArray, poses: Mapping[str, Pose], intrinsics: Mapping[str, Intrinsics]) -> Volume:
@@ -183,12 +180,3 @@ def looked_beside_m(poses: Mapping[str, Pose], volume: Volume) -> float:
     center = np.mean([pose.center for pose in poses.values()], axis=0) if region is None else np.array(region.center)
     outside = np.maximum(np.array(volume.lower) - center, center - np.array(volume.upper))[:2]
     return float(np.hypot(*np.maximum(outside, 0.0)))
-
-
-def cuts_plants(plants: FloatArray, volume: Volume, gsd_m: float) -> bool:
-    """Whether a plants' cloud (n, 3) goes on to the top of the volume, as plants do that are higher than it.
-
-    ``gsd_m`` is the length that a pixel of the depth maps covers.
-    """
-    layer = max(_CUT_LAYER * (volume.upper[2] - volume.lower[2]), 2.0 * gsd_m)
-    return int(np.count_nonzero(plants[:, 2] > volume.upper[2] - layer)) >= _CUT_POINTS

@@ -13,7 +13,6 @@ from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.ground import MAX_TILT_DEG
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Pose
-from fieldkit.reconstruction.plot_frame import cuts_plants
 from fieldkit.reconstruction.result import MetricFrame
 from fieldkit.results.finding import PLOTS_TOGETHER, Finding
 from fieldkit.results.frame import Plane
@@ -36,6 +35,9 @@ _SIDEWAYS_DEG = 70.0
 """Pitch below which a camera's roll is hardly determined: it looks down."""
 _LEAST_CAMERAS = 3
 """Least number of cameras whose rolls tell that."""
+_CUT_LAYER = 0.005  # of the box's height
+_CUT_POINTS = 20
+"""Number of points in the volume's top layer from which it cuts plants."""
 _AROUND_M = 0.10  # about the stand, in the bounds that are suggested
 
 
@@ -69,34 +71,29 @@ def quality_flags(
 
 def _of_plants(plants: Cloud, volume: Volume, gsd_m: float, *, own_volume: bool) -> Iterator[tuple[str, str]]:
     if len(plants) < _FEW_POINTS:
-        yield (
-            "few-plant-points",
-            (
-                f"the plants' cloud has only {count(len(plants), 'point')}: hardly anything of them was reconstructed; "
-                "look at the overview picture, and check --bounds and --mask"
-            ),
+        message = (
+            f"the plants' cloud has only {count(len(plants), 'point')}: hardly anything of them was reconstructed; "
+            "look at the overview picture, and check --bounds and --mask"
         )
-    if cuts_plants(plants.points, volume, gsd_m):
-        yield (
-            "volume-cuts-plants",
-            (
-                f"the plants reach the top of the volume of interest (z = {volume.upper[2]:.2f} m) and are cut off "
-                "there; give a higher one with --bounds"
-            ),
+        yield "few-plant-points", message
+    layer = max(_CUT_LAYER * (volume.upper[2] - volume.lower[2]), 2.0 * gsd_m)
+    if np.count_nonzero(plants.points[:, 2] > volume.upper[2] - layer) >= _CUT_POINTS:
+        message = (
+            f"the plants reach the top of the volume of interest (z = {volume.upper[2]:.2f} m) and are cut off "
+            "there; give a higher one with --bounds"
         )
+        yield "volume-cuts-plants", message
     stand = find_stand(plants.points) if own_volume else None
     if stand is not None and stand.apart > 0.0:
         (x0, y0), (x1, y1) = stand.low, stand.high
         low = f"{x0 - _AROUND_M:.2f},{y0 - _AROUND_M:.2f},{volume.lower[2]:.2f}"
         high = f"{x1 + _AROUND_M:.2f},{y1 + _AROUND_M:.2f},{volume.upper[2]:.2f}"
-        yield (
-            "plants-apart",
-            (
-                f"{100 * (1 - stand.apart):.1f} % of the plants stand on {x1 - x0:.1f} × {y1 - y0:.1f} m, the rest "
-                f"apart on {stand.reach[0]:.1f} × {stand.reach[1]:.1f} m: if those are weeds or neighbours, leave them "
-                f"out of the plot and of plans for it with --bounds {low},{high}"
-            ),
+        message = (
+            f"{100 * (1 - stand.apart):.1f} % of the plants stand on {x1 - x0:.1f} × {y1 - y0:.1f} m, the rest "
+            f"apart on {stand.reach[0]:.1f} × {stand.reach[1]:.1f} m: if those are weeds or neighbours, leave them "
+            f"out of the plot and of plans for it with --bounds {low},{high}"
         )
+        yield "plants-apart", message
 
 
 def _of_places(ground: Plane, plants: Cloud, poses: Mapping[str, Pose]) -> Iterator[tuple[str, str]]:
@@ -108,14 +105,12 @@ def _of_places(ground: Plane, plants: Cloud, poses: Mapping[str, Pose]) -> Itera
     looked_at = centers[down > _LEAST_DOWN] + away[:, None] * axes[down > _LEAST_DOWN]
     middles = groups_apart(looked_at[:, :2], float(np.median(away)) if len(away) else 0.0)
     if len(middles):
-        yield (
-            PLOTS_TOGETHER,
-            (
-                f"the photographs look at {len(middles)} places, {pdist(middles).min():.1f} m apart and more, as of so "
-                "many plots, and were reconstructed as one; give each plot's --bounds, or let `fieldkit campaign init` "
-                "and `evaluate --campaign` sort them"
-            ),
+        message = (
+            f"the photographs look at {len(middles)} places, {pdist(middles).min():.1f} m apart and more, as of so "
+            "many plots, and were reconstructed as one; give each plot's --bounds, or let `fieldkit campaign init` "
+            "and `evaluate --campaign` sort them"
         )
+        yield PLOTS_TOGETHER, message
 
 
 def _of_ground(
@@ -124,33 +119,27 @@ def _of_ground(
     """Of a ground, found in the photographs that are reconstructed (``own``), in a frame whose z is up (``level``)."""
     top_m = float(ground.heights(volume.corners()).max())
     if top_m < 0.0:
-        yield (
-            "volume-below-ground",
-            (
-                f"the volume of interest ends {-top_m:.1f} m below the ground that was found: one of the two is wrong; "
-                "give --bounds about the plants, and check the heights of the photographs' positions"
-            ),
+        message = (
+            f"the volume of interest ends {-top_m:.1f} m below the ground that was found: one of the two is wrong; "
+            "give --bounds about the plants, and check the heights of the photographs' positions"
         )
+        yield "volume-below-ground", message
     if not own:
         return
     if level and ground.tilt_deg() > _STEEP_DEG:
-        yield (
-            "steep-ground",
-            (
-                f"the ground came out {ground.tilt_deg():.0f}° from level; where the land is flatter, little of the "
-                "soil was seen, and heights above it are wrong"
-            ),
+        message = (
+            f"the ground came out {ground.tilt_deg():.0f}° from level; where the land is flatter, little of the "
+            "soil was seen, and heights above it are wrong"
         )
+        yield "steep-ground", message
     # Cameras on a gimbal or a tripod are level, upright or turned by 90°.
     angles = np.array([pose.yaw_pitch_roll_deg()[1:] for pose in poses.values()]).reshape(-1, 2)
     rolls = angles[np.abs(angles[:, 0]) < _SIDEWAYS_DEG, 1]
     off = float(np.median(np.abs((rolls + 45.0) % 90.0 - 45.0))) if len(rolls) >= _LEAST_CAMERAS else 0.0
     if off > _OFF_LEVEL_DEG:
-        yield (
-            "cameras-off-level",
-            (
-                f"the cameras are rolled by {off:.0f}° against the ground that was found (median); where they were "
-                "level, the ground is wrong, and with it heights and the plot's axes: give positions in poses.csv, "
-                "or --bounds"
-            ),
+        message = (
+            f"the cameras are rolled by {off:.0f}° against the ground that was found (median); where they were "
+            "level, the ground is wrong, and with it heights and the plot's axes: give positions in poses.csv, "
+            "or --bounds"
         )
+        yield "cameras-off-level", message

@@ -103,7 +103,7 @@ class Reconstruction:
     pixel_m: float
     """What a pixel of the depth maps covers at the plants, metres, median over images."""
     scatter_px: float
-    """How far the depth maps' depths of one surface lie apart (`dense.fusion.depth_scatter_px`), their pixels."""
+    """How far the depth maps' depths of one surface lie apart (`dense.fusion.Stack.scatter_px`), their pixels."""
     fusion_rule: str
     times: tuple[StageTime, ...]
 

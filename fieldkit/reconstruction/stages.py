@@ -16,12 +16,10 @@ from fieldkit.arrays import FloatArray
 from fieldkit.cache import StageCache, digest
 from fieldkit.captures import Capture, Photo, Quality, assess_quality, find_mask, measure_photo, read_image
 from fieldkit.geometry import Intrinsics
-from fieldkit.reconstruction.features import Features, Partners, extract_features
-from fieldkit.reconstruction.ground_view import extract_ground_features, is_oblique
+from fieldkit.reconstruction.features import Features, Partners, extract_features, extract_ground_features, is_oblique
 from fieldkit.reconstruction.learned import WORKING_SIDE, LearnedFeatures, extract_learned, match_learned
-from fieldkit.reconstruction.matching import match_features
+from fieldkit.reconstruction.matching import TwoView, match_features, verify_pair
 from fieldkit.reconstruction.settings import FeatureSettings, VerificationSettings
-from fieldkit.reconstruction.verification import TwoView, verify_pair
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.results.evaluation import StageTime
 from fieldkit.runtime.context import Context

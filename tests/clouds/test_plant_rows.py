@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fieldkit.arrays import FloatArray
-from fieldkit.clouds.plant_rows import find_rows
+from fieldkit.clouds.plants_apart import find_rows
 
 
 def field(rows: int, each: int, turn_deg: float = 0.0, off_m: float = 0.01) -> FloatArray:

@@ -90,9 +90,9 @@ def test_binary_of_both_byte_orders_with_other_elements(tmp_path: Path, name: st
         property int16 x
         property float64 y
         property float32 z
-        property uint8 r
-        property uint8 g
-        property uint8 b
+        property uint8 red
+        property uint8 green
+        property uint8 blue
         element face 1
         property list uchar int vertex_indices
     """
@@ -105,25 +105,6 @@ def test_binary_of_both_byte_orders_with_other_elements(tmp_path: Path, name: st
     np.testing.assert_array_equal(cloud.colors, [[1, 2, 3], [4, 5, 6]])
     with pytest.raises(CloudError, match="ends before its 2 rows"):
         read_ply(ply(tmp_path, header, body[:-12]))
-
-
-@pytest.mark.parametrize(
-    ("kind", "code", "values", "expected"),
-    [
-        ("uchar", "B", (0, 128, 255), [0, 128, 255]),
-        ("ushort", "H", (0, 32896, 65535), [0, 128, 255]),
-        ("float", "f", (0.0, 0.5, 1.0), [0, 128, 255]),
-        ("double", "d", (0.0, 128.0, 255.0), [0, 128, 255]),
-        ("int", "i", (-5, 128, 999), [0, 128, 255]),
-        ("float", "f", (float("nan"), float("inf"), 1.0), [0, 0, 255]),
-    ],
-)
-def test_colours_of_other_types(tmp_path: Path, kind: str, code: str, values, expected) -> None:
-    xyz = "\n".join(f"property float {axis}" for axis in "xyz")
-    colors = "\n".join(f"property {kind} {channel}" for channel in ("red", "green", "blue"))
-    header = f"format binary_little_endian 1.0\nelement vertex 1\n{xyz}\n{colors}"
-    cloud = read_ply(ply(tmp_path, header, struct.pack("<fff" + 3 * code, 1, 2, 3, *values)))
-    np.testing.assert_array_equal(cloud.colors, [expected])
 
 
 def test_rows_that_are_not_finite_are_left_out(tmp_path: Path) -> None:

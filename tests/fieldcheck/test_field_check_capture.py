@@ -20,7 +20,7 @@ from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.cameras import CameraSet
 from fieldkit.reconstruction.guided import region_of_interest
 from fieldkit.reconstruction.mapping.orientation import orient_cameras
-from fieldkit.reconstruction.verification import TwoView
+from fieldkit.reconstruction.matching import TwoView
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.runtime.context import Context

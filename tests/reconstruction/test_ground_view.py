@@ -6,8 +6,7 @@ import pytest
 
 from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.features import Features, extract_features
-from fieldkit.reconstruction.ground_view import extract_ground_features
+from fieldkit.reconstruction.features import Features, extract_features, extract_ground_features
 from fieldkit.reconstruction.guided import Band, IndexedFeatures, PosedFeatures, Region, match_guided
 from fieldkit.reconstruction.settings import FeatureSettings
 

@@ -5,7 +5,7 @@ import pytest
 
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.pose import rotation_from_vector
-from fieldkit.reconstruction.mapping.lag import find_lag
+from fieldkit.reconstruction.mapping.blind import find_lag
 
 _MODEL = Similarity(0.3, rotation_from_vector([0.4, -1.0, 2.0]), [5.0, 1.0, -2.0])
 

@@ -13,9 +13,9 @@ from fieldkit.reconstruction.features import Features, Partners
 from fieldkit.reconstruction.guided import Band, match_guided
 from fieldkit.reconstruction.learned import LearnedFeatures, ties_name
 from fieldkit.reconstruction.mapping.choose import weak_pairs
+from fieldkit.reconstruction.matching import TwoView, verify_pair
 from fieldkit.reconstruction.settings import VerificationSettings
 from fieldkit.reconstruction.stages import KeyedFeatures, load_pairs
-from fieldkit.reconstruction.verification import TwoView, verify_pair
 from fieldkit.results.evaluation import ImageReport, WeakestMode
 from fieldkit.runtime.colmap import pycolmap
 from fieldkit.runtime.context import Context

@@ -131,7 +131,7 @@ def test_corners_are_where_the_camera_sees_them(board, place, blur) -> None:
     assert [detection.id for detection in found] == [0, 3, 7, 11]
     error = np.concatenate([d.corners - BOARD_CAMERA.project(pose.to_camera(markers.corners[d.id])) for d in found])
     assert np.abs(error).max() < 0.2
-    assert np.sqrt(np.mean(error**2)) < 0.06
+    assert np.sqrt(np.mean(error**2)) < 0.1
     # A bias in length would be a bias in scale; cornerSubPix draws these corners in by a quarter to half a pixel.
     for detection in found:
         truth = BOARD_CAMERA.project(pose.to_camera(markers.corners[detection.id]))

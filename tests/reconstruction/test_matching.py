@@ -1,11 +1,9 @@
 """Descriptor matching against brute force."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fieldkit.reconstruction import matching
 from fieldkit.reconstruction.features import Features
 from fieldkit.reconstruction.matching import match_features
 from tests.reconstruction.synthetic import noisy, random_descriptors
@@ -43,14 +41,11 @@ def brute_force(a: Features, b: Features, ratio: float) -> list[list[int]]:
     seed=st.integers(0, 2**31),
     n=st.integers(1, 40),
     m=st.integers(1, 40),
-    chunk=st.integers(1, 45),
     ratio=st.sampled_from([0.6, 0.8, 0.95, 1.0]),
 )
-def test_brute_force_finds_the_same(seed: int, n: int, m: int, chunk: int, ratio: float) -> None:
+def test_brute_force_finds_the_same(seed: int, n: int, m: int, ratio: float) -> None:
     rng = np.random.default_rng(seed)
     a, b = related(rng, n, m, min(n, m) // 2)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(matching, "_CHUNK_ROWS", chunk)
-        found = match_features(a, b, ratio=ratio)
+    found = match_features(a, b, ratio=ratio)
     assert found.dtype == np.uint32
     assert found.tolist() == brute_force(a, b, ratio)

@@ -5,9 +5,8 @@ import pytest
 
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.reconstruction.guided import epipolar_distance, relative_pose
-from fieldkit.reconstruction.matching import match_features
+from fieldkit.reconstruction.matching import TwoView, match_features, verify_pair
 from fieldkit.reconstruction.settings import VerificationSettings
-from fieldkit.reconstruction.verification import TwoView, verify_pair
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, ring
 
 SETTINGS = VerificationSettings(max_error_px=2.0, min_inliers=15)

@@ -2,7 +2,7 @@
 
 views = [prepare_view(...), ...]
 maps = compute_depth_maps(views, volume, seed=0, context=Context())
-cloud = fuse(views, maps, volume)
+cloud, scatter_px = fuse(views, maps, volume)
 """
 
 from fieldkit.reconstruction.dense.depth_maps import compute_depth_maps

@@ -11,6 +11,7 @@ order and pixels row by row, so the cloud depends on nothing but the arguments.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -37,7 +38,7 @@ MAX_RELATIVE_DEPTH = 0.012
 MAX_REPROJECTION_PX = 1.5
 """Largest round-trip distance of the pixels of two depths that agree, where nothing moves, pixels."""
 STILL_PX = 0.6
-"""Scatter of the depths of leaves that keep still, pixels (`depth_scatter_px`). Fitted on tuning-1 and -2
+"""Scatter of the depths of leaves that keep still, pixels (`Stack.scatter_px`). Fitted on tuning-1 and -2
 (docs/decisions.md)."""
 WIDER = 3.0
 """Factor of the scatter above `STILL_PX` that the round-trip distance may have where leaves sway; the relative
@@ -73,10 +74,10 @@ def fuse(
     depth_maps: Sequence[DepthMap],
     volume: Volume,
     min_agreeing: int = MIN_AGREEING,
-    scatter_px: float | None = None,
+    ground: Plane | None = None,
     memory: MemoryBudget = MEMORY,
-) -> Cloud:
-    """One cloud of the depths that several views agree on.
+) -> tuple[Cloud, float]:
+    """One cloud of the depths that several views agree on, and how far these scatter (`Stack.scatter_px`).
 
     A depth of view A agrees with view B if its point, projected into B, meets a depth there that differs by less than
     `MAX_RELATIVE_DEPTH`, and that depth's own point, projected back into A, lies within
@@ -92,48 +93,99 @@ def fuse(
 
     Depths that no others agree with then fill holes: with masks only, at pixels that are not used up, where no more
     views see through the point than have it, and every mask, `FILLING_MASKS` at least, shows plants (`Cloud.filled`).
-    ``scatter_px`` is `depth_scatter_px`, where it is known already; ``memory`` is for all views' depths once more. The
+    ``ground`` is as `Stack.scatter_px` takes it; ``memory`` is for all views' depths once more. The
     cloud is in the plot frame (metres) with colours and normals, thinned to voxels of one ground sampling distance.
     """
-    if scatter_px is None:
-        scatter_px = depth_scatter_px(views, depth_maps, volume, memory)
-    cloud = agreeing_points(views, depth_maps, volume, min_agreeing, scatter_px, memory)
-    return voxel_thin(cloud, ground_sampling_distance(views, volume)) if len(cloud) else cloud
+    stack = Stack.of(views, depth_maps, volume, memory)
+    scatter_px = stack.scatter_px(ground)
+    cloud = stack.agreeing_points(min_agreeing, scatter_px)
+    return voxel_thin(cloud, ground_sampling_distance(views, volume)) if len(cloud) else cloud, scatter_px
 
 
 def tolerances(scatter_px: float) -> tuple[float, float]:
     """Largest relative difference of depths that agree, and largest round-trip distance of their pixels.
 
-    ``scatter_px`` is `depth_scatter_px`.
+    ``scatter_px`` is `Stack.scatter_px`.
     """
     pixels = max(MAX_REPROJECTION_PX, min(WIDEST_PX, WIDER * (scatter_px - STILL_PX)))
     return MAX_RELATIVE_DEPTH * (pixels / MAX_REPROJECTION_PX), pixels
 
 
-def depth_scatter_px(
-    views: Sequence[View],
-    depth_maps: Sequence[DepthMap],
-    volume: Volume,
-    memory: MemoryBudget = MEMORY,
-    ground: Plane | None = None,
-) -> float:
-    """How far the views' depths of one surface lie apart, pixels: 0.9 to 1.1 of still leaves, the more the more they
-    sway between photographs.
+@dataclass(frozen=True, eq=False)
+class Stack:
+    """Views with their depth maps, and which views each is compared with."""
 
-    Depths lower than `STANDING_M` above the ``ground`` do not count. Of every other one, the round trip to the view
-    that agrees second best (the best agrees by chance); of those of one surface, the upper quartile. 0 where no three
-    views meet.
-    """
-    stack = _stacked(views, depth_maps, memory)
-    if ground is not None:
-        for view, depth in zip(views, stack[0], strict=True):
-            depth[_heights(view, depth, ground) < STANDING_M] = 0.0
-    trips = [
-        _second_trips(i, np.array(near, dtype=np.int64), *stack, _SCATTER_GATE_DEPTH, _SCATTER_GATE_PX, _SCATTER_STEP)
-        for i, near in enumerate(choose_sources(views, volume, FUSION_NEIGHBORS))
-    ]
-    every = np.concatenate(trips) if trips else np.zeros(0)
-    return float(np.quantile(every, _SCATTER_QUANTILE)) if len(every) else 0.0
+    views: Sequence[View]
+    depth_maps: Sequence[DepthMap]
+    volume: Volume
+    memory: MemoryBudget
+    depths: Float32Array
+    """(views, rows, columns) those that count, 0 elsewhere."""
+    cameras: FloatArray
+    """(views, 16), see `_camera`."""
+    bounds: IntArray
+    """(views, 2) rows and columns."""
+    neighbors: Sequence[IntArray]
+    """Of each view, best first."""
+
+    @classmethod
+    def of(
+        cls, views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, memory: MemoryBudget = MEMORY
+    ) -> Stack:
+        bounds = np.array([(v.intrinsics.height, v.intrinsics.width) for v in views], dtype=np.int64).reshape(-1, 2)
+        depths = memory.zeros((len(views), *bounds.max(axis=0, initial=1)), np.float32)
+        for i, depth_map in enumerate(depth_maps):
+            rows, columns = depth_map.depth.shape
+            depths[i, :rows, :columns] = np.where(depth_map.cost < MAX_COST, depth_map.depth, np.float32(0.0))
+        cameras = np.array([_camera(view) for view in views]).reshape(-1, 16)
+        neighbors = [np.array(near, dtype=np.int64) for near in choose_sources(views, volume, FUSION_NEIGHBORS)]
+        return cls(views, depth_maps, volume, memory, depths, cameras, bounds, neighbors)
+
+    def scatter_px(self, ground: Plane | None = None) -> float:
+        """How far the views' depths of one surface lie apart, pixels: 0.9 to 1.1 of still leaves, the more the more
+        they sway between photographs.
+
+        Depths lower than `STANDING_M` above the ``ground`` do not count. Of every other one, the round trip to the view
+        that agrees second best (the best agrees by chance); of those of one surface, the upper quartile. 0 where no
+        three views meet.
+        """
+        depths = self.depths
+        if ground is not None:
+            depths = self.memory.zeros(depths.shape, np.float32)
+            for view, all_depths, standing in zip(self.views, self.depths, depths, strict=True):
+                standing[...] = np.where(_heights(view, all_depths, ground) < STANDING_M, np.float32(0.0), all_depths)
+        gate = _SCATTER_GATE_DEPTH, _SCATTER_GATE_PX, _SCATTER_STEP
+        trips = [
+            _second_trips(i, near, depths, self.cameras, self.bounds, *gate) for i, near in enumerate(self.neighbors)
+        ]
+        every = np.concatenate(trips) if trips else np.zeros(0)
+        return float(np.quantile(every, _SCATTER_QUANTILE)) if len(every) else 0.0
+
+    def agreeing_points(self, min_agreeing: int = MIN_AGREEING, scatter_px: float = 0.0) -> Cloud:
+        """What `fuse` thins."""
+        views, stack = self.views, (self.depths, self.cameras, self.bounds)
+        background, used = (self.memory.zeros(self.depths.shape, np.bool_) for _ in range(2))
+        disputes = MAX_RELATIVE_DEPTH, MAX_RELATIVE_DEPTH * SEE_THROUGH_DEPTHS, SEE_THROUGH_PX
+        colors = [view.image for view in views]
+        for i, view in enumerate(views):
+            if view.mask is not None:
+                shown = view.mask if view.inside is None else view.mask | ~view.inside
+                rows, columns = shown.shape
+                background[i, :rows, :columns] = ~shown
+                colors[i] = inner_colors(view.image, shown)
+        parts, limits = [], tolerances(scatter_px)
+        rules = [(min_agreeing, MOST_OFF, 0)]
+        if views and all(view.mask is not None for view in views):
+            rules.append((FILLING_AGREEING, 0.0, FILLING_MASKS))
+        for rule, (i, near) in product(rules, enumerate(self.neighbors)):
+            most = int(np.count_nonzero(self.depths[i]))
+            points, origin = np.empty((most, 3)), np.empty((most, 1 + len(near), 3), dtype=np.int32)
+            count = _fuse_view(i, near, *stack, used, *limits, rule[0], points, origin)
+            kept = _in_front(points[:count], *stack, background, *disputes, *rule)
+            filled = np.full(np.count_nonzero(kept), rule is not rules[0]) if len(rules) > 1 else None
+            appearance = _appearance(colors, self.depth_maps, origin[:count][kept])
+            parts.append(Cloud(points[:count][kept], *appearance, filled))
+        return crop(concatenate(parts), self.volume)
 
 
 def _heights(view: View, depth: Float32Array, ground: Plane) -> Float32Array:
@@ -144,54 +196,6 @@ def _heights(view: View, depth: Float32Array, ground: Plane) -> Float32Array:
     own = float(ground.heights(view.pose.center[None])[0])
     heights: Float32Array = own + depth * (x[None] + y[:, None]).astype(np.float32)
     return heights
-
-
-def _stacked(
-    views: Sequence[View], depth_maps: Sequence[DepthMap], memory: MemoryBudget
-) -> tuple[Float32Array, FloatArray, IntArray]:
-    """Depths (views, rows, columns) that count, 0 elsewhere; the cameras (views, 16); the views' rows and columns."""
-    size = (max(v.intrinsics.height for v in views), max(v.intrinsics.width for v in views)) if views else (1, 1)
-    depths = memory.zeros((len(views), *size), np.float32)
-    for i, depth_map in enumerate(depth_maps):
-        rows, columns = depth_map.depth.shape
-        good = depth_map.cost < MAX_COST
-        depths[i, :rows, :columns] = np.where(good, depth_map.depth, np.float32(0.0))
-    cameras = np.stack([_camera(view) for view in views]) if views else np.zeros((0, 16))
-    bounds = np.array([(v.intrinsics.height, v.intrinsics.width) for v in views], dtype=np.int64).reshape(-1, 2)
-    return depths, cameras, bounds
-
-
-def agreeing_points(
-    views: Sequence[View],
-    depth_maps: Sequence[DepthMap],
-    volume: Volume,
-    min_agreeing: int = MIN_AGREEING,
-    scatter_px: float = 0.0,
-    memory: MemoryBudget = MEMORY,
-) -> Cloud:
-    """What `fuse` thins."""
-    stack, limits = _stacked(views, depth_maps, memory), tolerances(scatter_px)
-    background, used = (memory.zeros(stack[0].shape, np.bool_) for _ in range(2))
-    disputes = MAX_RELATIVE_DEPTH, MAX_RELATIVE_DEPTH * SEE_THROUGH_DEPTHS, SEE_THROUGH_PX
-    colors = [view.image for view in views]
-    for i, view in enumerate(views):
-        if view.mask is not None:
-            shown = view.mask if view.inside is None else view.mask | ~view.inside
-            rows, columns = shown.shape
-            background[i, :rows, :columns] = ~shown
-            colors[i] = inner_colors(view.image, shown)
-    parts, neighbors = [], choose_sources(views, volume, FUSION_NEIGHBORS)
-    rules = [(min_agreeing, MOST_OFF, 0)]
-    if views and all(view.mask is not None for view in views):
-        rules.append((FILLING_AGREEING, 0.0, FILLING_MASKS))
-    for rule, (i, near) in product(rules, enumerate(neighbors)):
-        limit = int(np.count_nonzero(stack[0][i]))
-        points, origin = np.empty((limit, 3)), np.empty((limit, 1 + len(near), 3), dtype=np.int32)
-        count = _fuse_view(i, np.array(near, dtype=np.int64), *stack, used, *limits, rule[0], points, origin)
-        kept = _in_front(points[:count], *stack, background, *disputes, *rule)
-        filled = np.full(np.count_nonzero(kept), rule is not rules[0]) if len(rules) > 1 else None
-        parts.append(Cloud(points[:count][kept], *_appearance(colors, depth_maps, origin[:count][kept]), filled))
-    return crop(concatenate(parts), volume)
 
 
 def fusion_rule(min_agreeing: int, scatter_px: float) -> str:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fieldkit.arrays import BoolArray, ByteArray, Float32Array
 from fieldkit.errors import UsageError
+from fieldkit.vocabulary import Mask
 
 EXG_THRESHOLD = 0.10
 """Excess green above which a pixel counts as plant; soil lies about 0, leaves between 0.1 and 1."""
@@ -49,7 +50,7 @@ def excess_red(image: ByteArray) -> Float32Array:
     return np.asarray(index, dtype=np.float32)
 
 
-def plant_mask(image: ByteArray, kind: str = "exg", file_mask: NDArray[Any] | None = None) -> BoolArray | None:
+def plant_mask(image: ByteArray, kind: Mask = "exg", file_mask: NDArray[Any] | None = None) -> BoolArray | None:
     """The plant mask of a view.
 
     Args:
@@ -71,8 +72,6 @@ def plant_mask(image: ByteArray, kind: str = "exg", file_mask: NDArray[Any] | No
                 remedy="Put a mask beside every photograph, or choose the mask `exg` or `none`.",
             )
         return np.asarray(file_mask != 0, dtype=np.bool_)
-    if kind != "exg":
-        raise UsageError(f"there is no mask {kind!r}", remedy="Choose exg, none or file.")
     import cv2
 
     green = excess_green(image)

@@ -37,16 +37,6 @@ class View:
     inside: BoolArray | None = None
     """(H, W) bool, the pixels that come from within the photograph; None: all."""
 
-    def __post_init__(self) -> None:
-        size = (self.intrinsics.height, self.intrinsics.width)
-        if self.image.shape != (*size, 3) or self.image.dtype != np.uint8:
-            raise ValueError(f"view {self.name}: the image must be uint8 of shape {(*size, 3)}")
-        for mask in (self.mask, self.inside):
-            if mask is not None and (mask.shape != size or mask.dtype != np.bool_):
-                raise ValueError(f"view {self.name}: the mask must be bool of shape {size}")
-        if self.intrinsics.distorted:
-            raise ValueError(f"view {self.name}: the camera must be free of distortion")
-
 
 @dataclass(frozen=True, eq=False)
 class DepthMap:

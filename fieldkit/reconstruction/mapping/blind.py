@@ -7,13 +7,16 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from fieldkit.arrays import FloatArray
 from fieldkit.cache import digest
 from fieldkit.captures.model import Capture
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.agreement import align_to_positions
 from fieldkit.reconstruction.colmap_model import (
     arrays_to_model,
@@ -26,13 +29,12 @@ from fieldkit.reconstruction.colmap_model import (
 from fieldkit.reconstruction.features import Features
 from fieldkit.reconstruction.guided import epipolar_distance, fundamental_matrix
 from fieldkit.reconstruction.mapping.angle_conventions import adopt_convention
-from fieldkit.reconstruction.mapping.lag import find_lag
 from fieldkit.reconstruction.mapping.state import FOCAL_CHANGE, Belief, Inputs, Mapped
 from fieldkit.reconstruction.mapping.uncertainty import pair_information
 from fieldkit.reconstruction.mapping.verdicts import judged
 from fieldkit.reconstruction.mapping.view_graph import Pair
+from fieldkit.reconstruction.matching import TwoView
 from fieldkit.reconstruction.stages import exhaustive_pairs, load_pairs
-from fieldkit.reconstruction.verification import TwoView
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.results.finding import POSITIONS_LAG, Finding
 from fieldkit.runtime.colmap import pycolmap
@@ -43,6 +45,16 @@ MAX_NEIGHBOURS = 40
 """Most nearest photographs, by position, that each is matched with."""
 _FEW_FEATURES = 50
 """Number of features below which a photograph is not matched."""
+_LAGS = np.linspace(-3.0, 3.0, 61)
+"""That are tried, in photographs; what is below 0 runs ahead."""
+_LEAST_OF_LAG = 6
+"""Photographs that a lag is told from: a similarity takes up seven of their numbers."""
+_FITS = 0.33
+"""Largest share of the residuals that a lag may leave: positions that are right, or wrong otherwise, leave more."""
+_ROUNDS = 4
+"""Number of fits, each to those photographs whose residual was small in the last."""
+_OUTLIERS = 2.5
+"""Largest residual of a photograph that is kept for the next fit, times the median."""
 
 
 def verified_pairs(inputs: Inputs, belief: Belief, wanted: Sequence[Pair], *, calibrated: bool) -> dict[Pair, TwoView]:
@@ -149,7 +161,7 @@ def map_without_priors(inputs: Inputs, belief: Belief, methods: Sequence[str]) -
         model,
         tuple(m.num_reg_images() for m in models),
         reasons,
-        _ties(inputs, model, pairs),
+        _pair_values(inputs, model, pairs),
         metric=similarity is not None,
         refined=not (belief.cameras.all_fixed or belief.held),
         pairs_tried=len(wanted),
@@ -180,6 +192,54 @@ def _lagging(inputs: Inputs, belief: Belief, poses: Mapping[str, Pose]) -> Itera
         )
 
 
+class Lag(NamedTuple):
+    """How far positions lag along the flight, and how well they fit without and with that.
+
+    Cameras write positions of some moment before. A lag moves each photograph another way wherever a flight turns, so
+    that no similarity takes it out of the positions.
+    """
+
+    photographs: float
+    metres: float
+    before_m: float
+    after_m: float
+
+
+def find_lag(centers: FloatArray, positions: FloatArray) -> Lag | None:
+    """The lag with which positions (n, 3), metres, fit the camera centres (n, 3) of a model of any scale.
+
+    Both are in the order of the flight. Gives None where no lag fits far better than none: for positions that are
+    right or wrong otherwise, and for flights along a line or a circle, which a lag moves into themselves.
+    """
+    number = np.arange(len(positions))
+    fits = []
+    for lag in _LAGS:
+        at = number + lag
+        inside = (at >= 0) & (at <= len(number) - 1)
+        if inside.sum() >= _LEAST_OF_LAG:
+            moved = np.stack([np.interp(at[inside], number, column) for column in positions.T], axis=1)
+            metres = float(np.median(np.linalg.norm(moved - positions[inside], axis=1)))
+            fits.append((_residual(centers[inside], moved), lag, metres))
+    if not fits:
+        return None
+    before = min(residual for residual, lag, _ in fits if abs(lag) < 0.5 * (_LAGS[1] - _LAGS[0]))
+    after, lag, metres = min(fits)
+    return Lag(float(lag), metres, before, after) if after < _FITS * before else None
+
+
+def _residual(source: FloatArray, target: FloatArray) -> float:
+    """Median distance of points (n, 3) from others after the similarity that fits most of them."""
+    kept = np.ones(len(source), np.bool_)
+    residuals = np.full(len(source), np.inf)
+    for _ in range(_ROUNDS):
+        try:
+            residuals = np.linalg.norm(fit_similarity(source[kept], target[kept]).apply(source) - target, axis=1)
+        except ValueError:  # on one line
+            break
+        kept = residuals <= _OUTLIERS * np.median(residuals)
+    return float(np.median(residuals))
+
+
 def _recalibrated(
     inputs: Inputs, belief: Belief, method: str, pairs: Mapping[Pair, TwoView], models: list[pycolmap.Reconstruction]
 ) -> tuple[Belief, list[pycolmap.Reconstruction]]:
@@ -197,10 +257,10 @@ def _recalibrated(
     return held, again if larger else models
 
 
-def _ties(inputs: Inputs, model: pycolmap.Reconstruction, pairs: Mapping[Pair, TwoView]) -> dict[Pair, float]:
+def _pair_values(inputs: Inputs, model: pycolmap.Reconstruction, pairs: Mapping[Pair, TwoView]) -> dict[Pair, float]:
     """What verified pairs say of a model that has both photographs (`pair_information`)."""
     poses, camera_of = model_poses(model), model_intrinsics(model)
-    ties = {}
+    pair_values = {}
     for (i, j), pair in pairs.items():
         a, b = inputs.names[i], inputs.names[j]
         if a in poses and b in poses:
@@ -209,8 +269,8 @@ def _ties(inputs: Inputs, model: pycolmap.Reconstruction, pairs: Mapping[Pair, T
             left = one.undistort(inputs.keyed[i].features.points[pair.inliers[:, 0]])
             right = other.undistort(inputs.keyed[j].features.points[pair.inliers[:, 1]])
             off = epipolar_distance(fundamental, left, right)
-            ties[i, j] = pair_information(off * min(1.0, 1600.0 / one.width))
-    return ties
+            pair_values[i, j] = pair_information(off * min(1.0, 1600.0 / one.width))
+    return pair_values
 
 
 def no_model(inputs: Inputs, pairs: Collection[Pair], why: str = "", remedy: str = "") -> ReconstructionError:

@@ -249,14 +249,14 @@ def with_stated_poses(inputs: Inputs, belief: Belief, mapped: Mapped | None) -> 
     the model by matches; None where they make none.
     """
     names, cameras, known = inputs.names, belief.cameras, belief.priors.by_name
-    tied = mapped is not None and _tied(mapped)
+    connected = mapped is not None and _connected(mapped)
     exact = {name for name, prior in known.items() if prior.exact}
     stated = exact if len(exact) >= 2 else set()
-    if mapped is not None and tied:
+    if mapped is not None and connected:
         stated = stated | _confirmed(mapped, belief.priors)
     if not stated or not cameras.known:
         return mapped
-    if mapped is None or not tied:
+    if mapped is None or not connected:
         images = [
             ImageReport(name=name, features=len(keyed.features), registered=False, reason="its pose is not stated")
             for name, keyed in zip(names, inputs.keyed, strict=True)
@@ -316,7 +316,7 @@ def _confirmed(mapped: Mapped, priors: Priors) -> set[str]:
     }
 
 
-def _tied(mapped: Mapped) -> bool:
+def _connected(mapped: Mapped) -> bool:
     """Whether a model by matches is one group of half of the photographs or more, in the frame of what is known."""
     half = 2 * sum(image.counts for image in mapped.images) >= len(mapped.images)
     return mapped.metric and half and len(set(mapped.groups.values())) == 1

@@ -24,7 +24,7 @@ from fieldkit.geometry.priors import PosePrior, Priors
 from fieldkit.reconstruction.agreement import ANGLE_SIGMAS, align_to_positions, judge
 from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.guided import region_of_interest
-from fieldkit.reconstruction.verification import TwoView
+from fieldkit.reconstruction.matching import TwoView
 from fieldkit.runtime.colmap import pycolmap
 from fieldkit.vocabulary import LEAST_POSITIONS
 

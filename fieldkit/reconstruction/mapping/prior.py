@@ -61,8 +61,8 @@ from fieldkit.reconstruction.mapping.view_graph import (
     rivalless_matches,
     usable_matches,
 )
+from fieldkit.reconstruction.matching import TwoView, verify_pair
 from fieldkit.reconstruction.settings import PriorMappingSettings, VerificationSettings
-from fieldkit.reconstruction.verification import TwoView, verify_pair
 from fieldkit.runtime.colmap import pycolmap
 
 KeepPair = Callable[[int, int, tuple[Any, ...], Callable[[], NDArray[np.uint32]]], NDArray[np.uint32]]
@@ -105,7 +105,7 @@ class PriorMapping:
     pairs_tried: int
     pairs_kept: int
     """Of the first round."""
-    ties: Mapping[Pair, float]
+    pair_values: Mapping[Pair, float]
     """What pairs of registered images say (`pair_information`), by their indices: the edges of the last round's view
     graph, and others that say something."""
     refined: bool
@@ -235,13 +235,13 @@ def map_with_priors(
             refined, edges = _round(problem, model, problem.start, pairs, band, last=last)
         model = refined
         advance(1)
-    ties = _ties(problem, model, pairs, edges, max(1.0, scale))
-    unregistered = _unsupported(problem, model, ties)
+    pair_values = _pair_values(problem, model, pairs, edges, max(1.0, scale))
+    unregistered = _unsupported(problem, model, pair_values)
     for name in unregistered:
         model.deregister_frame(model.image(names.index(name) + 1).frame_id)
     left = {k for k, name in enumerate(names) if name not in unregistered}
-    ties = {pair: value for pair, value in ties.items() if left.issuperset(pair)}
-    return PriorMapping(model, unregistered, len(pairs), len(matches), ties, not fixed_intrinsics)
+    pair_values = {pair: value for pair, value in pair_values.items() if left.issuperset(pair)}
+    return PriorMapping(model, unregistered, len(pairs), len(matches), pair_values, not fixed_intrinsics)
 
 
 def epipolar_sigma_px(a: PosePrior, b: PosePrior, focal_px: float, distance_m: float) -> float:
@@ -469,7 +469,7 @@ def _overlapping(problem: _Problem, model: pycolmap.Reconstruction, pairs: Seque
     return [(i, j) for i, j in pairs if shared[i, j] >= _MIN_OVERLAP * min(seen[i].sum(), seen[j].sum())]
 
 
-def _ties(
+def _pair_values(
     problem: _Problem, model: pycolmap.Reconstruction, pairs: Sequence[Pair], edges: Collection[Pair], scale: float
 ) -> dict[Pair, float]:
     """The information of edges, and of other pairs that have any; ``scale`` is a pixel where features are found."""
@@ -482,13 +482,13 @@ def _ties(
     return {pair: value for pair, value in found.items() if value > 0.0 or pair in edges}
 
 
-def _unsupported(problem: _Problem, model: pycolmap.Reconstruction, ties: Collection[Pair]) -> dict[str, str]:
+def _unsupported(problem: _Problem, model: pycolmap.Reconstruction, pair_values: Collection[Pair]) -> dict[str, str]:
     """Images that do not register, with the reason: too few observations, or no more matches than by chance."""
-    tied, reasons = {k for pair in ties for k in pair}, {}
+    connected, reasons = {k for pair in pair_values for k in pair}, {}
     for index, name in enumerate(problem.names):
         if len(problem.features[index]) < _MIN_OBSERVATIONS:
             reasons[name] = "too few features"
-        elif index not in tied:
+        elif index not in connected:
             reasons[name] = "no more matches than chance gives"
         elif model.image(index + 1).num_points3D < _MIN_OBSERVATIONS:
             reasons[name] = "too few matches that fit the other photographs"

@@ -20,7 +20,7 @@ from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.reconstruction.cameras import guessed_camera
 from fieldkit.reconstruction.colmap_model import arrays_to_model, model_poses, model_to_arrays
-from fieldkit.reconstruction.ground_view import is_oblique
+from fieldkit.reconstruction.features import is_oblique
 from fieldkit.reconstruction.guided import region_of_interest, relative_pose
 from fieldkit.reconstruction.mapping.angle_conventions import adopt_convention, look_odd
 from fieldkit.reconstruction.mapping.blind import (
@@ -96,7 +96,7 @@ def _by_steps(inputs: Inputs, belief: Belief) -> Mapped:
         found.model,
         (registered,),
         reasons,
-        found.ties,
+        found.pair_values,
         metric=True,
         refined=found.refined,
         pairs_tried=found.pairs_tried,
@@ -284,7 +284,9 @@ def make_model(inputs: Inputs, belief: Belief) -> Belief:
             )
             kept = model_to_arrays(result.model)
             kept["_counts"] = np.array([result.pairs_tried, result.pairs_kept])
-            kept["_ties"] = np.array([(i, j, value) for (i, j), value in sorted(result.ties.items())]).reshape(-1, 3)
+            kept["_ties"] = np.array([(i, j, value) for (i, j), value in sorted(result.pair_values.items())]).reshape(
+                -1, 3
+            )
             kept["_unregistered"] = np.array([[n, r] for n, r in result.unregistered.items()], dtype=np.str_)
             inputs.context.cache.put("models", key, kept)
         else:
@@ -292,8 +294,8 @@ def make_model(inputs: Inputs, belief: Belief) -> Belief:
     arrays = {name: data for name, data in kept.items() if not name.startswith("_")}
     tried, pairs_kept = (int(v) for v in kept["_counts"])
     unregistered = {str(n): str(r) for n, r in kept["_unregistered"].reshape(-1, 2)}
-    ties = {(chosen[int(i)], chosen[int(j)]): float(value) for i, j, value in kept["_ties"]}
-    mapped = PriorMapping(arrays_to_model(arrays), unregistered, tried, pairs_kept, ties, not fixed)
+    pair_values = {(chosen[int(i)], chosen[int(j)]): float(value) for i, j, value in kept["_ties"]}
+    mapped = PriorMapping(arrays_to_model(arrays), unregistered, tried, pairs_kept, pair_values, not fixed)
     return replace(belief, mapped=mapped)
 
 

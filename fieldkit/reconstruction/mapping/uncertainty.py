@@ -12,7 +12,8 @@ What all cameras have in common, a similarity, is the frame's error and is taken
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,7 +121,7 @@ class Uncertainty:
 def pose_uncertainty(
     model: pycolmap.Reconstruction,
     priors: Mapping[str, PosePrior],
-    ties: Mapping[Pair, float],
+    pair_values: Mapping[Pair, float],
     names: Sequence[str],
     *,
     loss_px: float,
@@ -131,7 +132,7 @@ def pose_uncertainty(
     Args:
         model: at the optimum of its bundle adjustment.
         priors: by name, in the model's frame; none where it is not metric.
-        ties: information of the pairs (`pair_information`), by indices into ``names``.
+        pair_values: information of the pairs (`pair_information`), by indices into ``names``.
         loss_px: scale of the bundle adjustment's Cauchy loss.
         refined: whether it adjusted focal lengths and distortion.
     """
@@ -139,7 +140,7 @@ def pose_uncertainty(
     index = {name: k for k, name in enumerate(names)}
     row = {index[name]: k for k, name in enumerate(seen.names)}
     information = np.zeros((len(row), len(row)))
-    for (i, j), value in ties.items():
+    for (i, j), value in pair_values.items():
         if i in row and j in row:
             information[row[i], row[j]] = information[row[j], row[i]] = value
     joined, weight = _joined(seen, information)
@@ -255,8 +256,8 @@ def _joined(seen: _Observations, information: FloatArray) -> tuple[_Observations
     first = [np.flatnonzero(point[step:] == point[:-step]) for step in steps]
     one = np.concatenate([np.zeros(0, np.int64), *first])
     other = np.concatenate([np.zeros(0, np.int64), *(each + step for each, step in zip(first, steps, strict=True))])
-    tied = information[image[one], image[other]] > 0.0
-    one, other = one[tied], other[tied]
+    connected = information[image[one], image[other]] > 0.0
+    one, other = one[connected], other[connected]
     shared = np.zeros_like(information)
     np.add.at(shared, (image[one], image[other]), 1.0)
     shared = seen.every * (shared + shared.T)
@@ -269,20 +270,9 @@ def _joined(seen: _Observations, information: FloatArray) -> tuple[_Observations
     kept = np.bincount(label, minlength=len(point))[label] > 1
     chosen = order[kept]
     points, new = np.unique(label[kept], return_inverse=True)
-    return _Observations(
-        seen.names,
-        seen.centers,
-        seen.distance,
-        chosen,
-        seen.image[chosen],
-        new.astype(np.int64),
-        len(points),
-        seen.residual[chosen],
-        seen.by_pose[chosen],
-        seen.by_point[chosen],
-        seen.by_lens[chosen],
-        seen.every,
-    ), weight[kept]
+    fields = ("image", "residual", "by_pose", "by_point", "by_lens")
+    of_chosen: dict[str, Any] = {name: getattr(seen, name)[chosen] for name in fields}
+    return replace(seen, chosen=chosen, point=new.astype(np.int64), points=len(points), **of_chosen), weight[kept]
 
 
 def _variance(squares: FloatArray, loss_px: float, points: int, images: int) -> float:

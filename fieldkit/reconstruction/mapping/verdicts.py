@@ -69,7 +69,7 @@ def judged(
     model: pycolmap.Reconstruction,
     sizes: tuple[int, ...],
     reasons: Mapping[str, str],
-    ties: Mapping[Pair, float],
+    pair_values: Mapping[Pair, float],
     *,
     metric: bool,
     refined: bool,
@@ -81,7 +81,7 @@ def judged(
     Args:
         model: at the optimum of its bundle adjustment.
         sizes: registered images of every model.
-        ties: what pairs say (`pair_information`), by indices of photographs.
+        pair_values: what pairs say (`pair_information`), by indices of photographs.
         metric: whether the model is in the known poses' frame.
         refined: whether mapping adjusted the cameras' lenses.
     """
@@ -91,15 +91,15 @@ def judged(
     uncertainty = pose_uncertainty(
         model,
         known if method == "prior" else {},
-        ties,
+        pair_values,
         inputs.names,
         loss_px=inputs.settings.prior.loss_px,
         refined=refined,
     )
     row = {inputs.names.index(name): name for name in uncertainty.names}
-    groups = {row[k]: number for number, part in enumerate(connected_parts(sorted(row), ties)) for k in part}
+    groups = {row[k]: number for number, part in enumerate(connected_parts(sorted(row), pair_values)) for k in part}
     members = Counter(groups.values())
-    held = {name for name, group in groups.items() if members[group] < _FIXED_BY}
+    anchored = {name for name, group in groups.items() if members[group] < _FIXED_BY}
     sigmas = dict(zip(uncertainty.names, uncertainty.sigma.tolist(), strict=True))
     errors = dict(zip(uncertainty.names, uncertainty.reprojection_px.tolist(), strict=True))
     bound = wanted_m(uncertainty.distance, metric=metric)
@@ -115,7 +115,7 @@ def judged(
             continue
         agreement = judge(poses[name], known.get(name) if metric else None)
         right, reason = agreement.right, agreement.reason
-        if right and name in held:
+        if right and name in anchored:
             right, reason = False, "only known positions hold it, and fewer than three place no model: too few matches"
         if not trusted:
             right, reason = False, "wrong pose: the model does not fit the known positions"

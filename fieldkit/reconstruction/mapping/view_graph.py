@@ -74,11 +74,11 @@ def usable_matches(
         Of another pair, those matches that touch a feature of an edge or have no rival, if one of its images lacks
         edges or no chain of edges joins the two; all of them if both lack edges.
     """
-    tied = [np.zeros(count, np.bool_) for count in counts]
+    connected = [np.zeros(count, np.bool_) for count in counts]
     for i, j in edges:
-        tied[i][matches[i, j][:, 0]] = True
-        tied[j][matches[i, j][:, 1]] = True
-    lacking = [int(each.sum()) < least for each in tied]
+        connected[i][matches[i, j][:, 0]] = True
+        connected[j][matches[i, j][:, 1]] = True
+    lacking = [int(each.sum()) < least for each in connected]
     part = _labels(len(counts), edges)
     used = {}
     for (i, j), found in matches.items():
@@ -86,7 +86,7 @@ def usable_matches(
             used[i, j] = found
         elif lacking[i] or lacking[j] or part[i] != part[j]:
             alone = np.isin(found[:, 0], rivalless(i, j)[:, 0])  # a feature has one match in a pair
-            used[i, j] = found[tied[i][found[:, 0]] | tied[j][found[:, 1]] | alone]
+            used[i, j] = found[connected[i][found[:, 0]] | connected[j][found[:, 1]] | alone]
     return used
 
 

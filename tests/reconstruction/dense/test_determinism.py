@@ -35,7 +35,7 @@ def run(
     found = compute_depth_maps(
         scene, VOLUME, seed=seed, context=Context(cache=cache or StageCache(None)), memory=memory
     )
-    cloud = fuse(scene, found, VOLUME, memory=memory)
+    cloud, _ = fuse(scene, found, VOLUME, memory=memory)
     for depth_map in found:
         for array in (depth_map.depth, depth_map.normal, depth_map.cost):
             state.update(array.tobytes())

@@ -11,8 +11,7 @@ from fieldkit.reconstruction.dense.fusion import (
     MAX_RELATIVE_DEPTH,
     MAX_REPROJECTION_PX,
     WIDEST_PX,
-    agreeing_points,
-    depth_scatter_px,
+    Stack,
     fusion_rule,
     tolerances,
 )
@@ -48,7 +47,7 @@ def scaled(depth_map: DepthMap, factor: float) -> DepthMap:
 
 
 def test_exact_depths_give_points_on_the_plane(perfect):
-    cloud = agreeing_points(*perfect, VOLUME)
+    cloud = Stack.of(*perfect, VOLUME).agreeing_points()
     assert len(cloud) > 20_000
     # Agreeing pixels are up to 1.5 pixels apart, which on a plane seen at 16° moves the mean depth a little.
     assert np.abs(cloud.points[:, 2]).max() < 0.004
@@ -60,14 +59,14 @@ def test_exact_depths_give_points_on_the_plane(perfect):
 def test_a_pixel_is_used_once(perfect):
     views, maps = perfect
     pixels = sum((m.depth > 0).sum() for m in maps)
-    assert len(agreeing_points(views, maps, VOLUME)) < 0.6 * pixels
+    assert len(Stack.of(views, maps, VOLUME).agreeing_points()) < 0.6 * pixels
 
 
 @pytest.mark.parametrize(("needed", "wrong", "kept"), [(1, 2, True), (2, 1, True), (2, 2, False), (3, 1, False)])
 def test_enough_views_have_to_agree(perfect, needed, wrong, kept):
     views, maps = perfect
     maps = [scaled(m, 1.0 + 0.05 * (i + 1)) if i < wrong else m for i, m in enumerate(maps)]
-    on_plane = np.abs(agreeing_points(views, maps, VOLUME, needed).points[:, 2]) < 0.01
+    on_plane = np.abs(Stack.of(views, maps, VOLUME).agreeing_points(needed).points[:, 2]) < 0.01
     assert bool(np.count_nonzero(on_plane) > 1000) is kept
 
 
@@ -76,7 +75,7 @@ def test_depths_agree_within_a_relative_difference(perfect, factor, kept, monkey
     views, maps = perfect
     two = ([views[0], views[1]], [maps[0], scaled(maps[1], factor)])
     monkeypatch.setattr(fusion, "MAX_REPROJECTION_PX", 10.0)
-    assert (len(agreeing_points(*two, VOLUME, 1)) > 1000) is kept
+    assert (len(Stack.of(*two, VOLUME).agreeing_points(1)) > 1000) is kept
 
 
 def test_depths_agree_within_a_round_trip(perfect, monkeypatch):
@@ -85,7 +84,7 @@ def test_depths_agree_within_a_round_trip(perfect, monkeypatch):
     counts = []
     for limit in (0.2, 1.0, 4.0):
         monkeypatch.setattr(fusion, "MAX_REPROJECTION_PX", limit)
-        counts.append(len(agreeing_points(*two, VOLUME, 1)))
+        counts.append(len(Stack.of(*two, VOLUME).agreeing_points(1)))
     assert counts[0] < counts[1] < counts[2]
 
 
@@ -96,13 +95,13 @@ def swaying(eight: Made, share: float) -> Made:
 
 
 def test_depths_of_what_stands_still_hardly_scatter(eight):
-    assert depth_scatter_px(*eight, VOLUME) < 0.2
+    assert Stack.of(*eight, VOLUME).scatter_px() < 0.2
     two = eight[0][:2], eight[1][:2]
-    assert depth_scatter_px(*two, VOLUME) == 0.0  # no second view
+    assert Stack.of(*two, VOLUME).scatter_px() == 0.0  # no second view
 
 
 def test_depths_scatter_with_what_sways(eight):
-    little, much = (depth_scatter_px(*swaying(eight, share), VOLUME) for share in (0.01, 0.04))
+    little, much = (Stack.of(*swaying(eight, share), VOLUME).scatter_px() for share in (0.01, 0.04))
     assert 0.2 < little < 0.5 * much
 
 
@@ -111,9 +110,9 @@ def test_what_lies_on_the_ground_scatters_for_nothing(eight, depth_m, counts):
     views, maps = swaying(eight, 0.0)
     ground = Ground(normal=(0.6, 0.0, 0.8), offset_m=-depth_m, rms_m=0.0, inlier_share=1.0, tolerance_m=0.01)
     level = replace(ground, normal=(0.0, 0.0, 1.0))
-    expected = depth_scatter_px(views, maps, VOLUME) if counts else 0.0
-    assert depth_scatter_px(views, maps, VOLUME, ground=level) == expected
-    assert depth_scatter_px(views, maps, VOLUME, ground=ground) > 0.0  # a slope, on whose one side the plane stands
+    expected = Stack.of(views, maps, VOLUME).scatter_px() if counts else 0.0
+    assert Stack.of(views, maps, VOLUME).scatter_px(ground=level) == expected
+    assert Stack.of(views, maps, VOLUME).scatter_px(ground=ground) > 0.0  # a slope, on whose one side the plane stands
 
 
 def test_tolerances_are_wider_where_depths_scatter_only():
@@ -129,7 +128,7 @@ def test_tolerances_are_wider_where_depths_scatter_only():
 
 def test_a_surface_that_every_view_shows_elsewhere_is_fused_at_its_mean_place(eight):
     given = swaying(eight, 0.008)
-    strict, wide = (agreeing_points(*given, VOLUME, 2, scatter_px) for scatter_px in (0.0, 3.0))
+    strict, wide = (Stack.of(*given, VOLUME).agreeing_points(2, scatter_px) for scatter_px in (0.0, 3.0))
     off = [np.abs(cloud.points[:, 2]).mean() for cloud in (strict, wide)]
     assert off[1] < 0.5 * off[0]
     assert len(wide) < len(strict)  # one layer, not two
@@ -137,7 +136,9 @@ def test_a_surface_that_every_view_shows_elsewhere_is_fused_at_its_mean_place(ei
 
 def test_wide_tolerances_let_no_depth_pass_that_views_see_through(eight):
     views, maps = disputed(eight, 5)
-    assert len(agreeing_points(views, maps, VOLUME, 2, 4.0)) < 0.05 * len(agreeing_points(*eight, VOLUME, 2, 4.0))
+    assert len(Stack.of(views, maps, VOLUME).agreeing_points(2, 4.0)) < 0.05 * len(
+        Stack.of(*eight, VOLUME).agreeing_points(2, 4.0)
+    )
 
 
 def test_colours_are_the_mean_of_the_agreeing_pixels(perfect):
@@ -145,7 +146,7 @@ def test_colours_are_the_mean_of_the_agreeing_pixels(perfect):
     painted = []
     for i, view in enumerate(views):
         painted.append(replace(view, image=np.full_like(view.image, 10 + 20 * i)))
-    cloud = agreeing_points(painted, maps, VOLUME)
+    cloud = Stack.of(painted, maps, VOLUME).agreeing_points()
     all_four = (cloud.colors == 40).all(axis=1)
     assert all_four.mean() > 0.3
     assert cloud.colors.min() >= 10
@@ -162,7 +163,7 @@ def disputed(full: Made, through: int) -> Made:
 
 def found_on_the_plane(given: Made) -> bool:
     """Whether the fused cloud has points of the plane z = 0 where all views see it."""
-    cloud = agreeing_points(*given, VOLUME)
+    cloud = Stack.of(*given, VOLUME).agreeing_points()
     middle = (np.abs(cloud.points[:, :2]) < 0.2).all(axis=1) & (np.abs(cloud.points[:, 2]) < 0.01)
     count = int(np.count_nonzero(middle))
     assert count == 0 or count > 1000
@@ -178,7 +179,11 @@ def test_a_point_that_other_views_show_background_behind_is_dropped(eight, throu
 def test_unknown_depths_and_pixels_outside_of_the_photograph_are_no_background(eight):
     views, maps = disputed(eight, 5)
     outside = [replace(v, inside=v.mask) for v in views]
-    assert len(agreeing_points(outside, maps, VOLUME)) == len(agreeing_points(*disputed(eight, 0), VOLUME)) > 1000
+    assert (
+        len(Stack.of(outside, maps, VOLUME).agreeing_points())
+        == len(Stack.of(*disputed(eight, 0), VOLUME).agreeing_points())
+        > 1000
+    )
 
 
 def test_a_point_in_front_of_what_other_views_show_is_dropped(eight):
@@ -197,9 +202,9 @@ def test_background_within_two_pixels_of_a_plant_proves_nothing(eight):
     assert found_on_the_plane((thin, maps))
     assert not found_on_the_plane((views, maps))
     most = [v if i < 3 else replace(v, mask=np.roll(stripes, i, axis=1)) for i, v in enumerate(views)]
-    assert len(agreeing_points(most, maps, VOLUME)) < 0.2 * len(agreeing_points(thin, maps, VOLUME)), (
-        "but of many masks"
-    )
+    assert len(Stack.of(most, maps, VOLUME).agreeing_points()) < 0.2 * len(
+        Stack.of(thin, maps, VOLUME).agreeing_points()
+    ), "but of many masks"
 
 
 @pytest.mark.parametrize(("through", "filled"), [(0, True), (1, False)])
@@ -207,7 +212,7 @@ def test_a_hole_is_filled_from_one_view_where_all_masks_show_plants(eight, throu
     views, maps = disputed(eight, through)
     alone = [m if i < 1 else replace(m, depth=np.zeros_like(m.depth)) for i, m in enumerate(maps)]
     assert found_on_the_plane((views, alone)) is filled
-    cloud = fuse(views, alone, VOLUME)
+    cloud, _ = fuse(views, alone, VOLUME)
     assert cloud.filled is not None
     assert cloud.filled.all()
     assert not found_on_the_plane((eight[0], alone)), "without masks"
@@ -216,6 +221,6 @@ def test_a_hole_is_filled_from_one_view_where_all_masks_show_plants(eight, throu
 
 def test_points_outside_the_volume_are_dropped(perfect):
     small = Volume((-0.1, -0.2, -0.1), (0.1, 0.2, 0.1))
-    cloud = agreeing_points(*perfect, small)
+    cloud = Stack.of(*perfect, small).agreeing_points()
     assert len(cloud) > 100
     assert small.contains(cloud.points).all()

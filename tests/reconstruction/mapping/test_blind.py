@@ -10,9 +10,8 @@ from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_poses
 from fieldkit.reconstruction.mapping.blind import map_blindly
-from fieldkit.reconstruction.matching import match_features
+from fieldkit.reconstruction.matching import TwoView, match_features, verify_pair
 from fieldkit.reconstruction.settings import BLIND_METHODS, VerificationSettings
-from fieldkit.reconstruction.verification import TwoView, verify_pair
 from fieldkit.runtime.colmap import pycolmap
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, ring
 

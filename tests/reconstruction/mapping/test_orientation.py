@@ -10,7 +10,7 @@ from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
 from fieldkit.geometry.priors import PosePrior, Priors
 from fieldkit.reconstruction.guided import relative_pose
 from fieldkit.reconstruction.mapping.orientation import looking_alike, orient_cameras
-from fieldkit.reconstruction.verification import TwoView
+from fieldkit.reconstruction.matching import TwoView
 from tests.reconstruction.synthetic import ring
 
 Pairs = dict[tuple[int, int], TwoView]
