@@ -85,9 +85,7 @@ def _counted(name: str) -> dict[str, Any]:
         )
         settings = ReconstructionSettings()
         found = reconstruct(read_capture(Path(folder) / "ring"), settings, context=Context())
-    plot = plot_evaluation(
-        name, found, settings, score=None, seconds=0.0, cpu_seconds=0.0, outline=scene_outline(found, proxy)
-    )
+    plot = plot_evaluation(name, found, settings, score=None, outline=scene_outline(found, proxy))
     assert plot.traits is not None
     plants = [mesh for mesh in proxy.scene.meshes if mesh.plant]
     soil = float(np.nanmedian(height_map([m for m in proxy.scene.meshes if m.name.startswith("soil")], proxy.volume)))

@@ -382,7 +382,7 @@ def recorded_plot(name: str, scene: str, folder: Path, reference: Reference, cac
         found = reconstruct(read_capture(folder), settings, context=Context(cache))
     except ReconstructionError:
         return None
-    entry = plot_evaluation(name, found, settings, score=None, seconds=0.0, cpu_seconds=0.0)
+    entry = plot_evaluation(name, found, settings, score=None)
     features = reconstruction_features(found, entry)
     known = reference.known_plot()
     moved = known.source.from_source.after(found.sparse.frame.plot_from_source.inverse())

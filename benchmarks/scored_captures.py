@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import shutil
 import tempfile
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -39,7 +38,7 @@ from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.frame import Plane
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.machine import processor_seconds
+from fieldkit.runtime.machine import Spent
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.library import find_scene
@@ -199,7 +198,7 @@ def _evaluate(folder: Path, name: str, design: Design, capture: Path, proxy: Pro
     settings = ReconstructionSettings()
     record: dict[str, Any] = {"design": asdict(design), "truth": None}
     arrays: dict[str, NDArray[Any]] = {}
-    wall, cpu = time.perf_counter(), processor_seconds()
+    spent = Spent.now()
     read = read_capture(capture)
     try:
         found = reconstruct(read, settings, context=Context(cache))
@@ -208,8 +207,7 @@ def _evaluate(folder: Path, name: str, design: Design, capture: Path, proxy: Pro
             name,
             error,
             photographs=len(read.photos),
-            seconds=time.perf_counter() - wall,
-            cpu_seconds=processor_seconds() - cpu,
+            spent=spent,
         )
     else:
         plot = plot_evaluation(
@@ -217,8 +215,7 @@ def _evaluate(folder: Path, name: str, design: Design, capture: Path, proxy: Pro
             found,
             settings,
             score=None,
-            seconds=time.perf_counter() - wall,
-            cpu_seconds=processor_seconds() - cpu,
+            spent=spent,
             outline=scene_outline(found, proxy),
         )
         record["truth"] = truth_scores(found, proxy)

@@ -43,6 +43,7 @@ from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import PLAN_FILE, load_plan
 from fieldkit.results.traits import TraitsEntry
 from fieldkit.runtime.context import Context
+from fieldkit.runtime.machine import Spent
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene_file import read_scene, write_scene
@@ -313,15 +314,12 @@ def _traits(
 def _evaluated(name: str, folder: Path, proxy: Proxy, context: Context) -> PlotEvaluation:
     """A capture's figures within the scene's own volume, in the scene's frame."""
     there = KnownPlot(SourceFrame("poses.csv", None, Similarity.identity()), proxy.volume, None, settle=settle_in_scene)
-    settings, capture, begun = ReconstructionSettings(), by_station(read_capture(folder)), time.perf_counter()
+    settings, capture, begun = ReconstructionSettings(), by_station(read_capture(folder)), Spent.now()
     try:
         with steady_capture(capture, context) as steady:
             found = reconstruct(steady, settings, known_plot=there, context=context)
             shown = outlines(found.sparse, settings.mask)
     except ReconstructionError as error:
-        seconds = time.perf_counter() - begun
-        return failed_plot(name, error, photographs=len(capture.photos), seconds=seconds, cpu_seconds=0.0)
-    seconds, outline = time.perf_counter() - begun, scene_outline(found, proxy)
-    return plot_evaluation(
-        name, found, settings, score=None, seconds=seconds, cpu_seconds=0.0, outline=outline, shown=shown
-    )
+        return failed_plot(name, error, photographs=len(capture.photos), spent=begun)
+    outline = scene_outline(found, proxy)
+    return plot_evaluation(name, found, settings, score=None, spent=begun, outline=outline, shown=shown)

@@ -156,8 +156,7 @@ def _evaluated(job: VisitJob, folder: Path) -> Visit:
         reference_sha256=job.plot.reference_sha256,
         refine=job.evaluation.refine,
         distances_m=job.evaluation.distances_m,
-        seconds=spent.seconds,
-        cpu_seconds=spent.cpu_seconds,
+        spent=spent,
     )
     write_evaluation(folder, report)
     said = _of_job(job, [*notes, *_remarks(job, plot)])

@@ -42,6 +42,7 @@ from fieldkit.results.evaluation import (
 from fieldkit.results.fields import Vector, finite, vector
 from fieldkit.results.finding import SIDES_HIDDEN, Finding
 from fieldkit.results.frame import CameraReport, FrameEntry, VolumeEntry
+from fieldkit.runtime.machine import Spent
 from fieldkit.version import __version__
 from fieldkit.vocabulary import MappingName
 
@@ -53,13 +54,12 @@ def reference_report(
     reconstruction: Reconstruction,
     settings: ReconstructionSettings,
     *,
-    seconds: float,
-    cpu_seconds: float,
+    spent: Spent | None = None,
     shown: Sequence[Outline] = (),
 ) -> ReferenceReport:
     """What reference.json says of a reconstruction; ``shown`` are the plants' outlines in its photographs."""
     scene = reconstruction.scene
-    found = _described(reconstruction, settings, seconds, cpu_seconds, outline_of(settings), shown)
+    found = _described(reconstruction, settings, spent, outline_of(settings), shown)
     return ReferenceReport(
         fieldkit=__version__,
         source=reconstruction.sparse.capture.folder.name,
@@ -76,8 +76,7 @@ def plot_evaluation(
     *,
     score: CloudScore | None,
     correction: CorrectionEntry | None = None,
-    seconds: float,
-    cpu_seconds: float,
+    spent: Spent | None = None,
     findings: Sequence[Finding] = (),
     plants: Cloud | None = None,
     outline: PlotOutline | None = None,
@@ -92,9 +91,7 @@ def plot_evaluation(
         outline: of the plot; None takes the settings' bounds.
         shown: the plants' outlines in the photographs.
     """
-    found = _described(
-        reconstruction, settings, seconds, cpu_seconds, outline or outline_of(settings), shown, plants, findings
-    )
+    found = _described(reconstruction, settings, spent, outline or outline_of(settings), shown, plants, findings)
     return PlotEvaluation(
         name=name,
         unregistered=_reasons(found.image_reports),
@@ -105,14 +102,10 @@ def plot_evaluation(
     )
 
 
-def failed_plot(
-    name: str, error: FieldkitError, *, seconds: float, cpu_seconds: float, photographs: int = 0
-) -> PlotEvaluation:
+def failed_plot(name: str, error: FieldkitError, *, spent: Spent | None = None, photographs: int = 0) -> PlotEvaluation:
     """What evaluation.json says of a plot that could not be reconstructed or scored, of so many photographs."""
     why = ErrorEntry(type=type(error).__name__, message=error.problem, remedy=error.remedy)
-    return PlotEvaluation(
-        name=name, error=why, images=photographs, findings=error.findings, seconds=seconds, cpu_seconds=cpu_seconds
-    )
+    return PlotEvaluation(name=name, error=why, images=photographs, findings=error.findings, **_times(spent))
 
 
 def evaluation_report(
@@ -124,8 +117,7 @@ def evaluation_report(
     reference_frame: str | None = None,
     refine: bool,
     distances_m: Sequence[float],
-    seconds: float,
-    cpu_seconds: float,
+    spent: Spent | None = None,
 ) -> EvaluationReport:
     """What evaluation.json says: the plots in order, and what they were scored with.
 
@@ -140,10 +132,13 @@ def evaluation_report(
         distances_m=tuple(sorted(float(d) for d in distances_m)),
         settings=settings_entry(settings) | frame,
         plots=tuple(plots),
-        seconds=seconds,
-        cpu_seconds=cpu_seconds,
+        **_times(spent),
         files=(),
     )
+
+
+def _times(spent: Spent | None) -> dict[str, Any]:
+    return {"seconds": spent.seconds if spent else 0.0, "cpu_seconds": spent.cpu_seconds if spent else 0.0}
 
 
 def settings_entry(settings: ReconstructionSettings) -> dict[str, Any]:
@@ -169,8 +164,7 @@ def reconstruction_features(reconstruction: Reconstruction, found: Reconstructio
 def _described(
     reconstruction: Reconstruction,
     settings: ReconstructionSettings,
-    seconds: float,
-    cpu_seconds: float,
+    spent: Spent | None,
     outline: PlotOutline,
     shown: Sequence[Outline],
     plants: Cloud | None = None,
@@ -246,8 +240,7 @@ def _described(
         image_reports=_placed_images(sparse, sways),
         findings=(*sparse.findings, *findings),
         times=reconstruction.times,
-        seconds=seconds,
-        cpu_seconds=cpu_seconds,
+        **_times(spent),
         date=_date(sparse.capture),
         traits=traits,
         plants=each,

@@ -147,7 +147,7 @@ def evaluate(
                     raise
                 failure = unforeseen(error)
                 progress.note(f"{name}: {failure}")
-                return failed_plot(name, failure, seconds=begun.seconds, cpu_seconds=begun.cpu_seconds)
+                return failed_plot(name, failure, spent=begun)
 
         results = []
         with progress.stage("Plots", len(plots)) if len(plots) > 1 else nullcontext(lambda _: None) as advance:
@@ -162,8 +162,7 @@ def evaluate(
             reference_frame=reference_frame if isinstance(read, CloudReference) else None,
             refine=asked.refine,
             distances_m=asked.distances_m,
-            seconds=spent.seconds,
-            cpu_seconds=spent.cpu_seconds,
+            spent=spent,
         )
         report = write_evaluation(folder, report)
     if report.failed == len(report.plots):

@@ -116,7 +116,7 @@ def evaluate_plot(
         if alone and not isinstance(error, ReconstructionError):
             raise
         context.progress.note(f"{plot}: {error}")
-        return failed_plot(plot, error, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds, photographs=photographs)
+        return failed_plot(plot, error, spent=spent, photographs=photographs)
 
 
 def unforeseen(error: Exception) -> FieldkitError:
@@ -185,8 +185,7 @@ def _evaluated(
             plants=plants if of_reference else None,
             outline=given.outline or outline_of(settings, settings_of_reference),
             shown=shown,
-            seconds=spent.seconds,
-            cpu_seconds=spent.cpu_seconds,
+            spent=spent,
         )
         if rasters is not None:
             try:

@@ -133,8 +133,7 @@ def _write(
         found,
         settings,
         shown=outlines(found.sparse, settings.mask, most=ENOUGH_VIEWS),
-        seconds=spent.seconds,
-        cpu_seconds=spent.cpu_seconds,
+        spent=spent,
     )
     if rasters is not None and found.scene is not None:
         try:

@@ -318,14 +318,7 @@ class TestExport:
         nowhere = plant.model_copy(update={"plant": 2, "latitude_deg": None, "longitude_deg": None})
         plot = scored("r1c1").model_copy(update={"plants": (plant, nowhere)})
         report = evaluation_report(
-            "c",
-            [plot],
-            ReconstructionSettings(),
-            reference_sha256=None,
-            refine=False,
-            distances_m=(0.01,),
-            seconds=1,
-            cpu_seconds=1,
+            "c", [plot], ReconstructionSettings(), reference_sha256=None, refine=False, distances_m=(0.01,)
         )
         save_report(made.folder / made.visits[0].folder / EVALUATION_FILE, report)
         export_campaign(made, tmp_path / "out.gpkg")

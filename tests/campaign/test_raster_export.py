@@ -38,11 +38,9 @@ def evaluated(folder: Path, plot: str, date: str, cloud: Cloud | None = None, *,
     write_cloud(place / own / CLOUD_FILE, found.plants)
     names = write_rasters(place / own, found, Rasters(0.01)) if rasters else []
     files = describe_files(place, [f"{own}/{name}" for name in (CLOUD_FILE, *names)])
-    draft = plot_evaluation(plot, found, settings, score=None, seconds=1.0, cpu_seconds=1.0)
+    draft = plot_evaluation(plot, found, settings, score=None)
     entry = draft.model_copy(update={"files": files})
-    report = evaluation_report(
-        "x", [entry], settings, reference_sha256=None, refine=False, distances_m=(0.01,), seconds=1.0, cpu_seconds=1.0
-    )
+    report = evaluation_report("x", [entry], settings, reference_sha256=None, refine=False, distances_m=(0.01,))
     save_report(place / EVALUATION_FILE, report)
     assert keep_visit(folder, Visit.of_evaluation(entry, plot=plot, date=date, folder=visit_place(plot, date)))
 

@@ -91,7 +91,7 @@ def test_a_visit_has_the_figures_of_its_evaluation() -> None:
     }
     traits = TraitsEntry(height_m=0.6, cover_percent=8.0, canopy_volume_m3=0.9, unknown={"covered_area_m2": "why"})
     prediction = Prediction(chamfer_m=0.11, low_m=0.12, high_m=0.13, reason="", model=1)
-    failed = failed_plot("p", CaptureError("too dark", path=Path("x"), remedy=""), seconds=1, cpu_seconds=2)
+    failed = failed_plot("p", CaptureError("too dark", path=Path("x"), remedy=""))
     plot = failed.model_copy(update={**figures, "metric": True, "traits": traits, "prediction": prediction})
     row = Visit.of_evaluation(plot, plot="p", date="2026-06-18").row()
     assert {name: row[name] for name in figures} == figures

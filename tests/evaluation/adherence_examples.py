@@ -17,7 +17,7 @@ def plot_report(
     source: str, motion: Similarity, origin: LocalFrame | None, images: Mapping[str, Pose | None], name: str = "a"
 ) -> PlotEvaluation:
     """A plot whose photographs were reconstructed at these poses in the plot frame; None: not registered."""
-    plot = failed_plot(name, MetadataError("none"), seconds=0.0, cpu_seconds=0.0)
+    plot = failed_plot(name, MetadataError("none"))
     frame = FrameEntry(
         plot_from_source=cast("Any", tuple(tuple(float(v) for v in row) for row in motion.matrix())),
         origin=origin,

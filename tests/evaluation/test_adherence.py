@@ -96,7 +96,7 @@ def flown(*plots: Sequence[tuple[float | None, ...]] | None) -> EvaluationReport
         kept = AdherenceEntry(
             stations=stations, missing=(), extra=(), horizontal_rms_m=None, yaw_rms_deg=None, pitch_rms_deg=None
         )
-        plot = failed_plot("a", MetadataError("none"), seconds=0.0, cpu_seconds=0.0)
+        plot = failed_plot("a", MetadataError("none"))
         entries.append(plot.model_copy(update={"adherence": None if errors is None else kept}))
     return EvaluationReport(
         fieldkit="0",

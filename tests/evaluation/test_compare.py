@@ -56,19 +56,12 @@ def evaluation_folder(
     plots = []
     for name, cloud in clouds.items():
         found = None if reference is None else score(against, cloud, DISTANCES)
-        plot = plot_evaluation(name, reconstruction(), SETTINGS, score=found, seconds=1, cpu_seconds=1)
+        plot = plot_evaluation(name, reconstruction(), SETTINGS, score=found)
         (folder / name).mkdir()
         write_cloud(folder / name / "cloud.ply", cloud)
         plots.append(change(plot.model_copy(update={"files": describe_files(folder, [f"{name}/cloud.ply"])})))
     report = evaluation_report(
-        folder.name,
-        plots,
-        SETTINGS,
-        reference_sha256=reference,
-        refine=False,
-        distances_m=DISTANCES,
-        seconds=1,
-        cpu_seconds=1,
+        folder.name, plots, SETTINGS, reference_sha256=reference, refine=False, distances_m=DISTANCES
     )
     save_report(folder / "evaluation.json", report)
     return folder

@@ -28,7 +28,7 @@ SETTINGS = ReconstructionSettings()
 class TestReference:
     def test_counts_and_figures(self) -> None:
         result = reconstruction()
-        report = reference_report(result, SETTINGS, seconds=12.5, cpu_seconds=20.0)
+        report = reference_report(result, SETTINGS)
         assert (report.images, report.registered, report.right, report.models) == (8, 7, 6, (7,))
         assert (report.method, report.metric_source, report.metric) == ("prior", "geo.txt", True)
         assert report.source == "plot 7"
@@ -37,11 +37,10 @@ class TestReference:
         assert report.reprojection_px == pytest.approx(0.5)
         assert report.track_length == pytest.approx(report.observations / result.sparse.model.num_points3D())
         assert report.features_per_image == pytest.approx(1035)
-        assert (report.seconds, report.cpu_seconds) == (12.5, 20.0)
         assert [stage.cached for stage in report.times] == [2, 0]
 
     def test_images_and_cameras(self) -> None:
-        report = reference_report(reconstruction(), SETTINGS, seconds=0, cpu_seconds=0)
+        report = reference_report(reconstruction(), SETTINGS)
         first, wrong, out = report.image_reports[0], report.image_reports[6], report.image_reports[7]
         assert first.center_m == pytest.approx((0.6, 0, 0.45))
         assert first.yaw_deg == pytest.approx(-90)
@@ -60,12 +59,12 @@ class TestReference:
         photos = (dataclasses.replace(first, burst=(first, capture.photos[7]), sway_px=2.0), *capture.photos[1:])
         sparse = dataclasses.replace(example.sparse, capture=dataclasses.replace(capture, photos=photos))
         moved = dataclasses.replace(example, sparse=sparse)
-        report = reference_report(moved, SETTINGS, seconds=0, cpu_seconds=0)
+        report = reference_report(moved, SETTINGS)
         away = np.linalg.norm(np.array(report.image_reports[0].center_m) - example.volume.center)
         assert report.image_reports[0].burst == ("IMG_0001.jpg", "IMG_0008.jpg")
         assert report.sway_m == report.image_reports[0].sway_m == pytest.approx(2.0 * away / INTRINSICS.fx)
         assert "leaves swayed by 0.9" in next(f.message for f in report.findings if f.code == "leaves-swayed")
-        assert reference_report(example, SETTINGS, seconds=0, cpu_seconds=0).sway_m is None
+        assert reference_report(example, SETTINGS).sway_m is None
 
     def test_known_positions_in_another_georeference(self) -> None:
         """A capture's own origin need not be the reference's."""
@@ -88,9 +87,7 @@ class TestPlot:
     def test_keys_the_design_promises(self) -> None:
         reference = plant_cloud(seed=1)
         result = reconstruction()
-        plot = plot_evaluation(
-            "plot 7", result, SETTINGS, score=score(reference, result.plants), seconds=1, cpu_seconds=1
-        )
+        plot = plot_evaluation("plot 7", result, SETTINGS, score=score(reference, result.plants))
         found = plot.model_dump(mode="json")
         for key in ("images", "registered", "pose_rms_m", "chamfer_m", "accuracy_m", "completeness_m"):
             assert found[key] is not None
@@ -100,7 +97,7 @@ class TestPlot:
 
     def test_failed(self) -> None:
         error = ReconstructionError("no model", path="plot 7", remedy="Take more photographs.")
-        plot = failed_plot("plot 7", error, seconds=1, cpu_seconds=1, photographs=8)
+        plot = failed_plot("plot 7", error, photographs=8)
         assert plot.error.model_dump() == {
             "type": "ReconstructionError",
             "message": "plot 7: no model",
@@ -132,7 +129,7 @@ def test_no_distance(distance: float) -> None:
 
 class TestPlants:
     def test_neither_without_a_scale(self) -> None:
-        plot = plot_evaluation("p", reconstruction(metric=False), SETTINGS, score=None, seconds=1, cpu_seconds=1)
+        plot = plot_evaluation("p", reconstruction(metric=False), SETTINGS, score=None)
         assert set(plot.traits.unknown) == set(TRAITS)
         assert "scale" in plot.traits.unknown["height_m"]
         assert plot.prediction.chamfer_m is None

@@ -42,7 +42,7 @@ def texts(figure: Figure) -> str:
 class TestOverview:
     def test_what_it_says_and_shows(self, tmp_path: Path) -> None:
         result = reconstruction()
-        report = reference_report(result, SETTINGS, seconds=1, cpu_seconds=1)
+        report = reference_report(result, SETTINGS)
         figure = draw_overview(report, result.plants)
         said = texts(figure)
         for part in ("plot 7: reference", "registered (6)", "registered but wrong (1)", "not registered (1)"):
@@ -66,7 +66,7 @@ class TestOverview:
     def test_odd_clouds_and_names_in_any_script(self, cloud: Cloud) -> None:
         """Neither a warning for a missing glyph nor an attempt at mathematics."""
         result = reconstruction(cloud=cloud, metric=False, scene=False)
-        plot = plot_evaluation("样地 $x^2 $", result, SETTINGS, score=None, seconds=1, cpu_seconds=1)
+        plot = plot_evaluation("样地 $x^2 $", result, SETTINGS, score=None)
         figure = draw_overview(plot, cloud)
         assert pixels(figure).shape == (840, 2250, 3)
         assert "□□ $x^2 $" in texts(figure)

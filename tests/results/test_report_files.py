@@ -31,27 +31,18 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 @pytest.fixture(scope="module")
 def reference() -> ReferenceReport:
-    return reference_report(reconstruction(), SETTINGS, seconds=12.5, cpu_seconds=20.25)
+    return reference_report(reconstruction(), SETTINGS)
 
 
 @pytest.fixture(scope="module")
 def evaluation() -> EvaluationReport:
     result = reconstruction()
     plots = [
-        plot_evaluation(
-            "a", result, SETTINGS, score=score(plant_cloud(seed=1), result.plants), seconds=1, cpu_seconds=1
-        ),
-        failed_plot("b", CaptureError("no photographs", remedy="Copy them."), seconds=0.1, cpu_seconds=0.1),
+        plot_evaluation("a", result, SETTINGS, score=score(plant_cloud(seed=1), result.plants)),
+        failed_plot("b", CaptureError("no photographs", remedy="Copy them.")),
     ]
     return evaluation_report(
-        "field",
-        plots,
-        SETTINGS,
-        reference_sha256="a" * 64,
-        refine=False,
-        distances_m=(0.002, 0.005),
-        seconds=2,
-        cpu_seconds=2,
+        "field", plots, SETTINGS, reference_sha256="a" * 64, refine=False, distances_m=(0.002, 0.005)
     )
 
 

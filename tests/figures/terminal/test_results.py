@@ -28,9 +28,7 @@ def shown(tables, width: int = 80) -> str:
 def scored(name: str, **options: object) -> PlotEvaluation:
     result = reconstruction()
     reference = plant_cloud(seed=1)
-    return plot_evaluation(
-        name, result, SETTINGS, score=score(reference, result.plants), seconds=65, cpu_seconds=70, **options
-    )
+    return plot_evaluation(name, result, SETTINGS, score=score(reference, result.plants), **options)
 
 
 def report(*plots: PlotEvaluation, reference: bool = True) -> EvaluationReport:
@@ -41,12 +39,10 @@ def report(*plots: PlotEvaluation, reference: bool = True) -> EvaluationReport:
         reference_sha256="a" * 64 if reference else None,
         refine=False,
         distances_m=(0.002, 0.005, 0.01, 0.02),
-        seconds=1,
-        cpu_seconds=1,
     )
 
 
-FAILED = failed_plot("[plot] 8", CaptureError("no photographs", remedy="Copy [them]."), seconds=0, cpu_seconds=0)
+FAILED = failed_plot("[plot] 8", CaptureError("no photographs", remedy="Copy [them]."))
 
 TRAITS = TraitsEntry(
     height_m=0.81,
@@ -65,7 +61,7 @@ TRAITS = TraitsEntry(
 
 class TestTables:
     def test_reference(self) -> None:
-        text = shown(reference_output(reference_report(reconstruction(), SETTINGS, seconds=12, cpu_seconds=14)))
+        text = shown(reference_output(reference_report(reconstruction(), SETTINGS)))
         for part in (
             "photographs registered 7 of 8 (88 %)",
             "photographs used 6",
@@ -79,7 +75,6 @@ class TestTables:
             "SIMPLE_RADIAL 1600×1200, f 1400.0 px, camera.toml",
             "IMG_0008.jpg 1,070 no pair verified",
             "Features 8 2 1.5 s 1.4 s",
-            "all 12.0 s 14.0 s",
             "not-an-image 1 notes.txt: left out: is a text file",
         ):
             assert part in text
@@ -87,13 +82,11 @@ class TestTables:
     def test_files_with_the_same_finding_share_a_row(self) -> None:
         result = reconstruction()
         findings = [Finding(f"{i}.jpg", "blurred", "is less sharp than the others") for i in range(9)]
-        plot = plot_evaluation("p", result, SETTINGS, score=None, seconds=1, cpu_seconds=1, findings=findings)
+        plot = plot_evaluation("p", result, SETTINGS, score=None, findings=findings)
         assert "blurred 9 0.jpg, 1.jpg, 2.jpg and 6 more: is less sharp" in shown(evaluation_output(report(plot)), 120)
 
     def test_without_positions_nothing_is_called_right(self) -> None:
-        text = shown(
-            reference_output(reference_report(reconstruction(metric=False), SETTINGS, seconds=1, cpu_seconds=1))
-        )
+        text = shown(reference_output(reference_report(reconstruction(metric=False), SETTINGS)))
         assert "registered but wrong not known" in text
         assert "nothing: lengths are not metres" in text
         assert "units per pixel" in text

@@ -38,7 +38,7 @@ def test_a_scene_of_fieldkits_own_is_planned_on_by_its_name(tmp_path: Path, monk
 
 def test_what_a_reference_says_against_itself_is_told_before_a_plan_for_it(tmp_path: Path) -> None:
     """A weed far out made a plan of stations about it."""
-    report = reference_report(reconstruction(), ReconstructionSettings(), seconds=1.0, cpu_seconds=1.0)
+    report = reference_report(reconstruction(), ReconstructionSettings())
     weed, other = (
         Finding(subject="plot", code=code, message=f"{code} --bounds -1,-1,0,1,1,1", left_out=False)
         for code in ("plants-apart", "no-time")

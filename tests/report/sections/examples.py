@@ -52,7 +52,7 @@ def write_reference(folder: Path, *, source: str = "dense", points: int = 4000) 
     folder.mkdir(parents=True)
     cloud = plant_cloud(points)
     write_cloud(folder / "cloud.ply", cloud)
-    draft = reference_report(reconstruction(cloud=cloud), SETTINGS, seconds=12.5, cpu_seconds=20.25)
+    draft = reference_report(reconstruction(cloud=cloud), SETTINGS)
     Image.new("RGB", (300, 200), (60, 120, 60)).save(folder / "overview.png")
     files = describe_files(folder, ["cloud.ply", "overview.png"])
     report = draft.model_copy(update={"source": source, "files": files})
@@ -82,8 +82,6 @@ def write_evaluation(
             name,
             reconstruction(cloud=cloud),
             SETTINGS,
-            seconds=1.0,
-            cpu_seconds=1.0,
             score=score(other, cloud) if reference is not None else None,
         )
         if (folder / name).resolve().is_relative_to(folder.resolve()) and "\0" not in name:
@@ -97,15 +95,13 @@ def write_evaluation(
         entries.append(plot)
     if failed:
         error = CaptureError("no photographs in it", remedy="Copy them again.")
-        entries.append(failed_plot(failed, error, seconds=0.1, cpu_seconds=0.1))
+        entries.append(failed_plot(failed, error))
     report = evaluation_report(
         source,
         entries,
         SETTINGS,
         refine=False,
         distances_m=(0.002, 0.005, 0.010, 0.020),
-        seconds=2.0,
-        cpu_seconds=2.0,
         reference_sha256=None if reference is None else file_sha256(reference / "reference.json"),
     )
     save_report(folder / "evaluation.json", report)
