@@ -22,8 +22,8 @@ from benchmarks.suite import run_studies
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.reference import build_reference
+from fieldkit.pictures.mission import draw_plan
 from fieldkit.pictures.panels import png
-from fieldkit.planning.run.outcome import PLAN_PICTURE
 from fieldkit.planning.run.request import KIND_PLOTS
 from fieldkit.results.plan import PlanSource
 from fieldkit.runtime.context import Context
@@ -221,7 +221,9 @@ def _recorded(options: PlannerOptions, progress: Progress) -> StudyResult:
                     folder, place, best.views, workers=options.workers, cache=options.cache, progress=progress
                 )
                 rows.append((method, f"{1000 * best.value_m:.2f}", f"{1000 * value:.2f}"))
-                pictures[f"chosen-{rig}-{count}-{method}.png"] = (folder / PLAN_PICTURE).read_bytes()
+                pictures[f"chosen-{rig}-{count}-{method}.png"] = png(
+                    draw_plan(f"{rig}, {count} views: {method}", best.plan)
+                )
             columns = ("method", "against all views, mm>", "against the others, mm>")
             rests.append(ResultTable(f"{rig}, {count} views: each method's best plan", columns, tuple(rows)))
     notes = (

@@ -189,7 +189,7 @@ def value_table(names: Sequence[str], found: Found) -> ResultTable:
             name,
             *(
                 f"{1000 * each[k].value_m:.2f}"
-                + ("" if each[k].right == each[k].images else f" ({each[k].right} of {each[k].images})")
+                + ("" if each[k].right == len(each[k].views) else f" ({each[k].right} of {len(each[k].views)})")
                 for each in found.values()
             ),
         )

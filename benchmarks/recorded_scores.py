@@ -39,11 +39,6 @@ BANDS_PX = (10.0, 3.0)
 """A rig's poses are known to some millimetres, so two rounds of guided matching suffice."""
 
 
-def stage_cpu_s(evaluation: Evaluation, stage: str) -> float:
-    """CPU seconds of one stage; 0 if it was not run."""
-    return sum(cost.cpu_s for cost in evaluation.times if cost.name == stage)
-
-
 def run_recorded(
     data: Path,
     *,
@@ -97,10 +92,7 @@ def run_recorded(
     return StudyResult(
         name="recorded",
         title="The objective on a recorded set",
-        tables=(
-            summary_table({"witnesses": against_truth, "all views": against_whole}, every),
-            stage_table(against_truth),
-        ),
+        tables=(summary_table({"witnesses": against_truth, "all views": against_whole}, every),),
         notes=(
             (
                 f"{subsets} random subsets of {views} of {len(candidates)} candidate views of {rig_name} (every other "
@@ -121,11 +113,10 @@ def run_recorded(
             "candidates": candidates,
             "witnesses": witnesses,
             "subsets": [[names[int(k)] for k in index] for index in chosen],
-            "evaluations": [e.figures() for e in against_truth],
-            "against_all_views": [e.figures() for e in against_whole],
-            "all_candidates": every.figures(),
+            "evaluations": [e.model_dump(exclude={"cpu_s", "wall_s"}) for e in against_truth],
+            "against_all_views": [e.model_dump(exclude={"cpu_s", "wall_s"}) for e in against_whole],
+            "all_candidates": every.model_dump(exclude={"cpu_s", "wall_s"}),
             "cpu_s": [e.cpu_s for e in against_truth],
-            "stages": {s.name: [stage_cpu_s(e, s.name) for e in against_truth] for s in against_truth[0].times},
             "truth_points": len(truth),
             "truth_spearman": agreement,
             "gap_spearman": float(spearmanr([largest_gap_deg(centers[i], centers) for i in chosen], values).statistic),
@@ -190,7 +181,7 @@ def summary_table(found: dict[str, Sequence[Evaluation]], every: Evaluation) -> 
     rows: list[tuple[Cell, ...]] = []
     for truth, each in found.items():
         values = [1000 * e.value_m for e in each]
-        right = f"{np.mean([e.right for e in each]):.1f} of {each[0].images}"
+        right = f"{np.mean([e.right for e in each]):.1f} of {len(each[0].views)}"
         timed = not rows  # evaluations of the first truth use the cache
         rows.append(
             (
@@ -209,17 +200,10 @@ def summary_table(found: dict[str, Sequence[Evaluation]], every: Evaluation) -> 
             1,
             f"{1000 * every.value_m:.2f}",
             None,
-            f"{every.right} of {every.images}",
+            f"{every.right} of {len(every.views)}",
             None,
             None,
         )
     )
     columns = ("truth", "subsets>", "value, mm>", "standard deviation, mm>", "right>", "CPU s each>", "allowed>")
     return ResultTable("Random subsets of a recorded rig", columns, tuple(rows))
-
-
-def stage_table(found: Sequence[Evaluation]) -> ResultTable:
-    """CPU seconds by stage, medians over the subsets."""
-    stages = list(dict.fromkeys(s.name for e in found for s in e.times))
-    rows: list[tuple[Cell, ...]] = [(s, f"{np.median([stage_cpu_s(e, s) for e in found]):.2f}") for s in stages]
-    return ResultTable("CPU seconds of one evaluation, warm cache", ("stage", "CPU s>"), tuple(rows))

@@ -12,7 +12,7 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array, eye_array, hstack
 
 from fieldkit.arrays import BoolArray, FloatArray, IntArray
-from fieldkit.planning.problem import PlanningProblem, Result, Trial
+from fieldkit.planning.problem import PlanningProblem, Trial
 from fieldkit.planning.score.visibility import Surface, look
 from fieldkit.planning.space.cameras import Cameras
 
@@ -65,13 +65,12 @@ class MaximumCoverage:
         seconds: time limit of the solver.
     """
 
-    name = "mcp"
     trials = 2
 
     def __init__(self, problem: PlanningProblem, seed: int = 0, *, seconds: float = _SECONDS) -> None:
         self._problem, self._seconds = problem, seconds
 
-    def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
+    def propose(self, number: int, results: Sequence[Trial], pending: Sequence[Trial]) -> Trial | None:
         """See `Method.propose`."""
         if number > 1:
             return None

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from fieldkit.arrays import FloatArray
-from fieldkit.planning.methods.optimise import Effort, optimise
-from fieldkit.planning.problem import PlanningProblem, Result, Trial
+from fieldkit.planning.methods.optimise import USUAL, Effort, optimise
+from fieldkit.planning.problem import PlanningProblem, Trial
 from fieldkit.planning.score.visibility import PerCamera, Surface, look
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import fill_distance_m
@@ -57,7 +57,7 @@ class GeometricOptimum:
     """One trial: the optimum of a geometric criterion, found without evaluations.
 
     Args:
-        name: as `--method` takes it.
+        name: of the criterion, for people.
         problem: the planning problem.
         cost: the criterion.
         seed: of the optimisation.
@@ -71,17 +71,13 @@ class GeometricOptimum:
         cost: Callable[[Cameras], float],
         seed: int = 0,
         *,
-        effort: Effort | None = None,
+        effort: Effort = USUAL,
     ) -> None:
         self._name, self._problem, self._cost, self._seed, self._effort = name, problem, cost, seed, effort
 
     trials = 1
 
-    @property
-    def name(self) -> str:
-        return self._name
-
-    def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
+    def propose(self, number: int, results: Sequence[Trial], pending: Sequence[Trial]) -> Trial | None:
         """See `Method.propose`."""
         if number > 0:
             return None

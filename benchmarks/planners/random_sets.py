@@ -11,7 +11,7 @@ import numpy as np
 
 from fieldkit.arrays import FloatArray
 from fieldkit.planning.methods.bosfm import Bosfm, Coding, EncodedSpace, sample_seed
-from fieldkit.planning.problem import PlanningProblem, Result, Trial
+from fieldkit.planning.problem import PlanningProblem, Trial
 from fieldkit.planning.score.cost_model import LEAST_M, NOISE
 from fieldkit.planning.space.cameras import PER_CAMERA, Cameras
 
@@ -25,11 +25,7 @@ class Random:
     seed: int = 0
     """Of all trials."""
 
-    @property
-    def name(self) -> str:
-        return "random"
-
-    def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial:
+    def propose(self, number: int, results: Sequence[Trial], pending: Sequence[Trial]) -> Trial:
         return Trial(number, self.problem.sample(sample_seed(self.seed, number)), "random")
 
 
@@ -44,10 +40,6 @@ class TunedBosfm(Bosfm):
     """
 
     _least_noise: ClassVar[float] = NOISE
-
-    @property
-    def name(self) -> str:
-        return "bosfm-tuned"
 
     def _worth(self, values_m: FloatArray) -> FloatArray:
         worth: FloatArray = -np.log(np.maximum(values_m, LEAST_M))

@@ -17,7 +17,7 @@ from fieldkit.planning.settings import SearchSettings
 def _tuned(problem: PlanningProblem, settings: SearchSettings) -> Method:
     from benchmarks.planners.random_sets import TunedBosfm
 
-    return TunedBosfm(problem, settings.initial or 50, settings.seed)
+    return TunedBosfm(problem, seed=settings.seed)
 
 
 PLANNERS: Mapping[str, MethodEntry] = {
@@ -34,5 +34,5 @@ PLANNERS: Mapping[str, MethodEntry] = {
         lambda problem, settings: GeometricOptimum("smith", problem, Reconstructability(problem), settings.seed)
     ),
     "random": MethodEntry(lambda problem, settings: Random(problem, settings.seed)),
-    "match-graph": MethodEntry(lambda problem, settings: MatchGraph(problem, settings.seed), matches=True),
+    "match-graph": MethodEntry(lambda problem, _: MatchGraph(problem), matches=True),
 }

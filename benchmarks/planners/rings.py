@@ -35,7 +35,7 @@ class CircleAim(StagedSearch[Circle]):
             return [replace(best, aim_m=height) for height in aims]
 
         grid, finer = circle_stages(problem)
-        super().__init__("circle-aim", problem, grid, [Stage(len(aims), aimed), finer])
+        super().__init__(problem, grid, [Stage(len(aims), aimed), finer])
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class TwoRings(StagedSearch[Rings]):
                 for i, j in AROUND
             ]
 
-        super().__init__("two-rings", problem, first, [Stage(len(AROUND), heights)])
+        super().__init__(problem, first, [Stage(len(AROUND), heights)])
 
 
 @dataclass(frozen=True)
@@ -154,4 +154,4 @@ class Hemisphere(StagedSearch[Cap]):
         ]
 
         finer: Stage[Cap] = finer_grid({"distance_m": distances, "left_out": _SHARES}, GRID)
-        super().__init__("hemisphere", problem, first, [finer])
+        super().__init__(problem, first, [finer])

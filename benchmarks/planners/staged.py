@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
-from fieldkit.planning.problem import PlanningProblem, Result, Trial
+from fieldkit.planning.problem import PlanningProblem, Trial
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import Circle, circles
 
@@ -48,24 +48,19 @@ class StagedSearch(Generic[D]):
     First designs that mean the same cameras as an earlier one (a recorded set has few) are left out.
 
     Args:
-        name: as `--method` takes it.
         first: designs; the middle one counts as the best if none was measured.
         stages: the later designs.
     """
 
-    def __init__(self, name: str, problem: PlanningProblem, first: Sequence[D], stages: Sequence[Stage[D]]) -> None:
-        self._name, self._problem, self._designs, self._stages = name, problem, first, stages
-
-    @property
-    def name(self) -> str:
-        return self._name
+    def __init__(self, problem: PlanningProblem, first: Sequence[D], stages: Sequence[Stage[D]]) -> None:
+        self._problem, self._designs, self._stages = problem, first, stages
 
     @property
     def trials(self) -> int:
         """See `Limited`."""
         return len(self._first) + sum(stage.count for stage in self._stages)
 
-    def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
+    def propose(self, number: int, results: Sequence[Trial], pending: Sequence[Trial]) -> Trial | None:
         """See `Method.propose`."""
         first = self._first
         if number < len(first):
@@ -85,13 +80,13 @@ class StagedSearch(Generic[D]):
             found.setdefault(self._problem.nearest(design.cameras(self._problem)), design)
         return [(design, cameras) for cameras, design in found.items()]
 
-    def _best(self, results: Sequence[Result], before: int) -> D:
+    def _best(self, results: Sequence[Trial], before: int) -> D:
         """The best measured design among the trials below a number."""
         middle = self._first[len(self._first) // 2][0]
-        known = [r for r in results if r.trial.number < before and r.measured]
+        known = [r for r in results if r.number < before and r.measured]
         if not known:
             return middle
-        notes = min(known, key=lambda r: (r.value_m, r.trial.number)).trial.notes
+        notes = min(known, key=lambda r: (r.value_m, r.number)).notes
         return type(middle)(**{field.name: float(notes[field.name]) for field in fields(middle)})
 
 

@@ -175,10 +175,10 @@ def plan_for_plants(
     cost_model = CostModel(problem)
 
     def expected_m(cameras: Cameras) -> float:
-        return cost_model.expected_m(cameras, weights, None)
+        return cost_model.expected_m(cameras, weights)
 
     def cost(cameras: Cameras, plots: Sequence[int]) -> FloatArray:
-        return cost_model.costs_m(cameras, weights, None, plots)
+        return cost_model.costs_m(cameras, weights, plots)
 
     carried = problem.nearest(Cameras.from_poses(station.pose for station in plan.stations))
     found = [

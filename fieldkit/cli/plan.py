@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from fieldkit.planning.settings import SearchSettings
     from fieldkit.results.finding import Finding
 
+PLAN_PICTURE = "plan.png"
+
 
 def command(
     output: OutputOption,
@@ -71,12 +73,28 @@ def command(
             expect=watched.expect,
         )
     planned = read_settings(output)
+    _draw(output, planned)
     found = _needs_rtk(output, planned, settings.vehicle)
     if as_json:
         fit = {"fit": [finding_entry(each) for each in found]} if found else {}
         emit_json({"output": output, **outcome.model_dump(), **fit})
     else:
         _show(output, planned, outcome, found)
+
+
+def _draw(output: Path, settings: SearchSettings) -> None:
+    from fieldkit.figures.style import format_length
+    from fieldkit.files import write_atomic
+    from fieldkit.pictures.mission import draw_plan
+    from fieldkit.pictures.panels import png
+    from fieldkit.results.plan_file import load_plan
+
+    made = load_plan(output)
+    chamfer_m = None if made.method is None else made.method.chamfer_m
+    worth = "not confirmed" if chamfer_m is None else f"chamfer distance {format_length(chamfer_m)}"
+    like = "" if settings.plots == 1 else "plots like "
+    title = f"{like}{settings.source.name}: {settings.cameras} cameras, {worth}"
+    write_atomic(output / PLAN_PICTURE, png(draw_plan(title, made)))
 
 
 def _needs_rtk(output: Path, settings: SearchSettings, given: str | Path | None) -> list[Finding]:
@@ -101,7 +119,6 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome, found: Seque
 
     why = {
         "evaluations": "its evaluations are used up",
-        "time": "its time is used up",
         "exhausted": "the method has no more to try",
         "converged": f"stopped after {outcome.evaluations}: nothing left above ± {format_length(outcome.noise_m)}",
     }[outcome.stopped]
@@ -128,7 +145,7 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome, found: Seque
     lines += [f"Warning: {each.message}. {each.remedy}" for each in found]
     if outcome.photographs:
         lines.append(f"photographs: {', '.join(outcome.photographs)}")
-    show(*lines, rendered([finalist_table(outcome)]), output / "plan.json", output / "plan.png")
+    show(*lines, rendered([finalist_table(outcome)]), output / "plan.json", output / PLAN_PICTURE)
 
 
 def _planned_on(settings: SearchSettings) -> str:

@@ -14,6 +14,7 @@ from fieldkit.arrays import FloatArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.pictures.panels import FRONT, INK, SIDE, TOP, Direction, annotate, draw_cloud, drawable, view_row
+from fieldkit.results.plan import Plan
 
 _CAMERA, _LEG, _OUTLINE = "#c0262d", "#2f6db3", "#8a5a2b"
 _SHARE = 0.1
@@ -22,23 +23,16 @@ _MOST_NAMES = 100
 """Most plots that are named."""
 
 
-def draw_plan(
-    title: str, positions: FloatArray, forward: FloatArray, plants: Cloud, others: FloatArray | None = None
-) -> Figure:
-    """A plan's cameras about the plants: from above, from the front and from the side, to one scale.
-
-    Cameras stand at (n, 3) metres of the plot frame and look along unit vectors (n, 3); ``others`` are the other
-    cameras (m, 3) of a recorded set.
-    """
-    others = np.zeros((0, 3)) if others is None else others
-    arrow = 0.25 * float(np.median(np.linalg.norm(positions - plants.points.mean(axis=0), axis=1)))
-    everything = np.concatenate([plants.points, positions, positions + arrow * forward, others])
+def draw_plan(title: str, plan: Plan) -> Figure:
+    """A plan's cameras about its plants: from above, from the front and from the side, to one scale."""
+    poses = [station.pose for station in plan.stations]
+    positions, forward = np.array([pose.center for pose in poses]), np.array([pose.rotation[2] for pose in poses])
+    plants = Cloud(np.array(() if plan.plants is None else plan.plants.points_m).reshape(-1, 3))
+    arrow = 0.25 * float(np.median(np.linalg.norm(positions - positions.mean(axis=0), axis=1)))
+    everything = np.concatenate([plants.points, positions, positions + arrow * forward])
     figure, views = view_row(title, [(direction, everything) for direction in (TOP, FRONT, SIDE)])
     for direction, axes, window in views:
         draw_cloud(axes, plants, direction, window)
-        axes.plot(
-            others[:, direction.right], others[:, direction.up], "o", color=INK, alpha=0.35, markersize=2, zorder=3
-        )
         arrows = np.stack([positions, positions + arrow * forward], axis=1)
         _draw_cameras(axes, list(arrows), direction, linewidth=0.9, size=4.0)
         for number, spot in enumerate(positions, 1):

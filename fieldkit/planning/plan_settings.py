@@ -98,12 +98,6 @@ class SearchChoices(Strict):
     seed: Count = 0
     evaluations: Annotated[int, Field(ge=1)] = 100
     """Limit of the search, 100 where not given; confirmations of the finalists come on top."""
-    at_least: Count = 0
-    """Evaluations before the search may end by convergence."""
-    initial: Annotated[int, Field(ge=1)] | None = None
-    """Trials before the surrogate is used; None takes the method's own."""
-    time_budget_s: Annotated[float, Field(gt=0)] | None = None
-    """No trial starts later; finalists are still confirmed."""
     fidelity: SearchFidelity = "standard"
     """Of the search, standard where not given. Draft costs two fifths less, but its best of good sets is not the
     best."""

@@ -42,8 +42,6 @@ class PlanningProblem:
     """The plots to photograph: one, or several of a kind. Z keeps clear of all of them."""
     views: Cameras | None = None
     """The cameras of a recorded set, the only ones to choose from; None if any camera of the envelope will do."""
-    blind: bool = False
-    """Whether mapping works without commanded poses, so that sets may not register."""
     exact: bool = False
     """Whether a set has the same value at every seed."""
     unseen: tuple[Plot, ...] = ()
@@ -144,7 +142,7 @@ class Gain:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A set of cameras that a method proposes for evaluation."""
+    """A set of cameras that a method proposes for evaluation, and what came of it."""
 
     number: int
     """From 0, in the order of proposal."""
@@ -160,45 +158,31 @@ class Trial:
     """
     plot: int = 0
     """Number of the plot that it is evaluated on: one of the problem's plots or an unseen one."""
+    value_m: float = np.nan
+    """Its result, the cost in metres: small is good. NaN before its evaluation, and where that broke."""
+
+    @property
+    def measured(self) -> bool:
+        """Whether its cost is known."""
+        return not np.isnan(self.value_m)
 
 
-@dataclass(frozen=True, eq=False)
-class Result:
-    """A trial and its evaluation."""
-
-    trial: Trial
-    value_m: float
-    """The cost, metres: small is good."""
-    measured: bool = True
-    """False if the evaluation broke; the value then says nothing about the cameras."""
-    right: int = 0
-    """Number of photographs whose poses are right."""
-
-
-def lowest(results: Iterable[Result], count: int) -> list[Trial]:
+def lowest(results: Iterable[Trial], count: int) -> list[Trial]:
     """The trials of the lowest measured values, without repeated sets of cameras."""
     chosen: dict[Cameras, Trial] = {}
-    measured = [result for result in results if result.measured]
-    for result in sorted(measured, key=lambda r: (r.value_m, r.trial.number)):
-        if len(chosen) == count:
-            break
-        chosen.setdefault(result.trial.cameras, result.trial)
-    return list(chosen.values())
+    for trial in sorted((r for r in results if r.measured), key=lambda r: (r.value_m, r.number)):
+        chosen.setdefault(trial.cameras, trial)
+    return list(chosen.values())[:count]
 
 
 class Method(Protocol):
     """Proposes trials.
 
     A proposal depends only on the arguments, not on earlier calls. So a killed run can go on as it would have, and the
-    results do not depend on who computes them.
+    results do not depend on who computes them. A method with a fixed number of trials has it as ``trials``.
     """
 
-    @property
-    def name(self) -> str:
-        """As `--method` takes it."""
-        ...
-
-    def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
+    def propose(self, number: int, results: Sequence[Trial], pending: Sequence[Trial]) -> Trial | None:
         """The trial of the given number, or None if the method has no more to try.
 
         Args:
@@ -213,11 +197,6 @@ class Method(Protocol):
 class FixedDesign(Protocol):
     """A method that needs no results. Its sets are evaluated only as finalists, if photographs can be taken."""
 
-    @property
-    def name(self) -> str:
-        """As `--method` takes it."""
-        ...
-
     def choose(self, count: int, workers: int = 1, advance: Callable[[int], None] = lambda _: None) -> list[Trial]:
         """At most ``count`` trials, the best expected first, without repeated sets of cameras.
 
@@ -227,20 +206,10 @@ class FixedDesign(Protocol):
 
 
 @runtime_checkable
-class Limited(Protocol):
-    """A method that has a fixed number of sets to try."""
-
-    @property
-    def trials(self) -> int:
-        """How many."""
-        ...
-
-
-@runtime_checkable
 class FinalistSelector(Protocol):
     """A method that chooses the finalists itself; else those of the lowest values are taken."""
 
-    def favourites(self, results: Sequence[Result], count: int) -> list[Trial]:
+    def favourites(self, results: Sequence[Trial], count: int) -> list[Trial]:
         """At most ``count`` finalists, without repeated sets of cameras; none if nothing was measured."""
         ...
 
@@ -249,6 +218,6 @@ class FinalistSelector(Protocol):
 class FinalistCosts(Protocol):
     """A method that estimates costs of finalists on plots of a kind, instead of the mean of their confirmations."""
 
-    def expect_m(self, sets: Sequence[Cameras], results: Sequence[Result]) -> list[float]:
+    def expect_m(self, sets: Sequence[Cameras], results: Sequence[Trial]) -> list[float]:
         """Mean costs over the problem's plots, metres, after results on these and on unseen plots."""
         ...

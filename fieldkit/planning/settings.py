@@ -11,7 +11,7 @@ from fieldkit.planning.plan_settings import NoiseSettings, SearchChoices
 from fieldkit.results.fields import Count, Strict
 from fieldkit.results.plan import PlanSource
 
-CHANGEABLE = ("evaluations", "at_least", "time_budget_s", "finalists", "repeats")
+CHANGEABLE = ("evaluations", "at_least", "finalists", "repeats")
 """Settings that may change when a run is resumed: none changes an earlier proposal."""
 
 
@@ -63,6 +63,8 @@ class SearchSettings(SearchChoices):
     """The plan's camera at full size; null takes the scene's or the reference's."""
     vehicle: SearchVehicle | None = None
     """The plan's vehicle; its limits are in ``envelope``."""
+    at_least: Count = 0
+    """Evaluations before the search may end by convergence."""
     lag: Count = 0
     """A proposal for trial k knows the results up to k − lag − 1."""
 
@@ -81,11 +83,6 @@ class SearchSettings(SearchChoices):
     def all_plots(self) -> int:
         """Number of plots: those that the plan is for, and with several one for each repeat that no trial has met."""
         return self.plots + (self.repeats if self.plots > 1 else 0)
-
-    @property
-    def blind(self) -> bool:
-        """Whether mapping works without the commanded poses."""
-        return self.mapping != "prior"
 
 
 def lag_for(workers: int) -> int:

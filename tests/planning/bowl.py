@@ -11,7 +11,7 @@ import numpy as np
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics
-from fieldkit.planning.objective.evaluation import Evaluation, StageCost
+from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.run.evaluations import Evaluations, Job
@@ -96,21 +96,7 @@ class Bowl(Objective):
         if self.folder is not None:
             with (self.folder / "evaluated").open("a") as file:
                 file.write(f"{value!r} {seed} {fidelity}\n")
-        return Evaluation(
-            value,
-            value,
-            0.5 * value,
-            0.5 * value,
-            {0.005: 0.5},
-            len(cameras),
-            len(cameras),
-            len(cameras),
-            1,
-            9,
-            "digest",
-            (),
-            times=(StageCost("Rendering", 0.01, 0.01),),
-        )
+        return Evaluation(value_m=value, registered=len(cameras), right=len(cameras), models=1, points=9)
 
 
 def bowl_settings(**more: object) -> SearchSettings:

@@ -7,7 +7,7 @@ import numpy as np
 from fieldkit.clouds import Cloud, Volume
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.problem import PlanningProblem
-from fieldkit.planning.score.matchability import Matchability, expected_matches
+from fieldkit.planning.score.geometric import expected_matches
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
@@ -46,7 +46,7 @@ def problem(count: int = 6, *, normals: bool = True) -> PlanningProblem:
 def recorded(count: int = 6, views: int = 40) -> PlanningProblem:
     """The same plot with views on a ring at 1.5 m, all the way round."""
     plot, ring = problem(count), around(360.0 * np.arange(views) / views)
-    matches = expected_matches(ring.positions, plot.center, np.ones((views, views)), Matchability())
+    matches = expected_matches(ring.positions, plot.center, np.ones((views, views)))
     return PlanningProblem(count, plot.envelope, CAMERA, (replace(plot.plots[0], matches=matches),), ring)
 
 

@@ -15,13 +15,12 @@ import pytest
 
 from fieldkit.planning.run.evaluations import Evaluations
 from fieldkit.planning.run.folder import LOG_FILE, LogEntry, create_run, read_log
-from fieldkit.planning.run.loop import confirm, search
 from fieldkit.scenes.description import build
 from fieldkit.scenes.renderer import Renderer, RenderingError
 from fieldkit.scenes.scene_file import read_scene
 from tests.cli.test_scene_commands import TINY
-from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
-from tests.planning.run.test_loop import Greedy, ignore, never, plain, unbroken
+from tests.planning.bowl import Bowl, bowl_settings
+from tests.planning.run.test_loop import plain, unbroken, whole_run
 
 pytestmark = pytest.mark.slow
 KILLS = 20
@@ -103,7 +102,6 @@ def test_a_dask_cluster_that_loses_a_worker_loses_nothing(tmp_path: Path) -> Non
                 os.kill(killed[0], signal.SIGKILL)
 
         evaluations = Evaluations(executor)
-        search(Greedy(bowl_problem()), evaluations, run, out_of_time=never, watch=kill_one)
-        confirm(Greedy(bowl_problem()), evaluations, run, watch=ignore)
+        whole_run(run, evaluations, kill_one)
         assert killed
         assert plain(run.entries) == unbroken(tmp_path, settings)

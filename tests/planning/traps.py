@@ -55,7 +55,7 @@ class Trap(Objective):
         if what == SLOW:
             time.sleep(0.5)
         value = float(cameras.vector().sum()) + (seed or 0)
-        return Evaluation(value, value, value, 0.0, {}, len(cameras), 2, 2, 1, 1, "", ())
+        return Evaluation(value_m=value)
 
 
 def job_cameras(x: float) -> Cameras:

@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from fieldkit.arrays import FloatArray
-from fieldkit.planning.problem import PlanningProblem, Result, Trial
+from fieldkit.planning.problem import PlanningProblem, Trial
 from fieldkit.planning.space.cameras import PER_CAMERA, Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.surrogate.ensemble import suggest
@@ -192,7 +192,7 @@ class Bosfm:
 
     The first trials are those of the method `random` with the same seed. The models see y = −value_m over the unit
     cube of `Coding`; results that are not measured are left out. No set is proposed twice; `propose` gives None once
-    all sets were tried. A trial's notes are the drawn ``model``, the ``weights`` by name, and ``remarks`` on numerics.
+    all sets were tried. A trial's notes are the drawn ``model`` and the ``weights`` by name.
     """
 
     problem: PlanningProblem
@@ -204,10 +204,6 @@ class Bosfm:
         if self.initial < 1:
             raise ValueError("Algorithm 1 needs at least one initial trial")
 
-    @property
-    def name(self) -> str:
-        return "bosfm"
-
     _least_noise: ClassVar[float] = 0.0
 
     def _worth(self, values_m: FloatArray) -> FloatArray:
@@ -218,31 +214,28 @@ class Bosfm:
     def _space(self) -> EncodedSpace:
         return EncodedSpace(self.problem)
 
-    def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
-        tried = [result.trial.cameras for result in results] + [trial.cameras for trial in pending]
+    def propose(self, number: int, results: Sequence[Trial], pending: Sequence[Trial]) -> Trial | None:
+        tried = [trial.cameras for trial in (*results, *pending)]
         measured = [result for result in results if result.measured]
         if number < self.initial or not measured:
             return self._random(number, tried, "random")
-        broken = [result.trial.cameras for result in results if not result.measured]
-        waiting = [trial.cameras for trial in pending]
-        encode = self._space.encode
         found = suggest(
-            np.array([encode(result.trial.cameras) for result in measured]),
+            self._codes(measured),
             self._worth(np.array([result.value_m for result in measured])),
             self._space,
             np.random.default_rng([self.seed, _STREAM, number]),
-            pending=np.array([encode(cameras) for cameras in waiting]) if waiting else None,
-            avoid=np.array([encode(cameras) for cameras in broken]) if broken else None,
+            pending=self._codes(pending),
+            avoid=self._codes([result for result in results if not result.measured]),
             least_noise=self._least_noise,
         )
-        notes: dict[str, object] = {
-            "model": found.model,
-            "weights": dict(found.weights),
-            "remarks": list(found.remarks),
-        }
+        notes: dict[str, object] = {"model": found.model, "weights": found.weights}
         if found.x is None:
             return self._random(number, tried, "random, as every candidate was known", notes)
         return Trial(number, self._space.cameras(found.x), f"EI of {found.model}", notes)
+
+    def _codes(self, trials: Sequence[Trial]) -> FloatArray:
+        """(t, 5N) codes of trials."""
+        return np.array([self._space.encode(trial.cameras) for trial in trials]).reshape(len(trials), -1)
 
     def _random(
         self, number: int, tried: Sequence[Cameras], origin: str, notes: dict[str, object] | None = None

@@ -1,5 +1,5 @@
 """The circle, the paper's first baseline: "a standard circular formation adopting the best performing altitude and
-radius"; and the plain ring.
+radius".
 """
 
 from __future__ import annotations
@@ -8,10 +8,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from functools import cached_property
 
-import numpy as np
-
-from fieldkit.planning.problem import PlanningProblem, Result, Trial
-from fieldkit.planning.score.cost_model import CostModel, Weights
+from fieldkit.planning.problem import PlanningProblem, Trial
+from fieldkit.planning.score.cost_model import CostModel
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import Circle, circles
 from fieldkit.vocabulary import WEIGHTS
@@ -20,8 +18,6 @@ _GRID = 5
 """Number of altitudes, and of radii, of the grid."""
 _AROUND = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0))
 """The eight steps from a cell of the grid."""
-_DOWN_DEG = 40.0
-"""Pitch of the plain ring below the horizon, degrees: lower ones miss a tenth to a fifth of the area in wind."""
 
 
 class CircleSearch:
@@ -30,9 +26,7 @@ class CircleSearch:
     Circles that mean the same cameras as an earlier one (a recorded set has few) are left out of the first grid.
     """
 
-    name = "circle"
-
-    def __init__(self, problem: PlanningProblem, seed: int = 0) -> None:
+    def __init__(self, problem: PlanningProblem) -> None:
         self._problem = problem
 
     @property
@@ -40,7 +34,7 @@ class CircleSearch:
         """See `Limited`."""
         return len(self._grid) + len(_AROUND)
 
-    def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
+    def propose(self, number: int, results: Sequence[Trial], pending: Sequence[Trial]) -> Trial | None:
         """See `Method.propose`."""
         if number >= self.trials:
             return None
@@ -55,12 +49,12 @@ class CircleSearch:
             by_cameras.setdefault(self._problem.nearest(circle.cameras(self._problem)), circle)
         return list(by_cameras.values())
 
-    def _best(self, results: Sequence[Result]) -> Circle:
+    def _best(self, results: Sequence[Trial]) -> Circle:
         """The best measured circle of the grid; the middle one where none was measured."""
-        known = [result for result in results if result.trial.number < len(self._grid) and result.measured]
+        known = [result for result in results if result.number < len(self._grid) and result.measured]
         if not known:
             return self._grid[len(self._grid) // 2]
-        return self._grid[min(known, key=lambda r: (r.value_m, r.trial.number)).trial.number]
+        return self._grid[min(known, key=lambda r: (r.value_m, r.number)).number]
 
     def _finer(self, best: Circle, step: int) -> Circle:
         radii, altitudes, _ = self._problem.ranges
@@ -82,28 +76,10 @@ def _half_step(best: float, step: int, limits: tuple[float, float]) -> float:
     return value if low <= value <= high else best - 0.5 * (value - best)
 
 
-def expected_ring(problem: PlanningProblem, weights: Weights) -> tuple[Cameras, float]:
-    """The plain ring, and the value in metres that the score expects of it."""
-    ring = plain_ring(problem)
-    return ring, CostModel(problem).expected_m(ring, weights, None)
-
-
-def plain_ring(problem: PlanningProblem) -> Cameras:
-    """An even ring about the plants as wide as `PlanningProblem.ranges` go, that looks down by 40°.
-
-    Lower ones see less of how leaves sway, but leaves from their edge: outdoors they miss a tenth to a fifth of the
-    area (docs/benchmarks.md, "Rings and traits").
-    """
-    radii, altitudes, aims = problem.ranges
-    aim = 0.5 * sum(aims)
-    altitude = float(np.clip(aim + radii[1] * np.tan(np.radians(_DOWN_DEG)), *altitudes))
-    return problem.nearest(Circle(radii[1], altitude, aim).cameras(problem))
-
-
 def expected_circle(problem: PlanningProblem, aims: int = 1) -> Cameras:
     """The circle of the same grid, at so many heights of the aim, that the geometric score ranks first; takes no
     photograph.
     """
     cost_model = CostModel(problem)
     sets = [problem.nearest(circle.cameras(problem)) for circle in circles(problem, _GRID, _GRID, aims)]
-    return min(sets, key=lambda cameras: cost_model.cost_m(cameras, WEIGHTS, None))
+    return min(sets, key=lambda cameras: cost_model.cost_m(cameras, WEIGHTS))

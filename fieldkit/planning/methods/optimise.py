@@ -63,9 +63,9 @@ def _shifted(
         ]
     )
     aimed = Cameras.aimed(places, targets + _FLAT * aims * np.array([1.0, 1.0, 0.5]))
-    everything = cameras.vector().reshape(len(cameras), -1).copy()
-    everything[moved] = aimed.vector().reshape(len(moved), -1)
-    return Cameras.from_vector(everything.reshape(-1))
+    rows = cameras.rows()
+    rows[moved] = aimed.rows()
+    return Cameras.from_vector(rows)
 
 
 def looked_at(cameras: Cameras, problem: PlanningProblem) -> FloatArray:
@@ -94,8 +94,12 @@ class Effort(NamedTuple):
     moves: int = 2400
 
 
+USUAL = Effort()
+"""Effort of a search everywhere, unless it says another one."""
+
+
 def optimise(
-    problem: PlanningProblem, cost: Cost, seed: int, effort: Effort | None = None, known: Sequence[Cameras] = ()
+    problem: PlanningProblem, cost: Cost, seed: int, effort: Effort = USUAL, known: Sequence[Cameras] = ()
 ) -> Cameras:
     """A feasible set of small cost, searched in the whole space; deterministic for a seed.
 
@@ -103,7 +107,6 @@ def optimise(
     cube) and the best random set. They are refined by moving one camera at a time, by steps that shrink from half a
     metre to a centimetre; a move that is no worse is kept. On a recorded set a move takes another view instead.
     """
-    effort = effort or Effort()
     rng = np.random.default_rng([seed, _STREAM])
     starts = known or _designs(problem, cost, effort, rng)
     refined = [_refined(problem, cost, cameras, rng, effort.moves) for cameras in starts]
@@ -150,16 +153,16 @@ def _refined(
 
 def _moved(problem: PlanningProblem, cameras: Cameras, rng: np.random.Generator, step_m: float) -> Cameras:
     """The set with one camera moved by about ``step_m`` and turned by as much as that spans at the plot's distance."""
-    z = cameras.vector().reshape(len(cameras), -1).copy()
+    z = cameras.rows()
     if problem.views is not None:
         taken = set(cameras.row_keys())
-        table = problem.views.vector().reshape(len(problem.views), -1)
+        table = problem.views.rows()
         free = [i for i, key in enumerate(problem.views.row_keys()) if key not in taken]
         # Exchanging two at once leaves local optima of exchanging one.
         count = min(int(rng.integers(1, 3)), len(free))
         if count:
             z[rng.choice(len(z), count, replace=False)] = table[rng.choice(free, count, replace=False)]
-        return Cameras.from_vector(z.reshape(-1))
+        return Cameras.from_vector(z)
     k = int(rng.integers(len(z)))
     z[k, :3] += rng.normal(0.0, step_m, 3)
     away = max(float(np.linalg.norm(z[k, :3] - problem.center)), 0.1)
@@ -167,7 +170,7 @@ def _moved(problem: PlanningProblem, cameras: Cameras, rng: np.random.Generator,
     place = cameras.positions[k] + cameras.forward[k] * away
     aimed = Cameras.aimed(z[k, :3], place + rng.normal(0.0, 0.3 * step_m, 3))
     z[k, 3], z[k, 4] = aimed.yaw_deg[0], np.clip(aimed.pitch_deg[0], *problem.envelope.pitch_deg)
-    return Cameras.from_vector(z.reshape(-1))
+    return Cameras.from_vector(z)
 
 
 def _power(count: int) -> int:

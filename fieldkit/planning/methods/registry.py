@@ -48,21 +48,21 @@ def method_entry(name: str, methods: Mapping[str, MethodEntry] | None = None) ->
 
 
 def _field(problem: PlanningProblem, settings: SearchSettings) -> Method:
-    from fieldkit.planning.methods.field import INITIAL, Field
+    from fieldkit.planning.methods.field import Field
 
-    return Field(problem, settings.initial or INITIAL, settings.seed, settings.weights)
+    return Field(problem, seed=settings.seed, weights=settings.weights)
 
 
 def _bosfm(problem: PlanningProblem, settings: SearchSettings) -> Method:
     from fieldkit.planning.methods.bosfm import Bosfm
 
-    return Bosfm(problem, settings.initial or 50, settings.seed)
+    return Bosfm(problem, seed=settings.seed)
 
 
-def _circle(problem: PlanningProblem, settings: SearchSettings) -> Method:
+def _circle(problem: PlanningProblem, _: SearchSettings) -> Method:
     from fieldkit.planning.methods.circle import CircleSearch
 
-    return CircleSearch(problem, settings.seed)
+    return CircleSearch(problem)
 
 
 def _score(problem: PlanningProblem, settings: SearchSettings) -> FixedDesign:
@@ -71,10 +71,10 @@ def _score(problem: PlanningProblem, settings: SearchSettings) -> FixedDesign:
     return ScoreOptimum(problem, settings.weights, settings.seed)
 
 
-def _uniform(problem: PlanningProblem, settings: SearchSettings) -> Method:
+def _uniform(problem: PlanningProblem, _: SearchSettings) -> Method:
     from fieldkit.planning.methods.subsets import Uniform
 
-    return Uniform(problem, settings.seed)
+    return Uniform(problem)
 
 
 _OWN: dict[PlanningMethod, MethodEntry] = {

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field
 
+from fieldkit.results.fields import Count, Length, Strict
 from fieldkit.vocabulary import CAP_M, DISTANCES_M
 
 SUPPORT = 0.25
@@ -17,42 +15,35 @@ WORST_M = 2.0 * CAP_M
 """The largest value, that of an empty cloud."""
 
 
-@dataclass(frozen=True)
-class StageCost:
-    """Wall and CPU seconds of one stage on one thread."""
-
-    name: str
-    cpu_s: float
-    wall_s: float
+def f_score_table(f_scores: dict[float, float]) -> dict[str, float]:
+    """F-scores by distance in metres as results hold them; 0 where there is none."""
+    return {f"{distance:.3f}": f_scores.get(distance, 0.0) for distance in DISTANCES_M}
 
 
-@dataclass(frozen=True)
-class Evaluation:
+class Evaluation(Strict):
     """r(z) at one z. Lengths are metres."""
 
-    value_m: float
-    """The cost to minimise, by the rule of `fieldkit.planning.objective.evaluation`; always finite."""
-    chamfer_m: float | None
+    value_m: Length
+    """The cost to minimise, by the rule of `fieldkit.planning.objective.evaluation`."""
+    chamfer_m: Length | None = None
     """Plain chamfer distance (eq. `r_func`); this and its directed terms are None without a cloud."""
-    accuracy_m: float | None
+    accuracy_m: Length | None = None
     """Mean distance from the cloud to the reference."""
-    completeness_m: float | None
+    completeness_m: Length | None = None
     """Mean distance from the reference to the cloud."""
-    f_scores: Mapping[float, float]
-    """F-score by distance in metres; 0 without a cloud."""
-    images: int
-    """Photographs asked for."""
-    registered: int
+    f_score: dict[str, float] = Field(default_factory=lambda: f_score_table({}))
+    """By distance in metres; 0 without a cloud."""
+    registered: Count = 0
     """Images with a pose from the mapper."""
-    right: int
+    right: Count = 0
     """Registered images whose pose agrees with the commanded one."""
-    models: int
+    models: Count = 0
     """Number of the mapper's models; the largest is used."""
-    points: int
+    points: Count = 0
     """Number of points of the cloud."""
-    cloud_digest: str
+    cloud_digest: str = ""
     """Of the cloud's positions: equal if the clouds are equal byte for byte."""
-    views: tuple[str, ...]
+    views: tuple[str, ...] = ()
     """Names of the photographs (in a recorded set, of the chosen views), in the cameras' order."""
     failure: str = ""
     """Why there is no cloud; empty if there is one."""
@@ -60,40 +51,9 @@ class Evaluation:
     """False if the evaluation itself broke (a crash, the time-out); ``value_m`` is then the rule's worst and says
     nothing about z.
     """
-    times: tuple[StageCost, ...] = field(default=(), compare=False)
-
-    @property
-    def cpu_s(self) -> float:
-        """CPU seconds of all stages."""
-        return sum(stage.cpu_s for stage in self.times)
-
-    @classmethod
-    def broken(cls, images: int, reason: str) -> Evaluation:
-        """An evaluation that broke twice; it says nothing about z."""
-        return cls(
-            WORST_M,
-            None,
-            None,
-            None,
-            dict.fromkeys(DISTANCES_M, 0.0),
-            images,
-            0,
-            0,
-            0,
-            0,
-            "",
-            (),
-            reason,
-            measured=False,
-        )
-
-    def figures(self) -> dict[str, Any]:
-        """Plain values of everything but the times; equal for every evaluation of z."""
-        plain = asdict(self)
-        del plain["times"]
-        plain["f_scores"] = {f"{distance:.3f}": score for distance, score in self.f_scores.items()}
-        plain["views"] = list(self.views)
-        return plain
+    cpu_s: Length = 0.0
+    """Of the evaluation."""
+    wall_s: Length = 0.0
 
 
 def value_m(to_estimate: ArrayLike, to_reference: ArrayLike) -> float:

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, Protocol
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Protocol
 
 from fieldkit.cache import StageCache, digest
 from fieldkit.captures.model import Capture
@@ -19,14 +19,13 @@ from fieldkit.clouds.metrics import ReferenceIndex, nearest_distances, score_dis
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import ReconstructionError, UsageError
 from fieldkit.geometry import Intrinsics
-from fieldkit.planning.objective.evaluation import WORST_M, Evaluation, StageCost, value_m
+from fieldkit.planning.objective.evaluation import WORST_M, Evaluation, f_score_table, value_m
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.reconstruction.dense import resolution
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
-from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import FeatureSettings, PriorMappingSettings, ReconstructionSettings
-from fieldkit.reconstruction.stages import StageTimer
 from fieldkit.runtime.context import Context
+from fieldkit.runtime.machine import Spent
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.sites.fitted import Stretch
 from fieldkit.vocabulary import DISTANCES_M, MappingName, SearchFidelity
@@ -158,14 +157,6 @@ class ObjectiveSettings:
         return default if self.bands_px is None else replace(default, bands_px=self.bands_px)
 
 
-class _Mapped(NamedTuple):
-    """Number of registered photographs, of right ones, and of models."""
-
-    registered: int
-    right: int
-    models: int
-
-
 class Objective:
     """Evaluates sets of cameras: photographs → features → matches → mapping → dense stereo → chamfer distance.
 
@@ -234,63 +225,56 @@ class Objective:
             raise UsageError(f"an evaluation needs at least two cameras, not {len(cameras)}")
         if self.stretch is not None:
             cameras = cameras.stretched(self.stretch)
-        timer = StageTimer(Silent())
-        chosen = FIDELITIES[fidelity or self.settings.fidelity]
+        spent, detail = Spent.now(), FIDELITIES[fidelity or self.settings.fidelity]
         noise_seed = self.seed if seed is None else seed
-        with self.source.photograph(cameras, chosen, noise_seed, timer) as photos:
+        with self.source.photograph(cameras, detail, noise_seed, Silent()) as photos:
             wanted = ReconstructionSettings(
                 features=photos.features,
                 mapping=self.settings.mapping,
-                fidelity=chosen.dense,
+                fidelity=detail.dense,
                 # They are commands, or a reference's: never a camera's doubtful records.
                 trust_orientations=True,
                 prior=self.settings.prior,
                 seed=self.seed,
             )
             try:
-                found = reconstruct(
+                made = reconstruct(
                     photos.capture,
                     wanted,
-                    Context(self.source.cache, timer),
+                    Context(self.source.cache),
                     known_plot=self.source.plot,
                     reach_m=REFERENCE_REACH_M if self.settings.refine else 0.0,
                 )
             except ReconstructionError as error:
-                mapped = _Mapped(error.registered, error.right, error.models)
-                return self._scored(photos, Cloud.empty(), mapped, error.message, timer), Cloud.empty()
-        sparse = found.sparse
-        mapped = _Mapped(sparse.registered, sparse.right, len(sparse.model_sizes))
-        plants = self._refined(found, timer) if self.settings.refine else found.plants
-        return self._scored(photos, plants, mapped, "", timer), plants
-
-    def _refined(self, found: Reconstruction, timer: StageTimer) -> Cloud:
-        with timer.stage("Refining"):
-            motion, _ = icp_onto_reference(found.plants, self.source.reference, with_scale=True)
-            return found.moved_plants(motion)
-
-    def _scored(self, photos: PhotoSet, cloud: Cloud, mapped: _Mapped, failure: str, timer: StageTimer) -> Evaluation:
-        value, score = WORST_M, None
-        if len(cloud):
-            with timer.stage("Scoring"):
-                to_reference, to_cloud = nearest_distances(self.source.reference, cloud)
-                score = score_distances(to_reference, to_cloud, DISTANCES_M)
-                value = value_m(to_cloud, to_reference)
-        return Evaluation(
-            value_m=value,
-            chamfer_m=None if score is None else score.chamfer.chamfer_m,
-            accuracy_m=None if score is None else score.chamfer.accuracy_m,
-            completeness_m=None if score is None else score.chamfer.completeness_m,
-            f_scores={d: 0.0 if score is None else score.f_scores[d].f_score for d in DISTANCES_M},
-            images=len(photos.views),
-            registered=mapped.registered,
-            right=mapped.right,
-            models=mapped.models,
-            points=len(cloud),
-            cloud_digest=digest(cloud.points),
+                plants, failure = Cloud.empty(), error.message
+                registered, right, models = error.registered, error.right, error.models
+            else:
+                plants, failure, sparse = made.plants, "", made.sparse
+                registered, right, models = sparse.registered, sparse.right, len(sparse.model_sizes)
+                if self.settings.refine:
+                    motion, _ = icp_onto_reference(plants, self.source.reference, with_scale=True)
+                    plants = made.moved_plants(motion)
+        scored: dict[str, Any] = {"value_m": WORST_M}
+        if len(plants):
+            to_reference, to_cloud = nearest_distances(self.source.reference, plants)
+            score = score_distances(to_reference, to_cloud, DISTANCES_M)
+            scored = asdict(score.chamfer) | {
+                "value_m": value_m(to_cloud, to_reference),
+                "f_score": f_score_table({d: score.f_scores[d].f_score for d in DISTANCES_M}),
+            }
+        evaluation = Evaluation(
+            registered=registered,
+            right=right,
+            models=models,
+            points=len(plants),
+            cloud_digest=digest(plants.points),
             views=photos.views,
             failure=failure,
-            times=tuple(StageCost(t.name, t.cpu_s, t.wall_s) for t in timer.times({})),
+            cpu_s=max(spent.cpu_seconds, 0.0),
+            wall_s=spent.seconds,
+            **scored,
         )
+        return evaluation, plants
 
 
 _OPEN = 2

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Protocol
 
 from fieldkit.errors import FieldkitError
-from fieldkit.planning.objective.evaluation import Evaluation
+from fieldkit.planning.objective.evaluation import WORST_M, Evaluation
 from fieldkit.planning.objective.objective import Objective
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.context import Context
@@ -73,7 +73,7 @@ class Evaluations:
             raise
         except Exception as error:
             reason = f"broke: {type(error).__name__}: {error}"
-        return Evaluation.broken(len(job.cameras), reason)
+        return Evaluation(value_m=WORST_M, failure=reason, measured=False)
 
     def each(self, jobs: Iterable[Job]) -> Iterator[Evaluation]:
         """Evaluations in the jobs' order, each as soon as it and all earlier ones are done. Raises as `outcome`."""

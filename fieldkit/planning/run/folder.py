@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Annotated, Any, BinaryIO, Literal
+from typing import TYPE_CHECKING, Annotated, BinaryIO, Literal
 
 import numpy as np
 from pydantic import Field, JsonValue, ValidationError
@@ -15,13 +16,16 @@ from fieldkit.documents.json_file import first_problem, read_json_object, valida
 from fieldkit.errors import MetadataError, StorageError, UsageError
 from fieldkit.files import atomic_folder, lock, storage_errors, write_atomic
 from fieldkit.planning.objective.evaluation import Evaluation
-from fieldkit.planning.problem import Result, Trial
+from fieldkit.planning.problem import Trial
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.regular_files import is_other_than_file, open_regular, read_regular
-from fieldkit.results.fields import Count, Length, Strict
+from fieldkit.results.fields import Count, Length
 from fieldkit.results.plan_file import SETTINGS_FILE
-from fieldkit.vocabulary import DISTANCES_M, SearchFidelity
+from fieldkit.vocabulary import SearchFidelity
+
+if TYPE_CHECKING:
+    from fieldkit.planning.run.evaluations import Job
 
 LOG_FILE = "evaluations.jsonl"
 _MAX_BYTES = 1 << 20
@@ -31,8 +35,8 @@ Stage = Literal["search", "confirmation"]
 Row = tuple[float, float, float, float, float]
 
 
-class LogEntry(Strict):
-    """One line of evaluations.jsonl: one finished evaluation."""
+class LogEntry(Evaluation):
+    """One line of evaluations.jsonl: one finished evaluation of a trial."""
 
     number: Count
     """Of the trial, from 0."""
@@ -46,22 +50,6 @@ class LogEntry(Strict):
     """Number of the photographed plot; 0 is the plan's own."""
     cameras: Annotated[tuple[Row, ...], Field(min_length=1)]
     """x, y, z in metres, yaw and pitch in degrees, plot frame."""
-    value_m: Length
-    chamfer_m: Length | None
-    accuracy_m: Length | None
-    completeness_m: Length | None
-    f_score: dict[str, float]
-    registered: Count
-    right: Count
-    models: Count
-    points: Count
-    cloud_digest: str
-    views: tuple[str, ...]
-    failure: str
-    measured: bool
-    cpu_s: Length
-    """Of the evaluation."""
-    wall_s: Length
     proposal_cpu_s: Length
     """Of the method, to propose the trial."""
     finished_s: Length
@@ -69,49 +57,11 @@ class LogEntry(Strict):
     notes: dict[str, JsonValue]
     """The method's: the drawn model, its weights, and others."""
 
-    @classmethod
-    def of(
-        cls,
-        trial: Trial,
-        found: Evaluation,
-        *,
-        stage: Stage,
-        seed: int,
-        fidelity: SearchFidelity,
-        proposal_cpu_s: float,
-        finished_s: float,
-        plot: int = 0,
-    ) -> LogEntry:
-        """The log entry of an evaluation."""
-        return cls(
-            number=trial.number,
-            stage=stage,
-            origin=trial.origin,
-            seed=seed,
-            fidelity=fidelity,
-            plot=plot,
-            cameras=_rows(trial.cameras),
-            **{name: getattr(found, name) for name in _EVALUATED},
-            f_score={f"{d:.3f}": float(found.f_scores.get(d, 0.0)) for d in DISTANCES_M},
-            wall_s=sum(stage.wall_s for stage in found.times),
-            proposal_cpu_s=proposal_cpu_s,
-            finished_s=finished_s,
-            notes=dict(trial.notes),
-        )
-
     @property
     def trial(self) -> Trial:
-        """The trial, bit for bit as it was proposed."""
-        return Trial(self.number, Cameras.from_vector(np.array(self.cameras)), self.origin, self.notes, plot=self.plot)
-
-    @property
-    def result(self) -> Result:
-        """The result, as methods take it."""
-        return Result(self.trial, self.value_m, self.measured, self.right)
-
-
-_EVALUATED = ("cpu_s", *(key for key in Evaluation.__dataclass_fields__ if key in LogEntry.model_fields))
-"""Figures that a log entry takes from its evaluation as they are."""
+        """The trial, bit for bit as it was proposed, with its result."""
+        cameras, value_m = Cameras.from_vector(np.array(self.cameras)), self.value_m if self.measured else np.nan
+        return Trial(self.number, cameras, self.origin, self.notes, plot=self.plot, value_m=value_m)
 
 
 class RunFolder:
@@ -125,14 +75,36 @@ class RunFolder:
 
     def __init__(self, path: Path, settings: SearchSettings, entries: Sequence[LogEntry], file: BinaryIO) -> None:
         self.path, self.settings, self.entries, self._file = path, settings, list(entries), file
+        self._before, self._start = max((entry.finished_s for entry in entries), default=0.0), time.monotonic()
 
-    def append(self, entry: LogEntry) -> None:
-        """Append an entry to the log and sync it to the disk."""
+    @property
+    def seconds(self) -> float:
+        """Since the run began, without interruptions."""
+        return self._before + time.monotonic() - self._start
+
+    def log(
+        self, trial: Trial, job: Job, evaluation: Evaluation, stage: Stage, *, proposal_cpu_s: float = 0.0
+    ) -> LogEntry:
+        """Append an evaluation to the log and sync it to the disk."""
+        entry = LogEntry(
+            **evaluation.model_dump(),
+            number=trial.number,
+            stage=stage,
+            origin=trial.origin,
+            seed=self.settings.seed if job.seed is None else job.seed,
+            fidelity=job.fidelity or self.settings.fidelity,
+            plot=job.plot,
+            cameras=tuple((x, y, z, yaw, pitch) for x, y, z, yaw, pitch in trial.cameras.rows().tolist()),
+            proposal_cpu_s=proposal_cpu_s,
+            finished_s=self.seconds,
+            notes=dict(trial.notes),
+        )
         with storage_errors(self.path / LOG_FILE):
             self._file.write(entry.model_dump_json().encode() + b"\n")
             self._file.flush()
             os.fsync(self._file.fileno())
         self.entries.append(entry)
+        return entry
 
     def save_settings(self, settings: SearchSettings) -> None:
         """Replace search.json. Raises StorageError."""
@@ -215,7 +187,3 @@ def _lock(file: BinaryIO, path: Path) -> None:
         ) from error
     except OSError:
         return  # a file system without locks
-
-
-def _rows(cameras: Cameras) -> tuple[Any, ...]:
-    return tuple(tuple(row) for row in cameras.vector().reshape(len(cameras), -1).tolist())

@@ -1,4 +1,4 @@
-"""The results of a planning run: outcome.json, the plan and its picture."""
+"""The results of a planning run: outcome.json and the plan."""
 
 from __future__ import annotations
 
@@ -8,10 +8,7 @@ from pathlib import Path
 from pydantic import BaseModel
 
 from fieldkit.documents.json_file import read_json_object, schema_text, validated
-from fieldkit.figures.style import format_length
 from fieldkit.files import write_atomic
-from fieldkit.pictures.mission import draw_plan
-from fieldkit.pictures.panels import png
 from fieldkit.planning.methods.registry import METHODS
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.run.folder import LogEntry, RunFolder, searched
@@ -19,10 +16,10 @@ from fieldkit.planning.run.loop import Ending, Finalist, Stopped
 from fieldkit.planning.run.run_setup import RunSetup
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.results.fields import Count, Length, Strict
-from fieldkit.results.plan import Plan, PlanMethod, PlanPlants
+from fieldkit.results.plan import PlanMethod, PlanPlants
 from fieldkit.results.plan_file import PLAN_FILE, plan_from_poses, save_plan
 
-OUTCOME_FILE, PLAN_PICTURE = "outcome.json", "plan.png"
+OUTCOME_FILE = "outcome.json"
 _MAX_BYTES = 16 << 20
 """Largest outcome.json that is read, bytes."""
 _REMEDY = "Give the folder of a finished run of `fieldkit plan`."
@@ -73,7 +70,7 @@ class Outcome(Strict):
     proposal_cpu_s: Length
     """Of the method: the run's cost beside its evaluations."""
     stopped: Stopped
-    """Why the search ended: it converged, its evaluations or its time are used up, or the method has no more to try."""
+    """Why the search ended: it converged, its evaluations are used up, or the method has no more to try."""
     gain_m: Length | None = None
     """Bound on how much worse the search's best set is than the best possible one, if it converged."""
     noise_m: Length | None = None
@@ -97,20 +94,16 @@ def best_so_far(entries: Sequence[LogEntry]) -> list[float | None]:
 
 
 def write_outcome(
-    run: RunFolder,
-    setup: RunSetup,
-    confirmed: Sequence[Finalist],
-    ending: Ending,
-    *,
-    choice_s: tuple[float, float] = (0.0, 0.0),
+    run: RunFolder, setup: RunSetup, confirmed: Sequence[Finalist], ending: Ending, choice_cpu_s: float = 0.0
 ) -> Outcome:
     """Write the results of a finished run; plan.json last, so that its presence means that all are there.
 
-    ``choice_s`` are wall and CPU seconds of a method that chose without a search.
+    ``choice_cpu_s`` are CPU seconds of a method that chose without a search.
     """
     settings, chosen = run.settings, confirmed[0]
     trials = searched(run.entries)
-    by_number = {entry.number: entry for entry in trials}
+    values_m = {entry.number: entry.value_m for entry in trials}
+    gain = ending.gain
     outcome = Outcome(
         method=settings.method,
         cameras=settings.cameras,
@@ -122,17 +115,17 @@ def write_outcome(
         evaluations=len(trials),
         failed_evaluations=sum(bool(entry.failure) for entry in trials),
         confirmations=sum(len(finalist.entries) for finalist in confirmed),
-        seconds=choice_s[0] + max((entry.finished_s for entry in run.entries), default=0.0),
+        seconds=run.seconds,
         evaluation_cpu_s=sum(entry.cpu_s for entry in run.entries),
-        proposal_cpu_s=choice_s[1] + sum(entry.proposal_cpu_s for entry in run.entries),
+        proposal_cpu_s=choice_cpu_s + sum(entry.proposal_cpu_s for entry in run.entries),
         stopped=ending.stopped,
-        gain_m=None if ending.gain is None else ending.gain.bound_m,
-        noise_m=None if ending.gain is None else ending.gain.noise_m,
+        gain_m=None if gain is None else gain.bound_m,
+        noise_m=None if gain is None else gain.noise_m,
         finalists=tuple(
             FinalistReport(
                 number=f.trial.number,
                 origin=f.trial.origin,
-                search_value_m=by_number[f.trial.number].value_m if f.trial.number in by_number else None,
+                search_value_m=values_m.get(f.trial.number),
                 expected_m=f.trial.notes.get("expected_m"),
                 value_m=f.value_m,
                 spread_m=f.spread_m,
@@ -146,20 +139,21 @@ def write_outcome(
         else (),
     )
     write_atomic(run.path / OUTCOME_FILE, outcome.model_dump_json(indent=2) + "\n")
-    cameras = chosen.trial.cameras
-    like = "" if settings.plots == 1 else "plots like "
-    worth = "not confirmed" if outcome.chamfer_m is None else f"chamfer distance {format_length(outcome.chamfer_m)}"
-    title = f"{like}{settings.source.name}: {settings.cameras} cameras, {worth}"
-    views = setup.problem.views
-    figure = draw_plan(
-        title,
-        cameras.positions,
-        cameras.forward,
-        setup.problem.reference,
-        None if views is None else views.positions,
+    plan = plan_from_poses(
+        chosen.trial.cameras.poses(),
+        setup.problem.camera,
+        envelope=setup.problem.envelope.in_plan(),
+        plants=plants_of(setup.problem),
+        plant_height_m=setup.plant_height_m,
+        source=settings.source,
+        method=PlanMethod(
+            name=settings.method,
+            seed=settings.seed,
+            repeats=len(chosen.entries),
+            **{key: getattr(outcome, key) for key in PlanMethod.model_fields.keys() & Outcome.model_fields.keys()},
+        ),
     )
-    save_plan(run.path / PLAN_FILE, _plan(run, setup, chosen, outcome))
-    write_atomic(run.path / PLAN_PICTURE, png(figure))
+    save_plan(run.path / PLAN_FILE, plan)
     return outcome
 
 
@@ -180,26 +174,3 @@ def plants_of(problem: PlanningProblem) -> PlanPlants:
     """The plants within the flight box and half a metre about it, as plan.json holds them."""
     envelope = problem.envelope
     return envelope.plan_plants(envelope.plants if len(envelope.plants) else problem.reference.points)
-
-
-def _plan(run: RunFolder, setup: RunSetup, chosen: Finalist, outcome: Outcome) -> Plan:
-    settings = run.settings
-    return plan_from_poses(
-        chosen.trial.cameras.poses(),
-        setup.problem.camera,
-        envelope=setup.problem.envelope.in_plan(),
-        plants=plants_of(setup.problem),
-        plant_height_m=setup.plant_height_m,
-        source=settings.source,
-        method=PlanMethod(
-            name=settings.method,
-            seed=settings.seed,
-            evaluations=outcome.evaluations,
-            chamfer_m=outcome.chamfer_m,
-            chamfer_spread_m=outcome.chamfer_spread_m,
-            repeats=len(chosen.entries),
-            plots=settings.plots,
-            expected_m=outcome.expected_m,
-            weights=outcome.weights,
-        ),
-    )

@@ -3,33 +3,24 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from fieldkit.errors import FieldkitError, ReconstructionError
-from fieldkit.planning.methods.circle import expected_ring
 from fieldkit.planning.methods.registry import METHODS, MethodEntry, method_entry
-from fieldkit.planning.methods.subsets import even_subsets
+from fieldkit.planning.methods.score import even_ring
+from fieldkit.planning.methods.subsets import Uniform
 from fieldkit.planning.plan_settings import PlanSettings
-from fieldkit.planning.problem import FixedDesign, Limited, PlanningProblem, Trial
-from fieldkit.planning.run.evaluations import Evaluations, evaluating
+from fieldkit.planning.problem import FixedDesign, Trial
+from fieldkit.planning.run.evaluations import evaluating
 from fieldkit.planning.run.folder import RunFolder, create_run, open_run
-from fieldkit.planning.run.loop import (
-    Ending,
-    Finalist,
-    Watch,
-    confirm,
-    evaluate_again,
-    no_watch,
-    ranked,
-    search,
-    unless_ahead,
-)
+from fieldkit.planning.run.loop import Ending, Finalist, Watch, confirm, finalists, no_watch, search
 from fieldkit.planning.run.outcome import Outcome, write_outcome
 from fieldkit.planning.run.request import resumed_settings, search_settings
 from fieldkit.planning.run.run_setup import RunSetup, set_up_run
+from fieldkit.planning.score.cost_model import CostModel
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import Spent
@@ -56,8 +47,8 @@ def plan(
     """Find the cameras and write the plan.
 
     Args:
-        output: the run's folder: search.json before the start, evaluations.jsonl during the run; at the end plan.json,
-            outcome.json and plan.png.
+        output: the run's folder: search.json before the start, evaluations.jsonl during the run; at the end plan.json
+            and outcome.json.
         settings: what is asked; or all that search.json holds.
         context: None takes the usual cache and one process, and says nothing.
         overwrite: replace an earlier run in ``output``.
@@ -116,12 +107,11 @@ def _planned(
     if isinstance(method, FixedDesign):
         expect(run, 0)
         return _chosen(method, run, setup, context, watch)
-    expect(run, min(settings.evaluations, method.trials) if isinstance(method, Limited) else settings.evaluations)
-    budget = settings.time_budget_s
+    expect(run, min(settings.evaluations, getattr(method, "trials", settings.evaluations)))
     with evaluating(setup.objective, context) as evaluations:
-        ending = search(method, evaluations, run, out_of_time=lambda s: budget is not None and s >= budget, watch=watch)
-        even = even_subsets(setup.problem) if setup.photographs else ()
-        confirmed = confirm(method, evaluations, run, watch=watch, even=even)
+        ending = search(method, evaluations, run, watch=watch)
+        chosen, standard = finalists(method, run, _even_subsets(setup))
+        confirmed = confirm(method, evaluations, run, chosen, watch=watch, standard=standard)
     if not confirmed:
         raise ReconstructionError(
             "no evaluation succeeded",
@@ -131,9 +121,21 @@ def _planned(
     return write_outcome(run, setup, confirmed, ending)
 
 
+def _even_subsets(setup: RunSetup) -> list[Trial]:
+    """The uniform subsets of a recorded set, which a search's best has to beat; none elsewhere."""
+    if not setup.photographs:
+        return []
+    uniform = Uniform(setup.problem)
+    return [trial for k in range(uniform.trials) if (trial := uniform.propose(k, (), ())) is not None]
+
+
 def _chosen(method: FixedDesign, run: RunFolder, setup: RunSetup, context: Context, watch: Watch) -> Outcome:
-    """The best of several sets by their confirmations; without confirmations, the one expected to be best."""
-    settings, progress = run.settings, context.progress
+    """The best of several sets by their confirmations; without confirmations, the one expected to be best.
+
+    Optima for plots of a kind have to beat the even ring, unless it is the only finalist: outdoors the score's order of
+    good sets is not that of evaluations (docs/decisions.md).
+    """
+    settings, progress, problem = run.settings, context.progress, setup.problem
     confirming = settings.repeats > 0
     if confirming and not context.scheduler:  # its workers may be able to render
         try:
@@ -141,45 +143,25 @@ def _chosen(method: FixedDesign, run: RunFolder, setup: RunSetup, context: Conte
         except RenderingError as error:
             progress.note(f"the plan is not confirmed: {error.message}. {error.remedy}")
             confirming = False
-    spent = Spent.now()
-    ring = _ring(setup.problem, settings) if confirming or settings.noise.wind_m else None
-    trials: Sequence[Trial] = [ring] if ring is not None else []
+    spent, ring = Spent.now(), None
+    if (
+        settings.plots > 1
+        and problem.views is None
+        and settings.finalists > 1
+        and (confirming or settings.noise.wind_m)
+    ):
+        cameras = even_ring(problem)
+        expected_m = CostModel(problem).expected_m(cameras, settings.weights)
+        ring = Trial(settings.finalists - 1, cameras, "even ring", {"expected_m": expected_m})
+    optima: list[Trial] = []
     if confirming or ring is None:
         starts = settings.finalists - (ring is not None) if confirming else 1
         with progress.stage("Optimising the geometric score", starts) as advance:
-            trials = method.choose(starts, context.workers, advance)
-    cost = (spent.seconds, spent.cpu_seconds)
+            optima = method.choose(starts, context.workers, advance)
+    choice_cpu_s = spent.cpu_seconds
+    trials = [*optima, *(() if ring is None else (ring,))]
     confirmed = [Finalist(trial) for trial in trials]
     if confirming:
         with evaluating(setup.objective, context) as evaluations:
-            chosen = trials if ring is None else [*trials, ring]
-            confirmed = ranked(method, run, _confirmed(evaluations, run, chosen, ring, context, watch))
-        if ring is not None:
-            confirmed = unless_ahead(confirmed, ring.cameras, run, _NEARER)
-    return write_outcome(run, setup, confirmed, Ending("exhausted"), choice_s=cost)
-
-
-def _ring(problem: PlanningProblem, settings: SearchSettings) -> Trial | None:
-    """The even ring that optima for plots of a kind have to beat; None for one plot or among recorded views.
-
-    The score's order of good sets outdoors is not that of evaluations (docs/decisions.md).
-    """
-    if settings.plots == 1 or problem.views is not None or settings.finalists == 1:
-        return None
-    cameras, expected_m = expected_ring(problem, settings.weights)
-    return Trial(settings.finalists - 1, cameras, "even ring", {"expected_m": expected_m})
-
-
-def _confirmed(
-    evaluations: Evaluations,
-    run: RunFolder,
-    trials: Sequence[Trial],
-    ring: Trial | None,
-    context: Context,
-    watch: Watch,
-) -> list[Finalist]:
-    again = partial(evaluate_again, standard=None if ring is None else ring.cameras, nearer=_NEARER)
-    if watch is not no_watch:
-        return again(evaluations, run, trials, watch=watch)
-    with context.progress.stage("Confirming", len(trials) * run.settings.repeats) as advance:
-        return again(evaluations, run, trials, watch=lambda _: advance(1))
+            confirmed = confirm(method, evaluations, run, trials, watch=watch, standard=ring, nearer=_NEARER)
+    return write_outcome(run, setup, confirmed, Ending("exhausted"), choice_cpu_s)

@@ -24,7 +24,7 @@ KIND_CONFIRMED: dict[str, int] = {"finalists": 4, "repeats": 3}
 """Plots differ by more than good sets do, so several optima are confirmed on several plots."""
 RECORDED_CONFIRMED: dict[str, int] = {"finalists": 6, "repeats": 6}
 """The withheld matches change a value by more than sets differ; evaluations are cheap."""
-_OF_SEARCHES = {"method", "evaluations", "at_least", "initial", "time_budget_s", "fidelity"}
+_OF_SEARCHES = {"method", "evaluations", "fidelity"}
 KIND_PLOTS = 8
 """Plots of a kind that a plan is for where nobody says how many."""
 _LIMITS = {
@@ -65,6 +65,11 @@ def search_settings(
         raise UsageError(
             f"weights would change nothing: {method} does not go by the geometric score",
             remedy=f"Leave them out, or choose one of {', '.join(n for n in METHODS if METHODS[n].weights)}.",
+        )
+    if entry.weights and asked.mapping != "prior":
+        raise UsageError(
+            f"{method} plans for mapping from the commanded poses, not for {asked.mapping}",
+            remedy="Leave mapping out, or choose the method bosfm.",
         )
     flyer, record = (None, None) if asked.vehicle is None else read_vehicle(asked.vehicle)
     if recorded and flyer is None:  # with one they limit the views

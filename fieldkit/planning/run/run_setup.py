@@ -94,7 +94,6 @@ def _problem(
         camera,
         tuple(plots[:seen]),
         views,
-        blind=settings.blind,
         exact=seen == 1 and unchanging(settings.source, settings.noise),
         unseen=tuple(plots[seen:]),
         noise=settings.noise,

@@ -4,23 +4,23 @@ nearest reconstructed one, and how firmly the set is tied together by matches.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg.lapack import dtrtrs
 from scipy.spatial import cKDTree
 
 from fieldkit.arrays import BoolArray, Float32Array, FloatArray
 from fieldkit.clouds.canopy import with_room_m
+from fieldkit.geometry.similarity import similarity_motion
 from fieldkit.planning.problem import POSE_NOISE_M, PlanningProblem
-from fieldkit.planning.score.matchability import GUIDED, Matchability, camera_sigmas_m, expected_matches, overlap
 from fieldkit.planning.score.visibility import POINTS, PerCamera, Surface, in_picture, look
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot
 from fieldkit.reconstruction.evidence import ERROR_PX, FINEST_M, quality_of_views, worth_of_angles
 from fieldkit.runtime.kernels import fast_kernel, kernel
 from fieldkit.vehicles.wash import swayed_m
-from fieldkit.vocabulary import CAP_M
+from fieldkit.vocabulary import BY_CHANCE, CAP_M, FREE_RAD
 
 _STEPS = 4096
 """Number of steps in the table of pairs' worth."""
@@ -48,24 +48,31 @@ _MISSED_M = 0.05
 """Distance by which flights miss their stations and people plants' heights, metres."""
 
 
-@dataclass(frozen=True, eq=False)
-class Geometry:
-    """The score of a set; small distances are good."""
+_SQUARELY = 1600.0
+"""Matches of two views at the same angle that show nothing but soil squarely from above. This and the decay are fitted
+to the pairs of 40 sets about tuning-1 and tuning-2 in wind, at draft (docs/decisions.md)."""
+_DECAY_DEG = 25.0
+"""Angle between views at which 1/e of the matches is left, degrees: prior mapping matches soil as seen from above."""
+_OCTAVES = 0.5
+"""Standard deviation of the ratio of scales at which features match, octaves."""
 
-    distance_m: float
-    """``gap_m`` + ``noise_m``, as a chamfer distance is completeness + accuracy."""
-    tie_m: float
-    """Root mean square of the cameras' expected standard deviations (`camera_sigmas_m`)."""
+
+class Geometry(NamedTuple):
+    """The score of a set; small values are good. Its expected chamfer distance is ``gap_m`` + ``noise_m``."""
+
     gap_m: float
     """Expected distance from a point of the plants to the nearest reconstructed one, mean over points."""
     noise_m: float
     """Expected error of the reconstructed points, mean over them; the cap if there are none."""
-    covered: float
-    """Expected share of the points that are reconstructed."""
-    matches: FloatArray
-    """(n, n) of each pair: counted if the problem has them, else expected."""
+    tie_m: float
+    """Root mean square of the cameras' expected standard deviations (`camera_sigmas_m`)."""
     lost_room: float
     """Expected share of the room above the plants in which a higher leaf would not be reconstructed."""
+
+    @property
+    def terms_m(self) -> FloatArray:
+        """(3,) gap, noise and tie."""
+        return np.array(self[:3])
 
 
 class _View(NamedTuple):
@@ -108,7 +115,7 @@ class GeometricScore:
     """
 
     def __init__(self, problem: PlanningProblem, *, plot: Plot | None = None, points: int = POINTS) -> None:
-        self.problem, self.matchability = problem, Matchability() if problem.blind else GUIDED
+        self.problem = problem
         self._plot = plot or problem.plots[0]
         self.surface = Surface.of(self._plot, points)
         around = _plot_points(problem, self.surface)
@@ -139,13 +146,12 @@ class GeometricScore:
         seen = matched[:, :, 3] * self._found
         matches = self.problem.counted_matches(cameras, self._plot)
         if matches is None:
-            shared = overlap(seen > 0.0) if self.problem.blind else seen @ seen.T / self._matched
-            matches = expected_matches(cameras.positions, self.problem.center, shared, self.matchability)
+            matches = expected_matches(cameras.positions, self.problem.center, seen @ seen.T / self._matched)
         variance = (ERROR_PX * matched[:, :, 4]) ** 2 + matched[:, :, 5]
         points, prior_m = self._free[: self._matched], max(self.problem.noise.pose_m, POSE_NOISE_M)
         sigmas = camera_sigmas_m(cameras.positions, points, seen, variance, matches, prior_m)
         tie = float(np.sqrt((sigmas**2).mean()))
-        return Geometry(gap + spread, tie, gap, spread, float(p.mean()), matches, hidden)
+        return Geometry(gap, spread, tie, hidden)
 
     def _reconstructed(self, sights: list[Float32Array]) -> tuple[FloatArray, FloatArray]:
         found: tuple[FloatArray, FloatArray] = _reconstructed(
@@ -267,3 +273,90 @@ def _expected_distance(p, neighbors, distances, cap):  # type: ignore[no-untyped
             until = distances[i, k + 1] if k < last else cap
             expected[i] += missing * (until - distances[i, k])
     return expected
+
+
+def view_angles_deg(positions: FloatArray, center: FloatArray) -> FloatArray:
+    """(n, n) angles between the directions from a plot's middle (3,) to cameras (n, 3), degrees."""
+    direction = positions - center
+    direction = direction / np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-9)
+    angles: FloatArray = np.degrees(np.arccos(np.clip(direction @ direction.T, -1.0, 1.0)))
+    return angles
+
+
+def expected_matches(positions: FloatArray, center: FloatArray, shared: FloatArray) -> FloatArray:
+    """(n, n) expected matches of each pair of views, symmetric, 0 on the diagonal.
+
+    Matches at the pair's angle about the plot, times what their pictures share, times exp(−½ (o / 0.5)²) for o octaves
+    between their distances: mapping takes no match beyond 0.75 (docs/mapping.md). ``shared`` (n, n) is the share that
+    each pair's pictures have in common.
+    """
+    octave = np.log2(np.maximum(np.linalg.norm(positions - center, axis=1), 1e-9))
+    scale = np.exp(-0.5 * ((octave[:, None] - octave[None]) / _OCTAVES) ** 2)
+    matches: FloatArray = _SQUARELY * np.exp(-view_angles_deg(positions, center) / _DECAY_DEG) * shared * scale
+    np.fill_diagonal(matches, 0.0)
+    return matches
+
+
+def camera_sigmas_m(
+    positions: FloatArray,
+    points: FloatArray,
+    seen: FloatArray,
+    variance: FloatArray,
+    matches: FloatArray,
+    prior_m: float,
+) -> FloatArray:
+    """(n,) standard deviation of each camera's centre against the others that prior mapping is expected to leave.
+
+    It foretells `reconstruction.mapping.uncertainty`. A pair's matches lie on points that both views show, and say how
+    far apart the two rays pass. Centres are known with ``prior_m``, rotations are free. The similarity that all centres
+    have in common is the frame's and is taken off.
+
+    Args:
+        points: (t, 3) of the plot.
+        seen: (n, t) how well each view shows them.
+        variance: (n, t) of a ray beside a point, m².
+        matches: (n, n) of pairs; those that a wrong relative pose has by chance, too, say nothing.
+    """
+    count, arms = 3 * len(positions), points - positions[:, None]
+    shared = np.maximum(matches - BY_CHANCE, 0.0) / np.maximum(seen @ seen.T, 1e-12)
+    each = shared[:, :, None] * seen[:, None] * seen
+    normal = _information(arms, each / (variance[:, None] + variance)).reshape(2 * count, 2 * count)
+    normal.flat[:: 2 * count + 1] += np.repeat([FREE_RAD**-2, prior_m**-2], count)
+    # Rotations come first: of Cholesky's factor the centres' block is that of the centres' own information.
+    half = np.linalg.cholesky(normal)[count:, count:]
+    motion = similarity_motion(positions - positions.mean(axis=0)).swapaxes(0, 1).reshape(-1, 7)
+    own = np.eye(count) - motion @ np.linalg.solve(motion.T @ motion + 1e-9 * np.eye(7), motion.T)
+    sigmas: FloatArray = np.sqrt((dtrtrs(half, own, lower=True)[0] ** 2).sum(axis=0).reshape(3, -1).sum(axis=0))
+    return sigmas
+
+
+@fast_kernel
+def _information(arms, weight):  # type: ignore[no-untyped-def]
+    """(6, n, 6, n) information of cameras' rotations, radians, and centres from how far apart rays pass.
+
+    Takes the arms (n, t, 3) from cameras to points, and what each pair's rays weigh there (n, n, t), 1/m².
+    """
+    count, points = arms.shape[:2]
+    found, rows = np.zeros((6, count, 6, count)), np.empty((2, 6, points))
+    for i in range(count):
+        for j in range(i):
+            for k in range(points):
+                (ax, ay, az), (bx, by, bz) = arms[i, k], arms[j, k]
+                x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+                size = np.sqrt(weight[i, j, k] / max(x * x + y * y + z * z, 1e-18))
+                x, y, z = size * x, size * y, size * z
+                one, other = rows[0, :, k], rows[1, :, k]
+                one[0], one[1], one[2] = ay * z - az * y, az * x - ax * z, ax * y - ay * x
+                other[0], other[1], other[2] = bz * y - by * z, bx * z - bz * x, by * x - bx * y
+                one[3], one[4], one[5], other[3], other[4], other[5] = x, y, z, -x, -y, -z
+            for a in range(6):
+                for b in range(6):
+                    first, second, both = 0.0, 0.0, 0.0
+                    for k in range(points):
+                        first += rows[0, a, k] * rows[0, b, k]
+                        second += rows[1, a, k] * rows[1, b, k]
+                        both += rows[0, a, k] * rows[1, b, k]
+                    found[a, i, b, i] += first
+                    found[a, j, b, j] += second
+                    found[a, i, b, j] = found[b, j, a, i] = both
+    return found

@@ -9,7 +9,7 @@ import numpy as np
 from fieldkit.arrays import FloatArray
 from fieldkit.cache import digest
 from fieldkit.planning.objective.recorded import RecordedSource
-from fieldkit.planning.score.matchability import view_angles_deg
+from fieldkit.planning.score.geometric import view_angles_deg
 from fieldkit.reconstruction.cameras import cameras_of
 from fieldkit.reconstruction.guided import Band, IndexedFeatures, PosedFeatures, Region, match_guided
 from fieldkit.reconstruction.mapping.view_graph import null_model_matches

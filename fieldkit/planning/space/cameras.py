@@ -58,7 +58,7 @@ class Cameras:
 
     def row_keys(self) -> list[bytes]:
         """A key for each camera: equal if the cameras are, bit for bit."""
-        return [row.tobytes() for row in self.vector().reshape(len(self), -1)]
+        return [row.tobytes() for row in self.rows()]
 
     def turned(self, middle: ArrayLike, turn_deg: float) -> Cameras:
         """Cameras turned counterclockwise, seen from above, about the vertical through ``middle`` (x, y, …)."""
@@ -116,10 +116,13 @@ class Cameras:
         axes: FloatArray = np.stack([right, np.cross(forward, right), forward], axis=1)
         return axes
 
+    def rows(self) -> FloatArray:
+        """(n, 5): x, y, z, yaw and pitch of each camera."""
+        return np.column_stack([self.positions, self.yaw_deg, self.pitch_deg])
+
     def vector(self) -> FloatArray:
         """Z (5n,): x, y, z, yaw, pitch per camera."""
-        z: FloatArray = np.column_stack([self.positions, self.yaw_deg, self.pitch_deg]).reshape(-1)
-        return z
+        return self.rows().reshape(-1)
 
     def poses(self) -> list[Pose]:
         """Level poses."""

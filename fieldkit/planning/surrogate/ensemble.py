@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, Protocol
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, NamedTuple, Protocol, cast
 
 import gpytorch  # type: ignore[import-untyped]
 import numpy as np
@@ -70,22 +70,31 @@ def above(least: float) -> Any:
     return GreaterThan(least, transform=torch.exp, inv_transform=torch.log)
 
 
-def noise_model(least: float, usual: float = 0.0) -> Any:
+def noise_model(least: float) -> Any:
     """The likelihood y = r + n with Gaussian n of at least the variance ``least``.
 
-    Its prior is LogNormal(ln m, 1) with m = max(``usual``, e · ``least``).
+    Its prior is LogNormal(ln m, 1) with m = max(`_USUAL_NOISE`, e · ``least``).
     """
-    prior = LogNormalPrior(math.log(max(usual, math.e * least)), 1.0)
+    prior = LogNormalPrior(math.log(max(_USUAL_NOISE, math.e * least)), 1.0)
     likelihood = GaussianLikelihood(noise_prior=prior, noise_constraint=above(least))
     likelihood.noise = max(float(prior.mode), 1.5 * least)
     return likelihood
 
 
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without warnings on numerics: a jitter on a kernel matrix, a fit or a climb that ends early."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NumericalWarning)
+        warnings.simplefilter("ignore", OptimizationWarning)
+        yield
+
+
 @one_torch_thread()
-def fit(model: SingleTaskGP, seed: int, *, starts: int = 1) -> tuple[str, ...]:
+def fit(model: SingleTaskGP, seed: int, *, starts: int = _FITS) -> None:
     """Fit a process's hyperparameters by L-BFGS: maximum of the marginal likelihood times their priors.
 
-    Returns problems in words; if every start fails, the first start's hyperparameters are used.
+    If every start fails, the first start's hyperparameters are used.
 
     Args:
         model: at its first start; fitted in place and left in evaluation mode.
@@ -93,8 +102,7 @@ def fit(model: SingleTaskGP, seed: int, *, starts: int = 1) -> tuple[str, ...]:
         starts: number of starts; the best one counts.
     """
     mll = ExactMarginalLogLikelihood(model.likelihood, model)
-    with manual_seed(seed), warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with manual_seed(seed), _quiet():
         try:
             fit_gpytorch_mll(
                 mll,
@@ -102,10 +110,8 @@ def fit(model: SingleTaskGP, seed: int, *, starts: int = 1) -> tuple[str, ...]:
                 pick_best_of_all_attempts=True,
                 optimizer_kwargs={"options": {"maxiter": _FIT_ITERATIONS}},
             )
-        except ModelFittingError as error:
-            warnings.warn(f"{error} The start's hyperparameters are used.", OptimizationWarning, stacklevel=1)
+        except ModelFittingError:
             mll.eval()
-    return words(caught)
 
 
 @one_torch_thread()
@@ -113,22 +119,9 @@ def log_likelihood(model: SingleTaskGP) -> float:
     """The exact ln p(D | m) at the fitted hyperparameters, without their priors, of y as given."""
     model.train()
     with torch.no_grad():
-        found = float(model.likelihood(model(*model.train_inputs)).log_prob(model.train_targets))
+        standardised = float(model.likelihood(model(*model.train_inputs)).log_prob(model.train_targets))
     model.eval()
-    transform = getattr(model, "outcome_transform", None)
-    scale = 1.0 if transform is None else float(transform.stdvs)
-    return found - len(model.train_targets) * math.log(scale)
-
-
-def words(caught: list[warnings.WarningMessage]) -> tuple[str, ...]:
-    """Numerical warnings as sentences, each once; other warnings are issued again."""
-    found: dict[str, None] = {}
-    for warning in caught:
-        if issubclass(warning.category, NumericalWarning | OptimizationWarning):
-            found[" ".join(str(warning.message).split())] = None
-        else:
-            warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
-    return tuple(found)
+    return standardised - len(model.train_targets) * math.log(float(cast(Any, model.outcome_transform).stdvs))
 
 
 class Periodic(gpytorch.kernels.Kernel):  # type: ignore[misc]
@@ -191,34 +184,16 @@ KERNELS: Mapping[str, Callable[[int], Any]] = {
 and Nardi 2024, "Vanilla Bayesian optimization performs great in high dimensions")."""
 
 
-@dataclass(frozen=True, eq=False)
-class Ensemble:
-    """M processes fitted to the same data, and how likely each is."""
-
-    models: Mapping[str, SingleTaskGP]
-    """By the kernel's name; posteriors in y's units."""
-    weights: FloatArray
-    """(M,) w_t; they sum to 1."""
-    remarks: tuple[str, ...]
-    """Numerical problems of the fits."""
-
-    def named_weights(self) -> dict[str, float]:
-        """Weights by the kernels' names."""
-        return {name: float(weight) for name, weight in zip(self.models, self.weights, strict=True)}
-
-    def draw(self, rng: np.random.Generator) -> str:
-        """m_t ~ CAT(M, w_t): the name of one model at random, by its weight."""
-        return list(self.models)[int(rng.choice(len(self.models), p=self.weights))]
-
-
 def posterior_weights(log_likelihoods: ArrayLike) -> FloatArray:
     """w_t (M,) from ln p(D_t | m) with prior weights 1/M (eq. `weight_update`), normalised in log space."""
     weights: FloatArray = softmax(np.asarray(log_likelihoods, dtype=np.float64))
     return weights
 
 
-def fit_ensemble(x: FloatArray, y: FloatArray, seed: int, *, least_noise: float = 0.0) -> Ensemble:
-    """Fit one process per kernel, each from two starts, and weigh them by their exact marginal likelihoods.
+def fit_ensemble(
+    x: FloatArray, y: FloatArray, seed: int, *, least_noise: float = 0.0
+) -> tuple[dict[str, SingleTaskGP], FloatArray]:
+    """One process per kernel by its name, fitted from two starts, and the weights w_t (M,); they sum to 1.
 
     The paper's processes have zero mean; here y is standardised by its own mean and deviation. The likelihoods are
     taken at the fitted hyperparameters, as in Algorithm 1, without the hyperparameters' priors.
@@ -236,18 +211,19 @@ def fit_ensemble(x: FloatArray, y: FloatArray, seed: int, *, least_noise: float 
     inputs, outputs = torch.from_numpy(x), torch.from_numpy(y)[:, None]
     deviation = float(np.std(y, ddof=1)) if len(y) > 1 else 0.0
     least = max(_LEAST_NOISE, (least_noise / deviation) ** 2 if deviation > 0 else 0.0)
-    models, remarks = {}, []
-    for name, kernel in KERNELS.items():
-        models[name] = SingleTaskGP(
+    models = {
+        name: SingleTaskGP(
             inputs,
             outputs,
-            likelihood=noise_model(least, _USUAL_NOISE),
+            likelihood=noise_model(least),
             covar_module=kernel(x.shape[1]),
             mean_module=gpytorch.means.ZeroMean(),
         )
-        remarks += [f"{name}: {text}" for text in fit(models[name], seed, starts=_FITS)]
-    weights = posterior_weights([log_likelihood(model) for model in models.values()])
-    return Ensemble(models, weights, tuple(remarks))
+        for name, kernel in KERNELS.items()
+    }
+    for model in models.values():
+        fit(model, seed)
+    return models, posterior_weights([log_likelihood(model) for model in models.values()])
 
 
 class SearchSpace(Protocol):
@@ -266,18 +242,15 @@ class SearchSpace(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class Suggestion:
+class Suggestion(NamedTuple):
     """The point to evaluate next, and its origin."""
 
     x: FloatArray | None
     """(d,) feasible; None if every feasible point found is known already."""
     model: str
-    """Name of m_t."""
-    weights: Mapping[str, float]
+    """Name of m_t, which is drawn by its weight."""
+    weights: dict[str, float]
     """W_t by name."""
-    remarks: tuple[str, ...]
-    """Numerical problems on the way."""
 
 
 @one_torch_thread()
@@ -291,7 +264,7 @@ def suggest(
     avoid: FloatArray | None = None,
     least_noise: float = 0.0,
 ) -> Suggestion:
-    """Fit, weigh, draw a model, maximise its expected improvement over max(y).
+    """Fit, weigh, draw a model m_t ~ CAT(M, w_t), maximise its expected improvement over max(y).
 
     Pending points count as observed at the drawn model's posterior mean (the "kriging believer" of Ginsbourger et al.
     2010), so that trials evaluated at the same time differ; they change neither hyperparameters nor weights.
@@ -304,21 +277,20 @@ def suggest(
         avoid: (a, d) further points not to suggest, without known values.
         least_noise: see `fit_ensemble`.
     """
-    ensemble = fit_ensemble(x, y, int(rng.integers(2**31)), least_noise=least_noise)
-    name = ensemble.draw(rng)
-    fitted = ensemble.models[name]
+    models, weights = fit_ensemble(x, y, int(rng.integers(2**31)), least_noise=least_noise)
+    name = list(models)[int(rng.choice(len(models), p=weights))]
+    fitted = models[name]
     model: Model = fitted
     best = float(y.max())
-    if pending is not None:
+    if pending is not None and len(pending):
         waiting = torch.from_numpy(pending)
         with torch.no_grad():
             believed = fitted.posterior(waiting).mean
             model = fitted.condition_on_observations(waiting, believed)
         best = max(best, float(believed.max()))
     known = np.vstack([x, *(points for points in (pending, avoid) if points is not None)])
-    found, remarks = _maximise(LogExpectedImprovement(model, best_f=best), x, y, space, rng, known)
-    remarks = tuple(f"expected improvement of {name}: {text}" for text in remarks)
-    return Suggestion(found, name, ensemble.named_weights(), ensemble.remarks + remarks)
+    suggested = _maximise(LogExpectedImprovement(model, best_f=best), x, y, space, rng, known)
+    return Suggestion(suggested, name, {k: float(weight) for k, weight in zip(models, weights, strict=True)})
 
 
 def _maximise(
@@ -328,8 +300,8 @@ def _maximise(
     space: SearchSpace,
     rng: np.random.Generator,
     known: FloatArray,
-) -> tuple[FloatArray | None, tuple[str, ...]]:
-    """The unknown feasible point (d,) of the largest expected improvement found, and remarks.
+) -> FloatArray | None:
+    """The unknown feasible point (d,) of the largest expected improvement found.
 
     Random feasible points and points near the best data are compared. L-BFGS climbs from the best of both kinds within
     the unit cube. The points reached and the best starts are made feasible, and the best one is taken.
@@ -340,15 +312,15 @@ def _maximise(
     order = np.argsort(-_values(acquisition, raw), kind="stable")
     first = [i for i in order if i < len(sampled)][:_CLIMBS]
     second = [i for i in order if i >= len(sampled)][:_CLIMBS]
-    climbed, remarks = _climb(acquisition, raw[[*first, *second]])
+    climbed = _climb(acquisition, raw[[*first, *second]])
     candidates: list[FloatArray] = []
     for i in order:
         if len(candidates) < _KEPT and not _known(repaired := space.repair(raw[i]), known):
             candidates.append(repaired)
     candidates += [row for row in map(space.repair, climbed) if not _known(row, known)]
     if not candidates:
-        return None, remarks
-    return candidates[int(np.argmax(_values(acquisition, np.array(candidates))))], remarks
+        return None
+    return candidates[int(np.argmax(_values(acquisition, np.array(candidates))))]
 
 
 def _known(x: FloatArray, data: FloatArray) -> bool:
@@ -356,17 +328,14 @@ def _known(x: FloatArray, data: FloatArray) -> bool:
 
 
 def _values(acquisition: LogExpectedImprovement, x: FloatArray) -> FloatArray:
-    with torch.no_grad(), warnings.catch_warnings():
-        # At a known point the variance is 0 up to rounding; GPyTorch raises it to 1e-10 where the sum is negative.
-        warnings.filterwarnings("ignore", "Negative variance values", NumericalWarning)
+    with torch.no_grad(), _quiet():
         values: FloatArray = acquisition(torch.from_numpy(x)[:, None]).numpy()
     return values
 
 
-def _climb(acquisition: LogExpectedImprovement, starts: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
-    """The points that L-BFGS reaches from each start (n, d) within the unit cube, and remarks."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+def _climb(acquisition: LogExpectedImprovement, starts: FloatArray) -> FloatArray:
+    """The points that L-BFGS reaches from each start (n, d) within the unit cube."""
+    with _quiet():
         reached, _ = optimize_acqf(
             acquisition,
             bounds=torch.tensor([[0.0], [1.0]], dtype=torch.float64).expand(2, starts.shape[1]),
@@ -378,4 +347,4 @@ def _climb(acquisition: LogExpectedImprovement, starts: FloatArray) -> tuple[Flo
             retry_on_optimization_warning=False,
         )
     points: FloatArray = reached.detach().reshape(len(starts), -1).numpy()
-    return np.clip(points[np.isfinite(points).all(axis=1)], 0.0, 1.0), words(caught)
+    return np.clip(points[np.isfinite(points).all(axis=1)], 0.0, 1.0)

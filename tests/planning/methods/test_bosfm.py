@@ -4,6 +4,7 @@ import json
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from benchmarks.planners.random_sets import Random, TunedBosfm
 from fieldkit.clouds import Cloud
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.methods.bosfm import Bosfm, EncodedSpace
-from fieldkit.planning.problem import PlanningProblem, Result, Trial
+from fieldkit.planning.problem import PlanningProblem, Trial
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
@@ -47,18 +48,18 @@ def cost(cameras: Cameras) -> float:
     return 0.02 + 0.02 * float(low.mean()) + 1e-5 * float(((cameras.pitch_deg + 40.0) ** 2).mean())
 
 
-def run(method: Bosfm | Random, count: int) -> list[Result]:
-    results: list[Result] = []
+def run(method: Bosfm | Random, count: int) -> list[Trial]:
+    results: list[Trial] = []
     for number in range(count):
         trial = method.propose(number, results, ())
         if trial is None:
             break
-        results.append(Result(trial, cost(trial.cameras)))
+        results.append(replace(trial, value_m=cost(trial.cameras)))
     return results
 
 
 @cache
-def begun() -> tuple[PlanningProblem, list[Result]]:
+def begun() -> tuple[PlanningProblem, list[Trial]]:
     """Four random trials and two by the models, with the seed 3."""
     plot = problem(4)
     return plot, run(Bosfm(plot, QUICK, 3), 6)
@@ -75,7 +76,7 @@ def begun() -> tuple[PlanningProblem, list[Result]]:
 def test_every_proposal_is_feasible(plot: PlanningProblem, seed: int, known: int, waiting: int, tuned: bool) -> None:
     method = (TunedBosfm if tuned else Bosfm)(plot, QUICK, seed)
     trials = [Trial(k, plot.sample(seed + k), "given") for k in range(known + waiting)]
-    results = [Result(trial, cost(trial.cameras)) for trial in trials[:known]]
+    results = [replace(trial, value_m=cost(trial.cameras)) for trial in trials[:known]]
     trial = method.propose(50, results, trials[known:])
     assert plot.contains(trial.cameras)
     assert len(trial.cameras) == plot.count
@@ -86,26 +87,24 @@ def test_every_proposal_is_feasible(plot: PlanningProblem, seed: int, known: int
 def test_the_first_trials_are_those_of_random() -> None:
     plot, ours = begun()
     random = run(Random(plot, 3), 6)
-    same = [mine.trial.cameras == other.trial.cameras for mine, other in zip(ours, random, strict=True)]
+    same = [mine.cameras == other.cameras for mine, other in zip(ours, random, strict=True)]
     assert same == [True] * 4 + [False] * 2
-    assert [result.trial.origin for result in ours[:4]] == ["random"] * 4
-    assert Bosfm(plot).initial == 50
-    assert run(Random(plot, 6), 1)[0].trial.cameras != random[0].trial.cameras
+    assert [result.origin for result in ours[:4]] == ["random"] * 4
+    assert run(Random(plot, 6), 1)[0].cameras != random[0].cameras
 
 
 def test_notes_tell_the_model_and_the_weights() -> None:
-    trial = begun()[1][4].trial
-    assert set(trial.notes) == {"model", "weights", "remarks"}
+    trial = begun()[1][4]
+    assert set(trial.notes) == {"model", "weights"}
     assert set(trial.notes["weights"]) == {"periodic", "rbf", "matern"}
     assert sum(trial.notes["weights"].values()) == pytest.approx(1.0)
     assert trial.origin == f"EI of {trial.notes['model']}"
-    assert trial.notes["remarks"] == []
 
 
 def test_results_that_are_not_measured_do_not_count() -> None:
     plot, results = begun()
     method = Bosfm(plot, QUICK, 3)
-    broken = Result(Trial(6, plot.sample(99), "given"), -1e6, measured=False)
+    broken = Trial(6, plot.sample(99), "given")
     with_it, without = method.propose(7, [*results, broken], ()), method.propose(7, results, ())
     assert with_it.cameras == without.cameras
     nothing = method.propose(7, [broken], ())
@@ -127,13 +126,13 @@ import pytest
 from tests.planning.methods.test_bosfm import EFFORT, Bosfm, QUICK, problem, run
 for name, value in EFFORT.items():
     pytest.MonkeyPatch().setattr(f"fieldkit.planning.surrogate.ensemble.{name}", value)
-print(run(Bosfm(problem(4), QUICK, 3), 6)[-1].trial.cameras.vector().tobytes().hex())
+print(run(Bosfm(problem(4), QUICK, 3), 6)[-1].cameras.vector().tobytes().hex())
 """
 
 
 @pytest.mark.slow
 def test_another_process_proposes_the_same() -> None:
-    ours = begun()[1][-1].trial.cameras.vector().tobytes().hex()
+    ours = begun()[1][-1].cameras.vector().tobytes().hex()
     found = subprocess.run([sys.executable, "-c", OTHER], capture_output=True, text=True, cwd=HERE, check=True)
     assert found.stdout.strip() == ours
 
@@ -142,11 +141,11 @@ def test_a_recorded_set_is_gone_through_once() -> None:
     plot = problem(3, views=5)
     results = run(Bosfm(plot, QUICK, 0), 20)
     assert len(results) == math.comb(5, 3)
-    assert len({result.trial.cameras for result in results}) == len(results)
-    broken = [Result(result.trial, 1.0, measured=False) for result in results[:-1]]
+    assert len({result.cameras for result in results}) == len(results)
+    broken = [replace(result, value_m=math.nan) for result in results[:-1]]
     last = Bosfm(plot, QUICK, 0).propose(9, broken, ())
-    assert last.cameras == results[-1].trial.cameras
-    shuffled = [Result(Trial(0, result.trial.cameras.select([2, 0, 1]), "other"), 1.0) for result in results]
+    assert last.cameras == results[-1].cameras
+    shuffled = [Trial(0, result.cameras.select([2, 0, 1]), "other", value_m=1.0) for result in results]
     assert Bosfm(plot, QUICK, 0).propose(10, shuffled, ()) is None
 
 
@@ -156,7 +155,7 @@ def test_the_best_untried_recorded_set_is_chosen() -> None:
     space = EncodedSpace(plot)
     sets = [plot.views.select(index) for index in space.subsets(20)]
     order = np.random.default_rng(0).permutation(20)
-    results = [Result(Trial(int(k), sets[k], "given"), cost(sets[k])) for k in order[:14]]
+    results = [Trial(int(k), sets[k], "given", value_m=cost(sets[k])) for k in order[:14]]
     trial = Bosfm(plot, 1, 0).propose(14, results, ())
     costs = [cost(sets[k]) for k in order[14:]]
     assert cost(trial.cameras) <= sorted(costs)[2]

@@ -1,12 +1,14 @@
 """Staged searches: a grid, a finer one about the best, and the end; circles, two rings and hemispheres."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks.planners.rings import Cap, CircleAim, Hemisphere, TwoRings
 from benchmarks.planners.staged import StagedSearch
-from fieldkit.planning.methods.circle import CircleSearch, expected_circle, plain_ring
-from fieldkit.planning.problem import Result, Trial
+from fieldkit.planning.methods.circle import CircleSearch, expected_circle
+from fieldkit.planning.problem import Trial
 from fieldkit.planning.score.cost_model import CostModel
 from fieldkit.vocabulary import WEIGHTS
 from tests.planning.leafy import problem, recorded
@@ -20,11 +22,11 @@ def wish(trial: Trial) -> float:
     return abs(notes["radius_m"] - 1.1) + abs(notes["altitude_m"] - 1.3) + abs(notes["aim_m"] - 0.3)
 
 
-def run(method: CircleSearch) -> list[Result]:
-    results: list[Result] = []
+def run(method: CircleSearch) -> list[Trial]:
+    results: list[Trial] = []
     while (trial := method.propose(len(results), results, ())) is not None:
         assert trial.number == len(results)
-        results.append(Result(trial, wish(trial)))
+        results.append(replace(trial, value_m=wish(trial)))
         assert len(results) < 100
     return results
 
@@ -34,27 +36,27 @@ def test_the_grid_is_refined_and_ends(aim: bool, count: int) -> None:
     method = CircleAim if aim else CircleSearch
     found = run(method(PROBLEM))
     assert len(found) == count
-    assert all(PROBLEM.contains(r.trial.cameras) for r in found)
+    assert all(PROBLEM.contains(r.cameras) for r in found)
     grid = found[:25]
-    assert len({(r.trial.notes["radius_m"], r.trial.notes["altitude_m"]) for r in grid}) == 25
-    assert len({r.trial.notes["aim_m"] for r in grid}) == 1
+    assert len({(r.notes["radius_m"], r.notes["altitude_m"]) for r in grid}) == 25
+    assert len({r.notes["aim_m"] for r in grid}) == 1
     assert min(r.value_m for r in found) < min(r.value_m for r in grid)
     if aim:
-        assert len({r.trial.notes["aim_m"] for r in found}) == 5
-        assert len({r.trial.notes["radius_m"] for r in found[25:29]}) == 1
-    assert [r.trial.cameras for r in found] == [r.trial.cameras for r in run(method(PROBLEM, 7))]
+        assert len({r.notes["aim_m"] for r in found}) == 5
+        assert len({r.notes["radius_m"] for r in found[25:29]}) == 1
+    assert [r.cameras for r in found] == [r.cameras for r in run(method(PROBLEM))]
 
 
 def test_broken_and_missing_results_do_not_lead() -> None:
     method = CircleSearch(PROBLEM)
     grid = [method.propose(k, (), ()) for k in range(25)]
-    results = [Result(t, 0.0 if t.number == 3 else 0.2 - 0.001 * t.number, measured=t.number != 3) for t in grid if t]
+    results = [replace(t, value_m=np.nan if t.number == 3 else 0.2 - 0.001 * t.number) for t in grid if t]
     first = method.propose(25, results, ())
     again = CircleSearch(PROBLEM).propose(25, results, ())
     assert first.cameras == again.cameras
-    step = abs(first.notes["radius_m"] - results[24].trial.notes["radius_m"])
+    step = abs(first.notes["radius_m"] - results[24].notes["radius_m"])
     assert 0 < step < 0.5
-    assert abs(first.notes["altitude_m"] - results[24].trial.notes["altitude_m"]) < 0.5
+    assert abs(first.notes["altitude_m"] - results[24].notes["altitude_m"]) < 0.5
     assert method.propose(25, (), grid) is not None  # nothing is known yet
     assert method.propose(33, results, ()) is None
 
@@ -63,26 +65,14 @@ def test_a_recorded_set_has_few_circles() -> None:
     plot = recorded(6)
     found = run(CircleSearch(plot))
     assert len(found) < 33
-    assert all(plot.contains(r.trial.cameras) for r in found)
-    assert np.ptp(found[0].trial.cameras.positions[:, 2]) == 0
-
-
-def test_the_plain_ring_is_wide_even_and_looks_down() -> None:
-    plot = problem()
-    ring = plain_ring(plot)
-    away = ring.positions[:, :2] - plot.center[:2]
-    turn = np.sort(np.degrees(np.arctan2(away[:, 1], away[:, 0])))
-    assert np.linalg.norm(away, axis=1) == pytest.approx(plot.ranges.radius_m[1], rel=0.02)
-    assert np.diff(turn) == pytest.approx(360.0 / plot.count, abs=1.0)
-    assert len(np.unique(ring.positions[:, 2])) == 1
-    highest = ring.positions[0, 2] == pytest.approx(plot.ranges.altitude_m[1])
-    assert highest or ring.pitch_deg == pytest.approx(-40.0, abs=1.0)
+    assert all(plot.contains(r.cameras) for r in found)
+    assert np.ptp(found[0].cameras.positions[:, 2]) == 0
 
 
 def test_the_expected_circle_is_the_grids_best_by_the_score() -> None:
     cost_model = CostModel(PROBLEM)
     grid = [t.cameras for k in range(25) if (t := CircleSearch(PROBLEM).propose(k, (), ()))]
-    values = [cost_model.expected_m(cameras, WEIGHTS, None) for cameras in grid]
+    values = [cost_model.expected_m(cameras, WEIGHTS) for cameras in grid]
     assert min(values) < 0.9 * max(values)
     assert expected_circle(PROBLEM) == grid[int(np.argmin(values))]
 
@@ -90,12 +80,12 @@ def test_the_expected_circle_is_the_grids_best_by_the_score() -> None:
 SEVEN = problem(7)
 
 
-def ranked(method: StagedSearch) -> list[Result]:
+def ranked(method: StagedSearch) -> list[Trial]:
     """Best at the largest sum of all numbers but the aim."""
-    results: list[Result] = []
+    results: list[Trial] = []
     while (trial := method.propose(len(results), results, ())) is not None:
         value = -sum(value for name, value in trial.notes.items() if name != "aim_m")
-        results.append(Result(trial, value))
+        results.append(replace(trial, value_m=value))
         assert len(results) < 100
     return results
 
@@ -104,15 +94,15 @@ def ranked(method: StagedSearch) -> list[Result]:
 def test_a_grid_is_refined_about_its_best_and_ends(make: type[TwoRings | Hemisphere]) -> None:
     found = ranked(make(SEVEN))
     assert len(found) == make(SEVEN).trials == 33
-    assert all(SEVEN.contains(r.trial.cameras) for r in found)
-    grid = min(found[:25], key=lambda r: r.value_m).trial.notes
+    assert all(SEVEN.contains(r.cameras) for r in found)
+    grid = min(found[:25], key=lambda r: r.value_m).notes
     for later in found[25:]:
-        assert later.trial.notes != grid
-        assert all(abs(later.trial.notes[key] - grid[key]) < 0.5 for key in grid)
-    assert [r.trial.cameras for r in found] == [r.trial.cameras for r in ranked(make(SEVEN, 5))]
+        assert later.notes != grid
+        assert all(abs(later.notes[key] - grid[key]) < 0.5 for key in grid)
+    assert [r.cameras for r in found] == [r.cameras for r in ranked(make(SEVEN, 5))]
     plot = recorded(6)
     few = ranked(make(plot))
-    assert all(plot.contains(r.trial.cameras) for r in few)
+    assert all(plot.contains(r.cameras) for r in few)
     assert len(few) == make(plot).trials
 
 

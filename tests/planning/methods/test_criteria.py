@@ -38,14 +38,13 @@ def test_triangulation_likes_what_matching_does_not() -> None:
     wide, narrow = around(np.arange(5) * 72.0), around(np.arange(5) * 8.0)
     assert Triangulation(PROBLEM)(wide) < Triangulation(PROBLEM)(narrow)
     score = GeometricScore(PROBLEM).score
-    assert score(narrow).distance_m + score(narrow).tie_m < score(wide).distance_m + score(wide).tie_m
+    assert score(narrow).terms_m.sum() < score(wide).terms_m.sum()
 
 
 @pytest.mark.parametrize("cost", [Triangulation(PROBLEM), Reconstructability(PROBLEM)])
 def test_one_trial_better_than_chance(cost: Cost) -> None:
     method = GeometricOptimum("smith", PROBLEM, cost, 3, effort=SMALL)
     trial = method.propose(0, (), ())
-    assert method.name == "smith"
     assert method.trials == 1
     assert method.propose(1, (), ()) is None
     assert PROBLEM.contains(trial.cameras)

@@ -48,9 +48,9 @@ def test_a_chain_of_views_is_followed() -> None:
     wide = greedy_by_matches(matches, 4, 20.0)
     firm = greedy_by_matches(matches, 4, 80.0)
     assert 10 not in wide
-    for chosen, tie in ((wide, 20.0), (firm, 80.0)):
+    for chosen, least in ((wide, 20.0), (firm, 80.0)):
         for k in range(1, 4):
-            assert matches[chosen[k], chosen[:k]].sum() >= tie
+            assert matches[chosen[k], chosen[:k]].sum() >= least
     assert np.ptp(wide) > np.ptp(firm)
     assert len(set(greedy_by_matches(matches, 11, 80.0))) == 11
 

@@ -90,7 +90,7 @@ def test_an_evaluation_uses_the_chosen_photographs_and_the_cache(source: Recorde
     objective = Objective(source, ObjectiveSettings("standard"))
     first = objective.evaluate(source.cameras([5, 4, 6, 3]))
     assert first.views == ("IMG_0006.jpg", "IMG_0005.jpg", "IMG_0007.jpg", "IMG_0004.jpg")
-    assert first.images == 4
+    assert len(first.views) == 4
     kept = source.cache.sizes()
     assert (kept["features"].entries, kept["views"].entries) == (8, 4)  # the photographs' own, and the ground's
     assert not {"models", "depth"} & set(kept)

@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.canopy import with_room_m
 from fieldkit.planning.plan_settings import NoiseSettings
-from fieldkit.planning.score.geometric import GeometricScore, room_above
+from fieldkit.planning.score.geometric import GeometricScore, camera_sigmas_m, expected_matches, room_above
 from fieldkit.planning.score.visibility import Surface, in_picture, look
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot
@@ -66,7 +67,6 @@ def test_distance_is_what_enumeration_finds(normals: bool) -> None:
         found, (gap, noise) = score.score(cameras), slow_distance(score, cameras)
         assert found.gap_m == pytest.approx(gap, rel=1e-4)
         assert found.noise_m == pytest.approx(noise, rel=1e-4)
-        assert found.distance_m == found.gap_m + found.noise_m
 
 
 def test_room_above_the_plants_is_lost_where_pictures_end_below_it() -> None:
@@ -117,15 +117,14 @@ def test_a_further_view_never_makes_the_gap_worse() -> None:
 
 
 def test_limits_of_the_distance() -> None:
-    blind = Cameras.aimed(around(np.arange(0, 60, 10.0)).positions, (0.0, 0.0, 9.0))
-    assert SCORE.score(blind).gap_m == pytest.approx(0.10)
-    assert SCORE.score(blind).noise_m == pytest.approx(0.10)
-    assert SCORE.score(blind).covered == 0
+    away = Cameras.aimed(around(np.arange(0, 60, 10.0)).positions, (0.0, 0.0, 9.0))
+    assert SCORE.score(away).gap_m == pytest.approx(0.10)
+    assert SCORE.score(away).noise_m == pytest.approx(0.10)
     many = around(np.arange(0, 360, 9.0))
     assert SCORE.score(many).gap_m < 0.0005
     assert SCORE.score(many).noise_m < 0.003
     sparse, dense = SCORE.score(around(np.arange(6) * 60.0)), SCORE.score(around(np.arange(6) * 15.0))
-    assert dense.distance_m < sparse.distance_m
+    assert dense.gap_m + dense.noise_m < sparse.gap_m + sparse.noise_m
     narrow = SCORE.score(around(np.arange(6) * 2.0))
     assert narrow.noise_m > 2 * dense.noise_m  # small angles triangulate badly
 
@@ -147,24 +146,16 @@ def test_soil_seen_from_above_holds_cameras() -> None:
     assert SCORE.score(low).tie_m > 3 * SCORE.score(high).tie_m
 
 
-def test_kept_views_change_nothing() -> None:
+def test_neither_kept_views_nor_the_order_of_cameras_matter() -> None:
     kept = GeometricScore(PROBLEM, points=400)
     cameras = PROBLEM.sample(1)
-    kept.score(cameras)
+    first = kept.score(cameras)
     z = cameras.vector().copy()
     z[7] += 0.05
     moved = Cameras.from_vector(z)
-    fresh = GeometricScore(PROBLEM, points=400)
-    assert kept.score(moved).distance_m == fresh.score(moved).distance_m
-    assert kept.score(moved).tie_m == fresh.score(moved).tie_m
-    assert kept.score(cameras).distance_m == GeometricScore(PROBLEM, points=400).score(cameras).distance_m
-
-
-def test_the_order_of_cameras_does_not_matter() -> None:
-    cameras = PROBLEM.sample(4)
-    turned = cameras.select([3, 1, 5, 0, 2, 4])
-    assert SCORE.score(turned).distance_m == pytest.approx(SCORE.score(cameras).distance_m, rel=1e-9)
-    assert SCORE.score(turned).tie_m == pytest.approx(SCORE.score(cameras).tie_m, rel=1e-9)
+    assert kept.score(moved) == GeometricScore(PROBLEM, points=400).score(moved)
+    assert kept.score(cameras) == first
+    assert kept.score(cameras.select([3, 1, 5, 0, 2, 4])) == pytest.approx(first, rel=1e-9)
 
 
 def test_a_surface_is_of_the_references_own_points_and_always_of_the_same() -> None:
@@ -186,6 +177,54 @@ def test_sets_are_looser_where_more_noise_of_poses_is_expected() -> None:
     usual = GeometricScore(PROBLEM, points=400).score(cameras)
     same = GeometricScore(replace(PROBLEM, noise=NoiseSettings(pose_m=0.010)), points=400).score(cameras)
     noisy = GeometricScore(replace(PROBLEM, noise=NoiseSettings(pose_m=0.05)), points=400).score(cameras)
-    assert (same.tie_m, same.distance_m) == (usual.tie_m, usual.distance_m)
+    assert same == usual
     assert noisy.tie_m > 1.1 * usual.tie_m
-    assert noisy.distance_m == usual.distance_m
+    assert noisy[:2] == usual[:2]
+
+
+def test_sigmas_are_those_of_all_rays_distances() -> None:
+    """The same by numerical derivatives of every distance between two rays through a point."""
+    rng, prior = np.random.default_rng(3), 0.02
+    positions, points = rng.normal((0.0, 0.0, 2.0), 1.0, (4, 3)), rng.normal(0.0, 0.2, (5, 3))
+    seen, variance = rng.uniform(0.0, 1.0, (4, 5)), rng.uniform(0.5, 2.0, (4, 5)) * 1e-6
+    matches = np.zeros((4, 4))
+    for (i, j), count in {(0, 1): 90.0, (1, 2): 40.0, (2, 3): 150.0, (0, 3): 60.0, (0, 2): 5.0}.items():
+        matches[i, j] = matches[j, i] = count
+
+    def distances(x: np.ndarray) -> np.ndarray:
+        turned, centers = x[:12].reshape(4, 3), positions + x[12:].reshape(4, 3)
+        found = []
+        for i, j, k in itertools.product(range(4), range(4), range(5)):
+            if i < j:
+                rays = [Rotation.from_rotvec(turned[c]).apply(points[k] - positions[c]) for c in (i, j)]
+                across = np.cross(*rays) / np.linalg.norm(np.cross(*rays))
+                share = seen[i, k] * seen[j, k] / (seen[i] @ seen[j])
+                weight = np.sqrt(max(matches[i, j] - 12.0, 0.0) * share / (variance[i, k] + variance[j, k]))
+                found.append(weight * (across @ (centers[i] - centers[j])))
+        return np.array(found)
+
+    step = 1e-6 * np.eye(24)
+    by = np.stack([(distances(row) - distances(-row)) / 2e-6 for row in step], axis=1)
+    covariance = np.linalg.inv(by.T @ by + np.diag([1.0] * 12 + [prior**-2] * 12))[12:, 12:]
+    centered = positions - positions.mean(axis=0)
+    common = [np.tile(axis, 4) for axis in np.eye(3)] + [np.cross(axis, centered).ravel() for axis in np.eye(3)]
+    basis = np.linalg.qr(np.stack([*common, centered.ravel()], axis=1))[0]
+    own = np.eye(12) - basis @ basis.T
+    expected = np.sqrt(np.diag(own @ covariance @ own).reshape(4, 3).sum(axis=1))
+    np.testing.assert_allclose(camera_sigmas_m(positions, points, seen, variance, matches, prior), expected, rtol=1e-4)
+    unmatched = camera_sigmas_m(positions, points, seen, variance, np.zeros((4, 4)), prior)
+    assert (unmatched**2).sum() == pytest.approx((12 - 7) * prior**2)  # all but the common similarity
+    firmer = camera_sigmas_m(positions, points, seen, variance, 4.0 * matches, prior)
+    assert (firmer < camera_sigmas_m(positions, points, seen, variance, matches, prior)).all()
+
+
+def test_matches_fall_with_angle_overlap_and_scale() -> None:
+    center, positions = PROBLEM.center, around(np.array([0.0, 10.0, 30.0])).positions
+    whole = np.ones((3, 3))
+    found = expected_matches(positions, center, whole)
+    assert 1600.0 > found[0, 1] > found[1, 2] > found[0, 2] > 0
+    np.testing.assert_array_equal(found, found.T)
+    np.testing.assert_allclose(expected_matches(positions, center, 0.5 * whole), 0.5 * found)
+    far = np.array(positions)
+    far[1] = center + 2 * (far[1] - center)
+    assert expected_matches(far, center, whole)[0, 1] < 0.2 * found[0, 1]
