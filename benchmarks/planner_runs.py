@@ -18,8 +18,7 @@ from fieldkit.planning.plan_settings import PlanSettings
 from fieldkit.planning.run.folder import LogEntry, read_log, read_settings, searched
 from fieldkit.planning.run.outcome import Outcome, best_so_far, read_outcome
 from fieldkit.planning.run.plan import plan
-from fieldkit.planning.run.request import KIND_CONFIRMED, KIND_METHOD, RECORDED_CONFIRMED
-from fieldkit.planning.run.sources import describe_sources
+from fieldkit.planning.run.request import KIND_CONFIRMED, KIND_METHOD, RECORDED_CONFIRMED, describe_sources
 from fieldkit.planning.settings import GivenPlot, SearchSettings, lag_for
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.plan import Plan, PlanSource

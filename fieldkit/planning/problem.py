@@ -15,9 +15,8 @@ from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.plan_settings import NoiseSettings
 from fieldkit.planning.space.cameras import Cameras, assign
-from fieldkit.planning.space.envelope import Envelope, Ranges
+from fieldkit.planning.space.envelope import Envelope, Ranges, project
 from fieldkit.planning.space.plots import Plot
-from fieldkit.planning.space.projection import project
 
 POSE_NOISE_M = 0.010
 """Least standard deviation that the score expects of a commanded position, metres: what evaluations claim of exact

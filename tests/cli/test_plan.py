@@ -21,7 +21,7 @@ from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
 from tests.evaluation.test_adherence import flown
 from tests.planning.bowl import bowl_settings
-from tests.planning.run.test_folder import entry
+from tests.planning.run.test_folder import log
 
 SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
 
@@ -90,11 +90,10 @@ def test_noise_is_taken_from_an_evaluation(tmp_path: Path, capsys: pytest.Captur
 
 def test_progress_goes_on_from_what_the_log_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     settings = bowl_settings(evaluations=4, finalists=1, repeats=1)
-    better, worse = (entry(2).model_copy(update={"value_m": value}) for value in (1e-4, 1e3))
-    again = entry(0).model_copy(update={"stage": "confirmation"})
     with create_run(tmp_path / "run", settings) as run, Watched(Lines(), as_json=False) as watched:
-        for number in (0, 1):
-            run.append(entry(number))
+        first, second = (log(run, number) for number in (0, 1))
+        better, worse = (second.model_copy(update={"number": 2, "value_m": value}) for value in (1e-4, 1e3))
+        again = first.model_copy(update={"stage": "confirmation"})
         watched.expect(run, 4)
         for each in (worse, better, again):
             watched.watch(each)

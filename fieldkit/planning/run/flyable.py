@@ -15,12 +15,10 @@ from scipy.spatial import KDTree
 
 from fieldkit.errors import UsageError
 from fieldkit.planning.plan_settings import EnvelopeSettings, NoiseSettings
-from fieldkit.planning.settings import SearchSettings, SearchVehicle
-from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.settings import SearchVehicle
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan
 from fieldkit.results.report_files import file_sha256
-from fieldkit.runtime.progress import Progress
 from fieldkit.sites.plot_plants import PlanFacts
 from fieldkit.sites.reach import RTK_REMEDY, needs_rtk
 from fieldkit.vehicles.vehicle import Vehicle
@@ -98,23 +96,6 @@ def vehicle_envelope(vehicle: Vehicle, given: EnvelopeSettings) -> EnvelopeSetti
             what, remedy="Leave that option out to plan within the vehicle's limits, or leave --vehicle out."
         )
     return wanted
-
-
-def check_views(views: Cameras, settings: SearchSettings, progress: Progress) -> None:
-    """Report how many of a recorded set's views the run's vehicle cannot take. Without a vehicle nothing is checked."""
-    if settings.vehicle is None:
-        return
-    title, low_m, (lowest, highest) = settings.vehicle.title, settings.envelope.height_m[0], settings.envelope.pitch_deg
-    height, pitch = views.positions[:, 2], views.pitch_deg
-    taken = int(((height >= low_m) & (pitch >= lowest) & (pitch <= highest)).sum())
-    limits = f"{title} flies no lower than {low_m:g} m and turns its camera from {lowest:g}° to {highest:g}°"
-    if taken < settings.cameras:
-        raise UsageError(
-            f"{limits}: it can take {taken} of the {len(views)} photographs' poses, {settings.cameras} are asked for",
-            remedy="Leave --vehicle out, and export the plan with --adjust.",
-        )
-    if taken < len(views):
-        progress.note(f"{limits}: it cannot take {len(views) - taken} of the {len(views)} poses to choose from")
 
 
 def plan_needs_rtk(plan: Plan, vehicle: Vehicle) -> list[Finding]:

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 
 from pydantic import ValidationError
 
+from fieldkit.captures import read_capture
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.documents.json_file import first_problem
 from fieldkit.errors import MetadataError, UsageError
+from fieldkit.evaluation.cloud_reference import is_cloud, reference_file
+from fieldkit.evaluation.reference import Reference
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.methods.registry import METHODS, MethodEntry, method_entry
 from fieldkit.planning.plan_settings import EnvelopeSettings, NoiseSettings, PlanSettings, SearchChoices
 from fieldkit.planning.run.flyable import OUTDOORS_ENVELOPE, filled, flight_noise, read_vehicle, vehicle_envelope
-from fieldkit.planning.run.sources import describe_sources
 from fieldkit.planning.settings import CHANGEABLE, GivenPlot, SearchSettings, lag_for, unchanging
-from fieldkit.vehicles.vehicle import Vehicle
+from fieldkit.results.plan import PlanSource
+from fieldkit.results.report_files import REFERENCE_FILE, file_sha256
+from fieldkit.scenes.library import find_scene, scene_reference
 from fieldkit.version import __version__
 
 KIND_METHOD = "score"
@@ -27,13 +32,40 @@ RECORDED_CONFIRMED: dict[str, int] = {"finalists": 6, "repeats": 6}
 _OF_SEARCHES = {"method", "evaluations", "fidelity"}
 KIND_PLOTS = 8
 """Plots of a kind that a plan is for where nobody says how many."""
-_LIMITS = {
-    "margin_m": "a margin",
-    "height_m": "--height",
-    "clearance_m": "--clearance",
-    "pitch_deg": "a range of pitch",
-    "separation_m": "a separation",
-}
+
+
+def describe_sources(asked: PlanSettings) -> tuple[GivenPlot, ...]:
+    """The plots that a plan is asked for. Raises UsageError: they do not go together."""
+    for reference in asked.reference:
+        if is_cloud(reference) and reference_file(reference) == reference:
+            raise UsageError(
+                "a plan needs a reference's cameras and ground, which a bare cloud does not have",
+                path=reference,
+                remedy="Build one of photographs: `fieldkit reference IMAGES -o REF`.",
+            )
+    asked.check_sources()
+    if asked.captures is not None and asked.recorded:
+        folder = asked.captures.resolve()
+        read_capture(folder)
+        return (GivenPlot(source=PlanSource(kind="captures", name=folder.name), path=str(folder)),)
+    plots: list[GivenPlot] = []
+    for scene in asked.scene:
+        file = find_scene(scene)
+        source = PlanSource(kind="scene", name=file.name, sha256=file_sha256(file))
+        plots.append(GivenPlot(source=source, path=str(scene_reference(file))))
+    for reference, images in zip_longest(asked.reference, asked.images):
+        folder = (reference.parent if reference.is_file() else reference).resolve()
+        Reference(folder)
+        source = PlanSource(kind="reference", name=folder.name, sha256=file_sha256(folder / REFERENCE_FILE))
+        own = None if images is None else str(images.resolve())
+        plots.append(GivenPlot(source=source, path=str(folder), images_path=own))
+    digests = [plot.source.sha256 for plot in plots]
+    for number, plot in enumerate(plots):
+        if plot.source.sha256 in digests[:number]:
+            raise UsageError(
+                "is given twice", path=Path(plot.path), remedy="Give every plot once; --vary K draws others of them."
+            )
+    return tuple(plots)
 
 
 def search_settings(
@@ -71,9 +103,15 @@ def search_settings(
             f"{method} plans for mapping from the commanded poses, not for {asked.mapping}",
             remedy="Leave mapping out, or choose the method bosfm.",
         )
+    if recorded and (asked.envelope.model_fields_set or asked.vehicle or asked.camera):
+        raise UsageError(
+            "recorded photographs have their places and their camera: limits, a vehicle and a camera change nothing",
+            remedy="Leave them out, or plan on --reference or --scene.",
+        )
     flyer, record = (None, None) if asked.vehicle is None else read_vehicle(asked.vehicle)
-    if recorded and flyer is None:  # with one they limit the views
-        _refuse_limits(asked.envelope)
+    camera = None if flyer is None else flyer.camera
+    if asked.camera is not None:
+        camera = _camera(asked.camera)
     # Recorded photographs have fixed places.
     flown = plots > 1 and not recorded and asked.preset == "outdoors"
     noise = filled(asked.noise, flight_noise(flyer) if flown else NoiseSettings())
@@ -87,7 +125,7 @@ def search_settings(
             reference_path=str(asked.reference[0].resolve()) if recorded and asked.reference else None,
             images_path=first.images_path,
             others=tuple(others),
-            camera=_planned_camera(asked, flyer),
+            camera=camera,
             vehicle=record,
             plots=plots,
             # Else the cloud's random shift would outweigh the cameras' places.
@@ -110,15 +148,6 @@ def _confirmations(plots: int, method: str, *, recorded: bool, exact: bool) -> d
     if plots == 1:
         return {"repeats": 1} if exact else {}
     return RECORDED_CONFIRMED if recorded else KIND_CONFIRMED if method == KIND_METHOD else {}
-
-
-def _planned_camera(asked: PlanSettings, vehicle: Vehicle | None) -> Intrinsics | None:
-    """The camera of a file, else the vehicle's; None for the source's own."""
-    if asked.camera is None:
-        return None if asked.recorded or vehicle is None else vehicle.camera
-    if asked.recorded:
-        raise UsageError("recorded photographs have their camera", remedy="Leave camera out.")
-    return _camera(asked.camera)
 
 
 def _searches(asked: PlanSettings) -> bool:
@@ -178,30 +207,16 @@ def resumed_settings(settings: SearchSettings, asked: PlanSettings) -> SearchSet
     return settings.model_copy(update=changed)
 
 
-def _moved(settings: SearchSettings, found: Sequence[GivenPlot]) -> SearchSettings:
+def _moved(settings: SearchSettings, present: Sequence[GivenPlot]) -> SearchSettings:
     """The settings with the present paths of the run's source."""
     given = settings.given
-    for k, plot in enumerate(found):
-        if k >= len(given) or (plot.source.kind, plot.source.sha256) != (given[k].source.kind, given[k].source.sha256):
-            name = Path(plot.path).name
-            raise UsageError(f"this run was not planned on {name}", remedy="Leave it out to go on with this run.")
-    if len(found) < len(given):
+    if [(p.source.kind, p.source.sha256) for p in present] != [(p.source.kind, p.source.sha256) for p in given]:
+        names = ", ".join(plot.source.name for plot in given)
         raise UsageError(
-            f"this run was planned on {len(given)} plots, not {len(found)}",
-            remedy="Give all of them in their order, or none, to go on with this run.",
+            f"this run was planned on {names}", remedy="Give all of them in their order, or none, to go on with it."
         )
-    others = tuple(own.model_copy(update={"path": plot.path}) for own, plot in zip(given[1:], found[1:], strict=True))
-    return settings.model_copy(update={"path": found[0].path, "others": others})
-
-
-def _refuse_limits(envelope: EnvelopeSettings) -> None:
-    """Refuse limits of cameras for recorded views, whose places are fixed."""
-    for key, option in _LIMITS.items():
-        if key in envelope.model_fields_set:
-            raise UsageError(
-                f"recorded photographs have their places: {option} would not change the choice among them",
-                remedy="Leave it out, or plan on --reference or --scene.",
-            )
+    others = tuple(own.model_copy(update={"path": plot.path}) for own, plot in zip(given[1:], present[1:], strict=True))
+    return settings.model_copy(update={"path": present[0].path, "others": others})
 
 
 def _camera(file: Path) -> Intrinsics:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from fieldkit.captures.bursts import by_station
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.plants_apart import PlantsApart
 from fieldkit.clouds.volume import Volume
+from fieldkit.errors import SceneError, UsageError
 from fieldkit.evaluation.proxy import make_proxy
 from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.geometry import Intrinsics
@@ -22,14 +24,14 @@ from fieldkit.planning.objective.recorded import RecordedKind, RecordedSource
 from fieldkit.planning.objective.simulated import Kind
 from fieldkit.planning.plan_settings import EnvelopeSettings
 from fieldkit.planning.problem import PlanningProblem
-from fieldkit.planning.run.flyable import check_views
-from fieldkit.planning.run.sources import check_unchanged, source_doubts
 from fieldkit.planning.score.match_graph import match_graph
 from fieldkit.planning.settings import GivenPlot, SearchSettings, unchanging
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
 from fieldkit.reconstruction.settings import FeatureSettings
+from fieldkit.results.finding import DOUBTFUL, PLANTS_APART
+from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_reference_report
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.library import find_scene
@@ -71,12 +73,36 @@ def set_up_run(settings: SearchSettings, folder: Path, context: Context, *, coun
     ``folder``, the run's, keeps what is made from the source: a reference's proxy, a recorded set's reference.
     """
     for plot in settings.given:
-        check_unchanged(plot)
-        for told in source_doubts(plot):
-            context.progress.note(told)
+        _check_unchanged(plot)
+        for doubt in source_doubts(plot):
+            context.progress.note(doubt)
     if settings.source.kind == "captures":
         return _on_captures(settings, folder, context, count_matches)
     return _on_scenes(settings, folder, context.progress)
+
+
+def _check_unchanged(plot: GivenPlot) -> None:
+    """Raise a UsageError if a plot is gone, or is not what it was when the run began."""
+    if plot.source.sha256 is None:
+        return
+    file = path = Path(plot.path)
+    if plot.source.kind == "reference":
+        file = path / REFERENCE_FILE
+    else:
+        with suppress(SceneError):  # gone
+            file = find_scene(path)
+    if not file.is_file():
+        raise UsageError("the source of this run is gone", path=file, remedy="Put it back there, or start a new run.")
+    if file_sha256(file) != plot.source.sha256:
+        raise UsageError("has changed since this run began", path=file, remedy="Start a new run in another folder.")
+
+
+def source_doubts(plot: GivenPlot) -> list[str]:
+    """What a reference's own findings say against a plan for it: plants that are not the plot's, above all."""
+    if plot.source.kind != "reference":
+        return []
+    findings = load_reference_report(Path(plot.path)).findings
+    return [f"{plot.source.name}: {f.message}" for f in findings if f.code in DOUBTFUL | {PLANTS_APART}]
 
 
 def _problem(
@@ -208,7 +234,6 @@ def _on_captures(settings: SearchSettings, folder: Path, context: Context, count
         reconstructed=reference.report.poses,
     )
     views = source.cameras()
-    check_views(views, settings, progress)
     # If positions are good to millimetres, two rounds of matching do as well as three, at half the cost.
     good = float(np.median([view.position_sigma_m for view in source.views])) <= _GOOD_POSES_M
     wanted = ObjectiveSettings(

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from fieldkit.arrays import FloatArray
+from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.clouds.thinning import voxel_thin
@@ -37,6 +37,16 @@ _BATCH = 64
 """Number of places that are drawn at a time."""
 _BATCHES = 500
 """Most batches that are drawn for one camera."""
+_DIRECTIONS = 192
+"""Number of directions in which a free place is looked for."""
+_RADII = 40
+"""Number of distances at which it is looked for."""
+_FIRST_RADIUS_M = 0.004
+"""Least of these distances, metres."""
+_HALVINGS = 30
+"""Number of halvings of the way back from a free place."""
+_LATTICE = 20
+"""Number of places along each axis of the lattice that is tried last."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,9 +143,15 @@ class Envelope:
 
     def position_violation(self, positions: FloatArray) -> FloatArray:
         """(n,) signed violation of bounds, height band and clearance by single positions (n, 3), metres."""
-        parts = [self._bounds(positions), self._height(positions), self._plants(positions)]
+        low, high = self._box
+        parts = [*(low - positions).T, *(positions - high).T, self._plants(positions)]
         worst: FloatArray = np.max(parts, axis=0)
         return worst
+
+    @property
+    def _box(self) -> FloatArray:
+        """(2, 3) lowest and highest corner of the camera centres' bounds and height band."""
+        return np.array([self.x_m, self.y_m, self.height_m]).T
 
     def contains(self, cameras: Cameras) -> bool:
         """Whether every camera keeps every constraint; a degree of pitch counts as a centimetre."""
@@ -176,8 +192,7 @@ class Envelope:
         return Cameras(positions, aimed.yaw_deg, np.clip(aimed.pitch_deg, *self.pitch_deg))
 
     def _draw(self, rng: np.random.Generator, others: FloatArray, radius_m: tuple[float, float]) -> FloatArray | None:
-        low = (self.x_m[0], self.y_m[0], self.height_m[0])
-        high = (self.x_m[1], self.y_m[1], self.height_m[1])
+        low, high = self._box
         for _ in range(_BATCHES):
             drawn = rng.uniform(low, high, (_BATCH, 3))
             away = np.linalg.norm(drawn[:, :2] - self.target.center[:2], axis=1)
@@ -186,17 +201,6 @@ class Envelope:
             if free.any():
                 return np.asarray(drawn[int(np.argmax(free))])[None]
         return None
-
-    def _bounds(self, positions: FloatArray) -> FloatArray:
-        x, y = positions[:, 0], positions[:, 1]
-        sides = [self.x_m[0] - x, x - self.x_m[1], self.y_m[0] - y, y - self.y_m[1]]
-        worst: FloatArray = np.max(sides, axis=0)
-        return worst
-
-    def _height(self, positions: FloatArray) -> FloatArray:
-        height = positions[:, 2]
-        worst: FloatArray = np.maximum(self.height_m[0] - height, height - self.height_m[1])
-        return worst
 
     def _plants(self, positions: FloatArray) -> FloatArray:
         if self._index is None:
@@ -212,9 +216,7 @@ class Envelope:
 
 def distance_to(positions: FloatArray, others: FloatArray) -> FloatArray:
     """(n,) distance of positions (n, 3) to the nearest of others (m, 3); infinite without any."""
-    if not len(others):
-        return np.full(len(positions), np.inf)
-    nearest: FloatArray = np.linalg.norm(positions[:, None] - others[None], axis=2).min(axis=1)
+    nearest: FloatArray = np.linalg.norm(positions[:, None] - others[None], axis=2).min(axis=1, initial=np.inf)
     return nearest
 
 
@@ -227,12 +229,89 @@ def no_room(count: int) -> UsageError:
 
 
 def _nearest_other(positions: FloatArray) -> FloatArray:
-    if len(positions) < 2:
-        return np.full(len(positions), np.inf)
     distances = np.linalg.norm(positions[:, None] - positions[None], axis=2)
     np.fill_diagonal(distances, np.inf)
-    nearest: FloatArray = np.asarray(distances.min(axis=1))
+    nearest: FloatArray = distances.min(axis=1, initial=np.inf)
     return nearest
+
+
+def project(cameras: Cameras, envelope: Envelope) -> Cameras:
+    """A feasible set near the given one; a set inside the envelope is returned unchanged.
+
+    Pitches are cut to the gimbal's range. Feasible positions stay; of two that are too close, the first one. Each other
+    position moves to the nearest feasible of 7,680 points on spheres about it (192 directions, radii in equal ratios),
+    and from there back as far as is feasible. This is near the nearest feasible position, not exactly it. Yaw and pitch
+    are kept.
+    """
+    if envelope.contains(cameras):
+        return cameras
+    pitch = np.clip(cameras.pitch_deg, *envelope.pitch_deg)
+    positions = cameras.positions.copy()
+    alone = envelope.position_violation(positions) <= 0.0
+    placed: list[int] = []
+    for i in range(len(positions)):
+        if alone[i] and distance_to(positions[i : i + 1], positions[placed])[0] >= envelope.separation_m:
+            placed.append(i)
+    for i in range(len(positions)):
+        if i not in placed:
+            positions[i] = _nearest_free(positions[i], positions[placed], envelope, len(placed) + 1)
+            placed.append(i)
+    return Cameras(positions, cameras.yaw_deg, pitch)
+
+
+def _nearest_free(wanted: FloatArray, others: FloatArray, envelope: Envelope, number: int) -> FloatArray:
+    start: FloatArray = _clipped(wanted[None], envelope)[0]
+    if _free(start[None], others, envelope)[0]:
+        return start
+    reach = float(np.linalg.norm([np.ptp(envelope.x_m), np.ptp(envelope.y_m), np.ptp(envelope.height_m)])) + 0.1
+    radii = np.geomspace(_FIRST_RADIUS_M, reach, _RADII)
+    shells = start + (radii[:, None, None] * _sphere(_DIRECTIONS)[None]).reshape(-1, 3)
+    for candidates in (_clipped(shells, envelope), _lattice(envelope)):
+        free = candidates[_free(candidates, others, envelope)]
+        if len(free):
+            nearest = free[np.argmin(np.linalg.norm(free - start, axis=1))]
+            return _back(start, nearest, others, envelope)
+    raise no_room(number)
+
+
+def _back(blocked: FloatArray, free: FloatArray, others: FloatArray, envelope: Envelope) -> FloatArray:
+    """The last free point on the way from a free point to a blocked one."""
+    low, high = 0.0, 1.0  # of the way, from the blocked end
+    best = free
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        point = _clipped((blocked + middle * (free - blocked))[None], envelope)
+        if _free(point, others, envelope)[0]:
+            high, best = middle, point[0]
+        else:
+            low = middle
+    return best
+
+
+def _free(positions: FloatArray, others: FloatArray, envelope: Envelope) -> BoolArray:
+    return (envelope.position_violation(positions) <= 0.0) & (distance_to(positions, others) >= envelope.separation_m)
+
+
+def _clipped(positions: FloatArray, envelope: Envelope) -> FloatArray:
+    """Positions (n, 3) cut to the bounds and the height band."""
+    clipped: FloatArray = np.clip(positions, *envelope._box)
+    return clipped
+
+
+def _lattice(envelope: Envelope) -> FloatArray:
+    axes = [np.linspace(*limits, _LATTICE) for limits in (envelope.x_m, envelope.y_m, envelope.height_m)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    return _clipped(points, envelope)
+
+
+def _sphere(count: int) -> FloatArray:
+    """(count, 3) unit vectors, evenly spread (a Fibonacci lattice)."""
+    i = np.arange(count) + 0.5
+    height = 1.0 - 2.0 * i / count
+    turn = i * np.pi * (3.0 - np.sqrt(5.0))
+    radius = np.sqrt(1.0 - height * height)
+    points: FloatArray = np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)
+    return points
 
 
 NARROWEST = 0.3

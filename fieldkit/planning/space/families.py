@@ -25,42 +25,26 @@ _ELLIPTIC = 0.35
 Values = Mapping[str, float]
 
 
-@dataclass(frozen=True)
-class Parameter:
-    """A parameter of a family; its name ends with its unit (_m, _deg) if it has one."""
-
-    name: str
-    low: float
-    high: float
-
-
 @dataclass(frozen=True, eq=False)
 class Family:
     """Sets of cameras by a point of the unit cube."""
 
     name: str
     """``"ring"``, ``"arc"``, ``"spiral"`` or ``"chain"``."""
-    parameters: tuple[Parameter, ...]
-    """The cube's axes."""
+    limits: Mapping[str, tuple[float, float]]
+    """The cube's axes: least and greatest value of each parameter. A name ends with its unit (_m, _deg) if it has one.
+    """
     build: Callable[[Values], Cameras]
     """Makes the cameras of given values, which may be infeasible."""
 
     def __len__(self) -> int:
-        return len(self.parameters)
-
-    def values(self, unit: ArrayLike) -> dict[str, float]:
-        """The parameters at a point (k,), which is cut to the unit cube."""
-        u = np.asarray(unit, dtype=np.float64).reshape(-1)
-        if len(u) != len(self) or not np.isfinite(u).all():
-            raise ValueError(f"{self.name} takes {len(self)} finite numbers, not {u}")
-        return {
-            p.name: float(p.low + t * (p.high - p.low))
-            for p, t in zip(self.parameters, np.clip(u, 0.0, 1.0), strict=True)
-        }
+        return len(self.limits)
 
     def decode(self, unit: ArrayLike) -> Cameras:
         """The N cameras of a point (k,) of the unit cube; they look at the plot and may be infeasible."""
-        return self.build(self.values(unit))
+        shares = np.clip(np.asarray(unit, dtype=np.float64), 0.0, 1.0)
+        limits = zip(self.limits.items(), shares, strict=True)
+        return self.build({name: float(low + share * (high - low)) for (name, (low, high)), share in limits})
 
 
 @dataclass(frozen=True)
@@ -120,20 +104,16 @@ def families(problem: PlanningProblem) -> tuple[Family, ...]:
     """
     count, reach, ranges = problem.count, reach_m(problem.envelope), problem.ranges
     radii, altitudes, aims = (NARROWEST * reach, reach), ranges.altitude_m, ranges.aim_m
-    span, middle = Parameter("span_deg", *SPAN_DEG), Parameter("middle_deg", -180.0, 180.0)
-    radius, altitude, aim = (
-        Parameter("radius_m", *radii),
-        Parameter("altitude_m", *altitudes),
-        Parameter("aim_m", *aims),
-    )
+    turned = {"span_deg": SPAN_DEG, "middle_deg": (-180.0, 180.0)}
+    level, aim = {"radius_m": radii, "altitude_m": altitudes, "aim_m": aims}, {"aim_m": aims}
     even = (np.arange(count) + 0.5) / count - 0.5
 
     def ring(v: Values) -> Cameras:
         azimuth = v["phase_deg"] + 360.0 * np.arange(count) / count
         sine, cosine = np.sin(np.radians(azimuth)), np.cos(np.radians(azimuth))
         x, y = (1.0 + v["stretch"]) * sine, (1.0 - v["stretch"]) * cosine
-        turned = np.degrees(np.arctan2(x, y))
-        return placed(problem, turned, v["radius_m"] * np.hypot(x, y), np.full(count, v["altitude_m"]), v["aim_m"])
+        azimuth = np.degrees(np.arctan2(x, y))
+        return placed(problem, azimuth, v["radius_m"] * np.hypot(x, y), np.full(count, v["altitude_m"]), v["aim_m"])
 
     def arc(v: Values) -> Cameras:
         # An odd function that keeps both ends and increases for any widening between −0.5 and 1.
@@ -154,36 +134,17 @@ def families(problem: PlanningProblem) -> tuple[Family, ...]:
         altitude = np.where(upper, v["upper_altitude_m"], v["lower_altitude_m"])
         return placed(problem, azimuth, radius, altitude, v["aim_m"])
 
-    def two(name: str, limits: tuple[float, float], first: str, second: str) -> tuple[Parameter, Parameter]:
-        return Parameter(f"{first}_{name}_m", *limits), Parameter(f"{second}_{name}_m", *limits)
+    def two(first: str, second: str) -> dict[str, tuple[float, float]]:
+        limits = {"radius_m": radii, "altitude_m": altitudes}
+        return {f"{which}_{name}": ends for name, ends in limits.items() for which in (first, second)}
 
-    phase, stretch = Parameter("phase_deg", 0.0, 360.0 / count), Parameter("stretch", -_ELLIPTIC, _ELLIPTIC)
+    phase = {"phase_deg": (0.0, 360.0 / count), "stretch": (-_ELLIPTIC, _ELLIPTIC)}
     return (
-        Family("ring", (radius, altitude, aim, phase, stretch), ring),
-        Family("arc", (span, middle, radius, altitude, aim, Parameter("widening", -0.4, 0.6)), arc),
-        Family(
-            "spiral",
-            (span, middle, *two("radius", radii, "first", "last"), *two("altitude", altitudes, "first", "last"), aim),
-            spiral,
-        ),
-        Family(
-            "chain",
-            (
-                span,
-                middle,
-                *two("radius", radii, "lower", "upper"),
-                *two("altitude", altitudes, "lower", "upper"),
-                aim,
-                Parameter("shift", -1.0, 1.0),
-            ),
-            chain,
-        ),
+        Family("ring", level | phase, ring),
+        Family("arc", turned | level | {"widening": (-0.4, 0.6)}, arc),
+        Family("spiral", turned | two("first", "last") | aim, spiral),
+        Family("chain", turned | two("lower", "upper") | aim | {"shift": (-1.0, 1.0)}, chain),
     )
-
-
-def family(problem: PlanningProblem, name: str) -> Family:
-    """The family with a given name."""
-    return {found.name: found for found in families(problem)}[name]
 
 
 def placed(

@@ -14,14 +14,12 @@ from fieldkit.clouds import Cloud, Volume
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.missions.export import route_plan
 from fieldkit.planning.plan_settings import EnvelopeSettings, PlanSettings
-from fieldkit.planning.run.flyable import check_views, plan_needs_rtk, read_vehicle, vehicle_envelope
+from fieldkit.planning.run.flyable import plan_needs_rtk, vehicle_envelope
 from fieldkit.planning.run.request import resumed_settings, search_settings
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.planning.space.envelope import Envelope
-from fieldkit.planning.space.projection import project
+from fieldkit.planning.space.envelope import Envelope, project
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import plan_from_poses
-from fieldkit.runtime.progress import Silent
 from fieldkit.sites.placement import place
 from fieldkit.sites.plot_plants import with_plant_height
 from fieldkit.sites.reach import unreachable
@@ -157,32 +155,6 @@ def test_a_run_goes_on_for_the_vehicle_it_began_with(tmp_path: Path) -> None:
     copy.write_text(copy.read_text().replace("min_height_m = 1.0", "min_height_m = 1.1"))
     with pytest.raises(UsageError, match=r"did not begin with vehicle = mine\.toml as it is now"):
         resumed_settings(began, PlanSettings(vehicle=copy))
-
-
-class Notes(Silent):
-    """Keeps what it is told."""
-
-    def __init__(self) -> None:
-        self.told: list[str] = []
-
-    def note(self, message: str) -> None:
-        self.told.append(message)
-
-
-def test_recorded_views_are_compared_with_the_vehicle() -> None:
-    vehicle, entry = read_vehicle("fixed-gimbal")
-    limits = vehicle_envelope(vehicle, EnvelopeSettings())
-    run = bowl_settings(vehicle=entry, envelope=limits)
-    height = np.array([0.8, 1.2, 1.3, 1.4, 1.5, 1.6])
-    views = Cameras(np.stack([height, height, height], axis=1), np.zeros(6), np.array([-45.0] * 5 + [-44.0]))
-    notes = Notes()
-    check_views(views, run, notes)
-    assert len(notes.told) == 1
-    assert "cannot take 2 of the 6" in notes.told[0]
-    check_views(views, bowl_settings(), notes)
-    assert len(notes.told) == 1
-    with pytest.raises(UsageError, match="can take 4 of the 6 photographs' poses, 5 are asked for"):
-        check_views(views, run.model_copy(update={"cameras": 5}), notes)
 
 
 def test_a_plan_says_where_it_takes_rtk() -> None:

@@ -35,6 +35,7 @@ def test_settings_without_a_command_line() -> None:
         ({"weights": (0.0, 0.0, 0.0)}, "one of them must be above 0"),
         ({"method": "circle", "weights": (1.0, 1.0, 1.0)}, "would change nothing"),
         ({"method": "cirlce"}, "no method 'cirlce'"),
+        ({"mapping": "incremental"}, "from the commanded poses"),
     ):
         with pytest.raises(UsageError, match=words):
             search_settings(PlanSettings(scene="case-1", **wrong))

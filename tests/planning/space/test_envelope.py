@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from fieldkit.clouds import Cloud, Volume
 from fieldkit.errors import UsageError
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.planning.space.envelope import Envelope
-from fieldkit.planning.space.projection import project
+from fieldkit.planning.space.envelope import Envelope, project
 
 TARGET = Volume((-0.4, -0.3, 0.03), (0.4, 0.3, 0.8))
 
