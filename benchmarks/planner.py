@@ -25,6 +25,7 @@ from fieldkit.evaluation.reference import build_reference
 from fieldkit.pictures.mission import draw_plan
 from fieldkit.pictures.panels import png
 from fieldkit.planning.run.request import KIND_PLOTS
+from fieldkit.planning.settings import GivenPlot
 from fieldkit.results.plan import PlanSource
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
@@ -253,7 +254,12 @@ def _rig_place(data: Path, name: str, options: PlannerOptions, progress: Progres
             context=Context(options.cache, progress, options.workers),
             scene=False,
         )
-    return Place(name, PlanSource(kind="captures", name=name), images.resolve(), reference.resolve())
+    plot = GivenPlot(
+        source=PlanSource(kind="captures", name=name),
+        path=str(images.resolve()),
+        reference_path=str(reference.resolve()),
+    )
+    return Place(name, plot)
 
 
 def _contenders(names: Sequence[str], options: PlannerOptions) -> list[Contender]:

@@ -32,13 +32,14 @@ def value_against_rest(
     if not reference.is_dir():
         rest = run / "rest"
         shutil.rmtree(rest, ignore_errors=True)
-        shutil.copytree(place.path, rest, ignore=lambda _, names: [name for name in names if name in chosen])
+        shutil.copytree(place.plot.path, rest, ignore=lambda _, names: [name for name in names if name in chosen])
         table = (rest / "poses.csv").read_text(encoding="utf-8").splitlines()
         kept = [line for line in table if line.split(",", 1)[0] not in chosen]
         (rest / "poses.csv").write_text("\n".join(kept) + "\n", encoding="utf-8")
         build_reference(rest, reference, context=Context(cache, progress, workers), scene=False)
         shutil.rmtree(rest)
-    settings = read_settings(run).model_copy(update={"reference_path": str(reference)})
+    plot = place.plot.model_copy(update={"reference_path": str(reference)})
+    settings = read_settings(run).model_copy(update={"given": (plot,)})
     objective = set_up_run(settings, run, Context(cache, progress, workers)).objective.on(0)
     source = objective.source
     assert isinstance(source, RecordedSource)

@@ -21,7 +21,7 @@ from fieldkit.planning.run.plan import plan
 from fieldkit.planning.run.request import KIND_CONFIRMED, KIND_METHOD, RECORDED_CONFIRMED, describe_sources
 from fieldkit.planning.settings import GivenPlot, SearchSettings, lag_for
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.results.plan import Plan, PlanSource
+from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import PLAN_FILE, SETTINGS_FILE, load_plan
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
@@ -34,32 +34,18 @@ class Place:
 
     name: str
     """For people and folders."""
-    source: PlanSource
-    """As in plan.json."""
-    path: Path
-    """Of the scene file or the photographs."""
-    reference: Path | None = None
-    """Of recorded photographs."""
-    others: tuple[GivenPlot, ...] = ()
-    """Further given plots, for plans for a kind."""
+    plot: GivenPlot
+    """A scene file, or photographs with their reference."""
 
     @classmethod
     def scene(cls, name: str) -> Place:
         """One of fieldkit's scenes, or a file's. Raises SceneError."""
         (plot,) = describe_sources(PlanSettings(scene=name))
-        return cls(Path(plot.path).stem, plot.source, Path(plot.path))
+        return cls(Path(plot.path).stem, plot)
 
     def settings(self, **more: Any) -> SearchSettings:
         """Settings of a run at this place; ``more`` are fields of `SearchSettings`."""
-        reference = None if self.reference is None else str(self.reference)
-        return SearchSettings(
-            fieldkit=__version__,
-            source=self.source,
-            path=str(self.path),
-            reference_path=reference,
-            others=self.others,
-            **more,
-        )
+        return SearchSettings(fieldkit=__version__, given=(self.plot,), **more)
 
 
 OF_A_KIND = "-kind"
@@ -200,7 +186,7 @@ def _purpose(contender: Contender, place: Place) -> dict[str, Any]:
     """Settings of a plan for one plot, or for a kind as by `fieldkit plan --preset paper`."""
     if contender.plots == 1:
         return {"plots": 1}
-    if place.source.kind == "captures":
+    if place.plot.source.kind == "captures":
         return {"plots": contender.plots, **RECORDED_CONFIRMED}
     return {"plots": contender.plots, **(KIND_CONFIRMED if contender.method == KIND_METHOD else {})}
 

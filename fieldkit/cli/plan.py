@@ -149,7 +149,7 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome, found: Seque
 
 
 def _planned_on(settings: SearchSettings) -> str:
-    name, others = settings.source.name, len(settings.others)
+    name, others = settings.source.name, len(settings.given) - 1
     if settings.plots == 1:
         return name
     more = f" and {others} more" if others else ""

@@ -31,13 +31,15 @@ def unchanging(source: PlanSource, noise: NoiseSettings) -> bool:
 
 
 class GivenPlot(Strict):
-    """One of several plots that a plan is made on."""
+    """A plot that a plan is made on."""
 
     source: PlanSource
     path: str
     """Where that was; the name of a scene that comes with fieldkit."""
     images_path: str | None = None
     """Where the photographs of a reference's proxy were."""
+    reference_path: str | None = None
+    """Where the reference of a recorded set was."""
 
 
 class SearchSettings(SearchChoices):
@@ -46,19 +48,11 @@ class SearchSettings(SearchChoices):
     model_config = ConfigDict(protected_namespaces=())
 
     kind: Literal["search"] = "search"
-    version: Literal[1] = 1
+    version: Literal[2] = 2
     fieldkit: str
     """Version that started the run."""
-    source: PlanSource
-    """The given plot."""
-    path: str
-    """Where that was; the name of a scene that comes with fieldkit."""
-    reference_path: str | None = None
-    """Where the reference of a recorded set was."""
-    images_path: str | None = None
-    """Where the photographs of a reference's proxy were."""
-    others: tuple[GivenPlot, ...] = ()
-    """Further given plots, of the same kind of source."""
+    given: Annotated[tuple[GivenPlot, ...], Field(min_length=1)]
+    """The given plots, all of the same kind of source."""
     camera: Intrinsics | None = None
     """The plan's camera at full size; null takes the scene's or the reference's."""
     vehicle: SearchVehicle | None = None
@@ -75,9 +69,9 @@ class SearchSettings(SearchChoices):
         return self
 
     @property
-    def given(self) -> tuple[GivenPlot, ...]:
-        """The given plots."""
-        return (GivenPlot(source=self.source, path=self.path, images_path=self.images_path), *self.others)
+    def source(self) -> PlanSource:
+        """The first given plot."""
+        return self.given[0].source
 
     @property
     def all_plots(self) -> int:

@@ -15,7 +15,7 @@ from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.run.evaluations import Evaluations, Job
-from fieldkit.planning.settings import SearchSettings
+from fieldkit.planning.settings import GivenPlot, SearchSettings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
@@ -99,16 +99,11 @@ class Bowl(Objective):
         return Evaluation(value_m=value, registered=len(cameras), right=len(cameras), models=1, points=9)
 
 
-def bowl_settings(**more: object) -> SearchSettings:
-    """Settings of a small run by the method `random`."""
-    values: dict[str, object] = {
-        "fieldkit": "0",
-        "source": PlanSource(kind="scene", name="bowl"),
-        "path": "nowhere",
-        "cameras": 4,
-        "method": "circle",
-        "evaluations": 12,
-        "finalists": 3,
-        "repeats": 2,
-    }
-    return SearchSettings(**(values | more))
+BOWL = PlanSource(kind="scene", name="bowl")
+
+
+def bowl_settings(source: PlanSource = BOWL, **more: object) -> SearchSettings:
+    """Settings of a small run by the method `circle`."""
+    given = (GivenPlot(source=source, path="nowhere"),)
+    usual: dict[str, object] = {"cameras": 4, "method": "circle", "evaluations": 12, "finalists": 3, "repeats": 2}
+    return SearchSettings(fieldkit="0", given=given, **(usual | more))

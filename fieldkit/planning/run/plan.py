@@ -139,7 +139,7 @@ def _chosen(method: FixedDesign, run: RunFolder, setup: RunSetup, context: Conte
     confirming = settings.repeats > 0
     if confirming and not context.scheduler:  # its workers may be able to render
         try:
-            setup.check_renderer()
+            setup.objective.prepare()
         except RenderingError as error:
             progress.note(f"the plan is not confirmed: {error.message}. {error.remedy}")
             confirming = False

@@ -47,7 +47,9 @@ def describe_sources(asked: PlanSettings) -> tuple[GivenPlot, ...]:
     if asked.captures is not None and asked.recorded:
         folder = asked.captures.resolve()
         read_capture(folder)
-        return (GivenPlot(source=PlanSource(kind="captures", name=folder.name), path=str(folder)),)
+        source = PlanSource(kind="captures", name=folder.name)
+        reference_path = str(asked.reference[0].resolve()) if asked.reference else None
+        return (GivenPlot(source=source, path=str(folder), reference_path=reference_path),)
     plots: list[GivenPlot] = []
     for scene in asked.scene:
         file = find_scene(scene)
@@ -87,8 +89,7 @@ def search_settings(
         UsageError: it contradicts itself, or leaves the vehicle's limits.
         InputError: the source, the vehicle or the camera cannot be used.
     """
-    first, *others = plots_given = describe_sources(asked)
-    given = asked.model_fields_set
+    plots_given, given = describe_sources(asked), asked.model_fields_set
     recorded = asked.recorded
     method = asked.method if recorded or _searches(asked) else KIND_METHOD
     entry = method_entry(method, methods)
@@ -115,16 +116,12 @@ def search_settings(
     # Recorded photographs have fixed places.
     flown = plots > 1 and not recorded and asked.preset == "outdoors"
     noise = filled(asked.noise, flight_noise(flyer) if flown else NoiseSettings())
-    confirmed = _confirmations(plots, method, recorded=recorded, exact=unchanging(first.source, noise))
+    confirmed = _confirmations(plots, method, recorded=recorded, exact=unchanging(plots_given[0].source, noise))
     own = {name: getattr(asked, name) for name in given & SearchChoices.model_fields.keys()}
     try:
         usual = SearchSettings(
             fieldkit=__version__,
-            source=first.source,
-            path=first.path,
-            reference_path=str(asked.reference[0].resolve()) if recorded and asked.reference else None,
-            images_path=first.images_path,
-            others=tuple(others),
+            given=plots_given,
             camera=camera,
             vehicle=record,
             plots=plots,
@@ -215,8 +212,8 @@ def _moved(settings: SearchSettings, present: Sequence[GivenPlot]) -> SearchSett
         raise UsageError(
             f"this run was planned on {names}", remedy="Give all of them in their order, or none, to go on with it."
         )
-    others = tuple(own.model_copy(update={"path": plot.path}) for own, plot in zip(given[1:], present[1:], strict=True))
-    return settings.model_copy(update={"path": present[0].path, "others": others})
+    moved = tuple(own.model_copy(update={"path": now.path}) for own, now in zip(given, present, strict=True))
+    return settings.model_copy(update={"given": moved})
 
 
 def _camera(file: Path) -> Intrinsics:

@@ -13,18 +13,16 @@ from scipy.stats import qmc
 from fieldkit.captures import read_capture
 from fieldkit.captures.bursts import by_station
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.plants_apart import PlantsApart
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import SceneError, UsageError
 from fieldkit.evaluation.proxy import make_proxy
 from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.objective.objective import ObjectiveSettings, PlotsObjective
-from fieldkit.planning.objective.recorded import RecordedKind, RecordedSource
+from fieldkit.planning.objective.recorded import RecordedKind, RecordedSource, match_graph
 from fieldkit.planning.objective.simulated import Kind
 from fieldkit.planning.plan_settings import EnvelopeSettings
 from fieldkit.planning.problem import PlanningProblem
-from fieldkit.planning.score.match_graph import match_graph
 from fieldkit.planning.settings import GivenPlot, SearchSettings, unchanging
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
@@ -38,7 +36,6 @@ from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise
 from fieldkit.sites.fitted import Stretch
-from fieldkit.wording import count
 
 PROXY_FOLDER, BUILT_REFERENCE, KIND_FOLDER = "proxy", "reference", "plots"
 _HEIGHT_ERROR = 0.25
@@ -60,11 +57,6 @@ class RunSetup:
     """Names of recorded photographs, in the order of the problem's views; empty if they are rendered."""
     plant_height_m: float | None = None
     """Of the first given plot, for which cameras are stated if they are fitted to each plot; else None."""
-
-    def check_renderer(self) -> None:
-        """Check without a scene whether photographs can be rendered here."""
-        if not self.photographs:
-            self.objective.prepare()
 
 
 def set_up_run(settings: SearchSettings, folder: Path, context: Context, *, count_matches: bool = False) -> RunSetup:
@@ -136,9 +128,6 @@ def _on_scenes(settings: SearchSettings, folder: Path, progress: Progress) -> Ru
         noise = CaptureNoise(asked.pose_m, asked.pose_deg, image_sigma=asked.image_grey or first.noise.image_sigma)
         kind = Kind(descriptions, settings.seed, folder / KIND_FOLDER, noise, asked.outdoors, camera)
         found = [kind.plot(number) for number in range(settings.all_plots)]
-    drawn = kind.recorded if settings.plots > len(descriptions) else ()
-    for given, (_, apart) in zip(settings.given, drawn, strict=False):
-        progress.note(f"{given.source.name}: {_told_apart(apart)}")
     plots = [plot for plot, _ in found]
     height_m = plots[0].height_m
     envelope = _envelope(found[: settings.plots], height_m, settings.envelope)
@@ -203,24 +192,12 @@ def _scene_of(plot: GivenPlot, folder: Path, number: int, progress: Progress) ->
     return find_scene(scene)
 
 
-def _told_apart(apart: PlantsApart) -> str:
-    """A sentence on how plots of a recorded plot's kind are drawn."""
-    if apart.count:
-        told = count(apart.count, "plant is", "plants are")
-        return f"{told} told apart; on other plots of the kind each is turned and scaled"
-    return (
-        f"the plants cannot be told apart ({apart.refused}); other plots of the kind are this one turned and mirrored"
-    )
-
-
 def _on_captures(settings: SearchSettings, folder: Path, context: Context, count_matches: bool) -> RunSetup:
     """A choice among recorded views; photographs are looked up."""
     progress = context.progress
-    images = Path(settings.path)
-    place = folder / BUILT_REFERENCE
-    if settings.reference_path is not None:
-        place = Path(settings.reference_path)
-    elif not place.is_dir():
+    images, given = Path(settings.given[0].path), settings.given[0].reference_path
+    place = folder / BUILT_REFERENCE if given is None else Path(given)
+    if given is None and not place.is_dir():
         progress.note("no --reference is given: one is built of all photographs first")
         build_reference(images, place, context=replace(context, scheduler=""), scene=False)
     reference = Reference(place)

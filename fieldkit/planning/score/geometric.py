@@ -15,7 +15,7 @@ from fieldkit.clouds.canopy import with_room_m
 from fieldkit.geometry.similarity import similarity_motion
 from fieldkit.planning.problem import POSE_NOISE_M, PlanningProblem
 from fieldkit.planning.score.visibility import POINTS, PerCamera, Surface, in_picture, look
-from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.cameras import Cameras, view_angles_deg
 from fieldkit.planning.space.plots import Plot
 from fieldkit.reconstruction.evidence import ERROR_PX, FINEST_M, quality_of_views, worth_of_angles
 from fieldkit.runtime.kernels import fast_kernel, kernel
@@ -273,14 +273,6 @@ def _expected_distance(p, neighbors, distances, cap):  # type: ignore[no-untyped
             until = distances[i, k + 1] if k < last else cap
             expected[i] += missing * (until - distances[i, k])
     return expected
-
-
-def view_angles_deg(positions: FloatArray, center: FloatArray) -> FloatArray:
-    """(n, n) angles between the directions from a plot's middle (3,) to cameras (n, 3), degrees."""
-    direction = positions - center
-    direction = direction / np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-9)
-    angles: FloatArray = np.degrees(np.arccos(np.clip(direction @ direction.T, -1.0, 1.0)))
-    return angles
 
 
 def expected_matches(positions: FloatArray, center: FloatArray, shared: FloatArray) -> FloatArray:

@@ -152,3 +152,11 @@ def assign(cameras: Cameras, views: Cameras, distance_m: float) -> IntArray:
     cost = np.linalg.norm(cameras.positions[:, None] - views.positions[None], axis=2) + distance_m * angle
     chosen: IntArray = linear_sum_assignment(cost)[1].astype(np.int64)
     return chosen
+
+
+def view_angles_deg(positions: FloatArray, center: FloatArray) -> FloatArray:
+    """(n, n) angles between the directions from a plot's middle (3,) to cameras (n, 3), degrees."""
+    direction = positions - center
+    direction = direction / np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-9)
+    angles: FloatArray = np.degrees(np.arccos(np.clip(direction @ direction.T, -1.0, 1.0)))
+    return angles

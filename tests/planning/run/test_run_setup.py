@@ -23,7 +23,7 @@ from tests.evaluation.examples import reconstruction
 
 def test_a_scene_of_fieldkits_own_is_planned_on_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     settings = search_settings(PlanSettings(scene="demo", cameras=4))
-    assert settings.path == "demo"  # on any machine
+    assert settings.given[0].path == "demo"  # on any machine
     monkeypatch.chdir(tmp_path)
     setup = set_up_run(settings, tmp_path, Context())
     assert setup.problem.count == 4
@@ -71,9 +71,7 @@ def test_plans_for_a_kind_are_stated_for_the_given_plots_height(tmp_path: Path) 
 
 def test_a_scene_that_is_no_longer_the_same_is_refused(tmp_path: Path) -> None:
     settings = search_settings(PlanSettings(scene="demo", cameras=4))
-    other = settings.model_copy(update={"path": "case-1"})
-    with pytest.raises(UsageError, match="has changed"):
-        set_up_run(other, tmp_path, Context())
-    gone = settings.model_copy(update={"path": str(tmp_path / "gone.toml")})
-    with pytest.raises(UsageError, match="gone"):
-        set_up_run(gone, tmp_path, Context())
+    for path, words in (("case-1", "has changed"), (str(tmp_path / "gone.toml"), "gone")):
+        given = (settings.given[0].model_copy(update={"path": path}),)
+        with pytest.raises(UsageError, match=words):
+            set_up_run(settings.model_copy(update={"given": given}), tmp_path, Context())

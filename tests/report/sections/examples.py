@@ -16,7 +16,7 @@ from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_
 from fieldkit.missions.export_mission import export_mission
 from fieldkit.missions.settings import MissionSettings
 from fieldkit.planning.run.folder import LogEntry
-from fieldkit.planning.settings import SearchSettings
+from fieldkit.planning.settings import GivenPlot, SearchSettings
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.comparison import COMPARE_FILE, ComparedEvaluation, ComparisonReport, DifferenceEntry, ValueEntry
 from fieldkit.results.evaluation import AdherenceEntry, EvaluationReport, ReferenceReport, StationErrorEntry
@@ -113,9 +113,8 @@ def write_run(folder: Path, reference: Path | None = None, *, name: str = "dense
     folder.mkdir(parents=True)
     sha256 = None if reference is None else file_sha256(reference / "reference.json")
     source = PlanSource(kind="reference", name=name, sha256=sha256)
-    settings = SearchSettings(
-        fieldkit="0.1.0", source=source, path="dense", cameras=7, method="field", evaluations=trials
-    )
+    given = (GivenPlot(source=source, path="dense"),)
+    settings = SearchSettings(fieldkit="0.1.0", given=given, cameras=7, method="field", evaluations=trials)
     (folder / "search.json").write_text(settings.model_dump_json(indent=2))
     plan = planned(7).model_copy(
         update={

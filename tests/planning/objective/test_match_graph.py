@@ -7,9 +7,8 @@ import numpy as np
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.planning.objective.objective import FIDELITIES
-from fieldkit.planning.objective.recorded import RecordedSource
-from fieldkit.planning.score.geometric import view_angles_deg
-from fieldkit.planning.score.match_graph import match_graph
+from fieldkit.planning.objective.recorded import RecordedSource, match_graph
+from fieldkit.planning.space.cameras import view_angles_deg
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
 from tests.planning.objective.test_recorded import PLOT, RANDOM_CLOUD, SMALL_PLOT
