@@ -235,7 +235,9 @@ class Bosfm:
 
     def _codes(self, trials: Sequence[Trial]) -> FloatArray:
         """(t, 5N) codes of trials."""
-        return np.array([self._space.encode(trial.cameras) for trial in trials]).reshape(len(trials), -1)
+        return np.array([self._space.encode(trial.cameras) for trial in trials]).reshape(
+            -1, PER_CAMERA * self.problem.count
+        )
 
     def _random(
         self, number: int, tried: Sequence[Cameras], origin: str, notes: dict[str, object] | None = None
