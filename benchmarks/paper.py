@@ -322,7 +322,10 @@ def _noise(
         curves: dict[str, dict[float, list[float]]] = {}
         with progress.stage(f"{test}: {name}", len(carried) * len(levels) * draws) as advance:
             for sigma, noise in levels.items():
-                objective = Objective(source.with_noise(noise), ObjectiveSettings(_FIDELITY, _MAPPING, refine=True))
+                objective = Objective(
+                    SimulatedSource(source.proxy, noise, effects=source.effects),
+                    ObjectiveSettings(_FIDELITY, _MAPPING, refine=True),
+                )
                 with evaluating(objective, Context(workers=options.workers)) as evaluations:
                     for method, plans in carried.items():
                         found: list[Evaluation] = []

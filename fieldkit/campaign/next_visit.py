@@ -212,7 +212,7 @@ def _problem(plan: Plan, vehicle: Vehicle | None, plants: Cloud, plot: SitePlot 
     )
     envelope = Envelope.around(kept_clear, volume, **limits.model_dump())
     camera = plan.camera.without_distortion()
-    return PlanningProblem(len(plan.stations), envelope, camera, (Plot.without_others(plants),))
+    return PlanningProblem(len(plan.stations), envelope, camera, (Plot(plants),))
 
 
 def _beyond(plan: Plan, plants: Cloud, plot: SitePlot, rim_m: float) -> FloatArray:

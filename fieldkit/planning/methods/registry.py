@@ -10,7 +10,6 @@ from fieldkit.errors import UsageError
 from fieldkit.planning.problem import FixedDesign, Method, PlanningProblem
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.runtime.shipped import shipped_page
-from fieldkit.vocabulary import PlanningMethod
 
 CPU_BUILD = "uv pip install torch --torch-backend=cpu"
 _TORCH = ("torch", "gpytorch", "botorch")
@@ -77,12 +76,11 @@ def _uniform(problem: PlanningProblem, _: SearchSettings) -> Method:
     return Uniform(problem)
 
 
-_OWN: dict[PlanningMethod, MethodEntry] = {
+METHODS: Mapping[str, MethodEntry] = {
     "field": MethodEntry(_field, torch=True, matches=True, weights=True, for_a_kind=True),
     "bosfm": MethodEntry(_bosfm, torch=True),
     "score": MethodEntry(_score, matches=True, weights=True, for_a_kind=True),
     "circle": MethodEntry(_circle),
     "uniform": MethodEntry(_uniform),
 }
-METHODS: Mapping[str, MethodEntry] = dict(_OWN.items())
 """Every method of `fieldkit plan`. Others plug in by the same protocols: `plan` takes any such mapping."""

@@ -39,8 +39,6 @@ _LEAST_CAMERAS = 2
 class Fidelity:
     """A level of detail of evaluations."""
 
-    name: SearchFidelity
-    """``"draft"``, ``"standard"`` or ``"fine"``."""
     drawn_side: int = 2000
     """Least longer side of rendered photographs, pixels, at most the camera's; recorded ones keep their size."""
     features: FeatureSettings = field(default_factory=FeatureSettings)
@@ -56,9 +54,9 @@ class Fidelity:
 
 
 FIDELITIES: dict[SearchFidelity, Fidelity] = {
-    "draft": Fidelity("draft", 1200, features=FeatureSettings(working_side=900, max_features=3000), dense="draft"),
-    "standard": Fidelity("standard", 1600, features=FeatureSettings(working_side=1400)),
-    "fine": Fidelity("fine", dense="fine"),
+    "draft": Fidelity(1200, features=FeatureSettings(working_side=900, max_features=3000), dense="draft"),
+    "standard": Fidelity(1600, features=FeatureSettings(working_side=1400)),
+    "fine": Fidelity(dense="fine"),
 }
 """Draft and standard render and match fewer pixels than fine, and densify coarser ones."""
 
@@ -282,7 +280,7 @@ _OPEN = 2
 
 
 class PlotsObjective:
-    """The objectives of a kind's plots by their numbers; see `evaluations.Evaluator`.
+    """The objectives of a kind's plots by their numbers; for workers.
 
     Args:
         stretches: by number, for those that cameras are fitted to.

@@ -278,7 +278,7 @@ class RecordedKind:
         if matches is not None:
             index = self.recorded.project(self.recorded.cameras().turned(middle, -rehearsal.turn_deg))
             matches = rehearsal.kept * matches[np.ix_(index, index)]
-        return Plot(turned, np.zeros((0, 3)), matches)
+        return Plot(turned, matches=matches)
 
     def _all_round(self, turn_deg: float) -> bool:
         cameras = self.recorded.cameras()

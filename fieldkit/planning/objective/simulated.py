@@ -135,12 +135,6 @@ class SimulatedSource:
         proxy = proxy or Proxy.from_description(description)
         return cls(proxy, noise or description.noise, effects=description.camera_effects, outdoors=outdoors)
 
-    def with_noise(self, noise: CaptureNoise) -> SimulatedSource:
-        """The same plot and camera under another noise of poses and images; the renderer is not shared."""
-        return SimulatedSource(
-            self.proxy, noise, effects=self.effects, outdoors=self.outdoors, claimed_m=self.claimed_m
-        )
-
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_renderer": None, "_reference": None}
 
@@ -242,7 +236,7 @@ class Kind:
         bounds = self.descriptions[given].bounds
         description = replace(self.descriptions[given], bounds=bounds_around(bounds, varied))
         reference, volume = of_interest(description, varied)
-        return Plot.without_others(reference), volume
+        return Plot(reference), volume
 
     def prepare(self) -> None:
         """Raises RenderingError: this machine cannot render."""

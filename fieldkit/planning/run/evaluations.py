@@ -7,11 +7,10 @@ from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
 
 from fieldkit.errors import FieldkitError
 from fieldkit.planning.objective.evaluation import WORST_M, Evaluation
-from fieldkit.planning.objective.objective import Objective
+from fieldkit.planning.objective.objective import Objective, PlotsObjective
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.worker import Limits, WorkerError
@@ -33,20 +32,7 @@ class Job:
     """Number of the photographed plot."""
 
 
-class Evaluator(Protocol):
-    """An `Objective`, or the objectives of several plots. Picklable."""
-
-    def prepare(self) -> None:
-        """Do the one-off work of the first evaluation now. Raises errors that prevent any evaluation here."""
-        ...
-
-    def on(self, plot: int) -> Objective:
-        """The objective of a plot, by number."""
-        ...
-
-    def close(self) -> None:
-        """Free what `prepare` made."""
-        ...
+Evaluator = Objective | PlotsObjective
 
 
 @dataclass(frozen=True)

@@ -78,22 +78,12 @@ def vehicle_envelope(vehicle: Vehicle, given: EnvelopeSettings) -> EnvelopeSetti
         separation_m=max(_APART_M, vehicle.apart_m),
     )
     wanted = filled(given, limits)
-    what = ""
-    if wanted.height_m[0] < least:
-        from_m = wanted.height_m[0]
-        what = f"heights from {from_m:g} m are asked for, but {vehicle.title} flies no lower than {least:g} m"
-    elif wanted.clearance_m < vehicle.clearance_m:
-        what = (
-            f"a clearance of {wanted.clearance_m:g} m to plants is asked for, but {vehicle.title} keeps "
-            f"{vehicle.clearance_m:g} m"
-        )
-    elif wanted.pitch_deg[0] < low or wanted.pitch_deg[1] > high:
-        first, last = wanted.pitch_deg
-        reach = f"is fixed at {low:g}°" if low == high else f"reaches {low:g}° to {high:g}°"
-        what = f"pitches from {first:g}° to {last:g}° are asked for, but the mount of {vehicle.title} {reach}"
-    if what:
+    within = wanted.pitch_deg[0] >= low and wanted.pitch_deg[1] <= high
+    if wanted.height_m[0] < least or wanted.clearance_m < vehicle.clearance_m or not within:
         raise UsageError(
-            what, remedy="Leave that option out to plan within the vehicle's limits, or leave --vehicle out."
+            f"{vehicle.title} flies no lower than {least:g} m, keeps {vehicle.clearance_m:g} m to plants and pitches its "
+            f"camera from {low:g}° to {high:g}°; more is asked for",
+            remedy="Leave that option out to plan within the vehicle's limits, or leave --vehicle out.",
         )
     return wanted
 

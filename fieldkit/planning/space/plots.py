@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -35,7 +35,7 @@ class Plot:
 
     reference: Cloud
     """PC_env, visible points of the plants' surfaces, with normals if known, plot frame."""
-    obstacles: FloatArray
+    obstacles: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     """(m, 3) further points that hide others and that cameras keep clear of, such as other rows; plot frame."""
     matches: FloatArray | None = None
     """(m, m) counted between each pair of recorded views; None if unknown."""
@@ -48,16 +48,11 @@ class Plot:
         check_plants(description)
         if description.recorded is not None:
             reference, volume = of_interest(description, recorded_plants(description.recorded))
-            return cls.without_others(reference), volume
+            return cls(reference), volume
         plants = build_plants(description.plot)
         (visible,) = sample_visible(plants, (_POINTS,), description.reference.seed, pixels=_PIXELS)
         reference, volume = of_interest(description, visible)
         return cls(reference, neighbour_points(plants)), volume
-
-    @classmethod
-    def without_others(cls, reference: Cloud) -> Plot:
-        """A plot with only its own plants."""
-        return cls(reference, np.zeros((0, 3)))
 
     @property
     def height_m(self) -> float:

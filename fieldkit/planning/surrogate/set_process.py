@@ -77,11 +77,10 @@ class SetProcess:
         explained = solve_triangular(self._root, flat, lower=True).T.reshape(across.shape)
         return mean, self._covariance(x, x) - explained @ np.swapaxes(explained, -1, -2)
 
-    def moments(self, x: FloatArray, *, noise: bool = False) -> tuple[FloatArray, FloatArray]:
-        """Mean (n,) and standard deviation (n,) of each set, with ``noise`` of an evaluation of it, at (n, COLUMNS)."""
+    def moments(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Mean (n,) and standard deviation (n,) of each set at (n, COLUMNS)."""
         mean, covariance = self.posterior(x[:, None])
-        variance = covariance[:, 0, 0] + (self.noise_variance if noise else 0.0)
-        return mean[:, 0], np.sqrt(np.maximum(variance, 0.0))
+        return mean[:, 0], np.sqrt(np.maximum(covariance[:, 0, 0], 0.0))
 
     def _covariance(self, a: FloatArray, b: FloatArray) -> FloatArray:
         """(…, n, m) prior covariances of inputs (…, n, COLUMNS) and (…, m, COLUMNS)."""
