@@ -15,19 +15,17 @@ from fieldkit.errors import SceneError
 from fieldkit.planning.objective.objective import FIDELITIES
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import Bounds, ReferenceSampling, SceneDescription
 from fieldkit.scenes.plot_description import (
     MeshPlantDescription,
-    NeighboursDescription,
     PlotDescription,
     WeedsDescription,
 )
 from fieldkit.scenes.recorded import RecordedSurface
-from fieldkit.scenes.sampling import WEED_NAMES, neighbour_points
+from fieldkit.scenes.sampling import WEED_NAMES
 from fieldkit.scenes.simulate import CaptureNoise, Outdoors
 from tests.planning.conftest import CAMERA
 from tests.scenes.conftest import SMALL_PLOT, SMALL_SOIL
@@ -56,17 +54,6 @@ def same_plants(description: SceneDescription, proxy: Proxy) -> None:
         away = cKDTree(theirs.points).query(ours.points)[0]
         assert np.quantile(away, 0.99) < 0.02
     assert len(plot.obstacles) == len(proxy.plot.obstacles)
-
-
-@pytest.mark.slow
-def test_a_proxy_of_maize_has_the_descriptions_camera_and_truth() -> None:
-    proxy = Proxy.from_description(SCENE)
-    assert proxy.camera == CAMERA
-    assert 7_000 <= len(proxy.reference) <= 10_000
-    assert proxy.reference.points[:, 2].min() > 0.03 == proxy.volume.lower[2]
-    assert proxy.volume.contains(proxy.reference.points).all()
-    half = CAMERA.scaled(320, 240)
-    assert Proxy.from_description(SCENE, half).camera == half
 
 
 def test_a_proxy_of_a_mesh(tmp_path: Path) -> None:
@@ -139,26 +126,3 @@ def test_effects_and_wind_depend_on_seed_and_photograph_only(source: SimulatedSo
     assert len(pixels(bursts, arc.select([0, 1]), 3)) == 2  # one steady photograph of each
     for each in (plain, windy):
         each.close()
-
-
-@pytest.mark.slow
-def test_cameras_keep_clear_of_neighbour_rows() -> None:
-    rows = NeighboursDescription(seed=3, rows=1, row_spacing_m=0.6, plant_spacing_m=0.3, length_m=0.6)
-    proxy = Proxy.from_description(replace(SCENE, plot=replace(SCENE.plot, neighbours=rows)))
-    same_plants(replace(SCENE, plot=replace(SCENE.plot, neighbours=rows)), proxy)
-    neighbours = neighbour_points(proxy.scene)
-    assert len(neighbours)
-    assert not proxy.volume.contains(neighbours).all()
-    envelope = Envelope.around(Cloud(proxy.plot.points), proxy.volume, height_m=(0.5, 1.2))
-    cameras = envelope.sample(20, 0)
-    nearest = PointIndex(neighbours).nearest(cameras.positions)[0].min()
-    # the obstacles are thinned to 2 cm
-    assert envelope.clearance_m - 0.02 <= nearest
-
-    alone = Proxy.from_description(SCENE)
-    assert len(neighbour_points(alone.scene)) == 0
-    assert len(alone.plot.obstacles) == 0
-
-
-def test_the_air_is_still_unless_wind_is_asked_for(proxy: Proxy) -> None:
-    assert SimulatedSource.from_description(replace(SCENE, wind_m=0.02), proxy=proxy).outdoors.still

@@ -81,8 +81,8 @@ def vehicle_envelope(vehicle: Vehicle, given: EnvelopeSettings) -> EnvelopeSetti
     within = wanted.pitch_deg[0] >= low and wanted.pitch_deg[1] <= high
     if wanted.height_m[0] < least or wanted.clearance_m < vehicle.clearance_m or not within:
         raise UsageError(
-            f"{vehicle.title} flies no lower than {least:g} m, keeps {vehicle.clearance_m:g} m to plants and pitches its "
-            f"camera from {low:g}° to {high:g}°; more is asked for",
+            f"{vehicle.title} flies no lower than {least:g} m, keeps {vehicle.clearance_m:g} m to plants and pitches "
+            f"its camera from {low:g}° to {high:g}°; more is asked for",
             remedy="Leave that option out to plan within the vehicle's limits, or leave --vehicle out.",
         )
     return wanted

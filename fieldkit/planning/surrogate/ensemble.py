@@ -204,10 +204,6 @@ def fit_ensemble(
         seed: of the fits' second starts.
         least_noise: least standard deviation of y's noise in the fit, if known.
     """
-    if x.ndim != 2 or y.shape != (len(x),) or not len(y):
-        raise ValueError("a Gaussian process needs inputs (t, d) and outputs (t,) with t ≥ 1")
-    if not (np.isfinite(x).all() and np.isfinite(y).all()):
-        raise ValueError("inputs and outputs must be finite")
     inputs, outputs = torch.from_numpy(x), torch.from_numpy(y)[:, None]
     deviation = float(np.std(y, ddof=1)) if len(y) > 1 else 0.0
     least = max(_LEAST_NOISE, (least_noise / deviation) ** 2 if deviation > 0 else 0.0)

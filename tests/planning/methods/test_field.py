@@ -192,23 +192,6 @@ def test_of_a_recorded_set_the_first_are_what_a_person_would_take() -> None:
     assert found[6].cameras not in {t.cameras for t in given if t}
 
 
-def test_pending_trials_are_not_proposed_again() -> None:
-    problem, found = searched()
-    pending: list[Trial] = []
-    for number in range(6, 9):
-        trial = Field(problem, QUICK).propose(number, found[:6], pending)
-        assert all(trial.cameras != other.cameras for other in pending)
-        pending.append(trial)
-
-
-def test_what_broke_teaches_nothing() -> None:
-    problem, found = searched()
-    broken = [replace(r, value_m=np.nan if k == 4 else r.value_m) for k, r in enumerate(found[:6])]
-    with_it = Field(problem, QUICK).propose(6, broken, [])
-    assert with_it.cameras != found[4].cameras
-    assert problem.contains(with_it.cameras)
-
-
 def test_a_small_recorded_set_is_tried_out_and_then_left() -> None:
     problem = bowl_problem(3, views=5)
     found = run(Field(problem, QUICK), 30, problem)

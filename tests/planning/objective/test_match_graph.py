@@ -10,7 +10,6 @@ from fieldkit.planning.objective.objective import FIDELITIES
 from fieldkit.planning.objective.recorded import RecordedSource, match_graph
 from fieldkit.planning.space.cameras import view_angles_deg
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.progress import Silent
 from tests.planning.objective.test_recorded import PLOT, RANDOM_CLOUD, SMALL_PLOT
 
 FEATURES = FIDELITIES["draft"].features
@@ -29,17 +28,3 @@ def test_neighbours_match_and_strangers_do_not(tmp_path: Path) -> None:
     assert np.median(neighbours) > 50
     elsewhere = RecordedSource(source.capture, PLOT, RANDOM_CLOUD, cache=StageCache(tmp_path / "other"))
     np.testing.assert_array_equal(match_graph(elsewhere, FEATURES, Context(workers=2)), counted)
-
-
-def test_it_is_kept(tmp_path: Path) -> None:
-    source = RecordedSource(read_capture(SMALL_PLOT), PLOT, RANDOM_CLOUD, cache=StageCache(tmp_path))
-    first = match_graph(source, FEATURES, Context())
-    stages = []
-
-    class Told(Silent):
-        def stage(self, name: str, total: int | None = None, **work):
-            stages.append(name)
-            return super().stage(name, total, **work)
-
-    np.testing.assert_array_equal(match_graph(source, FEATURES, Context(progress=Told())), first)
-    assert stages == ["Features"]

@@ -11,21 +11,15 @@ import numpy as np
 import pytest
 
 from fieldkit.captures import read_image
-from fieldkit.clouds.cloud import Cloud
-from fieldkit.errors import UsageError
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.objective import FIDELITIES, Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import SimulatedSource
 from fieldkit.planning.run.evaluations import Job, evaluating
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.planning.space.envelope import Envelope
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription
-from fieldkit.scenes.library import find_scene
-from fieldkit.scenes.renderer import RenderingError
-from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise
 from tests.scenes.conftest import SMALL_PLOT
 
@@ -80,14 +74,6 @@ def test_a_photograph_that_is_lost_is_no_loss_to_the_others(source: SimulatedSou
     assert found.chamfer_m is not None
 
 
-def test_blind_mapping_is_real_and_may_lose_photographs(source: SimulatedSource, arc: Cameras) -> None:
-    far = Cameras.aimed([[1.3, 0, 0.9], [-1.0, 0.2, 0.9], [0.1, 1.2, 0.9], [0.2, -1.2, 0.9]], (0.15, 0.0, 0.2))
-    mixed = Cameras.from_vector(np.concatenate([arc.vector(), far.vector()]))
-    found = Objective(source, ObjectiveSettings("draft", "incremental")).evaluate(mixed)
-    assert len(found.views) == 10
-    assert 2 <= found.registered < 10
-
-
 def test_noise_costs_and_refining_takes_out_what_it_moves_as_a_whole(proxy, source, arc) -> None:
     exact = SimulatedSource(proxy, CaptureNoise(position_m=0.0, angle_deg=0.0))
     noisy = SimulatedSource(proxy, replace(source.noise, position_m=0.03))
@@ -104,13 +90,6 @@ def test_a_source_travels_without_its_renderer(source: SimulatedSource) -> None:
     copy = pickle.loads(pickle.dumps(source))
     assert copy._renderer is None
     assert copy.proxy.reference.points.tobytes() == source.proxy.reference.points.tobytes()
-
-
-def test_senseless_requests_are_refused(source: SimulatedSource, arc: Cameras) -> None:
-    with pytest.raises(UsageError, match="two cameras"):
-        Objective(source, DRAFT).evaluate(arc.select([0]))
-    with pytest.raises(UsageError, match="fidelity"):
-        ObjectiveSettings("ultra")
 
 
 @pytest.mark.slow
@@ -153,19 +132,3 @@ def test_without_a_renderer_the_error_names_the_remedy(tmp_path: Path) -> None:
         env={"PYTHONPATH": str(Path(__file__).parents[3]), "PYOPENGL_PLATFORM": "nonsense", "PATH": "/usr/bin"},
     )
     assert done.stdout.startswith("RenderingError Install the off-screen OpenGL libraries"), done.stderr
-
-
-@pytest.mark.slow
-def test_loosely_tied_photographs_repeat() -> None:
-    # Two of ten share few matches with the others; where all pairs hold the model alike they end 5 to 20 mm off.
-    source = SimulatedSource.from_description(read_scene(find_scene("tuning-3")))
-    envelope = Envelope.around(Cloud(source.proxy.plot.points), source.proxy.volume)
-    try:
-        objective = Objective(source, DRAFT)
-        values = [objective.evaluate(envelope.sample(10, 3), seed=seed).value_m for seed in range(3)]
-    except RenderingError as error:
-        pytest.skip(f"no picture can be rendered here: {error}")
-    finally:
-        source.close()
-    assert max(values) - min(values) < 0.001
-    assert max(values) < 0.0115

@@ -1,6 +1,5 @@
 """The recorded back end, and plots of its kind, on the small plot's eight photographs."""
 
-import shutil
 from dataclasses import replace
 from itertools import permutations
 from pathlib import Path
@@ -10,17 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fieldkit.cache import StageCache, digest
+from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.clouds import Cloud, Volume
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.priors import SourceFrame
-from fieldkit.planning.objective.objective import FIDELITIES, Objective, ObjectiveSettings, PlotsObjective
-from fieldkit.planning.objective.recorded import LEAST_KEPT, RecordedKind, RecordedSource, Rehearsal, recorded_views
+from fieldkit.planning.objective.objective import FIDELITIES, Objective, ObjectiveSettings
+from fieldkit.planning.objective.recorded import LEAST_KEPT, RecordedKind, RecordedSource, recorded_views
 from fieldkit.planning.space.cameras import Cameras, assign
 from fieldkit.reconstruction.pipeline import KnownPlot
-from fieldkit.reconstruction.settings import FeatureSettings, PriorMappingSettings
+from fieldkit.reconstruction.settings import FeatureSettings
 from fieldkit.reconstruction.stages import load_features
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
@@ -81,11 +80,6 @@ def test_recorded_cameras_stand_for_themselves(source: RecordedSource) -> None:
     assert source.project(moved).tolist() == [2, 6]
 
 
-def test_more_cameras_than_views_are_refused(source: RecordedSource) -> None:
-    with pytest.raises(UsageError, match="9 cameras are asked for, but the set has 8"):
-        source.project(source.cameras([*range(8), 0]))
-
-
 def test_an_evaluation_uses_the_chosen_photographs_and_the_cache(source: RecordedSource) -> None:
     objective = Objective(source, ObjectiveSettings("standard"))
     first = objective.evaluate(source.cameras([5, 4, 6, 3]))
@@ -113,18 +107,6 @@ def test_pairs_that_another_set_matched_are_not_matched_again(source: RecordedSo
     assert (cold.value_m, cold.cloud_digest, cold.right) == (warm.value_m, warm.cloud_digest, warm.right)
 
 
-def test_bands_are_the_mappings(source: RecordedSource) -> None:
-    assert ObjectiveSettings().prior == PriorMappingSettings()
-    assert ObjectiveSettings(bands_px=(10.0, 3.0)).prior.bands_px == (10.0, 3.0)
-    with pytest.raises(UsageError, match="above 0"):
-        ObjectiveSettings(bands_px=())
-    evaluation, cloud = Objective(source, ObjectiveSettings("draft", bands_px=(10.0, 3.0))).evaluate_cloud(
-        source.cameras([3, 4, 5, 6])
-    )
-    assert evaluation.cloud_digest == digest(cloud.points)
-    assert len(cloud) == evaluation.points > 50
-
-
 def test_noise_moves_the_commands_and_not_the_photographs(source: RecordedSource) -> None:
     noisy = RecordedSource(
         source.capture,
@@ -144,25 +126,6 @@ def test_noise_moves_the_commands_and_not_the_photographs(source: RecordedSource
     assert np.array_equal(alone.priors[alone.names[0]].position, priors[2].position)
     with pytest.raises(UsageError, match="image noise"):
         RecordedSource(source.capture, PLOT, RANDOM_CLOUD, cache=source.cache, noise=CaptureNoise())
-
-
-def test_a_set_in_another_frame_is_turned_into_the_plots(source: RecordedSource) -> None:
-    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    moved = replace(PLOT, source=SourceFrame("poses.csv", None, Similarity(1.0, turn, np.array([0.5, 0.0, 0.0]))))
-    found = RecordedSource(source.capture, moved, RANDOM_CLOUD, cache=source.cache)
-    before, after = source.cameras(), found.cameras()
-    np.testing.assert_allclose(after.positions, before.positions @ turn.T + (0.5, 0, 0), atol=1e-9)
-    np.testing.assert_allclose(after.forward, before.forward @ turn.T, atol=1e-9)
-
-
-def test_without_orientations_the_remedy_is_poses_csv(tmp_path: Path) -> None:
-    for path in SMALL_PLOT.glob("*.jpg"):
-        shutil.copyfile(path, tmp_path / path.name)
-    lines = (SMALL_PLOT / "poses.csv").read_text().splitlines()
-    (tmp_path / "poses.csv").write_text("\n".join(",".join(line.split(",")[:4]) for line in lines) + "\n")
-    with pytest.raises(MetadataError, match="0 photographs") as caught:
-        RecordedSource(read_capture(tmp_path), PLOT, RANDOM_CLOUD, cache=StageCache(None))
-    assert "yaw_deg" in caught.value.remedy
 
 
 def test_plot_0_is_the_plot_as_it_was_recorded(source: RecordedSource) -> None:
@@ -228,14 +191,3 @@ def test_a_share_of_the_features_is_withheld(tmp_path: Path) -> None:
         assert len({a.key, b.key, c.key}) == 3
         assert {row.tobytes() for row in b.features.keypoints} < {row.tobytes() for row in a.features.keypoints}
         assert b.features.keypoints.tobytes() != c.features.keypoints.tobytes()
-
-
-def test_an_objective_rehearses_its_plot(source: RecordedSource) -> None:
-    plots = PlotsObjective(RecordedKind(source, seed=1), ObjectiveSettings("draft"))
-    plots.prepare()
-    cameras = source.cameras()
-    found = {plot: plots.on(plot).evaluate(cameras) for plot in (0, 1)}
-    assert found[0].cloud_digest != found[1].cloud_digest
-    again = source.rehearsing(Rehearsal())
-    assert again.reference is source.reference
-    plots.close()

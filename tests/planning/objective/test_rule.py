@@ -37,28 +37,11 @@ def test_a_good_point_never_makes_it_worse(truth: np.ndarray, found: np.ndarray,
     assert value_of(reference, more) <= value_of(reference, cloud) + 1e-12
 
 
-@given(points)
-def test_the_truth_itself_costs_nothing(truth: np.ndarray) -> None:
-    assert value_of(Cloud(truth), Cloud(truth)) == 0.0
-
-
 def test_an_ordinary_cloud_has_its_chamfer_distance() -> None:
     rng = np.random.default_rng(0)
     reference = Cloud(rng.uniform(0, 0.2, (2000, 3)))
     cloud = Cloud(reference.points[::2] + rng.normal(0, 0.002, (1000, 3)))
     assert value_of(reference, cloud) == pytest.approx(chamfer_distance(reference, cloud).chamfer_m, rel=1e-12)
-
-
-def test_from_nothing_to_everything_it_falls_without_a_jump() -> None:
-    rng = np.random.default_rng(1)
-    reference = rng.uniform(0, 1, (3000, 3))
-    order = rng.permutation(3000)
-    counts = [0, 1, 2, 5, 20, 100, 500, 3000]
-    values = [value_of(Cloud(reference), Cloud(reference[order[:n]])) for n in counts]
-    assert values[0] == WORST_M
-    assert values == sorted(values, reverse=True)
-    assert values[0] - values[1] < 0.05 * WORST_M
-    assert values[-1] == 0.0
 
 
 def test_a_cloud_in_the_wrong_place_is_worth_nothing() -> None:

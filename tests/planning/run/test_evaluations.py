@@ -18,25 +18,12 @@ from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.run.evaluations import Evaluations, Job, evaluating
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.worker import Limits, NoWorkersError
-from tests.planning.bowl import here
-from tests.planning.traps import GROW, HANG, RAISE, REFUSE, SEGFAULT, SLOW, Trap, job_cameras
+from fieldkit.runtime.worker import Limits
+from tests.planning.traps import GROW, HANG, RAISE, REFUSE, SEGFAULT, Trap, job_cameras
 
 
 def evaluate_all(evaluations: Evaluations, cameras: Sequence[Cameras], seed: int | None = None) -> list[Evaluation]:
     return list(evaluations.each(Job(each, seed) for each in cameras))
-
-
-def test_results_come_in_order_and_as_in_this_process(tmp_path: Path) -> None:
-    jobs = [job_cameras(x) for x in (SLOW, 1.0, 2.0, SLOW, 3.0)]
-    with evaluating(Trap(tmp_path), Context(workers=2)) as pool:
-        found = evaluate_all(pool, jobs, seed=4)
-        again = evaluate_all(pool, jobs, seed=4)
-    started = len(list(tmp_path.glob("worker-*")))
-    assert found == again == evaluate_all(here(Trap(tmp_path)), jobs, seed=4)
-    assert [e.value_m for e in found] == [pytest.approx(x + 6.0) for x in (SLOW, 1.0, 2.0, SLOW, 3.0)]
-    # Two processes did all of it, both times.
-    assert started == 2
 
 
 @pytest.mark.parametrize(
@@ -71,13 +58,6 @@ def test_errors_for_people_come_through(tmp_path: Path) -> None:
         pytest.raises(InputError, match="rendered"),
     ):
         evaluate_all(pool, [job_cameras(1.0)])
-
-
-def test_workers_that_never_start_are_an_error(tmp_path: Path) -> None:
-    with evaluating(Trap(tmp_path, dies_at_start=True), Context()) as pool:
-        with pytest.raises(NoWorkersError, match="exit code 9") as caught:
-            evaluate_all(pool, [job_cameras(1.0)])
-    assert "doctor" in caught.value.remedy
 
 
 def test_leaving_by_an_error_leaves_no_process(tmp_path: Path) -> None:

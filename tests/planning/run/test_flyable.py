@@ -101,7 +101,7 @@ def test_below_leaves_is_no_place_for_a_vehicle() -> None:
 
 @pytest.mark.parametrize("limits", [{"height_m": (0.5, 2.0)}, {"clearance_m": 0.3}, {"pitch_deg": (-90.0, 45.0)}])
 def test_what_leaves_the_vehicles_limits_is_refused(limits: dict[str, Any]) -> None:
-    with pytest.raises(UsageError, match="no lower than 1 m, keeps 0.5 m .* from -90° to 30°") as caught:
+    with pytest.raises(UsageError, match=r"no lower than 1 m, keeps 0.5 m .* from -90° to 30°") as caught:
         search_settings(PlanSettings(scene="demo", vehicle="ardupilot-pitch", envelope=limits))
     assert "--vehicle" in caught.value.remedy
 

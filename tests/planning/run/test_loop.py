@@ -109,18 +109,6 @@ def test_an_interrupted_run_ends_as_an_unbroken_one(tmp_path: Path, stop: int, l
     assert len(evaluated) == len(set(evaluated)) == 18  # nothing was done twice
 
 
-def test_more_evaluations_extend_a_finished_run(tmp_path: Path) -> None:
-    long = unbroken(tmp_path, bowl_settings(evaluations=20))
-    evaluations = here(Bowl(noise_m=0.1))
-    with create_run(tmp_path / "run", bowl_settings(evaluations=9)) as run:
-        whole_run(run, evaluations)
-    with open_run(tmp_path / "run") as run:
-        run.save_settings(run.settings.model_copy(update={"evaluations": 20}))
-        search(Greedy(), evaluations, run, watch=ignore)
-        entries = [e for e in plain(run.entries) if e["stage"] == "search"]
-    assert entries == [e for e in long if e["stage"] == "search"]
-
-
 def test_the_same_whatever_the_workers_with_one_lag(tmp_path: Path) -> None:
     settings = bowl_settings(lag=6)
     with (

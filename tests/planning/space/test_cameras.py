@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit_sim.simulation import ring
 
 lengths = st.floats(-50, 50, allow_nan=False)
 cameras_z = (
@@ -53,17 +52,6 @@ def test_aimed_cameras_look_at_their_target(z: np.ndarray, target: tuple[float, 
     off = np.cross(aimed.forward, way)[far]
     np.testing.assert_allclose(np.linalg.norm(off, axis=1), 0.0, atol=1e-9)
     assert ((aimed.forward * way).sum(axis=1)[far] > 0).all()
-
-
-def test_a_ring_is_a_ring() -> None:
-    poses = ring(8, 1.4, 1.1)
-    cameras = Cameras.from_poses(poses)
-    assert len(cameras) == 8
-    assert cameras.vector().shape == (40,)
-    np.testing.assert_allclose(Cameras.aimed(cameras.positions, (0, 0, 0.25)).vector(), cameras.vector(), atol=1e-9)
-    assert cameras.select([2, 0]).positions.tolist() == [poses[2].center.tolist(), poses[0].center.tolist()]
-    assert hash(cameras) == hash(Cameras.from_vector(cameras.vector()))
-    assert cameras != cameras.select([0])
 
 
 @pytest.mark.parametrize("z", [[0.0] * 4, [0, 0, 0, 0, 91.0], [np.nan, 0, 0, 0, 0], [0, 0, 0, np.inf, 0]])

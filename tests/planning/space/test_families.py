@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.planning.space.envelope import fill_distance_m, reach_m
-from fieldkit.planning.space.families import SPAN_DEG, Circle, circles, families
+from fieldkit.planning.space.families import SPAN_DEG, circles, families
 from tests.planning.leafy import problem
 
 PROBLEM = problem(9)
@@ -54,16 +54,6 @@ def test_an_arc_spans_what_it_says() -> None:
         assert np.diff(azimuths_deg(arc.build(flat | {"widening": -0.4}).positions)).min() > 0
 
 
-def test_an_arc_all_the_way_round_is_a_ring() -> None:
-    values = {"radius_m": 1.3, "altitude_m": 1.1, "aim_m": 0.3}
-    arc = BY_NAME["arc"].build(values | {"span_deg": 360.0, "middle_deg": 160.0, "widening": 0.0})
-    ring = BY_NAME["ring"].build(values | {"phase_deg": 0.0, "stretch": 0.0})
-    assert arc.positions.shape == ring.positions.shape
-    np.testing.assert_allclose(np.diff(np.sort(azimuths_deg(arc.positions))), 40.0)
-    distance = np.linalg.norm(arc.positions[:, None] - ring.positions[None], axis=2).min(axis=1)
-    np.testing.assert_allclose(distance, 0.0, atol=1e-9)
-
-
 def test_a_chain_alternates_and_a_spiral_rises() -> None:
     chain = BY_NAME["chain"].decode([0.5, 0.5, 0.2, 0.9, 0.1, 0.8, 0.5, 0.5])
     heights = chain.positions[:, 2]
@@ -88,12 +78,3 @@ def test_circles_fill_the_ranges() -> None:
     inside = {c.radius_m for c in circles(PROBLEM, 1, 2, inner=True)}
     width = radius[1] - radius[0]
     np.testing.assert_allclose(sorted(inside), [radius[0] + 0.25 * width, radius[0] + 0.75 * width])
-
-
-def test_a_circle_is_round_and_looks_inwards() -> None:
-    cameras = Circle(1.2, 0.9, 0.3, phase_deg=10.0).cameras(PROBLEM)
-    offset = cameras.positions - PROBLEM.center
-    np.testing.assert_allclose(np.hypot(offset[:, 0], offset[:, 1]), 1.2)
-    np.testing.assert_allclose(cameras.positions[:, 2], 0.9)
-    target = np.append(PROBLEM.center[:2], 0.3) - cameras.positions
-    np.testing.assert_allclose(target / np.linalg.norm(target, axis=1)[:, None], cameras.forward, atol=1e-12)

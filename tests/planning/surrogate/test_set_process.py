@@ -65,7 +65,7 @@ def gpytorchs(x: np.ndarray, y: np.ndarray) -> SingleTaskGP:
     return model
 
 
-@pytest.mark.parametrize(("count", "plots"), [(1, 1), (6, 1), (12, 3), (30, 1), (30, 3)])
+@pytest.mark.parametrize(("count", "plots"), [(1, 1), (12, 3), (30, 1)])
 def test_fit_and_posterior_are_gpytorchs(count: int, plots: int) -> None:
     x, y = data(count + 5, plots)
     ours, theirs = fit_sets(x[:count], y[:count], SLOPES, REST_M, NOISE), gpytorchs(x[:count], y[:count])
@@ -99,7 +99,7 @@ def test_improvements_are_finite_for_tried_sets_and_largest_where_more_is_expect
     assert waiting.max() < alone.max() + 1e-9
 
 
-@pytest.mark.parametrize("apart", [0.0, 1e-12, 1e-8, 1e-6, 1e-3])
+@pytest.mark.parametrize("apart", [0.0, 1e-8, 1e-3])
 def test_sets_that_hardly_differ_leave_their_joint_posterior_regular(apart: float) -> None:
     """Without a variance of its own for each set, the Cholesky factor needs jitter, with a `NumericalWarning`."""
     x, y = data(12, 1)
