@@ -41,7 +41,7 @@ SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
         ("--scene case-1 --height 75,150", 2, "in centimetres?"),
         ("--scene case-1 -n 1300", 2, "cameras"),
         ("--scene case-1 --pose-noise 20,1", 2, "in centimetres?"),
-        (f"--captures '{SMALL_PLOT}' --clearance 0.5", 2, "--clearance would not change the choice"),
+        (f"--captures '{SMALL_PLOT}' --clearance 0.5", 2, "recorded photographs have their places"),
         ("--scene case-1 --for this-plot --vary 4", 2, "--vary 4 plans for more than this plot"),
         ("--scene case-1 --method matchable", 2, "matchable"),
         ("--scene case-1 --preset indoors", 2, "indoors"),
