@@ -49,8 +49,13 @@ def near(cameras: Cameras, problem: PlanningProblem, size_m: float, rng: np.rand
 def _shifted(
     cameras: Cameras, problem: PlanningProblem, moved: IntArray, steps: FloatArray, aims: FloatArray
 ) -> Cameras:
-    """Cameras ``moved`` (m,) by steps (m, 3) around, outwards and upwards, and their aim points by aims (m, 3)."""
-    positions, targets = cameras.positions[moved], looked_at(cameras, problem)[moved]
+    """Cameras ``moved`` (m,) by steps (m, 3) around, outwards and upwards, and their aim points by aims (m, 3).
+
+    A camera's aim point is that of its optical axis nearest to the plot's middle, at least 0.2 m away.
+    """
+    positions, forward = cameras.positions[moved], cameras.forward[moved]
+    along = np.sum((problem.center - positions) * forward, axis=1)
+    targets = positions + np.maximum(along, 0.2)[:, None] * forward
     offsets = positions[:, :2] - problem.center[:2]
     radii = np.maximum(np.linalg.norm(offsets, axis=1), 0.1)
     turn = np.arctan2(offsets[:, 1], offsets[:, 0]) + steps[:, 0] / radii
@@ -66,13 +71,6 @@ def _shifted(
     rows = cameras.rows()
     rows[moved] = aimed.rows()
     return Cameras.from_vector(rows)
-
-
-def looked_at(cameras: Cameras, problem: PlanningProblem) -> FloatArray:
-    """(n, 3) the points of the optical axes that are nearest to the plot's middle, at least 0.2 m away."""
-    along = np.sum((problem.center - cameras.positions) * cameras.forward, axis=1)
-    points: FloatArray = cameras.positions + np.maximum(along, 0.2)[:, None] * cameras.forward
-    return points
 
 
 Cost = Callable[[Cameras, Sequence[int]], FloatArray]

@@ -1,4 +1,4 @@
-"""Methods by name, as `--method` takes them. Each is imported when it is asked for: some bring PyTorch along."""
+"""Methods by name, as `--method` takes them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from fieldkit.errors import UsageError
+from fieldkit.planning.methods.circle import CircleSearch
+from fieldkit.planning.methods.field import Field
+from fieldkit.planning.methods.score import ScoreOptimum
+from fieldkit.planning.methods.subsets import Uniform
 from fieldkit.planning.problem import FixedDesign, Method, PlanningProblem
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.runtime.shipped import shipped_page
@@ -46,41 +50,28 @@ def method_entry(name: str, methods: Mapping[str, MethodEntry] | None = None) ->
     return entry
 
 
-def _field(problem: PlanningProblem, settings: SearchSettings) -> Method:
-    from fieldkit.planning.methods.field import Field
-
-    return Field(problem, seed=settings.seed, weights=settings.weights)
-
-
 def _bosfm(problem: PlanningProblem, settings: SearchSettings) -> Method:
-    from fieldkit.planning.methods.bosfm import Bosfm
+    from fieldkit.planning.methods.bosfm import Bosfm  # brings PyTorch along
 
     return Bosfm(problem, seed=settings.seed)
 
 
-def _circle(problem: PlanningProblem, _: SearchSettings) -> Method:
-    from fieldkit.planning.methods.circle import CircleSearch
-
-    return CircleSearch(problem)
-
-
-def _score(problem: PlanningProblem, settings: SearchSettings) -> FixedDesign:
-    from fieldkit.planning.methods.score import ScoreOptimum
-
-    return ScoreOptimum(problem, settings.weights, settings.seed)
-
-
-def _uniform(problem: PlanningProblem, _: SearchSettings) -> Method:
-    from fieldkit.planning.methods.subsets import Uniform
-
-    return Uniform(problem)
-
-
 METHODS: Mapping[str, MethodEntry] = {
-    "field": MethodEntry(_field, torch=True, matches=True, weights=True, for_a_kind=True),
+    "field": MethodEntry(
+        lambda problem, settings: Field(problem, seed=settings.seed, weights=settings.weights),
+        torch=True,
+        matches=True,
+        weights=True,
+        for_a_kind=True,
+    ),
     "bosfm": MethodEntry(_bosfm, torch=True),
-    "score": MethodEntry(_score, matches=True, weights=True, for_a_kind=True),
-    "circle": MethodEntry(_circle),
-    "uniform": MethodEntry(_uniform),
+    "score": MethodEntry(
+        lambda problem, settings: ScoreOptimum(problem, settings.weights, settings.seed),
+        matches=True,
+        weights=True,
+        for_a_kind=True,
+    ),
+    "circle": MethodEntry(lambda problem, _: CircleSearch(problem)),
+    "uniform": MethodEntry(lambda problem, _: Uniform(problem)),
 }
 """Every method of `fieldkit plan`. Others plug in by the same protocols: `plan` takes any such mapping."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -176,26 +177,25 @@ def resumed_settings(settings: SearchSettings, asked: PlanSettings) -> SearchSet
 
     Raises UsageError: the run did not begin with what is asked.
     """
-    fixed = {}
-    for own, wished in ((settings, asked), (settings.noise, asked.noise), (settings.envelope, asked.envelope)):
-        for key in type(wished).model_fields:
-            known = key in type(own).model_fields and key not in {*CHANGEABLE, "vehicle", "camera", "noise", "envelope"}
-            if known and key in wished.model_fields_set and getattr(own, key) != getattr(wished, key):
-                fixed[key] = getattr(wished, key)
+    began = dict(settings) | dict(settings.noise) | dict(settings.envelope)
+    wanted: dict[str, Any] = {}
+    for part in (asked, asked.noise, asked.envelope):
+        wanted |= {key: getattr(part, key) for key in type(part).model_fields if key in part.model_fields_set}
     if asked.purpose is not None and (asked.purpose == "kind") != (settings.plots > 1):
-        fixed["plots"] = 1 if asked.purpose == "this-plot" else KIND_PLOTS
+        wanted["plots"] = 1 if asked.purpose == "this-plot" else KIND_PLOTS
     if asked.vehicle is not None:
-        _, record = read_vehicle(asked.vehicle)
-        if settings.vehicle is None or settings.vehicle.sha256 != record.sha256:
-            fixed["vehicle"] = record.name if settings.vehicle is None else f"{record.name} as it is now"
-    if asked.camera is not None and _camera(asked.camera) != settings.camera:
-        fixed["camera"] = asked.camera.name
-    if fixed:
-        key, value = next(iter(fixed.items()))
-        raise UsageError(
-            f"this run did not begin with {key} = {value}",
-            remedy="Leave it out to go on with this run, or start another one in another folder.",
-        )
+        record = read_vehicle(asked.vehicle)[1]
+        same = settings.vehicle is not None and settings.vehicle.sha256 == record.sha256
+        wanted["vehicle"] = settings.vehicle if same else record
+    if asked.camera is not None:
+        wanted["camera"] = _camera(asked.camera)
+    files = {"vehicle": asked.vehicle, "camera": asked.camera}
+    for key, value in wanted.items():
+        if key in began and key not in {*CHANGEABLE, "noise", "envelope"} and value != began[key]:
+            raise UsageError(
+                f"this run did not begin with {key} = {files.get(key, value)}",
+                remedy="Leave it out to go on with this run, or start another one in another folder.",
+            )
     if asked.sources:
         settings = _moved(settings, describe_sources(asked))
     changed = {key: getattr(asked, key) for key in asked.model_fields_set.intersection(CHANGEABLE)}

@@ -146,7 +146,7 @@ def test_a_run_goes_on_for_the_vehicle_it_began_with(tmp_path: Path) -> None:
     copy.write_bytes((vehicles_folder() / "ardupilot-pitch.toml").read_bytes())
     assert resumed_settings(began, PlanSettings(vehicle=copy)) == began
     copy.write_text(copy.read_text().replace("min_height_m = 1.0", "min_height_m = 1.1"))
-    with pytest.raises(UsageError, match=r"did not begin with vehicle = mine\.toml as it is now"):
+    with pytest.raises(UsageError, match=r"did not begin with vehicle = .*mine"):
         resumed_settings(began, PlanSettings(vehicle=copy))
 
 
