@@ -23,7 +23,7 @@ from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import SimulatedSource
-from fieldkit.planning.run.evaluations import Job, evaluating
+from fieldkit.planning.run.loop import Job, evaluating
 from fieldkit.planning.run.request import KIND_PLOTS
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress

@@ -12,9 +12,8 @@ from benchmarks.planner_runs import Place, Ran, confirmed_m, figures, mean_of
 from benchmarks.result import Cell, ResultTable
 from fieldkit.cache import StageCache
 from fieldkit.planning.problem import Trial
-from fieldkit.planning.run.evaluations import evaluating
 from fieldkit.planning.run.folder import create_run, open_run
-from fieldkit.planning.run.loop import Finalist, evaluate_again, no_watch
+from fieldkit.planning.run.loop import Finalist, evaluate_again, evaluating, no_watch
 from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot

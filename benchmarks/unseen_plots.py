@@ -28,8 +28,8 @@ from fieldkit.planning.objective.objective import FIDELITIES
 from fieldkit.planning.objective.simulated import Proxy
 from fieldkit.planning.plan_settings import EnvelopeSettings, NoiseSettings, PlanSettings
 from fieldkit.planning.problem import PlanningProblem
-from fieldkit.planning.run.evaluations import Job, evaluating
 from fieldkit.planning.run.flyable import OUTDOORS_ENVELOPE, flight_noise
+from fieldkit.planning.run.loop import Job, evaluating
 from fieldkit.planning.run.plan import plan
 from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.planning.space.cameras import Cameras

@@ -8,8 +8,8 @@ from benchmarks.planners.coverage import MaximumCoverage
 from benchmarks.planners.criteria import GeometricOptimum, Reconstructability, Triangulation
 from benchmarks.planners.random_sets import Random
 from benchmarks.planners.rings import CircleAim, Hemisphere, TwoRings
+from fieldkit.planning.methods.baselines import MatchGraph
 from fieldkit.planning.methods.registry import METHODS, MethodEntry
-from fieldkit.planning.methods.subsets import MatchGraph
 from fieldkit.planning.problem import Method, PlanningProblem
 from fieldkit.planning.settings import SearchSettings
 

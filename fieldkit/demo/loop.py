@@ -29,7 +29,7 @@ from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.geometry import Pose
 from fieldkit.missions.export_mission import ExportedMission, export_mission
 from fieldkit.missions.settings import MissionSettings
-from fieldkit.planning.methods.circle import expected_circle
+from fieldkit.planning.methods.baselines import expected_circle
 from fieldkit.planning.plan_settings import NoiseSettings, PlanSettings
 from fieldkit.planning.run.flyable import flight_noise
 from fieldkit.planning.run.outcome import Outcome

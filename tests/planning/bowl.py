@@ -14,7 +14,7 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.problem import PlanningProblem
-from fieldkit.planning.run.evaluations import Evaluations, Job
+from fieldkit.planning.run.loop import Evaluations, Job
 from fieldkit.planning.settings import GivenPlot, SearchSettings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope

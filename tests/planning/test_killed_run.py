@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from fieldkit.planning.run.evaluations import Evaluations
 from fieldkit.planning.run.folder import LOG_FILE, LogEntry, create_run, read_log
+from fieldkit.planning.run.loop import Evaluations
 from fieldkit.scenes.description import build
 from fieldkit.scenes.renderer import Renderer, RenderingError
 from fieldkit.scenes.scene_file import read_scene

@@ -13,7 +13,7 @@ import pytest
 
 from fieldkit.errors import UsageError
 from fieldkit.planning.objective.evaluation import Evaluation
-from fieldkit.planning.run.evaluations import Evaluations, Job
+from fieldkit.planning.run.loop import Evaluations, Job
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.cluster import TRUSTED, Cluster, check_scheduler
 from fieldkit.runtime.executor import open_executor

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fieldkit.arrays import FloatArray
+from fieldkit.planning.methods.baselines import MatchGraph, Uniform
 from fieldkit.planning.methods.optimise import USUAL, Effort, near, optimise
-from fieldkit.planning.methods.subsets import MatchGraph, Uniform
 from fieldkit.planning.problem import PlanningProblem, Trial, lowest
 from fieldkit.planning.score.cost_model import LEAST_M, NOISE, CostModel, Weights, fit_slopes
 from fieldkit.planning.space.cameras import Cameras
@@ -106,7 +106,7 @@ class Field:
         if not candidates:  # a small recorded set is soon exhausted
             first = self._first(number, known, rng)
             return None if first is None else Trial(number, *first, notes, plot=plot)
-        from fieldkit.planning.surrogate.improvement import log_improvements  # brings PyTorch along
+        from fieldkit.planning.surrogate.ensemble import log_improvements  # brings PyTorch along
 
         waiting = self.inputs([trial.cameras for trial in pending]) if pending else None
         inputs = self.inputs([candidate.cameras for candidate in candidates])

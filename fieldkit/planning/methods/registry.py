@@ -7,10 +7,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from fieldkit.errors import UsageError
-from fieldkit.planning.methods.circle import CircleSearch
+from fieldkit.planning.methods.baselines import CircleSearch, Uniform
 from fieldkit.planning.methods.field import Field
 from fieldkit.planning.methods.score import ScoreOptimum
-from fieldkit.planning.methods.subsets import Uniform
 from fieldkit.planning.problem import FixedDesign, Method, PlanningProblem
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.runtime.shipped import shipped_page

@@ -25,7 +25,7 @@ from fieldkit.results.plan_file import SETTINGS_FILE
 from fieldkit.vocabulary import SearchFidelity
 
 if TYPE_CHECKING:
-    from fieldkit.planning.run.evaluations import Job
+    from fieldkit.planning.run.loop import Job
 
 LOG_FILE = "evaluations.jsonl"
 _MAX_BYTES = 1 << 20

@@ -9,14 +9,13 @@ from functools import partial
 from pathlib import Path
 
 from fieldkit.errors import FieldkitError, ReconstructionError
+from fieldkit.planning.methods.baselines import Uniform
 from fieldkit.planning.methods.registry import METHODS, MethodEntry, method_entry
 from fieldkit.planning.methods.score import even_ring
-from fieldkit.planning.methods.subsets import Uniform
 from fieldkit.planning.plan_settings import PlanSettings
 from fieldkit.planning.problem import FixedDesign, Trial
-from fieldkit.planning.run.evaluations import evaluating
 from fieldkit.planning.run.folder import RunFolder, create_run, open_run
-from fieldkit.planning.run.loop import Ending, Finalist, Watch, confirm, finalists, no_watch, search
+from fieldkit.planning.run.loop import Ending, Finalist, Watch, confirm, evaluating, finalists, no_watch, search
 from fieldkit.planning.run.outcome import Outcome, write_outcome
 from fieldkit.planning.run.request import resumed_settings, search_settings
 from fieldkit.planning.run.run_setup import RunSetup, set_up_run

@@ -1,4 +1,4 @@
-"""The paper's ensemble of Gaussian processes, and one iteration of its Algorithm 1 with it.
+"""What BoTorch computes: the paper's ensemble and one iteration of its Algorithm 1; improvements of `field`'s sets.
 
 The kernels, repeatable fits by BoTorch, weights by Bayes' rule, the draw of one model, and the feasible set of its
 largest expected improvement (eq. `EGP_EI`).
@@ -16,24 +16,31 @@ import gpytorch  # type: ignore[import-untyped]
 import numpy as np
 import torch
 from botorch.acquisition.analytic import LogExpectedImprovement
+from botorch.acquisition.logei import qLogNoisyExpectedImprovement
 from botorch.exceptions.errors import ModelFittingError
 from botorch.exceptions.warnings import OptimizationWarning
 from botorch.fit import fit_gpytorch_mll
 from botorch.models import SingleTaskGP
+from botorch.models.gpytorch import GPyTorchModel
 from botorch.models.model import Model
 from botorch.models.utils.gpytorch_modules import get_covar_module_with_dim_scaled_prior
 from botorch.optim.optimize import optimize_acqf
+from botorch.posteriors.gpytorch import GPyTorchPosterior
+from botorch.sampling.normal import SobolQMCNormalSampler
 from botorch.utils.sampling import manual_seed
 from gpytorch.constraints import GreaterThan  # type: ignore[import-untyped]
+from gpytorch.distributions import MultivariateNormal  # type: ignore[import-untyped]
 from gpytorch.likelihoods import GaussianLikelihood  # type: ignore[import-untyped]
 from gpytorch.mlls import ExactMarginalLogLikelihood  # type: ignore[import-untyped]
 from gpytorch.priors import LogNormalPrior  # type: ignore[import-untyped]
+from linear_operator.operators import DenseLinearOperator  # type: ignore[import-untyped]
 from linear_operator.utils.warnings import NumericalWarning  # type: ignore[import-untyped]
 from numpy.typing import ArrayLike
 from scipy.special import softmax
 from torch import Tensor
 
 from fieldkit.arrays import FloatArray
+from fieldkit.planning.surrogate.set_process import SetProcess
 from fieldkit.runtime.threads import one_torch_thread
 
 _LEAST_NOISE, _USUAL_NOISE, _LEAST_LENGTHSCALE = 1e-4, math.exp(-4.0), 2.5e-2
@@ -344,3 +351,55 @@ def _climb(acquisition: LogExpectedImprovement, starts: FloatArray) -> FloatArra
         )
     points: FloatArray = reached.detach().reshape(len(starts), -1).numpy()
     return np.clip(points[np.isfinite(points).all(axis=1)], 0.0, 1.0)
+
+
+_POSTERIOR_SAMPLES = 256
+"""Number of Sobol' samples of the joint posterior."""
+_APART = 1e-8
+"""Variance that a set has of its own, as a share of the process's. So the joint posterior of sets that hardly differ is
+not singular; it is far above the rounding of any BLAS and far below what tells sets apart.
+"""
+
+
+class _SetModel(GPyTorchModel):
+    """A process of sets as BoTorch takes models."""
+
+    num_outputs = 1
+    batch_shape = torch.Size()
+
+    def __init__(self, process: SetProcess) -> None:
+        super().__init__()
+        self._process = process
+
+    def posterior(self, X: Tensor, *_: Any, **__: Any) -> GPyTorchPosterior:
+        mean, covariance = map(torch.from_numpy, self._process.posterior(X.numpy()))
+        own = _APART * self._process.variance * torch.eye(covariance.shape[-1], dtype=covariance.dtype)
+        return GPyTorchPosterior(MultivariateNormal(mean, DenseLinearOperator(covariance + own)))
+
+
+@one_torch_thread()
+def log_improvements(
+    process: SetProcess, tried: FloatArray, inputs: FloatArray, pending: FloatArray | None, seed: int
+) -> FloatArray:
+    """(n,) logarithms of the expected improvement of candidates (n, d) over all that was tried or is pending.
+
+    qLogNoisyExpectedImprovement of BoTorch (Ament et al. 2023): tried and pending sets count by their joint posterior,
+    so no lucky observation is the incumbent.
+
+    Args:
+        tried: (t, d) inputs that were evaluated.
+        inputs: (n, d) candidates.
+        pending: (p, d) inputs being evaluated.
+        seed: of the posterior's draws.
+    """
+    waiting = None if pending is None else torch.from_numpy(pending)
+    with manual_seed(seed), torch.no_grad():
+        improvement = qLogNoisyExpectedImprovement(
+            _SetModel(process),
+            torch.from_numpy(tried),
+            X_pending=waiting,
+            prune_baseline=True,
+            sampler=SobolQMCNormalSampler(torch.Size([_POSTERIOR_SAMPLES]), seed=seed),
+        )
+        values: FloatArray = improvement(torch.from_numpy(inputs)[:, None]).numpy()
+    return values

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.planners.rings import Cap, CircleAim, Hemisphere, TwoRings
-from fieldkit.planning.methods.circle import CircleSearch, expected_circle
+from fieldkit.planning.methods.baselines import CircleSearch, expected_circle
 from fieldkit.planning.problem import Method, Trial
 from fieldkit.planning.score.cost_model import CostModel
 from fieldkit.vocabulary import WEIGHTS

@@ -11,9 +11,9 @@ from scipy.stats import spearmanr
 from benchmarks.planners import PLANNERS
 from benchmarks.planners.random_sets import Random
 from fieldkit.clouds import Cloud
+from fieldkit.planning.methods.baselines import MatchGraph, Uniform
 from fieldkit.planning.methods.field import Field
 from fieldkit.planning.methods.optimise import Effort, near
-from fieldkit.planning.methods.subsets import MatchGraph, Uniform
 from fieldkit.planning.problem import FinalistSelector, FixedDesign, Method, PlanningProblem, Trial
 from fieldkit.planning.score.cost_model import ROOM_M
 from fieldkit.planning.score.geometric import GeometricScore

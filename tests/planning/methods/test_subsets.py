@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fieldkit.errors import UsageError
-from fieldkit.planning.methods.subsets import MatchGraph, Uniform, greedy_by_matches
+from fieldkit.planning.methods.baselines import MatchGraph, Uniform, greedy_by_matches
 from tests.planning.leafy import problem, recorded
 
 

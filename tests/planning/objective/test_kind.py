@@ -9,7 +9,7 @@ import pytest
 from fieldkit.clouds import Cloud, write_ply
 from fieldkit.planning.objective.objective import ObjectiveSettings, PlotsObjective
 from fieldkit.planning.objective.simulated import Kind, Proxy, SimulatedSource
-from fieldkit.planning.run.evaluations import Job, evaluating
+from fieldkit.planning.run.loop import Job, evaluating
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot
 from fieldkit.runtime.context import Context

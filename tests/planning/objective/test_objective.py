@@ -14,7 +14,7 @@ from fieldkit.captures import read_image
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.objective import FIDELITIES, Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import SimulatedSource
-from fieldkit.planning.run.evaluations import Job, evaluating
+from fieldkit.planning.run.loop import Job, evaluating
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent

@@ -15,7 +15,7 @@ import pytest
 
 from fieldkit.errors import InputError, UsageError
 from fieldkit.planning.objective.evaluation import Evaluation
-from fieldkit.planning.run.evaluations import Evaluations, Job, evaluating
+from fieldkit.planning.run.loop import Evaluations, Job, evaluating
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.worker import Limits
@@ -78,7 +78,7 @@ def test_no_orphans_when_the_parent_ends(tmp_path: Path, ending: signal.Signals)
         textwrap.dedent(
             f"""
             from pathlib import Path
-            from fieldkit.planning.run.evaluations import Job, evaluating
+            from fieldkit.planning.run.loop import Job, evaluating
             from fieldkit.runtime.context import Context
             from tests.planning.traps import HANG, Trap, job_cameras
 

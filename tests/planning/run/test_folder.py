@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.planning.problem import Trial
-from fieldkit.planning.run.evaluations import Job
 from fieldkit.planning.run.folder import LOG_FILE, LogEntry, RunFolder, create_run, open_run, read_log
+from fieldkit.planning.run.loop import Job
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.plan_file import SETTINGS_FILE
 from tests.planning.bowl import Bowl, bowl_problem, bowl_settings

@@ -14,9 +14,17 @@ from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.objective import Objective
 from fieldkit.planning.plan_settings import NoiseSettings, PlanSettings
 from fieldkit.planning.problem import Gain, PlanningProblem, Trial, lowest
-from fieldkit.planning.run.evaluations import Evaluations, evaluating
 from fieldkit.planning.run.folder import LogEntry, RunFolder, create_run, open_run
-from fieldkit.planning.run.loop import Ending, Finalist, confirm, evaluate_again, finalists, search
+from fieldkit.planning.run.loop import (
+    Ending,
+    Evaluations,
+    Finalist,
+    confirm,
+    evaluate_again,
+    evaluating,
+    finalists,
+    search,
+)
 from fieldkit.planning.run.request import resumed_settings
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.planning.space.cameras import Cameras

@@ -9,8 +9,7 @@ import torch
 from botorch.models import SingleTaskGP
 from gpytorch.priors import LogNormalPrior
 
-from fieldkit.planning.surrogate.ensemble import above, fit, noise_model
-from fieldkit.planning.surrogate.improvement import log_improvements
+from fieldkit.planning.surrogate.ensemble import above, fit, log_improvements, noise_model
 from fieldkit.planning.surrogate.set_process import FEATURES, NO_PLOT, TERMS, fit_sets
 
 SLOPES, REST_M, NOISE = np.array([0.5, 0.3, 0.2]), 0.001, 0.05
