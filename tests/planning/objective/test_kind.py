@@ -42,14 +42,6 @@ def test_a_recorded_plots_kind_is_photographed_as_it_is_known(tmp_path: Path) ->
     assert len({plot.reference.points.tobytes() for plot, _ in plots}) == 3
 
 
-def test_a_simulated_plots_kind_is_drawn_without_its_scene(tmp_path: Path) -> None:
-    kind = Kind((SceneDescription(SMALL_PLOT, camera=CAMERA),), 0, tmp_path)
-    assert not kind.recorded
-    (own, _), (other, _) = kind.plot(0), kind.plot(1)
-    assert own.reference.points.tobytes() != other.reference.points.tobytes()
-    assert kind.plot(1)[0].reference.points.tobytes() == other.reference.points.tobytes()
-
-
 def test_of_several_given_plots_each_is_there_and_each_is_drawn_of(tmp_path: Path) -> None:
     first, second = new_scene(2, 11), new_scene(2, 12)
     kind, alone = Kind((first, second), 0, tmp_path), Kind((first,), 0, tmp_path)

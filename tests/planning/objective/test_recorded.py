@@ -1,4 +1,4 @@
-"""The recorded back end, and plots of its kind, on the small plot's eight photographs."""
+"""The recorded back end, plots of its kind and its match graph, on the small plot's eight photographs."""
 
 from dataclasses import replace
 from itertools import permutations
@@ -16,8 +16,8 @@ from fieldkit.errors import MetadataError, UsageError
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.priors import SourceFrame
 from fieldkit.planning.objective.objective import FIDELITIES, Objective, ObjectiveSettings
-from fieldkit.planning.objective.recorded import LEAST_KEPT, RecordedKind, RecordedSource, recorded_views
-from fieldkit.planning.space.cameras import Cameras, assign
+from fieldkit.planning.objective.recorded import LEAST_KEPT, RecordedKind, RecordedSource, match_graph, recorded_views
+from fieldkit.planning.space.cameras import Cameras, assign, view_angles_deg
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.settings import FeatureSettings
 from fieldkit.reconstruction.stages import load_features
@@ -191,3 +191,21 @@ def test_a_share_of_the_features_is_withheld(tmp_path: Path) -> None:
         assert len({a.key, b.key, c.key}) == 3
         assert {row.tobytes() for row in b.features.keypoints} < {row.tobytes() for row in a.features.keypoints}
         assert b.features.keypoints.tobytes() != c.features.keypoints.tobytes()
+
+
+FEATURES = FIDELITIES["draft"].features
+
+
+def test_neighbours_match_and_strangers_do_not(tmp_path: Path) -> None:
+    source = RecordedSource(read_capture(SMALL_PLOT), PLOT, RANDOM_CLOUD, cache=StageCache(tmp_path))
+    counted = match_graph(source, FEATURES, Context())
+    np.testing.assert_array_equal(counted, counted.T)
+    assert not np.diag(counted).any()
+    centers = np.array([view.pose.center for view in source.views])
+    angles = view_angles_deg(centers, np.array(PLOT.volume.center))
+    assert not counted[angles > 60.0].any()
+    neighbours = counted[angles < 40.0][counted[angles < 40.0] > 0]
+    assert len(neighbours) == 2 * len(counted)
+    assert np.median(neighbours) > 50
+    elsewhere = RecordedSource(source.capture, PLOT, RANDOM_CLOUD, cache=StageCache(tmp_path / "other"))
+    np.testing.assert_array_equal(match_graph(elsewhere, FEATURES, Context(workers=2)), counted)

@@ -9,7 +9,7 @@ import torch
 from botorch.models import SingleTaskGP
 from gpytorch.priors import LogNormalPrior
 
-from fieldkit.planning.surrogate.ensemble import above, fit, log_improvements, noise_model
+from fieldkit.planning.surrogate.ensemble import above, fit, log_improvements
 from fieldkit.planning.surrogate.set_process import FEATURES, NO_PLOT, TERMS, fit_sets
 
 SLOPES, REST_M, NOISE = np.array([0.5, 0.3, 0.2]), 0.001, 0.05
@@ -52,15 +52,20 @@ def gpytorchs(x: np.ndarray, y: np.ndarray) -> SingleTaskGP:
         )
         effect.outputscale = 0.01
         kernel = kernel + effect
+    least = NOISE**2
+    likelihood = gpytorch.likelihoods.GaussianLikelihood(
+        noise_prior=LogNormalPrior(np.log(least) + 1.0, 1.0), noise_constraint=above(least)
+    )
+    likelihood.noise = 1.5 * least
     model = SingleTaskGP(
         torch.from_numpy(x),
         torch.from_numpy(y)[:, None],
         covar_module=kernel,
         mean_module=ScoreMean(),
-        likelihood=noise_model(NOISE**2),
+        likelihood=likelihood,
         outcome_transform=None,
     )
-    fit(model, 0)
+    fit(model, 0, starts=1)
     return model
 
 
