@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from fieldkit.planning.run.outcome import Outcome
     from fieldkit.planning.settings import SearchSettings
 
-DEPTH = 2
-"""Levels below the folder that are searched."""
 LARGEST = 1e9
 """Largest measurement that is shown (metres, pixels, seconds, degrees): beyond it drawings overflow."""
 LARGEST_COUNT = 2**64
@@ -43,8 +41,6 @@ _REMEDY = (
     "Give a folder that a command of fieldkit wrote (reference, plan, export-mission, evaluate, compare, campaign, "
     "demo), or one that holds such folders."
 )
-_MOST_FOLDERS = 5000
-"""Most folders that are searched."""
 _MOST_MISSIONS = 100
 """Most missions of a folder."""
 
@@ -163,28 +159,14 @@ def check_plausible(values: Any, file: Path) -> None:
                 raise MetadataError(what, path=file, remedy="Make the result again.")
 
 
-def _folders(root: Path) -> Iterator[Path]:
-    """The folder and those below it, by level and name, without the folders within campaigns."""
-    level, seen = [root], 0
-    for depth in range(DEPTH + 1):
-        below: list[Path] = []
-        for folder in level:
-            seen += 1
-            if seen > _MOST_FOLDERS:
-                return
-            yield folder
-            if depth < DEPTH and not (folder / CAMPAIGN_FILE).is_file():
-                below += _subfolders(folder)
-        level = below
-
-
-def _subfolders(folder: Path) -> list[Path]:
-    try:
-        with os.scandir(folder) as entries:
-            names = sorted(e.name for e in entries if not e.name.startswith(".") and e.is_dir(follow_symlinks=False))
-    except OSError as error:
-        raise StorageError(f"cannot be read: {error.strerror}", path=folder, remedy="Check its permissions.") from error
-    return [folder / name for name in names]
+def _folders(root: Path) -> list[Path]:
+    """The folder and those up to two levels below, by level and name, without the folders within campaigns."""
+    folders = [root, *sorted(root.glob("[!.]*/")), *sorted(root.glob("[!.]*/[!.]*/"))]
+    campaigns = {folder for folder in folders if (folder / CAMPAIGN_FILE).is_file()}
+    links = {folder for folder in folders[1:] if folder.is_symlink()}
+    return [
+        folder for folder in folders if folder not in links and not (campaigns | links).intersection(folder.parents)
+    ]
 
 
 class _Reader:
