@@ -13,9 +13,8 @@ from fieldkit.link.items import stored, to_wire
 from fieldkit.link.upload import Held, ItemRefused, UploadError, UploadReport, upload_mission
 from fieldkit.link.vehicle import Vehicle
 from fieldkit.missions.items import MissionItem
-from fieldkit_sim.standin.faults import Faults
 from fieldkit_sim.standin.recording import read_recording
-from fieldkit_sim.standin.replay import Replay
+from fieldkit_sim.standin.replay import Faults, Replay
 
 _AGAIN_S, _SILENCE_S = 0.7, 9.0
 """Of `Vehicle`; they are shortened as the vehicle's time is."""

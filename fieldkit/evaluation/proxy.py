@@ -12,8 +12,7 @@ from fieldkit.results.evaluation import CLOUD_FILE, SCENE_FILE, ReferenceReport
 from fieldkit.results.report_files import REFERENCE_FILE, check_file, load_reference_report
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.description import Bounds
-from fieldkit.scenes.from_reference import RecordedScene, ReferenceFiles, scene_from_reference
-from fieldkit.scenes.photo_texture import PosedPhotograph
+from fieldkit.scenes.from_reference import PosedPhotograph, RecordedScene, ReferenceFiles, scene_from_reference
 
 
 def make_proxy(

@@ -8,9 +8,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from fieldkit.errors import FieldkitError
-from fieldkit_sim.standin.faults import Faults
 from fieldkit_sim.standin.recording import read_recording
-from fieldkit_sim.standin.replay import Replay
+from fieldkit_sim.standin.replay import Faults, Replay
 
 _EPILOG = """\
 python -m fieldkit_sim replay sim/sitl/mount_then_yaw.tlog

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.scenes.noise import bumps, fractal_noise
 from fieldkit.scenes.plot_description import SCATTER_M, SoilDescription
 from fieldkit.scenes.scene import Mesh
-from fieldkit_sim.crumbs import Crumbs, build_crumbs, pile, scatter_crumbs
 from fieldkit_sim.faces import grid_faces, vertex_normals
+
+_SHAPES = 24
+"""Number of different clods and of different stones."""
 
 
 def places(seed: int, count: int, purpose: int) -> tuple[np.random.Generator, FloatArray]:
@@ -119,7 +122,7 @@ def printed_stones(soil: SoilDescription) -> Mesh:
         tint = np.array([1.10, 0.98, 0.84]) if grey < 0.5 else np.array([1.02, 1.0, 0.94])
         speckle = 0.22 * fractal_noise(base[:, 0] * 4, base[:, 1] * 4 + 3 * base[:, 2], seed + 1, octaves=3)
         colors.append(np.clip(grey * tint * (1 + speckle)[:, None], 0, 1))
-    return pile("stones", vertices, faces, colors)
+    return _pile("stones", vertices, faces, colors)
 
 
 Height = Callable[[FloatArray, FloatArray], FloatArray]
@@ -153,7 +156,7 @@ def build_residue(soil: SoilDescription, height: Height) -> Mesh:
         tone = rng.uniform(0.55, 0.85) * (1 + 0.18 * fractal_noise(t * 40 * length / 0.1, t * 0 + i, 9, octaves=3))
         color = tone[:, None] * np.array([1.0, 0.90, 0.68])
         colors.append(np.clip(np.repeat(color, across, axis=0), 0, 1))
-    return pile("residue", vertices, faces, colors)
+    return _pile("residue", vertices, faces, colors)
 
 
 @dataclass(frozen=True)
@@ -269,19 +272,19 @@ def _loose(soil: SoilDescription) -> list[Mesh]:
     size = min(1.0, 0.005 / soil.spacing_m)  # a coarse soil, as tests use it, has fewer crumbs as well
     near, far = soil.core_m / 2 + 0.15, soil.core_m / 2 + 1.0
     classes = (
-        Crumbs("crumbs", 0.0, near, 4500 * relief.crumbs * size, 0.0050, 0.014, 0),
-        Crumbs("crumbs-around", near, far, 700 * relief.crumbs * size, 0.010, 0.022, 0),
-        Crumbs("clods", 0.0, near, 260 * relief.clods * size, 0.014, 0.050, 1),
-        Crumbs("clods-around", near, far, 140 * relief.clods * size, 0.020, 0.060, 1),
-        Crumbs("clods-far", far, far + 2.0, 18 * relief.clods * size, 0.035, 0.080, 0),
-        Crumbs("stones", 0.0, SCATTER_M, stones, 0.005, 0.045, 1, stone=1.0),
+        _Crumbs("crumbs", 0.0, near, 4500 * relief.crumbs * size, 0.0050, 0.014, 0),
+        _Crumbs("crumbs-around", near, far, 700 * relief.crumbs * size, 0.010, 0.022, 0),
+        _Crumbs("clods", 0.0, near, 260 * relief.clods * size, 0.014, 0.050, 1),
+        _Crumbs("clods-around", near, far, 140 * relief.clods * size, 0.020, 0.060, 1),
+        _Crumbs("clods-far", far, far + 2.0, 18 * relief.clods * size, 0.035, 0.080, 0),
+        _Crumbs("stones", 0.0, SCATTER_M, stones, 0.005, 0.045, 1, stone=1.0),
     )
     meshes = []
     for i, crumbs in enumerate(classes):
         seed = 10 * (soil.seed + 1) + i
-        xy, sizes = scatter_crumbs(crumbs, seed)
+        xy, sizes = _scatter_crumbs(crumbs, seed)
         x, y = xy[:, 0].copy(), xy[:, 1].copy()
-        mesh = build_crumbs(crumbs, xy, sizes, soil_height(soil, x, y), _color(soil, x, y), seed)
+        mesh = _build_crumbs(crumbs, xy, sizes, soil_height(soil, x, y), _color(soil, x, y), seed)
         meshes += _quarters(mesh)
     return meshes
 
@@ -305,3 +308,127 @@ def _quarters(mesh: Mesh) -> list[Mesh]:
                 )
             )
     return parts
+
+
+# Loose crumbs, clods and stones, whose overhangs a height field lacks. Sizes follow a power law, as the aggregates of a
+# seedbed do: many small ones near the plot, larger ones everywhere.
+
+
+@dataclass(frozen=True)
+class _Crumbs:
+    """A class of bodies."""
+
+    name: str
+    """Of their mesh."""
+    inner_m: float
+    outer_m: float
+    """They lie between the squares of these half sides about the origin."""
+    per_m2: float
+    """How many."""
+    smallest_m: float
+    largest_m: float
+    """Diameters, distributed as diameter to the power −2.5."""
+    detail: int
+    """Subdivisions of the icosahedron each is made from."""
+    stone: float = 0.0
+    """Share of stones among them: rounder, greyer, more varied than clods."""
+
+
+def _scatter_crumbs(crumbs: _Crumbs, seed: int) -> tuple[FloatArray, FloatArray]:
+    """Places (n, 2) and diameters (n,) of a class of bodies."""
+    rng = np.random.default_rng([seed, 41])
+    area = 4.0 * crumbs.outer_m**2
+    xy = rng.uniform(-crumbs.outer_m, crumbs.outer_m, (round(crumbs.per_m2 * area), 2))
+    u = rng.random(len(xy))
+    low, high = crumbs.smallest_m**-1.5, crumbs.largest_m**-1.5
+    size = (low + u * (high - low)) ** (-1 / 1.5)
+    keep = np.abs(xy).max(axis=1) >= crumbs.inner_m
+    return xy[keep], size[keep]
+
+
+def _build_crumbs(
+    crumbs: _Crumbs,
+    places: FloatArray,
+    sizes: FloatArray,
+    ground: FloatArray,
+    color: FloatArray,
+    seed: int,
+) -> Mesh:
+    """All bodies of a class as one mesh.
+
+    Args:
+        places: (n, 2), metres.
+        sizes: (n,) diameters, metres.
+        ground: (n,) height of the ground under each.
+        color: (n, 3) of the ground there, sRGB in [0, 1].
+        seed: of form and tone.
+    """
+    n = len(places)
+    rng = np.random.default_rng([seed, 43])
+    clods = [_shape(seed * 100 + i, crumbs.detail, 0.38) for i in range(_SHAPES)]
+    stones = [_shape(seed * 100 + 50 + i, crumbs.detail, 0.16) for i in range(_SHAPES)]
+    is_stone = rng.random(n) < crumbs.stone
+    which = rng.integers(_SHAPES, size=n)
+    turn, sink = rng.uniform(0, 2 * np.pi, n), rng.uniform(-0.05, 0.55, n)
+    stretch = rng.uniform((0.8, 0.65, 0.55), (1.25, 1.0, 0.95), (n, 3))
+    tone = np.clip(rng.normal(1.0, 0.04, n), 0.75, 1.3)
+    grey = np.where(rng.random(n) < 0.3, rng.uniform(0.26, 0.40, n), rng.uniform(0.18, 0.27, n))
+    vertices, faces, colors, start = [], [], [], 0
+    for stone, shapes in ((False, clods), (True, stones)):
+        for i, (points, triangles) in enumerate(shapes):
+            chosen = np.flatnonzero((which == i) & (is_stone == stone))
+            if not len(chosen):
+                continue
+            radius = sizes[chosen] / 2
+            body = points[None] * stretch[chosen, None] * radius[:, None, None]
+            c, s = np.cos(turn[chosen])[:, None], np.sin(turn[chosen])[:, None]
+            x, y = c * body[..., 0] - s * body[..., 1], s * body[..., 0] + c * body[..., 1]
+            base = ground[chosen] + radius * sink[chosen]
+            placed = np.stack(
+                [x + places[chosen, 0, None], y + places[chosen, 1, None], body[..., 2] + base[:, None]], axis=-1
+            )
+            own = color[chosen] * tone[chosen, None]
+            if stone:
+                own = grey[chosen, None] * np.array([1.03, 1.0, 0.95])
+            speckle = 1.0 + rng.normal(0, 0.02, placed.shape[:2])
+            vertices.append(placed.reshape(-1, 3))
+            colors.append(np.clip(own[:, None] * speckle[..., None], 0, 1).reshape(-1, 3))
+            offset = start + len(points) * np.arange(len(chosen))
+            faces.append((triangles[None] + offset[:, None, None]).reshape(-1, 3))
+            start += len(points) * len(chosen)
+    # Seen from outside only, for what lies in the ground is open.
+    return _pile(crumbs.name, vertices, faces, colors, two_sided=False)
+
+
+def _pile(
+    name: str,
+    vertices: Sequence[FloatArray],
+    faces: Sequence[NDArray[np.integer]],
+    colors: Sequence[FloatArray],
+    *,
+    two_sided: bool = True,
+) -> Mesh:
+    """One mesh of many bodies whose faces already count their vertices in order."""
+    points = np.concatenate([np.zeros((0, 3)), *vertices]).astype(np.float32)
+    triangles = np.concatenate([np.zeros((0, 3), np.int32), *faces]).astype(np.int32)
+    tones = np.concatenate([np.zeros((0, 3)), *colors]).astype(np.float32)
+    return Mesh(name, points, triangles, vertex_normals(points, triangles), colors=tones, two_sided=two_sided)
+
+
+def _shape(seed: int, detail: int, roughness: float) -> tuple[FloatArray, NDArray[np.int32]]:
+    """An irregular body of radius about 1, turned at random, without the faces that would lie in the ground."""
+    import trimesh
+
+    rng = np.random.default_rng([seed, 44])
+    ball = trimesh.creation.icosphere(subdivisions=detail)
+    points = np.asarray(ball.vertices, dtype=np.float64)
+    q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    points = points @ (q * np.sign(np.linalg.det(q))).T
+    bumps = fractal_noise(
+        1.4 * points[:, 0] + 0.6 * points[:, 2], 1.4 * points[:, 1] - 0.7 * points[:, 2], seed, octaves=3, gain=0.6
+    )
+    points = points * (1.0 + roughness * (bumps + rng.normal(0, 0.35, len(points))))[:, None]
+    faces = np.asarray(ball.faces, dtype=np.int32)
+    faces = faces[points[faces, 2].max(axis=1) > -0.30]
+    used, inverse = np.unique(faces, return_inverse=True)
+    return points[used], inverse.reshape(faces.shape).astype(np.int32)

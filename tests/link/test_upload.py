@@ -18,9 +18,8 @@ from fieldkit.link.upload import Held, ItemRefused, UploadError, UploadInterrupt
 from fieldkit.link.vehicle import Vehicle
 from fieldkit.missions.items import MissionItem
 from fieldkit.routing.mission import Home
-from fieldkit_sim.standin.faults import Faults
 from fieldkit_sim.standin.recording import Recording, read_recording
-from fieldkit_sim.standin.replay import Replay
+from fieldkit_sim.standin.replay import Faults, Replay
 
 SPEED = 16.0
 SLOW = pytest.mark.slow

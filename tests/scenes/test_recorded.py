@@ -11,14 +11,15 @@ from fieldkit.errors import SceneError, UsageError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.scenes.description import Bounds, build, sample_reference
 from fieldkit.scenes.from_reference import (
+    PosedPhotograph,
     ReferenceFiles,
+    photo_patches,
     scene_from_reference,
     spacing,
     thinned_to,
     without_islands,
     without_strays,
 )
-from fieldkit.scenes.photo_texture import PosedPhotograph, photo_patches
 from fieldkit.scenes.recorded import pack_atlas, surfels
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene

@@ -124,11 +124,9 @@ def test_moved_meshes_are_drawn_where_they_are(scene: Scene) -> None:
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: MaizeDescription(seed=1, leaves=3),
         lambda: MaizeDescription(seed=1, scale=0.0),
         lambda: SoilDescription(spacing_m=0.5),
         lambda: WeedsDescription(cover_per_m2=-1.0),
-        lambda: NeighboursDescription(rows=9),
         lambda: PlotDescription((), extent_m=0.0),
     ],
 )

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import heapq
 import ipaddress
 import math
+import random
 import re
 import select
 import socket
@@ -19,7 +21,6 @@ from fieldkit.link.items import ARDUPILOT, WireItem, mission_items, stored
 from fieldkit.missions.autopilots.acceptance import Result, in_centimetres
 from fieldkit.missions.items import MissionItem, command_name
 from fieldkit_sim.standin.autopilot import Autopilot, on_message, on_time
-from fieldkit_sim.standin.faults import Channel, Faults
 from fieldkit_sim.standin.recording import Recording, Telemetry, TelemetrySource
 
 _HOME = mavlink.MAVLINK_MSG_ID_HOME_POSITION
@@ -28,6 +29,64 @@ _TICK_S = 0.05
 """Time between two looks at what has to be sent, seconds."""
 _MAX_WAIT_S = 0.1
 """Longest wait for a packet, seconds."""
+
+
+@dataclass(frozen=True)
+class Faults:
+    """What a link does to packets, each way and each packet by itself."""
+
+    loss: float = 0.0  # share that never arrives
+    duplicate: float = 0.0  # share that arrives twice
+    delay_s: float = 0.0  # mean time under way; each takes half to one and a half times as long: some overtake others
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, share in (("loss", self.loss), ("duplicate", self.duplicate)):
+            if not 0.0 <= share <= 1.0:
+                raise UsageError(f"{name}: {share:g} is not a share", remedy="Give a number from 0 to 1, such as 0.05.")
+
+
+class Channel:
+    """One direction of a link.
+
+    Args:
+        faults: of it.
+        direction: its number, so that the two directions of one seed differ.
+    """
+
+    def __init__(self, faults: Faults, direction: int) -> None:
+        self._faults = faults
+        self._random = random.Random(f"{faults.seed}/{direction}")
+        self._under_way: list[tuple[float, int, bytes]] = []
+        self._order = 0
+        self.sent = self.lost = self.doubled = 0
+
+    def put(self, packet: bytes, now_s: float) -> None:
+        """Send a packet."""
+        # The same numbers are drawn whatever becomes of the packet: runs with other shares stay comparable.
+        lost, doubled, *late = (self._random.random() for _ in range(4))
+        self.sent += 1
+        if lost < self._faults.loss:
+            self.lost += 1
+            return
+        copies = 1 + (doubled < self._faults.duplicate)
+        self.doubled += copies - 1
+        for copy in range(copies):
+            due = now_s + self._faults.delay_s * (0.5 + late[copy])
+            heapq.heappush(self._under_way, (due, self._order, packet))
+            self._order += 1
+
+    def arrived(self, now_s: float) -> list[bytes]:
+        """The packets that have arrived by now and were not yet taken."""
+        packets = []
+        while self._under_way and self._under_way[0][0] <= now_s:
+            packets.append(heapq.heappop(self._under_way)[2])
+        return packets
+
+    @property
+    def next_s(self) -> float:
+        """When the next one arrives; infinity where none is under way."""
+        return self._under_way[0][0] if self._under_way else math.inf
 
 
 @dataclass(frozen=True)

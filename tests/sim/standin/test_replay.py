@@ -3,7 +3,7 @@
 import socket
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,8 @@ import pytest
 from fieldkit.errors import UsageError
 from fieldkit.link.items import ARDUPILOT, mission_items
 from fieldkit.missions.items import MissionItem
-from fieldkit_sim.standin.faults import Faults
 from fieldkit_sim.standin.recording import Recording, read_recording
-from fieldkit_sim.standin.replay import Replay
+from fieldkit_sim.standin.replay import Channel, Faults, Replay
 
 
 @pytest.fixture
@@ -116,14 +115,25 @@ def test_only_on_this_machine(recording: Recording, serve: str) -> None:
         Replay(recording, serve=serve)
 
 
-def test_noise_does_not_stop_it(recording: Recording, delays: Callable[[int], tuple[MissionItem, ...]]) -> None:
-    vehicle = Replay(recording, begin_s=45.0, speed=10.0)
-    vehicle.hold(delays(3))
-    with vehicle, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        place = ("127.0.0.1", int(vehicle.url.rpartition(":")[2]))
-        for seed in range(300):
-            sender.sendto(bytes((seed * k * 7 + k) % 256 for k in range(1, seed)), place)
-            sender.sendto(b"\xfd" + bytes(seed), place)
-        sender.settimeout(10)
-        assert sender.recv(300)
-        assert len(vehicle.autopilot.items) == 4
+def test_shares_and_the_order_are_kept_the_same_at_a_seed() -> None:
+    packets = [k.to_bytes(2, "big") for k in range(20_000)]
+    channels = [Channel(Faults(loss=0.2, duplicate=0.1, seed=4), 0) for _ in range(2)]
+    for channel in channels:
+        for packet in packets:
+            channel.put(packet, 0.0)
+    channel = channels[0]
+    assert channel.lost == pytest.approx(4000, rel=0.05)
+    assert channel.doubled == pytest.approx(1600, rel=0.1)
+    arrived = channel.arrived(0.0)
+    assert len(arrived) == 20_000 - channel.lost + channel.doubled
+    assert arrived == sorted(arrived) == channels[1].arrived(0.0)
+    assert channel.arrived(1.0) == []
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [{"loss": 1.1}, {"duplicate": float("nan")}],
+)
+def test_errors(arguments: dict[str, float]) -> None:
+    with pytest.raises(UsageError):
+        Faults(**arguments)
