@@ -18,7 +18,7 @@ from fieldkit.arrays import FloatArray
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture, read_image
 from fieldkit.captures.model import Capture
-from fieldkit.clouds import Cloud, chamfer_distance
+from fieldkit.clouds import Cloud, score
 from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation
@@ -105,7 +105,7 @@ def run_recorded(
             (
                 f"For comparison the whole reference of all {len(rig.names)} views; Spearman of both values "
                 f"{agreement:.2f}. Chamfer distance of the two truths: "
-                f"{1000 * chamfer_distance(read.cloud, truth).chamfer_m:.2f} mm."
+                f"{1000 * score(read.cloud, truth).chamfer.chamfer_m:.2f} mm."
             ),
             "CPU seconds of an evaluation with features, undistorted views and pairs in the cache.",
         ),

@@ -104,11 +104,6 @@ def score_distances(
     )
 
 
-def chamfer_distance(reference: Cloud | ReferenceIndex, estimate: Cloud) -> Chamfer:
-    """Symmetric chamfer distance in metres: the sum of the two mean (unsquared) nearest-neighbour distances."""
-    return _chamfer(*nearest_distances(reference, estimate))
-
-
 def _index(cloud: Cloud, name: str) -> PointIndex:
     if not len(cloud):
         raise EmptyCloudError(

@@ -79,11 +79,6 @@ class Volume:
         """(8, 3) corners; z changes fastest."""
         return np.array(list(itertools.product(*zip(self.lower, self.upper, strict=True))))
 
-    def intersection(self, other: Volume) -> Volume | None:
-        """What both boxes share, or None."""
-        lower, upper = np.maximum(self.lower, other.lower), np.minimum(self.upper, other.upper)
-        return Volume(tuple(lower), tuple(upper)) if (lower < upper).all() else None
-
 
 def crop(cloud: Cloud, volume: Volume) -> Cloud:
     """The part of a cloud inside a volume, in the same order."""

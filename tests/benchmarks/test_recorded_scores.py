@@ -11,7 +11,7 @@ from benchmarks.proxy_scores import run_proxy, view_sets
 from benchmarks.recorded_scores import run_recorded, witnessed_cloud
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
-from fieldkit.clouds import chamfer_distance
+from fieldkit.clouds import score
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
@@ -43,7 +43,7 @@ def test_witnesses_alone_make_the_truth(monkeypatch: pytest.MonkeyPatch) -> None
     assert seen == list(names)
     assert len(cloud) > 300
     assert plot.volume.contains(cloud.points).all()
-    assert chamfer_distance(whole.plants, cloud).accuracy_m < 0.01
+    assert score(whole.plants, cloud).chamfer.accuracy_m < 0.01
 
 
 def test_view_sets_are_distinct_and_of_one_size() -> None:

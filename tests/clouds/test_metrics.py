@@ -2,7 +2,7 @@ import numpy as np
 import point_cloud_utils
 import pytest
 
-from fieldkit.clouds import Cloud, ReferenceIndex, chamfer_distance, score
+from fieldkit.clouds import Cloud, ReferenceIndex, score
 from fieldkit.errors import EmptyCloudError
 from tests.clouds.examples import leaves
 
@@ -25,7 +25,7 @@ def test_a_case_worked_by_hand() -> None:
 def test_equals_point_cloud_utils(seed: int) -> None:
     a, b = leaves(8000, seed=seed), leaves(6000, noise_m=0.004, seed=seed + 10)
     expected = point_cloud_utils.chamfer_distance(a, b)
-    assert chamfer_distance(Cloud(a), Cloud(b)).chamfer_m == pytest.approx(expected, rel=1e-12)
+    assert score(Cloud(a), Cloud(b)).chamfer.chamfer_m == pytest.approx(expected, rel=1e-12)
 
 
 def test_accuracy_to_a_dense_surface_has_no_floor() -> None:
@@ -52,7 +52,7 @@ def test_empty_clouds_and_bad_distances_are_refused() -> None:
     with pytest.raises(EmptyCloudError, match="surface"):
         ReferenceIndex(cloud, Cloud.empty())
     with pytest.raises(EmptyCloudError, match="estimated cloud has no points"):
-        chamfer_distance(cloud, Cloud.empty())
+        score(cloud, Cloud.empty())
     for distance in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(ValueError):
             score(cloud, cloud, [distance])

@@ -86,6 +86,7 @@ def test_a_known_focal_length_is_held_and_gives_the_height(tmp_path: Path, mappi
     assert np.median(heights) == pytest.approx(FLYING_M, rel=0.06)
 
 
+@pytest.mark.slow
 def test_known_heights_tell_the_focal_length(tmp_path: Path) -> None:
     poses = [Pose(pose.rotation, pose.center + np.array([0, 0, 1.0 * (k % 2)])) for k, pose in enumerate(nadir())]
     result = mapped(photographed(tmp_path / "flight", poses, equivalent=None), tmp_path, "prior")

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from fieldkit.clouds import Cloud, chamfer_distance, nearest_distances
+from fieldkit.clouds import Cloud, nearest_distances, score
 from fieldkit.planning.objective.evaluation import SUPPORT, WORST_M, value_m
 from fieldkit.vocabulary import CAP_M
 
@@ -41,7 +41,7 @@ def test_an_ordinary_cloud_has_its_chamfer_distance() -> None:
     rng = np.random.default_rng(0)
     reference = Cloud(rng.uniform(0, 0.2, (2000, 3)))
     cloud = Cloud(reference.points[::2] + rng.normal(0, 0.002, (1000, 3)))
-    assert value_of(reference, cloud) == pytest.approx(chamfer_distance(reference, cloud).chamfer_m, rel=1e-12)
+    assert value_of(reference, cloud) == pytest.approx(score(reference, cloud).chamfer.chamfer_m, rel=1e-12)
 
 
 def test_a_cloud_in_the_wrong_place_is_worth_nothing() -> None:

@@ -56,6 +56,7 @@ def in_a_new_process(**environment: str) -> str:
     return done.stdout.strip()
 
 
+@pytest.mark.slow
 def test_two_processes_give_the_same_bytes():
     assert in_a_new_process() == run()
 

@@ -63,7 +63,7 @@ def shape_errors(mapping: PriorMapping, scene: FeatureScene) -> tuple[np.ndarray
     return np.linalg.norm(fit.apply(centers) - true_centers, axis=1), np.array(angles)
 
 
-@pytest.mark.parametrize(("sigma_m", "sigma_deg"), [(0.0, 0.0), (0.01, 1.0), (0.02, 2.0)])
+@pytest.mark.parametrize(("sigma_m", "sigma_deg"), [(0.0, 0.0), (0.02, 2.0)])
 def test_rough_poses_are_corrected(scene: FeatureScene, sigma_m: float, sigma_deg: float) -> None:
     mapping = map_scene(scene, rough(scene.poses, sigma_m, sigma_deg))
     assert mapping.unregistered == {}

@@ -82,6 +82,7 @@ def test_of_many_photographs_the_ground_is_looked_at_where_one_is_not_right(
         map_by_priors(*given(scene, priors))
 
 
+@pytest.mark.slow
 def test_positions_alone_are_oriented_by_matches(scene: FeatureScene) -> None:
     priors = {name: replace(prior, rotation=None) for name, prior in recorded(scene).items()}
     mapped = map_by_priors(*given(scene, priors))
