@@ -26,12 +26,13 @@ from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.priors import POSITION_SIGMA_M, PosePrior
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import plan_from_poses
+from fieldkit.routing.mission import Home
 from fieldkit.scenes.description import build
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import Outdoors, Sidecars, poses_table, simulate_capture
-from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit.sites.site import Site, SitePlot
 
 STATIONS = 13
 _RADII_M, _HEIGHTS_M, _TARGET_M = (1.25, 1.6), (0.9, 1.5), 0.25
@@ -189,7 +190,7 @@ def _astray(pose: Pose, middle: FloatArray, rng: np.random.Generator) -> Pose:
 
 
 def _site(origin: LocalFrame, row_heading_deg: float) -> Site:
-    home = SiteHome(latitude_deg=origin.latitude_deg, longitude_deg=origin.longitude_deg, ellipsoid_m=origin.altitude_m)
+    home = Home(latitude_deg=origin.latitude_deg, longitude_deg=origin.longitude_deg, ellipsoid_m=origin.altitude_m)
     plot = SitePlot(
         latitude_deg=origin.latitude_deg, longitude_deg=origin.longitude_deg, row_heading_deg=row_heading_deg
     )

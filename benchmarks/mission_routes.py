@@ -12,9 +12,10 @@ from fieldkit.missions.export import route_plan
 from fieldkit.missions.files.formats import mission_bytes
 from fieldkit.results.plan import Plan, PlanPlants
 from fieldkit.results.plan_file import plan_from_poses
+from fieldkit.routing.mission import Home
 from fieldkit.routing.tour import shortest_tour
 from fieldkit.sites.placement import SiteFrame
-from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit.sites.site import Site, SitePlot
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit_sim.simulation import ring
 
@@ -158,7 +159,7 @@ def _plan(stations: int) -> Plan:
 
 
 def _site(plots: int) -> Site:
-    home = SiteHome(latitude_deg=50.8649, longitude_deg=6.4473)
+    home = Home(latitude_deg=50.8649, longitude_deg=6.4473)
     frame = SiteFrame(home)
     grid = [(20.0 + _EAST_M * (k % _COLUMNS), 15.0 + _NORTH_M * (k // _COLUMNS), 0.0) for k in range(plots)]
     latitude, longitude, _ = frame.to_geodetic(np.array(grid))

@@ -29,10 +29,9 @@ from fieldkit.missions.files.wpml import dji_model
 from fieldkit.missions.findings import Report, error, warning
 from fieldkit.missions.ground import Ground, ground_of
 from fieldkit.results.finding import Finding
-from fieldkit.results.mission import MissionHome
 from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Shot
 from fieldkit.routing.obstacles import Corners, Obstacles, Volume
-from fieldkit.sites.placement import SiteFrame, ground_below, grounds_m, home_of, place
+from fieldkit.sites.placement import SiteFrame, ground_below, grounds_m, place
 from fieldkit.sites.reach import Unreachable, nearest, needs_rtk
 from fieldkit.sites.site import Site
 from fieldkit.sites.site_obstacles import Canopy, site_obstacles
@@ -141,7 +140,7 @@ def check_on_ground(
         planned=shots,
         grounds=grounds_m(site, shots).tolist(),
         obstacles=obstacles,
-        origin=home_of(site),
+        origin=site.home,
         moved=moved,
         unchecked=ground.unchecked,
         burst=burst,
@@ -257,7 +256,7 @@ def _leg_findings(
 def _frame(home: Home) -> SiteFrame:
     """The frame of the obstacles; a height of home that is none on Earth is taken as not known."""
     amsl = home.amsl_m if home.amsl_m is not None and -1000.0 <= home.amsl_m <= 10_000.0 else None
-    return SiteFrame(MissionHome(latitude_deg=home.latitude_deg, longitude_deg=home.longitude_deg, amsl_m=amsl))
+    return SiteFrame(replace(home, amsl_m=amsl))
 
 
 _LEG_CODES = {

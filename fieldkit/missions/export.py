@@ -15,7 +15,7 @@ from fieldkit.routing.flights import FileCapacity, Flight, plan_flights
 from fieldkit.routing.mission import Fence, GeoPoint, Mission, Shot, Via, burst_s
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.sites.fit import PLOTS_NEAR, fit_report
-from fieldkit.sites.placement import PlotFrame, SiteFrame, grounds_m, home_of, landing_of
+from fieldkit.sites.placement import PlotFrame, SiteFrame, grounds_m, landing_of
 from fieldkit.sites.plot_plants import facts_of, plants_on
 from fieldkit.sites.reach import Unreachable
 from fieldkit.sites.site import Site
@@ -203,7 +203,7 @@ def _mission(
     (end,) = frame.places(np.array(flight.legs[-1].points[-1:]))
     return Mission(
         name=site.name if count == 1 else f"{site.name}, flight {number} of {count}",
-        home=home_of(site),
+        home=site.home,
         takeoff_m=site.takeoff_m,
         stops=tuple(stops),
         landing=end,

@@ -15,7 +15,6 @@ from fieldkit.results.mission import (
     FlownPlan,
     MissionBurst,
     MissionFlight,
-    MissionHome,
     MissionOutline,
     MissionPlants,
     MissionPlot,
@@ -51,7 +50,7 @@ def mission_record(
     return MissionRecord(
         fieldkit=__version__,
         name=site.name,
-        home=MissionHome(**site.home.model_dump()),
+        home=site.home,
         vehicle=MissionVehicle(
             profile=profile, **vehicle.model_dump(include={"title", "dialect", "autopilot"}), camera=vehicle.camera
         ),

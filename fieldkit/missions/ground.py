@@ -19,7 +19,7 @@ from fieldkit.results.plan_file import load_plan
 from fieldkit.sites.fitted import flown_plans
 from fieldkit.sites.placement import PlotFrame
 from fieldkit.sites.plot_plants import PlantHeight, facts_of, heights_taken, plants_on, same_height_m, with_plant_height
-from fieldkit.sites.site import NoFly, Obstacle, Site, SiteHome, SitePlot
+from fieldkit.sites.site import NoFly, Obstacle, Site, SitePlot
 
 NO_PLOTS = "no plots are given, and no mission.json lies beside the file"
 _NO_HEIGHT = "the height of its plants is not known"
@@ -145,7 +145,7 @@ def _site_of(record: MissionRecord) -> Site:
     low = _TRANSIT_M if record.ceiling_m is None else min(_TRANSIT_M, record.ceiling_m)
     return Site(
         name=record.name,
-        home=SiteHome(**record.home.model_dump()),
+        home=record.home,
         fence=record.inside,
         ceiling_m=record.ceiling_m,
         no_fly=tuple(NoFly(corners=ring) for ring in record.outside),

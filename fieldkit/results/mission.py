@@ -33,14 +33,16 @@ Ring = Annotated[tuple[tuple[Latitude, Longitude], ...], Field(min_length=3)]
 """Corners (latitude, longitude), the last not the first again."""
 
 
-class MissionHome(Strict):
+@dataclass(frozen=True)
+class Home:
     """Where the vehicle takes off; the zero of all heights."""
 
+    __pydantic_config__ = STRICT  # of files; of a mission that others wrote it may be anywhere
     latitude_deg: Latitude
     longitude_deg: Longitude
-    amsl_m: Height | None = None
-    """Above mean sea level; null where nobody said."""
-    ellipsoid_m: Height | None = None
+    amsl_m: Annotated[float, Field(ge=-1000, le=10_000)] | None = None
+    """Above mean sea level, as autopilots take it; null where nobody said."""
+    ellipsoid_m: Annotated[float, Field(ge=-1000, le=10_000)] | None = None
     """Above the WGS 84 ellipsoid; null where nobody said."""
 
 
@@ -220,7 +222,7 @@ class MissionRecord(Strict):
     """Version that wrote it."""
     name: str
     """Of the site."""
-    home: MissionHome
+    home: Home
     vehicle: MissionVehicle
     speed_mps: Length
     """Horizontal, between stops."""

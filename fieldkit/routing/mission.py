@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fieldkit.results.mission import GeoPoint, Shot, Via
+from fieldkit.results.mission import GeoPoint, Home, Shot, Via
 from fieldkit.vocabulary import BURST_INTERVAL_S
 
 __all__ = ["Circle", "Fence", "GeoPoint", "Home", "Mission", "Shot", "Via"]
@@ -13,17 +13,6 @@ __all__ = ["Circle", "Fence", "GeoPoint", "Home", "Mission", "Shot", "Via"]
 def burst_s(photographs: int, exposure_s: float) -> float:
     """From the first to the last photograph of a burst: the next one follows once one is taken, at the earliest."""
     return (photographs - 1) * max(BURST_INTERVAL_S, exposure_s)
-
-
-@dataclass(frozen=True)
-class Home:
-    """Where the vehicle takes off, and the zero of all heights of a mission."""
-
-    latitude_deg: float
-    longitude_deg: float
-    """WGS 84."""
-    amsl_m: float | None
-    """Above mean sea level, as autopilots take it; None where nobody said."""
 
 
 @dataclass(frozen=True)

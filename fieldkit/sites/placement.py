@@ -37,11 +37,11 @@ from numpy.typing import ArrayLike
 from fieldkit.arrays import FloatArray
 from fieldkit.errors import MetadataError, MissionError
 from fieldkit.geometry.geodesy import LocalFrame, plot_from_enu
-from fieldkit.results.mission import MissionHome, MissionOutline
+from fieldkit.results.mission import Home, MissionOutline
 from fieldkit.results.plan import Plan, Plans, plan_on, station_number
 from fieldkit.routing.flights import Stop
 from fieldkit.routing.legs import Place
-from fieldkit.routing.mission import GeoPoint, Home, Shot
+from fieldkit.routing.mission import GeoPoint, Shot
 from fieldkit.sites.site import LEVEL, Gradient, Site, SitePlot
 from fieldkit.vehicles.vehicle import Vehicle
 
@@ -56,16 +56,11 @@ Geodetic = tuple[FloatArray, FloatArray, FloatArray]
 """Latitudes and longitudes (degrees, WGS 84) and heights (metres above home), (n,) each."""
 
 
-def home_of(site: Site) -> Home:
-    """Home as a mission has it."""
-    return Home(site.home.latitude_deg, site.home.longitude_deg, site.home.amsl_m)
-
-
 @dataclass(frozen=True)
 class SiteFrame:
     """Metres east and north of home, and above home."""
 
-    home: MissionHome
+    home: Home
 
     def to_local(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike, height_m: ArrayLike) -> FloatArray:
         """Degrees, degrees and metres above home, scalars or (n,), to (n, 3) metres east, north and above home."""
@@ -290,7 +285,7 @@ def ground_below(site: Site, places: Sequence[GeoPoint]) -> FloatArray:
     return found
 
 
-def _altitude(home: MissionHome) -> float:
+def _altitude(home: Home) -> float:
     """Home's height above the ellipsoid, as well as it is known."""
     return next((height for height in (home.ellipsoid_m, home.amsl_m) if height is not None), 0.0)
 

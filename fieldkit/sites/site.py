@@ -14,7 +14,7 @@ from fieldkit.arrays import FloatArray
 from fieldkit.documents.mistaken import as_centimetres
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.results.fields import Heading, Latitude, Longitude, Strict
-from fieldkit.results.mission import MissionHome, MissionObstacle
+from fieldkit.results.mission import Home, MissionObstacle
 from fieldkit.vehicles.vehicle import Positive
 from fieldkit.wording import count, listed
 
@@ -74,29 +74,6 @@ Polygon = Annotated[
     tuple[tuple[Latitude, Longitude], ...], Field(min_length=3, max_length=20_000), AfterValidator(_open_ring)
 ]
 """Corners (latitude, longitude), the last not the first again."""
-
-
-class SiteHome(MissionHome):
-    """Where the vehicle takes off."""
-
-    amsl_m: Height | None = None
-    """Height above mean sea level."""
-    ellipsoid_m: Height | None = None
-    """Height above the WGS 84 ellipsoid."""
-
-    @model_validator(mode="after")
-    def _heights_agree(self) -> Self:
-        amsl, ellipsoid = self.amsl_m, self.ellipsoid_m
-        if amsl is not None and ellipsoid is not None and abs(ellipsoid - amsl) > UNDULATION_M:
-            raise ValueError(
-                f"ellipsoid_m {ellipsoid:g} and amsl_m {amsl:g} differ by more than {UNDULATION_M:g} m, "
-                "which they do nowhere on Earth"
-            )
-        return self
-
-    def height_m(self, datum: Datum) -> float | None:
-        """Of home above a datum; None where nobody said."""
-        return 0.0 if datum == "home" else self.amsl_m if datum == "amsl" else self.ellipsoid_m
 
 
 class SitePlot(Strict):
@@ -189,7 +166,7 @@ class Site(Strict):
 
     format: Literal[1] = 1
     name: Name = "site"
-    home: SiteHome
+    home: Home
     plots: Annotated[tuple[SitePlot, ...], Field(min_length=1, max_length=2000)]
     neighbours: Annotated[tuple[SitePlot, ...], Field(max_length=2000)] = ()
     """Plots that are not flown. Their plants are kept clear of like those of ``plots``."""
@@ -211,6 +188,12 @@ class Site(Strict):
 
     @model_validator(mode="after")
     def _plots_have_names_and_ground(self) -> Self:
+        amsl, ellipsoid = self.home.amsl_m, self.home.ellipsoid_m
+        if amsl is not None and ellipsoid is not None and abs(ellipsoid - amsl) > UNDULATION_M:
+            raise ValueError(
+                f"home: ellipsoid_m {ellipsoid:g} and amsl_m {amsl:g} differ by more than {UNDULATION_M:g} m, "
+                "which they do nowhere on Earth"
+            )
         seen: set[str] = set()
         for plot in self.all_plots:
             if plot.name in seen:
@@ -248,7 +231,7 @@ class Site(Strict):
 
     def ground_m(self, plot: SitePlot) -> float:
         """Height above home of the ground at a plot's origin."""
-        home = self.home.height_m(plot.datum)
+        home = {"home": 0.0, "amsl": self.home.amsl_m, "ellipsoid": self.home.ellipsoid_m}[plot.datum]
         if home is None:
             above, key = ("mean sea level", "amsl_m") if plot.datum == "amsl" else ("the ellipsoid", "ellipsoid_m")
             raise ValueError(

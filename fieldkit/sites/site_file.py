@@ -19,9 +19,10 @@ from fieldkit.documents.toml_file import read_versioned, sentence, validated_tom
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.files import named_file
 from fieldkit.geometry.geodesy import LocalFrame, great_circle_m
+from fieldkit.routing.mission import Home
 from fieldkit.runtime.shipped import shipped_page
 from fieldkit.sites.plots_file import PLOTS_REMEDY, load_plots, read_plots
-from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.vector_files import read_wgs84, wgs84_features
 
 FARTHEST_M = 100_000.0
@@ -183,7 +184,7 @@ def _polygons(site: Site) -> Iterator[tuple[str, tuple[tuple[float, float], ...]
     yield from ((f'no_fly "{zone.name}"', zone.corners) for zone in site.no_fly)
 
 
-def _check_places(home: SiteHome, places: Sequence[tuple[str, float, float]], path: Path | None) -> None:
+def _check_places(home: Home, places: Sequence[tuple[str, float, float]], path: Path | None) -> None:
     """Refuse places too far from home; where they would be near it with their coordinates swapped, say so."""
     if not places:
         return

@@ -17,9 +17,10 @@ from fieldkit.missions.settings import MissionSettings
 from fieldkit.planning.methods.optimise import Effort
 from fieldkit.results.mission import load_mission
 from fieldkit.results.plan import Plan, PlanEnvelope
+from fieldkit.routing.mission import Home
 from fieldkit.runtime.context import Context
 from fieldkit.sites.plot_plants import plants_on
-from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit.sites.site import Site, SitePlot
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from tests.campaign.examples import PLAN, campaign_folder, field
 from tests.evaluation.test_compare import evaluation_folder
@@ -135,7 +136,7 @@ def test_stations_keep_clear_of_the_whole_plot_whose_size_is_known(tmp_path: Pat
 
 def test_plants_that_nobody_knows_may_be_taller_than_measured_ones() -> None:
     stated = Site(
-        home=SiteHome(latitude_deg=52.2957, longitude_deg=10.438),
+        home=Home(latitude_deg=52.2957, longitude_deg=10.438),
         plots=tuple(
             SitePlot(name=name, latitude_deg=52.296 + 1e-4 * k, longitude_deg=10.438, plant_height_m=height)
             for k, (name, height) in enumerate([("stated", 1.0), ("measured", 1.0), ("unknown", None), ("low", None)])

@@ -46,10 +46,11 @@ from fieldkit.results.finding import Finding
 from fieldkit.results.mission import load_mission
 from fieldkit.results.plan import Plan, PlanPlants
 from fieldkit.results.plan_file import plan_bytes, plan_from_poses
+from fieldkit.routing.mission import Home
 from fieldkit.runtime.context import Context
 from fieldkit.sites.fitted import flown_plan
 from fieldkit.sites.plot_plants import with_plant_height
-from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.site_file import load_site
 
 ROOT = Path(__file__).parents[2]
@@ -189,7 +190,7 @@ class TestPlacement:
         planned = stations(seed=seed)
         origin = LocalFrame(52.3, 10.4, 81.0, "ellipsoid")
         site = Site(
-            home=SiteHome(latitude_deg=52.3, longitude_deg=10.4, ellipsoid_m=81.0),
+            home=Home(latitude_deg=52.3, longitude_deg=10.4, ellipsoid_m=81.0),
             plots=(SitePlot(latitude_deg=52.3, longitude_deg=10.4),),
         )
         shift = np.array([east, north, up])
@@ -379,7 +380,7 @@ class TestShift:
     def test_to_another_plot_names_it(self, north_m: float, there: bool) -> None:
         latitudes = (50.0, 50.0 + 4.0 / 111_229.0)
         plots = [SitePlot(name=n, latitude_deg=lat, longitude_deg=6.0) for n, lat in zip("AB", latitudes, strict=True)]
-        site = Site(name="trial", home=SiteHome(latitude_deg=50.0, longitude_deg=6.0, amsl_m=90.0), plots=tuple(plots))
+        site = Site(name="trial", home=Home(latitude_deg=50.0, longitude_deg=6.0, amsl_m=90.0), plots=tuple(plots))
         tags = Tags((), PoseArray.of([]), np.zeros(0), 0.03)
         shift = np.array([0.0, north_m, 0.0])  # across the row, which leads east
         (found,) = common_findings(Placed(tags, "site", shift_m=shift), CheckSettings(), site, plots[0])
@@ -396,7 +397,7 @@ def test_a_plan_is_checked_and_flown_again_as_it_was_fitted_to_the_plot(tmp_path
     plants = PlanPlants(points_m=((-0.5, -0.5, 1.0), (0.5, 0.5, 1.0)), cell_m=0.05)
     plan = plan_from_poses(poses).model_copy(update={"plant_height_m": 1.0, "plants": plants})
     plot = SitePlot(name="B2", latitude_deg=50.0, longitude_deg=6.0, plant_height_m=1.3)
-    home = SiteHome(latitude_deg=50.0, longitude_deg=6.0, amsl_m=90.0)
+    home = Home(latitude_deg=50.0, longitude_deg=6.0, amsl_m=90.0)
     other = SitePlot(name="A1", latitude_deg=50.001, longitude_deg=6.0, plant_height_m=1.0)
     flown = plot.model_copy(update={"plant_height_m": height_m})
     site = Site(name="trial", home=home, plots=(flown,), neighbours=(other,))

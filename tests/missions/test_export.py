@@ -15,7 +15,6 @@ from fieldkit.missions.settings import MissionSettings
 from fieldkit.results.mission import load_mission
 from fieldkit.results.plan import Plan, PlanPlants, Station
 from fieldkit.routing.mission import Shot
-from fieldkit.sites.placement import home_of
 from fieldkit.sites.plot_plants import with_plant_height
 from fieldkit.sites.site import Site
 from fieldkit.sites.site_file import load_site
@@ -70,7 +69,7 @@ def test_what_is_written_passes_its_check_against_the_plan(tmp_path, vehicle, fo
     read = read_mission(done.files[0])
     shots = tuple(stop for each in done.routed.flights for stop in each.mission.stops if isinstance(stop, Shot))
     report = check_mission(
-        read, profile, planned=shots, obstacles=site_obstacles(field, profile.clearance_m, plan), origin=home_of(field)
+        read, profile, planned=shots, obstacles=site_obstacles(field, profile.clearance_m, plan), origin=field.home
     )
     assert {finding.code for finding in report.findings} == ({"heading-mode"} if form == "litchi" else set())
     off = [(pose.metres, abs(pose.heading_deg or 0.0), abs(pose.pitch_deg or 0.0)) for pose in report.deviations]
@@ -108,7 +107,7 @@ def test_bursts_stand_still_where_the_plan_says(tmp_path: Path, vehicle: str, fo
     }
     done = exported[3]
     (each,) = done.routed.flights
-    report = check_mission(read_mission(done.files[0]), profile, planned=each.mission.shots, origin=home_of(field))
+    report = check_mission(read_mission(done.files[0]), profile, planned=each.mission.shots, origin=field.home)
     assert report.ok, report.findings
     assert not {f.code for f in report.findings} - {"heading-mode"}
     assert (len(report.taken), report.burst, done.routed.stations, done.routed.photographs) == (21, 3, 7, 21)
@@ -140,7 +139,7 @@ def test_a_station_that_lost_photographs_is_named_and_so_are_hasty_ones(tmp_path
     del items[shutters[13] : shutters[13] + 2]
     file.write_text(json.dumps(document))
     shots = done.routed.flights[0].mission.shots
-    report = check_mission(read_mission(file), VEHICLE, planned=shots, origin=home_of(field))
+    report = check_mission(read_mission(file), VEHICLE, planned=shots, origin=field.home)
     assert report.ok
     short, hasty = (next(f for f in report.findings if f.code == f"short-{what}") for what in ("burst", "interval"))
     assert short.message == f"{shots[3].name} has 3 of 4 photographs"

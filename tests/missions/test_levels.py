@@ -10,12 +10,12 @@ from fieldkit.missions.files.read_mission import ReadMission, ReadStop
 from fieldkit.missions.findings import Report
 from fieldkit.missions.ground import Ground
 from fieldkit.missions.items import Frame
-from fieldkit.routing.mission import GeoPoint
-from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit.routing.mission import GeoPoint, Home
+from fieldkit.sites.site import Site, SitePlot
 from tests.missions.vehicles import HOME, small_mission, vehicle
 
 FIELD = Site(
-    home=SiteHome(latitude_deg=HOME.latitude_deg, longitude_deg=HOME.longitude_deg),
+    home=Home(latitude_deg=HOME.latitude_deg, longitude_deg=HOME.longitude_deg),
     plots=(SitePlot(name="a", latitude_deg=50.866, longitude_deg=6.4473),),
     neighbours=(SitePlot(name="b", latitude_deg=50.867, longitude_deg=6.4473),),
 ).with_each(lambda plot: plot.model_copy(update={"length_m": 3.0, "width_m": 2.0, "plant_height_m": 1.0}))
@@ -45,7 +45,7 @@ def test_items_above_sea_level_are_above_the_sites_home() -> None:
     assert not checked(in_frame(Frame.GLOBAL, 92.0, 92.0)).unchecked
     assert checked(in_frame(Frame.GLOBAL_TERRAIN_ALT, 92.0)).unchecked
     # The file's home lies 6 m too low, so that its heights above sea level seem to be clear of plants.
-    site = FIELD.model_copy(update={"home": FIELD.home.model_copy(update={"amsl_m": 98.0})})
+    site = FIELD.model_copy(update={"home": replace(FIELD.home, amsl_m=98.0)})
     read = in_frame(Frame.GLOBAL, 92.0, 92.0)
     lowest = [min(p.place.height_m for p in checked(read, each).photographs if p.place) for each in (FIELD, site)]
     assert lowest[0] - lowest[1] == pytest.approx(6.0)

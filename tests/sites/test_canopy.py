@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldkit.missions.export import route_plan
+from fieldkit.routing.mission import Home
 from fieldkit.sites.placement import PlotFrame, SiteFrame
-from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.site_obstacles import Canopy
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from tests.missions.test_export import planned
@@ -34,7 +35,7 @@ def field(seed: int, plots: int) -> Site:
         )
         for k in range(plots)
     ]
-    home = SiteHome(latitude_deg=50.8649, longitude_deg=6.4473)
+    home = Home(latitude_deg=50.8649, longitude_deg=6.4473)
     return Site(home=home, plots=tuple(made[:-1]), neighbours=tuple(made[-1:]), takeoff_m=2.5, transit_m=2.5)
 
 
@@ -83,7 +84,7 @@ def test_stations_over_other_plots_are_told_and_those_too_near_refused() -> None
         )
         for k, metres in enumerate((0.0, 1.2, 6.0))
     ]
-    home = SiteHome(latitude_deg=50.8649, longitude_deg=6.4473)
+    home = Home(latitude_deg=50.8649, longitude_deg=6.4473)
     site = Site(home=home, plots=(near[0],), neighbours=tuple(near[1:]), takeoff_m=3.0, transit_m=3.0)
     (told,) = (each for each in route_plan(ring, VEHICLE, site).fit if each.code == "plots-near")
     assert told.severity == "warning"

@@ -16,10 +16,11 @@ from fieldkit.missions.export import route_plan
 from fieldkit.results.finding import Finding, Refused
 from fieldkit.results.plan import Plan, PlanPlants, Plans
 from fieldkit.results.plan_file import save_plan
+from fieldkit.routing.mission import Home
 from fieldkit.sites.fit import CODES, fit_plot, fit_report
 from fieldkit.sites.placement import PlotFrame, SiteFrame
 from fieldkit.sites.plot_plants import PlanFacts, row_spacing_m, with_plant_height
-from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.site_obstacles import site_obstacles
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from tests.missions.test_export import planned
@@ -50,7 +51,7 @@ def with_plants(plan: Plan, points: FloatArray) -> Plan:
 
 
 def site_with(*plots: dict[str, Any]) -> Site:
-    home = SiteHome(latitude_deg=50.8649, longitude_deg=6.4473)
+    home = Home(latitude_deg=50.8649, longitude_deg=6.4473)
     return Site(
         home=home,
         plots=tuple(

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from fieldkit.arrays import FloatArray
 from fieldkit.errors import MetadataError
 from fieldkit.results.plan import Plan, Station
-from fieldkit.routing.mission import GeoPoint
+from fieldkit.routing.mission import GeoPoint, Home
 from fieldkit.sites.placement import PlotFrame, SiteFrame, place
-from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit.sites.site import Site, SitePlot
 
 SITL = Path(__file__).parents[2] / "sim" / "sitl"
 PLACES = {
@@ -32,7 +32,7 @@ PLACES = {
 
 
 def site_at(latitude: float, longitude: float, ellipsoid: float | None = 140.0, **plot: Any) -> Site:
-    home = SiteHome(latitude_deg=latitude, longitude_deg=longitude, ellipsoid_m=ellipsoid)
+    home = Home(latitude_deg=latitude, longitude_deg=longitude, ellipsoid_m=ellipsoid)
     return Site(home=home, plots=(SitePlot(latitude_deg=latitude, longitude_deg=longitude, **plot),))
 
 
@@ -83,7 +83,7 @@ def test_positions_are_projs_within_a_kilometre(where: str, row_heading: float) 
 @pytest.mark.parametrize("where", PLACES)
 def test_the_site_frame_is_projs_in_plan_and_level_in_height(where: str) -> None:
     latitude, longitude = PLACES[where]
-    frame = SiteFrame(SiteHome(latitude_deg=latitude, longitude_deg=longitude, ellipsoid_m=140.0))
+    frame = SiteFrame(Home(latitude_deg=latitude, longitude_deg=longitude, ellipsoid_m=140.0))
     points = np.array([(x, y, z) for x in (-900.0, 0.5, 700.0) for y in (-800.0, 600.0) for z in (0.0, 3.0, 80.0)])
     latitudes, longitudes, heights = frame.to_geodetic(points)
     np.testing.assert_array_equal(heights, points[:, 2])
@@ -97,7 +97,7 @@ def test_the_site_frame_is_projs_in_plan_and_level_in_height(where: str) -> None
 
 def test_a_plot_far_from_home_is_as_high_as_its_ground() -> None:
     """A kilometre from home the plane that touches the ellipsoid at home is 8 cm off; a station must not be."""
-    home = SiteHome(latitude_deg=50.0, longitude_deg=6.0, amsl_m=100.0)
+    home = Home(latitude_deg=50.0, longitude_deg=6.0, amsl_m=100.0)
     far = SitePlot(name="far", latitude_deg=50.009, longitude_deg=6.0, height_m=103.0, datum="amsl")
     (shot,) = place(plan_of((2.0, 1.0, 1.5, 0.0, -45.0)), Site(home=home, plots=(far,)))
     assert shot.place.height_m == pytest.approx(4.5, abs=1e-6)
@@ -145,7 +145,7 @@ def test_a_heading_points_at_what_the_camera_looks_at(where: str, row_heading: f
 
 
 def test_heights_need_a_common_datum() -> None:
-    home = SiteHome(latitude_deg=50.0, longitude_deg=6.0, ellipsoid_m=140.0)
+    home = Home(latitude_deg=50.0, longitude_deg=6.0, ellipsoid_m=140.0)
     plot = SitePlot(latitude_deg=50.0, longitude_deg=6.0, height_m=92.0, datum="amsl")
     good = site_at(50.0, 6.0)
     unchecked = good.model_copy(update={"home": home, "plots": (plot,)})

@@ -7,14 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.results.plan import Plan, Station
-from fieldkit.routing.mission import Shot
+from fieldkit.routing.mission import Home, Shot
 from fieldkit.sites.placement import place
 from fieldkit.sites.reach import nearest, one_photograph, unreachable
-from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit.sites.site import Site, SitePlot
 from fieldkit.vehicles.vehicle_file import load_vehicle, vehicle_names
 
 SITE = Site(
-    home=SiteHome(latitude_deg=50.0, longitude_deg=6.0, amsl_m=100.0),
+    home=Home(latitude_deg=50.0, longitude_deg=6.0, amsl_m=100.0),
     plots=(
         SitePlot(name="low", latitude_deg=50.0001, longitude_deg=6.0, height_m=97.0, datum="amsl"),
         SitePlot(name="high", latitude_deg=50.0002, longitude_deg=6.0, height_m=102.0, datum="amsl"),

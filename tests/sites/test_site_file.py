@@ -14,9 +14,10 @@ from pydantic import BaseModel
 from benchmarks.fuzzing import Target, fuzz
 from fieldkit.documents.mistaken import SWAPPED
 from fieldkit.errors import MetadataError
+from fieldkit.routing.mission import Home
 from fieldkit.sites.placement import SiteFrame
 from fieldkit.sites.plots_file import heading_near, load_plots, plot_shape
-from fieldkit.sites.site import NoFly, Obstacle, Site, SiteHome, SitePlot
+from fieldkit.sites.site import NoFly, Obstacle, Site, SitePlot
 from fieldkit.sites.site_file import load_site, with_plots
 from tests.vehicles.test_vehicle_file import check_table
 
@@ -66,7 +67,7 @@ def geojson(folder: Path, *features: Any, name: str = "plots.geojson", **more: A
 
 def rectangle(middle: tuple[float, float], heading: float, length: float, width: float) -> list[list[float]]:
     """A closed GeoJSON ring of a rectangle whose first side leads towards a heading."""
-    frame = SiteFrame(SiteHome(latitude_deg=middle[0], longitude_deg=middle[1]))
+    frame = SiteFrame(Home(latitude_deg=middle[0], longitude_deg=middle[1]))
     angle = np.radians(heading)
     along, left = np.array([np.sin(angle), np.cos(angle)]), np.array([-np.cos(angle), np.sin(angle)])
     corners = [a * length / 2 * along + b * width / 2 * left for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))]
@@ -93,13 +94,13 @@ def test_the_example() -> None:
     ("section", "model"),
     [
         ("At the top of a site file", Site),
-        ("`[home]`", SiteHome),
+        ("`[home]`", Home),
         ("`[[plots]]`", SitePlot),
         ("`[[no_fly]]`", NoFly),
         ("`[[obstacles]]`", Obstacle),
     ],
 )
-def test_the_readme_lists_the_keys(section: str, model: type[BaseModel]) -> None:
+def test_the_readme_lists_the_keys(section: str, model: type[BaseModel] | type[Home]) -> None:
     check_table(section, model)
 
 
@@ -237,7 +238,7 @@ def test_shapes(middle, heading, length, share, first, backwards) -> None:
     ring = rectangle(middle, heading, length, length * share)[:-1]
     ring = ring[first:] + ring[:first]
     shape = plot_shape([(lat, lon) for lon, lat in (ring[::-1] if backwards else ring)])
-    frame = SiteFrame(SiteHome(latitude_deg=middle[0], longitude_deg=middle[1]))
+    frame = SiteFrame(Home(latitude_deg=middle[0], longitude_deg=middle[1]))
     centre = frame.to_local(shape.latitude_deg, shape.longitude_deg, 0.0)[0]
     assert np.abs(centre).max() < 1e-4
     assert abs((shape.side_deg - heading + 90) % 180 - 90) < 0.01

@@ -14,9 +14,10 @@ from fieldkit.arrays import FloatArray
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.routing.mission import Home
 from fieldkit.sites.placement import PlotFrame, SiteFrame, grounds_m, place
 from fieldkit.sites.plots_file import load_plots
-from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.site_obstacles import site_obstacles
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from tests.missions.test_export import planned
@@ -29,8 +30,8 @@ HEADINGS = st.floats(-360, 360)
 SLOPES = st.floats(0.5, 40)
 
 
-def site_with(home: SiteHome | None = None, **plot: Any) -> Site:
-    home = home or SiteHome(latitude_deg=50.8649, longitude_deg=LONGITUDE, ellipsoid_m=140.0)
+def site_with(home: Home | None = None, **plot: Any) -> Site:
+    home = home or Home(latitude_deg=50.8649, longitude_deg=LONGITUDE, ellipsoid_m=140.0)
     return Site(
         home=home, plots=(SitePlot(**{"plant_height_m": 0.85, **plot}, latitude_deg=LATITUDE, longitude_deg=LONGITUDE),)
     )

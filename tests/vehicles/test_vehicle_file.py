@@ -1,7 +1,7 @@
 """Vehicle profiles."""
 
 import re
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ from pydantic import BaseModel
 from benchmarks.fuzzing import Target, fuzz
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics
+from fieldkit.routing.mission import Home
 from fieldkit.vehicles.vehicle import Battery, Mount, Speeds, Trigger, Vehicle
 from fieldkit.vehicles.vehicle_file import find_vehicle, load_vehicle, vehicle_names, vehicles_folder
 
@@ -19,11 +20,11 @@ README = (ROOT / "missions" / "README.md").read_text(encoding="utf-8")
 TEXT = (ROOT / "missions" / "vehicles" / "ardupilot-pitch.toml").read_text(encoding="utf-8")
 
 
-def check_table(section: str, model: type[BaseModel] | type[Intrinsics]) -> None:
+def check_table(section: str, model: type[BaseModel] | type[Intrinsics] | type[Home]) -> None:
     """That a key table of missions/README.md has all keys of a model with their defaults, and no others."""
     part = README.partition(f"### {section}\n")[2].partition("\n#")[0]
-    if issubclass(model, Intrinsics):
-        expected = {field.name: "needed" for field in fields(Intrinsics)}
+    if not issubclass(model, BaseModel):
+        expected = {field.name: "needed" if field.default is MISSING else "none" for field in fields(model)}
     else:
         expected = {}
         for name, field in model.model_fields.items():
