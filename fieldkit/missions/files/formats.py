@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from fieldkit.documents.mistaken import refuse_other
-from fieldkit.errors import MetadataError, MissionError, UsageError
+from fieldkit.errors import MetadataError, MissionError
 from fieldkit.missions.autopilots.writing import render
 from fieldkit.missions.files.limits import REMEDY
 from fieldkit.missions.files.litchi import litchi_bytes, read_litchi
@@ -57,8 +57,6 @@ FORMATS: dict[str, tuple[str, Callable[[Mission, Vehicle], bytes]]] = {
 
 def mission_bytes(format: str, mission: Mission, vehicle: Vehicle) -> bytes:  # noqa: A002
     """The file of a mission, the same bytes for the same mission."""
-    if format not in FORMATS:
-        raise UsageError(f"no such format: {format}", remedy=f"Choose one of {', '.join(FORMATS)}.")
     return FORMATS[format][1](mission, vehicle)
 
 
