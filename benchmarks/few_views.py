@@ -21,7 +21,7 @@ from fieldkit.reconstruction.agreement import align_to_positions, judge
 from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.features import Features
 from fieldkit.reconstruction.mapping.blind import map_blindly
-from fieldkit.reconstruction.mapping.prior import map_with_priors
+from fieldkit.reconstruction.mapping.prior import PriorProblem, map_with_priors
 from fieldkit.reconstruction.settings import BLIND_METHODS, ReconstructionSettings
 from fieldkit.reconstruction.stages import KeyedFeatures, exhaustive_pairs, load_features, load_pairs
 from fieldkit.runtime.context import Context
@@ -307,13 +307,15 @@ def map_with_noise(
     angle_sigma = float(np.hypot(noise.angle_deg, RIG_ANGLE_SIGMA_DEG))
     start = time.process_time()
     result = map_with_priors(
-        names,
-        features,
-        [rig.intrinsics],
-        [0] * len(names),
-        [PosePrior.of(noisy[name], position_sigma, angle_sigma) for name in names],
-        settings.prior,
-        fixed_intrinsics=True,
-        seed=draw,
+        PriorProblem(
+            names,
+            features,
+            [rig.intrinsics],
+            [0] * len(names),
+            [PosePrior.of(noisy[name], position_sigma, angle_sigma) for name in names],
+            settings.prior,
+            fixed_intrinsics=True,
+            seed=draw,
+        )
     )
     return model_poses(result.model), time.process_time() - start

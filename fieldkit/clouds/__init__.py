@@ -1,13 +1,11 @@
 """Point clouds: files, metrics, alignment, thinning, ground and the volume of interest."""
 
-from fieldkit.clouds.alignment import AlignmentStats, icp
+from fieldkit.clouds.alignment import icp
 from fieldkit.clouds.cloud import Cloud, concatenate
 from fieldkit.clouds.ground import fit_ground_plane
-from fieldkit.clouds.las import LasCloud, read_las, write_las
+from fieldkit.clouds.las import read_las, write_las
 from fieldkit.clouds.metrics import (
-    Chamfer,
     CloudScore,
-    FScore,
     ReferenceIndex,
     nearest_distances,
     score,
@@ -19,12 +17,8 @@ from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume, crop
 
 __all__ = [
-    "AlignmentStats",
-    "Chamfer",
     "Cloud",
     "CloudScore",
-    "FScore",
-    "LasCloud",
     "PointIndex",
     "ReferenceIndex",
     "Volume",

@@ -96,8 +96,6 @@ def icp(
         The transform from the source's frame to the target's, and how it went. Where fewer than 10 points of the
         source come within reach of the target, that is the identity with ``converged`` false.
     """
-    if not (np.isfinite(max_distance_m) and max_distance_m > 0):
-        raise ValueError("max_distance_m must be positive")
     for name, cloud in (("source", source), ("target", target)):
         if not len(cloud):
             raise EmptyCloudError(f"the {name} cloud has no points to align", remedy="Check the volume of interest.")

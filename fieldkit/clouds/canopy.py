@@ -125,10 +125,6 @@ def canopy(
     """
     import cv2
 
-    if not len(points):
-        raise ValueError("a canopy needs points")
-    if not (np.isfinite(pixel_m) and pixel_m > 0):
-        raise ValueError(f"a cell must have a positive number of metres, not {pixel_m}")
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     cell = max(pixel_m, float(np.sqrt(np.prod(high - low + 6 * pixel_m) / MOST_CELLS)))
     seam = (seam_cells(pixel_m, swayed_m) if seam is None else seam) * pixel_m / cell

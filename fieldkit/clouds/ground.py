@@ -47,7 +47,6 @@ def fit_ground_plane(
     up: ArrayLike | None = None,
     well_seen: BoolArray | None = None,
     seed: int = 0,
-    tolerance_m: float | None = None,
 ) -> Plane:
     """Find the ground by RANSAC (Fischler and Bolles 1981) and refine it by least squares on its inliers.
 
@@ -59,21 +58,18 @@ def fit_ground_plane(
     most points are leaves', it is looked for among well-seen points alone, to a third of the tolerance.
 
     Args:
-        points: (n, 3), any orientation; metres, or any other unit as long as ``tolerance_m`` has it too.
+        points: (n, 3), any orientation and unit.
         camera_centers: (m, 3) in the same frame. Without them up is the side with more points.
         up: (3,) upwards to within `MAX_TILT_DEG`, where it is known (the z axis of a GPS frame, recorded angles): it
             keeps slanting pots and walls of leaves from being taken for the ground.
         well_seen: (n,) which points are hardly noise. All but clutter where not given: three times as many as on the
             ground may lie below it then.
-        tolerance_m: how far ground points may lie from the plane (the soil's roughness and the noise). 0.5 % of the
-            cloud's diagonal where not given.
     """
     p = np.asarray(points, dtype=np.float64).reshape(-1, 3)
     if not len(p):
         raise EmptyCloudError("no points to find the ground in", remedy="Check the volume of interest.")
-    tolerance = _tolerance(p) if tolerance_m is None else float(tolerance_m)
-    if tolerance_m is not None and not (np.isfinite(tolerance) and tolerance > 0):
-        raise ValueError(f"the tolerance must be a positive number, not {tolerance_m}")
+    low, high = np.quantile(p, [0.01, 0.99], axis=0)
+    tolerance = _TOLERANCE_SHARE * float(np.linalg.norm(high - low))
     if len(p) < 3 or tolerance == 0.0:
         raise _no_ground("its points do not span a plane")
     cameras = np.asarray([] if camera_centers is None else camera_centers, dtype=np.float64).reshape(-1, 3)
@@ -133,11 +129,6 @@ def _check_seen(heights: FloatArray, tolerance: float, least: int, *, clean: boo
         raise _no_ground("well-seen points lie below the flattest part of the cloud")
 
 
-def _tolerance(points: FloatArray) -> float:
-    low, high = np.quantile(points, [0.01, 0.99], axis=0)
-    return _TOLERANCE_SHARE * float(np.linalg.norm(high - low))
-
-
 def _best_rated(
     points: FloatArray,
     cameras: FloatArray | None,
@@ -168,10 +159,7 @@ def _no_ground(reason: str) -> ReconstructionError:
 
 def _unit(vector: ArrayLike) -> FloatArray:
     v = np.asarray(vector, dtype=np.float64).reshape(3)
-    length = float(np.linalg.norm(v))
-    if not (np.isfinite(length) and length > 0):
-        raise ValueError("the upward direction must have a length")
-    return np.asarray(v / length)
+    return np.asarray(v / float(np.linalg.norm(v)))
 
 
 def _hypotheses(

@@ -26,9 +26,7 @@ class PointIndex:
     """
 
     def __init__(self, points: ArrayLike) -> None:
-        p = _checked(points)
-        if not len(p):
-            raise ValueError("an index needs at least one point")
+        p = np.asarray(points, dtype=np.float64)
         self._origin = 0.5 * (p.min(axis=0) + p.max(axis=0))
         # Distances are taken relative to the middle: no digits are lost to UTM-sized coordinates.
         local = p - self._origin
@@ -41,7 +39,7 @@ class PointIndex:
 
     def nearest(self, points: ArrayLike) -> tuple[FloatArray, IntArray]:
         """Distance (m,) in metres to the nearest indexed point of each of the points (m, 3), and its index (m,)."""
-        p = _checked(points)
+        p = np.asarray(points, dtype=np.float64)
         local = p - self._origin
         order = z_order(local)
         distances, indices = np.empty(len(p)), np.empty(len(p), dtype=np.int64)
@@ -53,15 +51,6 @@ class PointIndex:
         """Distance (m,) from each point of another index, in that index' Z-order, to the nearest point of this one."""
         distances: FloatArray = self._tree.query(other._sorted + (other._origin - self._origin))[0]
         return distances
-
-
-def _checked(points: ArrayLike) -> FloatArray:
-    p = np.asarray(points, dtype=np.float64)
-    if p.ndim != 2 or p.shape[1] != 3:
-        raise ValueError(f"points must have the shape (n, 3), not {p.shape}")
-    if not np.isfinite(p).all():
-        raise ValueError("points must be finite")
-    return p
 
 
 def z_order(points: FloatArray) -> IntArray:

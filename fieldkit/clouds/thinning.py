@@ -29,8 +29,6 @@ def voxel_thin(cloud: Cloud, size_m: float, *, origin: ArrayLike = (0.0, 0.0, 0.
         size_m: the voxel's edge, metres.
         origin: (3,) what the points are first moved by, to lie about it.
     """
-    if not (np.isfinite(size_m) and size_m > 0):
-        raise ValueError(f"the voxel size must be a positive number of metres, not {size_m}")
     if not len(cloud):
         return cloud
     origin = np.asarray(origin, dtype=np.float64)

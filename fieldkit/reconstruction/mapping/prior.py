@@ -17,8 +17,8 @@ adjustment (Triggs et al. 2000), graduated non-convexity for the falling loss.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
-from functools import lru_cache, partial
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -132,21 +132,30 @@ class _Posed(Sequence[PosedFeatures]):
 
 
 @dataclass(frozen=True, eq=False)
-class _Problem:
+class PriorProblem:
     """What every round starts from."""
 
     names: Sequence[str]
     features: Sequence[Features]
     cameras: Sequence[Intrinsics]
     camera_of: Sequence[int]
+    """Each image's index into ``cameras``."""
     priors: Sequence[PosePrior]
+    """Each image's position and orientation, metres."""
     settings: PriorMappingSettings
     fixed_intrinsics: bool
-    seed: int
-    region: Region | None
-    keep: KeepPair | None
-    indexed: Callable[[int, Intrinsics], IndexedFeatures]
-    """An image's features for a camera; the last `_KEPT` are at hand."""
+    """Hold the cameras as given; else focal length and distortion are adjusted in the last rounds."""
+    seed: int = 0
+    region: Region | None = None
+    """What the cameras look at; None finds it from the optical axes."""
+    keep: KeepPair | None = None
+    """Finds or keeps the first round's matches of a pair, which depend on its two images only (and on ``region``, which
+    should then be given)."""
+
+    @cached_property
+    def indexed(self) -> Callable[[int, Intrinsics], IndexedFeatures]:
+        """An image's features for a camera; the last `_KEPT` are at hand."""
+        return lru_cache(_KEPT)(lambda k, camera: IndexedFeatures.of(self.features[k], camera))
 
     @property
     def start(self) -> list[Pose]:
@@ -181,45 +190,11 @@ class _Problem:
         return Band(max(_LEAST_BAND_PX, FIRST_BAND_SIGMAS * sigma), self.region)
 
 
-def map_with_priors(
-    names: Sequence[str],
-    features: Sequence[Features],
-    cameras: Sequence[Intrinsics],
-    camera_of: Sequence[int],
-    priors: Sequence[PosePrior],
-    settings: PriorMappingSettings,
-    *,
-    region: Region | None = None,
-    fixed_intrinsics: bool,
-    seed: int = 0,
-    advance: Callable[[int], None] = lambda _: None,
-    keep: KeepPair | None = None,
-) -> PriorMapping:
-    """Poses and points of photographs whose rough poses are known.
-
-    Args:
-        camera_of: each image's index into ``cameras``.
-        priors: each image's position and orientation, metres.
-        region: what the cameras look at; None finds it from the optical axes.
-        fixed_intrinsics: hold the cameras as given; else focal length and distortion are adjusted in the last rounds.
-        keep: finds or keeps the first round's matches of a pair, which depend on its two images only (and on
-            ``region``, which should then be given).
-    """
-    region = region or region_of_interest([prior.pose for prior in priors])
-
-    problem = _Problem(
-        names,
-        features,
-        cameras,
-        camera_of,
-        priors,
-        settings,
-        fixed_intrinsics,
-        seed,
-        region,
-        keep,
-        lru_cache(_KEPT)(lambda k, camera: IndexedFeatures.of(features[k], camera)),
-    )
+def map_with_priors(problem: PriorProblem, advance: Callable[[int], None] = lambda _: None) -> PriorMapping:
+    """Poses and points of photographs whose rough poses are known."""
+    names, cameras, settings = problem.names, problem.cameras, problem.settings
+    region = problem.region or region_of_interest(problem.start)
+    problem = replace(problem, region=region)
     pairs = _candidate_pairs(problem.start, settings.max_neighbours)
     matches = _first_matches(problem)
     model = _first_model(problem, matches, pairs)
@@ -241,7 +216,7 @@ def map_with_priors(
         model.deregister_frame(model.image(names.index(name) + 1).frame_id)
     left = {k for k, name in enumerate(names) if name not in unregistered}
     pair_values = {pair: value for pair, value in pair_values.items() if left.issuperset(pair)}
-    return PriorMapping(model, unregistered, len(pairs), len(matches), pair_values, not fixed_intrinsics)
+    return PriorMapping(model, unregistered, len(pairs), len(matches), pair_values, not problem.fixed_intrinsics)
 
 
 def epipolar_sigma_px(a: PosePrior, b: PosePrior, focal_px: float, distance_m: float) -> float:
@@ -267,7 +242,7 @@ def _candidate_pairs(poses: Sequence[Pose], neighbours: int) -> list[Pair]:
     return sorted(pairs)
 
 
-def _first_matches(problem: _Problem) -> Matches:
+def _first_matches(problem: PriorProblem) -> Matches:
     """Verified matches of the pairs whose relative pose agrees with the priors; feature indices of the whole images."""
 
     @lru_cache(_KEPT)
@@ -285,7 +260,7 @@ def _first_matches(problem: _Problem) -> Matches:
     return matches
 
 
-def _first_inputs(problem: _Problem, i: int, j: int) -> tuple[Any, ...]:
+def _first_inputs(problem: PriorProblem, i: int, j: int) -> tuple[Any, ...]:
     """All that `_first_pair` depends on but the features and this module's constants."""
     priors = [
         (p.rotation, p.position, p.position_sigma_m, p.angle_sigma_deg) for p in (problem.priors[i], problem.priors[j])
@@ -293,7 +268,7 @@ def _first_inputs(problem: _Problem, i: int, j: int) -> tuple[Any, ...]:
     return (priors, (problem.camera(i), problem.camera(j)), problem.region, problem.seed)
 
 
-def _first_pair(problem: _Problem, i: int, j: int, largest: Callable[[int], _Largest]) -> NDArray[np.uint32]:
+def _first_pair(problem: PriorProblem, i: int, j: int, largest: Callable[[int], _Largest]) -> NDArray[np.uint32]:
     """(k, 2) verified matches of two images, or none where their relative pose contradicts the priors."""
     a, b = problem.priors[i], problem.priors[j]
     camera_a, camera_b = problem.camera(i), problem.camera(j)
@@ -329,7 +304,7 @@ def _agrees_with_priors(found: TwoView, a: PosePrior, b: PosePrior) -> bool:
 
 
 def _tracks_to_model(
-    problem: _Problem, poses: Sequence[Pose], cameras: Sequence[Intrinsics], matches: Matches, max_error_px: float
+    problem: PriorProblem, poses: Sequence[Pose], cameras: Sequence[Intrinsics], matches: Matches, max_error_px: float
 ) -> pycolmap.Reconstruction:
     model = new_model(problem.names, cameras, problem.camera_of, poses, problem.features)
     tracks = build_tracks([len(f) for f in problem.features], matches)
@@ -339,7 +314,7 @@ def _tracks_to_model(
     return model
 
 
-def _first_model(problem: _Problem, matches: Matches, pairs: Sequence[Pair]) -> pycolmap.Reconstruction:
+def _first_model(problem: PriorProblem, matches: Matches, pairs: Sequence[Pair]) -> pycolmap.Reconstruction:
     """The model of the first round's matches, its parts put together where too few of them are across."""
     priors, region = problem.priors, problem.region
     sigma = max(
@@ -364,7 +339,7 @@ def _first_model(problem: _Problem, matches: Matches, pairs: Sequence[Pair]) -> 
 
 
 def _adjusted(
-    problem: _Problem, poses: Sequence[Pose], matches: Matches, max_error_px: float, losses_px: Sequence[float]
+    problem: PriorProblem, poses: Sequence[Pose], matches: Matches, max_error_px: float, losses_px: Sequence[float]
 ) -> pycolmap.Reconstruction:
     """Points of the matches, adjusted under one loss after the other."""
     model = _tracks_to_model(problem, poses, problem.cameras, matches, max_error_px)
@@ -374,7 +349,7 @@ def _adjusted(
     return model
 
 
-def _agreeing(problem: _Problem, joined: Joined, matches: Matches) -> Matches:
+def _agreeing(problem: PriorProblem, joined: Joined, matches: Matches) -> Matches:
     """The first round's matches that agree with sub-models put together; all of those between ones that are apart."""
     part = {k: number for number, images in enumerate(joined.parts) for k in images}
     posed = problem.posed(joined.poses, problem.cameras)
@@ -387,7 +362,7 @@ def _agreeing(problem: _Problem, joined: Joined, matches: Matches) -> Matches:
 
 
 def _round(
-    problem: _Problem,
+    problem: PriorProblem,
     model: pycolmap.Reconstruction,
     poses: Sequence[Pose],
     pairs: Sequence[Pair],
@@ -430,7 +405,7 @@ def _common_turn(poses: Sequence[Pose], priors: Sequence[PosePrior]) -> FloatArr
     return mean
 
 
-def _orientation_drift(problem: _Problem, model: pycolmap.Reconstruction) -> bool:
+def _orientation_drift(problem: PriorProblem, model: pycolmap.Reconstruction) -> bool:
     """Whether a model as a whole has left its orientations' bounds, so that all its poses would be called wrong.
 
     Bundle adjustment knows positions only, and a chain of two pairs can roll under its matches' noise.
@@ -455,7 +430,7 @@ def _slab(model: pycolmap.Reconstruction) -> Slab | None:
     return Slab((float(up[0]), float(up[1]), float(up[2])), float(low) - margin, float(high) + margin)
 
 
-def _overlapping(problem: _Problem, model: pycolmap.Reconstruction, pairs: Sequence[Pair]) -> list[Pair]:
+def _overlapping(problem: PriorProblem, model: pycolmap.Reconstruction, pairs: Sequence[Pair]) -> list[Pair]:
     """The pairs that see a part of the model in common; all while there are few points to tell by."""
     points = model_points(model)
     if len(points) < _POINTS_FOR_SLAB:
@@ -470,7 +445,7 @@ def _overlapping(problem: _Problem, model: pycolmap.Reconstruction, pairs: Seque
 
 
 def _pair_values(
-    problem: _Problem, model: pycolmap.Reconstruction, pairs: Sequence[Pair], edges: Collection[Pair], scale: float
+    problem: PriorProblem, model: pycolmap.Reconstruction, pairs: Sequence[Pair], edges: Collection[Pair], scale: float
 ) -> dict[Pair, float]:
     """The information of edges, and of other pairs that have any; ``scale`` is a pixel where features are found."""
     posed = problem.posed(*problem.state(model))
@@ -482,7 +457,9 @@ def _pair_values(
     return {pair: value for pair, value in found.items() if value > 0.0 or pair in edges}
 
 
-def _unsupported(problem: _Problem, model: pycolmap.Reconstruction, pair_values: Collection[Pair]) -> dict[str, str]:
+def _unsupported(
+    problem: PriorProblem, model: pycolmap.Reconstruction, pair_values: Collection[Pair]
+) -> dict[str, str]:
     """Images that do not register, with the reason: too few observations, or no more matches than by chance."""
     connected, reasons = {k for pair in pair_values for k in pair}, {}
     for index, name in enumerate(problem.names):

@@ -37,7 +37,7 @@ from fieldkit.reconstruction.mapping.orientation import (
     rough_from_pairs,
     rough_from_records,
 )
-from fieldkit.reconstruction.mapping.prior import PriorMapping, map_with_priors
+from fieldkit.reconstruction.mapping.prior import PriorMapping, PriorProblem, map_with_priors
 from fieldkit.reconstruction.mapping.state import Belief, Inputs, Mapped
 from fieldkit.reconstruction.mapping.verdicts import judged
 from fieldkit.reconstruction.mapping.view_graph import Pair
@@ -269,19 +269,19 @@ def make_model(inputs: Inputs, belief: Belief) -> Belief:
     with inputs.context.progress.stage("Mapping", rounds) as advance:
         kept = inputs.context.cache.get("models", key)
         if kept is None:
-            result = map_with_priors(
+            problem = PriorProblem(
                 names,
                 [f.features for f in keyed],
                 cameras.cameras,
                 camera_of,
                 priors,
                 settings.prior,
-                fixed_intrinsics=fixed,
-                seed=settings.seed,
-                advance=advance,
-                region=region,
-                keep=None if region is None else partial(keep_matches, keyed, inputs.context.cache),
+                fixed,
+                settings.seed,
+                region,
+                None if region is None else partial(keep_matches, keyed, inputs.context.cache),
             )
+            result = map_with_priors(problem, advance)
             kept = model_to_arrays(result.model)
             kept["_counts"] = np.array([result.pairs_tried, result.pairs_kept])
             kept["_ties"] = np.array([(i, j, value) for (i, j), value in sorted(result.pair_values.items())]).reshape(

@@ -15,7 +15,7 @@ from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_poses
 from fieldkit.reconstruction.features import Features, extract_features
 from fieldkit.reconstruction.guided import region_of_interest
-from fieldkit.reconstruction.mapping.prior import PriorMapping, map_with_priors
+from fieldkit.reconstruction.mapping.prior import PriorMapping, PriorProblem, map_with_priors
 from fieldkit.reconstruction.settings import FeatureSettings, PriorMappingSettings
 from fieldkit_sim.simulation import poses_from_csv
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, perturbed, random_descriptors, ring
@@ -43,13 +43,15 @@ def map_scene(
 ) -> PriorMapping:
     cameras, settings = [camera or scene.camera], PriorMappingSettings()
     return map_with_priors(
-        scene.names,
-        features or scene.features,
-        cameras,
-        [0] * len(scene.names),
-        priors,
-        settings,
-        fixed_intrinsics=fixed,
+        PriorProblem(
+            scene.names,
+            features or scene.features,
+            cameras,
+            [0] * len(scene.names),
+            priors,
+            settings,
+            fixed_intrinsics=fixed,
+        )
     )
 
 
@@ -124,7 +126,9 @@ def test_a_chain_of_three_photographs_does_not_roll() -> None:
     names = ["1", "2", "3"]
     priors = [PosePrior.of(pose, 0.003, 3.0) for pose in poses]
     camera = Intrinsics.pinhole(320, 240, 304.0)
-    mapping = map_with_priors(names, features, [camera], [0] * 3, priors, PriorMappingSettings(), fixed_intrinsics=True)
+    mapping = map_with_priors(
+        PriorProblem(names, features, [camera], [0] * 3, priors, PriorMappingSettings(), fixed_intrinsics=True)
+    )
     found = model_poses(mapping.model)
     assert max(rotation_angle_deg(found[n].rotation, p.rotation) for n, p in zip(names, poses, strict=True)) < 5.0
 
@@ -175,7 +179,7 @@ def test_thirteen_views_of_the_basil_register(data_folder: Path) -> None:
     noisy = perturbed([rig[name] for name in subset], 0.01, 1.0, seed=1)
     priors = [PosePrior.of(pose, 0.012, 4.0) for pose in noisy]
     mapping = map_with_priors(
-        subset, features, [BASIL], [0] * 13, priors, PriorMappingSettings(), fixed_intrinsics=True
+        PriorProblem(subset, features, [BASIL], [0] * 13, priors, PriorMappingSettings(), fixed_intrinsics=True)
     )
     assert mapping.unregistered == {}
     found = np.array([model_poses(mapping.model)[name].center for name in subset])

@@ -12,7 +12,7 @@ from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.features import Features
-from fieldkit.reconstruction.mapping.prior import map_with_priors
+from fieldkit.reconstruction.mapping.prior import PriorProblem, map_with_priors
 from fieldkit.reconstruction.mapping.submodels import Across, best_motion, epipolar_residuals, moved, place_submodel
 from fieldkit.reconstruction.settings import PriorMappingSettings
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, perturbed, ring
@@ -94,13 +94,15 @@ def worst_error_m(scene: FeatureScene, settings: PriorMappingSettings, seed: int
     """Of the centres, after the best fit; positions are known to 20 mm, angles to 1° and said to be good to 3°."""
     priors = [PosePrior.of(pose, 0.02, 3.0) for pose in perturbed(scene.poses, 0.02, 1.0, seed)]
     mapping = map_with_priors(
-        scene.names,
-        scene.features,
-        [scene.camera],
-        [0] * 10,
-        priors,
-        settings,
-        fixed_intrinsics=True,
+        PriorProblem(
+            scene.names,
+            scene.features,
+            [scene.camera],
+            [0] * 10,
+            priors,
+            settings,
+            fixed_intrinsics=True,
+        )
     )
     found = model_poses(mapping.model)
     assert sorted(found) == scene.names
