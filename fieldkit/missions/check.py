@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -53,35 +53,46 @@ _CORNERS = 64
 """Of the polygon that a circle of a fence is checked as."""
 
 
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What is known of the place that a mission is flown at, and of the photographs that it should take."""
+
+    planned: Sequence[Shot] = ()
+    """Photographs as they should be; nothing is compared without."""
+    grounds: Sequence[float] = ()
+    """Heights above home of the ground below these; home's own height where not given."""
+    obstacles: Obstacles | None = None
+    """That legs keep clear of, metres east and north of ``origin`` and above it, beside the file's own fence."""
+    origin: Home | None = None
+    """Home as the site has it; stands in for a home that the file lacks."""
+    moved: Sequence[Unreachable] = ()
+    """Of ``planned``, those that the vehicle cannot take and are the nearest poses that it can (`nearest`)."""
+    unchecked: Mapping[str, str] | None = None
+    """Plots whose plants are not among ``obstacles``, and why; None where no plots are known."""
+    canopy: Canopy | None = None
+    """The plants, in the obstacles' frame."""
+    site: Site | None = None
+    """Whose plots say where the ground is below other photographs; home's own height without."""
+
+
 def check_mission(
-    read: ReadMission,
-    vehicle: Vehicle,
-    *,
-    planned: Sequence[Shot] = (),
-    grounds: Sequence[float] = (),
-    obstacles: Obstacles | None = None,
-    origin: Home | None = None,
-    moved: Sequence[Unreachable] = (),
-    unchecked: Mapping[str, str] | None = None,
-    burst: int | None = None,
-    canopy: Canopy | None = None,
-    site: Site | None = None,
+    read: ReadMission, vehicle: Vehicle, around: Surroundings | None = None, *, burst: int | None = None
 ) -> Report:
     """Everything that can be said of a mission without flying it.
 
     Args:
         vehicle: that is to fly it; its dialect says how items are understood.
-        planned: photographs as they should be; nothing is compared without.
-        grounds: heights above home of the ground below these; home's own height where not given.
-        obstacles: that legs keep clear of, metres east and north of ``origin`` and above it; the file's own fence is
-            looked at besides.
-        origin: home as the site has it; stands in for a home that the file lacks.
-        moved: of ``planned``, those that the vehicle cannot take and are the nearest poses that it can (`nearest`).
-        unchecked: plots whose plants are not among ``obstacles``, and why; None where no plots are known.
+        around: where; None where nothing is known.
         burst: photographs that each station should have; None: as many as most have.
-        canopy: the plants, in the obstacles' frame.
-        site: whose plots say where the ground is below other photographs; home's own height without.
     """
+    around = around or Surroundings()
+    planned, grounds, origin, site, unchecked = (
+        around.planned,
+        around.grounds,
+        around.origin,
+        around.site,
+        around.unchecked,
+    )
     if read.home is None and origin is not None:
         read = replace(read, home=origin)
     elif read.home is not None and origin is not None and origin.amsl_m is not None:
@@ -106,8 +117,8 @@ def check_mission(
     findings += photograph_findings(flown, vehicle, places, below)
     findings += burst_findings(flown.photographs, matched, burst, vehicle)
     findings += _stop_findings(read, vehicle)
-    findings += _leg_findings(read, flown, obstacles, home)
-    findings += _rtk_findings(flown, home, canopy, vehicle)
+    findings += _leg_findings(read, flown, around.obstacles, home)
+    findings += _rtk_findings(flown, home, around.canopy, vehicle)
     usable = vehicle.battery.usable_s
     if flown.seconds > usable:
         message = (
@@ -116,7 +127,7 @@ def check_mission(
         findings.append(error("endurance", message))
     if planned and home is not None:
         findings += plan_findings(matched, flown.photographs, planned)
-        findings += adjusted_findings(matched, moved)
+        findings += adjusted_findings(matched, around.moved)
     findings += _unchecked_findings(unchecked or {})
     findings.sort(key=lambda f: (f.severity != "error", -1 if f.item is None else f.item, f.code))
     return Report(flown.photographs, tuple(findings), matched, flown.seconds, flown.length_m, unchecked, burst)
@@ -134,19 +145,17 @@ def check_on_ground(
         return check_mission(read, vehicle, burst=burst)
     site, obstacles = ground.site, site_obstacles(ground.site, vehicle.clearance_m, ground.plans)
     shots, moved = nearest(place(ground.plans, site) if compare else (), site, vehicle, obstacles)
-    report = check_mission(
-        read,
-        vehicle,
+    around = Surroundings(
         planned=shots,
         grounds=grounds_m(site, shots).tolist(),
         obstacles=obstacles,
         origin=site.home,
         moved=moved,
         unchecked=ground.unchecked,
-        burst=burst,
         canopy=Canopy.of(site, ground.plans),
         site=site,
     )
+    report = check_mission(read, vehicle, around, burst=burst)
     return replace(report, findings=(*report.findings, *ground.taken))
 
 

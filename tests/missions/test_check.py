@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from fieldkit.missions.autopilots.writing import action, render
-from fieldkit.missions.check import check_mission, findings_by_dialect
+from fieldkit.missions.check import Surroundings, check_mission, findings_by_dialect
 from fieldkit.missions.files.formats import mission_bytes, read_mission
 from fieldkit.missions.files.qgc_plan import plan_bytes
 from fieldkit.missions.files.read_mission import ReadMission
@@ -40,7 +40,7 @@ def counted(report: Report, severity: str = "error") -> Counter[str]:
 def test_the_recorded_missions(tmp_path: Path, suffix: str) -> None:
     planned = recorded_mission().shots
     reports = {
-        name: check_mission(read_mission(file_of(tmp_path, name, suffix)), vehicle(), planned=planned)
+        name: check_mission(read_mission(file_of(tmp_path, name, suffix)), vehicle(), Surroundings(planned=planned))
         for name in ("mount_then_yaw", "naive", "hold0")
     }
     good = reports["mount_then_yaw"]
@@ -73,7 +73,9 @@ def checked(
     items: Sequence[MissionItem], *, by: Vehicle | None = None, fence: Fence | None = None, **more: Any
 ) -> Report:
     """The check of a mission's items from home."""
-    return check_mission(ReadMission("plan", tuple(items), home=HOME, fence=fence), by or vehicle(), **more)
+    return check_mission(
+        ReadMission("plan", tuple(items), home=HOME, fence=fence), by or vehicle(), Surroundings(**more)
+    )
 
 
 def changed(command: int, **values: Any) -> Any:
@@ -308,8 +310,8 @@ def test_the_least_height_is_above_the_plots_own_ground() -> None:
     shots = small_mission().shots
     low = tuple(replace(shot, height_m=0.5) for shot in shots)
     read = with_items(changed(Command.NAV_WAYPOINT, p7=0.5))
-    assert counted(check_mission(read, vehicle(), planned=low))["too-low"] == len(shots)
-    below = check_mission(read, vehicle(), planned=low, grounds=[-2.0] * len(low))
+    assert counted(check_mission(read, vehicle(), Surroundings(planned=low)))["too-low"] == len(shots)
+    below = check_mission(read, vehicle(), Surroundings(planned=low, grounds=[-2.0] * len(low)))
     assert counted(below)["too-low"] == 0
     uphill = checked(ITEMS, planned=shots, grounds=[1.4] * len(shots))
     assert {f.message.split(" is ")[0] for f in uphill.findings if f.code == "too-low"} >= {
@@ -319,14 +321,16 @@ def test_the_least_height_is_above_the_plots_own_ground() -> None:
 
 def test_the_site_and_another_home() -> None:
     read = with_items(lambda _: None)
-    assert counted(check_mission(read, vehicle(), origin=Home(50.87, 6.4473, 92.0)))["other-home"] == 0
-    assert counted(check_mission(read, vehicle(), origin=Home(51.9, 6.4, 92.0)))["other-home"] == 1
-    near = check_mission(read, vehicle(), origin=Home(50.8652, 6.4473, 92.0))
+    assert counted(check_mission(read, vehicle(), Surroundings(origin=Home(50.87, 6.4473, 92.0))))["other-home"] == 0
+    assert counted(check_mission(read, vehicle(), Surroundings(origin=Home(51.9, 6.4, 92.0))))["other-home"] == 1
+    near = check_mission(read, vehicle(), Surroundings(origin=Home(50.8652, 6.4473, 92.0)))
     assert counted(near, "warning")["other-home"] == 1
 
 
 def test_findings_that_say_the_same_are_one_and_causes_come_first(tmp_path: Path) -> None:
-    naive = check_mission(read_mission(file_of(tmp_path, "naive", "plan")), vehicle(), planned=recorded_mission().shots)
+    naive = check_mission(
+        read_mission(file_of(tmp_path, "naive", "plan")), vehicle(), Surroundings(planned=recorded_mission().shots)
+    )
     groups = ranked(naive.findings)
     assert sum(len(each) for each in groups) == len(naive.findings)
     assert len(groups) < 12

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fieldkit.errors import UsageError
-from fieldkit.missions.check import check_mission
+from fieldkit.missions.check import Surroundings, check_mission
 from fieldkit.missions.export import route_plan
 from fieldkit.missions.export_mission import export_mission
 from fieldkit.missions.files.formats import read_mission
@@ -69,7 +69,9 @@ def test_what_is_written_passes_its_check_against_the_plan(tmp_path, vehicle, fo
     read = read_mission(done.files[0])
     shots = tuple(stop for each in done.routed.flights for stop in each.mission.stops if isinstance(stop, Shot))
     report = check_mission(
-        read, profile, planned=shots, obstacles=site_obstacles(field, profile.clearance_m, plan), origin=field.home
+        read,
+        profile,
+        Surroundings(planned=shots, obstacles=site_obstacles(field, profile.clearance_m, plan), origin=field.home),
     )
     assert {finding.code for finding in report.findings} == ({"heading-mode"} if form == "litchi" else set())
     off = [(pose.metres, abs(pose.heading_deg or 0.0), abs(pose.pitch_deg or 0.0)) for pose in report.deviations]
@@ -107,7 +109,9 @@ def test_bursts_stand_still_where_the_plan_says(tmp_path: Path, vehicle: str, fo
     }
     done = exported[3]
     (each,) = done.routed.flights
-    report = check_mission(read_mission(done.files[0]), profile, planned=each.mission.shots, origin=field.home)
+    report = check_mission(
+        read_mission(done.files[0]), profile, Surroundings(planned=each.mission.shots, origin=field.home)
+    )
     assert report.ok, report.findings
     assert not {f.code for f in report.findings} - {"heading-mode"}
     assert (len(report.taken), report.burst, done.routed.stations, done.routed.photographs) == (21, 3, 7, 21)
@@ -139,7 +143,7 @@ def test_a_station_that_lost_photographs_is_named_and_so_are_hasty_ones(tmp_path
     del items[shutters[13] : shutters[13] + 2]
     file.write_text(json.dumps(document))
     shots = done.routed.flights[0].mission.shots
-    report = check_mission(read_mission(file), VEHICLE, planned=shots, origin=field.home)
+    report = check_mission(read_mission(file), VEHICLE, Surroundings(planned=shots, origin=field.home))
     assert report.ok
     short, hasty = (next(f for f in report.findings if f.code == f"short-{what}") for what in ("burst", "interval"))
     assert short.message == f"{shots[3].name} has 3 of 4 photographs"

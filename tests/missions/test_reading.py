@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from benchmarks.fuzzing import Target, fuzz
 from fieldkit.documents.json_file import json_number
 from fieldkit.errors import FieldkitError, MetadataError
-from fieldkit.missions.check import check_mission
+from fieldkit.missions.check import Surroundings, check_mission
 from fieldkit.missions.files.formats import mission_bytes, read_mission
 from fieldkit.missions.files.limits import MAX_BYTES, number
 from tests.missions.vehicles import small_mission, vehicle
@@ -62,7 +62,7 @@ def test_files_changed_at_random_are_read_or_refused_and_checked(tmp_path: Path,
                 raise ValueError(error.message) from error
             raise
         for by in (ARDUPILOT, vehicle("px4"), DJI):
-            report = check_mission(read, by, planned=small_mission().shots, origin=small_mission().home)
+            report = check_mission(read, by, Surroundings(planned=small_mission().shots, origin=small_mission().home))
             json.dumps([finding.message for finding in report.findings])
 
     found = fuzz(Target(suffix, [FILES[suffix]], checked), 200 if suffix == ".plan" else 80, tmp_path, seed=7)
@@ -107,4 +107,4 @@ def test_plans_with_any_value_anywhere(tmp_path: Path, data: st.DataObject) -> N
     except MetadataError:
         return
     for by in (ARDUPILOT, vehicle("px4"), DJI):
-        check_mission(read, by, planned=small_mission().shots, origin=small_mission().home)
+        check_mission(read, by, Surroundings(planned=small_mission().shots, origin=small_mission().home))

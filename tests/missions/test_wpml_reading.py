@@ -6,7 +6,7 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from fieldkit.missions.check import check_mission
+from fieldkit.missions.check import Surroundings, check_mission
 from fieldkit.missions.files.wpml import TEMPLATE, WAYLINES, zip_bytes
 from fieldkit.missions.files.wpml_reading import read_wpml
 from fieldkit.missions.findings import Report
@@ -96,7 +96,7 @@ def checked(
     with TemporaryDirectory() as folder:
         file = Path(folder, "a.kmz")
         file.write_bytes(zip_bytes(members))
-        report = check_mission(read_wpml(file), by, origin=home)
+        report = check_mission(read_wpml(file), by, Surroundings(origin=home))
     return replace(report, findings=tuple(f for f in report.findings if f.code != "too-few-waypoints"))
 
 
