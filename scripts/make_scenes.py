@@ -114,26 +114,22 @@ def scene_schema() -> str:
 def key_tables() -> str:
     """A table for each table of a scene file: key, default, meaning."""
     schema = TypeAdapter(SceneDescription).json_schema()
-    tables: dict[str, str] = {}
+    tables: list[str] = []
 
-    def add(name: str, part: dict[str, Any], place: str) -> None:
-        tables[name] = ""
-        lines = [f"### {place or 'At the top'}", "", "| Key | Default | Meaning |", "| --- | --- | --- |"]
-        inner = place.partition("]")[0].strip("`[]")
-        for key, value in part["properties"].items():
-            kinds = _kinds(value)
-            lines.append(f"| `{key}` | {_default(key, part, kinds)} | {' '.join(value['description'].split())} |")
-        tables[name] = "\n".join(lines)
-        for key, value in part["properties"].items():
+    def add(part: dict[str, Any], heading: str, place: str) -> None:
+        lines = [f"### {heading}", "", "| Key | Default | Meaning |", "| --- | --- | --- |"]
+        keys = part["properties"].items()
+        lines += [f"| `{k}` | {_default(k, part)} | {' '.join(v['description'].split())} |" for k, v in keys]
+        tables.append("\n".join(lines))
+        for key, value in keys:
             for kind in _kinds(value):
-                if kind not in tables:
-                    header = f"{inner}.{key}".strip(".")
-                    which = schema["$defs"][kind]["properties"].get("kind", {}).get("const")
-                    plant = f'`[[{header}]]` with `kind = "{which}"`'
-                    add(kind, schema["$defs"][kind], plant if which else f"`[{header}]`")
+                if inner := schema["$defs"].pop(kind, None):
+                    where = f"{place}.{key}".strip(".")
+                    plant = inner["properties"].get("kind", {}).get("const")
+                    add(inner, f'`[[{where}]]` with `kind = "{plant}"`' if plant else f"`[{where}]`", where)
 
-    add("", schema, "")
-    return "\n\n".join(tables.values())
+    add(schema, "At the top", "")
+    return "\n\n".join(tables)
 
 
 def guide_with_tables(text: str) -> str:
@@ -146,13 +142,13 @@ def _kinds(value: dict[str, Any]) -> list[str]:
     return re.findall(r"#/\$defs/(\w+)", json.dumps(value))
 
 
-def _default(key: str, part: dict[str, Any], kinds: list[str]) -> str:
-    default = part["properties"][key].get("default")
-    if kinds:
-        return "none" if "anyOf" in part["properties"][key] else "see below"
+def _default(key: str, part: dict[str, Any]) -> str:
+    value = part["properties"][key]
+    if _kinds(value):
+        return "none" if "anyOf" in value else "see below"
     if key in part.get("required", []):
         return "needed"
-    return f'`"{default}"`' if isinstance(default, str) else str(default).lower()
+    return f'`"{value["default"]}"`' if isinstance(value["default"], str) else str(value["default"]).lower()
 
 
 if __name__ == "__main__":

@@ -252,8 +252,8 @@ def with_grain(image: ByteArray, sigma: float, size_px: float, rng: np.random.Ge
 
 def _kept_variance(pixels: int, cells: int) -> float:
     """What linear interpolation of ``cells`` draws to ``pixels`` leaves of their variance, on average."""
-    place = (np.arange(pixels) + 0.5) * cells / pixels - 0.5
-    share = place - np.floor(place)
+    position = (np.arange(pixels) + 0.5) * cells / pixels - 0.5
+    share = position - np.floor(position)
     return float(np.mean(share**2 + (1.0 - share) ** 2))
 
 

@@ -290,8 +290,7 @@ class _Surfels:
             axis=1
         )
         chosen = chosen[inside]
-        place = small.project(local[chosen])
-        column, row = place.astype(np.int64).T
+        column, row = small.project(local[chosen]).astype(np.int64).T
         known = (column >= 0) & (row >= 0) & (column < small.width) & (row < small.height)
         chosen, column, row = chosen[known], column[known], row[known]
         front = depth[row, column]
@@ -323,8 +322,8 @@ class _Surfels:
         """
         key = np.unique(self._cell * (self._source.max() + 2) + self._source + 1, return_inverse=True)[1].reshape(-1)
         wanted = _cell_means(key, self._colors.astype(np.float64))
-        found = _cell_means(key, self._patches.mean(axis=(1, 2)))
-        gain = np.clip((wanted + 1.0) / (found + 1.0), 1.0 / _MOST_GAIN, _MOST_GAIN).astype(np.float32)
+        patches = _cell_means(key, self._patches.mean(axis=(1, 2)))
+        gain = np.clip((wanted + 1.0) / (patches + 1.0), 1.0 / _MOST_GAIN, _MOST_GAIN).astype(np.float32)
         for start in range(0, len(self._patches), 100_000):
             part = slice(start, start + 100_000)
             toned = self._patches[part] * gain[part, None, None]
@@ -334,7 +333,6 @@ class _Surfels:
 
 def _cell_means(cell: IntArray, values: FloatArray) -> FloatArray:
     """(n, 3): for each point the mean of ``values`` (n, 3) over its cell."""
-    _, place, counts = np.unique(cell, return_inverse=True, return_counts=True)
-    place = place.reshape(-1)
-    sums = np.stack([np.bincount(place, values[:, k]) for k in range(3)], axis=1)
-    return np.asarray((sums / counts[:, None])[place])
+    _, number, counts = np.unique(cell, return_inverse=True, return_counts=True)
+    sums = np.stack([np.bincount(number, values[:, k]) for k in range(3)], axis=1)
+    return np.asarray((sums / counts[:, None])[number])

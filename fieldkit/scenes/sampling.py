@@ -69,7 +69,7 @@ def _sample_all(meshes: Sequence[Mesh], areas: Sequence[FloatArray], count: int,
         _sample(mesh, area, round(count * float(area.sum()) / total), rng)
         for mesh, area in zip(meshes, areas, strict=True)
     ]
-    points, colors, normals = (np.concatenate(each) for each in zip(*sampled, strict=True))
+    points, colors, normals = map(np.concatenate, zip(*sampled, strict=True))
     return Cloud(points, colors, normals)
 
 
