@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from fieldkit.errors import UsageError
-from fieldkit.results.fields import Count, Length, Strict
+from fieldkit.results.fields import Count, Length, Pitch, Strict
 from fieldkit.vocabulary import WEIGHTS, MappingName, Preset, SearchFidelity
 from fieldkit.wording import count
 
@@ -36,7 +36,7 @@ class EnvelopeSettings(Strict):
     """Lowest and highest above the ground, metres."""
     clearance_m: Length = 0.5
     """From cameras to plants, metres."""
-    pitch_deg: Range = (-90.0, 0.0)
+    pitch_deg: tuple[Pitch, Pitch] = (-90.0, 0.0)
     """The gimbal's range."""
     separation_m: Length = 0.1
     """Between stations."""

@@ -50,10 +50,6 @@ class PlanningProblem:
     centre sees the same plants from the same place."""
 
     def __post_init__(self) -> None:
-        views = 0 if self.views is None else len(self.views)
-        for plot in self.plots:
-            if plot.matches is not None and plot.matches.shape != (views, views):
-                raise UsageError(f"matches are counted for {plot.matches.shape}, but there are {views} views")
         if self.count < _LEAST:
             raise UsageError(f"a plan needs at least {_LEAST} cameras, not {self.count}")
         if self.views is not None and len(self.views) < self.count:

@@ -7,20 +7,16 @@ import signal
 import subprocess
 import sys
 import time
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from fieldkit.planning.run.folder import LOG_FILE, LogEntry, create_run, read_log
-from fieldkit.planning.run.loop import Evaluations
+from fieldkit.planning.run.folder import LOG_FILE, LogEntry, read_log
 from fieldkit.scenes.description import build
 from fieldkit.scenes.renderer import Renderer, RenderingError
 from fieldkit.scenes.scene_file import read_scene
 from tests.cli.test_scene_commands import TINY
-from tests.planning.bowl import Bowl, bowl_settings
-from tests.planning.run.test_loop import plain, unbroken, whole_run
 
 pytestmark = pytest.mark.slow
 KILLS = 20
@@ -81,27 +77,3 @@ def test_a_run_survives_twenty_kills(tmp_path: Path) -> None:
     assert lines == sorted(lines)
     assert len(set(lines)) >= 10, f"killed after {lines} evaluations"
     assert planned(broken) == planned(whole)
-
-
-def test_a_dask_cluster_that_loses_a_worker_loses_nothing(tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed", reason="Dask is not installed (pip install 'fieldkit[cluster]')")
-    from fieldkit.runtime.cluster import Cluster
-
-    settings = bowl_settings(lag=2)
-    killed = []
-    with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
-        distributed.Client(cluster) as client,
-        create_run(tmp_path / "run", settings) as run,
-        Cluster(client, make=partial(Bowl, noise_m=0.1, seconds=0.2)) as executor,
-    ):
-
-        def kill_one(entry: LogEntry) -> None:
-            if entry.number == 5 and not killed:
-                killed.append(next(iter(client.run(os.getpid).values())))
-                os.kill(killed[0], signal.SIGKILL)
-
-        evaluations = Evaluations(executor)
-        whole_run(run, evaluations, kill_one)
-        assert killed
-        assert plain(run.entries) == unbroken(tmp_path, settings)

@@ -200,10 +200,6 @@ class Bosfm:
     """Random trials before the first model; the paper takes 50."""
     seed: int = 0
 
-    def __post_init__(self) -> None:
-        if self.initial < 1:
-            raise ValueError("Algorithm 1 needs at least one initial trial")
-
     _least_noise: ClassVar[float] = 0.0
 
     def _worth(self, values_m: FloatArray) -> FloatArray:

@@ -145,8 +145,6 @@ class ObjectiveSettings:
             raise UsageError(
                 f"there is no fidelity {self.fidelity!r}", remedy=f"Choose one of {', '.join(FIDELITIES)}."
             )
-        if self.bands_px is not None and not (self.bands_px and min(self.bands_px) > 0):
-            raise UsageError(f"bands_px are widths above 0, not {self.bands_px}")
 
     @property
     def prior(self) -> PriorMappingSettings:

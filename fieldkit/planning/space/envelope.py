@@ -73,14 +73,6 @@ class Envelope:
     missions are routed around): not below leaves, not in gaps that plants surround. None without a vehicle."""
 
     def __post_init__(self) -> None:
-        for name in ("x_m", "y_m", "height_m", "pitch_deg"):
-            low, high = getattr(self, name)
-            if not (np.isfinite([low, high]).all() and low <= high):
-                raise ValueError(f"{name}: {low} is not below {high}")
-        if self.pitch_deg[0] < -90.0 or self.pitch_deg[1] > 90.0:
-            raise ValueError("a gimbal's pitch lies between −90° and 90°")
-        if self.clearance_m < 0 or self.separation_m < 0 or (self.vehicle_clearance_m or 0.0) < 0:
-            raise ValueError("distances cannot be negative")
         plants = np.array(self.plants, dtype=np.float64).reshape(-1, 3)
         plants.setflags(write=False)
         object.__setattr__(self, "plants", plants)

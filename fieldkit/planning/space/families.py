@@ -49,7 +49,7 @@ class Family:
 
 @dataclass(frozen=True)
 class Circle:
-    """N cameras evenly on a horizontal circle, all looking at one point above the plot's middle."""
+    """N cameras evenly on a horizontal circle from north, all looking at one point above the plot's middle."""
 
     radius_m: float
     """Horizontal."""
@@ -57,15 +57,13 @@ class Circle:
     """Above the ground below each camera."""
     aim_m: float
     """Z of the point that all look at."""
-    phase_deg: float = 0.0
-    """Azimuth of the first camera, clockwise from north."""
 
     def __str__(self) -> str:
         return f"circle {self.radius_m:.2f} m at {self.altitude_m:.2f} m, aim {self.aim_m:.2f} m"
 
     def cameras(self, problem: PlanningProblem) -> Cameras:
         """The cameras, which may be infeasible."""
-        azimuth = self.phase_deg + 360.0 * np.arange(problem.count) / problem.count
+        azimuth = 360.0 * np.arange(problem.count) / problem.count
         radius, altitude = np.full(problem.count, self.radius_m), np.full(problem.count, self.altitude_m)
         return placed(problem, azimuth, radius, altitude, self.aim_m)
 

@@ -204,11 +204,3 @@ def test_a_code_is_read_as_documented() -> None:
     looking = Cameras.aimed([south] * 3, [[x, y, z], [x + 0.5 * reach, y, z], [x, y, z - 0.25 * reach]])
     aims = coding.encode(looking).reshape(-1, 5)[:, 3:]
     np.testing.assert_allclose(aims, [[0.5, 0.5], [0.75, 0.5], [0.5, 0.375]], atol=1e-12)
-
-
-def test_right_above_the_middle_up_is_north() -> None:
-    coding = Coding.of(BARE)
-    above = Cameras([[*coding.center[:2], BARE.height_m[1]]], [0.0], [-90.0])
-    code = coding.encode(above)
-    np.testing.assert_allclose(code[3:], 0.5, atol=1e-9)
-    np.testing.assert_allclose(coding.decode(code).forward, above.forward, atol=1e-9)

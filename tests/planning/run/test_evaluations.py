@@ -7,7 +7,6 @@ import sys
 import textwrap
 import time
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 
 import psutil
@@ -58,17 +57,6 @@ def test_errors_for_people_come_through(tmp_path: Path) -> None:
         pytest.raises(InputError, match="rendered"),
     ):
         evaluate_all(pool, [job_cameras(1.0)])
-
-
-def test_leaving_by_an_error_leaves_no_process(tmp_path: Path) -> None:
-    started = []
-    with suppress(KeyboardInterrupt), evaluating(Trap(tmp_path), Context(workers=2)) as pool:
-        next(pool.each(Job(job_cameras(x)) for x in (1.0, HANG, HANG)))
-        wait_until(lambda: len(list(tmp_path.glob("worker-*"))) == 2)
-        started = [int(path.name.removeprefix("worker-")) for path in tmp_path.glob("worker-*")]
-        raise KeyboardInterrupt
-    assert len(started) == 2
-    assert not any(psutil.pid_exists(pid) for pid in started)
 
 
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGKILL])

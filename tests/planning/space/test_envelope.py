@@ -88,12 +88,3 @@ def test_an_envelope_without_room_says_so() -> None:
     with pytest.raises(UsageError, match="camera 2") as caught:
         project(Cameras(np.zeros((2, 3)), np.zeros(2), np.zeros(2)), tight)
     assert "separation" in caught.value.remedy
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"x_m": (1.0, 0.0)}, {"height_m": (0.0, np.nan)}, {"pitch_deg": (-100.0, 0.0)}, {"clearance_m": -0.1}]
-)
-def test_senseless_limits_are_refused(wrong: dict[str, object]) -> None:
-    limits = {"x_m": (0.0, 1.0), "y_m": (0.0, 1.0), "height_m": (0.0, 1.0), "target": TARGET} | wrong
-    with pytest.raises(ValueError):
-        Envelope(**limits)
