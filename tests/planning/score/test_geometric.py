@@ -16,7 +16,7 @@ from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot
 from fieldkit.reconstruction.evidence import FINEST_M
 from fieldkit.vocabulary import CAP_M
-from tests.planning.leafy import CAMERA, around, leaves, problem
+from tests.planning.leafy import CAMERA, around, problem
 
 PROBLEM = problem()
 SCORE = GeometricScore(PROBLEM, points=400)
@@ -141,20 +141,6 @@ def test_neither_kept_views_nor_the_order_of_cameras_matter() -> None:
     assert kept.score(moved) == GeometricScore(PROBLEM, points=400).score(moved)
     assert kept.score(cameras) == first
     assert kept.score(cameras.select([3, 1, 5, 0, 2, 4])) == pytest.approx(first, rel=1e-9)
-
-
-def test_a_surface_is_of_the_references_own_points_and_always_of_the_same() -> None:
-    surface, reference = Surface.of(PROBLEM.plots[0], 300), PROBLEM.reference
-    assert len(surface) == 300
-    assert reference.normals is not None
-    assert surface.normals is not None
-    rows = {point.tobytes(): normal for point, normal in zip(reference.points, reference.normals, strict=True)}
-    for point, normal in zip(surface.points.astype(reference.points.dtype), surface.normals, strict=True):
-        np.testing.assert_array_equal(normal, rows[point.tobytes()])
-    np.testing.assert_array_equal(surface.points, Surface.of(PROBLEM.plots[0], 300).points)
-    assert len(Surface.of(PROBLEM.plots[0], 10**6)) == len(reference) == len(leaves())
-    with pytest.raises(ValueError, match="no points"):
-        Surface.of(Plot(Cloud.empty(), np.zeros((0, 3))))
 
 
 def test_sets_are_looser_where_more_noise_of_poses_is_expected() -> None:
