@@ -30,7 +30,11 @@ def evaluate_all(evaluations: Evaluations, cameras: Sequence[Cameras], seed: int
     [
         # Only what hangs is stopped by the clock: a busy machine takes longer than that to fill its memory.
         (1.5, {HANG: "longer than 1.5 s"}),
-        (60.0, {SEGFAULT: "SIGSEGV", GROW: "GiB of memory", RAISE: "RuntimeError: a bug"}),
+        pytest.param(
+            60.0,
+            {SEGFAULT: "SIGSEGV", GROW: "GiB of memory", RAISE: "RuntimeError: a bug"},
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_what_breaks_costs_itself_only(tmp_path: Path, seconds: float, reasons: dict[float, str]) -> None:

@@ -229,6 +229,7 @@ def branin(u: np.ndarray) -> float:
     return -float(bend**2 + 10 * (1 - 1 / (8 * np.pi)) * np.cos(a) + 10)
 
 
+@pytest.mark.slow
 def test_a_planted_optimum_is_found() -> None:
     x, y = evaluated(branin, 8, 2, seed=3)
     for step in range(16):
