@@ -14,8 +14,7 @@ import numpy as np
 from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.clouds.volume import Volume
 from fieldkit.reconstruction.dense.matching import gray
-from fieldkit.reconstruction.dense.source_views import choose_sources
-from fieldkit.reconstruction.dense.views import DepthMap, View, depth_range
+from fieldkit.reconstruction.dense.views import DepthMap, View, choose_sources, depth_range
 
 PAIRS = 3
 # The best of six settings on a tuning scene: larger blocks, OpenCV's usual penalties (8 and 32 times the block's area),

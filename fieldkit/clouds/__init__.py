@@ -1,6 +1,7 @@
 """Point clouds: files, metrics, alignment, thinning, ground and the volume of interest."""
 
 from fieldkit.clouds.alignment import icp
+from fieldkit.clouds.cells import voxel_thin
 from fieldkit.clouds.cloud import Cloud, concatenate
 from fieldkit.clouds.ground import fit_ground_plane
 from fieldkit.clouds.las import read_las, write_las
@@ -13,7 +14,6 @@ from fieldkit.clouds.metrics import (
 )
 from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.clouds.ply import read_cloud, read_ply, write_cloud, write_ply
-from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume, crop
 
 __all__ = [

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fieldkit.arrays import FloatArray
+from fieldkit.clouds.cells import voxel_thin
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.metrics import ReferenceIndex
 from fieldkit.clouds.neighbors import PointIndex
-from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume, crop
 from fieldkit.errors import EmptyCloudError
 from fieldkit.geometry import Similarity

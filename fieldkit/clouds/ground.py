@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fieldkit.arrays import BoolArray, FloatArray
+from fieldkit.clouds.cells import voxel_thin
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.errors import EmptyCloudError, ReconstructionError
 from fieldkit.results.fields import vector
 from fieldkit.results.frame import Plane

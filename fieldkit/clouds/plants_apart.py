@@ -19,8 +19,8 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 from fieldkit.arrays import BoolArray, FloatArray, IntArray
+from fieldkit.clouds.cells import voxel_thin
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.thinning import voxel_thin
 
 OnPlot = Callable[[FloatArray], BoolArray]
 LEAST_CLEAR = 0.8

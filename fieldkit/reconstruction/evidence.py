@@ -13,8 +13,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from fieldkit.arrays import BoolArray, FloatArray, IntArray
+from fieldkit.clouds.cells import voxel_thin
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.similarity import similarity_motion
 from fieldkit.vocabulary import CAP_M, GSD_M
@@ -24,7 +24,7 @@ from fieldkit.vocabulary import CAP_M, GSD_M
 # all milder than in the prototype, whose stereo was simpler.
 BEST_ANGLE_DEG = 12.0
 """Θ₀ between two rays at which a pair is worth most: 12° in the prototype and for dense stereo's choice of sources
-(`dense.source_views`)."""
+(`dense.views`)."""
 _TAIL_DEG = 20.0
 """Over which a pair's worth falls to 1/e on the far side, as guided matches fall on real plants (219, 153, 73 and 56
 above chance at 18, 27, 36 and 46° on basil_rig)."""

@@ -13,9 +13,8 @@ from scipy.spatial import cKDTree
 
 from fieldkit.arrays import ByteArray, Float32Array, FloatArray, IntArray
 from fieldkit.clouds import Cloud, read_cloud, write_ply
-from fieldkit.clouds.cells import pieces_of, unique_cells
+from fieldkit.clouds.cells import pieces_of, unique_cells, voxel_thin
 from fieldkit.clouds.neighbors import z_order
-from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.errors import SceneError
 from fieldkit.files import atomic_folder, storage_errors
 from fieldkit.geometry import Intrinsics, Pose

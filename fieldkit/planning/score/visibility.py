@@ -11,8 +11,8 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from fieldkit.arrays import BoolArray, Float32Array, FloatArray
+from fieldkit.clouds.cells import voxel_thin
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot

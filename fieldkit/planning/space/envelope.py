@@ -10,9 +10,9 @@ import numpy as np
 import shapely
 
 from fieldkit.arrays import BoolArray, FloatArray
+from fieldkit.clouds.cells import voxel_thin
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.neighbors import PointIndex
-from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics

@@ -13,8 +13,7 @@ from fieldkit.cache import StageCache, digest
 from fieldkit.clouds.volume import Volume
 from fieldkit.reconstruction.dense.matching import UNMATCHED, Problem, Sweep, pack_view
 from fieldkit.reconstruction.dense.patchmatch import Active, Planes
-from fieldkit.reconstruction.dense.source_views import choose_sources
-from fieldkit.reconstruction.dense.views import DepthMap, View, active_pixels
+from fieldkit.reconstruction.dense.views import DepthMap, View, active_pixels, choose_sources
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import map_threads

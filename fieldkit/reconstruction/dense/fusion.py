@@ -18,14 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.arrays import ByteArray, Float32Array, FloatArray, IntArray
+from fieldkit.clouds.cells import voxel_thin
 from fieldkit.clouds.cloud import Cloud, concatenate
-from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume, crop
 from fieldkit.reconstruction.dense.masks import inner_colors
 from fieldkit.reconstruction.dense.matching import MAX_COST
 from fieldkit.reconstruction.dense.resolution import plant_depth_m
-from fieldkit.reconstruction.dense.source_views import FUSION_NEIGHBORS, choose_sources
-from fieldkit.reconstruction.dense.views import DepthMap, View
+from fieldkit.reconstruction.dense.views import FUSION_NEIGHBORS, DepthMap, View, choose_sources
 from fieldkit.results.frame import Plane
 from fieldkit.runtime.kernels import fast_kernel
 from fieldkit.runtime.memory import MEMORY, MemoryBudget

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.dense import View
-from fieldkit.reconstruction.dense.source_views import choose_sources
-from fieldkit.reconstruction.dense.views import active_pixels, depth_range
+from fieldkit.reconstruction.dense.views import active_pixels, choose_sources, depth_range
 
 VOLUME = Volume((-0.2, -0.2, 0.0), (0.2, 0.2, 0.4))
 CAMERA = Intrinsics.pinhole(60, 45, 60.0)
