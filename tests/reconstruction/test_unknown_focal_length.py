@@ -67,18 +67,16 @@ def codes(result: SparseResult) -> list[str]:
     return [finding.code for finding in result.findings]
 
 
-@pytest.mark.parametrize("mapping", ["prior", "incremental"])
-def test_without_a_focal_length_one_is_held_and_heights_are_undetermined(tmp_path, mapping) -> None:
-    result = mapped(photographed(tmp_path / "flight", nadir(), equivalent=None), tmp_path, mapping)
+def test_without_a_focal_length_one_is_held_and_heights_are_undetermined(tmp_path: Path) -> None:
+    result = mapped(photographed(tmp_path / "flight", nadir(), equivalent=None), tmp_path, "incremental")
     assert result.right == len(CENTERS)
     assert {camera.fx for camera in result.intrinsics.values()} == {assumed_camera(WIDTH, HEIGHT).fx}
     assert codes(result) == ["height-undetermined"]
     assert "24 mm lens" in result.findings[0].message
 
 
-@pytest.mark.parametrize("mapping", ["prior", "incremental"])
-def test_a_known_focal_length_is_held_and_gives_the_height(tmp_path: Path, mapping: MappingChoice) -> None:
-    result = mapped(photographed(tmp_path / "flight", nadir(), equivalent=20), tmp_path, mapping)
+def test_a_known_focal_length_is_held_and_gives_the_height(tmp_path: Path) -> None:
+    result = mapped(photographed(tmp_path / "flight", nadir(), equivalent=20), tmp_path, "prior")
     assert result.right == len(CENTERS)
     assert [camera.fx for camera in result.intrinsics.values()] == pytest.approx([FOCAL] * len(CENTERS), rel=0.05)
     assert codes(result) == ["lens-uncalibrated"]
