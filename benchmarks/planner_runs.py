@@ -152,11 +152,7 @@ def run_all(
     cache: StageCache,
     progress: Progress,
 ) -> list[Ran]:
-    """Every contender's runs on one place; finished runs in ``folder`` are read, unfinished ones resumed.
-
-    No set of cameras is evaluated twice at one seed: `bosfm` begins with the trials of `random`, and `circle-aim` with
-    the grid of `circle`.
-    """
+    """Every contender's runs on one place; finished runs in ``folder`` are read, unfinished ones resumed."""
     runs = {
         folder / run_name(place, cameras, mapping, fidelity, name_of(contender), seed): place.settings(
             cameras=cameras,
