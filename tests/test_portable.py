@@ -12,9 +12,7 @@ from pathlib import Path
 import pytest
 
 from fieldkit.files import atomic_folder, write_atomic
-from fieldkit.planning.run.folder import create_run, open_run
 from tests.cli.test_scene_commands import TINY
-from tests.planning.bowl import bowl_settings
 
 ROOT = Path(__file__).parents[1]
 IMPORT = """
@@ -164,10 +162,3 @@ class TestWithoutLocks:
         with atomic_folder(tmp_path / "empty") as folder:
             (folder / "a.txt").write_text("in a folder that was empty")
         assert (tmp_path / "empty" / "a.txt").is_file()
-
-    def test_a_run_is_made_and_resumed(self, tmp_path: Path) -> None:
-        settings = bowl_settings()
-        with create_run(tmp_path / "run", settings):
-            pass
-        with open_run(tmp_path / "run") as run:
-            assert run.settings == settings

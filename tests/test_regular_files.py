@@ -151,18 +151,6 @@ class TestOpening:
         with pytest.raises(OSError, match=r"not a regular file|not a file"):
             file_sha256(tmp_path / "a")
 
-    def test_reads_files_and_links_to_files(self, tmp_path: Path) -> None:
-        (tmp_path / "a").write_bytes(b"abc")
-        (tmp_path / "b").symlink_to("a")
-        assert read_regular(tmp_path / "b") == b"abc"
-        assert read_regular(tmp_path / "b", 3) == b"abc"
-        assert read_regular(tmp_path / "b", 1 << 60) == b"abc"  # no memory is reserved for more than there is
-
-    def test_refuses_a_larger_one(self, tmp_path: Path) -> None:
-        (tmp_path / "a").write_bytes(b"abcd")
-        with pytest.raises(OSError, match="larger than 3 bytes"):
-            read_regular(tmp_path / "a", 3)
-
     def test_leaves_nothing_open(self, tmp_path: Path) -> None:
         own = Path("/proc/self/fd")
         before = len(list(own.iterdir())) if own.is_dir() else 0
@@ -198,13 +186,6 @@ class TestReplacing:
         with pytest.raises(StorageError):
             write_atomic(node, "x")
         assert node.is_char_device()
-
-    def test_files_when_told_to(self, tmp_path: Path) -> None:
-        (tmp_path / "a").write_text("old")
-        check_replaceable(tmp_path / "a", overwrite=True)
-        check_replaceable(tmp_path / "b", overwrite=False)
-        with pytest.raises(UsageError, match="exists already"):
-            check_replaceable(tmp_path / "a", overwrite=False)
 
     def test_links_are_not_written_through_and_not_replaced_by_a_command(self, tmp_path: Path) -> None:
         (tmp_path / "a").write_text("old")

@@ -34,11 +34,6 @@ def test_of_a_leaf() -> None:
     assert found.cover_percent == pytest.approx(4.0, rel=0.01)
 
 
-def test_only_what_lies_within_the_volume_is_covered() -> None:
-    leaf = square(1.5, 0.5)
-    assert true_traits(leaf.scene.meshes, leaf.volume).covered_area_m2 == pytest.approx(1.0, rel=0.01)
-
-
 def test_a_height_map_has_the_upper_surface() -> None:
     low, high = square(0.3, 0.5).scene.meshes[0], square(0.1, 0.8).scene.meshes[0]
     found = height_map([high, low], Volume((0.0, 0.0, 0.0), (0.4, 0.4, 1.0)), 0.01)

@@ -1,11 +1,9 @@
 """Commanded poses of a rig, completed; subsets; noise."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from benchmarks.rigs import complete_poses, perturb, read_rig, uniform_subset
+from benchmarks.rigs import complete_poses, perturb, uniform_subset
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
 
@@ -53,11 +51,3 @@ def test_noise_has_its_size_and_scales() -> None:
     same = perturb(poses, 0.0, 0.0, 3)
     assert all(np.allclose(same[n].rotation, poses[n].rotation, atol=1e-12) for n in poses)
     assert not np.allclose(perturb(poses, 0.01, 1.0, 4)["00.jpg"].center, noisy["00.jpg"].center)
-
-
-def test_the_rigs_file_is_in_millimetres(tmp_path: Path) -> None:
-    path = tmp_path / "poses_rig.csv"
-    path.write_text("image,x_mm,y_mm,z_mm,pan_deg,tilt_deg\na.jpg,75,375,80,270,0\n")
-    position, pan = read_rig(path)["a.jpg"]
-    assert position == pytest.approx([0.075, 0.375, 0.08])
-    assert pan == 270.0

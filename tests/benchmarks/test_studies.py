@@ -8,33 +8,20 @@ import pytest
 
 from benchmarks.__main__ import Study, main
 from benchmarks.campaign import STUDIES as CAMPAIGN_STUDIES
-from benchmarks.cloud_scores import leaves, run_clouds
+from benchmarks.cloud_scores import leaves
 from benchmarks.dense_stereo import DISTANCES_M, dense_table, measure
-from benchmarks.engine import SPEED, STUDIES, EngineOptions, run_engine
+from benchmarks.engine import SPEED, STUDIES
 from benchmarks.mappings import run_mappings
 from benchmarks.missions import STUDIES as MISSION_STUDIES
 from benchmarks.objective import STUDIES as OBJECTIVE_STUDIES
 from benchmarks.paper import STUDIES as PAPER_STUDIES
 from benchmarks.planner import STUDIES as PLANNER_STUDIES
 from benchmarks.references import recall_of
-from fieldkit.cache import StageCache
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics
 from fieldkit.runtime.progress import Silent
 from tests.reconstruction.dense.planes import SIZE, Plane, photograph, ring
-
-
-class TestClouds:
-    def test_all_methods_agree(self) -> None:
-        result = run_clouds((2000, 3000), progress=Silent())
-        runs = result.figures["runs"]
-        assert {run["points"] for run in runs} == {2000, 3000}
-        for size in (2000, 3000):
-            values = [run["chamfer_m"] for run in runs if run["points"] == size]
-            assert len(values) >= 3
-            assert values == pytest.approx([values[0]] * len(values), rel=1e-6)
-        assert result.tables[0].columns == ("method", "2,000>", "3,000>")
 
 
 def test_dense_measures_both_methods() -> None:
@@ -80,16 +67,6 @@ class TestEngine:
         suites = (STUDIES, OBJECTIVE_STUDIES, PLANNER_STUDIES, MISSION_STUDIES, CAMPAIGN_STUDIES, PAPER_STUDIES)
         assert {study.value for study in Study} == {name for suite in suites for name in suite}
         assert set(SPEED) < set(STUDIES)
-
-    def test_without_recorded_sets_studies_say_so(self, tmp_path: Path) -> None:
-        options = EngineOptions(None, StageCache(None))
-        names = ["few-views", "scaling", "mappings", "references", "subset-scores"]
-        results = run_engine(tmp_path / "out", names, options, progress=Silent())
-        assert all("FIELDKIT_DATA" in result.skipped for result in results)
-        written = json.loads((tmp_path / "out" / "results.json").read_text())
-        assert set(written["studies"]) == set(names)
-        assert written["machine"]["cores"] >= 1
-        assert "Not measured" in (tmp_path / "out" / "results.md").read_text()
 
     def test_the_command(self, tmp_path, monkeypatch, capsys) -> None:
         monkeypatch.delenv("FIELDKIT_DATA", raising=False)

@@ -110,27 +110,3 @@ def test_any_json_is_read_or_refused(value: object) -> None:
     except FieldkitError:
         return
     assert entries
-
-
-@pytest.mark.parametrize(
-    ("make", "plain", "zoomed", "times"),
-    [
-        ("DJI", 24, 24, 2.0),
-        ("DJI", 24, 48, 2.0),
-        ("Apple", 26, 52, 2.0),
-        ("DJI", None, 24, 2.0),
-        ("Apple", None, 52, 1.0),
-        ("Apple", 26, 26, 2.0),
-    ],
-)
-def test_digital_zoom_is_a_camera_of_its_own(photo_file, make, plain, zoomed, times) -> None:
-    detail = {37386: 4.5, 41989: zoomed, 41988: 2.0}
-    folder = photo_file("z.jpg", exif=exif_block(base={271: make, 272: "M"}, detail=detail)).parent
-    if plain is not None:
-        photo_file("a.jpg", exif=exif_block(base={271: make, 272: "M"}, detail={37386: 4.5, 41989: plain}))
-    capture = read_capture(folder)
-    intrinsics = capture.group_of("z.jpg").intrinsics
-    assert intrinsics.fx == pytest.approx((plain or zoomed) * times * 150 / 43.2666, rel=1e-4)
-    (finding,) = [finding for finding in capture.findings if finding.code == "digital-zoom"]
-    assert ("may be" in finding.message) == (plain is None)
-    assert len(capture.groups) == (1 if plain is None else 2)

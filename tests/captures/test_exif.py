@@ -4,7 +4,6 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 import pytest
-from PIL.PngImagePlugin import PngInfo
 from PIL.TiffImagePlugin import IFDRational
 
 from fieldkit.captures import Photo, read_capture
@@ -72,24 +71,6 @@ def test_ways_to_write_the_time(photo_file, base, detail, gps, expected) -> None
     assert photo.captured_at == (expected and datetime.fromisoformat(expected))
 
 
-@pytest.mark.parametrize("suffix", ["png", "tif"])
-def test_metadata_of_other_formats(photo_file: MakePhoto, suffix: str) -> None:
-    exif = exif_block(base=CAMERA, detail=DETAIL, gps=gps_tags(52.0, 13.0, 30.0))
-    options: dict[str, object] = {"exif": exif}
-    if suffix == "png":
-        info = PngInfo()
-        info.add_itxt("XML:com.adobe.xmp", dji_xmp(GimbalYawDegree="12").decode(), zip=True)
-        options["pnginfo"] = info
-    else:
-        exif[700] = dji_xmp(GimbalYawDegree="12")
-        # Pillow writes the nested directories into a TIFF only from the serialised block.
-        options["exif"] = exif.tobytes()
-    photo, findings = only(photo_file(f"a.{suffix}", **options))
-    assert findings == []
-    assert (photo.make, photo.focal_35mm, photo.yaw_deg) == ("DJI", 24.0, 12.0)
-    assert photo.geotag.latitude_deg == pytest.approx(52.0)
-
-
 @pytest.mark.parametrize(
     ("reference", "altitude", "altitude_type", "expected", "datum"),
     [
@@ -113,12 +94,6 @@ def test_the_altitude_says_what_it_is_measured_from(
     photo, _ = only(photo_file("a.jpg", exif=exif, xmp=xmp))
     assert photo.geotag.altitude_m == pytest.approx(expected)
     assert photo.geotag.datum == datum
-
-
-def test_another_datum_is_reported(photo_file: MakePhoto) -> None:
-    for datum, expected in (("WGS-84", []), ("TOKYO", ["gps-datum"])):
-        exif = exif_block(gps={**gps_tags(35.0, 139.0, 5.0), 18: datum})
-        assert [c for c in only(photo_file("a.jpg", exif=exif))[1] if c == "gps-datum"] == expected
 
 
 def test_damaged_exif_does_not_stop_the_reading(photo_file: MakePhoto) -> None:

@@ -93,16 +93,6 @@ def test_damaged_files_are_left_out_by_name(photo_file: MakePhoto) -> None:
     }
 
 
-def test_other_formats_are_named_with_the_remedy(photo_file: MakePhoto) -> None:
-    folder = photo_file("a.jpg").parent
-    (folder / "b.heic").write_bytes(b"\0\0\0\x18ftypheic" + bytes(200))
-    (folder / "c.dng").write_bytes(b"II*\0" + bytes(200))
-    photo_file("d.webp", format="WEBP")
-    capture = read_capture(folder)
-    assert left_out(capture) == dict.fromkeys(("b.heic", "c.dng", "d.webp"), "unsupported-format")
-    assert all("convert" in finding.message for finding in capture.findings)
-
-
 def raw_tiff(bits: int, kind: int) -> bytes:
     """A grey TIFF of 8 × 6 pixels with numbers of so many bits (kind 1 unsigned, 2 signed, 3 floating point)."""
     data = bytes(range(8 * bits // 8)) * 6
@@ -158,13 +148,6 @@ def test_links_that_leave_the_folder_are_not_followed(photo_file: MakePhoto, tmp
     assert capture.names == ("a.jpg",)
     outside = dict.fromkeys(("out.jpg", "up.jpg", "broken.jpg", "loop.jpg", "poses.csv"), "symlink-outside")
     assert left_out(capture) == {**outside, "inside.jpg": "duplicate"}
-
-
-def test_names_of_every_kind_work(photo_file: MakePhoto) -> None:
-    names = ["Grünkohl Süd.jpg", "玉米_1.jpg", "🌽.jpg", "x" * 251 + ".jpg", "with, comma.jpg", "it's.jpg"]
-    for name in names:
-        folder = photo_file(name).parent
-    assert set(read_capture(folder).names) == set(names)
 
 
 def test_a_name_that_is_no_text_is_left_out(photo_file: MakePhoto) -> None:

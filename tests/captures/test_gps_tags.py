@@ -104,27 +104,6 @@ def test_sea_level_is_not_believed_of_rtk(photo_file: MakePhoto, fields: dict[st
     assert tags_of(capture)[0].datum == datum
 
 
-STD = {"RtkStdLon": "0.011", "RtkStdLat": "0.010", "RtkStdHgt": "0.024"}
-
-
-@pytest.mark.parametrize(
-    ("fields", "error", "expected"),
-    [
-        ({"RtkFlag": "50"} | STD, None, (0.011, 0.024)),
-        ({"RtkFlag": "50"} | STD, 0.02, (0.011, 0.024)),
-        ({"RtkFlag": "0"} | STD, None, (None, None)),  # stale: there is no solution
-        ({"RtkFlag": "16"} | STD, None, (None, None)),
-        ({"RtkFlag": "16", "RtkStdLon": "2.7", "RtkStdHgt": "3.7"}, None, (2.7, 3.7)),
-        ({"RtkFlag": "16", "RtkStdLon": "2.7", "RtkStdHgt": "3.7"}, 0.02, (0.02, None)),  # post-processed since
-        ({}, 0.02, (0.02, None)),
-    ],
-)
-def test_accuracies_are_those_of_the_position(photo_file, fields, error, expected) -> None:
-    gps = gps_tags(52.0, 13.0, 80.0) | ({} if error is None else {31: error})
-    (tag,) = tags_of(read_capture(folder_of(photo_file, gps, xmp=dji_xmp(**fields))))
-    assert (tag.horizontal_accuracy_m, tag.vertical_accuracy_m) == pytest.approx(expected)
-
-
 VOID = {1: "N", 2: (0.0, 0.0, 0.0), 3: "E", 4: (0.0, 0.0, 0.0), 6: 0.0}
 
 

@@ -132,15 +132,6 @@ def test_a_folder_of_thermal_pictures_is_said_to_be_one(photo_file: MakePhoto) -
     assert "4 photographs are of the thermal camera" in finding.message
 
 
-def test_poses_of_one_camera_choose_it(photo_file: MakePhoto) -> None:
-    folder = three_lenses(photo_file)
-    rows = "".join(f"DJI_{k:04}_Z.JPG,{k},0,2\n" for k in range(4))
-    (folder / "poses.csv").write_text(f"image,x_m,y_m,z_m\n{rows}", "utf-8")
-    capture = read_capture(folder)
-    assert capture.names == tuple(f"DJI_{k:04}_Z.JPG" for k in range(4))
-    assert [finding.code for finding in capture.findings] == ["other-camera", "other-camera"]
-
-
 def test_a_camera_file_that_names_lenses_keeps_them(photo_file: MakePhoto) -> None:
     folder = three_lenses(photo_file)
     cameras = "".join(
@@ -183,25 +174,6 @@ def test_bands_do_not_mix_with_colours(photo_file: MakePhoto, colour: str, other
     assert len(capture.photos) == 3
     assert {photo.format for photo in capture.photos} == {"JPEG"}
     assert len(others(capture)) in (1, len(others_names))  # one where nothing tells the bands apart
-
-
-def test_band_names_in_xmp(photo_file: MakePhoto) -> None:
-    packet = (
-        '<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'
-        '<rdf:Description rdf:about="" xmlns:Camera="http://pix4d.com/camera/1.0">{}</rdf:Description></rdf:RDF>'
-        "</x:xmpmeta>"
-    )
-    names = {
-        "a.jpg": "<Camera:BandName>NIR</Camera:BandName>",
-        "b.jpg": "<Camera:BandName><rdf:Seq><rdf:li>Red</rdf:li><rdf:li>Green</rdf:li><rdf:li>Blue</rdf:li></rdf:Seq>"
-        "</Camera:BandName>",
-        "c.jpg": "<Camera:BandName><rdf:Seq><rdf:li>LWIR</rdf:li></rdf:Seq></Camera:BandName>",
-    }
-    for name, text in names.items():
-        folder = photo_file(name, xmp=packet.format(text).encode()).parent
-    capture = read_capture(folder)
-    assert [photo.sensor for photo in capture.photos] == ["visible"]
-    assert [finding.subject for finding in others(capture)] == ["a.jpg", "c.jpg"]
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.captures.poses_csv import PoseRow, parse_poses_csv
-from fieldkit.captures.tables import decode_text, match_names
 from fieldkit.errors import FieldkitError, MetadataError
 
 HEADER = "image,x_m,y_m,z_m"
@@ -169,14 +168,6 @@ def test_mistakes_name_the_line_and_the_column(text: str, words: list[str]) -> N
     assert caught.value.remedy
 
 
-def test_encodings() -> None:
-    text = f"{HEADER}\nGrünkohl.jpg,1,2,3\n"
-    for data in (text.encode(), b"\xef\xbb\xbf" + text.encode(), text.encode("utf-16")):
-        assert parse_poses_csv(decode_text(data))[0][0].image == "Grünkohl.jpg"
-    with pytest.raises(MetadataError, match="line 2 is not UTF-8"):
-        decode_text(text.encode("latin-1"))
-
-
 numbers = st.floats(-1e6, 1e6, allow_nan=False).map(lambda value: round(value, 6))
 names = st.text(st.characters(blacklist_categories=("Cs", "Cc", "Zl", "Zp")), min_size=1, max_size=20).filter(
     lambda name: name == name.strip() and not name.startswith("#")
@@ -202,15 +193,3 @@ def test_any_text_is_read_or_refused(text: str) -> None:
         except FieldkitError:
             continue
         assert rows
-
-
-def test_names_without_suffix_and_with_folders() -> None:
-    photos = ["100MEDIA/DJI_0001.JPG", "101MEDIA/DJI_0001.JPG", "101MEDIA/DJI_0002.JPG", "b.jpg", "b.tif", "c.v2.png"]
-    listed = ["DJI_0001.JPG", "101MEDIA/DJI_0001.JPG", "D:\\card\\100media\\dji_0001.jpg", "DJI_0002", "b", "c.v2"]
-    assert match_names(listed, photos) == {
-        "101MEDIA/DJI_0001.JPG": "101MEDIA/DJI_0001.JPG",
-        "D:\\card\\100media\\dji_0001.jpg": "100MEDIA/DJI_0001.JPG",
-        "DJI_0002": "101MEDIA/DJI_0002.JPG",
-        "c.v2": "c.v2.png",
-    }
-    assert match_names(["b.png"], ["b.jpg"]) == {}

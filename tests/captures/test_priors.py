@@ -86,15 +86,6 @@ def test_rtk_heights_are_used_as_they_are_and_never_believed_better_than_three_c
         assert capture.priors["a.jpg"].position_sigma_m == sigma_m
 
 
-def test_a_position_on_another_continent_does_not_move_the_frame(photo_file: MakePhoto) -> None:
-    geotagged(photo_file)
-    folder = photo_file("g.jpg", exif=exif_block(gps=gps_tags(-33.0, 151.0, 5.0))).parent
-    capture = read_capture(folder)
-    assert ("g.jpg", "gps-far-away") in codes(capture)
-    assert capture.origin.latitude_deg == pytest.approx(52.0, abs=0.01)
-    assert "g.jpg" not in capture.priors
-
-
 def test_geo_txt_comes_before_gps_and_keeps_xmp_angles(photo_file: MakePhoto) -> None:
     folder = geotagged(photo_file)
     rows = ["EPSG:4326"]
@@ -183,17 +174,6 @@ def test_angles_of_zero_in_all_photographs_are_none(photo_file: MakePhoto) -> No
     assert codes(capture) == {("a.jpg", "angles-zero")}
     assert {(p.angles, p.rotation) for p in capture.priors.values()} == {(None, None)}
     capture = read_capture(geotagged(photo_file, GimbalRollDegree="+0.00", GimbalYawDegree="+0.00"))
-    assert capture.priors["a.jpg"].pitch_deg == -60.0
-
-
-def test_angles_of_zero_in_some_photographs_are_none_of_these(photo_file: MakePhoto) -> None:
-    geotagged(photo_file)
-    (latitude,), (longitude,), (altitude,) = FRAME.to_geodetic([PLACES["b.jpg"]])
-    zeros = {"GimbalYawDegree": "+0.00", "GimbalPitchDegree": "+0.00", "GimbalRollDegree": "+0.00"}
-    exif = exif_block(gps=gps_tags(latitude, longitude, round(altitude, 3)))
-    capture = read_capture(photo_file("b.jpg", exif=exif, xmp=dji_xmp(**zeros)).parent)
-    assert ("b.jpg", "angles-zero") in codes(capture)
-    assert capture.priors["b.jpg"].yaw_deg is None
     assert capture.priors["a.jpg"].pitch_deg == -60.0
 
 

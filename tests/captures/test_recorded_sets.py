@@ -2,11 +2,10 @@
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
-from fieldkit.captures import Capture, flag_set, measure_quality, read_capture, read_image
+from fieldkit.captures import Capture, read_capture
 from fieldkit.geometry.geodesy import utm_epsg_of
 
 
@@ -44,18 +43,3 @@ def test_drone(data_folder: Path) -> None:
     positions = np.array([prior.position for prior in capture.priors.values()], dtype=float)
     np.testing.assert_allclose(np.ptp(positions[:, :2], axis=0), [84.3, 84.1], atol=0.1)
     assert np.ptp(positions[:, 2]) < 1.0
-
-
-def test_blurred_and_blank_ones_are(recorded: Capture) -> None:
-    """Motion of 10 px at 1600 px width, in either direction, put on one photograph in turn."""
-    shown = recorded.photos[:: max(1, len(recorded.photos) // 6)]
-    images = {photo.name: read_image(photo, max_side=1600, gray=True) for photo in shown}
-    qualities = {name: measure_quality(image) for name, image in images.items()}
-    assert not any(quality.flags for quality in flag_set(qualities).values())
-    for name, image in images.items():
-        length = round(10 * image.shape[1] / 1600)
-        for shape in ((1, length), (length, 1)):
-            blurred = cv2.filter2D(image, -1, np.full(shape, 1 / length, np.float32))
-            assert flag_set({**qualities, name: measure_quality(blurred)})[name].flags == ("blurred",)
-        blank = measure_quality(np.full_like(image, 90))
-        assert flag_set({**qualities, name: blank})[name].flags == ("empty",)

@@ -8,8 +8,7 @@ import pytest
 from fieldkit.cache import digest
 from fieldkit.captures import read_capture
 from fieldkit.captures.selection import capture_of, find_photographs
-from fieldkit.errors import MetadataError
-from tests.captures.photographs import MakePhoto, dji_xmp, exif_block, gps_tags
+from tests.captures.photographs import MakePhoto, exif_block, gps_tags
 
 EXIF = {
     "exif": exif_block(
@@ -89,15 +88,3 @@ def test_some_photographs_of_several_folders(photo_file: MakePhoto, tmp_path: Pa
     assert {group.source for group in capture.groups} == {"camera.toml", "self-calibrated"}
     assert len({group.key for group in capture.groups}) == 2
     assert capture.group_of("101/a.jpg").source == "camera.toml"
-
-
-def test_a_camera_for_those_without_one(photo_file: MakePhoto, tmp_path: Path) -> None:
-    photo_file("a.jpg", **EXIF, xmp=dji_xmp(GimbalYawDegree="10", GimbalPitchDegree="-45"))
-    camera = tmp_path / "mine.toml"
-    camera.write_text('model = "PINHOLE"\nwidth = 120\nheight = 90\nparams = [100, 100, 60, 45]\n')
-    found = find_photographs(tmp_path / "capture").photos
-    assert capture_of(found, camera=camera).groups[0].fixed
-    assert not capture_of(found).groups[0].fixed
-    (tmp_path / "capture" / "poses.csv").write_text("nonsense\n")
-    with pytest.raises(MetadataError):
-        capture_of(find_photographs(tmp_path / "capture").photos)

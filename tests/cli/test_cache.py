@@ -44,9 +44,3 @@ def test_show_prune_and_clear(root: Path, capsys: pytest.CaptureFixture[str]) ->
     assert output(capsys, "clear")["bytes"] == 0
     assert main(["cache", "clear"]) == 0
     assert "removed 0 entries" in capsys.readouterr().out
-
-
-def test_no_cache_yet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setenv("FIELDKIT_CACHE", str(tmp_path / "none"))
-    assert output(capsys, "show")["stages"] == {}
-    assert not (tmp_path / "none").exists()

@@ -10,7 +10,6 @@ from fieldkit.campaign.reading import keep_visit
 from fieldkit.cli.main import main
 from fieldkit.evaluation.rasters import Rasters
 from tests.campaign.examples import campaign_folder, field
-from tests.campaign.test_next_visit import season
 
 FIELD = field(1, 2)
 
@@ -66,20 +65,6 @@ def test_init_takes_the_settings(place, capsys, monkeypatch) -> None:
     error = answer(capsys, "campaign", "init", "x", "--plan", "no.json", "--site", "sources/site.toml", code=3)["error"]
     assert error["path"] == "no.json"
     assert not (place / "x").exists()
-
-
-def test_a_next_visit_is_planned(place, capsys) -> None:
-    what = ["campaign", "plan", str(season(place, ()).folder), "-o", "next.plan"]
-    error = answer(capsys, *what, code=2)["error"]
-    assert "--vehicle" in error["message"] + error["remedy"]
-    what += ["--vehicle", "ardupilot-pitch"]
-    for wrong, code in ((["--date", "July"], 2), (["--growth", "0.5"], 2), (["--vehicle", "kite"], 3)):
-        answer(capsys, *what, *wrong, code=code)
-        assert not Path("next.plan").exists()
-    assert main([*what, "--date", "2026-07-02", "--plant-height", "0.6", "--adjust"]) == 0
-    said = " ".join("".join(capsys.readouterr()).split())
-    assert "Plans for 2026-07-02" in said
-    assert "none: the campaign's plan" in said
 
 
 def test_show_and_export_find_the_campaign_about_the_folder(place, capsys, monkeypatch) -> None:

@@ -70,12 +70,6 @@ def test_a_narrow_terminal_shows_stations_names_and_verdicts() -> None:
     assert "…" not in text
 
 
-def test_a_mission_needs_vehicle_and_site(call: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([*call, "-o", "again.plan"]) == 2
-    assert "--vehicle and --site" in capsys.readouterr().err
-    assert main([*call, "--vehicle", "px4-gimbal"]) == 2
-
-
 def test_plots_of_a_file_of_their_own(call, capsys, tmp_path) -> None:
     """Whoever exports with --site and --plots checks with both, and flies again with them."""
     field_of_two = field(1, 2)
@@ -93,12 +87,6 @@ def test_plots_of_a_file_of_their_own(call, capsys, tmp_path) -> None:
     assert main([*call, *site, *plots, "--plot", "r1c2", *again]) == 0
     assert 'ids from "name"' in capsys.readouterr().err
     assert json.loads((tmp_path / "again.mission.json").read_text("utf-8"))["plots"][0]["name"] == "r1c2"
-
-
-@pytest.mark.parametrize("option", ["--plots", "--plot-id", "--plot"])
-def test_plots_belong_to_a_site(option: str, call: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([*call, option, call[-1]]) == 2
-    assert f"{option} goes with a site file" in capsys.readouterr().err
 
 
 def test_no_mission_for_nothing_is_said(call, capsys, tmp_path) -> None:

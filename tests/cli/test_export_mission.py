@@ -61,35 +61,6 @@ def test_people_are_told(plan: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
     assert not (tmp_path / "low.plan").exists()
 
 
-def test_moved_stations_are_told_and_those_that_coincide_are_refused(plan, tmp_path, capsys) -> None:
-    given = planned(5)
-    first = given.stations[0]
-    tilted = [s.model_copy(update={"pitch_deg": -50.0 - k}) for k, s in enumerate(given.stations)]
-    fixed = ["export-mission", str(plan), "--vehicle", "fixed-gimbal", "--site", str(SITES / "example.toml"), *HEIGHT]
-    save_plan(plan, given.model_copy(update={"stations": tuple(tilted)}))
-    assert main([*fixed, "-o", str(tmp_path / "m"), "--no-picture"]) == 5
-    told = " ".join(capsys.readouterr().err.split())
-    assert "5 photographs (station 1, 2, 3, 4 and 5 of plot), the first: pitch" in told
-    assert main([*fixed, "-o", str(tmp_path / "m"), "--no-picture", "--adjust"]) == 0
-    assert capsys.readouterr().out.count("Moved: station") == 5
-    twice = (first, first.model_copy(update={"pitch_deg": -80.0}), *given.stations[2:])
-    save_plan(plan, given.model_copy(update={"stations": twice}))
-    assert main([*fixed, "-o", str(tmp_path / "n"), "--no-picture", "--adjust"]) == 5
-    assert "station 1 of plot: it and station 2 become one photograph" in " ".join(capsys.readouterr().err.split())
-    assert not (tmp_path / "n.plan").exists()
-
-
-def test_a_faulty_mission_is_told_by_its_exit_code(plan, tmp_path, capsys) -> None:
-    file = tmp_path / "short.waypoints"
-    file.write_text("QGC WPL 110\n0\t1\t0\t16\t0\t0\t0\t0\t50.8649\t6.4473\t92\t1\n")
-    assert main(["check-mission", str(file), "--vehicle", "ardupilot-pitch", "--json"]) == 5
-    assert json.loads(capsys.readouterr().out)["ok"] is False
-    assert main(["check-mission", str(file), "--vehicle", "ardupilot-pitch"]) == 5
-    assert "must not be flown" in capsys.readouterr().out
-    assert main(["check-mission", str(file), "--vehicle", "ardupilot-pitch", "--plan", str(plan)]) == 2
-    assert "--plan says nothing without --site" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(("vehicle", "name"), [("dji-mini-4-pro", "m.csv"), ("dji-mavic-3-enterprise", "m.kmz")])
 def test_what_adjust_exports_may_be_flown(plan, tmp_path, capsys, vehicle, name) -> None:
     """The check compares with the poses that the export flew, by one rule, and says that they are not the plan's."""

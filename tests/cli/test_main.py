@@ -228,11 +228,6 @@ class TestBoundary:
         assert main(["probe"]) == 143
         assert capsys.readouterr().err == "Error: ended by SIGTERM\n"
 
-    @pytest.mark.parametrize("body", ["return 4", "raise typer.Exit(4)", "sys.exit(4)"])
-    def test_code_of_a_command(self, a_command: Path, body: str) -> None:
-        write(a_command, body)
-        assert main(["probe"]) == 4
-
     def test_warnings(self, a_command: Path, capsys: pytest.CaptureFixture[str]) -> None:
         write(
             a_command,

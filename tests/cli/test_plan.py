@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from fieldkit.captures import read_capture
-from fieldkit.cli.live_plan import Watched
 from fieldkit.cli.main import main
-from fieldkit.cli.progress import Lines
 from fieldkit.planning.plan_settings import NoiseSettings
 from fieldkit.planning.run.folder import create_run, open_run, read_log
 from fieldkit.planning.run.run_setup import set_up_run
@@ -18,10 +16,8 @@ from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import save_report
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.progress import Silent
 from tests.evaluation.test_adherence import flown
 from tests.planning.bowl import bowl_settings
-from tests.planning.run.test_folder import log
 
 SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
 
@@ -86,25 +82,6 @@ def test_noise_is_taken_from_an_evaluation(tmp_path: Path, capsys: pytest.Captur
         for given in (tmp_path, tmp_path / "evaluation.json"):
             assert main(["plan", "--resume", "--pose-noise", f"from:{given}", "-o", str(tmp_path / name)]) == 2
             assert words in capsys.readouterr().err
-
-
-def test_progress_goes_on_from_what_the_log_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    settings = bowl_settings(evaluations=4, finalists=1, repeats=1)
-    with create_run(tmp_path / "run", settings) as run, Watched(Lines(), as_json=False) as watched:
-        first, second = (log(run, number) for number in (0, 1))
-        better, worse = (second.model_copy(update={"number": 2, "value_m": value}) for value in (1e-4, 1e3))
-        again = first.model_copy(update={"stage": "confirmation"})
-        watched.expect(run, 4)
-        for each in (worse, better, again):
-            watched.watch(each)
-    told = capsys.readouterr().err.splitlines()
-    assert told[:2] == ["Searching, at most 4 evaluations …", f"note: best so far: 0.10 mm ({better.origin})"]
-    stages = [line.split(":")[0].removesuffix(" …") for line in told[2:]]
-    assert stages == [told[0].removesuffix(" …"), "Confirming", "Confirming"]
-    with create_run(tmp_path / "new", settings) as run, Watched(Silent(), as_json=True) as watched:
-        watched.expect(run, 0)
-        watched.watch(again)
-    assert json.loads(capsys.readouterr().err)["best_m"] is None
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.cli.main import main
-from fieldkit.cli.reconstruction_options import parse_bounds, parse_distances
+from fieldkit.cli.reconstruction_options import parse_bounds
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -64,16 +64,6 @@ class TestUsage:
         assert message in error["message"]
         assert error["remedy"]
         assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("text", ["0,x", "", "0.01,-1", "0", "nan", "0.01,,0.02", "0.01,2,5"])
-def test_no_distances(text: str) -> None:
-    with pytest.raises(UsageError, match="--distances"):
-        parse_distances(text)
-
-
-def test_distances() -> None:
-    assert parse_distances("0.01,0.002, 0.010") == (0.002, 0.01)
 
 
 @given(st.text(alphabet="0123456789.,-einfa ", max_size=20))

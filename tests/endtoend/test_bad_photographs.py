@@ -147,17 +147,3 @@ def test_masks_from_files_that_are_not_there(line: CommandLine, photographs: Pho
     assert "--mask exg" in done.error["remedy"]
     assert line.entries() == 0
     assert not (line.folder / "out").exists()
-
-
-@pytest.mark.slow
-def test_masks_from_files_say_what_is_plant(line: CommandLine, photographs: Photographs) -> None:
-    """Masks with a small window in the middle leave a small part of the cloud."""
-    folder = photographs()
-    (folder / "masks").mkdir()
-    for path in sorted(folder.glob("*.jpg")):
-        write_mask(folder / "masks" / f"{path.stem}.png", path, share=0.25)
-    clouds = {}
-    for kind in ("file", "none"):
-        done = line.run("reference", "photos", "-o", kind, "--mask", kind, "--no-scene", *DRAFT, "--json")
-        clouds[kind] = done.json["points"]
-    assert 100 < clouds["file"] < 0.7 * clouds["none"]

@@ -201,13 +201,3 @@ def test_killed_twice_and_resumed(line: CommandLine, season: Path, small_plot: P
     assert {path: path.stat().st_mtime_ns for path in stamps} == stamps
     assert [visit.error for visit in read_campaign(season).visits] == [""] * 3
     assert not list(season.glob("visits/*/.*"))
-
-
-def test_messages(line: CommandLine, season: Path, small_plot: Path) -> None:
-    init(line)
-    again = line.run("campaign", "init", "season", "--plan", "plan.json", "--site", "site.toml", "--json", code=2)
-    assert again.error["type"] == "UsageError"
-    (line.folder / "captures").mkdir()
-    none = line.run("evaluate", "captures", "--campaign", "season", "--json", code=3)
-    assert "no usable photographs" in none.error["message"]
-    assert read_visits(season) == []

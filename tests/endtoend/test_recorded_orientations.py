@@ -13,21 +13,6 @@ from fieldkit.reconstruction.pipeline import place
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Silent
-from tests.endtoend.commands import DRAFT
-
-
-def test_photographs_that_were_turned_after_their_yaw_was_written(warm, photographs) -> None:
-    folder = photographs()
-    table = (folder / "poses.csv").read_text("utf-8").splitlines()
-    yaw = table[0].split(",").index("yaw_deg")
-    row = table[5].split(",")
-    row[yaw] = str((float(row[yaw]) + 180.0) % 360.0)
-    table[5] = ",".join(row)
-    (folder / "poses.csv").write_text("\n".join(table) + "\n", "utf-8")
-    done = warm.run("reference", "photos", "-o", "out", *DRAFT, "--no-scene", "--json")
-    assert done.json["right"] == 8
-    note = " ".join(done.json["frame"]["notes"])
-    assert "orientations of IMG_0005.jpg contradict the photographs" in note
 
 
 @pytest.mark.parametrize(

@@ -63,18 +63,6 @@ def test_a_reference_s_own_photographs_are_the_best_capture(warm: CommandLine, s
     assert float(row["f_score_0.005"]) == plot["f_score"]["0.005"]
 
 
-def test_fewer_photographs_score_worse(warm: CommandLine, photographs: Photographs, built: Built) -> None:
-    photographs("field/all")
-    photographs("field/five", 5)
-    done = warm.run("evaluate", "field", "--reference", str(built.reference), "-o", "out", *DRAFT, "--json")
-    complete, few = sorted(done.json["plots"], key=lambda plot: plot["name"])
-    assert (complete["images"], few["images"]) == (8, 5)
-    assert few["completeness_m"] > complete["completeness_m"] + 0.002
-    assert few["recall"]["0.010"] < complete["recall"]["0.010"]
-    rows = list(csv.DictReader((warm.folder / "out" / "plots.csv").read_text("utf-8").splitlines()))
-    assert [row["plot"] for row in rows] == ["all", "five"]
-
-
 def test_without_a_reference(warm: CommandLine, small_plot: Path, built: Built) -> None:
     done = warm.run("evaluate", str(small_plot), "-o", "out", *DRAFT, "--json")
     (plot,) = done.json["plots"]

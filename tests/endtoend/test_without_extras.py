@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 import fieldkit
-from fieldkit.results.plan_file import load_plan
 from tests.cli.test_scene_commands import TINY
 from tests.endtoend.commands import CommandLine
 
@@ -69,10 +68,3 @@ def test_a_search_says_what_is_missing_before_it_begins(line: CommandLine, metho
     assert "pip install 'fieldkit[search]'" in done.error["remedy"]
     assert "uv pip install torch --torch-backend=cpu" in done.error["remedy"]
     assert not (line.folder / "plan").exists()
-
-
-def test_a_plan_by_the_score(line: CommandLine) -> None:
-    (line.folder / "tiny.toml").write_text(TINY)
-    options = ("--method", "score", "--for", "this-plot", "-n", "3", "--repeats", "0", "--workers", "1")
-    line.run("plan", "--scene", "tiny.toml", *options, "-o", "plan")
-    assert len(load_plan(line.folder / "plan").stations) == 3

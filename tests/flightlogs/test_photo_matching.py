@@ -116,25 +116,6 @@ def test_one_missing_and_one_extra_anywhere(seed, plots, drop, extra, offset, dr
     assert abs(found.offset_s - offset) < (0.5 + 4 * 0.1 if whole else 0.1)
 
 
-@given(seed=st.integers(0, 10_000), drop=st.integers(0, 12), phase=st.floats(0, 1), rhythm=st.sampled_from([0.1, 2.0]))
-def test_whole_seconds_without_gps_are_right_or_ambiguous(seed: int, drop: int, phase: float, rhythm: float) -> None:
-    """The less the intervals differ, the less whole seconds say: then it is reported, and never guessed."""
-    rng = np.random.default_rng(seed)
-    triggers = flown(series(13, seed, 9.0 - rhythm, 9.0 + rhythm))
-    stamps = [
-        photograph(t, f"P{k}", offset=7200.0 + phase, noise=(float(rng.normal(0, 0.03)), 0, 0), whole=True, gps=False)
-        for k, t in enumerate(triggers)
-        if k != drop
-    ]
-    found = match(stamps, triggers)
-    assert own(found)
-    assert len(found.pairs) == 12 or found.ambiguous
-    assert found.remarks or not found.ambiguous
-    known = match(stamps, triggers, offset_s=7200.0 + phase - 0.5)
-    assert own(known)
-    assert len(known.pairs) == 12
-
-
 def test_places_decide_where_times_cannot() -> None:
     triggers = flown([9.0] * 13)
     stamps = photographs(triggers, 0, 12, offset=30.3, noise=(0, 0.02, -0.02), whole=True, gps=True)

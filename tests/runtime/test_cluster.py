@@ -68,12 +68,6 @@ def test_what_always_kills_its_worker_is_recorded_as_failed(tmp_path: Path, clie
     assert "KilledWorker" in broken.failure
 
 
-def test_workers_with_many_threads_are_refused(tmp_path: Path) -> None:
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address=None) as cluster:
-        with distributed.Client(cluster) as connected, pytest.raises(UsageError, match="one thread"):
-            Cluster(connected)
-
-
 def test_a_call_that_takes_too_long_ends_its_worker(client: Any) -> None:
     with Cluster(client, limits=Limits(seconds=1.0)) as cluster:
         assert list(cluster.map(abs, [-1, 2])) == [1, 2]

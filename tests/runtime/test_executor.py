@@ -77,12 +77,6 @@ def test_results_keep_the_order_of_the_items_whatever_the_workers(mapper, worker
     assert advanced == [1, 1, 1]
 
 
-@pytest.mark.parametrize("mapper", [map_parallel, map_threads])
-def test_an_error_of_an_item_is_raised(mapper) -> None:
-    with pytest.raises(ValueError, match="factorial"):
-        mapper(math.factorial, [3, -1, 4], workers=2)
-
-
 def test_errors_come_from_workers_as_they_are_or_in_words_with_where_they_were_raised() -> None:
     with pytest.raises(UsageError, match="not this one") as caught:
         map_parallel(raising, [1, 3], workers=2)
@@ -92,21 +86,12 @@ def test_errors_come_from_workers_as_they_are_or_in_words_with_where_they_were_r
         map_parallel(raising, [2, 3], workers=2)
 
 
-def test_a_result_that_cannot_be_sent_is_an_error_of_its_item() -> None:
-    with pytest.raises((AttributeError, TypeError), match="pickle"):
-        map_parallel(lambda_of, [1, 2], workers=2)
-
-
 def test_a_state_that_cannot_be_sent_is_an_error_of_every_call() -> None:
     with (
         Processes(1, make=lambda: 1) as executor,
         pytest.raises((AttributeError, pickle.PicklingError), match="lambda"),
     ):
         executor.submit(abs, 1).result()
-
-
-def lambda_of(number: int) -> object:
-    return lambda: number
 
 
 def test_a_worker_that_dies_in_a_map_is_told_in_words() -> None:

@@ -146,14 +146,6 @@ def test_georeferenced_programs_are_the_metric_source(photographs: Path, program
     assert_close(about(capture.origin, prior_poses(capture), ORIGIN), truth(), 1e-3, 0.01)
 
 
-def test_poses_of_some_photographs(photographs: Path) -> None:
-    write_colmap(photographs / "sparse" / "0", {n: p for n, p in truth().items() if n != NAMES[0]})
-    capture = read_capture(photographs)
-    assert NAMES[0] not in capture.program.poses
-    assert "7 of 8 photographs" in next(f.message for f in capture.findings if f.code == "program-poses")
-    assert {group.source for group in capture.groups} == {"COLMAP", "self-calibrated"}
-
-
 def test_of_several_results_one_is_used_and_the_others_are_named(photographs: Path) -> None:
     write_colmap(photographs / "sparse" / "0", truth())
     write_colmap(photographs / "sparse" / "1", {name: truth()[name] for name in NAMES[:3]})

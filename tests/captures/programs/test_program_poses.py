@@ -15,7 +15,6 @@ from fieldkit.reconstruction.features import Features
 from tests.captures.programs.known_set import (
     CAMERA,
     LOCAL,
-    METASHAPE_CAMERA,
     NAMES,
     ORIGIN,
     about,
@@ -207,14 +206,6 @@ def test_a_chunk_without_references_has_no_scale(tmp_path, reference, motion, lo
     assert not found.metric
     assert apart(found.poses, known_poses())[1] < 1e-6
     assert read_result(PosesFile(path, METRES)).metric
-
-
-def test_a_camera_with_terms_that_colmap_lacks_is_a_start_only(tmp_path: Path) -> None:
-    more = METASHAPE_CAMERA + "<k3>0.1162639394</k3><k4>-0.0761413904</k4><b2>-0.3</b2>"
-    found = read_result(PosesFile(write_metashape(tmp_path / "c.xml", known_poses(), calibration=more)))
-    assert not found.cameras[0].fixed
-    assert found.cameras[0].intrinsics.params[8] == 0.1162639394
-    assert "camera-approximate" in [finding.code for finding in found.findings]
 
 
 @pytest.mark.parametrize(
