@@ -31,6 +31,10 @@ PlanningMethod = Literal["score", "field", "bosfm", "circle", "uniform"]
 """What looks for cameras: planning/methods/registry.py has what each needs."""
 Mask = Literal["exg", "none", "file"]
 """What counts as plants: what is green (excess green index), everything, or what masks show."""
+Stage = Literal[
+    "V4", "V5", "V6", "V7", "V8", "V9", "V10", "V11", "V12", "V13", "V14", "V15", "V16", "V17", "V18", "VT", "R1"
+]
+"""Growth stages by the leaf-collar method (Abendroth et al. 2011): Vn has n visible collars, VT a tassel, R1 silks."""
 
 DRAWN_BY = "fieldkit"
 """What pictures of results name as their program: they are no photographs."""

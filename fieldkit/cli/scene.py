@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from typer import Argument, Option
 
 from fieldkit.cli.common import JsonOption, OutputOption, OverwriteOption, SeedOption, answer, emit_json, show, table
 from fieldkit.errors import UsageError
+from fieldkit.vocabulary import Stage
 from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from fieldkit.runtime.progress import Progress
     from fieldkit.scenes.description import SceneDescription
+    from fieldkit.scenes.plot_description import TrialDescription
 
 
 def scene_from_reference(
@@ -51,12 +54,54 @@ def scene_from_reference(
 Layout = Literal["rows", "grid", "random"]
 
 
+@dataclass(frozen=True)
+class TrialOptions:
+    """A block of a trial instead of a few plants."""
+
+    panel: ClassVar[str] = "A trial"
+
+    trial: Annotated[str, Option(metavar="RANGESxCOLUMNS")] = ""
+    """Plots side by side: 4x10 has 40."""
+    rows: Annotated[int, Option(min=1, max=8)] = 2
+    """Of a plot."""
+    length: Annotated[float, Option(metavar="M", min=0.5, max=20.0)] = 4.0
+    """Of a row."""
+    alley: Annotated[float, Option(metavar="M", min=0.0, max=5.0)] = 1.0
+    """Bare ground between ranges."""
+    stage: Stage = "V10"
+    """Growth stage: V4 to V18, VT, R1."""
+
+    def described(self, row_spacing_m: float, plant_spacing_m: float, seed: int) -> TrialDescription:
+        """The trial that is asked for."""
+        ranges, mark, columns = self.trial.lower().replace("×", "x").partition("x")
+        if not (mark and ranges.isdecimal() and columns.isdecimal()):
+            raise UsageError(f"--trial: {self.trial} is no number of plots", remedy="Write it like --trial 4x10.")
+        from fieldkit.scenes.plot_description import TrialDescription
+
+        try:
+            return TrialDescription(
+                seed,
+                int(ranges),
+                int(columns),
+                self.rows,
+                row_spacing_m,
+                plant_spacing_m,
+                self.length,
+                self.alley,
+                self.stage,
+            )
+        except ValueError as error:
+            raise UsageError(f"--trial: {error}", remedy="See --help for what each option means.") from error
+
+
 def scene_new(
     plants: Annotated[int, Option(min=1, max=60)] = 3,
     layout: Layout = "rows",
-    spacing: Annotated[float, Option(min=0.05, max=2.0)] = 0.22,
-    row_spacing: Annotated[float, Option(min=0.05, max=3.0)] = 0.50,
+    spacing: Annotated[float | None, Option("--plant-spacing", "--spacing", metavar="M", min=0.05, max=2.0)] = None,
+    row_spacing: Annotated[float | None, Option(metavar="M", min=0.05, max=3.0)] = None,
     output: Annotated[Path | None, Option("--output", "-o")] = None,
+    *,
+    trial: TrialOptions,
     complete: bool = False,
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
@@ -69,17 +114,25 @@ def scene_new(
     Args:
         plants: How many.
         layout: In rows along x, on a grid, or at random.
-        spacing: Between plants, metres.
-        row_spacing: Between rows, metres.
-        output: The scene file. Without: the text goes to stdout.
+        spacing: Between plants: 0.22, in a trial 0.18.
+        row_spacing: Between rows: 0.50, in a trial 0.75.
+        output: The scene file; of a trial a folder. Without: the text goes to stdout.
         complete: Write every key, also those at their default.
+
+    With --trial the folder holds the scene, plots.geojson with the plots' outlines, and truth.csv with each plot's
+    heights, cover, volume and leaf area.
 
     Examples:
         fieldkit scene new --plants 6 --seed 7 --layout rows -o plot.toml
+        fieldkit scene new --trial 4x10 --stage V10 --seed 7 -o block
         fieldkit scene new --plants 3 --complete
     """
     from fieldkit.regular_files import check_replaceable
 
+    if trial.trial:
+        block = trial.described(row_spacing or 0.75, spacing or 0.18, seed)
+        _new_trial(block, output, overwrite=overwrite, as_json=as_json)
+        return
     if output is not None:
         check_replaceable(output, overwrite=overwrite)
     import sys
@@ -92,8 +145,8 @@ def scene_new(
         plants,
         seed,
         layout=layout,
-        spacing_m=spacing,
-        row_spacing_m=row_spacing,
+        spacing_m=spacing or 0.22,
+        row_spacing_m=row_spacing or 0.50,
         name=name,
         notes=f"fieldkit scene new --plants {plants} --seed {seed} --layout {layout}",
     )
@@ -108,6 +161,24 @@ def scene_new(
         from fieldkit.runtime.shipped import shipped_page
 
         answer(f"{count(plants, 'plant')} in {output}; {shipped_page('sim/README.md')} explains its keys")
+
+
+def _new_trial(trial: TrialDescription, output: Path | None, *, overwrite: bool, as_json: bool) -> None:
+    if output is None:
+        raise UsageError("a trial is a folder", remedy="Name it: -o block.")
+    from dataclasses import asdict
+
+    from fieldkit.cli.progress import open_progress
+    from fieldkit_sim.trial.files import new_trial, write_trial
+
+    with open_progress(as_json=as_json) as progress:
+        scene = new_trial(trial, name=output.name, notes=f"fieldkit scene new --trial, seed {trial.seed}")
+        truth = write_trial(output, scene, overwrite=overwrite, progress=progress)
+    if as_json:
+        emit_json({"output": output, "seed": trial.seed, "plots": [asdict(plot) | {"lai": plot.lai} for plot in truth]})
+    else:
+        plants = count(sum(plot.plants for plot in truth), "plant")
+        answer(f"{count(len(truth), 'plot')} with {plants} in {output}: scene.toml, plots.geojson, truth.csv")
 
 
 def scene_show(

@@ -10,11 +10,8 @@ from pydantic import Discriminator, PositiveFloat, Tag
 
 from fieldkit.errors import SceneError
 from fieldkit.scenes.scene import HAZE, Light
+from fieldkit.vocabulary import Stage
 
-Stage = Literal[
-    "V4", "V5", "V6", "V7", "V8", "V9", "V10", "V11", "V12", "V13", "V14", "V15", "V16", "V17", "V18", "VT", "R1"
-]
-"""Growth stages by the leaf-collar method (Abendroth et al. 2011): Vn has n visible collars, VT a tassel, R1 silks."""
 GROWTH_STAGES: tuple[Stage, ...] = get_args(Stage)
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 SUFFIXES = (".obj", ".ply", ".glb", ".gltf", ".stl")
@@ -167,6 +164,55 @@ class NeighboursDescription:
             raise ValueError("row_spacing_m is 0.2 to 3, plant_spacing_m 0.05 to 1, length_m above 0 and at most 20")
 
 
+@dataclass(frozen=True)
+class TrialDescription:
+    """A block of a trial: plots side by side, each of a variety of its own, in ranges across the rows.
+
+    The block's middle is the origin, rows run along x. Plot ``r2c5`` is the fifth column (along y) of the second range
+    (along x).
+    """
+
+    seed: int = 0
+    """Of everything random about it."""
+    ranges: int = 4
+    columns: int = 10
+    """Plots along and across the rows."""
+    rows: int = 2
+    """Of a plot."""
+    row_spacing_m: float = 0.75
+    """Also from the last row of a plot to the first of the next."""
+    plant_spacing_m: float = 0.18
+    """Within a row."""
+    length_m: float = 4.0
+    """Of a row."""
+    alley_m: float = 1.0
+    """Bare ground between ranges."""
+    stage: Stage = "V10"
+    """Growth stage of most plants; some are one behind."""
+    gaps: float = 0.05
+    """Share of plants that are missing, alone or several side by side."""
+    lodged: float = 0.03
+    """Share of plants that lean by 12° and more."""
+    detailed: tuple[str, ...] = ()
+    """Ids of plots whose leaves and textures are twice as fine, for photographs from below 4 m."""
+
+    def __post_init__(self) -> None:
+        if not (1 <= self.ranges <= 40 and 1 <= self.columns <= 100 and 1 <= self.rows <= 8):
+            raise ValueError("a block has 1 to 40 ranges, 1 to 100 columns, and plots of 1 to 8 rows")
+        if not (0.2 <= self.row_spacing_m <= 3.0 and 0.05 <= self.plant_spacing_m <= 1.0):
+            raise ValueError("row_spacing_m is 0.2 to 3, plant_spacing_m 0.05 to 1")
+        if not (0.5 <= self.length_m <= 20.0 and 0.0 <= self.alley_m <= 5.0):
+            raise ValueError("length_m is 0.5 to 20, alley_m 0 to 5")
+        if not (0.0 <= self.gaps <= 0.5 and 0.0 <= self.lodged <= 1.0):
+            raise ValueError("gaps are 0 to 0.5, lodged 0 to 1")
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Of the block, along x and y."""
+        width = self.columns * self.rows * self.row_spacing_m
+        return self.ranges * self.length_m + (self.ranges - 1) * self.alley_m, width
+
+
 PLANT_KINDS = ("maize", "mesh")
 
 
@@ -197,10 +243,14 @@ class PlotDescription:
     """Leafy ground cover and weeds between the plants; not part of the reference."""
     neighbours: NeighboursDescription = field(default_factory=NeighboursDescription)
     """Rows of maize around the plot; not part of the reference."""
+    trial: TrialDescription | None = None
+    """A block of plots; then the scene has neither plants nor neighbours of its own."""
 
     def __post_init__(self) -> None:
         if not 0.2 <= self.extent_m <= 20.0:
             raise ValueError(f"a plot's extent_m is 0.2 to 20, not {self.extent_m}")
+        if self.trial is not None and (self.plants or self.neighbours.rows):
+            raise ValueError("a trial has no plants and neighbours beside its plots'")
 
 
 def check_mesh_file(path: Path) -> None:

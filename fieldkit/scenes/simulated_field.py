@@ -11,8 +11,9 @@ from fieldkit.scenes.scene import Scene
 
 
 def build_scene(plot: PlotDescription, advance: Advance = ignore) -> Scene:
-    """The plot's meshes with baked light, and the sky."""
-    return cast(Scene, simulated_field("plot").build_scene(plot, advance))
+    """The plot's meshes with baked light, and the sky; ``advance`` is told of plants, of a trial's plots."""
+    module = simulated_field("plot" if plot.trial is None else "trial.block")
+    return cast(Scene, module.build_scene(plot, advance))
 
 
 def build_plants(plot: PlotDescription) -> Scene:

@@ -17,11 +17,11 @@ from fieldkit.scenes.plot_description import (
     PlotDescription,
     SoilDescription,
     SoilKind,
-    Stage,
     WeedsDescription,
 )
 from fieldkit.scenes.scene import HAZE, Light
 from fieldkit.scenes.simulate import CaptureNoise
+from fieldkit.vocabulary import Stage
 
 Layout = Literal["rows", "grid", "random"]
 
@@ -113,7 +113,7 @@ def new_scene(
     plot = PlotDescription(
         described,
         SoilDescription(seed=seed, kind=soil),
-        _light(seed),
+        field_light(seed),
         weeds=WeedsDescription(seed, cover_per_m2, weeds_per_m2),
         neighbours=NeighboursDescription(seed, rows=neighbour_rows),
         extent_m=_rounded(2.0 * max(*bounds.upper_m[:2], *(-v for v in bounds.lower_m[:2])), 2),
@@ -175,7 +175,7 @@ def _of_kind(description: SceneDescription, rng: np.random.Generator) -> SceneDe
     if missing and len(plants) > 1:
         left_out = int(rng.integers(len(plants)))
         plants = plants[:left_out] + plants[left_out + 1 :]
-    plot = replace(made.plot, plants=plants, soil=replace(made.plot.soil, seed=seed), light=_light(seed))
+    plot = replace(made.plot, plants=plants, soil=replace(made.plot.soil, seed=seed), light=field_light(seed))
     return replace(made, plot=plot)
 
 
@@ -206,7 +206,7 @@ def _bounds(plants: tuple[MaizeDescription, ...]) -> Bounds:
     )
 
 
-def _light(seed: int) -> Light:
+def field_light(seed: int) -> Light:
     """A sun 35 to 65° high anywhere between south-east and south-west."""
     rng = np.random.default_rng([seed, _PURPOSE_LIGHT])
     height, azimuth = np.radians(rng.uniform(35, 65)), np.radians(rng.uniform(120, 240))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -19,16 +19,31 @@ from fieldkit_sim.mesh_plant import build_mesh_plant
 from fieldkit_sim.soil import build_soil, soil_height
 from fieldkit_sim.weeds import build_weeds
 
-_SKY_DIRECTIONS = 32
-"""The sky is sampled in so many, cosine-weighted about the zenith."""
+
+@dataclass(frozen=True)
+class Shadows:
+    """How finely shadows are worked out: pixels of the maps, and how far in front something must be to hide a point."""
+
+    sun_px: int
+    sun_bias_m: float
+    blur: int
+    """Half-width in pixels of the window that softens the sun's shadows."""
+    sky_px: int
+    sky_bias_m: float
+    directions: int = 32
+    """The sky is sampled in so many, cosine-weighted about the zenith."""
 
 
+_FINE = Shadows(4096, 0.0015, 1, 1280, 0.003)
+"""Shadows of crumbs of millimetres."""
+_PLAIN = Shadows(3072, 0.003, 2, 768, 0.006)
+"""Shadows where soil is a printed height field."""
 Material = tuple[float, float]
 """Translucency and gloss of a surface, both in [0, 1] and by eye."""
 
 
 def bake_light(
-    surfaces: Sequence[tuple[Mesh, Material]], light: Light, *, radius_m: float, fine: bool = False
+    surfaces: Sequence[tuple[Mesh, Material]], light: Light, *, radius_m: float, shadows: Shadows = _PLAIN
 ) -> list[Mesh]:
     """The meshes with their shading values filled in (see `Mesh`).
 
@@ -36,19 +51,20 @@ def bake_light(
         surfaces: all that cast shadows, with normals, and what they are made of.
         light: of sun and sky.
         radius_m: only what lies within this distance of the origin (in x and y) casts and receives shadows.
-        fine: resolve crumbs of millimetres.
     """
     points = np.concatenate([mesh.vertices for mesh, _ in surfaces]).astype(np.float64)
     corners = np.concatenate([mesh.vertices[mesh.faces] for mesh, _ in surfaces]).astype(np.float64)
     triangles = corners[(np.abs(corners[:, :, :2]) < radius_m).all(axis=(1, 2))]
     sun = np.asarray(light.sun) / np.linalg.norm(light.sun)
-    pixels, bias = (4096, 0.0015) if fine else (3072, 0.003)
-    seen_sun = visible_from(points, triangles, sun, radius_m, pixels=pixels, bias_m=bias, blur=1 if fine else 2)
-    pixels, bias = (1280, 0.003) if fine else (768, 0.006)
+    seen_sun = visible_from(
+        points, triangles, sun, radius_m, pixels=shadows.sun_px, bias_m=shadows.sun_bias_m, blur=shadows.blur
+    )
     seen_sky = np.zeros(len(points))
-    for direction in _hemisphere(_SKY_DIRECTIONS):
-        seen_sky += visible_from(points, triangles, direction, radius_m, pixels=pixels, bias_m=bias)
-    seen_sky /= _SKY_DIRECTIONS
+    for direction in _hemisphere(shadows.directions):
+        seen_sky += visible_from(
+            points, triangles, direction, radius_m, pixels=shadows.sky_px, bias_m=shadows.sky_bias_m
+        )
+    seen_sky /= shadows.directions
     lit, start = [], 0
     for mesh, material in surfaces:
         part = slice(start, start + len(mesh.vertices))
@@ -98,13 +114,15 @@ def neighbour_plants(plot: PlotDescription) -> tuple[MaizeDescription, ...]:
     return tuple(plants)
 
 
-_LEAF = (0.45, 0.20)
+LEAF = (0.45, 0.20)
 """Material of leaves."""
 _PLAIN_LEAF = (0.45, 0.10)
 """Material of leaves without markings."""
 _WEED = (0.40, 0.10)
 """Material of weeds."""
-_GROUND: dict[str, Material] = {"soil": (0.0, 0.012), "stones": (0.0, 0.03), "residue": (0.1, 0.05)}
+SOIL: Material = (0.0, 0.012)
+"""Material of soil."""
+_GROUND: dict[str, Material] = {"soil": SOIL, "stones": (0.0, 0.03), "residue": (0.1, 0.05)}
 _CRUMB: Material = (0.0, 0.012)
 """Material of crumbs."""
 
@@ -114,8 +132,9 @@ def build_scene(plot: PlotDescription, advance: Advance = ignore) -> Scene:
     surfaces = _plants(plot, advance=advance)
     surfaces += [(mesh, _GROUND.get(mesh.name, _CRUMB)) for mesh in build_soil(plot.soil)]
     surfaces += [(mesh, _WEED) for mesh in build_weeds(plot.weeds, partial(soil_height, plot.soil))]
-    lit = bake_light(surfaces, plot.light, radius_m=0.5 * plot.extent_m + 0.6, fine=plot.soil.kind != "printed")
-    return Scene((*lit, _sky()), plot.light)
+    shadows = _PLAIN if plot.soil.kind == "printed" else _FINE
+    lit = bake_light(surfaces, plot.light, radius_m=0.5 * plot.extent_m + 0.6, shadows=shadows)
+    return Scene((*lit, sky()), plot.light)
 
 
 def build_plants(plot: PlotDescription) -> Scene:
@@ -133,21 +152,21 @@ def _plants(
 
     surfaces: list[tuple[Mesh, Material]] = []
     for i, plant in enumerate(plot.plants, 1):
-        material = _LEAF
+        material = LEAF
         if isinstance(plant, MeshPlantDescription):
             mesh = build_mesh_plant(plant, ground_m(plant))
         else:
             mesh = build_maize(plant, ground_m(plant), coarse=form_only, textured=not form_only)
-            material = _LEAF if plant.leaves is None else _PLAIN_LEAF
+            material = LEAF if plant.leaves is None else _PLAIN_LEAF
         surfaces.append((replace(mesh, name=f"plant-{i}"), material))
         advance(1)
     for i, plant in enumerate(neighbour_plants(plot), 1):
         mesh = build_maize(plant, ground_m(plant), coarse=True, textured=not form_only)
-        surfaces.append((replace(mesh, name=f"{NEIGHBOUR_NAME}{i}", plant=False), _LEAF))
+        surfaces.append((replace(mesh, name=f"{NEIGHBOUR_NAME}{i}", plant=False), LEAF))
     return surfaces
 
 
-def _sky() -> Mesh:
+def sky() -> Mesh:
     """A dome of 100 m: blue above, haze at the horizon, the colour of fields below it."""
     elevation, azimuth = np.radians(np.linspace(-90, 90, 37)), np.radians(np.linspace(0, 360, 25))
     e, a = np.meshgrid(elevation, azimuth, indexing="ij")

@@ -188,10 +188,10 @@ def soil_height(soil: SoilDescription, x: FloatArray, y: FloatArray) -> FloatArr
     """Height of the ground in metres at ``x``, ``y`` (any equal shape); its mean is about 0."""
     if soil.kind == "printed":
         return printed_height(soil, x, y)
-    return _height(soil, x, y, np.zeros(np.shape(x)))
+    return grid_height(soil, x, y, np.zeros(np.shape(x)))
 
 
-def _height(soil: SoilDescription, x: FloatArray, y: FloatArray, cell: FloatArray) -> FloatArray:
+def grid_height(soil: SoilDescription, x: FloatArray, y: FloatArray, cell: FloatArray) -> FloatArray:
     """`soil_height` on a grid of spacing ``cell`` in metres, level where the grid cannot show the lumps."""
     relief = _RELIEF[soil.kind]
     grid = np.maximum(cell, 1e-6)
@@ -259,7 +259,7 @@ def _ground(soil: SoilDescription) -> list[Mesh]:
 
 def _sheet(name: str, soil: SoilDescription, x: FloatArray, y: FloatArray, cell: FloatArray) -> Mesh:
     rows, columns = x.shape
-    vertices = np.stack([x, y, _height(soil, x, y, cell)], axis=-1).reshape(-1, 3).astype(np.float32)
+    vertices = np.stack([x, y, grid_height(soil, x, y, cell)], axis=-1).reshape(-1, 3).astype(np.float32)
     faces = grid_faces(rows, columns)
     normals = vertex_normals(vertices, faces)
     normals[normals[:, 2] < 0] *= -1.0

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fieldkit.arrays import FloatArray
-from fieldkit.scenes.plot_description import Stage
+from fieldkit.vocabulary import Stage
 from fieldkit_sim.maize.organs import Leaf
 
 _LARGEST_M2 = 0.0600  # area of the largest leaf

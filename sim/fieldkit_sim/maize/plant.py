@@ -31,11 +31,13 @@ def tube(line: FloatArray, radii: FloatArray, sides: int, strip: Strip) -> Part:
     return vertices.reshape(-1, 3), grid_faces(len(line), sides + 1), uv.reshape(-1, 2)
 
 
-def tassel(foot: FloatArray, length: float, strip: Strip, rng: np.random.Generator) -> list[Part]:
-    """A central spike and 8 to 14 branches that arch outwards, beset with spikelets."""
+def tassel(
+    foot: FloatArray, length: float, strip: Strip, rng: np.random.Generator, *, points: int = 56, sides: int = 6
+) -> list[Part]:
+    """A central spike and 8 to 14 branches that arch outwards, beset with spikelets; ``points`` along each."""
     parts = []
     branches = int(rng.integers(8, 15))
-    t = np.linspace(0, 1, 56)
+    t = np.linspace(0, 1, points)
     for i in range(branches + 1):
         azimuth = 2.4 * i + rng.normal(0, 0.2)
         reach = length if i == 0 else length * rng.uniform(0.45, 0.65)
@@ -48,23 +50,25 @@ def tassel(foot: FloatArray, length: float, strip: Strip, rng: np.random.Generat
             [np.cos(azimuth) * out, np.sin(azimuth) * out, start + np.cumsum(np.sin(elevation)) * step]
         )
         bare = np.clip((t - 0.12) / 0.08, 0, 1)
-        spikelets = 0.5 + 0.5 * np.sin(2 * np.pi * np.arange(len(t)) / 2.6)
+        spikelets = 0.5 + 0.5 * np.sin(2 * np.pi * 55 * t / 2.6)
         radii = 0.0012 + bare * (0.0012 + 0.0022 * spikelets) * (1 - 0.6 * t)
-        parts.append(tube(line, radii, 6, strip))
+        parts.append(tube(line, radii, sides, strip))
     return parts
 
 
-def ear(place: FloatArray, azimuth: float, strip: Strip, rng: np.random.Generator) -> list[Part]:
-    """An ear in its husks, leaning off the stem, with a tuft of silks."""
-    t = np.linspace(0, 1, 40)
+def ear(
+    place: FloatArray, azimuth: float, strip: Strip, rng: np.random.Generator, *, points: int = 40, silks: int = 26
+) -> list[Part]:
+    """An ear in its husks, leaning off the stem, with a tuft of silks; ``points`` along it and half as many sides."""
+    t = np.linspace(0, 1, points)
     lean = np.radians(24)
     axis = np.array([np.sin(lean) * np.cos(azimuth), np.sin(lean) * np.sin(azimuth), np.cos(lean)])
     side = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     length = rng.uniform(0.16, 0.22)
     line = place + 0.012 * np.array([np.cos(azimuth), np.sin(azimuth), 0.0]) + length * t[:, None] * axis
-    parts = [tube(line, 0.004 + 0.021 * np.sin(np.pi * np.clip(t * 0.93 + 0.04, 0, 1)) ** 0.8, 20, strip)]
+    parts = [tube(line, 0.004 + 0.021 * np.sin(np.pi * np.clip(t * 0.93 + 0.04, 0, 1)) ** 0.8, points // 2, strip)]
     s = np.linspace(0, 1, 12)
-    for _ in range(26):
+    for _ in range(silks):
         spread = rng.normal(0, 0.35, 2)
         way = axis + spread[0] * side + spread[1] * np.cross(axis, side)
         hair = line[-1] + rng.uniform(0.03, 0.07) * (s[:, None] * way - (s**2)[:, None] * np.array([0.0, 0.0, 0.8]))
