@@ -10,8 +10,8 @@ from fieldkit.cli.reconstruction_options import RunOptions, run_context
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from fieldkit.demo.loop import Demo
     from fieldkit.figures.content import Paragraph
+    from fieldkit_sim.demo.loop import Demo
 
 
 def command(output: OutputOption, run: RunOptions, seed: SeedOption = 0, as_json: JsonOption = False) -> None:
@@ -25,8 +25,8 @@ def command(output: OutputOption, run: RunOptions, seed: SeedOption = 0, as_json
     Examples:
         fieldkit demo -o demo-output --workers 2
     """
-    from fieldkit.demo.loop import figures, run_demo
     from fieldkit.results.demo import DEMO_FILE
+    from fieldkit_sim.demo.loop import figures, run_demo
 
     overwrite = run.overwrite or (run.resume and not (output / DEMO_FILE).exists())
     with run_context(as_json=as_json, workers=run.workers, seed=seed, no_cache=run.no_cache) as context:

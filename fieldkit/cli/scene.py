@@ -227,7 +227,10 @@ def scene_show(
 
         sys.stdout.write(scene_text(description, complete=True))
     else:
-        answer(f"{count(len(description.plot.plants), 'plant')}, {facts['triangles']:,} triangles: {output}")
+        trial = description.plot.trial
+        plants = count(len(description.plot.plants), "plant")
+        grown = plants if trial is None else count(trial.ranges * trial.columns, "plot")
+        answer(f"{grown}, {facts['triangles']:,} triangles: {output}")
 
 
 def _show_all(as_json: bool) -> None:

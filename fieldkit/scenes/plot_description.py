@@ -175,8 +175,9 @@ class TrialDescription:
     seed: int = 0
     """Of everything random about it."""
     ranges: int = 4
+    """Plots along the rows."""
     columns: int = 10
-    """Plots along and across the rows."""
+    """Plots across the rows."""
     rows: int = 2
     """Of a plot."""
     row_spacing_m: float = 0.75

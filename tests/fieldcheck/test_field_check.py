@@ -348,32 +348,6 @@ class TestAngles:
         ]
         assert max(turned) < 8.0
 
-    @pytest.mark.parametrize("nadir", [True, False])
-    @pytest.mark.parametrize("quarter", [90.0, 180.0, -90.0])
-    @pytest.mark.parametrize("only", [range(13), range(0, 13, 2), range(1)])
-    def test_photographs_turned_about_their_axis_are_sound(self, quarter: float, only: range, nadir: bool) -> None:
-        """As EXIF's Orientation does where the pixels are not turned along."""
-        placed, found, told, _ = self.read(lambda a: (a[0], a[1], a[2] + quarter), only=only, nadir=nadir)
-        assert (told, found.contradicted) == ([], frozenset())
-        assert placed.station_of == {k: k for k in range(13)}
-
-    def test_angles_of_no_convention_are_not_used(self) -> None:
-        rng = np.random.default_rng(0)
-        placed, found, told, _ = self.read(lambda a: (rng.uniform(0, 360), rng.uniform(-30, 60), 0.0))
-        assert [finding.code for finding in told] == ["angles-not-used"]
-        assert found.contradicted == frozenset()
-        assert placed.station_of == {k: k for k in range(13)}
-
-    def test_wrong_matches_do_not_make_good_angles_bad(self) -> None:
-        """Few and wide views: matches that agree with one another, and lie, while the angles are the plan's."""
-        planned = stations(seed=3)
-        other = [Pose.from_yaw_pitch(p.center, 40.0 * k, -30.0) for k, p in enumerate(planned)]
-        capture, told = angles_as_meant(
-            capture_of(list(planned)), plan_from_poses(planned), None, None, graph_of(other, 3), seed=0
-        )
-        assert told == []
-        assert all(prior.yaw_deg is not None for prior in capture.priors.values())
-
 
 class TestShift:
     @pytest.mark.parametrize(("north_m", "there"), [(3.9, True), (2.0, False), (-4.0, False)])

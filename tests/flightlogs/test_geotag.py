@@ -11,10 +11,7 @@ from hypothesis import strategies as st
 from fieldkit.captures import read_capture
 from fieldkit.captures.poses_csv import parse_poses_csv
 from fieldkit.errors import CaptureError, MetadataError, UsageError
-from fieldkit.flightlogs import read_flight_log
-from fieldkit.flightlogs.adherence import PlannedPose, adherence
 from fieldkit.flightlogs.geotag import PhotoPose, geotag, poses_table, turned
-from fieldkit.flightlogs.model import bursts_of
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.sites.placement import PlotFrame
 from tests.captures.photographs import MakePhoto, exif_block
@@ -94,41 +91,6 @@ def test_a_plots_frame_is_the_plans(heading_deg: float, yaw_deg: float, x: float
     assert found.position == pytest.approx((x, y, 1.5), abs=1e-6)
     assert abs((found.yaw_deg - yaw_deg + 180.0) % 360.0 - 180.0) < 1e-3
     assert found.pitch_deg == -45.0
-
-
-@pytest.mark.parametrize("whole", [True, False])
-def test_bursts_are_matched_in_order_and_counted_by_station(photo_file: MakePhoto, tmp_path: Path, whole: bool) -> None:
-    """Six stations of four photographs 0.7 s apart; one of the third is missing, one of the fifth fired twice."""
-    topics, fields = flight(), flight()["camera_capture"][0]
-    starts = [15_000_000 + 7_000_000 * s + 1_300_000 * (s * s % 5) for s in range(6)]
-    shots = [(start + 700_000 * k, 50.0 + 2e-5 * s) for s, start in enumerate(starts) for k in range(4)]
-    shots.insert(17, (shots[16][0] + 250_000, shots[16][1]))
-    rows = [(t, t + UTC_US, k + 1, lat, 7.0, 103.5, 1) for k, (t, lat) in enumerate(shots)]
-    log = tmp_path / "flight.ulg"
-    log.write_bytes(write_ulog({**topics, "camera_capture": (fields, rows)}))
-    taken = [k for k in range(len(shots)) if k not in (10, 17)]
-    for k in taken:
-        time = datetime.fromtimestamp((shots[k][0] + UTC_US) * 1e-6 + 7200.1, UTC)
-        stamps = {36867: time.strftime("%Y:%m:%d %H:%M:%S")} | (
-            {} if whole else {37521: f"{time.microsecond // 1000:03d}"}
-        )
-        folder = photo_file(f"DJI_{k:04d}.jpg", size=(48, 36), exif=exif_block(detail=stamps)).parent
-    report = geotag(folder, log, tmp_path / "poses.csv")
-    assert len(report.poses) == len(taken)
-    stations = bursts_of(read_flight_log(log).triggers)
-    for pair in report.matches.pairs:
-        assert stations[pair.trigger] == stations[int(pair.photograph[4:8])]
-        if not whole:
-            assert int(pair.photograph[4:8]) == pair.trigger
-    assert len(report.matches.triggers) == 2
-    assert "6 stations, 5 with 4 photographs or more" in report.remarks
-    assert "station 3 of the flight, from trigger 8 on, has 3 of 4 photographs" in report.remarks
-    planned = [PlannedPose(f"station {s + 1}", 50.0 + 2e-5 * s, 7.0, 3.5, 0.0, -40.0) for s in range(6)]
-    pairs = report.matches.pairs
-    kept = adherence(planned, [read_flight_log(log).triggers[p.trigger] for p in pairs], [p.photograph for p in pairs])
-    assert [each.image for each in kept.stations] == [f"DJI_{k:04d}.jpg" for k in (0, 4, 8, 12, 16, 21)]
-    assert not kept.missing
-    assert not kept.extra
 
 
 def logged(photo_file: MakePhoto, tmp_path: Path, results: list[int], *, again: bool = False) -> tuple[Path, Path]:

@@ -71,5 +71,7 @@ def test_the_command_writes_scene_outlines_and_truth(tmp_path: Path, capsys: pyt
     assert first.size_m == pytest.approx((1.2, 1.5), abs=0.001)
     assert (second.latitude_deg - first.latitude_deg) * 111_270 == pytest.approx(1.5, abs=0.01)
     assert main(["scene", "new", *options, "-o", str(folder)]) == 2
+    assert main(["plan", "--scene", str(folder), "--method", "score", "-o", str(tmp_path / "plan")]) == 3
+    assert "a trial is no single plot" in capsys.readouterr().err
     assert main(["scene", "new", "--trial", "4", "-o", str(tmp_path / "x")]) == 2
     assert "--trial 4x10" in capsys.readouterr().err

@@ -78,7 +78,7 @@ class Plot:
 def check_plants(description: SceneDescription) -> None:
     """Raise SceneError if a scene has no plants to plan for."""
     if description.recorded is None and not description.plot.plants:
-        raise SceneError("the scene has no plants to plan for", remedy="Add [[plants]] to the scene file.")
+        raise SceneError("the scene has no plants to plan for", remedy="Add plants; a trial is no single plot.")
 
 
 def of_interest(description: SceneDescription, visible: Cloud) -> tuple[Cloud, Volume]:

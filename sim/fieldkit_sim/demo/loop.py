@@ -11,19 +11,6 @@ from pathlib import Path
 from fieldkit.cache import StageCache
 from fieldkit.clouds import CloudScore, ReferenceIndex, read_cloud, score
 from fieldkit.clouds.alignment import icp_onto_reference
-from fieldkit.demo.flight import RecordedFlight, recorded_flight, upload_to_stand_in
-from fieldkit.demo.plots import (
-    SEEN,
-    UNSEEN,
-    Shooting,
-    build,
-    dense_shooting,
-    evaluate,
-    measured_height_m,
-    photograph,
-    scene_path,
-    truth,
-)
 from fieldkit.evaluation.reference import Reference
 from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.geometry import Pose
@@ -44,6 +31,19 @@ from fieldkit.results.plan_file import load_plan
 from fieldkit.runtime.context import Context
 from fieldkit.sites.fitted import fitted_to_height
 from fieldkit.vehicles.vehicle_file import load_vehicle, missions_folder
+from fieldkit_sim.demo.flight import RecordedFlight, recorded_flight, upload_to_stand_in
+from fieldkit_sim.demo.plots import (
+    SEEN,
+    UNSEEN,
+    Shooting,
+    build,
+    dense_shooting,
+    evaluate,
+    measured_height_m,
+    photograph,
+    scene_path,
+    truth,
+)
 
 VEHICLE = "ardupilot-pitch"
 CAMERAS = 10
