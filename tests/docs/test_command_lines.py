@@ -38,7 +38,3 @@ def test_every_command_line_is_taken(page: Path) -> None:
             given = fieldkits(line)
             name = " ".join(given[:2]) if " ".join(given[:2]) in COMMANDS else given[0]
             command_of(name).make_context(name, given[len(name.split()) :])
-
-
-def test_there_are_some() -> None:
-    assert sum(map(len, map(lines, PAGES))) > 80
