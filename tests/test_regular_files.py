@@ -134,7 +134,6 @@ def test_no_module_opens_a_foreign_file_by_itself() -> None:
         "evaluation/prediction.py",
         "report/html/document.py",
         "report/html/viewer.py",
-        "demo/flight.py",  # the package's own
         "planning/objective/simulated.py",
         "reconstruction/colmap_model.py",
         "regular_files.py",
