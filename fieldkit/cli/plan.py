@@ -3,23 +3,105 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from typer import Option
 
 from fieldkit.cli.boundary import finding_entry
-from fieldkit.cli.common import JsonOption, OutputOption, emit_json, show
-from fieldkit.cli.plan_options import ENVELOPE, SETTINGS, PlanRunOptions, pose_noise
-from fieldkit.cli.reconstruction_options import run_context
+from fieldkit.cli.common import (
+    RUN,
+    SEED,
+    JsonOption,
+    OutputOption,
+    OverwriteOption,
+    ResumeOption,
+    emit_json,
+    read_numbers,
+    read_pose_noise,
+    scenes_like,
+    show,
+    vehicles_like,
+)
+from fieldkit.cli.options import Panels
+from fieldkit.cli.reconstruction_options import SchedulerOption, WorkersOption, run_context
 from fieldkit.errors import FieldkitError, UsageError
-from fieldkit.planning.plan_settings import EnvelopeSettings, PlanSettings
+from fieldkit.planning.plan_settings import EnvelopeSettings, NoiseSettings, PlanSettings, Range
+from fieldkit.vocabulary import PlanningMethod
 from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from fieldkit.planning.run.outcome import Outcome
     from fieldkit.planning.settings import SearchSettings
     from fieldkit.results.finding import Finding
+
+_FROM = "from:"
+
+
+@dataclass(frozen=True)
+class PlanRunOptions:
+    """How the search is run."""
+
+    panel: ClassVar[str] = RUN
+
+    workers: WorkersOption = None
+    scheduler: SchedulerOption = ""
+    resume: ResumeOption = False
+    overwrite: OverwriteOption = False
+
+
+def _height(text: str) -> Range:
+    low, high = read_numbers("--height", text, (2,))
+    return low, high
+
+
+def pose_noise(text: str) -> NoiseSettings:
+    """M,DEG, or from:EVAL."""
+    if not text.startswith(_FROM):
+        pose_m, pose_deg = read_pose_noise(text)
+        return NoiseSettings(pose_m=pose_m, pose_deg=pose_deg)
+    from fieldkit.campaign import CAMPAIGN_FILE, read_campaign, visit_plots
+    from fieldkit.evaluation.adherence import flown_noise
+    from fieldkit.results.report_files import load_evaluation_report
+
+    file = Path(text.removeprefix(_FROM))
+    if not file.name:
+        raise UsageError("--pose-noise: from what?", remedy="Write it like --pose-noise from:EVAL, a folder or a file.")
+    if (file / CAMPAIGN_FILE).is_file():
+        pose_m, pose_deg = flown_noise(visit_plots(read_campaign(file)), file)
+    else:
+        pose_m, pose_deg = flown_noise(load_evaluation_report(file).plots, file)
+    return NoiseSettings(pose_m=pose_m, pose_deg=pose_deg)
+
+
+SETTINGS: Panels = {
+    "Options": {"cameras": Option("--cameras", "-n", min=3, max=200)},
+    "What to plan on": {
+        "scene": Annotated[list[Path] | None, Option(metavar="SCENE", autocompletion=scenes_like)],
+        "reference": Annotated[list[Path] | None, Option(metavar="REF")],
+        "captures": None,
+        "images": Annotated[list[Path] | None, Option(metavar="FOLDER")],
+        "purpose": Option("--for"),
+        "plots": Option("--vary", metavar="K", min=1),
+    },
+    "Search": {
+        "method": Annotated[PlanningMethod, Option()],
+        "evaluations": Option(min=1),
+        "fidelity": None,
+        "repeats": Option(min=0),
+        "preset": None,
+    },
+    "Where cameras may be": {"vehicle": Annotated[str, Option(autocompletion=vehicles_like, metavar="NAME")]},
+    RUN: {"seed": SEED},
+}
+ENVELOPE: Panels = {
+    "Where cameras may be": {
+        "height_m": Annotated[str, Option("--height", parser=_height, metavar="LOW,HIGH")],
+        "clearance_m": Option("--clearance", metavar="M", min=0),
+    }
+}
+
 
 PLAN_PICTURE = "plan.png"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -161,6 +162,9 @@ def _chosen(method: FixedDesign, run: RunFolder, setup: RunSetup, context: Conte
     trials = [*optima, *(() if ring is None else (ring,))]
     confirmed = [Finalist(trial) for trial in trials]
     if confirming:
-        with evaluating(setup.objective, context) as evaluations:
+        with evaluating(setup.objective, context) as evaluations, ExitStack() as shown:
+            if watch is no_watch:  # else who watches shows it
+                advance = shown.enter_context(progress.stage("Confirming", len(trials) * settings.repeats))
+                watch = lambda _: advance(1)  # noqa: E731
             confirmed = confirm(method, evaluations, run, trials, watch=watch, standard=ring, nearer=_NEARER)
     return write_outcome(run, setup, confirmed, Ending("exhausted"), choice_cpu_s)
