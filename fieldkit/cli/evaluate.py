@@ -79,10 +79,9 @@ def command(
         own = settings.model_fields_set
         given = [f"--{name.removesuffix('_m')}" for name in type(settings).model_fields if name in own]
         others = {"--reference": reference, "--reference-frame": reference_frame, "--plan": plan, "--ties": ties}
+        others |= {"--log": log, "--poses": poses.poses}
         given += [option for option, value in others.items() if value]
-        return _in_campaign(
-            _campaign_folder(campaign, given, log, poses.poses), captures, run, scheduler, as_json=as_json
-        )
+        return _in_campaign(_campaign_folder(campaign, given), captures, run, scheduler, as_json=as_json)
     if campaign is not None:
         raise UsageError("a campaign's results go into its own folder", remedy="Leave -o out, or --campaign.")
     settings, found_poses = with_ties(settings, ties), poses.given()
@@ -121,7 +120,7 @@ def command(
     return ReconstructionError.exit_code if report.failed == len(report.plots) else EXIT_OK
 
 
-def _campaign_folder(campaign: Path | None, given: Sequence[str], log: Path | None, poses: Path | None) -> Path:
+def _campaign_folder(campaign: Path | None, given: Sequence[str]) -> Path:
     """The campaign that is meant; ``given`` are options of which campaign.toml says for all visits what they are."""
     from fieldkit.results.visit import find_campaign
 
@@ -130,14 +129,9 @@ def _campaign_folder(campaign: Path | None, given: Sequence[str], log: Path | No
         raise UsageError("missing option '--output' / '-o'", remedy="Give -o FOLDER, or --campaign CAMPAIGN.")
     for option in given:
         raise UsageError(
-            f"{option} is one for all visits of a campaign", remedy=f"Edit campaign.toml in {folder}, or give -o."
+            f"{option} is not taken for the visits of a campaign",
+            remedy=f"Edit campaign.toml in {folder}, give -o, or for a log write its poses with `fieldkit geotag`.",
         )
-    if log is not None:
-        raise UsageError(
-            "--log is not taken in a campaign", remedy="Write the poses with `fieldkit geotag` first, or give -o."
-        )
-    if poses is not None:
-        raise UsageError("--poses is not taken in a campaign", remedy="Leave it out, or give -o.")
     return folder
 
 

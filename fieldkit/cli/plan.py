@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
-from fieldkit.cli.boundary import finding_entry
+from fieldkit.cli.boundary import finding_entry, say
 from fieldkit.cli.common import (
     RUN,
     SEED,
@@ -27,28 +29,69 @@ from fieldkit.cli.common import (
 from fieldkit.cli.options import Panels
 from fieldkit.cli.reconstruction_options import SchedulerOption, WorkersOption, run_context
 from fieldkit.errors import FieldkitError, UsageError
+from fieldkit.figures.style import format_length
 from fieldkit.planning.plan_settings import EnvelopeSettings, NoiseSettings, PlanSettings, Range
 from fieldkit.vocabulary import PlanningMethod
 from fieldkit.wording import count
 
 if TYPE_CHECKING:
+    from fieldkit.planning.run.folder import LogEntry, RunFolder
     from fieldkit.planning.run.outcome import Outcome
     from fieldkit.planning.settings import SearchSettings
     from fieldkit.results.finding import Finding
+    from fieldkit.runtime.progress import Advance, Progress
+
+
+class Watched(ExitStack):
+    """Counts a run's evaluations, and knows its search's best."""
+
+    def __init__(self, progress: Progress, *, as_json: bool) -> None:
+        super().__init__()
+        self._progress, self._as_json = progress, as_json
+        self._advance: Advance | None = None
+        self._confirming = False
+
+    def expect(self, run: RunFolder, total: int) -> None:
+        """The search of a run has this many evaluations, at most, with those that its log holds already."""
+        settings = run.settings
+        searched = [entry for entry in run.entries if entry.stage == "search"]
+        self._plots, self._total, self._done = settings.plots, total, len(searched)
+        self._confirmations = settings.finalists * settings.repeats - (len(run.entries) - len(searched))
+        self._best_m = min((entry.value_m for entry in searched if entry.measured), default=math.inf)
+        if total > self._done:
+            self._begin(f"Searching, at most {total} evaluations", total - self._done)
+
+    def watch(self, entry: LogEntry) -> None:
+        """An evaluation has finished."""
+        if entry.stage == "confirmation" and not self._confirming:
+            self._confirming = True
+            self._begin("Confirming", max(self._confirmations, 1))
+        if self._advance is not None:
+            self._advance(1)
+        if entry.stage == "search":
+            self._done += 1
+            if entry.measured and entry.value_m < self._best_m:
+                self._best_m = entry.value_m
+                on = f" on plot {entry.plot}" if self._plots > 1 else ""
+                self._progress.note(f"best so far{on}: {format_length(entry.value_m)} ({entry.origin})")
+        if self._as_json:
+            line: dict[str, Any] = {
+                "stage": entry.stage,
+                "number": entry.number,
+                "origin": entry.origin,
+                "value_m": entry.value_m,
+                "best_m": None if math.isinf(self._best_m) else self._best_m,
+                "done": self._done,
+                "of": self._total,
+            }
+            say(json.dumps(line, ensure_ascii=False))
+
+    def _begin(self, name: str, evaluations: int) -> None:
+        self.close()  # the search may have ended before its limit
+        self._advance = self.enter_context(self._progress.stage(name, evaluations))
+
 
 _FROM = "from:"
-
-
-@dataclass(frozen=True)
-class PlanRunOptions:
-    """How the search is run."""
-
-    panel: ClassVar[str] = RUN
-
-    workers: WorkersOption = None
-    scheduler: SchedulerOption = ""
-    resume: ResumeOption = False
-    overwrite: OverwriteOption = False
 
 
 def _height(text: str) -> Range:
@@ -110,9 +153,12 @@ def command(
     output: OutputOption,
     settings: Annotated[PlanSettings, SETTINGS],
     envelope: Annotated[EnvelopeSettings, ENVELOPE],
-    run: PlanRunOptions,
     *,
     noise: Annotated[str, Option("--pose-noise", metavar="M,DEG", rich_help_panel="Search")] = "",
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = "",
+    resume: ResumeOption = False,
+    overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Find the camera poses that reconstruct a plot best.
@@ -135,22 +181,21 @@ def command(
     """
     own = {"noise": pose_noise(noise)} if noise else {}
     asked = settings.model_copy(update={"envelope": envelope, **own})
-    if not run.resume or asked.sources:
+    if not resume or asked.sources:
         asked.check_sources()
-    if run.resume and run.overwrite:
+    if resume and overwrite:
         raise UsageError("--resume goes on with what --overwrite would replace", remedy="Give one of them.")
-    from fieldkit.cli.live_plan import Watched
     from fieldkit.planning.run.folder import read_settings
     from fieldkit.planning.run.plan import plan
 
-    computing = run_context(as_json=as_json, workers=run.workers, scheduler=run.scheduler)
+    computing = run_context(as_json=as_json, workers=workers, scheduler=scheduler)
     with computing as context, Watched(context.progress, as_json=as_json) as watched:
         outcome = plan(
             output,
             asked,
             context,
-            overwrite=run.overwrite,
-            resume=run.resume,
+            overwrite=overwrite,
+            resume=resume,
             watch=watched.watch,
             expect=watched.expect,
         )
@@ -194,7 +239,7 @@ def _needs_rtk(output: Path, settings: SearchSettings, given: str | Path | None)
 
 
 def _show(output: Path, settings: SearchSettings, outcome: Outcome, found: Sequence[Finding]) -> None:
-    from fieldkit.figures.style import format_length, format_seconds
+    from fieldkit.figures.style import format_seconds
     from fieldkit.figures.terminal import rendered
     from fieldkit.report.sections.plan import finalist_table
     from fieldkit.results.plan_file import load_plan

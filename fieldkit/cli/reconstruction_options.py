@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from fieldkit.runtime.context import Context
 
 Box: TypeAlias = tuple[float, float, float, float, float, float]
-_DISTANCES_REMEDY = "Write it like --distances 0.002,0.005,0.01 (metres)."
 _FARTHEST_M = 100.0
 """Of --bounds; a plot is smaller, in metres."""
 TiesOption = Annotated[
@@ -101,26 +100,24 @@ def parse_frame(option: str, text: str) -> str:
 
 def parse_bounds(text: str) -> Box:
     """The six numbers of --bounds: xmin,ymin,zmin,xmax,ymax,zmax."""
-    remedy = "Write it like --bounds -1.5,-0.75,0,1.5,0.75,1.2 (xmin,ymin,zmin,xmax,ymax,zmax; metres)."
     numbers = finite_numbers(text)
-    if len(numbers) != 6:
-        raise UsageError(f"--bounds: not six numbers: {text}", remedy=remedy)
-    x0, y0, z0, x1, y1, z1 = numbers
-    if not (x0 < x1 and y0 < y1 and z0 < z1):
-        raise UsageError(f"--bounds: the lowest corner is not below the highest: {text}", remedy=remedy)
-    if max(map(abs, numbers)) > _FARTHEST_M:
-        raise UsageError(f"--bounds: metres about the plot, at most {_FARTHEST_M:g}, and not {text}", remedy=remedy)
-    return x0, y0, z0, x1, y1, z1
+    if len(numbers) == 6 and max(map(abs, numbers)) <= _FARTHEST_M:
+        x0, y0, z0, x1, y1, z1 = numbers
+        if x0 < x1 and y0 < y1 and z0 < z1:
+            return x0, y0, z0, x1, y1, z1
+    raise UsageError(
+        f"--bounds: not the lowest and highest corner of a box in metres, at most {_FARTHEST_M:g} away: {text}",
+        remedy="Write it like --bounds -1.5,-0.75,0,1.5,0.75,1.2 (xmin,ymin,zmin,xmax,ymax,zmax; metres).",
+    )
 
 
 def parse_distances(text: str) -> tuple[float, ...]:
     """The metres of --distances, ascending and each once."""
     numbers = sorted(set(finite_numbers(text)))
-    if not numbers or numbers[0] <= 0:
-        raise UsageError(f"--distances: not positive numbers: {text}", remedy=_DISTANCES_REMEDY)
-    if numbers[-1] > 1.0:
+    if not numbers or numbers[0] <= 0 or numbers[-1] > 1.0:
         raise UsageError(
-            f"--distances: at most 1 m, and not {numbers[-1]:g}: in millimetres?", remedy=_DISTANCES_REMEDY
+            f"--distances: not distances in metres, above 0 and at most 1: {text}",
+            remedy="Write it like --distances 0.002,0.005,0.01 (metres).",
         )
     return tuple(numbers)
 

@@ -40,8 +40,8 @@ class TestUsage:
             ("photos -o out --mapping magic", "'magic' is not one of 'auto', 'incremental'"),
             ("photos -o out --workers 0", "invalid value for '--workers'"),
             ("photos -o out --seed -1", "invalid value for '--seed'"),
-            ("photos -o out --bounds -1,0,0,1,1", "--bounds: not six numbers: -1,0,0,1,1"),
-            ("photos -o out --bounds 0,0,0,1,1,0", "--bounds: the lowest corner is not below"),
+            ("photos -o out --bounds -1,0,0,1,1", "--bounds: not the lowest and highest corner"),
+            ("photos -o out --bounds 0,0,0,1,1,0", "--bounds: not the lowest and highest corner"),
             ("photos -o out --gsd 0.01", "gsd_m: it is the cells of rasters"),
             ("photos -o out --rasters --gsd -1", "gsd_m: input should be greater than 0"),
             ("photos -o out --resume --no-cache", "--resume goes on from what the cache holds"),
@@ -77,5 +77,5 @@ def test_any_text_is_a_box_or_a_usage_error(text: str) -> None:
 
 @pytest.mark.parametrize("text", ["-150,-75,0,150,75,120", "-1500,-750,0,1500,750,1200"])
 def test_a_box_in_other_units_is_told_before_photographs_are_read(text: str) -> None:
-    with pytest.raises(UsageError, match="metres about the plot"):
+    with pytest.raises(UsageError, match="in metres, at most 100"):
         parse_bounds(text)

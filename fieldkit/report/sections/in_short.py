@@ -51,7 +51,7 @@ _AFTER_EVALUATION = (
 )
 
 
-def in_short(results: Results, statements: Sequence[Statement]) -> Section:
+def in_short(results: Results, statements: Sequence[Statement], first: Sequence[Block]) -> Section:
     """The first section of a report, of all that is said of its results: first with a map, then traits."""
     to_do = tuple(each for each in statements if each.level in ("problem", "note") and each.advice)
     grouped = tuple(_grouped(to_do))
@@ -61,7 +61,7 @@ def in_short(results: Results, statements: Sequence[Statement]) -> Section:
     blocks: list[Block] = [Statements((*compared, verdict(results, statements)))]
     anchors = {f"campaign-{k}": result.report for k, result in enumerate(results.of(Campaign), 1)}
     maps = (plot_map(report, anchor) for anchor, report in anchors.items())
-    blocks += [drawn for drawn in maps if drawn is not None]
+    blocks += [*(drawn for drawn in maps if drawn is not None), *first]
     tables: list[Block] = list(_plants(results))
     if demos:
         plots = {

@@ -43,6 +43,7 @@ class Shown:
         self._places: dict[tuple[str, str], int] = {}
         self._notes: dict[tuple[str, str], str] = {}
         self._pictures: dict[tuple[str, str], Mapping[str, Picture]] = {}
+        self._first: tuple[str, str] | None = None
         self.points_found = 0
 
     @property
@@ -83,12 +84,25 @@ class Shown:
 
     def view_blocks(self, anchor: str, plot: str = "") -> Iterator[Block]:
         """A view, or why there is none."""
+        if (anchor, plot) == self._first:
+            yield Paragraph("Its 3D view is at the top of the page.", faint=True)
+            return
         note = self._notes.get((anchor, plot), "")
         place = self._places.get((anchor, plot))
         if place is not None:
             yield View3D(f"view-{place + 1}", self._scenes[place], note)
         elif note:
             yield Paragraph(note, faint=True)
+
+    def first_view(self) -> list[Block]:
+        """The view that a report begins with, and that is not shown again: of captures, else of what there is."""
+        for noun in ("evaluation", "reference", "plan", "mission"):
+            for place in reversed(self._places):
+                if place[0] == f"{noun}-1":
+                    blocks = list(self.view_blocks(*place))
+                    self._first = place
+                    return blocks
+        return []
 
     def pictures(self, anchor: str, plot: str = "") -> Mapping[str, Picture]:
         """Small pictures of a result, by name."""
