@@ -227,6 +227,7 @@ def _described(
             crs_epsg=utm_epsg_of(frame.origin),
             ground=frame.ground,
             notes=frame.notes,
+            ground_sigma_m=frame.ground_sigma_m,
         ),
         volume=VolumeEntry(lower_m=reconstruction.volume.lower, upper_m=reconstruction.volume.upper),
         cameras=_cameras(sparse),

@@ -46,6 +46,8 @@ LEAST_PHOTOGRAPHS = 9
 """With fewer the errors above do not hold: of a plot of seven photographs the height was off by 0.33 m."""
 MOST_SCALE_DOUBT = 0.10
 """Relative standard error of a scale beyond which there are no traits."""
+MOST_GROUND_SHARE = 0.15
+"""Error of the ground below the plot, as a share of the highest leaf's height, beyond which there are no heights."""
 STILL_SCATTER_PX = 1.05
 """How far depths of still leaves scatter between views (`Reconstruction.scatter_px`). More is sway."""
 SCATTER_OF_HEIGHT_M = 0.002
@@ -146,14 +148,16 @@ def plot_traits(
     cover = None if area is None else min(100.0, 100.0 * covered / area)
     of_height = max(1.0, swayed_m / (SCATTER_OF_HEIGHT_M if shown_m is None else SCATTER_OF_TIPS_M))
     of_area = max(1.0, swayed_m / SCATTER_OF_AREA_M) * max(1.0, found.pixel_m / FITTED_PIXELS_M[1])
-    of_scale_m = NINE_IN_TEN * doubt * height
+    ground_m = NINE_IN_TEN * found.sparse.frame.ground_sigma_m
+    frame_m = float(np.hypot(NINE_IN_TEN * doubt * height, ground_m))
     area_error = float(np.hypot(of_area * AREA_ERROR, 2.0 * NINE_IN_TEN * doubt))
+    volume_error = float(np.hypot(of_area * VOLUME_ERROR, 3.0 * NINE_IN_TEN * doubt))
     values: dict[Trait, tuple[float | None, float]] = {
-        "height_m": (max(0.0, height), float(np.hypot(of_height * HEIGHT_ERROR_M, of_scale_m))),
+        "height_m": (max(0.0, height), float(np.hypot(of_height * HEIGHT_ERROR_M, frame_m))),
         # The plot's area has the scale's error only where its outline is measured in the photographs, too.
         "cover_percent": (cover, area_error * (cover or 0.0)),
         "covered_area_m2": (covered, area_error * covered),
-        "canopy_volume_m3": (volume, float(np.hypot(of_area * VOLUME_ERROR, 3.0 * NINE_IN_TEN * doubt)) * volume),
+        "canopy_volume_m3": (volume, float(np.hypot(volume_error * volume, ground_m * covered))),
     }
     known: dict[str, Any] = {}
     each: tuple[PlantEntry, ...] = ()
@@ -173,7 +177,7 @@ def plot_traits(
             known |= {trait: value, error_column(trait): error}
     if "height_m" in known:  # clouds of swaying leaves lack tips and add none; outlines err both ways
         below = 1.0 if shown_m is None else of_height
-        known["height_error_below_m"] = float(np.hypot(below * HEIGHT_ERROR_M, of_scale_m))
+        known["height_error_below_m"] = float(np.hypot(below * HEIGHT_ERROR_M, frame_m))
         known["height_error_m"] = max(known["height_error_m"], (maybe_m or 0.0) - height)
     return TraitsEntry(**known, plot_area_m2=area, unknown=unknown), each
 
@@ -244,6 +248,9 @@ def _unknown(found: Reconstruction, points: FloatArray, outline: PlotOutline) ->
         reason = f"only {100 * seen:.0f} % of the plot is in the picture of {_SEEN_BY} photographs or more"
         without(_OF_AREA, reason)
     columns, top = _columns(points), float(ground.heights(points).max())
+    if (ground_m := NINE_IN_TEN * frame.ground_sigma_m) > MOST_GROUND_SHARE * top:
+        reason = f"the ground under the canopy is known to ± {ground_m:.2f} m only: fly the bare soil, or give --ground"
+        without(_OF_HEIGHT, reason)
     for reason in _tops_missed(sparse, ground, columns, top):
         without(_OF_HEIGHT, reason)
     matched = matched_share(sparse, np.concatenate([ground.above(columns, z * top) for z in _MATCH_AT]))

@@ -38,6 +38,8 @@ class MetricFrame:
     ground: Plane | None
     """Fitted plane in the plot frame, or None where none was found."""
     notes: tuple[str, ...] = ()
+    ground_sigma_m: float = 0.0
+    """Standard deviation of the ground's height below the plot, beyond that of soil in plain view, metres."""
 
     @property
     def metric(self) -> bool:

@@ -76,6 +76,8 @@ class FrameEntry(Strict):
     ground: Plane | None
     notes: tuple[Text, ...]
     """Doubts about scale and place."""
+    ground_sigma_m: Length = 0.0
+    """Standard deviation of the ground's height below the plot, beyond that of soil in plain view."""
 
     def of_source(self, metric_source: str) -> SourceFrame:
         """The frame as a reconstruction works in it; ``metric_source`` is that of the same report."""

@@ -104,6 +104,14 @@ class TestValues:
         assert doubtful.height_error_m > 1.005 * sure.height_error_m
         assert doubtful.canopy_volume_error_m3 / sure.canopy_volume_error_m3 > 2
 
+    def test_a_doubtful_ground_is_in_heights_and_volume_alone(self) -> None:
+        sure, doubtful = traits(found()), traits(found(ground_sigma_m=0.01))
+        assert doubtful.height_error_m == pytest.approx(np.hypot(HEIGHT_ERROR_M, 0.01645), rel=0.01)
+        assert doubtful.height_error_below_m == pytest.approx(doubtful.height_error_m, rel=0.01)
+        of_ground = np.sqrt(doubtful.canopy_volume_error_m3**2 - sure.canopy_volume_error_m3**2)
+        assert of_ground == pytest.approx(0.01645 * sure.covered_area_m2, rel=0.01)
+        assert doubtful.cover_error_percent == sure.cover_error_percent
+
 
 class TestRefusals:
     def test_without_an_outline_there_is_no_cover_but_an_area(self) -> None:
@@ -138,6 +146,11 @@ class TestRefusals:
         wrong = {trait for trait, why in told.unknown.items() if why == "what is wrong"}
         assert wrong == {"height_m", "canopy_volume_m3"}
         assert told.covered_area_m2 is not None
+
+    def test_ground_too_doubtful_for_so_low_plants(self) -> None:
+        told = traits(found(ground_sigma_m=0.02))
+        assert set(told.unknown) == {"height_m", "canopy_volume_m3", *COUNTS}
+        assert "± 0.03 m only" in told.unknown["height_m"]
 
     def test_a_plot_that_is_not_wholly_in_the_pictures(self) -> None:
         told = traits(found(), PlotOutline(rectangle((-4.0, -4.0), (4.0, 4.0))))
