@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -196,6 +196,8 @@ MAX_ANGLE_DEG = 50.0
 """Largest angle between a reference and a source view about the volume, degrees."""
 SOURCES = 4
 """Source views per reference view."""
+_SHOWN_BY_ONE = 0.5
+"""How well one photograph of the finest alone shows a direction; a depth takes three."""
 FUSION_NEIGHBORS = 10
 """Views that each view is compared with in the fusion."""
 
@@ -207,19 +209,8 @@ def pair_scores(views: Sequence[View], volume: Volume) -> FloatArray:
     (`BEST_ANGLE_DEG`; half-width 8° below and 15° above it; 0 outside the limits) times the share of the
     reference's points that both see times a penalty for sources that see the points much smaller.
     """
-    edges = [np.linspace(0.5 / _GRID, 1.0 - 0.5 / _GRID, _GRID)] * 3
-    unit = np.stack(np.meshgrid(*edges, indexing="ij"), axis=-1).reshape(-1, 3)
-    points = np.array(volume.lower) + unit * volume.size
     count = len(views)
-    seen = np.zeros((count, len(points)), dtype=bool)
-    rays = np.zeros((count, len(points), 3))
-    scale = np.zeros((count, len(points)))
-    for i, view in enumerate(views):
-        seen[i] = view.intrinsics.sees(view.pose.to_camera(points))
-        offset = points - view.pose.center
-        distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
-        rays[i] = offset / distance[:, None]
-        scale[i] = view.intrinsics.fx / distance
+    seen, rays, scale = _sight([(view.intrinsics, view.pose) for view in views], volume)
     scores = np.zeros((count, count))
     for i in range(count):
         own = int(seen[i].sum())
@@ -234,6 +225,53 @@ def pair_scores(views: Sequence[View], volume: Volume) -> FloatArray:
         scores[i] = np.where(both, bell * ratio, 0.0).sum(axis=1) / own
         scores[i, i] = 0.0
     return scores
+
+
+def _sight(cameras: Sequence[tuple[Intrinsics, Pose]], volume: Volume) -> tuple[BoolArray, FloatArray, FloatArray]:
+    """Of the volume's points: whether each camera has them in the picture, unit rays, and pixels a metre.
+
+    (cameras, points), (cameras, points, 3), (cameras, points).
+    """
+    edges = [np.linspace(0.5 / _GRID, 1.0 - 0.5 / _GRID, _GRID)] * 3
+    unit = np.stack(np.meshgrid(*edges, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = np.array(volume.lower) + unit * volume.size
+    seen = np.array([camera.sees(pose.to_camera(points)) for camera, pose in cameras]).reshape(-1, len(points))
+    offset = points - np.array([pose.center for _, pose in cameras]).reshape(-1, 1, 3)
+    distance = np.maximum(np.linalg.norm(offset, axis=2), 1e-9)
+    focal = np.array([camera.fx for camera, _ in cameras]).reshape(-1, 1)
+    return seen, offset / distance[..., None], focal / distance
+
+
+def views_of(
+    poses: Mapping[str, Pose], intrinsics: Mapping[str, Intrinsics], volume: Volume, most: int
+) -> tuple[str, ...]:
+    """The photographs that show a volume best, best first: large parts of it, from near, from all directions.
+
+    Every direction from which any photograph has a point of the volume in the picture is shown the better, the more of
+    those chosen have the point in the picture from about there (`BEST_ANGLE_DEG`) and the nearer they are; the next
+    one is that which adds most. Those with nothing of it in the picture are left out.
+
+    Args:
+        poses: by photograph, in the volume's frame.
+        intrinsics: of the same photographs.
+        most: how many at most.
+    """
+    seen, _, scale = _sight([(intrinsics[name].without_distortion(), pose) for name, pose in poses.items()], volume)
+    worth = np.where(seen, scale / scale.max(axis=0, initial=1e-9), 0.0)
+    rays = np.array([volume.center - pose.center for pose in poses.values()]).reshape(-1, 3)
+    rays /= np.maximum(np.linalg.norm(rays, axis=1, keepdims=True), 1e-9)
+    angle = np.degrees(np.arccos(np.clip(rays @ rays.T, -1.0, 1.0)))
+    alike = _SHOWN_BY_ONE * np.exp(-0.5 * (angle / BEST_ANGLE_DEG) ** 2)
+    # By their density, so that directions in which there are few photographs are not missed either.
+    missing, names = seen / np.sqrt(np.maximum(alike @ seen, _SHOWN_BY_ONE)), list(poses)
+    chosen: list[int] = []
+    while len(chosen) < min(most, int(seen.any(axis=1).sum())):
+        gains = (worth * (alike @ missing)).sum(axis=1)
+        gains[chosen] = -1.0
+        best = int(np.argmax(np.round(gains, 9)))
+        missing *= 1.0 - alike[best][:, None] * worth[best]
+        chosen.append(best)
+    return tuple(names[i] for i in chosen)
 
 
 def choose_sources(views: Sequence[View], volume: Volume, most: int = SOURCES) -> list[tuple[int, ...]]:

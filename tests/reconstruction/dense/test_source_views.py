@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.dense import View
-from fieldkit.reconstruction.dense.views import active_pixels, choose_sources, depth_range
+from fieldkit.reconstruction.dense.views import SOURCES, active_pixels, choose_sources, depth_range, views_of
 
 VOLUME = Volume((-0.2, -0.2, 0.0), (0.2, 0.2, 0.4))
 CAMERA = Intrinsics.pinhole(60, 45, 60.0)
@@ -73,3 +73,45 @@ def test_active_pixels_are_those_on_the_mask_that_meet_the_volume():
     assert active.ranges[:, 1] == pytest.approx(1 / near[expected])
     assert active.inside(1 / far[expected].astype(np.float32) * np.float32(1.001)).all()
     assert not active.inside(1 / far[expected].astype(np.float32) * np.float32(0.999)).any()
+
+
+FIELD_CAMERA = Intrinsics.pinhole(400, 300, 295.0)
+
+
+def flight(height_m: float = 8.0) -> dict[str, Pose]:
+    """Nadir and four oblique directions over a field of 12 × 12 m, by name of direction and place."""
+    poses = {}
+    for name, yaw, pitch in (("nadir", 0, -90), ("n", 0, -60), ("e", 90, -60), ("s", 180, -60), ("w", 270, -60)):
+        back = 0.0 if pitch == -90 else height_m / np.tan(np.radians(60))
+        ahead = back * np.array([np.sin(np.radians(yaw)), np.cos(np.radians(yaw))])
+        for x in np.arange(-6.0, 6.1, 2.0):
+            for y in np.arange(-6.0, 6.1, 2.0):
+                center = (x - ahead[0], y - ahead[1], height_m)
+                poses[f"{name} {height_m:g} {x:g} {y:g}"] = Pose.from_yaw_pitch(center, yaw, pitch)
+    return poses
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0), (5.0, -4.0)])
+def test_the_views_of_a_plot_show_it_from_all_directions_and_match(place):
+    volume = Volume((place[0] - 0.8, place[1] - 2.0, 0.0), (place[0] + 0.8, place[1] + 2.0, 1.8))
+    poses = flight()
+    chosen = views_of(poses, dict.fromkeys(poses, FIELD_CAMERA), volume, 12)
+    assert len(set(chosen)) == 12
+    assert chosen[:6] == views_of(poses, dict.fromkeys(poses, FIELD_CAMERA), volume, 6)
+    assert all(FIELD_CAMERA.sees(poses[name].to_camera(volume.corners())).mean() >= 0.75 for name in chosen)
+    offsets = np.array([poses[name].center[:2] - place for name in chosen])
+    assert (offsets.max(axis=0) > 2.0).all()
+    assert (offsets.min(axis=0) < -2.0).all()
+    image = np.zeros((300, 400, 3), dtype=np.uint8)
+    views = [View(name, image, FIELD_CAMERA, poses[name]) for name in chosen]
+    assert min(len(sources) for sources in choose_sources(views, volume)) == SOURCES
+
+
+def test_the_views_of_a_plot_are_near_and_none_looks_elsewhere():
+    volume = Volume((-0.8, -2.0, 0.0), (0.8, 2.0, 1.8))
+    far, away = flight(16.0), Pose.from_yaw_pitch((40.0, 0.0, 8.0), 0.0, -90.0)
+    poses = {"away": away} | far | flight()
+    intrinsics = dict.fromkeys(poses, FIELD_CAMERA)
+    assert not set(views_of(poses, intrinsics, volume, 12)) & set(far)
+    assert set(views_of(poses, intrinsics, volume, 1000)) < set(poses) - {"away"}
+    assert views_of({"away": away}, intrinsics, volume, 12) == ()
