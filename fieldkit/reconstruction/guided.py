@@ -27,6 +27,11 @@ _STRIP_PX = 64.0
 _CELL_PX = 4.0
 """Height of the cells of a strip, pixels."""
 
+_CONVERGING_DEG = 25.0
+"""Angle from an optical axis within which a place is in the middle of the picture, degrees."""
+_CONVERGING_SHARE = 0.8
+"""Least share of converging cameras that have the place they look at there."""
+
 
 @dataclass(frozen=True)
 class Region:
@@ -42,14 +47,18 @@ class Region:
 
 
 def region_of_interest(poses: Sequence[Pose]) -> Region | None:
-    """The sphere about the point nearest to all optical axes; None where the axes are nearly parallel."""
+    """The sphere about the point nearest to all optical axes; None where they are nearly parallel or do not converge.
+
+    Most photographs of a flight over a field do not show its middle, in whatever direction they look.
+    """
     normal = sum((np.eye(3) - np.outer(p.forward, p.forward) for p in poses), np.zeros((3, 3)))
     if len(poses) < 2 or np.linalg.eigvalsh(normal)[0] < 0.02 * len(poses):
         return None
     right = sum(((np.eye(3) - np.outer(p.forward, p.forward)) @ p.center for p in poses), np.zeros(3))
     center = np.linalg.solve(normal, right)
     distances = [float(np.linalg.norm(p.center - center)) for p in poses]
-    if np.mean([(center - p.center) @ p.forward > 0 for p in poses]) < 0.8:
+    shown = np.cos(np.radians(_CONVERGING_DEG)) * np.array(distances)
+    if np.mean([(center - p.center) @ p.forward for p in poses] >= shown) < _CONVERGING_SHARE:
         return None
     return Region((float(center[0]), float(center[1]), float(center[2])), 0.8 * float(np.median(distances)))
 

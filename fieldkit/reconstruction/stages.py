@@ -132,12 +132,12 @@ def _made(missing: tuple[str, T], stage: str, make: Callable[[T], Arrays], cache
 
 
 def _of_photo(photo: Photo, settings: FeatureSettings) -> Arrays:
-    return _arrays(extract_features(read_image(photo, gray=True), settings))
+    return _arrays(extract_features(read_image(photo), settings))
 
 
 def _of_ground(view: tuple[Photo, Intrinsics, FloatArray], settings: FeatureSettings) -> Arrays:
     photo, camera, rotation = view
-    return _arrays(extract_ground_features(read_image(photo, gray=True), camera, rotation, settings))
+    return _arrays(extract_ground_features(read_image(photo), camera, rotation, settings))
 
 
 def _arrays(found: Features) -> Arrays:

@@ -1,0 +1,120 @@
+"""The ground of a field below its plots, and how well it is known.
+
+Under a canopy soil is seen in gaps, between rows and in alleys only. Below each plot the ground is the plane of the
+soil's points in and about it. A point of three photographs is soil where it lies in the lowest layer that stands out,
+as `fit_ground_plane` finds it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from fieldkit.arrays import BoolArray, FloatArray
+from fieldkit.clouds.ground import fit_ground_plane
+from fieldkit.errors import EmptyCloudError, ReconstructionError
+from fieldkit.geometry import Pose
+from fieldkit.results.fields import vector
+from fieldkit.results.frame import Plane
+
+_ABOUT_M = 1.5
+"""Width about a plot whose soil tells the plot's ground, metres: alleys are about so wide."""
+_CELL_M = 0.25
+"""Edge of the cells of which each counts once, metres: soil is as uneven within one as between neighbours."""
+_LEAST_CELLS = 12
+"""Cells with soil that make a plane."""
+_SOIL_M = 0.06
+"""Height within which points about a plane are soil, metres: clods and furrows of a seedbed."""
+_LAYER_M = 0.04
+"""Thickness of layers that are told apart, metres."""
+_NOTICEABLE = 0.3
+"""Share of the fullest layer's points from which a lower one is the ground: noise below it is less, leaves more."""
+_ROUNDS = 10
+"""Most rounds of leaving out what is no soil."""
+_UP = np.array([0.0, 0.0, 1.0])
+"""Upwards in the plot frame."""
+
+
+@dataclass(frozen=True, eq=False)
+class FieldGround:
+    """What is known of a field's ground."""
+
+    points: FloatArray
+    """(n, 3) well-seen points, plot frame, z up."""
+    whole: Plane
+    """Of the whole field."""
+
+    @classmethod
+    def of(
+        cls, points: FloatArray, poses: Mapping[str, Pose], well_seen: BoolArray, *, seed: int = 0
+    ) -> FieldGround | None:
+        """The ground of a mapped flight; None where none is found.
+
+        Args:
+            points: (n, 3) sparse points in an upright frame.
+            poses: of its photographs, in the same frame.
+            well_seen: (n,) which points three photographs have, or more.
+        """
+        centers = np.array([pose.center for pose in poses.values()])
+        try:
+            whole = fit_ground_plane(points, centers, up=_UP, well_seen=well_seen, seed=seed)
+        except (EmptyCloudError, ReconstructionError):
+            return None
+        return cls(points[well_seen], whole)
+
+    def under(self, corners: FloatArray) -> tuple[Plane, float] | None:
+        """The plane of the ground below an outline, and the standard deviation of its height there, metres.
+
+        Least squares through the mean heights of soil in cells of `_CELL_M`. Their scatter tells the error of each, and
+        what is far from soil that was seen is known less. Which height is that of soil is no better known than it is
+        even, so the scatter counts once more. None where too little soil is seen in and about the outline.
+
+        Args:
+            corners: (k, 2) or (k, 3) of the outline, plot frame.
+        """
+        outline = shapely.Polygon(corners[:, :2])
+        near = self.points[shapely.contains_xy(outline.buffer(_ABOUT_M), self.points[:, :2])]
+        middle = np.array([outline.centroid.x, outline.centroid.y, 0.0])
+        foot = self.whole.above(middle[None, :2])[0]
+        local, off = _design(near - foot), self.whole.heights(near) / self.whole.normal[2]
+        soil = np.abs(off - _lowest_layer(off)) <= _SOIL_M
+        for _ in range(_ROUNDS):
+            cells = _cells(near[soil] - foot)
+            if len(cells) < _LEAST_CELLS:
+                return None
+            design = _design(cells)
+            slope = np.linalg.lstsq(design, cells[:, 2], rcond=None)[0]
+            before, soil = soil, np.abs((near - foot)[:, 2] - local @ slope) <= _SOIL_M
+            if np.array_equal(before, soil):
+                break
+        scatter_m = float(np.sqrt(((cells[:, 2] - design @ slope) ** 2).sum() / (len(cells) - 3)))
+        places = _design(corners - middle[: corners.shape[1]])
+        covariance = scatter_m**2 * np.linalg.inv(design.T @ design)
+        sigma_m = float(np.sqrt(scatter_m**2 + np.einsum("ij,jk,ik->i", places, covariance, places).mean()))
+        normal = np.array([-slope[0], -slope[1], 1.0]) / np.sqrt(1.0 + slope[0] ** 2 + slope[1] ** 2)
+        offset_m = float(normal @ (foot + (0.0, 0.0, slope[2])))
+        return Plane(vector(normal), offset_m, scatter_m, float(soil.mean()), _SOIL_M), sigma_m
+
+
+def _design(points: FloatArray) -> FloatArray:
+    """(n, 3) x, y and 1 of points (n, 2) or (n, 3)."""
+    return np.column_stack([points[:, :2], np.ones(len(points))])
+
+
+def _lowest_layer(heights: FloatArray) -> float:
+    """Height of the lowest layer that holds a noticeable share of the heights (n,); 0 without any."""
+    if not len(heights):
+        return 0.0
+    edges = np.arange(heights.min(), heights.max() + 2.0 * _LAYER_M, _LAYER_M)
+    counts, _ = np.histogram(heights, edges)
+    return float(edges[np.argmax(counts >= _NOTICEABLE * counts.max())] + 0.5 * _LAYER_M)
+
+
+def _cells(points: FloatArray) -> FloatArray:
+    """(m, 3) means of points (n, 3) over cells."""
+    _, cell = np.unique(np.floor(points[:, :2] / _CELL_M), axis=0, return_inverse=True)
+    counts = np.bincount(cell)
+    return np.column_stack([np.bincount(cell, points[:, axis]) / counts for axis in range(3)])
