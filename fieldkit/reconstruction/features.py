@@ -137,7 +137,11 @@ def reduced(image: ByteArray, settings: FeatureSettings) -> ByteArray:
 
 
 def detect(
-    image: ByteArray, settings: FeatureSettings, most: int, soil_share: float, enlarged: tuple[float, float] = (1.0, 1.0)
+    image: ByteArray,
+    settings: FeatureSettings,
+    most: int,
+    soil_share: float,
+    enlarged: tuple[float, float] = (1.0, 1.0),
 ) -> Features:
     """The strongest features of an image, in pixels of one that is so much wider and higher.
 
