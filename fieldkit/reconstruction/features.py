@@ -216,7 +216,8 @@ def extract_ground_features(
     about the vertical, from the x axis towards −y: both agree between photographs.
 
     Args:
-        image: (h, w) or (h, w, 3) the photograph. Its lens's distortion is not taken out, for any warp gives the positions back.
+        image: (h, w) or (h, w, 3) the photograph. Its lens's distortion is not taken out, for any warp gives the
+            positions back.
         rotation: (3, 3) camera from world, whose z axis points up.
     """
     small = reduced(image, settings)

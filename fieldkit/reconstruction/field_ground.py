@@ -95,7 +95,7 @@ class FieldGround:
         covariance = scatter_m**2 * np.linalg.inv(design.T @ design)
         sigma_m = float(np.sqrt(scatter_m**2 + np.einsum("ij,jk,ik->i", places, covariance, places).mean()))
         normal = np.array([-slope[0], -slope[1], 1.0]) / np.sqrt(1.0 + slope[0] ** 2 + slope[1] ** 2)
-        offset_m = float(normal @ (foot + (0.0, 0.0, slope[2])))
+        offset_m = float(normal @ foot + normal[2] * slope[2])
         return Plane(vector(normal), offset_m, scatter_m, float(soil.mean()), _SOIL_M), sigma_m
 
 
