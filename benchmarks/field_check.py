@@ -37,8 +37,8 @@ _FAMILIES = {
     "missing": {"missing"},
     "blurred": {"blurred"},
     "exposure": {"too-dark", "too-bright"},
-    "displaced": {"displaced"},
-    "mis-tagged": {"mis-tagged", "displaced"},
+    "displaced": {"displaced", "no-matches"},
+    "mis-tagged": {"displaced", "no-matches"},
 }
 
 

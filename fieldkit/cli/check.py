@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from fieldkit.figures.content import Block, Level
     from fieldkit.sites.site import Site
 
-_LEVELS: Mapping[str, Level] = {"fine": "good", "fix tags": "note", "fly again": "problem"}
+_LEVELS: Mapping[str, Level] = {"fine": "good", "fly again": "problem"}
 
 
 SETTINGS: Panels = {
@@ -81,8 +81,8 @@ def command(
 ) -> None:
     """Before leaving the field: will the photographs do, and which stations are to be flown again?
 
-    Looks at every photograph's sharpness, exposure and place, and at what the photographs show of each other: tags
-    that contradict it, photographs without enough matches. Takes seconds, without dense stereo. With --vehicle, --site
+    Looks at every photograph's sharpness, exposure and place, and at whether matches join it with the others. Takes
+    seconds, without dense stereo. With --vehicle, --site
     and -o it writes the mission that flies again what has to be. Without --plan it tells which photographs are blurred,
     dark or bright, and whether matches join them all. The exit code is 0 whatever was found: see "ok" of --json.
 
@@ -186,8 +186,8 @@ def _plain(report: CheckReport) -> dict[str, Any]:
         row["station"] = None if row["station"] is None else station_number(row["station"])
         if "neighbours" in row:
             row["neighbours"] = [station_number(each) for each in row["neighbours"]]
-    again, tags = ([station_number(each) for each in some] for some in (report.fly_again, report.fix_tags))
-    return facts | {"ok": report.ok, "summary": report.summary(), "fly_again": again, "fix_tags": tags}
+    again = [station_number(each) for each in report.fly_again]
+    return facts | {"ok": report.ok, "summary": report.summary(), "fly_again": again}
 
 
 def check_blocks(report: CheckReport) -> list[Block]:

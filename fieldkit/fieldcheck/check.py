@@ -15,15 +15,12 @@ from fieldkit.captures.bursts import by_station
 from fieldkit.errors import CaptureError, UsageError
 from fieldkit.evaluation.adherence import LoggedFlight
 from fieldkit.evaluation.evaluate import find_plots
-from fieldkit.fieldcheck.consistency import Consistency, check_tags
 from fieldkit.fieldcheck.model import OTHER_PLOT, CheckReport, finding_of
 from fieldkit.fieldcheck.pictures import PictureVerdict, judge_pictures, load_pictures, with_damage
 from fieldkit.fieldcheck.placement import Placed, angles_as_meant, place_tags, read_tags
 from fieldkit.fieldcheck.settings import CheckSettings
 from fieldkit.fieldcheck.ties import TieGraph, find_ties, with_guided_ties
-from fieldkit.fieldcheck.verdicts import Evidence, believed_poses, judge, tag_pose
-from fieldkit.geometry.priors import PosePrior
-from fieldkit.geometry.stations import REACH_M
+from fieldkit.fieldcheck.verdicts import judge, tag_pose
 from fieldkit.reconstruction.guided import region_of_interest
 from fieldkit.reconstruction.mapping.view_graph import connected_parts
 from fieldkit.reconstruction.steady import quick_sway_px
@@ -44,10 +41,6 @@ MAX_STATIONS = 200
 """Most stations of a plan that is checked."""
 MAX_PHOTOGRAPHS = 300
 """Most photographs of a check."""
-_PRIOR_M = 0.05
-"""Least standard deviation of tags' positions, metres."""
-_PRIOR_DEG = 2.0
-"""Standard deviation of tags' angles, degrees."""
 _NO_DATUM_M = 120.0
 """Height difference that no two datums explain, metres."""
 _MOVED_M = 0.5
@@ -178,14 +171,13 @@ def check_capture(
             sound = [k for k, name in enumerate(capture.names) if oriented[k] and not looks[name].problem]
             full = with_guided_ties(graph, capture.photos, {k: tags.pose(k) for k in sound}, context)
         return _without_plan(report, capture, looks, full)
-    capture, angles = angles_as_meant(capture, plan, site, plot, graph, seed=settings.seed)
+    capture, angles = angles_as_meant(capture, plan, site, plot)
     placed = place_tags(capture, plan, site, plot)
     report = replace(report, placement=placed.placement)
-    consistency = _consistency(placed, plan, graph, settings)
     if not placed.station_of or placed.ambiguous:
         return _without_stations(report, capture, plan, looks, graph, placed)
     with context.progress.stage("Guided matches"):
-        poses = believed_poses(placed, plan, consistency, looks, capture.names)
+        poses = {k: tag_pose(placed, k, plan) for k in placed.station_of if not looks[capture.names[k]].problem}
         full = with_guided_ties(graph, capture.photos, poses, context)
     moved_m = leaves_move_m(capture.photos, graph, plan, placed.station_of, context.workers)
     report = replace(report, sway_m=moved_m)
@@ -196,23 +188,9 @@ def check_capture(
         findings=(*_left_out(capture), *angles, *common_findings(placed, settings, site, plot), *bursts),
         shift_m=shift,  # type: ignore[arg-type]
         turn_deg=placed.turn_deg,
-        unchecked=tuple(_unchecked(placed, graph, consistency)),
+        unchecked=tuple(_unchecked(placed)),
     )
-    return judge(report, Evidence(capture.names, plan, placed, looks, full, consistency, settings))
-
-
-def _consistency(placed: Placed, plan: Plan, graph: TieGraph, settings: CheckSettings) -> Consistency:
-    """Tags against ties; a photograph whose tags put it at no station still has a place."""
-    if not placed.station_of or placed.ambiguous:
-        return Consistency({}, frozenset(), frozenset())
-    tags, sigma = placed.tags, max(_PRIOR_M, placed.scatter_m)
-    priors = {k: PosePrior.of(tag_pose(placed, k, plan), sigma, _PRIOR_DEG) for k in placed.station_of}
-    for k in range(len(tags.names)):
-        if k not in priors and np.isfinite(tags.poses.positions[k]).all() and np.isfinite(tags.poses.yaws[k]):
-            # An extra photograph: its tags may be right or wrong, like any other's.
-            priors[k] = PosePrior.of(tags.pose(k), sigma, _PRIOR_DEG)
-    doubts = dict.fromkeys(priors, REACH_M) | dict(placed.costs_m)
-    return check_tags(priors, graph, settings, doubts)
+    return judge(report, capture.names, plan, placed, looks, full, settings)
 
 
 def _left_out(capture: Capture) -> list[Finding]:
@@ -283,7 +261,7 @@ def _plot_there(site: Site, plot: SitePlot, shift_m: FloatArray) -> str | None:
     return others[nearest].name if off[nearest] < _OF_THE_WAY * float(np.hypot(*places[nearest])) else None
 
 
-def _unchecked(placed: Placed, graph: TieGraph, consistency: Consistency) -> list[str]:
+def _unchecked(placed: Placed) -> list[str]:
     said = []
     if placed.placement == "row heading":
         said.append("Where the plot lies was not checked, only how the photographs stand to each other: no --site.")
@@ -297,11 +275,6 @@ def _unchecked(placed: Placed, graph: TieGraph, consistency: Consistency) -> lis
         said.append(
             f"Positions scatter by {placed.scatter_m:.2f} m about the plan, so they tell nearness no better than that."
         )
-    lost = [n for k, n in enumerate(placed.tags.names) if k not in consistency.seen]
-    if lost and graph.ties:
-        said.append(f"Too few matches to check the tags of {', '.join(lost)}.")
-    elif lost:
-        said.append("There are no matches, so the tags could not be checked.")
     return said
 
 

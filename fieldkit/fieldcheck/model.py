@@ -10,8 +10,8 @@ from fieldkit.results.plan import station_number
 from fieldkit.vehicles.wash import WINDY_M
 from fieldkit.wording import listed
 
-Verdict = Literal["fine", "fix tags", "fly again"]
-"""Of a station: nothing to do, its photograph will do once its tags are right, or it must be photographed anew."""
+Verdict = Literal["fine", "fly again"]
+"""Of a station: nothing to do, or it must be photographed anew."""
 
 OTHER_PLOT = "other-plot"
 """All photographs lie where the site has another plot."""
@@ -50,8 +50,6 @@ class StationCheck:
     """From the station, what is common to all photographs taken out; None where nothing tells."""
     turn_deg: float | None = None
     """Of the optical axis from the plan's."""
-    source: str = ""
-    """Of these two: "tags" or "photographs" (as the matches have it)."""
     matches: int = 0
     """Verified ones, with photographs that tie it."""
     neighbours: tuple[int, ...] = ()
@@ -101,11 +99,6 @@ class CheckReport:
         return tuple(each.station for each in self.stations if each.verdict == "fly again")
 
     @property
-    def fix_tags(self) -> tuple[int, ...]:
-        """Stations whose photograph has wrong tags."""
-        return tuple(each.station for each in self.stations if each.verdict == "fix tags")
-
-    @property
     def too_windy(self) -> bool:
         """Whether leaves move too far."""
         return self.sway_m is not None and self.sway_m > WINDY_M
@@ -133,7 +126,7 @@ class CheckReport:
 
     def summary(self) -> str:
         """What to do, in words."""
-        again, tags = self.fly_again, self.fix_tags
+        again = self.fly_again
         if self.take_again is not None:
             said = [f"Take {listed(list(self.take_again), 8)} again."] if self.take_again else []
             if len(self.components) > 1:
@@ -151,9 +144,7 @@ class CheckReport:
             return said[0]
         if again:
             said.append(f"Fly {_stations(again)} again.")
-        if tags:
-            said.append(f"Put the tags of {_stations(tags)} right; the photograph{'s' * (len(tags) > 1)} will do.")
-        if not again and not tags:
+        else:
             count = len(self.stations)
             said.append(f"All {count} will do." if count > 1 else "It will do.")
         if self.sway_m is not None:

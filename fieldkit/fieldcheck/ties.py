@@ -47,7 +47,6 @@ from fieldkit.reconstruction.stages import (
 from fieldkit.reconstruction.versions import BESIDE
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.executor import map_threads
-from fieldkit.wording import by_key
 
 _FIRST_FEATURES = 2000
 """Most features of a photograph in the first matching."""
@@ -59,12 +58,6 @@ _ALL_PAIRS_UP_TO = 24
 """Number of photographs up to which all pairs are matched."""
 _NEIGHBOURS = 14
 """Number of nearest photographs that each of more is matched with."""
-_LEAST_DEPTHS = 5
-"""Features with a depth in both ties from which these compare the ties' lengths."""
-_MIN_RATIO_SIGMA = 0.03
-"""Least standard deviation of a ratio of lengths, as a logarithm."""
-_APART_SIGMA = 0.3
-"""Standard deviation of a ratio of lengths from medians of other features, as a logarithm."""
 
 Pair = tuple[int, int]
 
@@ -96,21 +89,6 @@ class Tie:
     """(3, 3) of camera j from camera i."""
     translation: FloatArray
     """(3,) unit vector, from camera i to camera j, seen by camera j, as in `relative_pose`."""
-    depths: Mapping[int, Mapping[int, float]]
-    """For each of the two cameras by index: feature index to depth along the optical axis, the baseline being 1."""
-
-
-@dataclass(frozen=True)
-class LengthRatio:
-    """How two baselines at a photograph compare, by the depths of what all see."""
-
-    middle: int
-    a: int
-    b: int
-    """The other ends."""
-    log_ratio: float
-    """Natural logarithm of |middle − a| / |middle − b|."""
-    sigma: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,8 +97,6 @@ class TieGraph:
 
     ties: Mapping[Pair, Tie]
     """By indices (i < j)."""
-    ratios: tuple[LengthRatio, ...]
-    """Of neighbouring baselines."""
     keyed: tuple[KeyedFeatures, ...]
     cameras: CameraSet
 
@@ -161,11 +137,11 @@ def find_ties(
     alike = [pair for pair, count in zip(pairs, found, strict=True) if count >= _FIRST_MATCHES]
     verified = _verified(features, cameras, alike, context)
     ties = {
-        pair: _tie(pair, two, features, cameras)
+        pair: Tie(len(two.inliers), two.rotation, two.translation / length)
         for pair, two in verified.items()
-        if len(two.inliers) >= _MIN_MATCHES and np.linalg.norm(two.translation) > 0
+        if len(two.inliers) >= _MIN_MATCHES and (length := np.linalg.norm(two.translation)) > 0
     }
-    return TieGraph(ties, tuple(_ratios(ties)), tuple(features), cameras)
+    return TieGraph(ties, tuple(features), cameras)
 
 
 def _cameras(capture: Capture, fallback: Intrinsics | None) -> CameraSet:
@@ -208,53 +184,6 @@ def _verified(
     found: dict[Pair, TwoView] = {}
     for each in map_threads(verify, pairs, workers=context.workers):
         found |= each
-    return found
-
-
-def _tie(pair: Pair, two: TwoView, features: Sequence[KeyedFeatures], cameras: CameraSet) -> Tie:
-    i, j = pair
-    rays = []
-    for k, column in ((i, 0), (j, 1)):
-        camera = cameras.cameras[cameras.camera_of[k]]
-        points = camera.undistort(features[k].features.points[two.inliers[:, column]])
-        plain = camera.without_distortion()
-        rays.append(np.column_stack([(points - (plain.cx, plain.cy)) / (plain.fx, plain.fy), np.ones(len(points))]))
-    translation = two.translation / np.linalg.norm(two.translation)
-    # depth_j · ray_j = depth_i · R ray_i + t, for both depths at once by least squares.
-    turned = rays[0] @ two.rotation.T
-    aa, ab, bb = (turned**2).sum(axis=1), (turned * rays[1]).sum(axis=1), (rays[1] ** 2).sum(axis=1)
-    at, bt = turned @ translation, rays[1] @ translation
-    determinant = np.maximum(aa * bb - ab**2, 1e-12)
-    depth_i, depth_j = (ab * bt - bb * at) / determinant, (aa * bt - ab * at) / determinant
-    good = (depth_i > 0) & (depth_j > 0) & (determinant > 1e-9 * aa * bb)
-    depths = {
-        k: dict(zip(two.inliers[good, column].tolist(), depth[good].tolist(), strict=True))
-        for k, column, depth in ((i, 0, depth_i), (j, 1, depth_j))
-    }
-    return Tie(len(two.inliers), two.rotation, translation, depths)
-
-
-def _ratios(ties: Mapping[Pair, Tie]) -> list[LengthRatio]:
-    """Of each two ties of a photograph: what both see has one depth, so the baselines' ratio is that of the depths.
-
-    Where fewer than five features are in both, the medians of all depths are compared, for both look at one plot.
-    """
-    found = []
-    at = by_key((end, pair) for pair in ties for end in pair)
-    for middle, pairs in sorted(at.items()):
-        for n, first in enumerate(pairs):
-            for second in pairs[n + 1 :]:
-                a, b = (pair[0] if pair[1] == middle else pair[1] for pair in (first, second))
-                depth_a, depth_b = ties[first].depths[middle], ties[second].depths[middle]
-                common = sorted(set(depth_a) & set(depth_b))
-                if len(common) >= _LEAST_DEPTHS:
-                    logs = np.array([np.log(depth_b[k] / depth_a[k]) for k in common])
-                    spread = 1.4826 * float(np.median(np.abs(logs - np.median(logs))))
-                    sigma = max(_MIN_RATIO_SIGMA, max(spread, 0.1) * 1.25 / np.sqrt(len(common)))
-                    found.append(LengthRatio(middle, a, b, float(np.median(logs)), sigma))
-                elif depth_a and depth_b:
-                    log = float(np.log(np.median(list(depth_b.values())) / np.median(list(depth_a.values()))))
-                    found.append(LengthRatio(middle, a, b, log, _APART_SIGMA))
     return found
 
 
@@ -316,7 +245,7 @@ def with_guided_ties(graph: TieGraph, photos: Sequence[Photo], poses: Mapping[in
         turn, off = tie_errors_deg(a.pose, b.pose, two.rotation, direction)
         if turn > _TURN_DEG or off > _DIRECTION_DEG:
             return None
-        return Tie(len(two.inliers), two.rotation, direction, {})
+        return Tie(len(two.inliers), two.rotation, direction)
 
     found = zip(pairs, map_threads(tie, pairs, workers=context.workers), strict=True)
     return replace(graph, ties={**graph.ties, **{pair: each for pair, each in found if each is not None}})

@@ -7,7 +7,7 @@ error. What is left is the shape, which tells a photograph that is not where the
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -81,8 +81,6 @@ class Association:
 
     station_of: Mapping[int, int] = field(default_factory=dict)
     """Station by photograph, both by index."""
-    costs_m: Mapping[int, float] = field(default_factory=dict)
-    """`pose_costs` by photograph, what is common taken out."""
     offset_m: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
     """(3,) photographs, turned by ``turn_deg``, less stations, median over the pairs; NaN where not known."""
     heading_deg: float = 0.0
@@ -141,14 +139,7 @@ def associate(
             for candidate in _candidates(these, stations, most_offset_m)
         ]
         best = min(found, key=lambda each: round(_price(each), 9))
-    return Association(
-        {int(placed[a]): b for a, b in best.station_of.items()},
-        {int(placed[a]): cost for a, cost in best.costs_m.items()},
-        best.offset_m,
-        best.heading_deg,
-        best.turn_deg,
-        best.mean_cost_m,
-    )
+    return replace(best, station_of={int(placed[a]): b for a, b in best.station_of.items()})
 
 
 def _price(found: Association) -> float:
@@ -202,7 +193,7 @@ def _settled(
             heading = float(np.median(errors)) if len(errors) >= _LEAST else 0.0
     costs = pose_costs(photographs.moved(turn, -offset, -heading)[list(pairs)], stations[list(pairs.values())])
     mean = (float(costs.sum()) + REACH_M * (len(photographs) - len(pairs))) / len(photographs)
-    return Association(pairs, dict(zip(pairs, costs.tolist(), strict=True)), offset, heading, turn, mean)
+    return Association(pairs, offset, heading, turn, mean)
 
 
 def _assigned(photographs: PoseArray, stations: PoseArray) -> dict[int, int]:

@@ -57,7 +57,7 @@ def test_json_is_one_object(call: list[str], capsys: pytest.CaptureFixture[str])
 
 def test_a_narrow_terminal_shows_stations_names_and_verdicts() -> None:
     rows = tuple(
-        StationCheck(k, f"0000{k}_rgb.jpg", "fine", 1.4, 1.0, -0.1, 0.0, 0.05, 1.2, "tags", 365, (8, 9, 11, 12))
+        StationCheck(k, f"0000{k}_rgb.jpg", "fine", 1.4, 1.0, -0.1, 0.0, 0.05, 1.2, 365, (8, 9, 11, 12))
         for k in (10, 11)
     )
     console = Console(width=80, file=StringIO(), color_system=None)

@@ -1,4 +1,4 @@
-"""Checks in the field, part by part: sharpness, exposure, placement, tags against ties, the mission to fly again."""
+"""Checks in the field, part by part: sharpness, exposure, placement, matches, the mission to fly again."""
 
 import hashlib
 import json
@@ -10,14 +10,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import CameraGroup, Capture, Photo, read_capture
 from fieldkit.errors import UsageError
 from fieldkit.fieldcheck.check import common_findings
-from fieldkit.fieldcheck.consistency import Consistency, check_tags
 from fieldkit.fieldcheck.model import CheckReport, StationCheck, finding_of
 from fieldkit.fieldcheck.pictures import (
     DIRECTIONS,
@@ -28,11 +27,11 @@ from fieldkit.fieldcheck.pictures import (
     measure_picture,
     with_damage,
 )
-from fieldkit.fieldcheck.placement import Placed, Tags, angles_as_meant, axis_turn_deg, place_tags
+from fieldkit.fieldcheck.placement import Placed, Tags, angles_as_meant, axis_turn_deg, place_tags, read_tags
 from fieldkit.fieldcheck.refly import write_refly
 from fieldkit.fieldcheck.settings import CheckSettings
-from fieldkit.fieldcheck.ties import LengthRatio, Tie, TieGraph
-from fieldkit.fieldcheck.verdicts import connect, tag_pose
+from fieldkit.fieldcheck.ties import Tie, TieGraph
+from fieldkit.fieldcheck.verdicts import Connection, connect
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector
@@ -42,9 +41,8 @@ from fieldkit.missions.settings import MissionSettings
 from fieldkit.reconstruction.cameras import CameraSet
 from fieldkit.reconstruction.guided import relative_pose
 from fieldkit.report.sections.loaded import FlownMission, read_results
-from fieldkit.results.finding import Finding
 from fieldkit.results.mission import load_mission
-from fieldkit.results.plan import Plan, PlanPlants
+from fieldkit.results.plan import PlanPlants
 from fieldkit.results.plan_file import plan_bytes, plan_from_poses
 from fieldkit.routing.mission import Home
 from fieldkit.runtime.context import Context
@@ -218,116 +216,23 @@ class TestPlacement:
         assert found.station_of == {n: int(k) for n, k in enumerate(order)}
 
 
-def graph_of(true: list[Pose], seed: int, *, reach: int = 1) -> TieGraph:
+def graph_of(true: list[Pose], seed: int) -> TieGraph:
     """Ties as photographs of these poses give them: neighbours on the ring, a degree and a tenth off."""
     rng = np.random.default_rng([seed, 2])
-    ties, ratios, count = {}, [], len(true)
+    ties, count = {}, len(true)
     for k in range(count):
-        for step in range(1, reach + 1):
-            i, j = sorted((k, (k + step) % count))
-            rotation, translation = relative_pose(true[i], true[j])
-            rotation = rotation_from_vector(rng.normal(size=3) * np.radians(0.6)) @ rotation
-            translation = translation / np.linalg.norm(translation) + rng.normal(size=3) * 0.02
-            ties[i, j] = Tie(60, rotation, translation / np.linalg.norm(translation), {})
-        a, b = (k - 1) % count, (k + 1) % count
-        first, second = (np.linalg.norm(true[k].center - true[other].center) for other in (a, b))
-        ratios.append(LengthRatio(k, a, b, float(np.log(first / second) + rng.normal() * 0.05), 0.05))
-    return TieGraph(ties, tuple(ratios), (), CameraSet((), (), (), (), ()))
-
-
-def priors(poses: list[Pose]) -> dict[int, PosePrior]:
-    return {k: PosePrior.of(pose, 0.05, 2.0) for k, pose in enumerate(poses)}
-
-
-class TestTags:
-    @settings(max_examples=8)
-    @given(seed=st.integers(0, 10_000))
-    @example(seed=8235)
-    def test_sound_tags_are_believed(self, seed: int) -> None:
-        planned = stations(seed=seed)
-        found = check_tags(priors(planned), graph_of(flown(planned, seed), seed), CheckSettings())
-        assert found.contradicted == frozenset()
-        assert len(found.seen) == 13
-
-    @settings(max_examples=8)
-    @given(seed=st.integers(0, 10_000), k=st.integers(0, 12), apart=st.integers(1, 6))
-    def test_exchanged_tags_are_found(self, seed: int, k: int, apart: int) -> None:
-        planned, other = stations(seed=seed), (k + apart) % 13
-        tags = priors(planned)
-        tags[k], tags[other] = tags[other], tags[k]
-        found = check_tags(tags, graph_of(flown(planned, seed), seed), CheckSettings())
-        assert found.contradicted == {k, other}
-        assert np.linalg.norm(found.seen[k].pose.center - planned[k].center) < 0.35
-
-    @settings(max_examples=8)
-    @given(seed=st.integers(0, 10_000), k=st.integers(0, 12), azimuth=st.floats(0, 6.28), far=st.floats(0.6, 5.0))
-    @example(seed=555, k=11, azimuth=3.92, far=2.0)
-    def test_a_photograph_taken_elsewhere_is_found(self, seed: int, k: int, azimuth: float, far: float) -> None:
-        """Also along the line to a neighbour: its one other match contradicts both alike, and the plan decides."""
-        planned = stations(seed=seed)
-        tags = priors(planned)
-        shift = far * np.array([np.sin(azimuth), np.cos(azimuth), 0.0])
-        tags[k] = PosePrior.of(Pose(planned[k].rotation, planned[k].center + shift), 0.05, 2.0)
-        found = check_tags(tags, graph_of(flown(planned, seed), seed), CheckSettings(), {k: far})
-        assert found.contradicted == {k}
-
-    @pytest.mark.parametrize(("matches", "turn", "wrong"), [(19, 0.35, False), (19, 1.4, True), (60, 0.35, True)])
-    def test_ties_of_few_matches_contradict_only_what_is_far_off(self, matches: int, turn: float, wrong: bool) -> None:
-        planned = stations()
-        graph = graph_of(planned, 0)
-        ties = dict(graph.ties)
-        for pair in ((3, 4), (4, 5)):  # the photograph is turned, or its few matches are chance
-            about = rotation_from_vector((0.0, turn if pair[1] == 4 else -turn, 0.0))
-            rotation = about @ ties[pair].rotation if pair[1] == 4 else ties[pair].rotation @ about
-            translation = about @ ties[pair].translation if pair[1] == 4 else ties[pair].translation
-            ties[pair] = Tie(matches, rotation, translation, {})
-        found = check_tags(priors(planned), replace(graph, ties=ties), CheckSettings())
-        assert found.contradicted == ({4} if wrong else frozenset())
-
-    def test_a_wrong_tie_does_no_harm(self) -> None:
-        planned = stations()
-        graph = graph_of(flown(planned, 0), 0)
-        rotation = rotation_from_vector((0.0, 0.9, 0.2))
-        wrong = {**graph.ties, (2, 5): Tie(16, rotation, np.array([0.0, 0.6, 0.8]), {})}
-        assert check_tags(priors(planned), replace(graph, ties=wrong), CheckSettings()).contradicted == frozenset()
-
-    def test_of_two_that_only_contradict_each_other_the_one_off_the_plan_is_to_blame(self) -> None:
-        planned = stations()
-        ties = {pair: tie for pair, tie in graph_of(planned, 0).ties.items() if set(pair) == {4, 5}}
-        graph = TieGraph(ties, (), (), CameraSet((), (), (), (), ()))
-        for culprit in (4, 5):
-            tags = priors(planned)
-            tags[culprit] = PosePrior.of(
-                Pose(planned[culprit].rotation, planned[culprit].center + np.array([0.0, 0.0, 4.0])), 0.05, 2.0
-            )
-            assert check_tags(tags, graph, CheckSettings(), {culprit: 4.0}).contradicted == {culprit}
+        i, j = sorted((k, (k + 1) % count))
+        rotation, translation = relative_pose(true[i], true[j])
+        rotation = rotation_from_vector(rng.normal(size=3) * np.radians(0.6)) @ rotation
+        translation = translation / np.linalg.norm(translation) + rng.normal(size=3) * 0.02
+        ties[i, j] = Tie(60, rotation, translation / np.linalg.norm(translation))
+    return TieGraph(ties, (), CameraSet((), (), (), (), ()))
 
 
 Angles = tuple[float, float, float]
 
 
 class TestAngles:
-    def read(
-        self, write: Callable[[Angles], Angles], *, ties: bool = True, nadir: bool = False, only: range = range(13)
-    ) -> tuple[Placed, Consistency, list[Finding], list[Pose]]:
-        """Angles of a flight written in another way, of all photographs or of some, as the check reads them."""
-        planned = stations(seed=3)
-        if nadir:
-            planned = [Pose.from_yaw_pitch(p.center, 30.0 + 180.0 * (k % 2), -90.0) for k, p in enumerate(planned)]
-        true = flown(planned, 3)
-        plan, graph = plan_from_poses(planned), graph_of(true, 3, reach=2 if ties else 0)
-        capture = capture_of([Pose((a if nadir else b).rotation, b.center) for a, b in zip(planned, true, strict=True)])
-        priors = dict(capture.priors)
-        for k in only:
-            # A gimbal's tags give the heading of the picture, and no roll.
-            angles = write((planned[k] if nadir else true[k]).yaw_pitch_roll_deg())
-            priors[f"{k}.jpg"] = priors[f"{k}.jpg"].with_angles(angles)
-        capture, told = angles_as_meant(replace(capture, priors=priors), plan, None, None, graph, seed=0)
-        placed = place_tags(capture, plan)
-        tags = {k: PosePrior.of(tag_pose(placed, k, plan), 0.05, 2.0) for k in placed.station_of}
-        return placed, check_tags(tags, graph, CheckSettings()), told, planned
-
-    @pytest.mark.parametrize("ties", [True, False])
     @pytest.mark.parametrize(
         "write",
         [
@@ -336,15 +241,21 @@ class TestAngles:
             lambda a: (-a[0], a[1], a[2]),
         ],
     )
-    def test_another_convention_of_all_is_read_and_told_once(self, write, ties) -> None:
-        placed, found, told, planned = self.read(write, ties=ties)
+    def test_another_convention_of_all_is_read_and_told_once(self, write: Callable[[Angles], Angles]) -> None:
+        planned = stations(seed=3)
+        true, plan = flown(planned, 3), plan_from_poses(planned)
+        capture = capture_of(list(true))
+        priors = {
+            f"{k}.jpg": capture.priors[f"{k}.jpg"].with_angles(write(pose.yaw_pitch_roll_deg()))
+            for k, pose in enumerate(true)
+        }
+        capture, (told,) = angles_as_meant(replace(capture, priors=priors), plan, None, None)
+        placed = place_tags(capture, plan)
         assert placed.station_of == {k: k for k in range(13)}
-        assert found.contradicted == frozenset()
-        assert [finding.code for finding in told] == ["angles-read-otherwise"]
-        assert ("the matches" if ties else "the plan") in told[0].message
+        assert told.code == "angles-read-otherwise"
         turned = [
             axis_turn_deg(placed.tags.poses.yaws[k], placed.tags.poses.pitches[k], s.yaw_deg, s.pitch_deg)
-            for k, s in enumerate(plan_from_poses(planned).stations)
+            for k, s in enumerate(plan.stations)
         ]
         assert max(turned) < 8.0
 
@@ -387,25 +298,33 @@ def test_a_plan_is_checked_and_flown_again_as_it_was_fitted_to_the_plot(tmp_path
 
 
 class TestConnection:
-    def joined(self, again: set[int], cut: set[tuple[int, int]] | None = None) -> tuple[Plan, TieGraph, object]:
+    def joined(
+        self, again: set[int], cut: set[tuple[int, int]] | None = None, tags: list[Pose] | None = None
+    ) -> Connection:
         planned = stations()
         plan, graph = plan_from_poses(planned), graph_of(planned, 0)
         graph = replace(graph, ties={p: t for p, t in graph.ties.items() if p not in (cut or set())})
-        return plan, graph, connect(plan, graph, {k: k for k in range(13)}, again, dict(enumerate(planned)))
+        placed = replace(place_tags(capture_of(list(planned)), plan), tags=read_tags(capture_of(list(tags or planned))))
+        return connect(plan, graph, placed, again)
 
     def test_groups_are_told(self) -> None:
-        _, _, found = self.joined(set(), {(2, 3), (8, 9)})
+        found = self.joined(set(), {(2, 3), (8, 9)})
         assert found.components == (7, 6)
         assert [f.code for f in found.findings] == ["disconnected"]
 
     def test_a_good_photograph_beside_a_gap_is_not_sent_back(self) -> None:
-        _, _, found = self.joined({3}, {(3, 4), (4, 5)})
+        found = self.joined({3}, {(3, 4), (4, 5)})
         assert found.lonely == frozenset()
         assert found.beside_gaps == {4}
 
     def test_one_without_matches_beside_near_neighbours_is_named(self) -> None:
-        _, _, found = self.joined(set(), {(3, 4), (4, 5)})
+        found = self.joined(set(), {(3, 4), (4, 5)})
         assert found.lonely == {4}
+
+    def test_those_whose_tags_were_exchanged_are_named(self) -> None:
+        tags = stations()
+        tags[4], tags[9] = tags[9], tags[4]
+        assert self.joined(set(), tags=tags).lonely == {4, 9}
 
 
 class TestReport:
