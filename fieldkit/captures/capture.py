@@ -10,24 +10,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from PIL import Image
+from PIL import Image, TiffImagePlugin, UnidentifiedImageError
 
 from fieldkit.arrays import Float32Array
 from fieldkit.captures.camera_file import CameraEntry, read_camera_file
 from fieldkit.captures.cameras import group_cameras
 from fieldkit.captures.compared import against_gps, several_places
 from fieldkit.captures.decode import (
-    PngMetadata,
-    dark_refusal,
     jpeg_is_complete,
-    read_png_metadata,
     saved_again,
     tiff_refusal,
 )
 from fieldkit.captures.exif import with_exif
 from fieldkit.captures.folder import Candidate, folders_of_photographs, instead_of, list_capture
 from fieldkit.captures.geo_txt import read_geo_txt
-from fieldkit.captures.gps_tags import Problem, settle_hemispheres
+from fieldkit.captures.gps_tags import Problem
 from fieldkit.captures.markers_file import read_markers_file
 from fieldkit.captures.model import CameraGroup, Capture, Photo
 from fieldkit.captures.one_camera import one_camera
@@ -50,7 +47,7 @@ _MOST_COMPARED = 400  # photographs of one shape that say no time
 def read_capture(
     folder: Path, *, max_pixels: int = MAX_PIXELS, sidecars: bool = True, poses: PosesFile | None = None
 ) -> Capture:
-    """Read a folder of photographs and what lies beside them. Nothing is decoded and nothing written.
+    """Read a folder of photographs and what lies beside them. JPEGs are not decoded, and nothing is written.
 
     Photographs are JPEG, PNG or TIFF by content, directly in ``folder`` or, when there are none, in
     ``folder/images`` or in a card's folders 100MEDIA, 101MEDIA and so on. Whatever cannot be used is left out and named
@@ -75,11 +72,10 @@ def read_capture(
     photos, duplicates = distinct(photos, set(located))
     kept, other_cameras = of_one_camera(photos, [Part.of(photos, beside)])
     aside = {photo.name for photo in photos} - {photo.name for photo in kept}
-    kept, hemispheres = settle_hemispheres(kept)
     folders = (folder.absolute(), contents.image_folder.absolute())
     sizes = {photo.name: (photo.width, photo.height) for photo in kept}
     program, odd = program_of(sizes, folders, poses) if sidecars or poses is not None else (None, ())
-    findings += [*duplicates, *other_cameras, *hemispheres]
+    findings += [*duplicates, *other_cameras]
     capture = assembled(folders, kept, [Part.of(kept, beside, whole=True)], findings, program=program, odd=odd)
     # What is odd about photographs set aside does not matter, under whatever names sidecars give them.
     meant = match_names([f.subject for f in capture.findings if not f.left_out], aside)
@@ -198,7 +194,7 @@ def _no_photographs(folder: Path, findings: list[Finding]) -> CaptureError:
 def read_photo(candidate: Candidate, max_pixels: int = MAX_PIXELS) -> tuple[Photo | None, list[Finding]]:
     """The photograph that a file is and what is odd about it, or the finding that leaves it out.
 
-    Only a TIFF is decoded.
+    Only TIFF and PNG are decoded.
     """
     try:
         photo, problems = _opened(candidate, max_pixels)
@@ -211,7 +207,9 @@ def read_photo(candidate: Candidate, max_pixels: int = MAX_PIXELS) -> tuple[Phot
         code, message = "too-large", _too_large(size, max_pixels)
     except OSError as error:
         code, message = "truncated", "the file is damaged or cut short; copy it again from the camera"
-        if error.errno is not None:
+        if isinstance(error, UnidentifiedImageError) and candidate.format == "TIFF":
+            code, message = "unsupported-format", "a TIFF of an unknown kind, or damaged; convert it to 8 bits"
+        elif error.errno is not None:
             code, message = "unreadable", f"cannot be read ({(error.strerror or str(error)).lower()})"
     # Pillow's readers raise whatever a damaged header leads them into (SyntaxError, struct.error, ValueError …).
     except Exception as error:
@@ -226,11 +224,6 @@ class _LeaveOut(Exception):
 
 
 def _opened(candidate: Candidate, max_pixels: int) -> tuple[Photo, list[Problem]]:
-    png: PngMetadata | None = None
-    if candidate.format == "TIFF" and candidate.path.stat().st_size <= _MAX_FILE_BYTES:
-        refusal = tiff_refusal(candidate.path.read_bytes())
-        if refusal is not None:
-            raise _LeaveOut("unsupported-format", refusal)
     with warnings.catch_warnings():
         # Pillow warns of large images and of odd EXIF; both are findings here.
         warnings.simplefilter("ignore")
@@ -243,19 +236,16 @@ def _opened(candidate: Candidate, max_pixels: int) -> tuple[Photo, list[Problem]
             if candidate.path.stat().st_size > _MAX_FILE_BYTES:
                 raise _LeaveOut("too-large", "the file is larger than 2 GiB")
             data = candidate.path.read_bytes()
-            if candidate.format == "PNG":
-                png = read_png_metadata(data)
+            if isinstance(image, TiffImagePlugin.TiffImageFile) and (refusal := tiff_refusal(image)):
+                raise _LeaveOut("unsupported-format", refusal)
+            if candidate.format == "PNG":  # whose metadata may stand behind the pixels
+                image.load()
             sha256 = hashlib.sha256(data).hexdigest()
             bare = Photo(candidate.path.absolute(), candidate.name, width, height, candidate.format, sha256)
-            photo, problems = with_exif(bare, image, png)
+            photo, problems = with_exif(bare, image)
             if photo.projection.lower() not in ("", "perspective", "rectilinear"):
                 raise _LeaveOut("other-camera", f"a panorama ({photo.projection[:40]}), no photograph of one view")
-            if candidate.format == "TIFF":
-                image.load()
-                refusal = dark_refusal(image)
-                if refusal is not None:
-                    raise _LeaveOut("unsupported-format", refusal)
-    if (candidate.format == "PNG" and png is None) or (candidate.format == "JPEG" and not jpeg_is_complete(data)):
+    if candidate.format == "JPEG" and not jpeg_is_complete(data):
         raise _LeaveOut("truncated", "the file is cut short; copy it again from the camera")
     return photo, problems
 

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import io
 import os
 import re
 import tempfile
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
-from PIL import Image, TiffImagePlugin
+from PIL import TiffImagePlugin
 
 from fieldkit.arrays import ByteArray, Float32Array
 from fieldkit.captures.model import Photo
@@ -23,8 +20,6 @@ from fieldkit.errors import CaptureError
 from fieldkit.regular_files import open_regular
 
 _SCAN_MARKER = re.compile(rb"\xff+[^\x00\xd0-\xd7\xff]")
-_MAX_XMP_BYTES = 1 << 20
-"""Most bytes that a packed XMP packet may come to."""
 _LEAST_DEEP_VALUE = 1 << 12  # what uses fewer than 13 of 16 bits leaves less than 16 grey levels
 _DETAIL_PX = 256
 """Side of the pictures in which two photographs' details are compared, pixels."""
@@ -148,82 +143,25 @@ def jpeg_is_complete(data: bytes) -> bool:
             position = following.start()
 
 
-def tiff_refusal(data: bytes) -> str | None:
-    """Why a TIFF is none that `read_image` gives the picture of, by its tags (TIFF 6.0); None where nothing speaks so.
+def tiff_refusal(image: TiffImagePlugin.TiffImageFile) -> str | None:
+    """Why a TIFF is none that `read_image` gives the picture of, by its tags (TIFF 6.0) and values; decodes it.
 
     Numbers other than unsigned ones of 8 or 16 bits are measurements (temperatures, reflectances, heights) or need a
-    stretch that is not ours to choose.
+    stretch that is not ours to choose. Of 16 bits only the upper 8 are read, which must not be nearly empty.
     """
-    try:
-        tags = TiffImagePlugin.ImageFileDirectory_v2(data[:8])
-        stream = io.BytesIO(data)
-        stream.seek(tags.next)
-        tags.load(stream)
-        bits, kinds = _values(tags.get(258)) or {1}, _values(tags.get(339)) or {1}
-    # Pillow's parser raises whatever a damaged directory leads it into; reading the file says what is wrong with it.
-    except Exception:
-        return None
-    if bits <= {8, 16} and kinds == {1}:
-        return None
-    kind = {1: "", 2: " signed", 3: " floating point", 5: " complex", 6: " complex"}.get(max(kinds), " unknown")
-    return f"a TIFF with{kind} numbers of {max(bits)} bits; convert it to 8 bits"
-
-
-def dark_refusal(image: Image.Image) -> str | None:
-    """Why a decoded image of 16 bits is none to use: its upper 8 bits, which are all that is read, are nearly empty."""
-    if not image.mode.startswith("I;16"):
-        return None
-    highest = image.getextrema()[1]
+    bits, kinds = (_values(image.tag_v2.get(tag, 1)) for tag in (258, 339))
+    if not bits <= {8, 16} or kinds != {1}:
+        kind = {1: "", 2: " signed", 3: " floating point", 5: " complex", 6: " complex"}.get(max(kinds), " unknown")
+        return f"a TIFF with{kind} numbers of {max(bits)} bits; convert it to 8 bits"
+    image.load()
+    highest = image.getextrema()[1] if image.mode.startswith("I;16") else None
     if not isinstance(highest, int | float) or highest >= _LEAST_DEEP_VALUE:
         return None
     return f"16 bits of which only {int(highest).bit_length()} are used; convert it to 8 bits"
 
 
 def _values(value: Any) -> set[int]:
-    return set(value) if isinstance(value, tuple) else set() if value is None else {int(value)}
-
-
-@dataclass(frozen=True)
-class PngMetadata:
-    """The metadata chunks of a complete PNG: an EXIF block (TIFF structure) and an XMP packet, where there are any."""
-
-    exif: bytes | None = None
-    xmp: bytes | None = None
-
-
-def read_png_metadata(data: bytes) -> PngMetadata | None:
-    """The metadata of a PNG whose chunks are all there with the right checksums (ISO/IEC 15948), else None.
-
-    Read here, since metadata may stand behind the image data, where Pillow only sees it after decoding.
-    """
-    position, exif, xmp = 8, None, None
-    while position + 12 <= len(data):
-        length = int.from_bytes(data[position : position + 4], "big")
-        kind, end = data[position + 4 : position + 8], position + 8 + length
-        if end + 4 > len(data) or zlib.crc32(data[position + 4 : end]) != int.from_bytes(data[end : end + 4], "big"):
-            return None
-        if kind == b"IEND":
-            return PngMetadata(exif, xmp)
-        if kind == b"eXIf":
-            exif = data[position + 8 : end]
-        elif kind == b"iTXt" and data.startswith(b"XML:com.adobe.xmp\0", position + 8):
-            xmp = _itxt_text(data[position + 8 : end])
-        position = end + 4
-    return None
-
-
-def _itxt_text(chunk: bytes) -> bytes | None:
-    """The text of an iTXt chunk: keyword, 0, compressed?, method, language, 0, translated keyword, 0, text."""
-    _, _, rest = chunk.partition(b"\0")
-    parts = rest[2:].split(b"\0", 2)
-    if len(rest) < 2 or len(parts) < 3:
-        return None
-    if not rest[0]:
-        return parts[2]
-    try:
-        return zlib.decompressobj().decompress(parts[2], _MAX_XMP_BYTES)
-    except zlib.error:
-        return None
+    return set(value) if isinstance(value, tuple) else {int(value)}
 
 
 def saved_again(one: Path, other: Path, details: dict[Path, Float32Array]) -> bool:

@@ -11,7 +11,6 @@ from typing import Any
 
 from PIL import ExifTags, Image
 
-from fieldkit.captures.decode import PngMetadata
 from fieldkit.captures.gps_tags import Problem, geotag_of
 from fieldkit.captures.gps_tags import number as _number
 from fieldkit.captures.gps_tags import text as _text
@@ -61,16 +60,11 @@ def focal_in_pixels(focal_35mm: float, width: int, height: int) -> float:
     return focal_35mm * math.hypot(long, short) / math.hypot(_FILM_WIDTH_MM, _FILM_HEIGHT_MM)
 
 
-def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) -> tuple[Photo, list[Problem]]:
-    """A photograph with what its EXIF and its drone's XMP say, and what is odd about that. Nothing is decoded.
-
-    Of ``image`` the header is enough; of a PNG the metadata are read from ``png``.
-    """
+def with_exif(photo: Photo, image: Image.Image) -> tuple[Photo, list[Problem]]:
+    """A photograph with what its EXIF and its drone's XMP say, and what is odd about that. Nothing is decoded."""
     problems: list[Problem] = []
-    base, detail, gps = _directories(image, png, problems)
-    packets = (
-        (png.xmp,) if png is not None else (image.info.get("xmp"), *(d.get(_BASE.XMLPacket) for d in (base, detail)))
-    )
+    base, detail, gps = _directories(image, problems)
+    packets = (image.info.get("xmp"), *(d.get(_BASE.XMLPacket) for d in (base, detail)))
     xmp = _read_xmp(next((packet for packet in packets if packet), None), problems)
     focal_mm = _number(detail.get(_BASE.FocalLength), positive=True)
     focal_35mm = _number(detail.get(_BASE.FocalLengthIn35mmFilm), positive=True)
@@ -103,14 +97,10 @@ def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) 
 
 
 def _directories(
-    image: Image.Image, png: PngMetadata | None, problems: list[Problem]
+    image: Image.Image, problems: list[Problem]
 ) -> tuple[Mapping[int, Any], Mapping[int, Any], Mapping[int, Any]]:
     try:
-        if png is None:
-            exif = image.getexif()
-        else:
-            exif = Image.Exif()
-            exif.load(b"Exif\0\0" + png.exif if png.exif else b"")
+        exif = image.getexif()
         return dict(exif), dict(exif.get_ifd(ExifTags.IFD.Exif)), dict(exif.get_ifd(ExifTags.IFD.GPSInfo))
     # Pillow's parser raises whatever a damaged directory leads it into (struct.error, SyntaxError, KeyError …).
     except Exception as error:

@@ -11,7 +11,6 @@ its reader omega, phi and kappa, so nobody can tell what a given file means.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
@@ -31,7 +30,6 @@ _LAYOUT = "name x y [z [yaw pitch roll [horizontal_accuracy vertical_accuracy]]]
 _HEADER_REMEDY = "The first line names the projection: EPSG:4326, WGS84 UTM 33N or a PROJ string."
 _GEOGRAPHIC_EPSG = frozenset({4326, 4979})
 _UTM = re.compile(r"WGS\s*84[\s/]+UTM\s*(?:ZONE)?\s*([0-9]{1,2})\s*([NS])", re.IGNORECASE)
-_CLEARLY = 0.3  # times the other reading's difference: what makes heights' unit certain
 _GEOGRAPHIC = re.compile(r"(WGS\s*84|\+proj=(longlat|latlong)\b.*=WGS84\b.*)", re.IGNORECASE)
 
 
@@ -42,9 +40,6 @@ class GeoRow(GeoTag):
     image: str
     has_angles: bool = False
     """Whether the line has angles that are not all zero (ODM's "not available")."""
-    assumed_unit_m: float = 1.0
-    """Metres per unit that altitude and accuracies are taken to be in, where x and y are in feet and the projection
-    does not say what heights are in; else 1. See `settled_heights`."""
 
     def with_lengths(self, factor: float) -> GeoRow:
         """Altitude and accuracies multiplied by a factor."""
@@ -146,32 +141,6 @@ def _read_row(fields: list[str], line: int, path: Path | None) -> GeoRow:
     )
 
 
-def settled_heights(rows: Sequence[GeoRow], altitudes_m: Mapping[str, float]) -> tuple[list[GeoRow], list[Finding]]:
-    """Rows whose heights' unit the file leaves open, in the unit that the photographs' own altitudes speak for.
-
-    State plane coordinates in feet come with heights in feet from surveyors, and in metres from those who turned a
-    drone's positions into them. Where the altitudes do not decide, they are feet, as x and y are. ``altitudes_m`` are
-    the photographs', by the rows' names, above whatever datum.
-    """
-    open_rows = [row for row in rows if row.assumed_unit_m != 1.0]
-    if not open_rows:
-        return list(rows), []
-    pairs = [
-        (row.altitude_m, row.altitude_m / row.assumed_unit_m, altitudes_m[row.image])
-        for row in open_rows
-        if row.altitude_m is not None and row.image in altitudes_m
-    ]
-    as_feet = float(np.median([abs(feet - own) for feet, _, own in pairs])) if pairs else 0.0
-    as_metres = float(np.median([abs(metres - own) for _, metres, own in pairs])) if pairs else 0.0
-    if as_metres < _CLEARLY * as_feet:
-        said = "heights and accuracies are taken for metres, as the photographs' own altitudes are; x and y are in feet"
-        settled = [row.with_lengths(1.0 / row.assumed_unit_m) for row in rows]
-        return settled, [Finding("geo.txt", "height-unit", said)]
-    why = "as the photographs' own altitudes say" if as_feet < _CLEARLY * as_metres else "but the file does not say so"
-    said = f"heights and accuracies are taken for feet, like x and y, {why}"
-    return list(rows), [Finding("geo.txt", "height-unit", said)]
-
-
 def _to_geographic(
     numbered: list[tuple[int, GeoRow]], projection: str, header: str, path: Path | None, findings: list[Finding]
 ) -> list[tuple[int, GeoRow]]:
@@ -187,11 +156,17 @@ def _to_geographic(
     geodetic, odd = to_geodetic(points, crs, path)
     findings += odd
     unit, stated = height_unit_m(crs)
+    if unit != 1.0 and not stated and any(row.altitude_m is not None for _, row in numbered):
+        raise MetadataError(
+            f"x and y are in feet, and {header[:60]} does not say whether heights are, too",
+            path=path,
+            remedy="Name a system with heights, like EPSG:26849+6360 (US survey feet) or EPSG:26849+5703 (metres).",
+        )
     found = []
     for (number, row), (latitude, longitude, height) in zip(numbered, geodetic.tolist(), strict=True):
         row = row.with_lengths(1.0 if crs.is_geocentric else unit)
         if crs.is_geocentric:
             row = replace(row, altitude_m=height, datum="ellipsoid")
-        row = replace(row, latitude_deg=latitude, longitude_deg=longitude, assumed_unit_m=1.0 if stated else unit)
+        row = replace(row, latitude_deg=latitude, longitude_deg=longitude)
         found.append((number, row))
     return found

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from PIL import ExifTags
 
-from fieldkit.captures.heights import photos_have
-from fieldkit.captures.model import GeoTag, Photo
+from fieldkit.captures.model import GeoTag
 from fieldkit.captures.xmp import RTK_FIXED, RTK_FLOAT, XmpData
 from fieldkit.geometry.geodesy import on_earth
-from fieldkit.results.finding import Finding
 
 _GPS = ExifTags.GPS
 _ALTITUDE_RANGE_M = (-1000.0, 10000.0)
@@ -25,11 +22,6 @@ _ZERO_DEG = 1e-6
 
 Problem = tuple[str, str]
 """A finding's code and message, the file's name still to be put to it."""
-
-
-_NEAR_DEG = 0.5
-"""Difference to other photographs' coordinates within which theirs decide a sign, degrees."""
-_LETTERS = {"latitude": ("GPSLatitudeRef", "north or south"), "longitude": ("GPSLongitudeRef", "east or west")}
 
 
 def number(value: Any, *, positive: bool = False) -> float | None:
@@ -55,7 +47,8 @@ def geotag_of(gps: Mapping[int, Any], xmp: XmpData, problems: list[Problem]) -> 
     """The geotag, or None; what is odd about it is added to ``problems``.
 
     The XMP's position counts where the EXIF has none, or a void one. The sign of a coordinate is the XMP's where that
-    has one, else that of the hemisphere letter; where neither is there, the coordinate is named in `GeoTag.unsigned`.
+    has one, else that of the hemisphere letter; where neither is there, the position is not used: to assume north and
+    east would mirror a layout, which puts a plot upside down without any sign of it.
     """
     places: list[tuple[_Coordinate | None, _Coordinate | None]] = []
     if _GPS.GPSLatitude in gps or _GPS.GPSLongitude in gps:
@@ -76,6 +69,11 @@ def geotag_of(gps: Mapping[int, Any], xmp: XmpData, problems: list[Problem]) -> 
     assert latitude is not None
     assert longitude is not None
     problems += [("gps-hemisphere", c.contradiction) for c in (latitude, longitude) if c.contradiction]
+    if not (latitude.signed and longitude.signed):
+        what = "GPSLongitudeRef (east or west)" if latitude.signed else "GPSLatitudeRef (north or south)"
+        said = f"it has no {what}, so the position is not used; put the positions into a geo.txt"
+        problems.append(("gps-hemisphere", said))
+        return None
     map_datum = text(gps.get(_GPS.GPSMapDatum))
     if map_datum and "".join(c for c in map_datum.upper() if c.isalnum()) not in ("WGS84", "WGS1984", "EPSG4326"):
         problems.append(("gps-datum", f"the GPS datum is {map_datum!r}; used as if it were WGS 84"))
@@ -93,7 +91,6 @@ def geotag_of(gps: Mapping[int, Any], xmp: XmpData, problems: list[Problem]) -> 
         horizontal_accuracy_m=horizontal,
         vertical_accuracy_m=vertical,
         rtk=xmp.rtk_flag == RTK_FIXED,
-        unsigned=tuple(n for n, c in (("latitude", latitude), ("longitude", longitude)) if not c.signed),
     )
 
 
@@ -177,57 +174,3 @@ def _altitude(gps: Mapping[int, Any], xmp: XmpData, problems: list[Problem]) -> 
 
 def _tells_no_datum(xmp: XmpData) -> bool:
     return xmp.altitude_type is None and (xmp.rtk_flag or 0) >= RTK_FLOAT
-
-
-def settle_hemispheres(photos: Sequence[Photo]) -> tuple[list[Photo], list[Finding]]:
-    """Photographs whose geotags have signs, and what was taken from the others or is not used.
-
-    Assuming north and east would mirror a layout, which puts a plot upside down without any sign of it.
-    """
-    settled = list(photos)
-    findings: list[Finding] = []
-    for which in _LETTERS:
-        settled, found = _settled(settled, which)
-        findings += found
-    return settled, findings
-
-
-def _settled(photos: list[Photo], which: str) -> tuple[list[Photo], list[Finding]]:
-    known = [
-        _value(photo, which) for photo in photos if photo.geotag is not None and which not in photo.geotag.unsigned
-    ]
-    result: list[Photo] = []
-    taken: list[str] = []
-    refused: list[str] = []
-    for photo in photos:
-        if photo.geotag is None or which not in photo.geotag.unsigned:
-            result.append(photo)
-            continue
-        size = abs(_value(photo, which))
-        signs = {value < 0 for value in known if abs(abs(value) - size) < _NEAR_DEG}
-        if len(signs) == 1:
-            taken.append(photo.name)
-            tag = replace(photo.geotag, unsigned=tuple(u for u in photo.geotag.unsigned if u != which))
-            value = -size if signs.pop() else size
-            tag = replace(tag, latitude_deg=value) if which == "latitude" else replace(tag, longitude_deg=value)
-            result.append(replace(photo, geotag=tag))
-        else:
-            refused.append(photo.name)
-            result.append(replace(photo, geotag=None))
-    tag_name, sides = _LETTERS[which]
-    findings = []
-    if taken:
-        message = f"{photos_have(taken)} no {tag_name}; {sides} is taken from the other photographs"
-        findings.append(Finding(taken[0], "gps-hemisphere", message))
-    if refused:
-        message = (
-            f"{photos_have(refused)} no {tag_name}, and nothing else says whether the {which} is {sides}; the position "
-            "is not used. Put the positions into a geo.txt"
-        )
-        findings.append(Finding(refused[0], "gps-hemisphere", message))
-    return result, findings
-
-
-def _value(photo: Photo, which: str) -> float:
-    assert photo.geotag is not None
-    return photo.geotag.latitude_deg if which == "latitude" else photo.geotag.longitude_deg

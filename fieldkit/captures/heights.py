@@ -28,8 +28,6 @@ _TAKE_OFF_SPREAD_M = 3.0
 """Range of altitudes less heights above take-off within one take-off, metres: barometers drift."""
 _ZERO_AMONG_M = 5.0
 """Median altitude below which a zero among others may be measured, metres."""
-_MIRRORED_SPREAD_M = 20.0
-"""Range below which altitudes of both signs are believed, metres."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +58,7 @@ def choose_heights(tags: Mapping[str, GeoTag]) -> Heights:
     else absolute altitudes of one datum.
     """
     findings: list[Finding] = []
-    absolute = _signed_alike(_without_zeros(tags, findings), findings)
+    absolute = _without_zeros(tags, findings)
     relative = _relative(tags)
     if len(absolute) > 1 and not any(absolute.values()):
         return Heights(
@@ -96,31 +94,12 @@ def _without_zeros(tags: Mapping[str, GeoTag], findings: list[Finding]) -> dict[
     if not zeros or (others and abs(float(np.median(others))) < _ZERO_AMONG_M) or len(altitudes) < 2:
         return altitudes
     if others or len(_relative(tags)) == len(tags):
-        message = f"{photos_have(zeros)} the altitude 0, which was not measured; not used"
+        message = f"{_photos_have(zeros)} the altitude 0, which was not measured; not used"
         findings.append(Finding(zeros[0], "altitude-zero", message))
         return {n: a for n, a in altitudes.items() if a != 0.0}
     message = "every altitude is 0, so none was measured; all photographs are taken to be at one height"
     findings.append(Finding(zeros[0], "altitude-zero", message))
     return altitudes
-
-
-def _signed_alike(altitudes: dict[str, float], findings: list[Finding]) -> dict[str, float]:
-    """Altitudes whose signs alone set them apart get the sign of most; of two halves none is believed."""
-    values = np.array(list(altitudes.values()))
-    below = [n for n, a in altitudes.items() if a < 0]
-    if not below or len(below) == len(values):
-        return altitudes
-    if np.ptp(values) < _MIRRORED_SPREAD_M or np.ptp(values) < 4.0 * np.ptp(np.abs(values)):
-        return altitudes
-    above = [n for n in altitudes if n not in below]
-    if len(below) == len(above):
-        message = f"{photos_have(below)} an altitude below sea level and as many the same above it; none is used"
-        findings.append(Finding(below[0], "altitude-sign", message))
-        return {}
-    few, sign = (below, 1.0) if len(below) < len(above) else (above, -1.0)
-    message = f"{photos_have(few)} the altitude of the others with the other sign; the others' is used"
-    findings.append(Finding(few[0], "altitude-sign", message))
-    return {n: sign * abs(a) for n, a in altitudes.items()}
 
 
 def _relative(tags: Mapping[str, GeoTag]) -> dict[str, float]:
@@ -200,8 +179,8 @@ def _joined(
         heights[name], accuracies[name] = absolute[name], vertical_accuracy_m(tags[name])
     if joined:
         message = (
-            f"{photos_have(joined)} no altitude as good as the others'; their heights are those above take-off, put on "
-            "the others' datum"
+            f"{_photos_have(joined)} no altitude as good as the others'; their heights are those above take-off, put "
+            "on the others' datum"
         )
         findings.append(Finding(joined[0], "heights-joined", message))
     other, more = "its altitude is not above what the others' are", ", else relative altitude" if joined else ""
@@ -219,7 +198,7 @@ def _above_take_off(
     if np.ptp(offsets) <= _TAKE_OFF_SPREAD_M:
         if len(alike) < len(absolute):
             other = [n for n in absolute if n not in alike]
-            message = f"{photos_have(other)} an altitude above another datum; heights above take-off hold all together"
+            message = f"{_photos_have(other)} an altitude above another datum; heights above take-off hold all together"
             findings.append(Finding(other[0], "heights-joined", message))
         else:
             findings += _mixed(tags, absolute)
@@ -248,6 +227,6 @@ def _mixed(tags: Mapping[str, GeoTag], absolute: Mapping[str, float]) -> list[Fi
     return [Finding(next(iter(absolute)), "mixed-datums", f"altitudes are above {' and '.join(datums)}")]
 
 
-def photos_have(names: list[str]) -> str:
+def _photos_have(names: list[str]) -> str:
     """``3 photographs have``."""
     return count(len(names), "photograph has", "photographs have")

@@ -35,8 +35,6 @@ class GeoTag:
     """One standard deviation as the camera gives it, or None."""
     rtk: bool = False
     """Whether the position is a fixed RTK solution (DJI's RtkFlag 50), so good to centimetres."""
-    unsigned: tuple[str, ...] = ()
-    """Which of "latitude" and "longitude" have no hemisphere letter, so that their sign is not known."""
 
 
 @dataclass(frozen=True)

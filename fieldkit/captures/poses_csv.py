@@ -3,8 +3,8 @@
     image,x_m,y_m,z_m[,yaw_deg,pitch_deg[,roll_deg]][,accuracy_m]
 
 Columns may stand in any order and have the names that Metashape and Pix4D give them (`read_columns`). Fields are
-separated by commas, semicolons or tabs, or by blanks where there is none of these. Where commas do not separate fields,
-they are decimal marks or stand between thousands.
+separated by commas, semicolons or tabs, or by blanks where there is none of these. In a file without decimal points
+commas in numbers are decimal marks.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fieldkit.captures.tables import NumberStyle, keep_row, number_style, parse_number, read_text
+from fieldkit.captures.tables import keep_row, parse_number, read_text
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.results.finding import Finding
@@ -107,18 +107,15 @@ def parse_poses_csv(text: str, path: Path | None = None) -> tuple[list[PoseRow],
         raise MetadataError("the first line has no column names", path=path, remedy=f"Put a header first: {LAYOUT}.")
     columns, findings = read_columns(header, path)
     fields = [(number, _fields(line, delimiter, columns, number, path)) for number, line in lines[1:]]
-    style = number_style(
-        row[k] for _, row in fields for k in range(min(columns.count, len(row))) if k != columns.index["image"]
-    )
-    if not style.certain:
-        findings.append(Finding("poses.csv", "number-ambiguous", _ambiguous(style)))
+    numeric = [k for key, k in columns.index.items() if key != "image"] + [k for k, _ in columns.accuracies]
+    comma = not any("." in row[k] for _, row in fields for k in numeric if k < len(row))
     rows: dict[str, tuple[int, PoseRow]] = {}
     decimals = 0
     for number, row_fields in fields:
-        row = _read_row(row_fields, columns, number, style, path)
+        row = _read_row(row_fields, columns, number, comma, path)
         if row is None:
             continue
-        decimals = max(decimals, _decimals(row_fields, columns, style))
+        decimals = max(decimals, _decimals(row_fields, columns))
         if odd := keep_row(rows, row.image, row, number, "pose", path):
             findings.append(Finding(row.image, "pose-repeated", odd))
     if not rows:
@@ -161,16 +158,10 @@ def _fields(line: str, delimiter: str, columns: PoseColumns, number: int, path: 
     return fields
 
 
-def _ambiguous(style: NumberStyle) -> str:
-    if style.decimal == ",":
-        return "commas are read as decimal marks (1,234 as 1.234); if they stand between thousands, remove them"
-    return "commas are read as marks between thousands (1,234 as 1234); write decimals with one mark throughout"
-
-
-def _decimals(fields: Sequence[str], columns: PoseColumns, style: NumberStyle) -> int:
+def _decimals(fields: Sequence[str], columns: PoseColumns) -> int:
     """Decimals that x and y are both written with."""
     plane = (fields[columns.index[key]] for key in columns.coordinates[:2])
-    return min(len(text.replace(style.decimal, ".").partition(".")[2]) for text in plane)
+    return min(len(text.replace(",", ".").partition(".")[2]) for text in plane)
 
 
 def _refuse_degrees(rows: Sequence[PoseRow], path: Path | None) -> None:
@@ -189,9 +180,7 @@ def _refuse_degrees(rows: Sequence[PoseRow], path: Path | None) -> None:
     )
 
 
-def _read_row(
-    fields: Sequence[str], columns: PoseColumns, line: int, style: NumberStyle, path: Path | None
-) -> PoseRow | None:
+def _read_row(fields: Sequence[str], columns: PoseColumns, line: int, comma: bool, path: Path | None) -> PoseRow | None:
     """A line's pose; None where it gives a photograph no position at all."""
 
     def field(position: int | None) -> str:
@@ -201,14 +190,15 @@ def _read_row(
         text = field(position)
         if not text and not needed:
             return None
-        value = parse_number(text, style)
+        value = parse_number(text, decimal_comma=comma)
         low, high = _LIMITS.get(key, (-_FAR_M, _FAR_M))
         what = f"line {line}, column {columns.names[position] if position is not None else key}"
         if value is None:
             raise MetadataError(
                 f"{what}: {text[:40]!r} is not a number" if text else f"{what} is empty",
                 path=path,
-                remedy="Write plain numbers such as 1.25; leave a line out when a position is not known.",
+                remedy="Write plain numbers such as 1.25, all with one decimal mark, none between thousands; leave a "
+                "line out when a position is not known.",
             )
         if not low <= value <= high:
             raise MetadataError(f"{what}: {value:g} is outside {low:g} … {high:g}", path=path, remedy="Check the unit.")

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from fieldkit.arrays import FloatArray
 from fieldkit.captures.crs import frame_about
-from fieldkit.captures.geo_txt import GeoRow, settled_heights
+from fieldkit.captures.geo_txt import GeoRow
 from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M, choose_heights
 from fieldkit.captures.model import GeoTag, Photo
 from fieldkit.captures.poses_csv import PoseRow
@@ -126,9 +126,6 @@ def _turned(photo: Photo, row: PoseRow | None) -> Photo:
 def priors_from_geo(photos: Sequence[Photo], rows: Sequence[GeoRow]) -> PriorSet:
     """Priors from geo.txt in a local east-north-up frame, with the photographs' XMP angles."""
     matched, findings = _match([row.image for row in rows], photos, "geo.txt")
-    own = {p.name: p.geotag.altitude_m for p in photos if p.geotag is not None and p.geotag.altitude_m is not None}
-    rows, odd = settled_heights(rows, {row: own[name] for row, name in matched.items() if name in own})
-    findings += odd
     tags: dict[str, GeoTag] = {matched[row.image]: row for row in rows if row.image in matched}
     return _finish(_georeferenced(photos, tags, "geo.txt", findings), photos)
 

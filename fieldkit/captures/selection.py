@@ -14,7 +14,6 @@ from pathlib import Path
 
 from fieldkit.captures.capture import Part, assembled, distinct, of_one_camera, read_photo
 from fieldkit.captures.folder import FolderContents, list_folder, natural_key
-from fieldkit.captures.gps_tags import settle_hemispheres
 from fieldkit.captures.model import Capture, Photo
 from fieldkit.errors import CaptureError
 from fieldkit.results.finding import Finding
@@ -95,8 +94,7 @@ def find_photographs(
     found.sort(key=lambda each: natural_key(each.place))
     once, duplicates = distinct([replace(each.photo, name=each.place) for each in found])
     left = {photo.name for photo in once}
-    settled, hemispheres = _with_hemispheres([each for each in found if each.place in left])
-    return FoundPhotos(root, tuple(settled), (*findings, *duplicates, *hemispheres))
+    return FoundPhotos(root, tuple(each for each in found if each.place in left), (*findings, *duplicates))
 
 
 def photographs_at(paths: Sequence[Path]) -> list[FoundPhoto]:
@@ -116,7 +114,7 @@ def photographs_at(paths: Sequence[Path]) -> list[FoundPhoto]:
                 photo, _ = read_photo(candidate)
                 if photo is not None:
                     found.append(FoundPhoto(photo, candidate.path.as_posix(), contents.sidecars))
-    return _with_hemispheres(found)[0]
+    return found
 
 
 def capture_of(photos: Sequence[FoundPhoto], *, camera: Path | None = None, without: Iterable[str] = ()) -> Capture:
@@ -183,12 +181,3 @@ def _with_sidecars_above(contents: FolderContents) -> FolderContents:
 
 def _place(path: Path, root: Path) -> str:
     return path.relative_to(root).as_posix().encode("utf-8", "backslashreplace").decode()
-
-
-def _with_hemispheres(found: Sequence[FoundPhoto]) -> tuple[list[FoundPhoto], list[Finding]]:
-    """`settle_hemispheres`, its findings named by places."""
-    settled, findings = settle_hemispheres([replace(each.photo, name=each.place) for each in found])
-    kept = [
-        replace(each, photo=replace(photo, name=each.photo.name)) for each, photo in zip(found, settled, strict=True)
-    ]
-    return kept, findings

@@ -7,7 +7,6 @@ import math
 import re
 import unicodedata
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TypeVar
 
@@ -18,8 +17,6 @@ from fieldkit.errors import MetadataError
 _MAX_BYTES = 64 << 20
 """Largest table that is read, bytes."""
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
-_ANY_NUMBER = re.compile(r"[+-]?[0-9.,]*[0-9][0-9.,]*(?:[eE][+-]?[0-9]{1,3})?")
-_GROUP = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
 
 
 Row = TypeVar("Row")
@@ -43,51 +40,9 @@ def decode_text(data: bytes, path: Path | None = None) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-@dataclass(frozen=True)
-class NumberStyle:
-    """How a file writes its numbers."""
-
-    decimal: str = "."
-    """Mark before the decimals, "." or ","."""
-    thousands: str = ""
-    """Mark between groups of three digits, "" where there is none."""
-    certain: bool = True
-    """Whether the file shows it; else it is the likelier of two readings."""
-
-
-def number_style(fields: Iterable[str]) -> NumberStyle:
-    """How numbers are written in a file whose commas do not separate its fields (all of them, in any order)."""
-    texts = [field.strip() for field in fields if _ANY_NUMBER.fullmatch(field.strip())]
-    for thousands, decimal in ((",", "."), (".", ",")):
-        if any(_grouped(text, thousands, decimal) for text in texts):
-            return NumberStyle(decimal, thousands)
-    commas = [text for text in texts if "," in text]
-    if not commas:
-        return NumberStyle()
-    if any("." in text for text in texts):  # both marks, never in one number: 512,345 beside 198.6
-        return NumberStyle(".", ",", certain=False) if all(map(_GROUP.fullmatch, commas)) else NumberStyle(",")
-    return NumberStyle(",", certain=not all(map(_GROUP.fullmatch, commas)))
-
-
-def _grouped(text: str, thousands: str, decimal: str) -> bool:
-    """Whether a number can only be one with that mark between its groups: two groups, or the other mark behind them."""
-    head, _, _ = text.lstrip("+-").partition(decimal)
-    groups = head.split(thousands)
-    if len(groups) < 2 or not all(len(group) == 3 for group in groups[1:]) or not 1 <= len(groups[0]) <= 3:
-        return False
-    return thousands not in text[text.find(decimal) :] if decimal in text else len(groups) > 2
-
-
-def parse_number(text: str, style: NumberStyle | None = None) -> float | None:
+def parse_number(text: str, *, decimal_comma: bool = False) -> float | None:
     """A plain finite decimal number, or None (also for nan, inf, 1_000 and digits of other scripts)."""
-    cleaned = text.strip()
-    if style is not None and style.thousands:
-        head, mark, tail = cleaned.partition(style.decimal)
-        groups = head.lstrip("+-").split(style.thousands)
-        if all(len(group) == 3 for group in groups[1:]):
-            cleaned = head.replace(style.thousands, "") + mark + tail
-    if style is not None and style.decimal == "," and "." not in cleaned:
-        cleaned = cleaned.replace(",", ".", 1)
+    cleaned = text.strip().replace(",", ".", 1) if decimal_comma else text.strip()
     if _NUMBER.fullmatch(cleaned) is None:
         return None
     value = float(cleaned)

@@ -67,7 +67,7 @@ def judge(
         k = photo_of.get(station)
         if k is None:
             row = StationCheck(station)
-            odd = finding_of("missing", station, "", "it has no photograph", _FLY)
+            odd: Finding | None = finding_of("missing", station, "", "it has no photograph", _FLY)
         else:
             row, odd = _judged(station, k, names[k], plan, placed, pictures[names[k]], settings)
         rows.append(row if odd is None else replace(row, verdict="fly again"))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from fieldkit.captures import read_capture, read_image
-from fieldkit.captures.decode import jpeg_is_complete, read_png_metadata
+from fieldkit.captures.decode import jpeg_is_complete
 from tests.captures.photographs import MakePhoto, exif_block, texture
 
 
@@ -74,10 +74,3 @@ def test_jpegs_cut_anywhere_are_noticed(share: float, progressive: bool, zeros: 
     data = encoded("JPEG", progressive=progressive)
     cut = data[: int(share * (len(data) - 1))]
     assert not jpeg_is_complete(cut + bytes(zeros))
-
-
-@given(st.floats(0, 1, exclude_max=True))
-def test_pngs_cut_anywhere_are_noticed(share: float) -> None:
-    data = encoded("PNG")
-    assert read_png_metadata(data) is not None
-    assert read_png_metadata(data[: int(share * len(data))]) is None

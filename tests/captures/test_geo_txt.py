@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fieldkit.captures.geo_txt import GeoRow, parse_geo_txt, settled_heights
+from fieldkit.captures.geo_txt import GeoRow, parse_geo_txt
 from fieldkit.errors import FieldkitError, MetadataError
 from fieldkit.geometry.geodesy import geodetic_to_ecef
 
@@ -78,45 +78,38 @@ def test_any_text_is_read_or_refused(text: str) -> None:
 SURVEY_FOOT = 1200 / 3937
 
 
-@pytest.mark.parametrize(
-    ("header", "unit", "assumed"),
-    [
-        ("EPSG:26849", SURVEY_FOOT, True),  # Minnesota North, US survey feet; nothing said of heights
-        ("EPSG:2222", 0.3048, True),  # Arizona East, international feet
-        ("EPSG:26849+6360", SURVEY_FOOT, False),  # with NAVD88 in feet
-        ("EPSG:26849+5703", 1.0, False),  # with NAVD88 in metres
-        ("EPSG:32615", 1.0, False),
-        ("EPSG:4269", 1.0, False),
-        ("+proj=utm +zone=15 +datum=WGS84 +units=us-ft", SURVEY_FOOT, True),
-        ("+proj=utm +zone=15 +datum=WGS84 +units=us-ft +vunits=us-ft", SURVEY_FOOT, False),
-    ],
-)
-def test_heights_and_accuracies_have_the_projections_unit(header: str, unit: float, assumed: bool) -> None:
+def of_minnesota(header: str, z: str) -> str:
+    """A photograph in a projection, with accuracies in the units of its heights."""
     pyproj = pytest.importorskip("pyproj", reason="pyproj (extra 'geo') is not installed")
     crs = pyproj.CRS.from_user_input(header)
     x, y = pyproj.Transformer.from_crs("EPSG:4326", crs, always_xy=True).transform(-91.994, 46.8426)
-    rows, _ = parse_geo_txt(f"{header}\na.jpg {x!r} {y!r} 651.48 0 0 0 0.066 0.098\n")
-    assert (rows[0].latitude_deg, rows[0].longitude_deg) == pytest.approx((46.8426, -91.994), abs=1e-5)
-    lengths = (rows[0].altitude_m, rows[0].horizontal_accuracy_m, rows[0].vertical_accuracy_m)
-    assert lengths == pytest.approx((651.48 * unit, 0.066 * unit, 0.098 * unit))
-    assert rows[0].assumed_unit_m == pytest.approx(unit if assumed else 1.0)
+    return f"{header}\na.jpg {x!r} {y!r} {z}\n"
 
 
 @pytest.mark.parametrize(
-    ("own", "expected", "words"),
+    ("header", "unit"),
     [
-        ({}, 198.57, "feet, like x and y, but the file does not say so"),
-        ({"a.jpg": 230.0}, 198.57, "feet, like x and y, as the photographs' own altitudes say"),
-        ({"a.jpg": 600.0}, 651.48, "metres, as the photographs' own altitudes are"),
-        ({"b.jpg": 600.0}, 198.57, "does not say so"),
+        ("EPSG:26849+6360", SURVEY_FOOT),  # Minnesota North with NAVD88, both in US survey feet
+        ("EPSG:26849+5703", 1.0),  # with NAVD88 in metres
+        ("EPSG:32615", 1.0),
+        ("EPSG:4269", 1.0),
+        ("+proj=utm +zone=15 +datum=WGS84 +units=us-ft +vunits=us-ft", SURVEY_FOOT),
     ],
 )
-def test_the_photographs_altitudes_settle_the_unit_of_heights(own: dict, expected: float, words: str) -> None:
-    rows = [GeoRow(46.8, -92.0, 651.48 * SURVEY_FOOT, image="a.jpg", assumed_unit_m=SURVEY_FOOT)]
-    settled, findings = settled_heights(rows, own)
-    assert settled[0].altitude_m == pytest.approx(expected, abs=0.01)
-    assert [finding.code for finding in findings] == ["height-unit"]
-    assert words in findings[0].message
+def test_heights_and_accuracies_have_the_projections_unit(header: str, unit: float) -> None:
+    rows, _ = parse_geo_txt(of_minnesota(header, "651.48 0 0 0 0.066 0.098"))
+    assert (rows[0].latitude_deg, rows[0].longitude_deg) == pytest.approx((46.8426, -91.994), abs=1e-5)
+    lengths = (rows[0].altitude_m, rows[0].horizontal_accuracy_m, rows[0].vertical_accuracy_m)
+    assert lengths == pytest.approx((651.48 * unit, 0.066 * unit, 0.098 * unit))
+
+
+@pytest.mark.parametrize("header", ["EPSG:26849", "EPSG:2222", "+proj=utm +zone=15 +datum=WGS84 +units=us-ft"])
+def test_heights_whose_unit_nothing_says_are_refused(header: str) -> None:
+    with pytest.raises(MetadataError, match="does not say whether heights are, too") as caught:
+        parse_geo_txt(of_minnesota(header, "651.48"))
+    assert "EPSG:26849+6360" in caught.value.remedy
+    rows, _ = parse_geo_txt(of_minnesota(header, ""))
+    assert rows[0].altitude_m is None
 
 
 @pytest.mark.parametrize("header", ["EPSG:4978", "+proj=geocent +datum=WGS84 +units=m"])

@@ -86,22 +86,6 @@ def absolute(*values: float, **more: object) -> dict[str, GeoTag]:
     return {f"{k}.jpg": tag(value, None, **more) for k, value in enumerate(values)}
 
 
-@pytest.mark.parametrize(
-    ("values", "expected"),
-    [
-        ((198.6, -198.5, 198.4), (198.6, 198.5, 198.4)),
-        ((-420.0, 419.0, -418.0), (-420.0, -419.0, -418.0)),
-        ((-3.0, 4.0, 2.0), (-3.0, 4.0, 2.0)),  # a coast
-        ((-30.0, 60.0, 5.0), (-30.0, 60.0, 5.0)),
-        ((-198.0, -197.0), (-198.0, -197.0)),
-    ],
-)
-def test_altitudes_that_differ_by_their_sign_alone(values: tuple[float, ...], expected: tuple[float, ...]) -> None:
-    chosen = choose_heights(absolute(*values))
-    assert tuple(chosen.heights.values()) == expected
-    assert codes(chosen) == ([] if values == expected else ["altitude-sign"])
-
-
 def test_an_altitude_of_zero_among_others_is_none() -> None:
     chosen = choose_heights(absolute(120.0, 0.0, 121.0))
     assert list(chosen.heights) == ["0.jpg", "2.jpg"]

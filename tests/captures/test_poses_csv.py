@@ -54,27 +54,23 @@ def test_feet(text: str, metres: float) -> None:
 @pytest.mark.parametrize(
     ("fields", "expected"),
     [
-        ("412,345.67;5,188,123.4;198.5", (412345.67, 5188123.4, 198.5)),
-        ("412,345.67;5,188,123;198", (412345.67, 5188123.0, 198.0)),
-        ("412.345,67;5.188.123,4;198,5", (412345.67, 5188123.4, 198.5)),
         ("412345,67;5188123,4;198,5", (412345.67, 5188123.4, 198.5)),
         ("412345.67;5188123.4;198.5", (412345.67, 5188123.4, 198.5)),
-        ("-412,345.67;5,188,123;-0.5", (-412345.67, 5188123.0, -0.5)),
         ("0,345;2,5;3", (0.345, 2.5, 3.0)),
     ],
 )
-def test_commas_between_semicolons_are_decimals_or_thousands(fields: str, expected: tuple[float, float, float]) -> None:
+def test_commas_between_semicolons_are_decimals(fields: str, expected: tuple[float, float, float]) -> None:
     for mark in (";", "\t"):
         (row,), findings = parse_poses_csv(f"image;x;y;z\na.jpg;{fields}\n".replace(";", mark))
         assert row.position == pytest.approx(expected)
         assert findings == []
 
 
-def test_commas_that_may_be_either_are_told_of() -> None:
-    for fields, x in (("1,234;2,345;3,456", 1.234), ("512,345;188,123;198.6", 512345.0)):
-        (row,), findings = parse_poses_csv(f"image;x;y;z\na.jpg;{fields}\n")
-        assert row.position[0] == x
-        assert [finding.code for finding in findings] == ["number-ambiguous"]
+@pytest.mark.parametrize("fields", ["412,345.67;5,188,123.4;198.5", "412.345,67;5.188.123,4;198,5", "5,188,123;2;3"])
+def test_marks_between_thousands_are_refused(fields: str) -> None:
+    with pytest.raises(MetadataError, match="is not a number") as caught:
+        parse_poses_csv(f"image;x;y;z\na.jpg;{fields}\n")
+    assert "none between thousands" in caught.value.remedy
 
 
 LONG_LAT = "a.jpg,-91.99421010,46.84252125,198.61\nb.jpg,-91.99408610,46.84260901,198.70\n"
