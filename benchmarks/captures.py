@@ -9,6 +9,7 @@ from pathlib import Path
 
 from benchmarks.rigs import RigSet
 from benchmarks.scenes import Split, benchmark_cameras, benchmark_scene
+from fieldkit.captures.poses_csv import PoseRow, poses_table
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.files import storage_errors
@@ -19,7 +20,7 @@ from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.sampling import sample_visible
 from fieldkit.scenes.scene import Scene
-from fieldkit.scenes.simulate import CaptureNoise, Sidecars, camera_toml, poses_table, simulate_capture
+from fieldkit.scenes.simulate import CaptureNoise, Sidecars, camera_toml, simulate_capture
 from fieldkit_sim.plot import build_scene
 
 LOWEST_M = 0.03
@@ -76,6 +77,6 @@ def rig_capture(folder: Path, rig: RigSet, names: Sequence[str], poses: Mapping[
         folder.mkdir(parents=True)
         for name in names:
             shutil.copyfile(rig.capture.photo(name).path, folder / name)
-        table = poses_table(names, [poses[name] for name in names], accuracy_m=accuracy_m, roll=True)
-        (folder / "poses.csv").write_text(table, encoding="utf-8")
+        rows = [PoseRow.of(name, poses[name], accuracy_m, roll=True) for name in names]
+        (folder / "poses.csv").write_text(poses_table(rows), encoding="utf-8")
         (folder / "camera.toml").write_text(camera_toml(rig.intrinsics), encoding="utf-8")

@@ -20,6 +20,7 @@ from PIL import Image
 from benchmarks.scene_views import CAMERA
 from fieldkit.arrays import ByteArray, Float32Array, FloatArray
 from fieldkit.captures import Capture, GeoTag, Photo, read_capture
+from fieldkit.captures.poses_csv import PoseRow, poses_table
 from fieldkit.captures.priors import priors_from_gps
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
@@ -31,7 +32,7 @@ from fieldkit.scenes.description import build
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene_file import read_scene
-from fieldkit.scenes.simulate import Outdoors, Sidecars, poses_table, simulate_capture
+from fieldkit.scenes.simulate import Outdoors, Sidecars, simulate_capture
 from fieldkit.sites.site import Site, SitePlot
 
 STATIONS = 13
@@ -120,7 +121,7 @@ def photograph_plot(scene: str, folder: Path, seed: int) -> PlotPhotographs:
         folder / "strayed",
         plan,
         _site(origin, description.row_heading_deg),
-        poses_table(names, stations, accuracy_m=POSITION_SIGMA_M),
+        poses_table([PoseRow.of(n, p, POSITION_SIGMA_M) for n, p in zip(names, stations, strict=True)]),
         description.camera_effects.grain,
     )
 

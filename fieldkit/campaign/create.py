@@ -19,7 +19,6 @@ from fieldkit.campaign.reading import (
     read_campaign,
 )
 from fieldkit.captures.camera_file import read_camera_file
-from fieldkit.documents.mistaken import check_order
 from fieldkit.documents.toml_file import read_versioned, sentence
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.settings import EvaluationSettings
@@ -78,7 +77,6 @@ def init_campaign(
     if around is not None:
         why = "is a campaign already" if around == folder.resolve() else f"lies in the campaign {around}"
         raise UsageError(why, path=folder, remedy="Choose another folder, or evaluate captures into that campaign.")
-    check_order(sources.plan, sources.site)
     plan = load_plan(sources.plan)
     site = load_site(sources.site, sources.plots, sources.plot_id, tell=tell)
     if sources.vehicle is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -41,8 +41,7 @@ def group_cameras(
     findings: list[Finding] = []
     for key, shared in members.items():
         index = key[0] if isinstance(key[0], int) else None
-        unzoomed = {(p.make, p.model, p.focal_mm): p.focal_35mm for p in photos if p.digital_zoom == 1.0}
-        group, more = _make_group(shared, None if index is None else entries[index], index, path, unzoomed)
+        group, more = _make_group(shared, None if index is None else entries[index], index, path)
         if source and group.source == (path and path.name.lower()):
             group = replace(group, source=source)
         groups.append(group)
@@ -81,7 +80,6 @@ def _make_group(
     entry: CameraEntry | None,
     index: int | None,
     path: Path | None,
-    unzoomed: Mapping[tuple[str | None, str | None, float | None], float | None],
 ) -> tuple[CameraGroup, list[Finding]]:
     first = photos[0]
     names = tuple(photo.name for photo in photos)
@@ -102,33 +100,14 @@ def _make_group(
         return CameraGroup(key, names, None, "self-calibrated", False), []
     zoomed: list[Finding] = []
     if first.digital_zoom > 1.0:
-        focal, message = _zoomed(first, focal, unzoomed.get((first.make, first.model, first.focal_mm)))
+        message = (
+            f"{first.digital_zoom:g}× digital zoom: the focal length is taken for {focal:.0f} px; where the 35 mm "
+            "equivalent includes the zoom, give camera.toml"
+        )
         zoomed.append(Finding(first.name, "digital-zoom", message))
     params = (focal, first.width / 2, first.height / 2, 0.0)
     intrinsics = Intrinsics("SIMPLE_RADIAL", first.width, first.height, params)
     return CameraGroup(key, names, intrinsics, "EXIF", False), zoomed
-
-
-def _zoomed(photo: Photo, focal_px: float, unzoomed_35mm: float | None) -> tuple[float, str]:
-    """The focal length of a photograph with digital zoom, and a sentence about it.
-
-    Most cameras leave their 35 mm equivalent as it is without zoom, Apple's multiply it. A photograph of the same
-    camera and lens without zoom tells.
-    """
-    zoom, own = photo.digital_zoom, photo.focal_35mm
-    text = f"{zoom:g}× digital zoom"
-    if own is None:
-        return focal_px, f"{text}, which lengthens the focal length to {focal_px:.0f} px"
-    if unzoomed_35mm is not None:
-        included = abs(own / (unzoomed_35mm * zoom) - 1.0) < abs(own / unzoomed_35mm - 1.0)
-        why = "as photographs without it show"
-    else:
-        included = (photo.make or "").lower().startswith("apple")
-        why = "as this maker's equivalents include it" if included else "as most makers' equivalents leave it out"
-    focal = focal_px / zoom if included else focal_px
-    other = focal_px if included else focal_px / zoom
-    doubt = "" if unzoomed_35mm is not None else f"; it may be {other:.0f} px: give camera.toml where it matters"
-    return focal, f"{text}: the focal length is taken for {focal:.0f} px, {why}{doubt}"
 
 
 def _focal_text(photo: Photo) -> str | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import unicodedata
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,11 +22,6 @@ SIDECARS = ("poses.csv", "geo.txt", "camera.toml", "camera.json", "markers.toml"
 CONTROL_POINTS = ("gcp_list.txt", "gcp.txt")
 """ODM's files of ground control points, which are not read."""
 
-_UNREAD_NAMES = frozenset({"transforms.json", "reconstruction.json", "geolocation.csv", "reference.txt"})
-_UNREAD_SUFFIXES = frozenset({".srt", ".yaml", ".yml", ".mrk", ".gpx", ".nvm", ".xmp"})
-_NOT_READ = (
-    "not read: positions come from poses.csv, geo.txt, other programs' results or GPS, calibrations from camera.toml"
-)
 _FORMAT_SUFFIXES = {"JPEG": {".jpg", ".jpeg", ".jpe", ".jfif"}, "PNG": {".png"}, "TIFF": {".tif", ".tiff"}}
 _OTHER_IMAGES = {"HEIC", "AVIF", "WebP", "GIF", "BMP", "JPEG 2000", "JPEG XL"}
 _MASK = re.compile(r"(^|[._-])mask\.[a-z]+$", re.IGNORECASE)
@@ -323,25 +317,14 @@ def _find_sidecars(folders: tuple[Path, ...], root: Path) -> tuple[dict[str, Pat
                 findings.append(Finding(path.name, "sidecar-unused", f"{found[name].name} is used instead"))
             elif not path.is_dir():
                 findings.append(Finding(path.name, "unreadable", "not a regular file", True))
-        unread = _names(folder, lambda name: name in _UNREAD_NAMES or Path(name).suffix in _UNREAD_SUFFIXES)
-        for suffix in dict.fromkeys(Path(name).suffix.lower() for name in unread):
-            alike = [name for name in unread if Path(name).suffix.lower() == suffix]
-            more = f" (and {len(alike) - 1} more)" if len(alike) > 1 else ""
-            findings.append(Finding(alike[0], "sidecar-unused", f"{_NOT_READ}{more}"))
     return found, findings
-
-
-def _names(folder: Path, wanted: Callable[[str], bool]) -> list[str]:
-    """Names in a folder whose small letters are wanted, in natural order."""
-    try:
-        found = [path.name for path in Path(folder).iterdir() if wanted(path.name.lower())]
-    except OSError:
-        return []
-    return sorted((name for name in found if _is_text(name)), key=natural_key)
 
 
 def _text_files(folder: Path) -> list[Path]:
     """Sidecars and control points in a folder, those first whose names are in small letters."""
     known = (*SIDECARS, *CONTROL_POINTS)
-    found = [Path(folder) / name for name in _names(folder, known.__contains__)]
+    try:
+        found = [path for path in Path(folder).iterdir() if path.name.lower() in known]
+    except OSError:
+        return []
     return sorted(found, key=lambda path: (known.index(path.name.lower()), path.name != path.name.lower(), path.name))

@@ -10,6 +10,7 @@ commas in numbers are decimal marks.
 from __future__ import annotations
 
 import csv
+import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,8 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from fieldkit.captures.tables import keep_row, parse_number, read_text
+from fieldkit.documents.csv_text import on_one_line
 from fieldkit.errors import MetadataError
+from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import on_earth
+from fieldkit.geometry.priors import POSITION_SIGMA_M, PosePrior
 from fieldkit.results.finding import Finding
 from fieldkit.wording import count
 
@@ -38,6 +42,9 @@ _DEGREES_DECIMALS = 5
 """Least decimals that degrees take to tell a capture's photographs apart."""
 
 
+_DECIMALS = 5
+"""Of metres and degrees that are written."""
+_OPTIONAL = ("yaw_deg", "pitch_deg", "roll_deg", "accuracy_m")
 LAYOUT = "image,x_m,y_m,z_m[,yaw_deg,pitch_deg[,roll_deg]][,accuracy_m]"
 _FOOT_M = 0.3048
 """International foot, metres."""
@@ -81,6 +88,31 @@ class PoseRow:
     roll_deg: float | None = None
     accuracy_m: float | None = None
     geographic: bool = False
+
+    @classmethod
+    def of(cls, image: str, pose: Pose, accuracy_m: float | None = None, *, roll: bool = False) -> PoseRow:
+        """A photograph's pose; ``roll`` also gives the roll, which commanded poses do not have."""
+        yaw, pitch, roll_deg = pose.yaw_pitch_roll_deg()
+        x, y, z = pose.center.tolist()
+        return cls(image, (x, y, z), yaw, pitch, roll_deg if roll else None, accuracy_m)
+
+    def prior(self, source: str) -> PosePrior:
+        """What it says in its frame of metres."""
+        sigma = POSITION_SIGMA_M if self.accuracy_m is None else self.accuracy_m
+        prior = PosePrior(np.array(self.position), sigma, source=source)
+        return prior.with_angles((self.yaw_deg, self.pitch_deg, self.roll_deg))
+
+
+def poses_table(rows: Sequence[PoseRow]) -> str:
+    """The text of a poses.csv: metres and degrees, one line per photograph, with the columns that any of them has."""
+    keys = [key for key in _OPTIONAL if any(getattr(row, key) is not None for row in rows)]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["image", "x_m", "y_m", "z_m", *keys])
+    for row in rows:
+        values = (*row.position, *(getattr(row, key) for key in keys))
+        writer.writerow([on_one_line(row.image), *(v if v is None else round(float(v), _DECIMALS) for v in values)])
+    return text.getvalue()
 
 
 def read_poses_csv(path: Path) -> tuple[list[PoseRow], list[Finding]]:

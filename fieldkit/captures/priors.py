@@ -71,9 +71,8 @@ def priors_from_poses(photos: Sequence[Photo], rows: Sequence[PoseRow]) -> Prior
         name = matched.get(row.image)
         if name is None:
             continue
-        sigma = POSITION_SIGMA_M if row.accuracy_m is None else row.accuracy_m
-        prior = PosePrior(np.array(row.position), sigma, source="poses.csv")
-        priors[name] = prior.with_angles(None if unmeasured else (row.yaw_deg, row.pitch_deg, row.roll_deg))
+        prior = row.prior("poses.csv")
+        priors[name] = prior.with_angles(None) if unmeasured else prior
     # Where GPS knows their lengths, against_gps compares them.
     tagged = sum(photo.geotag is not None and photo.name in priors for photo in photos)
     doubt = unit_doubt(np.array([p.position for p in priors.values()], dtype=float))

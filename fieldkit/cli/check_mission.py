@@ -57,15 +57,12 @@ def command(
         fieldkit check-mission from_qgc.waypoints --vehicle ./my_drone.toml --json
     """
     from fieldkit.cli.progress import open_progress
-    from fieldkit.documents.mistaken import check_order
     from fieldkit.missions.check import check_on_ground
     from fieldkit.missions.files.formats import read_mission
     from fieldkit.missions.ground import ground_of
     from fieldkit.results.plan_file import load_plan
     from fieldkit.vehicles.vehicle_file import load_vehicle
 
-    if plan is not None and place.site is not None:
-        check_order(plan, place.site)
     site, flown_by = place.load(tell=None if as_json else say), load_vehicle(vehicle)
     read = read_mission(file)
     with open_progress(as_json=as_json):

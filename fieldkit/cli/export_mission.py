@@ -72,11 +72,9 @@ def command(
         fieldkit export-mission maize-plan --vehicle px4-gimbal --site site.toml --plots plots.gpkg --fit -o field
         fieldkit export-mission maize-plan --vehicle dji-mini-4-pro --site site.toml --format litchi --adjust -o field
     """
-    from fieldkit.documents.mistaken import check_order
     from fieldkit.missions.export_mission import export_mission
     from fieldkit.sites.site_file import load_site
 
-    check_order(plan, site)
     place = load_site(site, plots, plot_id, tell=None if as_json else say)
     with run_context(as_json=as_json) as context:
         done = export_mission(

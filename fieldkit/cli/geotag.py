@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,33 +15,7 @@ if TYPE_CHECKING:
     from fieldkit.flightlogs import FixedMount
     from fieldkit.flightlogs.geotag import GeotagReport
     from fieldkit.geometry.geodesy import LocalFrame
-    from fieldkit.sites.site import Site
     from fieldkit.sites.site_file import Tell
-
-
-@dataclass(frozen=True)
-class FrameOptions:
-    """Where the local frame lies."""
-
-    origin: Annotated[str, Option(metavar="LAT,LON,ALT")] = ""
-    """Of the local frame, altitude above sea level. Without: the home."""
-
-    def frame(self, place: SitePlotOptions, *, tell: Tell | None) -> tuple[LocalFrame | None, float]:
-        """The origin, None for the log's home, and the compass heading of the x axis: a plot's rows, else east."""
-        from fieldkit.geometry.geodesy import EAST_DEG, LocalFrame, on_earth
-
-        if self.origin and place.site is not None:
-            raise UsageError("--origin and --site both say where the frame lies", remedy="Give one of them.")
-        site = place.load(tell=tell)
-        if site is not None:
-            return _of_site(site, place)
-        if not self.origin:
-            return None, EAST_DEG
-        latitude, longitude, altitude = read_numbers("--origin", self.origin, (3,), least=-1000.0)
-        if not on_earth(latitude, longitude) or altitude > 10_000.0:
-            remedy = "Write it like --origin 50.865,6.4473,92 (latitude first)."
-            raise UsageError(f"--origin: not on Earth: {self.origin}", remedy=remedy)
-        return LocalFrame(latitude, longitude, altitude, "sea level"), EAST_DEG
 
 
 def command(
@@ -50,10 +23,8 @@ def command(
     log: Annotated[Path, Option()],
     output: Annotated[Path, Option("--output", "-o")] = Path("poses.csv"),
     *,
-    frame: FrameOptions,
     place: SitePlotOptions,
     mount: Annotated[str, Option(metavar="PITCH[,YAW]")] = "",
-    accuracy: Annotated[float | None, Option(metavar="M", min=0.001)] = None,
     camera_offset: Annotated[float | None, Option(metavar="S")] = None,
     camera: Annotated[int | None, Option(metavar="N")] = None,
     overwrite: OverwriteOption = False,
@@ -69,7 +40,6 @@ def command(
         log: Flight log: .tlog, .BIN or .ulg, also as .gz.
         output: poses.csv to write.
         mount: Of a camera without a gimbal, against the vehicle.
-        accuracy: Of the positions. Without: the log's.
         camera_offset: Camera's clock less UTC, where several offsets fit.
         camera: Whose triggers, of several cameras'. Without: what fits.
 
@@ -78,7 +48,8 @@ def command(
         fieldkit geotag flight_7/ --log flight_7.ulg --site field.toml --plots plots.gpkg --plot r3c2 -o p.csv
         fieldkit geotag flight_7/ --log flight_7.tlog --mount -90 --camera-offset 7200 -o poses.csv
     """
-    (origin, heading_deg), fixed = frame.frame(place, tell=None if as_json else say), _mount(mount)
+    origin, heading_deg = frame_of_plot(place, tell=None if as_json else say)
+    fixed = _mount(mount)
     from fieldkit.flightlogs.geotag import geotag
 
     report = geotag(
@@ -88,7 +59,6 @@ def command(
         origin=origin,
         heading_deg=heading_deg,
         mount=fixed,
-        accuracy_m=accuracy,
         offset_s=camera_offset,
         camera=camera,
         overwrite=overwrite,
@@ -133,9 +103,13 @@ def _tell(report: GeotagReport, output: Path) -> None:
         say(remark)
 
 
-def _of_site(site: Site, place: SitePlotOptions) -> tuple[LocalFrame, float]:
-    """A plot's origin and the heading of its rows: the plan's frame there."""
-    from fieldkit.geometry.geodesy import LocalFrame
+def frame_of_plot(place: SitePlotOptions, *, tell: Tell | None) -> tuple[LocalFrame | None, float]:
+    """A plot's origin and the heading of its rows, the plan's frame there; without a site the log's home and east."""
+    from fieldkit.geometry.geodesy import EAST_DEG, LocalFrame
+
+    site = place.load(tell=tell)
+    if site is None:
+        return None, EAST_DEG
 
     path, name = place.site, place.plot
     plot = next((p for p in site.plots if p.name == name or (not name and len(site.plots) == 1)), None)
@@ -147,7 +121,7 @@ def _of_site(site: Site, place: SitePlotOptions) -> tuple[LocalFrame, float]:
         raise UsageError(
             f"does not say how high {plot.name} lies above sea level, which logs count from",
             path=path,
-            remedy="Give the home's amsl_m and the plot's height above home, or --origin LAT,LON,ALT.",
+            remedy="Give the home's amsl_m and the plot's height above home.",
         )
     origin = LocalFrame(plot.latitude_deg, plot.longitude_deg, zero + plot.height_m, "sea level")
     return origin, plot.row_heading_deg

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from fieldkit.documents.toml_file import parse_toml
 from fieldkit.errors import InputError, MetadataError, UsageError
 from fieldkit.geometry.geodesy import great_circle_m, on_earth
-from fieldkit.regular_files import open_regular, read_regular
+from fieldkit.regular_files import read_regular
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -50,9 +50,6 @@ DEGREES = Slip(
 )
 CENTIMETRES = Slip("centimetres or millimetres for metres", "in centimetres?", "Write metres.")
 MISSPELT = Slip("a name that nearly is one", "Did you mean {}?", "")
-EXCHANGED = Slip(
-    "plan and site in each other's place", "plan and site are swapped", "Give {} as the plan and {} as --site."
-)
 OTHER_KIND = Slip("a file of another kind", "is {}, not {}", "")
 
 
@@ -133,24 +130,6 @@ def _settings_fields(signature: inspect.Signature) -> dict[str, str]:
     return dict.fromkeys(getattr(owner, "model_fields", None) or owner.__dataclass_fields__, kind)
 
 
-def check_order(plan: Path, site: Path) -> None:
-    """Refuse a plan and a site that are swapped, before reading one as the other says that it is broken."""
-    if _may_be_plan(site) and not _may_be_plan(plan):
-        message = f"{EXCHANGED.looks_like}: {site} is no site file, and {plan} no plan"
-        raise UsageError(message, remedy=EXCHANGED.remedy.format(site, plan))
-
-
-def _may_be_plan(path: Path) -> bool:
-    """Whether it is JSON or a folder; what cannot be read may be anything, and counts as what it is meant to be."""
-    if path.is_dir():
-        return True
-    try:
-        with open_regular(path) as file:
-            return file.read(64).lstrip().startswith(b"{")
-    except (OSError, ValueError):
-        return path.suffix.lower() == ".json"
-
-
 _PICTURES = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".dng", ".arw", ".cr2", ".nef"})
 _SUFFIXES = {
     ".plan": "mission",
@@ -214,6 +193,8 @@ def _kinds(path: Path) -> Iterator[str]:
             result = any(name.endswith((".json", ".ply")) for name in held)  # with its own pictures
             if not result and any(entry.suffix.lower() in _PICTURES for entry in inside):
                 yield "folder of photographs"
+        elif path.is_file() and path.name in _MARKERS:
+            yield _MARKERS[path.name]
         elif path.suffix.lower() == ".toml":
             document = parse_toml(read_regular(path, _MOST_BYTES).decode("utf-8-sig"))
             yield from (kind for key, kind in _KEYS.items() if key in document)

@@ -20,7 +20,7 @@ from fieldkit.flightlogs.geotag import frame_of, local_poses, stamp
 from fieldkit.flightlogs.model import Trigger
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import wrapped_deg
-from fieldkit.geometry.priors import PosePrior, SourceFrame
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.agreement import ANGLE_SIGMAS
 from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.results.evaluation import (
@@ -90,9 +90,7 @@ class LoggedFlight:
         frame, _ = frame_of(self.log)
         names = [f"{plot}/{photo.name}" for photo in capture.photos]
         priors = {
-            pose.image.removeprefix(f"{plot}/"): PosePrior(
-                np.array(pose.position), pose.accuracy_m, source=SOURCE
-            ).with_angles((pose.yaw_deg, pose.pitch_deg, None))
+            pose.image.removeprefix(f"{plot}/"): pose.prior(SOURCE)
             for pose in local_poses(self.log, self.matches, frame, names)
         }
         untold = {f"{plot}/{photo.name}": photo.name for photo in capture.photos if photo.name not in priors}

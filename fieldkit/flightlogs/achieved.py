@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from fieldkit.flightlogs.model import Place, Trigger
 from fieldkit.geometry import Pose
-
-AngleSource = Literal["gimbal", "commanded gimbal", "fixed mount", "vehicle"]
 
 
 @dataclass(frozen=True)
@@ -36,9 +33,6 @@ class AchievedPose:
     """0 at the horizon, −90 straight down; None where nothing says it."""
     roll_deg: float | None
     """About the optical axis; None where nothing says it."""
-    source: AngleSource
-    """What the angles come from: "gimbal" (as reported), "commanded gimbal", "fixed mount", or "vehicle" (heading only:
-    the log says nothing of the camera)."""
 
 
 def achieved_pose(trigger: Trigger, mount: FixedMount | None = None) -> AchievedPose:
@@ -52,18 +46,17 @@ def achieved_pose(trigger: Trigger, mount: FixedMount | None = None) -> Achieved
     attitude, gimbal = trigger.attitude, trigger.gimbal
     if mount is not None:
         if attitude is None:
-            return AchievedPose(trigger.place, None, None, None, "fixed mount")
+            return AchievedPose(trigger.place, None, None, None)
         body = _body_to_world(attitude.roll_deg, attitude.pitch_deg, attitude.yaw_deg)
         camera = Pose.from_yaw_pitch(np.zeros(3), mount.yaw_deg, mount.pitch_deg).rotation
         yaw, pitch, roll = Pose(camera @ body.T, np.zeros(3)).yaw_pitch_roll_deg()
-        return AchievedPose(trigger.place, yaw % 360.0, pitch, roll, "fixed mount")
+        return AchievedPose(trigger.place, yaw % 360.0, pitch, roll)
     if gimbal is None:
-        return AchievedPose(trigger.place, None if attitude is None else attitude.yaw_deg, None, None, "vehicle")
+        return AchievedPose(trigger.place, None if attitude is None else attitude.yaw_deg, None, None)
     heading: float | None = gimbal.yaw_deg % 360.0
     if gimbal.frame == "vehicle":
         heading = None if attitude is None else (attitude.yaw_deg + gimbal.yaw_deg) % 360.0
-    source: AngleSource = "gimbal" if gimbal.source == "reported" else "commanded gimbal"
-    return AchievedPose(trigger.place, heading, gimbal.pitch_deg, gimbal.roll_deg, source)
+    return AchievedPose(trigger.place, heading, gimbal.pitch_deg, gimbal.roll_deg)
 
 
 def _body_to_world(roll_deg: float, pitch_deg: float, yaw_deg: float) -> np.ndarray:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -48,9 +47,6 @@ _UTC_RANGE = (1.0e9, 4.2e9)
 """Seconds since 1970 that a clock which was set may show: 2001 to 2103."""
 _BOOT_LIMIT_S = 4.4e6
 """Most seconds since boot: 50 days, where MAVLink's 32-bit milliseconds end."""
-
-Commanded = Callable[[float], Gimbal | None]
-"""The gimbal's attitude that a mission had commanded when a message was recorded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,14 +157,12 @@ def flight_log(
     *,
     clock: Clock = "boot",
     utc_offset_s: float | None = None,
-    commanded: Commanded | None = None,
 ) -> FlightLog:
     """The flight that a log's messages tell of.
 
     Args:
         path, kind: of the log.
         utc_offset_s: UTC less time since boot, where it is known.
-        commanded: used where no gimbal reports.
     """
     source = next((each for each in layout.triggers if each.message in tables), None)
     if source is None:
@@ -183,10 +177,10 @@ def flight_log(
             untimed = count(len(taken) - len(found), "trigger message has", "trigger messages have")
             told.append(f"{untimed} no time that makes sense; not used")
         track = _track(tables, layout, home)
-        once: dict[tuple[float, int | None], tuple[float, Trigger]] = {}  # one that was recorded twice counts once
-        for stamp, trigger in sorted(found, key=lambda entry: entry[1].time_s):
-            once.setdefault((trigger.time_s, trigger.image), (stamp, trigger))
-        estimated = [_completed(trigger, stamp, track, commanded) for stamp, trigger in once.values()]
+        once: dict[tuple[float, int | None], Trigger] = {}  # one that was recorded twice counts once
+        for trigger in sorted(found, key=lambda each: each.time_s):
+            once.setdefault((trigger.time_s, trigger.image), trigger)
+        estimated = [_completed(trigger, track) for trigger in once.values()]
         triggers = _at_receivers_heights(estimated, track, told)
         said = (*told, *_missing_numbers(triggers, failed))
         return FlightLog(path, kind, clock, home, triggers, track, said, number)
@@ -232,14 +226,14 @@ def _home(tables: Tables, source: Source, before_s: float) -> Place | None:
 
 def _triggers(
     shots: Table, source: TriggerSource, clock: Clock, utc_offset_s: float | None, home: Place | None
-) -> list[tuple[float, Trigger]]:
-    """When each trigger message was recorded, and what it says itself; those without a time are left out."""
+) -> list[Trigger]:
+    """What each trigger message says itself; those without a time are left out."""
     boots = shots.column(source.boot) if source.boot else shots.times_s
     utcs, images = shots.column(source.utc), shots.column(source.image)
     places = _above_home(shots.values(source.place), home) if source.place else np.full((len(shots), 4), np.nan)
     attitudes = shots.values(source.attitude) if source.attitude else np.full((len(shots), 3), np.nan)
     found = []
-    for k, stamp in enumerate(shots.stamps_s.tolist()):
+    for k in range(len(shots)):
         boot, utc = as_boot(boots[k]), as_utc(utcs[k])
         if clock == "boot" and utc_offset_s is not None:
             boot = as_boot(utc - utc_offset_s) if boot is None and utc is not None else boot
@@ -248,7 +242,7 @@ def _triggers(
         if time is not None:
             image = int(images[k]) if math.isfinite(images[k]) else None
             place, attitude = as_place(*places[k]), as_attitude(*attitudes[k])
-            found.append((stamp, Trigger(time, utc, image, place, attitude, None, None, None, source.message)))
+            found.append(Trigger(time, utc, image, place, attitude, None, None, None, source.message))
     return found
 
 
@@ -304,7 +298,7 @@ def _gimbals(tables: Tables, layout: Layout) -> tuple[Series, Series]:
     return Series.empty(3), Series.empty(3)
 
 
-def _completed(trigger: Trigger, stamp: float, track: Track, commanded: Commanded | None) -> Trigger:
+def _completed(trigger: Trigger, track: Track) -> Trigger:
     """A trigger with what its message leaves out, of the track."""
     time, place, attitude = trigger.time_s, trigger.place, trigger.attitude
     if place is None:
@@ -315,14 +309,11 @@ def _completed(trigger: Trigger, stamp: float, track: Track, commanded: Commande
         attitude = None if row is None else as_attitude(*row)
     velocity = track.velocity.at(time)
     accuracy = track.accuracy.at(time, _ACCURACY_REACH_S)
-    gimbal = _gimbal(track, time)
-    if gimbal is None and commanded is not None:
-        gimbal = commanded(stamp)
     return replace(
         trigger,
         place=place,
         attitude=attitude,
-        gimbal=gimbal,
+        gimbal=_gimbal(track, time),
         speed_mps=None if velocity is None else float((velocity @ velocity) ** 0.5),
         accuracy_m=None if accuracy is None or accuracy[0] <= 0.0 else float(accuracy[0]),
         turning_dps=_turning(track, time),
@@ -396,7 +387,7 @@ def _gimbal(track: Track, time_s: float) -> Gimbal | None:
     if row is None:
         return None
     roll, pitch, yaw = row.tolist()
-    return as_gimbal(roll, pitch, yaw, "vehicle" if in_vehicle else "north", "reported")
+    return Gimbal(roll, pitch, yaw, "vehicle" if in_vehicle else "north") if abs(pitch) <= 180.0 else None
 
 
 def _turning(track: Track, time_s: float) -> float | None:
@@ -432,15 +423,6 @@ def as_attitude(roll_deg: float, pitch_deg: float, yaw_deg: float) -> Attitude |
     if not all(math.isfinite(a) and abs(a) <= 720.0 for a in (roll_deg, pitch_deg, yaw_deg)):
         return None
     return Attitude(float(roll_deg), float(pitch_deg), float(yaw_deg) % 360.0)
-
-
-def as_gimbal(
-    roll_deg: float, pitch_deg: float, yaw_deg: float, frame: YawFrame, source: Literal["reported", "commanded"]
-) -> Gimbal | None:
-    """Where a gimbal points, or None where its pitch is no angle."""
-    if not (math.isfinite(pitch_deg) and abs(pitch_deg) <= 180.0):
-        return None
-    return Gimbal(float(roll_deg), float(pitch_deg), float(yaw_deg), frame, source)
 
 
 def as_utc(seconds: float) -> float | None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC
@@ -14,7 +12,7 @@ import numpy as np
 from fieldkit.captures.capture import read_capture
 from fieldkit.captures.heights import BAROMETER_ACCURACY_M, GPS_ACCURACY_M, RTK_ACCURACY_M
 from fieldkit.captures.model import Photo
-from fieldkit.documents.csv_text import on_one_line
+from fieldkit.captures.poses_csv import PoseRow, poses_table
 from fieldkit.errors import MetadataError
 from fieldkit.files import check_writable, write_atomic
 from fieldkit.flightlogs.achieved import FixedMount, achieved_pose
@@ -25,38 +23,13 @@ from fieldkit.geometry.geodesy import EAST_DEG, LocalFrame, plot_from_enu
 from fieldkit.regular_files import check_replaceable
 from fieldkit.wording import count
 
-_HEADER = ("image", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "accuracy_m")
-_LENGTH_DECIMALS = 4
-"""Decimals of positions in metres."""
-_ANGLE_DECIMALS = 3
-"""Decimals of angles in degrees."""
-
-
-@dataclass(frozen=True)
-class PhotoPose:
-    """A photograph's pose in the local frame."""
-
-    image: str
-    position: tuple[float, float, float]
-    """Metres: x east, or along the rows in a plot's frame, z up."""
-    yaw_deg: float | None
-    """Of the optical axis, clockwise from the y axis; None where the log does not say."""
-    pitch_deg: float | None
-    """0 at the horizon; None where the log does not say."""
-    accuracy_m: float
-    """One standard deviation."""
-    trigger: int
-    """Index in the log."""
-    source: str
-    """Of the angles (`AchievedPose`)."""
-
 
 @dataclass(frozen=True)
 class GeotagReport:
     """What `geotag` did."""
 
     images: int
-    poses: tuple[PhotoPose, ...]
+    poses: tuple[PoseRow, ...]
     """Of those that were matched, in the order of the photographs."""
     matches: Matches
     """How photographs and triggers belong together."""
@@ -77,7 +50,6 @@ def geotag(
     origin: LocalFrame | None = None,
     heading_deg: float = EAST_DEG,
     mount: FixedMount | None = None,
-    accuracy_m: float | None = None,
     offset_s: float | None = None,
     camera: int | None = None,
     overwrite: bool = False,
@@ -93,7 +65,6 @@ def geotag(
         origin: of the frame, its altitude above mean sea level; None takes the log's home.
         heading_deg: compass heading of the frame's x axis: of a plot's rows, so that it is the plan's frame.
         mount: of a camera without a gimbal.
-        accuracy_m: of the positions; None takes what the log's GNSS receiver states.
         offset_s: camera's clock less UTC, where it is known.
         camera: number of the camera in a log with triggers of several; None takes the one that fits.
         overwrite: replace ``output``.
@@ -113,7 +84,7 @@ def geotag(
     photos = capture.photos
     frame, source = frame_of(flight, origin)
     flight, matches = match_log([stamp(photo) for photo in photos], flight, offset_s=offset_s, camera=camera)
-    poses = local_poses(flight, matches, frame, [p.name for p in photos], mount=mount, accuracy_m=accuracy_m)
+    poses = local_poses(flight, matches, frame, [p.name for p in photos], mount)
     if not poses:
         said = f": {'; '.join(matches.remarks)}" if matches.remarks else ""
         raise MetadataError(
@@ -169,10 +140,8 @@ def local_poses(
     matches: Matches,
     frame: LocalFrame,
     names: Sequence[str],
-    *,
     mount: FixedMount | None = None,
-    accuracy_m: float | None = None,
-) -> list[PhotoPose]:
+) -> list[PoseRow]:
     """Poses of the matched photographs, in the order of ``names``; those whose trigger has no place are left out."""
     by_name = {pair.photograph: pair.trigger for pair in matches.pairs}
     poses = []
@@ -185,8 +154,7 @@ def local_poses(
         if place is None or place.amsl_m is None:
             continue
         x, y, z = frame.to_local(place.latitude_deg, place.longitude_deg, place.amsl_m)[0].tolist()
-        accuracy = _accuracy_m(trigger) if accuracy_m is None else accuracy_m
-        poses.append(PhotoPose(name, (x, y, z), pose.yaw_deg, pose.pitch_deg, accuracy, by_name[name], pose.source))
+        poses.append(PoseRow(name, (x, y, z), pose.yaw_deg, pose.pitch_deg, accuracy_m=_accuracy_m(trigger)))
     return poses
 
 
@@ -198,22 +166,10 @@ def _accuracy_m(trigger: Trigger) -> float:
     return max(trigger.accuracy_m, height, RTK_ACCURACY_M)
 
 
-def turned(pose: PhotoPose, heading_deg: float) -> PhotoPose:
+def turned(pose: PoseRow, heading_deg: float) -> PoseRow:
     """A pose of an east-north-up frame in the frame about the same origin whose x axis has a compass heading."""
     if heading_deg == EAST_DEG:
         return pose
     x, y, z = (plot_from_enu(heading_deg) @ pose.position).tolist()
     yaw = None if pose.yaw_deg is None else (pose.yaw_deg - heading_deg + EAST_DEG) % 360.0
     return replace(pose, position=(x, y, z), yaw_deg=yaw)
-
-
-def poses_table(poses: Sequence[PhotoPose]) -> str:
-    """The text of a poses.csv: metres and degrees, one line per photograph."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(_HEADER)
-    for pose in poses:
-        angles = ["" if a is None else f"{a:.{_ANGLE_DECIMALS}f}" for a in (pose.yaw_deg, pose.pitch_deg)]
-        lengths = [f"{v:.{_LENGTH_DECIMALS}f}" for v in pose.position]
-        writer.writerow([on_one_line(pose.image), *lengths, *angles, f"{pose.accuracy_m:.3g}"])
-    return text.getvalue()

@@ -56,7 +56,7 @@ class Attitude:
 
 @dataclass(frozen=True)
 class Gimbal:
-    """Of the camera."""
+    """Of the camera, as the gimbal reports it; one without encoders reports its targets."""
 
     roll_deg: float
     pitch_deg: float
@@ -65,9 +65,6 @@ class Gimbal:
     """Clockwise, from ``frame``."""
     frame: YawFrame
     """"vehicle": from its heading; "north": from true north."""
-    source: Literal["reported", "commanded"] = "reported"
-    """"reported" by the gimbal (one without encoders reports its targets), or "commanded" by the mission item that ran
-    last, where the log holds no report."""
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,6 @@ from fieldkit.flightlogs.model import FlightLog
 
 MAX_BYTES = 1 << 30
 """A larger log is refused, packed or unpacked: an hour of ArduPilot's at full rate is about 200 MB."""
-_CHUNK = 1 << 16
-"""Bytes that are unpacked at a time."""
 _MAX_RATIO = 60
 """Packed logs come out 2 to 10 times as large; a bomb up to 1,030 times."""
 _FREE_BYTES = 16 << 20
@@ -54,16 +52,12 @@ def read_flight_log(path: Path, *, max_bytes: int = MAX_BYTES) -> FlightLog:
 
 def _unpacked(data: bytes, path: Path, max_bytes: int) -> bytes:
     """Inflated, as far as it goes: a log that was cut short is of use up to there."""
-    inflater, unpacked = zlib.decompressobj(wbits=31), bytearray()
     most = min(max_bytes, max(_FREE_BYTES, _MAX_RATIO * len(data)))
     try:
-        for start in range(0, len(data), _CHUNK):
-            unpacked += inflater.decompress(data[start : start + _CHUNK], most + 1 - len(unpacked))
-            if len(unpacked) > most:
-                raise MetadataError("unpacks to far more than a log holds", path=path, remedy="Unpack it and look.")
+        unpacked = zlib.decompressobj(wbits=31).decompress(data, most + 1)
     except zlib.error as error:
-        if not unpacked:
-            raise MetadataError(f"cannot be unpacked: {error}", path=path, remedy=_REMEDY) from error
-    if not unpacked:
-        raise MetadataError("is empty when unpacked", path=path, remedy=_REMEDY)
-    return bytes(unpacked)
+        raise MetadataError(f"cannot be unpacked: {error}", path=path, remedy=_REMEDY) from error
+    if not 0 < len(unpacked) <= most:
+        what = "unpacks to far more than a log holds" if unpacked else "is empty when unpacked"
+        raise MetadataError(what, path=path, remedy="Unpack it and look.")
+    return unpacked

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.documents.mistaken import check_order
 from fieldkit.errors import UsageError
 from fieldkit.figures.style import format_length, format_seconds
 from fieldkit.files import write_atomic
@@ -81,7 +80,7 @@ def export_mission(
         plans: write the plans of plots that have their own.
 
     Raises:
-        UsageError: no such format, another format's suffix, plan and site are swapped, or a file is there.
+        UsageError: no such format, another format's suffix, or a file is there.
         MetadataError: a file that is given cannot be used.
         MissionError: see `route_plan`; or the vehicle's dialect or the format does not take the mission.
         StorageError: the place is full or not writable.
@@ -91,8 +90,6 @@ def export_mission(
     site = Path(site) if isinstance(site, str) else site
     plots = None if plots is None else Path(plots)
     output, format = mission_file(Path(output), settings.format)  # noqa: A001
-    if isinstance(plan, Path) and isinstance(site, Path):
-        check_order(plan, site)
     loaded = load_plan(plan) if isinstance(plan, Path) else plan
     profile = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     place = site if isinstance(site, Site) else load_site(site, plots, plot_id)

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from PIL import ExifTags, Image, TiffImagePlugin
 
+from fieldkit.captures.poses_csv import PoseRow, poses_table
 from fieldkit.captures.xmp import RTK_FIXED
 from fieldkit.errors import UsageError
 from fieldkit.files import atomic_folder, storage_errors
@@ -23,11 +24,6 @@ from fieldkit.scenes.camera_effects import CameraEffects, photographed, with_noi
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.sway import Motion
 from fieldkit.vocabulary import BURST_INTERVAL_S
-
-_ANGLE_DECIMALS = 4
-"""Decimals of angles in degrees."""
-_LENGTH_DECIMALS = 5
-"""Decimals of positions in metres."""
 
 _FLIGHT_S = 5.0
 """Time from a burst's last photograph to the next one's first, seconds: bursts of five begin 8 s apart."""
@@ -216,28 +212,11 @@ def simulate_capture(
         if sidecars.poses:
             stated = max(noise.position_m, 0.001) if sidecars.accuracy_m is None else sidecars.accuracy_m
             commanded = [pose for pose in poses for _ in range(outdoors.burst)]
-            (partial / "poses.csv").write_text(poses_table(names, commanded, accuracy_m=stated), encoding="utf-8")
+            rows = [PoseRow.of(name, pose, stated) for name, pose in zip(names, commanded, strict=True)]
+            (partial / "poses.csv").write_text(poses_table(rows), encoding="utf-8")
         if sidecars.camera:
             (partial / "camera.toml").write_text(camera_toml(intrinsics), encoding="utf-8")
     return true
-
-
-def poses_table(
-    names: Sequence[str], poses: Sequence[Pose], *, accuracy_m: float | None = None, roll: bool = False
-) -> str:
-    """The text of a poses.csv: metres and degrees, one line per photograph.
-
-    ``accuracy_m`` is of the positions, in every line; ``roll`` also writes the roll, which commanded poses do not have.
-    """
-    tail = [] if accuracy_m is None else [f"{accuracy_m:g}"]
-    header = ["image", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", *["roll_deg"] * roll]
-    lines = [",".join([*header, *["accuracy_m"] * len(tail)])]
-    for name, pose in zip(names, poses, strict=True):
-        yaw, pitch, roll_deg = pose.yaw_pitch_roll_deg()
-        values = [f"{v:.{_LENGTH_DECIMALS}f}" for v in pose.center]
-        values += [f"{v:.{_ANGLE_DECIMALS}f}" for v in ([yaw, pitch, roll_deg] if roll else [yaw, pitch])]
-        lines.append(",".join([name, *values, *tail]))
-    return "\n".join(lines) + "\n"
 
 
 def camera_toml(intrinsics: Intrinsics) -> str:

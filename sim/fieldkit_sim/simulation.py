@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fieldkit.captures.poses_csv import read_poses_csv
+from fieldkit.captures.poses_csv import PoseRow, poses_table, read_poses_csv
 from fieldkit.clouds import write_ply
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.files import write_atomic
@@ -20,7 +20,7 @@ from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.scenes.description import SceneDescription, build, sample_reference
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
-from fieldkit.scenes.simulate import Outdoors, Sidecars, poses_table, simulate_capture
+from fieldkit.scenes.simulate import Outdoors, Sidecars, simulate_capture
 
 Stations = Callable[[Scene, Intrinsics], Sequence[Pose]]
 _RING_PITCH_DEG = 35.0
@@ -102,7 +102,8 @@ def simulate(
             overwrite=overwrite,
             progress=progress,
         )
-    write_atomic(truth, poses_table(sorted(file.name for file in output.glob("*.jpg")), true, roll=True))
+    names = sorted(file.name for file in output.glob("*.jpg"))
+    write_atomic(truth, poses_table([PoseRow.of(n, pose, roll=True) for n, pose in zip(names, true, strict=True)]))
     if truth_cloud is not None:
         with progress.stage("truth") as advance:
             write_ply(truth_cloud, sample_reference(description, scene))

@@ -92,8 +92,8 @@ def test_swapped_arguments_and_options_without_a_site(plan, tmp_path, capsys) ->
     save_plan(plan, planned(5))
     site = str(SITES / "example.toml")
     out = ["--vehicle", "ardupilot-pitch", "-o", str(tmp_path / "m.plan")]
-    assert main(["export-mission", site, "--site", str(plan), *out]) == 2
-    assert "plan and site are swapped" in capsys.readouterr().err
+    assert main(["export-mission", site, "--site", str(plan), *out]) == 3
+    assert "is a plan, not a site file" in capsys.readouterr().err
     assert main(["export-mission", str(plan), "--site", site, "--plots", site, *out]) == 3
     assert "is a site file, not a file of plots or zones" in capsys.readouterr().err
     assert main(["check-mission", site, "--vehicle", "ardupilot-pitch", "--plots", site]) == 2

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from fieldkit.cli.common import SitePlotOptions
-from fieldkit.cli.geotag import FrameOptions
+from fieldkit.cli.geotag import frame_of_plot
 from fieldkit.cli.main import main
 from fieldkit.errors import UsageError
 from fieldkit.flightlogs import read_flight_log
@@ -24,16 +24,15 @@ def test_the_frame_is_a_plots(tmp_path: Path) -> None:
     site = tmp_path / "site.toml"
     site.write_text("format = 1\n[home]\nlatitude_deg = 52.296\nlongitude_deg = 10.437\namsl_m = 40.0\n")
     told: list[str] = []
-    frame, heading_deg = FrameOptions().frame(
-        SitePlotOptions(site, tmp_path / "plots.geojson", None, "r1c2"), tell=told.append
-    )
+    place = SitePlotOptions(site, tmp_path / "plots.geojson", None, "r1c2")
+    frame, heading_deg = frame_of_plot(place, tell=told.append)
     assert heading_deg == FIELD[1].row_heading_deg
     expected = (FIELD[1].latitude_deg, FIELD[1].longitude_deg)
     assert (frame.latitude_deg, frame.longitude_deg) == pytest.approx(expected, abs=1e-7)
     assert (frame.altitude_m, frame.datum) == (40.0, "sea level")
     assert told == ['2 plots, ids from "name": r1c1, r1c2.']
     with pytest.raises(UsageError, match="which plot"):
-        FrameOptions().frame(SitePlotOptions(site, tmp_path / "plots.geojson"), tell=None)
+        frame_of_plot(SitePlotOptions(site, tmp_path / "plots.geojson"), tell=None)
 
 
 def test_the_command(photo_file: MakePhoto, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -41,19 +40,17 @@ def test_the_command(photo_file: MakePhoto, tmp_path: Path, capsys: pytest.Captu
     for k, trigger in enumerate(read_flight_log(log).triggers):
         folder = make(photo_file, f"{k}.jpg", trigger.utc_s).parent
     call = ["geotag", str(folder), "--log", str(log), "-o", str(tmp_path / "poses.csv")]
-    for wrong in (["--origin", "1,2"], ["--origin", "99,6,0"], ["--mount=-100"], ["--plot", "x"]):
+    for wrong in (["--mount=-100"], ["--plot", "x"]):
         assert main([*call, *wrong]) == 2
     assert not (tmp_path / "poses.csv").exists()
-    assert main([*call, "--origin", "50.8649,6.4473,92.06", "--mount=-40,0", "--json"]) == 0
+    assert main([*call, "--mount=-40,0", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert (told["matched"], told["origin"]["altitude_m"]) == (13, 92.06)
+    assert (told["matched"], told["origin"]["source"]) == (13, "home of the log")
     assert main([*call, "--overwrite"]) == 0
     assert "13 of 13" in capsys.readouterr().out
 
 
 def test_contradictions() -> None:
-    assert FrameOptions().frame(SitePlotOptions(), tell=None) == (None, 90.0)
+    assert frame_of_plot(SitePlotOptions(), tell=None) == (None, 90.0)
     with pytest.raises(UsageError, match="--plots goes with a site file"):
-        FrameOptions("50.8,6.4,90").frame(SitePlotOptions(plots=Path("x")), tell=None)
-    with pytest.raises(UsageError, match="both say where"):
-        FrameOptions("50.8,6.4,90").frame(SitePlotOptions(Path("x")), tell=None)
+        frame_of_plot(SitePlotOptions(plots=Path("x")), tell=None)

@@ -12,6 +12,7 @@ import pytest
 from benchmarks.rigs import RIG_FILE, read_rig
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
+from fieldkit.captures.poses_csv import PoseRow, poses_table
 from fieldkit.errors import CaptureError, MetadataError, UsageError
 from fieldkit.fieldcheck.check import burst_findings, check, leaves_move_m
 from fieldkit.fieldcheck.model import CheckReport, StationCheck
@@ -24,7 +25,6 @@ from fieldkit.reconstruction.matching import TwoView
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.runtime.context import Context
-from fieldkit.scenes.simulate import poses_table
 from tests.reconstruction.test_steady import SWAYS, burst, pictures
 
 COUNT, STEP = 8, 2
@@ -52,7 +52,9 @@ def rig(data_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Pa
     }
     turned = orient_cameras([positions[name] for name in names], [0.002] * COUNT, pairs, seed=0)
     poses = [Pose(turned[k], positions[name]) for k, name in enumerate(names)]
-    (folder / "poses.csv").write_text(poses_table(names, poses, accuracy_m=0.01, roll=True), "utf-8")
+    (folder / "poses.csv").write_text(
+        poses_table([PoseRow.of(n, p, 0.01, roll=True) for n, p in zip(names, poses, strict=True)]), "utf-8"
+    )
     return folder, plan_from_poses(poses), cache
 
 

@@ -16,7 +16,7 @@ from fieldkit.arrays import FloatArray
 from fieldkit.captures import read_capture
 from fieldkit.captures.exif import with_exif
 from fieldkit.captures.model import Photo
-from fieldkit.captures.poses_csv import parse_poses_csv, read_poses_csv
+from fieldkit.captures.poses_csv import PoseRow, parse_poses_csv, poses_table, read_poses_csv
 from fieldkit.clouds import read_cloud
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.geometry import Intrinsics, Pose
@@ -34,7 +34,6 @@ from fieldkit.scenes.simulate import (
     Site,
     exif_block,
     perturbed,
-    poses_table,
     simulate_capture,
     xmp_packet,
 )
@@ -106,7 +105,9 @@ def test_sidecars_hold_the_commanded_poses_and_the_camera(tmp_path: Path, render
     commanded = np.array([capture.priors[p.name].position for p in capture.photos])
     np.testing.assert_allclose(commanded, [p.center for p in POSES], atol=1e-5)
     assert {prior.position_sigma_m for prior in capture.priors.values()} == {0.05}
-    rows, _ = parse_poses_csv(poses_table([photo.name for photo in capture.photos], true, roll=True))
+    rows, _ = parse_poses_csv(
+        poses_table([PoseRow.of(n, p, roll=True) for n, p in zip(capture.names, true, strict=True)])
+    )
     np.testing.assert_allclose([r.position for r in rows], [p.center for p in true], atol=1e-5)
     for row, pose in zip(rows, true, strict=True):
         assert row.yaw_deg is not None
