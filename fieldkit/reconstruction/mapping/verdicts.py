@@ -3,7 +3,8 @@
 A photograph is registered where the mapper gave it a pose (with known poses: with clearly more matches than chance
 gives, `prior`). Its pose is verified where it agrees with what is known of it (`judge`); it is wrong where it does not,
 where nothing but its known position holds it, or where the model as a whole does not fit the known positions; and
-neither where nothing is known. `ImageReport.counts` is what everything else asks.
+neither where nothing is known. A photograph without a pose by matches whose record is good to centimetres is loose:
+nothing speaks against its record. `ImageReport.counts` is what everything else asks.
 """
 
 from __future__ import annotations
@@ -11,9 +12,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 
+from fieldkit.geometry.priors import PosePrior
 from fieldkit.reconstruction.agreement import judge
 from fieldkit.reconstruction.cameras import PARALLEL_DEG, spread_deg
 from fieldkit.reconstruction.colmap_model import model_poses
+from fieldkit.reconstruction.mapping.bundle import COARSE_POSITIONS_M
 from fieldkit.reconstruction.mapping.state import Belief, Inputs, Mapped
 from fieldkit.reconstruction.mapping.uncertainty import Uncertainty, pose_uncertainty
 from fieldkit.reconstruction.mapping.view_graph import Pair, connected_parts
@@ -60,6 +63,14 @@ def weakly_tied(
         "chance join them; take photographs between them and the others, at most 20° apart"
     )
     return (Finding(name, WEAKLY_TIED, message),)
+
+
+def _loose(known: PosePrior | None, reason: str) -> str:
+    """Why a photograph has no pose by matches; where its record knows it well, how well that is."""
+    if known is None or known.position is None or known.rotation is None or known.position_sigma_m > COARSE_POSITIONS_M:
+        return reason
+    place, angle = 200.0 * known.position_sigma_m, 2.0 * known.angle_sigma_deg
+    return f"loose: {reason}; its record tells its place to {place:.2g} cm and its angles to {angle:.2g}° (two sigma)"
 
 
 def judged(
@@ -110,7 +121,7 @@ def judged(
     for keyed, name in zip(inputs.keyed, inputs.names, strict=True):
         features = len(keyed.features)
         if name not in poses:
-            reason = reasons.get(name, "no matches")
+            reason = _loose(known.get(name), reasons.get(name, "no matches"))
             reports.append(ImageReport(name=name, features=features, registered=False, reason=reason))
             continue
         agreement = judge(poses[name], known.get(name) if metric else None)
