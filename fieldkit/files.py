@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from fieldkit.errors import InputError, MetadataError, StorageError, UsageError
+from fieldkit.errors import MetadataError, StorageError, UsageError
 from fieldkit.regular_files import is_other_than_file
 
 try:
@@ -104,8 +104,8 @@ def file_beside(name: Path, owner: Path) -> Path | None:
     return found if found.is_relative_to(folder) else None
 
 
-def named_file(name: str | Path, owner: Path, key: str, *, what: str, error: type[InputError] = MetadataError) -> Path:
-    """As `file_beside`; an ``error`` where the path cannot be followed or leads out of the folder.
+def named_file(name: str | Path, owner: Path, key: str, *, what: str) -> Path:
+    """As `file_beside`; a MetadataError where the path cannot be followed or leads out of the folder.
 
     Args:
         name: path as written there.
@@ -115,14 +115,16 @@ def named_file(name: str | Path, owner: Path, key: str, *, what: str, error: typ
     """
     text = str(name)
     if not text or "\0" in text or len(text) > 1000:
-        raise error(f"{key}: is not a path", path=owner, remedy=f"Name a file beside the {what}.")
+        raise MetadataError(f"{key}: is not a path", path=owner, remedy=f"Name a file beside the {what}.")
     try:
         found = file_beside(Path(name), owner)
     except (OSError, RuntimeError, ValueError) as reason:  # links in a circle
-        raise error(f"{key}: {name} cannot be followed", path=owner, remedy="Check the links there.") from reason
+        raise MetadataError(
+            f"{key}: {name} cannot be followed", path=owner, remedy="Check the links there."
+        ) from reason
     if found is None:
         remedy = f"Copy the file into the {what}'s folder, or give its absolute path."
-        raise error(f"{key}: {name} leads out of the {what}'s folder", path=owner, remedy=remedy)
+        raise MetadataError(f"{key}: {name} leads out of the {what}'s folder", path=owner, remedy=remedy)
     return found
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.errors import MetadataError, SceneError, StorageError, UsageError
+from fieldkit.errors import MetadataError, StorageError, UsageError
 from fieldkit.files import atomic_folder, check_writable, file_beside, named_file, write_atomic
 
 
@@ -189,8 +189,8 @@ def test_a_named_file_lies_in_its_owners_folder_or_is_named_absolutely(tmp_path:
     assert file_beside(tmp_path / "a.json", owner) == tmp_path / "a.json"
     for name in ("../a.json", "deep/../../a.json", "out/a.json"):
         assert file_beside(Path(name), owner) is None
-        with pytest.raises(SceneError, match=f"plan: {name} leads out of the scene's folder"):
-            named_file(name, owner, "plan", what="scene", error=SceneError)
+        with pytest.raises(MetadataError, match=f"plan: {name} leads out of the scene's folder"):
+            named_file(name, owner, "plan", what="scene")
     for name in ("", "a\0", "a" * 1001):
         with pytest.raises(MetadataError, match="plan: is not a path"):
             named_file(name, owner, "plan", what="site file")

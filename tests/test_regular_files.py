@@ -32,7 +32,6 @@ from fieldkit.results.mission import load_mission
 from fieldkit.results.plan_file import SETTINGS_FILE, load_plan
 from fieldkit.results.report_files import file_sha256, load_evaluation_report, load_reference_report
 from fieldkit.results.visit import CAMPAIGN_FILE, VISIT_FILE, load_visit
-from fieldkit.scenes.plot_description import check_mesh_file
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.sites.plots_file import load_plots
 from fieldkit.sites.site_file import load_site
@@ -66,7 +65,6 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "mission of DJI": ("field.kmz", read_wpml),
     "mission of Litchi": ("field.csv", read_litchi),
     "scene": ("scene.toml", read_scene),
-    "mesh": ("plant.ply", check_mesh_file),
     "poses": ("poses.csv", read_poses_csv),
     "geotags": ("geo.txt", read_geo_txt),
     "camera": ("camera.toml", read_camera_file),
@@ -80,8 +78,8 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
 }
 
 
-LENIENT = {"search's log", "telemetry", "mesh"}
-"""Readers of rows, of which the damaged ones are passed over, and one that looks at kind and size only."""
+LENIENT = {"search's log", "telemetry"}
+"""Readers of rows, of which the damaged ones are passed over."""
 
 
 @pytest.fixture(autouse=True)

@@ -76,22 +76,25 @@ class TrialOptions:
         ranges, mark, columns = self.trial.lower().replace("×", "x").partition("x")
         if not (mark and ranges.isdecimal() and columns.isdecimal()):
             raise UsageError(f"--trial: {self.trial} is no number of plots", remedy="Write it like --trial 4x10.")
+        from pydantic import ValidationError
+
+        from fieldkit.documents.toml_file import sentence
         from fieldkit.scenes.plot_description import TrialDescription
 
         try:
             return TrialDescription(
-                seed,
-                int(ranges),
-                int(columns),
-                self.rows,
-                row_spacing_m,
-                plant_spacing_m,
-                self.length,
-                self.alley,
-                self.stage,
+                seed=seed,
+                ranges=int(ranges),
+                columns=int(columns),
+                rows=self.rows,
+                row_spacing_m=row_spacing_m,
+                plant_spacing_m=plant_spacing_m,
+                length_m=self.length,
+                alley_m=self.alley,
+                stage=self.stage,
             )
-        except ValueError as error:
-            raise UsageError(f"--trial: {error}", remedy="See --help for what each option means.") from error
+        except ValidationError as error:
+            raise UsageError(f"--trial: {sentence(error)}", remedy="See --help for what each option means.") from error
 
 
 def scene_new(

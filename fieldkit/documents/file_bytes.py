@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from fieldkit.errors import InputError, MetadataError
+from fieldkit.errors import MetadataError
 from fieldkit.regular_files import open_regular
 
 
@@ -16,28 +16,26 @@ def file_bytes(
     *,
     noun: str,
     name: str = "file",
-    missing: str | None = None,
-    error: type[InputError] = MetadataError,
 ) -> bytes:
     """The content of a file."""
     try:
         with open_regular(path) as file:
             data = file.read(min(max_bytes, os.fstat(file.fileno()).st_size) + 1)
     except FileNotFoundError as caught:
-        raise error(f"there is no such {name}", path=path, remedy=missing or remedy) from caught
+        raise MetadataError(f"there is no such {name}", path=path, remedy=remedy) from caught
     except OSError as caught:
         denied = "Check its permissions." if isinstance(caught, PermissionError) else remedy
-        raise error(f"cannot be read: {caught.strerror}", path=path, remedy=denied) from caught
+        raise MetadataError(f"cannot be read: {caught.strerror}", path=path, remedy=denied) from caught
     except ValueError as caught:  # a NUL in the path
-        raise error(f"cannot be read: it is no path of a {noun}", path=path, remedy=remedy) from caught
+        raise MetadataError(f"cannot be read: it is no path of a {noun}", path=path, remedy=remedy) from caught
     if len(data) > max_bytes:
-        raise error(f"is far too large for a {noun}", path=path, remedy=remedy)
+        raise MetadataError(f"is far too large for a {noun}", path=path, remedy=remedy)
     return data
 
 
-def decoded(data: bytes, path: Path, *, error: type[InputError] = MetadataError) -> str:
+def decoded(data: bytes, path: Path) -> str:
     """The text of a file in UTF-8, with or without a byte order mark."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as caught:
-        raise error("is not text in UTF-8", path=path, remedy="Save it as UTF-8.") from caught
+        raise MetadataError("is not text in UTF-8", path=path, remedy="Save it as UTF-8.") from caught

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fieldkit.documents.toml_file import parse_toml
-from fieldkit.errors import InputError, MetadataError, UsageError
+from fieldkit.errors import MetadataError, UsageError
 from fieldkit.geometry.geodesy import great_circle_m, on_earth
 from fieldkit.regular_files import read_regular
 
@@ -162,7 +162,7 @@ _MOST_ENTRIES = 200
 """Most entries of a folder that are looked at."""
 
 
-def refuse_other(path: Path, noun: str, remedy: str, *, error: type[InputError] = MetadataError) -> None:
+def refuse_other(path: Path, noun: str, remedy: str) -> None:
     """Say what was given instead, where that can be told; nothing is said of what may be the right thing.
 
     Args:
@@ -170,13 +170,12 @@ def refuse_other(path: Path, noun: str, remedy: str, *, error: type[InputError] 
         noun: what is wanted: "plan", "reference", "evaluation", "campaign", "site file", "scene file", "vehicle
             profile" or "mission".
         remedy: of the error.
-        error: what is raised.
     """
     given = path.parent if path.name in _MARKERS and not path.exists() and path.name != path.as_posix() else path
     found = next(_kinds(given), None)
     if found is not None and found != noun:
         message = OTHER_KIND.looks_like.format(_with_article(found), _with_article(noun))
-        raise error(message, path=given, remedy=remedy)
+        raise MetadataError(message, path=given, remedy=remedy)
 
 
 def _with_article(noun: str) -> str:

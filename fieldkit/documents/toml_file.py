@@ -14,7 +14,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from fieldkit.documents.file_bytes import decoded, file_bytes
 from fieldkit.documents.validation_sentence import validation_sentence
-from fieldkit.errors import InputError, MetadataError
+from fieldkit.errors import MetadataError
 
 MOST_CHARACTERS = 16 << 20
 """Of any TOML text; the parser takes some seconds for so many."""
@@ -35,30 +35,14 @@ _WIDTH = 120
 """Width to which written arrays are wrapped, letters."""
 
 
-def read_toml(
-    path: Path,
-    noun: str,
-    remedy: str,
-    max_bytes: int,
-    *,
-    missing: str | None = None,
-    error: type[InputError] = MetadataError,
-) -> dict[str, Any]:
-    """The document of a TOML file in UTF-8, with or without a byte order mark."""
-    data = file_bytes(path, remedy, max_bytes, noun=noun, name=noun, missing=missing, error=error)
-    return toml_document(decoded(data, path, error=error), path, remedy, error=error)
-
-
-def toml_document(
-    text: str, path: Path | None, remedy: str, *, error: type[InputError] = MetadataError
-) -> dict[str, Any]:
+def toml_document(text: str, path: Path | None, remedy: str) -> dict[str, Any]:
     """The document of a TOML text."""
     if len(text) > MOST_CHARACTERS:
-        raise error(f"is far too large: more than {MOST_CHARACTERS:,} characters", path=path, remedy=remedy)
+        raise MetadataError(f"is far too large: more than {MOST_CHARACTERS:,} characters", path=path, remedy=remedy)
     try:
         return parse_toml(text.removeprefix("\ufeff"))
     except (ValueError, RecursionError) as caught:  # ValueError: also integers with thousands of digits
-        raise error(f"is not TOML: {one_line(caught)}", path=path, remedy=remedy) from caught
+        raise MetadataError(f"is not TOML: {one_line(caught)}", path=path, remedy=remedy) from caught
 
 
 def one_line(error: BaseException) -> str:
@@ -86,7 +70,8 @@ def _other_dots(line: str) -> int:
 
 def read_versioned(path: Path, noun: str, remedy: str, max_bytes: int) -> dict[str, Any]:
     """The TOML document that a file holds, its ``format`` checked and left out."""
-    document = read_toml(path, noun, remedy, max_bytes)
+    data = file_bytes(path, remedy, max_bytes, noun=noun, name=noun)
+    document = toml_document(decoded(data, path), path, remedy)
     _check_format(document.pop("format", None), path)
     return document
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
+from pydantic.dataclasses import dataclass
 
 from fieldkit.cache import digest
 from fieldkit.clouds import Cloud
@@ -33,7 +36,7 @@ MAX_WIND_M = 0.2
 """Largest deflection of leaves that is simulated, metres."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class Bounds:
     """The plot as a box, plot frame."""
 
@@ -51,25 +54,19 @@ class Bounds:
         return Volume(self.lower_m, self.upper_m)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class ReferenceSampling:
     """How the reference cloud is sampled from the plants' surfaces."""
 
-    points: int = 150_000
+    points: Annotated[int, Field(ge=1_000, le=_MOST_POINTS)] = 150_000
     """Visible points, spread evenly by area."""
     seed: int = 0
     """Of the choice."""
 
-    def __post_init__(self) -> None:
-        if not 1_000 <= self.points <= _MOST_POINTS:
-            raise ValueError(f"points is 1,000 to {_MOST_POINTS:,}, not {self.points}")
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class SceneDescription:
     """Everything there is to a simulated plot. The same description gives the same scene, bit for bit."""
-
-    __pydantic_config__ = STRICT
 
     plot: PlotDescription = field(default_factory=lambda: PlotDescription(()))
     """Plants, soil and light."""
@@ -91,15 +88,13 @@ class SceneDescription:
     """What the camera does to photographs."""
     noise: CaptureNoise = field(default_factory=CaptureNoise)
     """Of poses, GPS and pixels."""
-    wind_m: float = 0.0
+    wind_m: Annotated[float, Field(ge=0, le=MAX_WIND_M)] = 0.0
     """How far leaves sway between photographs, half a metre out along a leaf (root mean square per axis); 0.005 is a
     calm, 0.02 a breeze."""
     site: Site = field(default_factory=Site)
     """Where on Earth the plot lies."""
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.wind_m <= MAX_WIND_M:
-            raise ValueError(f"wind_m is 0 to {MAX_WIND_M}, not {self.wind_m}")
         if self.camera.distorted:
             raise ValueError("photographs are rendered without distortion: set the camera's distortion to 0")
         if self.recorded is not None and self.plot.plants:

@@ -33,7 +33,7 @@ def find_scene(name: str | Path) -> Path:
         return path
     known = scene_names()
     if path.exists():
-        refuse_other(path, "scene file", "A folder with scene.toml will do, too.", error=SceneError)
+        refuse_other(path, "scene file", "A folder with scene.toml will do, too.")
     text = str(name).removesuffix(_SUFFIX)
     if text in known:
         return scenes_folder() / f"{text}{_SUFFIX}"

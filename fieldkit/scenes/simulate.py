@@ -19,6 +19,7 @@ from fieldkit.files import atomic_folder, storage_errors
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_about_z, rotation_from_vector, wrapped_deg
+from fieldkit.results.fields import Length
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.scenes.camera_effects import CameraEffects, photographed, with_noise, with_tabled_noise
 from fieldkit.scenes.renderer import Renderer
@@ -44,22 +45,18 @@ _FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
 class CaptureNoise:
     """Standard deviations of everything that is not exact in a capture; each Gaussian and independent."""
 
-    position_m: float = 0.0
+    position_m: Length = 0.0
     """True minus commanded position, per axis."""
-    angle_deg: float = 0.0
+    angle_deg: Length = 0.0
     """True against commanded attitude, about each camera axis."""
-    gps_horizontal_m: float = 0.015
+    gps_horizontal_m: Length = 0.015
     """Reported minus true position, east and north each."""
-    gps_vertical_m: float = 0.025
+    gps_vertical_m: Length = 0.025
     """Reported minus true height."""
-    gimbal_deg: float = 0.3
+    gimbal_deg: Length = 0.3
     """Reported minus true yaw, pitch and roll."""
-    image_sigma: float = 2.0
+    image_sigma: Length = 2.0
     """Of the sensor, grey levels per channel."""
-
-    def __post_init__(self) -> None:
-        if min(vars(self).values()) < 0:
-            raise ValueError("standard deviations cannot be negative")
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fieldkit.clouds import Cloud, concatenate, read_cloud, write_ply
-from fieldkit.errors import SceneError, UsageError
+from fieldkit.errors import MetadataError, SceneError, UsageError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.scenes.description import Bounds, build, sample_reference
 from fieldkit.scenes.from_reference import (
@@ -152,5 +152,5 @@ def test_errors(tmp_path: Path, reference: ReferenceFiles) -> None:
         build(read_scene(made.scene))
     assert "from-reference" in caught.value.remedy
     (tmp_path / "scene" / "ground.ply").unlink()
-    with pytest.raises(SceneError, match=r"recorded\.ground"):
+    with pytest.raises(MetadataError, match=r"recorded\.ground"):
         read_scene(made.scene)
