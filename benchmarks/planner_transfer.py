@@ -13,7 +13,7 @@ from benchmarks.result import Cell, ResultTable
 from fieldkit.cache import StageCache
 from fieldkit.planning.problem import Trial
 from fieldkit.planning.run.folder import create_run, open_run
-from fieldkit.planning.run.loop import Finalist, evaluate_again, evaluating, no_watch
+from fieldkit.planning.run.loop import Finalist, confirm, evaluating, no_watch
 from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot
@@ -82,7 +82,7 @@ def carry(
             moved[number] = float(np.linalg.norm(there.positions - flown.positions, axis=1).max())
             trials.append(Trial(number, there, f"{plan.method}-{plan.seed}"))
         with evaluating(setup.objective, Context(workers=workers)) as evaluations:
-            found = evaluate_again(evaluations, run, trials, watch=no_watch)
+            found = confirm(None, evaluations, run, trials, watch=no_watch)
     by_number = {each.trial.number: each for each in found}
     return [_carried(plan, by_number[number], moved[number]) for number, plan in enumerate(plans)]
 

@@ -34,5 +34,5 @@ PLANNERS: Mapping[str, MethodEntry] = {
         lambda problem, settings: GeometricOptimum("smith", problem, Reconstructability(problem), settings.seed)
     ),
     "random": MethodEntry(lambda problem, settings: Random(problem, settings.seed)),
-    "match-graph": MethodEntry(lambda problem, _: MatchGraph(problem), matches=True),
+    "match-graph": MethodEntry(lambda problem, _: MatchGraph(problem), by_score=True),
 }

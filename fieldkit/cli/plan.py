@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
-from fieldkit.cli.boundary import finding_entry, say
+from fieldkit.cli.boundary import say
 from fieldkit.cli.common import (
     RUN,
     SEED,
@@ -28,7 +27,7 @@ from fieldkit.cli.common import (
 )
 from fieldkit.cli.options import Panels
 from fieldkit.cli.reconstruction_options import SchedulerOption, WorkersOption, run_context
-from fieldkit.errors import FieldkitError, UsageError
+from fieldkit.errors import UsageError
 from fieldkit.figures.style import format_length
 from fieldkit.planning.plan_settings import EnvelopeSettings, NoiseSettings, PlanSettings, Range
 from fieldkit.vocabulary import PlanningMethod
@@ -38,7 +37,6 @@ if TYPE_CHECKING:
     from fieldkit.planning.run.folder import LogEntry, RunFolder
     from fieldkit.planning.run.outcome import Outcome
     from fieldkit.planning.settings import SearchSettings
-    from fieldkit.results.finding import Finding
     from fieldkit.runtime.progress import Advance, Progress
 
 
@@ -201,12 +199,10 @@ def command(
         )
     planned = read_settings(output)
     _draw(output, planned)
-    found = _needs_rtk(output, planned, settings.vehicle)
     if as_json:
-        fit = {"fit": [finding_entry(each) for each in found]} if found else {}
-        emit_json({"output": output, **outcome.model_dump(), **fit})
+        emit_json({"output": output, **outcome.model_dump()})
     else:
-        _show(output, planned, outcome, found)
+        _show(output, planned, outcome)
 
 
 def _draw(output: Path, settings: SearchSettings) -> None:
@@ -224,21 +220,7 @@ def _draw(output: Path, settings: SearchSettings) -> None:
     write_atomic(output / PLAN_PICTURE, png(draw_plan(title, made)))
 
 
-def _needs_rtk(output: Path, settings: SearchSettings, given: str | Path | None) -> list[Finding]:
-    """Where the plan's stations stand nearer than its vehicle's GNSS can hold them, if its profile is still there."""
-    from fieldkit.planning.run.flyable import plan_needs_rtk, read_vehicle
-    from fieldkit.results.plan_file import load_plan
-
-    if settings.vehicle is None:
-        return []
-    try:
-        vehicle, record = read_vehicle(given or settings.vehicle.name)
-    except FieldkitError:
-        return []
-    return plan_needs_rtk(load_plan(output), vehicle) if record.sha256 == settings.vehicle.sha256 else []
-
-
-def _show(output: Path, settings: SearchSettings, outcome: Outcome, found: Sequence[Finding]) -> None:
+def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
     from fieldkit.figures.style import format_seconds
     from fieldkit.figures.terminal import rendered
     from fieldkit.report.sections.plan import finalist_table
@@ -269,7 +251,6 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome, found: Seque
             f"Stations are stated for plants {format_length(height_m)} high; export-mission fits them to each plot's "
             "plant_height_m."
         )
-    lines += [f"Warning: {each.message}. {each.remedy}" for each in found]
     if outcome.photographs:
         lines.append(f"photographs: {', '.join(outcome.photographs)}")
     show(*lines, rendered([finalist_table(outcome)]), output / "plan.json", output / PLAN_PICTURE)

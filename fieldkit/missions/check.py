@@ -25,16 +25,15 @@ from fieldkit.missions.check_photographs import (
 )
 from fieldkit.missions.files.limits import APPS, LEAST_WAYPOINTS, LONGEST_STAY_S, MOST_WAYPOINTS
 from fieldkit.missions.files.read_mission import ReadMission
-from fieldkit.missions.files.wpml import dji_model
 from fieldkit.missions.findings import Report, error, warning
 from fieldkit.missions.ground import Ground, ground_of
 from fieldkit.results.finding import Finding
-from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Shot
-from fieldkit.routing.obstacles import Corners, Obstacles, Volume
+from fieldkit.routing.mission import Fence, GeoPoint, Home, Shot
+from fieldkit.routing.obstacles import Obstacles, Volume
 from fieldkit.sites.placement import SiteFrame, ground_below, grounds_m, place
-from fieldkit.sites.reach import Unreachable, nearest, needs_rtk
+from fieldkit.sites.reach import Unreachable, nearest
 from fieldkit.sites.site import Site
-from fieldkit.sites.site_obstacles import Canopy, site_obstacles
+from fieldkit.sites.site_obstacles import site_obstacles
 from fieldkit.vehicles.vehicle import Mount, Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from fieldkit.wording import count, listed
@@ -49,8 +48,6 @@ _FILM_MM = 43.27
 """Diagonal of 35 mm film."""
 _ZOOMED = 1.2
 """A focal length of so many times the camera's own is a zoom's: makers round theirs."""
-_CORNERS = 64
-"""Of the polygon that a circle of a fence is checked as."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +66,6 @@ class Surroundings:
     """Of ``planned``, those that the vehicle cannot take and are the nearest poses that it can (`nearest`)."""
     unchecked: Mapping[str, str] | None = None
     """Plots whose plants are not among ``obstacles``, and why; None where no plots are known."""
-    canopy: Canopy | None = None
-    """The plants, in the obstacles' frame."""
     site: Site | None = None
     """Whose plots say where the ground is below other photographs; home's own height without."""
 
@@ -118,7 +113,6 @@ def check_mission(
     findings += burst_findings(flown.photographs, matched, burst, vehicle)
     findings += _stop_findings(read, vehicle)
     findings += _leg_findings(read, flown, around.obstacles, home)
-    findings += _rtk_findings(flown, home, around.canopy, vehicle)
     usable = vehicle.battery.usable_s
     if flown.seconds > usable:
         message = (
@@ -152,20 +146,10 @@ def check_on_ground(
         origin=site.home,
         moved=moved,
         unchecked=ground.unchecked,
-        canopy=Canopy.of(site, ground.plans),
         site=site,
     )
     report = check_mission(read, vehicle, around, burst=burst)
     return replace(report, findings=(*report.findings, *ground.taken))
-
-
-def _rtk_findings(flown: Execution, home: Home | None, canopy: Canopy | None, vehicle: Vehicle) -> Iterator[Finding]:
-    """What takes RTK: stations nearer to each other or to plants than the vehicle's GNSS holds."""
-    if home is not None:
-        places = _frame(home).points(p.place for p in flown.photographs if p.place and not p.never and not p.moving)
-        stations = places[np.isfinite(places).all(axis=1)]
-        near_m = math.inf if canopy is None else canopy.near_m(stations)
-        yield from (warning("needs-rtk", why) for why in needs_rtk(stations, near_m, vehicle))
 
 
 def _unchecked_findings(unchecked: Mapping[str, str]) -> Iterator[Finding]:
@@ -182,24 +166,6 @@ def _fit(read: ReadMission, vehicle: Vehicle) -> Iterator[Finding]:
         yield error("wrong-vehicle", f"{vehicle.title} does not fly {read.format} files")
     elif read.firmware not in (None, vehicle.dialect):
         yield warning("wrong-vehicle", f"the file was made for {read.firmware}, the vehicle is {vehicle.dialect}")
-    if read.drone is not None and vehicle.dialect == "dji":
-        yield from _drone_findings(read.drone, read.payload, vehicle)
-
-
-def _drone_findings(drone: tuple[int, int], payload: int | None, vehicle: Vehicle) -> Iterator[Finding]:
-    """Whether a file is for the profile's model and camera, where WPML has a number for that."""
-    try:
-        own = dji_model(vehicle)
-    except MissionError:
-        return
-    message = "the file is for DJI's model {}-{}, {} is {}-{}".format(*drone, vehicle.title, *own.drone)
-    if drone[0] != own.drone[0]:
-        yield error("wrong-vehicle", message)
-    elif drone != own.drone:
-        yield warning("wrong-vehicle", message)
-    elif payload is not None and payload != own.payload:
-        message = f"the file is for DJI's payload {payload}, {vehicle.title} has {own.payload or 'none'}"
-        yield warning("wrong-vehicle", message)
 
 
 def _stop_findings(read: ReadMission, vehicle: Vehicle) -> Iterator[Finding]:
@@ -279,19 +245,8 @@ _LEG_CODES = {
 
 def _fence(fence: Fence, frame: SiteFrame) -> Obstacles:
     """A file's fence in the local frame."""
-    outside = [frame.outline(ring) for ring in fence.outside]
-    # The polygon lies within a circle to stay in, and around one to stay out of, so that it never forgives a leg.
-    outside += [_ring(each, each.radius_m / math.cos(math.pi / _CORNERS), frame) for each in fence.outside_circles]
-    inside = [frame.outline(ring) for ring in fence.inside]
-    inside += [_ring(each, each.radius_m, frame) for each in fence.inside_circles]
-    zones = tuple(Volume.no_fly(f"{k} of the file", ring) for k, ring in enumerate(outside, 1))
-    return Obstacles(zones, tuple(inside), ceiling_m=fence.ceiling_m)
-
-
-def _ring(circle: Circle, radius_m: float, frame: SiteFrame) -> Corners:
-    ((east, north),) = frame.outline([(circle.latitude_deg, circle.longitude_deg)])
-    angles = [2.0 * math.pi * k / _CORNERS for k in range(_CORNERS)]
-    return tuple((east + radius_m * math.cos(angle), north + radius_m * math.sin(angle)) for angle in angles)
+    zones = tuple(Volume.no_fly(f"{k} of the file", frame.outline(ring)) for k, ring in enumerate(fence.outside, 1))
+    return Obstacles(zones, tuple(map(frame.outline, fence.inside)), ceiling_m=fence.ceiling_m)
 
 
 def findings_by_dialect(

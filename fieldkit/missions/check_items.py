@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Set
 
-from fieldkit.documents.mistaken import look_swapped
 from fieldkit.figures.style import format_length
 from fieldkit.geometry.geodesy import great_circle_m, on_earth
 from fieldkit.missions.autopilots.acceptance import dropped, refusal
+from fieldkit.missions.autopilots.course import course
 from fieldkit.missions.autopilots.effects import AUTOPILOTS, GOING, INTERVALS, LANDINGS, TAKEOFFS
-from fieldkit.missions.autopilots.jumps import course
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.findings import error, warning
 from fieldkit.missions.items import Command, MissionItem, plain_frame
@@ -38,9 +37,9 @@ def item_findings(read: ReadMission, vehicle: Vehicle, dialect: str) -> Iterator
         if not (lost and number == 0):
             yield from _one(number, item, dialect, vehicle)
     followed = course(read, dialect)
-    if followed.trouble is not None:
-        code, number, message = followed.trouble
-        yield error(code, message, number)
+    if followed.cut_short:
+        number, item = followed.numbered[-1]
+        yield error("stops-there", f"{item.name} ends the mission: what stands behind it is never carried out", number)
     yield from _datums(read)
     count = len(read.items) + int(dialect == "ardupilot" and read.home is not None)
     if vehicle.max_items is not None and count > vehicle.max_items:
@@ -130,9 +129,7 @@ def place_findings(read: ReadMission, origin: Home | None) -> Iterator[Finding]:
     if origin is not None and read.home is not None:
         away = _away_m(read.home, origin)
         if away > FAR_M:
-            yield error(
-                "other-home", f"the file's home is {away / 1000:.1f} km from the site's{_swapped(read.home, home)}"
-            )
+            yield error("other-home", f"the file's home is {away / 1000:.1f} km from the site's")
         elif away > 20.0:
             yield warning("other-home", f"the file's home is {format_length(away)} from the site's")
     places = [
@@ -148,15 +145,7 @@ def place_findings(read: ReadMission, origin: Home | None) -> Iterator[Finding]:
             where = f"its place is {away / 1000:.0f} km from home"
         else:
             continue
-        swapped = _swapped(place, home)
-        yield error("lat-lon-swapped" if swapped else "far-from-home", f"{where}{swapped}", number)
-
-
-def _swapped(place: GeoPoint | Home, home: Home) -> str:
-    """Words that say so where the place is near home once latitude and longitude are swapped."""
-    near = (home.latitude_deg, home.longitude_deg)
-    swapped = look_swapped(place.latitude_deg, place.longitude_deg, near, FAR_M)
-    return ": latitude and longitude are swapped" if swapped else ""
+        yield error("far-from-home", f"{where}: are latitude and longitude swapped?", number)
 
 
 def _away_m(place: GeoPoint | Home, home: Home) -> float:

@@ -11,9 +11,9 @@ from fieldkit.results.finding import Finding, Severity, grouped
 from fieldkit.routing.mission import Shot
 
 _CAUSES = (
-    "empty", "wrong-vehicle", "unknown-item", "lat-lon-swapped", "other-home", "far-from-home",
-    "no-home", "first-item-lost", "item-rejected", "stops-there", "item-skipped", "jump-nowhere", "jump-endless",
-    "jump-long", "too-many-items", "too-few-waypoints", "no-takeoff", "datum", "fence", "leg-no-fly", "leg-fence",
+    "empty", "wrong-vehicle", "unknown-item", "other-home", "far-from-home",
+    "no-home", "first-item-lost", "item-rejected", "stops-there", "item-skipped",
+    "too-many-items", "too-few-waypoints", "no-takeoff", "datum", "fence", "leg-no-fly", "leg-fence",
     "leg-ceiling", "leg-plants", "leg-obstacle", "legs", "too-low", "delay-until", "endurance", "no-photographs",
     "missing-photo",
 )  # fmt: skip

@@ -7,23 +7,12 @@ from dataclasses import dataclass
 from fieldkit.results.mission import GeoPoint, Home, Shot, Via
 from fieldkit.vocabulary import BURST_INTERVAL_S
 
-__all__ = ["Circle", "Fence", "GeoPoint", "Home", "Mission", "Shot", "Via"]
+__all__ = ["Fence", "GeoPoint", "Home", "Mission", "Shot", "Via"]
 
 
 def burst_s(photographs: int, exposure_s: float) -> float:
     """From the first to the last photograph of a burst: the next one follows once one is taken, at the earliest."""
     return (photographs - 1) * max(BURST_INTERVAL_S, exposure_s)
-
-
-@dataclass(frozen=True)
-class Circle:
-    """A round part of a fence."""
-
-    latitude_deg: float
-    longitude_deg: float
-    """Of its centre, WGS 84."""
-    radius_m: float
-    """Above 0."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +26,6 @@ class Fence:
     """Polygons it keeps out of."""
     ceiling_m: float | None = None
     """Above home, or None."""
-    inside_circles: tuple[Circle, ...] = ()
-    outside_circles: tuple[Circle, ...] = ()
-    """The same as circles."""
 
 
 @dataclass(frozen=True)

@@ -6,17 +6,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import shapely
 from hypothesis import HealthCheck, given, settings
 
 from benchmarks.mission_trips import difference, mavsdk_importer, upload_items
 from fieldkit.errors import MetadataError
+from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.files.formats import mission_bytes
 from fieldkit.missions.files.qgc_plan import read_plan
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.items import Command
-from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Mission
+from fieldkit.routing.mission import Fence, GeoPoint, Home, Mission
 from tests.missions.random_missions import missions
 from tests.missions.vehicles import HOME, small_mission, vehicle
 
@@ -63,10 +66,11 @@ def test_another_programs_file_is_read(tmp_path: Path) -> None:
     path.write_bytes(b"\xef\xbb\xbf" + json.dumps(document, indent="\t").replace("\n", "\r\n").encode())
     read = read_plan(path)
     assert read.home.amsl_m is None
-    assert {remark.code for remark in read.remarks} >= {"unknown-item", "fence-circles"}
+    assert {remark.code for remark in read.remarks} >= {"unknown-item"}
     assert read.remarks[0].severity == "error"
     assert len(read.fence.inside[0]) == 3
-    assert read.fence.outside_circles == (Circle(50.865, 6.4473, 100.0),)
+    ring = shapely.Polygon(LocalFrame(50.865, 6.4473).to_local(*np.array(read.fence.outside[0]).T, 0.0)[:, :2])
+    assert ring.exterior.distance(shapely.Point(0, 0)) == pytest.approx(100.0, abs=0.01)
 
 
 def as_survey(items: list[dict[str, Any]], kind: str = "survey") -> dict[str, Any]:
@@ -148,8 +152,8 @@ def test_fences_of_all_versions(tmp_path: Path) -> None:
     assert read_of(tmp_path, document | {"geoFence": {"version": 1, "polygon": []}}).fence is None
     with pytest.raises(MetadataError, match="fence is of version 3"):
         read_of(tmp_path, document | {"geoFence": {"version": 3, "polygons": [{"polygon": ring}]}})
-    round_ones = Fence((RING,), (HOLE,), None, (Circle(50.865, 6.4473, 60.0),), (Circle(50.8652, 6.4476, 5.0),))
-    assert read_of(tmp_path, written(replace(small_mission(), fence=round_ones))).fence == round_ones
+    fence = Fence((RING,), (HOLE,))
+    assert read_of(tmp_path, written(replace(small_mission(), fence=fence))).fence == fence
 
 
 def test_jumps_lead_to_ids_not_to_places(tmp_path: Path) -> None:

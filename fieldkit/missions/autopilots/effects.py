@@ -295,7 +295,7 @@ _BOTH: Mapping[int, ItemRow] = {
     **dict.fromkeys((
         Command.DO_LAND_START, Command.DO_FENCE_ENABLE, Command.DO_SET_RESUME_REPEAT_DIST,
         Command.DO_DIGICAM_CONFIGURE, Command.SET_CAMERA_MODE, Command.SET_CAMERA_FOCUS, Command.IMAGE_STOP_CAPTURE,
-        Command.VIDEO_STOP_CAPTURE, Command.DO_GIMBAL_MANAGER_CONFIGURE, Command.JUMP_TAG, Command.DO_JUMP,
+        Command.VIDEO_STOP_CAPTURE, Command.DO_GIMBAL_MANAGER_CONFIGURE, Command.JUMP_TAG,
     ), ()),
 }  # fmt: skip
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 from fieldkit.missions.autopilots.acceptance import refusal
+from fieldkit.missions.autopilots.course import Numbered, course
 from fieldkit.missions.autopilots.effects import (
     AUTOPILOTS,
     GOING,
@@ -28,7 +29,6 @@ from fieldkit.missions.autopilots.effects import (
     cannot_say,
 )
 from fieldkit.missions.autopilots.execution import Execution, FlownLeg, Photograph, aim, along, distance
-from fieldkit.missions.autopilots.jumps import Numbered, course
 from fieldkit.missions.autopilots.state import State, Turn, begun, camera_moves, carried_out, gone, photograph
 from fieldkit.missions.files.read_mission import FREE, LAND, ReadMission, ReadStop
 from fieldkit.missions.items import Command, MissionItem
@@ -67,11 +67,9 @@ def interpret(read: ReadMission, vehicle: Vehicle, dialect: str) -> Execution:
     craft = Craft(vehicle, read.home, AUTOPILOTS.get(dialect, AUTOPILOTS["ardupilot"]), read.rally)
     followed = course(read, dialect)
     state = (_fly_in_order if craft.autopilot.in_order else _fly_in_queues)(craft, log, followed.numbered)
-    for number, item in followed.unreached:
-        lost, end = "the mission never comes to it", followed.end
-        if behind := end is not None and number > end[0]:
-            lost = f"item {end[0]} ({end[1].name}) ends the mission"
-        state = _do(craft, log, state, number, *log.effects(craft, number, item, lost, told=behind))
+    for number, item in followed.behind:
+        lost = f"{followed.ended_by} ends the mission"
+        state = _do(craft, log, state, number, *log.effects(craft, number, item, lost, told=True))
     return log.ended(state)
 
 

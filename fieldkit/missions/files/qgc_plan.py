@@ -13,18 +13,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from fieldkit.documents.json_file import read_json_object, validated
 from fieldkit.errors import MetadataError
-from fieldkit.geometry.geodesy import on_earth
+from fieldkit.geometry.geodesy import LocalFrame, on_earth
 from fieldkit.missions.files.limits import MAX_BYTES, MAX_ITEMS, MAX_POINTS
 from fieldkit.missions.files.read_mission import ReadMission
-from fieldkit.missions.findings import error, warning
+from fieldkit.missions.findings import error
 from fieldkit.missions.items import Command, MissionItem, plain_frame
 from fieldkit.results.fields import Latitude, Longitude
 from fieldkit.results.finding import Finding
-from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home
+from fieldkit.routing.mission import Fence, GeoPoint, Home
 
 _FIRMWARE = {"ardupilot": 3, "px4": 12}
 _DIALECT: dict[int | None, str] = {number: name for name, number in _FIRMWARE.items()}
@@ -36,6 +37,8 @@ _FENCE_VERSION = 2
 """Version of the fence in QGroundControl's plan files."""
 _MOST_CIRCLES = 80
 """Of a fence; each is checked as a polygon of many corners."""
+_CORNERS = 64
+"""Of the polygon that a circle of a fence is taken as."""
 _REMEDY = "Save it again with QGroundControl, or export it with `fieldkit export-mission`."
 
 
@@ -100,15 +103,7 @@ def _fence_parts(fence: Fence | None) -> dict[str, Any]:
     fence = fence or Fence()
     return {
         "version": 2,
-        "circles": [
-            {
-                "version": 1,
-                "inclusion": inclusion,
-                "circle": {"center": [each.latitude_deg, each.longitude_deg], "radius": each.radius_m},
-            }
-            for inclusion, circles in ((True, fence.inside_circles), (False, fence.outside_circles))
-            for each in circles
-        ],
+        "circles": [],
         "polygons": [
             {"version": 1, "inclusion": inclusion, "polygon": [list(corner) for corner in corners]}
             for inclusion, polygons in ((True, fence.inside), (False, fence.outside))
@@ -197,8 +192,6 @@ def read_plan(path: Path) -> ReadMission:
         raise MetadataError(str(wrong), path=path, remedy=_REMEDY) from wrong
     if home is None:
         remarks.append(error("no-home", "its plannedHomePosition does not say where home is"))
-    if fence is not None and (fence.inside_circles or fence.outside_circles):
-        remarks.append(warning("fence-circles", "its fence circles are checked as polygons of 64 corners"))
     goals = tuple(GeoPoint(latitude, longitude, 0.0) for latitude, longitude, _ in plan.rally.points)
     dialect = _DIALECT.get(plan.mission.firmware)
     return ReadMission("plan", moved, home=home, firmware=dialect, fence=fence, rally=goals, remarks=tuple(remarks))
@@ -253,18 +246,19 @@ def _fence(given: _GeoFence) -> Fence | None:
             raise ValueError(f"its fence is of version {given.version}; version {_FENCE_VERSION} is read")
         if sum(len(part.polygon) for part in given.polygons) > MAX_POINTS:
             raise ValueError(f"its fences have more than {MAX_POINTS} corners")
-    rings = {True: list[tuple[tuple[float, float], ...]](), False: list[tuple[tuple[float, float], ...]]()}
-    rounds = {True: list[Circle](), False: list[Circle]()}
+    rings: dict[bool, list[tuple[tuple[float, float], ...]]] = {True: [], False: []}
     for part in given.polygons:
         closed = part.polygon[0] == part.polygon[-1] and len(part.polygon) > 3
         rings[part.inclusion].append(tuple(part.polygon[:-1] if closed else part.polygon))
     for each in given.circles:
-        rounds[each.inclusion].append(Circle(*each.circle.center, each.circle.radius))
-    if not (given.polygons or given.circles):
-        return None
-    return Fence(
-        tuple(rings[True]),
-        tuple(rings[False]),
-        inside_circles=tuple(rounds[True]),
-        outside_circles=tuple(rounds[False]),
-    )
+        rings[each.inclusion].append(_ring(each))
+    return Fence(tuple(rings[True]), tuple(rings[False])) if given.polygons or given.circles else None
+
+
+def _ring(given: _Circle) -> tuple[tuple[float, float], ...]:
+    """A polygon within a circle to stay in, and around one to stay out of, so that it never forgives a leg."""
+    reach = given.circle.radius / (1.0 if given.inclusion else math.cos(math.pi / _CORNERS))
+    angles = 2.0 * np.pi * np.arange(_CORNERS) / _CORNERS
+    corners = reach * np.stack([np.cos(angles), np.sin(angles), np.zeros(_CORNERS)], axis=1)
+    latitude, longitude, _ = LocalFrame(*given.circle.center).to_geodetic(corners)
+    return tuple(zip(latitude.tolist(), longitude.tolist(), strict=True))

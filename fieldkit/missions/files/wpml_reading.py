@@ -74,7 +74,6 @@ def read_wpml(path: Path) -> ReadMission:
     reader = _Reader(path, _set_pitches(template), _stored_lenses(template), position)
     for folder in folders:
         reader.read_folder(folder)
-    drone = _whole(config, "droneInfo/droneEnumValue")
     return ReadMission(
         "wpml",
         stops=reader.read(),
@@ -84,8 +83,6 @@ def read_wpml(path: Path) -> ReadMission:
         remarks=tuple(reader.remarks),
         refused=tuple(reader.refused),
         first_number=0,
-        drone=None if drone is None else (drone, _whole(config, "droneInfo/droneSubEnumValue") or 0),
-        payload=_whole(config, "payloadInfo/payloadEnumValue"),
     )
 
 

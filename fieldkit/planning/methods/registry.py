@@ -25,12 +25,9 @@ class MethodEntry:
     make: Callable[[PlanningProblem, SearchSettings], Method | FixedDesign]
     torch: bool = False
     """It needs the extra `search`."""
-    matches: bool = False
-    """It uses a recorded set's counted matches (`Plot.matches`)."""
-    weights: bool = False
-    """It uses the geometric score's weights (`SearchSettings.weights`)."""
-    for_a_kind: bool = False
-    """It can plan for several plots, and does so by default."""
+    by_score: bool = False
+    """It goes by the geometric score: uses its weights and a recorded set's counted matches, and can plan for several
+    plots, as it does by default."""
 
 
 def method_entry(name: str, methods: Mapping[str, MethodEntry] | None = None) -> MethodEntry:
@@ -59,16 +56,12 @@ METHODS: Mapping[str, MethodEntry] = {
     "field": MethodEntry(
         lambda problem, settings: Field(problem, seed=settings.seed, weights=settings.weights),
         torch=True,
-        matches=True,
-        weights=True,
-        for_a_kind=True,
+        by_score=True,
     ),
     "bosfm": MethodEntry(_bosfm, torch=True),
     "score": MethodEntry(
         lambda problem, settings: ScoreOptimum(problem, settings.weights, settings.seed),
-        matches=True,
-        weights=True,
-        for_a_kind=True,
+        by_score=True,
     ),
     "circle": MethodEntry(lambda problem, _: CircleSearch(problem)),
     "uniform": MethodEntry(lambda problem, _: Uniform(problem)),

@@ -9,18 +9,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TypeVar
 
-import numpy as np
 from pydantic import BaseModel
-from scipy.spatial import KDTree
 
 from fieldkit.errors import UsageError
 from fieldkit.planning.plan_settings import EnvelopeSettings, NoiseSettings
 from fieldkit.planning.settings import SearchVehicle
-from fieldkit.results.finding import Finding
-from fieldkit.results.plan import Plan
 from fieldkit.results.report_files import file_sha256
-from fieldkit.sites.plot_plants import PlanFacts
-from fieldkit.sites.reach import RTK_REMEDY, needs_rtk
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import find_vehicle, load_vehicle, vehicles_folder
 
@@ -86,12 +80,3 @@ def vehicle_envelope(vehicle: Vehicle, given: EnvelopeSettings) -> EnvelopeSetti
             remedy="Leave that option out to plan within the vehicle's limits, or leave --vehicle out.",
         )
     return wanted
-
-
-def plan_needs_rtk(plan: Plan, vehicle: Vehicle) -> list[Finding]:
-    """Where a plan's stations stand nearer to each other or to its plants than its vehicle's GNSS can hold them."""
-    stations = np.array([station.position_m for station in plan.stations])
-    plants = PlanFacts(plan).points
-    near_m = float(KDTree(plants).query(stations)[0].min()) if len(plants) else np.inf
-    why = needs_rtk(stations, near_m, vehicle)
-    return [Finding("", "needs-rtk", each, remedy=RTK_REMEDY) for each in why]

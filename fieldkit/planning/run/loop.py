@@ -233,59 +233,16 @@ def confirm(
     standard: Trial | None = None,
     nearer: float = 0.0,
 ) -> list[Finalist]:
-    """Evaluate trials again at fresh seeds; the finalists, the best first.
+    """Evaluate trials again at the fresh seeds of a run's settings and log them; the finalists, the best first.
 
     The lowest of many noisy values is partly luck, so the winner is chosen by values that had no part in finding it.
-    For plots of a kind finalists come by a `FinalistCosts`'s expectation: plots differ by more than good sets do, so
-    the mean of few confirmations says less than all results together. ``standard`` is one of the trials. It comes first
-    unless the best is ahead of it beyond noise, and by a share ``nearer`` of its value.
-    """
-    settings = run.settings
-    confirmed = evaluate_again(evaluations, run, chosen, watch=watch, standard=standard, nearer=nearer)
-    if settings.plots > 1 and settings.repeats and isinstance(method, FinalistCosts):
-        costs = method.expect_m([f.trial.cameras for f in confirmed], [entry.trial for entry in run.entries])
-        known = [replace(finalist, kind_m=cost) for finalist, cost in zip(confirmed, costs, strict=True)]
-        confirmed = sorted(known, key=lambda finalist: (-len(finalist.entries), finalist.kind_m, finalist.trial.number))
-    if standard is None:
-        return confirmed
-    own = next(finalist for finalist in confirmed if finalist.trial.cameras == standard.cameras)
-    exact = settings.plots == 1 and unchanging(settings.source, settings.noise)
-    if confirmed[0] is own or _ahead(confirmed[0], own, 0.0 if exact else _PAIRED, nearer):
-        return confirmed
-    return [own, *(finalist for finalist in confirmed if finalist is not own)]
-
-
-def _ahead(finalist: Finalist, other: Finalist, noise: float, nearer: float) -> bool:
-    """Whether a finalist is better than another one by more than the noise of their values at the same seeds, and by a
-    share ``nearer`` of the other's value.
-
-    ``noise`` is of a difference, as a share of a value, where there are too few to tell.
-    """
-    pairs = [(a.value_m, b.value_m) for a, b in zip(finalist.entries, other.entries, strict=False)]
-    if not pairs:
-        return True
-    gains = [b - a for a, b in pairs]
-    noise_m = float(np.std(gains, ddof=1)) if len(gains) > 2 else noise * pairs[0][1]
-    least_m = nearer * float(np.mean([b for _, b in pairs]))
-    return bool(np.mean(gains) > max(_CLEARLY * noise_m / np.sqrt(len(gains)), least_m))
-
-
-def evaluate_again(
-    evaluations: Evaluations,
-    run: RunFolder,
-    chosen: Sequence[Trial],
-    *,
-    watch: Watch,
-    standard: Trial | None = None,
-    nearer: float = 0.0,
-) -> list[Finalist]:
-    """Evaluate trials at the fresh seeds of a run's settings, and log them as confirmations.
-
     If the plan is for plots of a kind, each repeat is on its own plot, one that no trial has met. The first is the
     given plot, the only real one of its kind, if the search took no photographs. It is a race: a trial that is clearly
-    behind after a repeat takes part in no more, and where one is left the race is over. The trials come by repeats,
-    then value, the best first; in the given order if the settings ask for no repeats. The value of ``standard`` races
-    with a share ``nearer`` taken off.
+    behind after a repeat takes part in no more, and where one is left the race is over. Finalists come by repeats, then
+    value; for plots of a kind by a `FinalistCosts`'s expectation: plots differ by more than good sets do, so the mean
+    of few confirmations says less than all results together. They keep the given order if the settings ask for no
+    repeats. ``standard`` is one of the trials. It races with a share ``nearer`` of its value taken off, and comes first
+    unless the best is ahead of it beyond noise and by that share.
     """
     settings = run.settings
     if not settings.repeats:
@@ -301,7 +258,7 @@ def evaluate_again(
         for e in run.entries
         if e.stage == "confirmation" and e.fidelity == fidelity
     }
-    racing, confirmed = list(chosen), {trial.number: Finalist(trial) for trial in chosen}
+    racing, raced = list(chosen), {trial.number: Finalist(trial) for trial in chosen}
     for seed, plot in enumerate(plots, start=_FRESH_SEEDS + settings.seed * settings.repeats):
         new = [trial for trial in racing if (trial.cameras, seed, plot) not in logged]
         jobs = [Job(trial.cameras, seed, fidelity, plot) for trial in new]
@@ -310,14 +267,40 @@ def evaluate_again(
             logged[trial.cameras, seed, plot] = entry
             watch(entry)
         for trial in racing:
-            entries = (*confirmed[trial.number].entries, logged[trial.cameras, seed, plot])
-            confirmed[trial.number] = Finalist(trial, entries)
+            entries = (*raced[trial.number].entries, logged[trial.cameras, seed, plot])
+            raced[trial.number] = Finalist(trial, entries)
         if settings.plots > 1:
-            racing = _not_behind([confirmed[trial.number] for trial in racing], standard, nearer)
+            racing = _not_behind([raced[trial.number] for trial in racing], standard, nearer)
             if len(racing) == 1:
                 break
     # Those that raced on are ahead of those that were given up.
-    return sorted(confirmed.values(), key=lambda f: (-len(f.entries), f.value_m, f.trial.number))
+    ordered = sorted(raced.values(), key=lambda f: (-len(f.entries), f.value_m, f.trial.number))
+    if settings.plots > 1 and isinstance(method, FinalistCosts):
+        costs = method.expect_m([f.trial.cameras for f in ordered], [entry.trial for entry in run.entries])
+        known = [replace(finalist, kind_m=cost) for finalist, cost in zip(ordered, costs, strict=True)]
+        ordered = sorted(known, key=lambda finalist: (-len(finalist.entries), finalist.kind_m, finalist.trial.number))
+    if standard is None:
+        return ordered
+    own = next(finalist for finalist in ordered if finalist.trial.cameras == standard.cameras)
+    exact = settings.plots == 1 and unchanging(settings.source, settings.noise)
+    if ordered[0] is own or _ahead(ordered[0], own, 0.0 if exact else _PAIRED, nearer):
+        return ordered
+    return [own, *(finalist for finalist in ordered if finalist is not own)]
+
+
+def _ahead(finalist: Finalist, other: Finalist, noise: float, nearer: float) -> bool:
+    """Whether a finalist is better than another one by more than the noise of their values at the same seeds, and by a
+    share ``nearer`` of the other's value.
+
+    ``noise`` is of a difference, as a share of a value, where there are too few to tell.
+    """
+    pairs = [(a.value_m, b.value_m) for a, b in zip(finalist.entries, other.entries, strict=False)]
+    if not pairs:
+        return True
+    gains = [b - a for a, b in pairs]
+    noise_m = float(np.std(gains, ddof=1)) if len(gains) > 2 else noise * pairs[0][1]
+    least_m = nearer * float(np.mean([b for _, b in pairs]))
+    return bool(np.mean(gains) > max(_CLEARLY * noise_m / np.sqrt(len(gains)), least_m))
 
 
 def _not_behind(racing: Sequence[Finalist], standard: Trial | None, nearer: float) -> list[Trial]:

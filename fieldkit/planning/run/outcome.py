@@ -111,7 +111,7 @@ def write_outcome(
         chamfer_m=chosen.value_m,
         chamfer_spread_m=chosen.spread_m,
         expected_m=chosen.trial.notes.get("expected_m"),
-        weights=settings.weights if settings.method in METHODS and METHODS[settings.method].weights else None,
+        weights=settings.weights if settings.method in METHODS and METHODS[settings.method].by_score else None,
         evaluations=len(trials),
         failed_evaluations=sum(bool(entry.failure) for entry in trials),
         confirmations=sum(len(finalist.entries) for finalist in confirmed),

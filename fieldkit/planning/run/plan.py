@@ -102,7 +102,7 @@ def _planned(
     settings = run.settings
     context = replace(context, seed=settings.seed)
     entry = method_entry(settings.method, methods)
-    setup = set_up_run(settings, run.path, context, count_matches=entry.matches)
+    setup = set_up_run(settings, run.path, context, count_matches=entry.by_score)
     method = entry.make(setup.problem, settings)
     if isinstance(method, FixedDesign):
         expect(run, 0)

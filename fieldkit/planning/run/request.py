@@ -13,7 +13,6 @@ from fieldkit.captures import read_capture
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.documents.json_file import first_problem
 from fieldkit.errors import MetadataError, UsageError
-from fieldkit.evaluation.cloud_reference import is_cloud, reference_file
 from fieldkit.evaluation.reference import Reference
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.methods.registry import METHODS, MethodEntry, method_entry
@@ -37,13 +36,6 @@ KIND_PLOTS = 8
 
 def describe_sources(asked: PlanSettings) -> tuple[GivenPlot, ...]:
     """The plots that a plan is asked for. Raises UsageError: they do not go together."""
-    for reference in asked.reference:
-        if is_cloud(reference) and reference_file(reference) == reference:
-            raise UsageError(
-                "a plan needs a reference's cameras and ground, which a bare cloud does not have",
-                path=reference,
-                remedy="Build one of photographs: `fieldkit reference IMAGES -o REF`.",
-            )
     asked.check_sources()
     if asked.captures is not None and asked.recorded:
         folder = asked.captures.resolve()
@@ -62,12 +54,6 @@ def describe_sources(asked: PlanSettings) -> tuple[GivenPlot, ...]:
         source = PlanSource(kind="reference", name=folder.name, sha256=file_sha256(folder / REFERENCE_FILE))
         own = None if images is None else str(images.resolve())
         plots.append(GivenPlot(source=source, path=str(folder), images_path=own))
-    digests = [plot.source.sha256 for plot in plots]
-    for number, plot in enumerate(plots):
-        if plot.source.sha256 in digests[:number]:
-            raise UsageError(
-                "is given twice", path=Path(plot.path), remedy="Give every plot once; --vary K draws others of them."
-            )
     return tuple(plots)
 
 
@@ -93,18 +79,8 @@ def search_settings(
     plots_given, given = describe_sources(asked), asked.model_fields_set
     recorded = asked.recorded
     method = asked.method if recorded or _searches(asked) else KIND_METHOD
-    entry = method_entry(method, methods)
-    plots = _plots(asked, method, len(plots_given), for_a_kind=entry.for_a_kind)
-    if "weights" in given and not entry.weights:
-        raise UsageError(
-            f"weights would change nothing: {method} does not go by the geometric score",
-            remedy=f"Leave them out, or choose one of {', '.join(n for n in METHODS if METHODS[n].weights)}.",
-        )
-    if entry.weights and asked.mapping != "prior":
-        raise UsageError(
-            f"{method} plans for mapping from the commanded poses, not for {asked.mapping}",
-            remedy="Leave mapping out, or choose the method bosfm.",
-        )
+    by_score = method_entry(method, methods).by_score
+    plots = _plots(asked, method, len(plots_given), for_a_kind=by_score)
     if recorded and (asked.envelope.model_fields_set or asked.vehicle or asked.camera):
         raise UsageError(
             "recorded photographs have their places and their camera: limits, a vehicle and a camera change nothing",
@@ -165,7 +141,7 @@ def _plots(asked: PlanSettings, method: str, given: int, *, for_a_kind: bool) ->
     if given > 1 and not for_a_kind:
         raise UsageError(
             f"{method} plans for one plot, and {given} are given",
-            remedy=f"Give one, or choose one of {', '.join(name for name in METHODS if METHODS[name].for_a_kind)}.",
+            remedy=f"Give one, or choose one of {', '.join(name for name in METHODS if METHODS[name].by_score)}.",
         )
     if "plots" in asked.model_fields_set:
         return asked.plots

@@ -14,7 +14,7 @@ from fieldkit.clouds import Cloud, Volume
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.missions.export import route_plan
 from fieldkit.planning.plan_settings import EnvelopeSettings, PlanSettings
-from fieldkit.planning.run.flyable import plan_needs_rtk, vehicle_envelope
+from fieldkit.planning.run.flyable import vehicle_envelope
 from fieldkit.planning.run.request import resumed_settings, search_settings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope, project
@@ -148,14 +148,3 @@ def test_a_run_goes_on_for_the_vehicle_it_began_with(tmp_path: Path) -> None:
     copy.write_text(copy.read_text().replace("min_height_m = 1.0", "min_height_m = 1.1"))
     with pytest.raises(UsageError, match=r"did not begin with vehicle = .*mine"):
         resumed_settings(began, PlanSettings(vehicle=copy))
-
-
-def test_a_plan_says_where_it_takes_rtk() -> None:
-    envelope = envelope_of("ardupilot-pitch")
-    away = Cameras.aimed([(-3.0, 0.0, 2.3), (-3.2, 0.0, 2.3), (-1.4, 1.6, 2.9)], [(0.0, 0.0, 0.5)] * 3)
-    plan, without = plan_of(away, envelope), load_vehicle("dji-mini-4-pro")
-    apart, near = plan_needs_rtk(plan, without)
-    assert (apart.code, apart.severity) == (near.code, near.severity) == ("needs-rtk", "warning")
-    assert apart.message.startswith("needs RTK: two stations are 0.20 m apart")
-    assert near.message.startswith("needs RTK: a station is 0.")
-    assert plan_needs_rtk(plan, load_vehicle("ardupilot-pitch")) == []

@@ -20,7 +20,6 @@ from fieldkit.planning.run.loop import (
     Evaluations,
     Finalist,
     confirm,
-    evaluate_again,
     evaluating,
     finalists,
     search,
@@ -177,9 +176,9 @@ def test_without_repeats_finalists_stay_as_the_method_has_them(tmp_path: Path) -
 def test_plans_for_a_kind_are_confirmed_on_plots_that_no_trial_has_met(tmp_path: Path) -> None:
     with searched(tmp_path / "run", Dull(noise_m=0.1), plots=4, repeats=3) as (evaluations, run):
         chosen = [entry.trial for entry in run.entries[:2]]
-        found: list[Finalist] = evaluate_again(evaluations, run, chosen, watch=ignore)
+        found: list[Finalist] = confirm(None, evaluations, run, chosen, watch=ignore)
         count = len(run.entries)
-        found += evaluate_again(evaluations, run, chosen, watch=ignore)
+        found += confirm(None, evaluations, run, chosen, watch=ignore)
         assert len(run.entries) == count  # nothing is done twice
     assert {entry.plot for entry in run.entries if entry.stage == "search"} == {0}
     for finalist in found:
@@ -196,7 +195,7 @@ def test_finalists_of_a_kind_race_as_long_as_noise_could_change_who_leads(
     with searched(tmp_path / "run", evaluator(), plots=4, repeats=3, finalists=3) as (evaluations, run):
         ordered = lowest([entry.trial for entry in run.entries], 100)
         chosen = ordered[:3] if evaluator is Dull else [ordered[0], *ordered[-2:]]
-        found = evaluate_again(evaluations, run, chosen, watch=ignore, standard=chosen[1], nearer=nearer)
+        found = confirm(None, evaluations, run, chosen, watch=ignore, standard=chosen[1], nearer=nearer)
     assert [len(finalist.entries) for finalist in found] == rounds
     assert found[0].trial.cameras == ordered[0].cameras or evaluator is Dull
 
@@ -232,9 +231,9 @@ def test_finalists_of_a_kind_are_ranked_by_what_the_method_expects(tmp_path: Pat
 def test_sets_that_change_their_numbers_keep_their_own_values(tmp_path: Path) -> None:
     with searched(tmp_path / "run", Bowl(tmp_path), repeats=2) as (evaluations, run):
         first, second, third = (entry.trial for entry in run.entries[:3])
-        once = evaluate_again(evaluations, run, [first, second], watch=ignore)
+        once = confirm(None, evaluations, run, [first, second], watch=ignore)
         done = len((tmp_path / "evaluated").read_text().splitlines())
-        again = evaluate_again(evaluations, run, [replace(third, number=0), replace(first, number=1)], watch=ignore)
+        again = confirm(None, evaluations, run, [replace(third, number=0), replace(first, number=1)], watch=ignore)
     values = {found.trial.cameras: found.value_m for found in once}
     by_number = {f.trial.number: f for f in again}
     assert {number: f.trial.cameras for number, f in by_number.items()} == {0: third.cameras, 1: first.cameras}
