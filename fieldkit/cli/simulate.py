@@ -31,6 +31,10 @@ if TYPE_CHECKING:
     from fieldkit_sim.simulation import Stations
 
 
+_MOST_OVERLAP = 95.0
+"""Percent."""
+
+
 @dataclass(frozen=True)
 class StationOptions:
     """Where photographs are taken from."""
@@ -45,11 +49,19 @@ class StationOptions:
     """N stations on a circle about the plants."""
     dense: Annotated[int, Option(metavar="N", min=0)] = 0
     """N stations on three circles, for a reference."""
+    survey: Annotated[str, Option(metavar="HEIGHT,FRONT,SIDE")] = ""
+    """An app's grid straight down over the plants: height in metres, overlaps in percent."""
+    oblique: bool = False
+    """With --survey: four oblique directions more, with 20 percent less overlap."""
 
     def circle(self) -> tuple[float, ...]:
         """The numbers of --ring, which may be none."""
-        if sum([self.plan is not None, self.poses is not None, bool(self.ring), self.dense > 0]) != 1:
-            raise UsageError("which stations?", remedy="Give one of --plan, --poses, --ring and --dense.")
+        if (
+            sum([self.plan is not None, self.poses is not None, bool(self.ring), self.dense > 0, bool(self.survey)])
+            != 1
+        ):
+            remedy = "Give one of --plan, --poses, --ring, --dense and --survey."
+            raise UsageError("which stations?", remedy=remedy)
         if self.plant_height is not None and (self.plan is None or not 0.0 < self.plant_height < 10.0):
             raise UsageError(
                 f"--plant-height {self.plant_height:g}: fits a --plan to plants of a height in metres",
@@ -61,10 +73,20 @@ class StationOptions:
             raise UsageError(f"--ring: not a ring: {self.ring}", remedy=remedy)
         return numbers
 
+    def grid(self) -> tuple[float, ...]:
+        """The height and the shares of overlap of --survey, none where it is not given."""
+        if not self.survey:
+            return ()
+        height, *percent = read_numbers("--survey", self.survey, (3,))
+        if height == 0.0 or max(percent) > _MOST_OVERLAP:
+            remedy = "Write it like --survey 8,80,70: metres and percent."
+            raise UsageError(f"--survey: not a survey: {self.survey}", remedy=remedy)
+        return (height, *(0.01 * share for share in percent))
+
     def read(self) -> tuple[Stations | Sequence[Pose], Intrinsics | None]:
         """The stations; and the camera that a plan is for."""
         circle = self.circle()
-        from fieldkit_sim.simulation import dense_about, poses_from_csv, ring_about
+        from fieldkit_sim.simulation import dense_about, poses_from_csv, ring_about, survey_over
 
         if self.plan is not None:
             from fieldkit.results.plan_file import load_plan
@@ -77,6 +99,8 @@ class StationOptions:
             return [s.pose for s in loaded.stations], loaded.camera
         if self.poses is not None:
             return poses_from_csv(self.poses), None
+        if self.survey:
+            return survey_over(*self.grid(), oblique=self.oblique), None
         return ring_about(int(circle[0]), *circle[1:]) if circle else dense_about(self.dense), None
 
 
@@ -120,9 +144,10 @@ def command(
         fieldkit simulate case-1 --dense 45 -o case-1-dense
         fieldkit simulate case-1 --plan case-1-plan --pose-noise 0.05,2 -o flight_1
         fieldkit simulate case-1 --plan case-1-plan --burst 5 --vehicle dji-mavic-3-enterprise -o flight_2
-        fieldkit simulate plot.toml --ring 10,1.5,1.2 --size 1000x750 --blur 0.002 -o ring
+        fieldkit simulate block --survey 8,80,70 --oblique --size 2000x1500 -o flight
     """
     stations.circle()
+    stations.grid()
     off, pixels = read_pose_noise(pose_noise) if pose_noise else None, _size(size) if size else None
     from dataclasses import asdict, replace
 

@@ -21,6 +21,7 @@ from fieldkit.scenes.description import SceneDescription, build, sample_referenc
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.simulate import Outdoors, Sidecars, simulate_capture
+from fieldkit_sim.surveys import Passes, four_directions
 
 Stations = Callable[[Scene, Intrinsics], Sequence[Pose]]
 _RING_PITCH_DEG = 35.0
@@ -29,6 +30,11 @@ _DENSE_PITCHES_DEG = (18.0, 38.0, 60.0)
 """Angles at which a dense capture's levels look down, degrees."""
 _FILL = 1.05
 """The plants' sphere fills the smaller side of the image but for this."""
+
+_OBLIQUE_DEG = -60.0
+"""Pitch of a survey's oblique photographs, degrees."""
+_OBLIQUE_LESS = 0.2
+"""By how much less of a picture oblique photographs overlap: there are four directions of them."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +69,7 @@ def simulate(
     Args:
         description: the scene, with the camera, its effects and the noise of the photographs.
         stations: commanded poses in the plot frame, or what makes them from the scene and the camera (`ring_about`,
-            `dense_about`).
+            `dense_about`, `survey_over`).
         output: the capture's folder: JPEGs, and poses.csv (commanded) and camera.toml with ``poses_csv``.
         outdoors: wind, wash and bursts; instead of the description's wind.
         seed: of all noise.
@@ -128,6 +134,23 @@ def dense_about(count: int, nearer: float = 1.0) -> Stations:
     So far away that the plants fill the image, times ``nearer``. The result can be pickled.
     """
     return partial(_dense, count=count, nearer=nearer)
+
+
+def survey_over(height_m: float, front: float, side: float, *, oblique: bool = False) -> Stations:
+    """An app's grid over the plants, straight down, with these shares of overlap; the result can be pickled.
+
+    ``oblique``: four directions more, which overlap less.
+    """
+    passes: tuple[Passes, ...] = (Passes(height_m, -90.0, 0.0, front, side),)
+    if oblique:
+        overlap = (max(0.0, share - _OBLIQUE_LESS) for share in (front, side))
+        passes += four_directions(height_m, _OBLIQUE_DEG, *overlap)
+    return partial(_survey, passes=passes)
+
+
+def _survey(scene: Scene, intrinsics: Intrinsics, *, passes: Sequence[Passes]) -> list[Pose]:
+    (x0, y0, _), (x1, y1, _) = (corner.tolist() for corner in scene.bounds(plants_only=True))
+    return [pose for some in passes for pose in some.poses((x0, y0), (x1, y1), intrinsics)]
 
 
 def _ring(

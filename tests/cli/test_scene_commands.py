@@ -124,6 +124,7 @@ class TestSimulate:
             ([], "which stations?"),
             (["--ring", "3", "--dense", "4"], "which stations?"),
             (["--ring", "3,x"], "--ring: cannot be 3,x"),
+            (["--survey", "8,80,99"], "--survey: not a survey"),
             (["--ring", "2.5"], "--ring: not a ring"),
             (["--ring", "3", "--pose-noise", "1"], "--pose-noise: cannot be 1"),
             (["--ring", "3", "--size", "big"], "--size: not a size"),

@@ -37,7 +37,7 @@ from fieldkit.scenes.simulate import (
     simulate_capture,
     xmp_packet,
 )
-from fieldkit_sim.simulation import dense_about, poses_from_csv, ring, ring_about, simulate
+from fieldkit_sim.simulation import dense_about, poses_from_csv, ring, ring_about, simulate, survey_over
 
 CAMERA = Intrinsics.pinhole(200, 150, 170.0)
 POSES = ring(4, 1.0, 0.8)
@@ -259,6 +259,16 @@ def test_nothing_beside_the_photographs_where_it_is_not_wanted(tmp_path: Path, d
     simulate(description, ring_about(1), tmp_path / "a", poses_csv=False, gps=False)
     assert [p.name for p in (tmp_path / "a").iterdir()] == ["IMG_0001.jpg"]
     assert read_capture(tmp_path / "a").metric_source is None
+
+
+def test_a_survey_shows_all_plants_from_above_and_with_oblique_passes_from_all_sides(small_scene) -> None:
+    grid, oblique = (survey_over(4.0, 0.8, 0.6, oblique=more)(small_scene, CAMERA) for more in (False, True))
+    plants = np.concatenate([mesh.vertices for mesh in small_scene.plants])
+    for poses in (grid, oblique[len(grid) :]):
+        seen = sum(CAMERA.sees(pose.to_camera(plants)) for pose in poses)
+        assert seen.min() >= 2
+    assert {round(pose.yaw_pitch_roll_deg()[1]) for pose in oblique} == {-90, -60}
+    assert len({round(pose.yaw_pitch_roll_deg()[0]) % 360 for pose in oblique[len(grid) :]}) == 4
 
 
 def test_stations_see_the_plants(small_scene: Scene) -> None:
