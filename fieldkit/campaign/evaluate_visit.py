@@ -31,7 +31,7 @@ from fieldkit.geometry.geodesy import LocalFrame, plot_from_enu
 from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.guided import region_of_interest
 from fieldkit.reconstruction.pipeline import KnownPlot
-from fieldkit.reconstruction.plot_frame import find_ground, moved_plane
+from fieldkit.reconstruction.plot_frame import find_ground
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.fields import clean_text
 from fieldkit.results.finding import COARSE_RASTERS, NO_RASTERS, TOLD
@@ -43,6 +43,7 @@ from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import Spent
 from fieldkit.sites.fit import plants_outgrown
 from fieldkit.sites.plot_ids import plot_file_name
+from fieldkit.sites.plots_file import drawn_outline
 from fieldkit.version import __version__
 from fieldkit.vocabulary import LEAST_POSITIONS
 from fieldkit.wording import count
@@ -228,11 +229,11 @@ class Settling:
         if ground is None:
             shift[2] = self.height_m - float(np.median([pose.center[2] for pose in poses.values()]))
             return Similarity(1.0, np.eye(3), shift), self.onto
-        sideways = moved_plane(ground, Similarity(1.0, np.eye(3), np.array([shift[0], shift[1], 0.0])))
+        sideways = ground.moved(Similarity(1.0, np.eye(3), np.array([shift[0], shift[1], 0.0])))
         wanted = 0.0 if self.onto is None else _height_at_origin(self.onto)
         shift[2] = wanted - _height_at_origin(sideways)
         motion = Similarity(1.0, np.eye(3), shift)
-        return motion, moved_plane(ground, motion) if self.onto is None else self.onto
+        return motion, ground.moved(motion) if self.onto is None else self.onto
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,7 +283,7 @@ def place_visit(
         if not reference.source.georeferenced or capture.origin is None:
             return PlacedVisit(reference)
         settled = replace(reference, settle=Settling(None, height, reference.ground, seed))
-        corners = drawn_outline(plot, reference.source)
+        corners = drawn_outline(plot, plot.shape, reference.source)
         return PlacedVisit(settled, outline=None if corners is None else PlotOutline(corners))
     if capture.metric_source is None:
         return PlacedVisit(None, ("no positions: reconstructed in a frame and at a scale of its own",))
@@ -291,7 +292,7 @@ def place_visit(
             note = "poses.csv is not in the plan's frame, and there is no GPS: the plot's place in it is not known"
             return PlacedVisit(None, (note,))
         own = SourceFrame(capture.metric_source, LocalFrame(plot.latitude_deg, plot.longitude_deg), _own_axes(plot))
-        corners = drawn_outline(plot, own)
+        corners = drawn_outline(plot, plot.shape, own)
         source = SourceFrame(capture.metric_source, None, Similarity.identity())
         known = KnownPlot(source, visit_volume(plan, corners), None, settle=Settling(None, height, None, seed))
         return PlacedVisit(known, outline=PlotOutline(corners))
@@ -304,7 +305,7 @@ def place_visit(
         note = f"positions are good to {accuracy:.1f} m only: the plot is taken to lie where the cameras look"
         notes = (note,)
     settle = Settling(aim if coarse else None, height, None, seed)
-    corners = None if coarse else drawn_outline(plot, source)
+    corners = None if coarse else drawn_outline(plot, plot.shape, source)
     outline = PlotOutline(corners)
     if coarse and (plot.shape is not None or plot.size_m is not None):
         outline = PlotOutline(
@@ -312,25 +313,6 @@ def place_visit(
         )
     known = KnownPlot(source, visit_volume(plan, corners), None, settle=settle)
     return PlacedVisit(known, notes, outline, at_origin=coarse)
-
-
-def drawn_outline(plot: CampaignPlot, source: SourceFrame) -> Outline | None:
-    """Corners (x, y) of a plot in the plot frame that a source frame leads into, from the polygon that it is drawn as,
-    or else its length and width; None where nobody said either, or the source lies nowhere on Earth.
-    """
-    if source.origin is None:
-        return None
-    own = LocalFrame(plot.latitude_deg, plot.longitude_deg, source.origin.altitude_m, source.origin.datum)
-    if plot.shape is not None:
-        latitude, longitude = np.array(plot.shape, dtype=np.float64).T
-    elif plot.size_m is not None:
-        x, y = 0.5 * plot.size_m[0], 0.5 * plot.size_m[1]
-        ring = np.array([(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)]) @ plot_from_enu(plot.row_heading_deg)
-        latitude, longitude, _ = own.to_geodetic(ring)
-    else:
-        return None
-    corners = source.from_source.apply(source.origin.to_local(latitude, longitude, source.origin.altitude_m))
-    return tuple((float(x), float(y)) for x, y, _ in corners)
 
 
 def visit_volume(plan: Plan, outline: Outline | None) -> Volume:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from typer import Option
 
-from fieldkit.cli.common import JsonOption, LogOption, emit_json, show
+from fieldkit.cli.common import JsonOption, LogOption, PlotIdOption, emit_json, show
 from fieldkit.cli.options import Panels
 from fieldkit.cli.reconstruction_options import (
     RECONSTRUCTION,
@@ -34,6 +34,9 @@ SETTINGS: Panels = {
     },
 }
 
+_OF_ONE_PLOT = {"bounds_m": "--bounds", "refine": "--refine", "distances_m": "--distances", "rasters": "--rasters"}
+"""Settings that a flight over many plots does not take, and their options."""
+
 
 def command(
     captures: Path,
@@ -44,6 +47,8 @@ def command(
     reference_frame: Annotated[str, Option(metavar="FRAME")] = "",
     log: LogOption = None,
     plan: Path | None = None,
+    plots: Path | None = None,
+    plot_id: PlotIdOption = None,
     settings: Annotated[EvaluationSettings, SETTINGS],
     ties: TiesOption = None,
     poses: PosesOptions,
@@ -58,6 +63,9 @@ def command(
     plants' height, cover and volume, and for each plot its cloud and a picture. Plots that fail are listed; the exit
     code is 4 only where all of them do.
 
+    With --plots a flight over many plots, of whatever pattern, is mapped once, and each photograph counts for every
+    plot that it shows.
+
     In a campaign's folder, or with --campaign, the photographs are sorted into its plots and dates by geotag and time,
     or by folders, and every visit that is new or changed is scored by the campaign's settings. A run that was stopped
     goes on when the same command is given again.
@@ -69,43 +77,61 @@ def command(
         reference: What `fieldkit reference` wrote, or a cloud (PLY, LAS, LAZ). Without: no distances.
         reference_frame: Of a cloud that does not say it: EPSG:CODE or metres.
         plan: plan.json that was flown: how the photographs kept to it.
+        plots: Plots that the photographs show together: GeoJSON, Shapefile (.shp or .zip), KML or GeoPackage.
 
     Examples:
         fieldkit evaluate flights/ --reference plot_7-reference -o scores
         fieldkit evaluate flight_7/ --log flight_7.tlog --plan plot_7-plan --reference plot_7-reference -o scores
+        fieldkit evaluate grid_8m/ --plots plots.geojson -o scores --workers 2
         fieldkit evaluate card/DCIM --campaign season --workers 2
     """
+    own = settings.model_fields_set
+    others = {"--reference": reference, "--reference-frame": reference_frame, "--plan": plan, "--log": log}
+    others |= {"--poses": poses.poses}
+    others = {option: value for option, value in others.items() if value}
     if output is None:
-        own = settings.model_fields_set
         given = [f"--{name.removesuffix('_m')}" for name in type(settings).model_fields if name in own]
-        others = {"--reference": reference, "--reference-frame": reference_frame, "--plan": plan, "--ties": ties}
-        others |= {"--log": log, "--poses": poses.poses}
-        given += [option for option, value in others.items() if value]
+        given += [*others, *(option for option, value in {"--ties": ties, "--plots": plots}.items() if value)]
         return _in_campaign(_campaign_folder(campaign, given), captures, run, scheduler, as_json=as_json)
     if campaign is not None:
         raise UsageError("a campaign's results go into its own folder", remedy="Leave -o out, or --campaign.")
+    if plots is not None:
+        unfit = [*others, *(option for name, option in _OF_ONE_PLOT.items() if name in own)]
+        if unfit:
+            raise UsageError(
+                f"{unfit[0]} is of one plot, and --plots of all that a flight shows",
+                remedy=f"Leave {unfit[0]} out, or evaluate each plot's photographs without --plots.",
+            )
+    elif plot_id is not None:
+        raise UsageError("--plot-id is a field of --plots", remedy="Give --plots with it.")
     settings, found_poses = with_ties(settings, ties), poses.given()
     frame = parse_frame("--reference-frame", reference_frame)
     if frame and reference is None:
         raise UsageError("--reference-frame is that of --reference", remedy="Give --reference with it.")
     from fieldkit.evaluation.evaluate import AllFailedError, evaluate
+    from fieldkit.evaluation.flight import evaluate_flight
     from fieldkit.pictures.overview import write_overviews
 
     computing = run_context(as_json=as_json, workers=run.workers, scheduler=scheduler, no_cache=run.no_cache)
     with computing as context:
         try:
-            report = evaluate(
-                captures,
-                output,
-                settings,
-                context,
-                reference=reference,
-                reference_frame=frame,
-                log=log,
-                plan=plan,
-                poses=found_poses,
-                overwrite=run.overwrite,
-            )
+            if plots is not None:
+                report = evaluate_flight(
+                    captures, plots, output, settings, context, plot_id=plot_id, overwrite=run.overwrite
+                )
+            else:
+                report = evaluate(
+                    captures,
+                    output,
+                    settings,
+                    context,
+                    reference=reference,
+                    reference_frame=frame,
+                    log=log,
+                    plan=plan,
+                    poses=found_poses,
+                    overwrite=run.overwrite,
+                )
         except AllFailedError as error:
             report = error.report
     write_overviews(output, report)

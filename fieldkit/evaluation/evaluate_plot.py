@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,17 +13,20 @@ import numpy as np
 from fieldkit.captures import Capture
 from fieldkit.clouds import Cloud, CloudScore, ReferenceIndex, score, write_cloud
 from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
+from fieldkit.clouds.canopy import Outline
+from fieldkit.clouds.volume import Volume
 from fieldkit.errors import FieldkitError, ReconstructionError, StorageError, UsageError
 from fieldkit.evaluation.adherence import NO_ADHERENCE, ComparedPlan, write_adherence
 from fieldkit.evaluation.cloud_reference import AnyReference, CloudReference
 from fieldkit.evaluation.conversion import failed_plot, plot_evaluation
-from fieldkit.evaluation.rasters import Rasters, coarse_place, write_rasters
+from fieldkit.evaluation.plot_photo import PHOTO_FILE, plot_photo
+from fieldkit.evaluation.rasters import Rasters, coarse_place, write_georeferenced, write_rasters
 from fieldkit.evaluation.reference import Reference
 from fieldkit.evaluation.traits import PlotOutline, outline_of, scale_doubt
 from fieldkit.figures.spreadsheets import PLANTS_FILE, TRAITS_FILE, plants_csv, plot_rows, plots_csv, traits_csv
 from fieldkit.figures.style import format_length
 from fieldkit.files import storage_errors, write_atomic
-from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
+from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, reconstruct_placed, with_scene
 from fieldkit.reconstruction.result import Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.silhouettes import outlines
@@ -33,10 +37,12 @@ from fieldkit.results.finding import COARSE_RASTERS, NO_RASTERS, OTHER_PLANTS, P
 from fieldkit.results.report_files import EVALUATION_FILE, describe_files, save_report
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import Spent
+from fieldkit.runtime.progress import Progress
 from fieldkit.runtime.worker import NoWorkersError
 from fieldkit.wording import count
 
 PLOTS_FILE = "plots.csv"
+LAZ_FILE = "cloud.laz"
 RESERVED = (EVALUATION_FILE, PLOTS_FILE, TRAITS_FILE)
 """Names of an evaluation's own files, which no plot's folder has."""
 _DOUBTS = 3.0
@@ -68,6 +74,16 @@ class Scoring:
 
 
 @dataclass(frozen=True, eq=False)
+class PlacedPlot:
+    """A plot of a flight that is mapped."""
+
+    sparse: SparseResult
+    """Of the photographs that show it, bursts made steady, and the ground below it."""
+    volume: Volume
+    """Of interest."""
+
+
+@dataclass(frozen=True, eq=False)
 class PlotCapture:
     """A plot's capture, as read, with what it is evaluated by."""
 
@@ -81,6 +97,8 @@ class PlotCapture:
     """To be written, of the clouds as reconstructed; a finding says where they cannot be."""
     flown: ComparedPlan | None = None
     """The plan that the photographs are compared with."""
+    placed: PlacedPlot | None = None
+    """Where the photographs are placed already."""
 
 
 def evaluate_plot(
@@ -106,7 +124,8 @@ def evaluate_plot(
     try:
         with storage_errors(folder):
             given = read()
-            with steady_capture(given.capture, context) as capture:
+            steady = steady_capture(given.capture, context) if given.placed is None else nullcontext(given.capture)
+            with steady as capture:
                 return _evaluated(plot, replace(given, capture=capture), folder, place, settings, spent, context)
     except Exception as error:
         shutil.rmtree(folder / place, ignore_errors=True)
@@ -150,16 +169,15 @@ def _evaluated(
     scoring, rasters, progress = given.scoring, given.rasters, context.progress
     reference = scoring.reference
     settings_of_reference = reference.report.settings if isinstance(reference, Reference) else None
-    found = reconstruct(
-        given.capture,
-        settings,
-        context,
-        known_plot=given.known_plot,
-        reach_m=REFERENCE_REACH_M if scoring.refine else 0.0,
-    )
+    if given.placed is None:
+        reach_m = REFERENCE_REACH_M if scoring.refine else 0.0
+        found = reconstruct(given.capture, settings, context, known_plot=given.known_plot, reach_m=reach_m)
+    else:
+        found = reconstruct_placed(given.placed.sparse, given.placed.volume, settings, context)
     if rasters is not None:
         found = with_scene(found, settings, context)
     plants, correction, result = found.plants, None, None
+    outline = given.outline or outline_of(settings, settings_of_reference)
     of_reference = given.known_plot is not None and found.sparse.frame.ground == given.known_plot.ground
     findings: list[Finding] = []
     with progress.stage("Silhouettes"):
@@ -173,6 +191,8 @@ def _evaluated(
         (folder / place).mkdir(parents=True)
         write_cloud(folder / place / CLOUD_FILE, plants)
         names = [CLOUD_FILE]
+        if given.placed is not None:
+            names += _write_beside(folder / place, found, outline.corners, progress)
         if isinstance(reference, CloudReference):
             findings += reference.findings
         plot = plot_evaluation(
@@ -183,7 +203,7 @@ def _evaluated(
             correction=correction,
             findings=findings,
             plants=plants if of_reference else None,
-            outline=given.outline or outline_of(settings, settings_of_reference),
+            outline=outline,
             shown=shown,
             spent=spent,
         )
@@ -206,6 +226,15 @@ def _evaluated(
     if kept is None:
         progress.note(f"{name}: no adherence to the plan: {NO_ADHERENCE}")
     return write_adherence(folder, place, plot.model_copy(update={"adherence": kept}))
+
+
+def _write_beside(folder: Path, found: Reconstruction, corners: Outline | None, progress: Progress) -> list[str]:
+    """Write what a plot of a flight has beside its cloud: the same in UTM, and its photograph; the files' names."""
+    names = [LAZ_FILE] if write_georeferenced(folder / LAZ_FILE, found.plants, found.sparse.frame, progress) else []
+    if corners is None:
+        return names
+    write_atomic(folder / PHOTO_FILE, plot_photo(found, corners))
+    return [*names, PHOTO_FILE]
 
 
 def _refined(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copyreg
 import itertools
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -93,6 +95,22 @@ def color_points(model: pycolmap.Reconstruction, photos: Iterable[Photo]) -> Non
 def transform_model(model: pycolmap.Reconstruction, similarity: Similarity) -> None:
     """Move a model, in place, into the similarity's target frame."""
     model.transform(pycolmap.Sim3d(similarity.scale, pycolmap.Rotation3d(similarity.rotation), similarity.translation))
+
+
+def part_of_model(model: pycolmap.Reconstruction, names: Collection[str]) -> pycolmap.Reconstruction:
+    """A model of some of the images, without their features, and of the points that two of them see, without tracks."""
+    part, seen = pycolmap.Reconstruction(), Counter[int]()
+    for image in model.images.values():
+        if image.name in names and image.has_pose:
+            if not part.exists_camera(image.camera_id):
+                part.add_camera_with_trivial_rig(model.camera(image.camera_id))
+            alone = pycolmap.Image(name=image.name, camera_id=image.camera_id, image_id=image.image_id)
+            part.add_image_with_trivial_frame(alone, image.cam_from_world())
+            seen.update(point.point3D_id for point in image.get_observation_points2D())
+    for key, images in sorted(seen.items()):
+        if images > 1:
+            part.add_point3D(model.points3D[key].xyz, pycolmap.Track())
+    return part
 
 
 def new_model(
@@ -211,3 +229,6 @@ def arrays_to_model(arrays: Arrays, prefix: str = "") -> pycolmap.Reconstruction
         model = pycolmap.Reconstruction()
         model.read_binary(folder)
         return model
+
+
+copyreg.pickle(pycolmap.Reconstruction, lambda model: (arrays_to_model, (model_to_arrays(model),)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TypeVar
@@ -51,7 +51,6 @@ from fieldkit.reconstruction.plot_frame import (
     find_ground,
     known_up,
     looked_beside_m,
-    moved_plane,
     plot_from_world,
     volume_of_interest,
 )
@@ -62,6 +61,7 @@ from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.silhouettes import hull_volume, outlines
 from fieldkit.reconstruction.stages import StageTimer, load_quality
 from fieldkit.reconstruction.versions import STAGES
+from fieldkit.results.evaluation import StageTime
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import Plane
 from fieldkit.runtime.context import Context
@@ -143,22 +143,73 @@ def _reconstructed(
     reach_m: float,
 ) -> Reconstruction:
     """See `reconstruct`; ``findings`` grow."""
-    timer = StageTimer(context.progress)
-    timed = replace(context, progress=timer)
-    if settings.mask == "file":
-        _require_masks(capture)
-    with timer.stage("Reading photographs"):
-        findings += quality_findings(load_quality(capture, context.cache))
-    sparse, cached = place(capture, settings, findings, timed, known_plot)
-    if sparse.right < _MIN_DENSE_VIEWS:
-        raise _too_few(sparse)
+    sparse, times = place_photographs(capture, settings, findings, context, known_plot)
     volume = settings.bounds or (known_plot.volume if known_plot is not None else None)
     if volume is None and any(prior.exact for prior in capture.priors.values()):
         volume = hull_volume(sparse, settings.mask)
     volume = volume or volume_of_interest(model_points(sparse.model), sparse.poses, sparse.intrinsics)
+    return reconstruct_placed(
+        sparse,
+        volume,
+        settings,
+        context,
+        reach_m=reach_m,
+        own_ground=known_plot is None or known_plot.ground is None,
+        own_volume=known_plot is None and settings.bounds is None,
+        times=times,
+    )
+
+
+def place_photographs(
+    capture: Capture,
+    settings: ReconstructionSettings,
+    findings: list[Finding],
+    context: Context,
+    known_plot: KnownPlot | None = None,
+) -> tuple[SparseResult, tuple[StageTime, ...]]:
+    """Look at a capture's photographs and `place` them: enough for dense stereo; also what that took.
+
+    To ``findings`` those about the photographs and of mapping are added.
+    """
+    timer = StageTimer(context.progress)
+    if settings.mask == "file":
+        _require_masks(capture)
+    with timer.stage("Reading photographs"):
+        findings += quality_findings(load_quality(capture, context.cache))
+    sparse, cached = place(capture, settings, findings, replace(context, progress=timer), known_plot)
+    if sparse.right < _MIN_DENSE_VIEWS:
+        raise _too_few(sparse)
+    return sparse, timer.times(cached)
+
+
+def reconstruct_placed(
+    sparse: SparseResult,
+    volume: Volume,
+    settings: ReconstructionSettings,
+    context: Context,
+    *,
+    reach_m: float = 0.0,
+    own_ground: bool = True,
+    own_volume: bool = False,
+    times: Sequence[StageTime] = (),
+) -> Reconstruction:
+    """Reconstruct what photographs that have their place show of a volume.
+
+    Args:
+        sparse: of the photographs to take (`SparseResult.of`), and the ground below the volume.
+        volume: of interest, plot frame; whatever bounds the settings have.
+        reach_m: as of `reconstruct`.
+        own_ground: whether the ground was found in these photographs.
+        own_volume: whether the volume was.
+        times: of earlier stages.
+
+    Raises:
+        ReconstructionError: the photographs show nothing of it, or no plants.
+    """
+    timer = StageTimer(context.progress, times)
     if not _shown(sparse, volume.grown(reach_m)):  # of another plot: dense stereo would find it out in minutes
         raise _no_plants(sparse, 0, volume, settings.mask)
-    dense = _Dense(sparse, volume.grown(reach_m), settings, timed)
+    dense = _Dense(sparse, volume.grown(reach_m), settings, replace(context, progress=timer))
     fused, scatter_px = dense.cloud()
     gsd_m, ground = _ground_sampling_distance(sparse, volume), sparse.frame.ground
     above = fused
@@ -171,14 +222,14 @@ def _reconstructed(
     if len(plants) == 0:
         raise _no_plants(sparse, len(above), volume, settings.mask)
     flags = quality_flags(
-        capture.folder.name,
+        sparse.capture.folder.name,
         plants,
         volume,
         gsd_m,
         sparse.frame,
         sparse.poses,
-        own_ground=known_plot is None or known_plot.ground is None,
-        own_volume=known_plot is None and settings.bounds is None,
+        own_ground=own_ground,
+        own_volume=own_volume,
     )
     for flag in flags:
         context.progress.note(flag.message)
@@ -193,7 +244,7 @@ def _reconstructed(
         pixel_m=dense.pixel_m if ground is None else dense.pixel_of(plants, ground),
         scatter_px=scatter_px,
         fusion_rule=fusion_rule(settings.min_agreeing_views, scatter_px),
-        times=timer.times(cached),
+        times=timer.times({}),
     )
 
 
@@ -316,7 +367,7 @@ def _frame(
         motion = Similarity.identity()
         if poses:
             motion = plot_from_world(points, poses, found, georeferenced=georeferenced, up=up)
-        ground = None if found is None else moved_plane(found, motion)
+        ground = None if found is None else found.moved(motion)
     residuals = [i.position_residual_m for i in mapped.images if i.counts and i.position_residual_m is not None]
     bounds = [bound_m(priors.by_name[n]) for n in priors.positioned]
     name, of_scale = source_of_scale(priors, scale, metric=mapped.metric)

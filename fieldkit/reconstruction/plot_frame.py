@@ -130,13 +130,6 @@ def _looking_up(poses: Mapping[str, Pose]) -> list[str]:
     return [name for name, pose in poses.items() if pose.forward[2] > _LOOKING_UP]
 
 
-def moved_plane(plane: Plane, motion: Similarity) -> Plane:
-    """The same plane after a rigid motion."""
-    normal = motion.rotation @ plane.normal
-    offset_m = plane.offset_m + float(normal @ motion.translation)
-    return Plane(vector(normal), offset_m, plane.rms_m, plane.inlier_share, plane.tolerance_m)
-
-
 _SHARED_BY = 0.5  # of the cameras see a point of a converging capture
 _TRIM = 0.005
 """Share of points at each end of an axis that is left out."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.captures.model import Capture
@@ -11,11 +12,13 @@ from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.reconstruction.colmap_model import part_of_model, transform_model
 from fieldkit.results.evaluation import ImageReport, StageTime, WeakestMode
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import Plane
 from fieldkit.runtime.colmap import pycolmap
 
+T = TypeVar("T")
 _CLEARANCE_RMS = 3.0
 """Height above the ground below which points are soil, in the ground's RMS roughness."""
 
@@ -82,6 +85,46 @@ class SparseResult:
     def right(self) -> int:
         """Images that count."""
         return sum(image.counts for image in self.images)
+
+    def of(self, names: Collection[str]) -> SparseResult:
+        """Of some of its photographs: what is said of others, or of the files left out, is not said of them."""
+        capture = self.capture
+        groups = (replace(g, photos=tuple(n for n in g.photos if n in names)) for g in capture.groups)
+        others = {photo.name for photo in capture.photos}.difference(names)
+        part = replace(
+            capture,
+            photos=tuple(photo for photo in capture.photos if photo.name in names),
+            groups=tuple(group for group in groups if group.photos),
+            priors=_only(capture.priors, names),
+            to_take_off_m=_only(capture.to_take_off_m, names),
+        )
+        return replace(
+            self,
+            capture=part,
+            model=part_of_model(self.model, names),
+            images=tuple(image for image in self.images if image.name in names),
+            poses=_only(self.poses, names),
+            intrinsics=_only(self.intrinsics, names),
+            groups=_only(self.groups, names),
+            findings=tuple(f for f in self.findings if not f.left_out and f.subject not in others),
+        )
+
+    def moved(self, motion: Similarity) -> SparseResult:
+        """In a plot frame that is turned and shifted by a rigid motion."""
+        model, frame, weakest = pycolmap.Reconstruction(self.model), self.frame, self.weakest
+        transform_model(model, motion)
+        ground = None if frame.ground is None else frame.ground.moved(motion)
+        return replace(
+            self,
+            model=model,
+            poses={name: motion.apply_pose(pose) for name, pose in self.poses.items()},
+            frame=replace(frame, plot_from_source=motion.after(frame.plot_from_source), ground=ground),
+            weakest=weakest and weakest.turned(motion.rotation),
+        )
+
+
+def _only(by_name: Mapping[str, T], names: Collection[str]) -> dict[str, T]:
+    return {name: value for name, value in by_name.items() if name in names}
 
 
 @dataclass(frozen=True, eq=False)

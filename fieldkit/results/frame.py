@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -13,7 +14,7 @@ from fieldkit.arrays import FloatArray
 from fieldkit.geometry import Intrinsics, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.priors import SourceFrame
-from fieldkit.results.fields import STRICT, Count, Length, Share, Strict, Text, Vector
+from fieldkit.results.fields import STRICT, Count, Length, Share, Strict, Text, Vector, vector
 
 Row = tuple[float, float, float, float]
 
@@ -45,6 +46,12 @@ class Plane:
     def tilt_deg(self) -> float:
         """Angle between the normal and the z axis, degrees."""
         return float(np.degrees(np.arctan2(np.hypot(self.normal[0], self.normal[1]), self.normal[2])))
+
+    def moved(self, motion: Similarity) -> Plane:
+        """The same plane after a rigid motion."""
+        normal = motion.rotation @ self.normal
+        offset_m = self.offset_m + float(normal @ motion.translation)
+        return replace(self, normal=vector(normal), offset_m=offset_m)
 
     def levelling(self, origin: ArrayLike | None = None) -> Similarity:
         """The rigid transform that turns the normal to +z by the shortest way and puts the plane at z = 0.

@@ -17,10 +17,11 @@ from pydantic import ValidationError
 from fieldkit.documents.mistaken import MISSPELT, nearest
 from fieldkit.documents.toml_file import sentence
 from fieldkit.errors import MetadataError
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.geodesy import LocalFrame, plot_from_enu
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.sites.plot_ids import ID_FIELDS, IdProblem, PlotIds, plot_ids
 from fieldkit.sites.site import SitePlot
-from fieldkit.sites.vector_files import NUMBERS, Feature, VectorFile, read_wgs84, wgs84_features
+from fieldkit.sites.vector_files import NUMBERS, Feature, Ring, VectorFile, read_wgs84, wgs84_features
 from fieldkit.wording import listed
 
 PLOTS_REMEDY = "Plots are polygons or points; height_m, row_heading_deg … are properties, in metres and degrees."
@@ -53,6 +54,8 @@ class PlotsFile:
 
     plots: tuple[SitePlot, ...]
     """In the file's order."""
+    shapes: tuple[Ring | None, ...]
+    """Of each plot its corners (latitude, longitude), the last not the first again; None of a point."""
     ids: PlotIds
     """Which field their names are from."""
     file: VectorFile
@@ -105,6 +108,7 @@ def read_plots(path: Path, plot_id: str | None = None) -> PlotsFile:
         raise MetadataError(str(problem), path=path, remedy=problem.remedy) from problem
     unused = _unused(features, ids.field, path)
     plots: list[SitePlot] = []
+    shapes = tuple(feature.parts[0] if feature.kind == "Polygon" else None for feature in features)
     towards: float | None = None
     problems: dict[str, list[str]] = {}
     for feature, name in zip(features, ids.ids, strict=True):
@@ -120,7 +124,7 @@ def read_plots(path: Path, plot_id: str | None = None) -> PlotsFile:
     if problems:
         message = "; ".join(f"{listed(those)}: {why}" for why, those in problems.items())
         raise MetadataError(message, path=path, remedy=PLOTS_REMEDY)
-    return PlotsFile(tuple(plots), ids, file, unused)
+    return PlotsFile(tuple(plots), shapes, ids, file, unused)
 
 
 def _unused(features: Sequence[Feature], id_field: str | None, path: Path) -> tuple[str, ...]:
@@ -235,6 +239,25 @@ def plot_shape(corners: Sequence[tuple[float, float]]) -> PlotShape:
     )
     sides = sorted(reach.max(axis=0).tolist())
     return PlotShape(*middle, heading, (sides[1], sides[0]))
+
+
+def drawn_outline(plot: SitePlot, shape: Ring | None, source: SourceFrame) -> Ring | None:
+    """Corners (x, y) of a plot in the plot frame that a source frame leads into, from the polygon that it is drawn as,
+    or else its length and width; None where nobody said either, or the source lies nowhere on Earth.
+    """
+    if source.origin is None:
+        return None
+    if shape is not None:
+        latitude, longitude = np.array(shape, dtype=np.float64).T
+    elif plot.size_m is not None:
+        own = LocalFrame(plot.latitude_deg, plot.longitude_deg, source.origin.altitude_m, source.origin.datum)
+        x, y = 0.5 * plot.size_m[0], 0.5 * plot.size_m[1]
+        ring = np.array([(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)]) @ plot_from_enu(plot.row_heading_deg)
+        latitude, longitude, _ = own.to_geodetic(ring)
+    else:
+        return None
+    corners = source.from_source.apply(source.origin.to_local(latitude, longitude, source.origin.altitude_m))
+    return tuple((float(x), float(y)) for x, y, _ in corners)
 
 
 def heading_near(side_deg: float, towards_deg: float) -> float:

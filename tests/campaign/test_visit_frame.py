@@ -8,7 +8,6 @@ import pytest
 
 from fieldkit.campaign.evaluate_visit import (
     Settling,
-    drawn_outline,
     on_stations,
     place_visit,
     plan_aim,
@@ -26,6 +25,7 @@ from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.results.frame import Plane
 from fieldkit.results.plan_file import plan_from_poses
+from fieldkit.sites.plots_file import drawn_outline
 from tests.campaign.examples import FIELD, PLAN, STATIONS, field, flown
 
 PLOT = field(2, 2)[3]
@@ -168,7 +168,7 @@ class TestOutline:
         """The reference's frame is east and north about a place of its own."""
         place = LocalFrame(PLOT.latitude_deg + 1e-5, PLOT.longitude_deg, 80.0, "ellipsoid")
         turned = SourceFrame("EXIF GPS", place, Similarity.identity())
-        corners = drawn_outline(self.drawn(90.0), turned)
+        corners = drawn_outline(plot := self.drawn(90.0), plot.shape, turned)
         np.testing.assert_allclose(corners, np.array(self.CORNERS) - (0.0, 1.113), atol=2e-3)
 
     def test_cannot_be_placed_by_coarse_positions(self) -> None:

@@ -13,7 +13,6 @@ from fieldkit.reconstruction.plot_frame import (
     check_upright,
     find_ground,
     known_up,
-    moved_plane,
     plot_from_world,
     volume_of_interest,
 )
@@ -48,7 +47,7 @@ def test_the_ground_becomes_z_0_with_the_cameras_above(turn: list[float]) -> Non
     assert np.abs(np.median(moved[:3000, 2])) < 0.002
     assert all(motion.apply_pose(p).center[2] > 1.0 for p in poses.values())
     assert np.abs(np.median(moved[3000:, :2], axis=0)).max() < 0.05
-    assert moved_plane(ground, motion).normal == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
+    assert ground.moved(motion).normal == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
 
 
 def test_a_georeferenced_slope_stays_a_slope() -> None:
@@ -58,7 +57,7 @@ def test_a_georeferenced_slope_stays_a_slope() -> None:
     assert ground is not None
     motion = plot_from_world(points, _ring(), ground, georeferenced=True)
     assert motion.rotation == pytest.approx(np.eye(3))
-    assert moved_plane(ground, motion).tilt_deg() == pytest.approx(np.degrees(0.1), abs=0.3)
+    assert ground.moved(motion).tilt_deg() == pytest.approx(np.degrees(0.1), abs=0.3)
 
 
 def _priors(poses: dict[str, Pose], said: str, sigma_m: float) -> Priors:

@@ -1,0 +1,362 @@
+"""fieldkit evaluate --plots: a flight over many plots, mapped once; a photograph counts for every plot it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import as_completed
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from fieldkit.arrays import FloatArray
+from fieldkit.cache import digest
+from fieldkit.captures import Capture
+from fieldkit.captures.bursts import by_station
+from fieldkit.captures.selection import capture_of, find_photographs
+from fieldkit.clouds.canopy import Outline
+from fieldkit.clouds.volume import Volume
+from fieldkit.errors import CaptureError, FieldkitError, MetadataError, ReconstructionError, StorageError
+from fieldkit.evaluation.conversion import evaluation_report, failed_plot
+from fieldkit.evaluation.evaluate import AllFailedError
+from fieldkit.evaluation.evaluate_plot import (
+    RESERVED,
+    PlacedPlot,
+    PlotCapture,
+    Scoring,
+    evaluate_plot,
+    unforeseen,
+    write_evaluation,
+)
+from fieldkit.evaluation.settings import EvaluationSettings
+from fieldkit.evaluation.traits import PlotOutline
+from fieldkit.files import atomic_folder, write_atomic
+from fieldkit.geometry import Similarity
+from fieldkit.geometry.geodesy import plot_from_enu
+from fieldkit.geometry.priors import SourceFrame
+from fieldkit.reconstruction.colmap_model import model_points, track_lengths
+from fieldkit.reconstruction.dense.views import views_of
+from fieldkit.reconstruction.pipeline import place_photographs
+from fieldkit.reconstruction.result import SparseResult
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.steady import steady_capture
+from fieldkit.reconstruction.versions import STAGES
+from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
+from fieldkit.results.fields import clean_text
+from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE
+from fieldkit.runtime.context import Context
+from fieldkit.runtime.machine import Spent
+from fieldkit.runtime.progress import Silent
+from fieldkit.runtime.threads import limit_threads
+from fieldkit.runtime.worker import NoWorkersError
+from fieldkit.sites.plot_ids import plot_file_name
+from fieldkit.sites.plots_file import PlotsFile, drawn_outline, read_plots
+from fieldkit.vocabulary import LEAST_POSITIONS
+from fieldkit.wording import count
+
+MOST_VIEWS = 24
+"""Most photographs that a plot is reconstructed from: those that show it best."""
+_LEAST_VIEWS = 2
+"""Least number of photographs that show a plot."""
+_BESIDE_M = 0.3
+"""Width of what is reconstructed about a plot's outline: leaves hang over it, metres."""
+_BELOW_M = 0.1
+"""Depth of a plot's volume below the ground, metres."""
+_ABOVE_M = 0.3
+"""Least room above the highest sparse points, metres: few lie on the tips of leaves."""
+_ABOVE = 0.15
+"""The same as a share of their height."""
+_HIGHEST = 0.995
+"""Quantile of the sparse points' heights which is the plants' and not that of points amiss."""
+_LEAST_POINTS = 20
+"""Number of sparse points above a plot that tell its plants' height; else all of the flight do."""
+_WELL_SEEN = 3  # photographs that have a sparse point which is hardly by chance
+_FARTHEST_M = 500.0
+"""Distance from all photographs at which no plot of the file can be in one of them, metres."""
+_SAME = 0.5
+"""Share of a plot that another one covers from which both are hardly two plots."""
+_EVALUATION = "evaluation"
+"""What a cached plot's figures are kept under, beside its files."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Job:
+    """A plot to be evaluated."""
+
+    name: str
+    corners: Outline
+    placed: PlacedPlot
+    settings: ReconstructionSettings
+    folder: Path
+    """Of the result."""
+
+    @property
+    def place(self) -> str:
+        """The plot's folder in it."""
+        return plot_file_name(self.name, RESERVED)
+
+    @property
+    def key(self) -> str:
+        """Digest of all that its evaluation depends on."""
+        sparse = self.placed.sparse
+        return digest(
+            "plot of a flight",
+            dict(STAGES),
+            self.name,
+            self.corners,
+            self.placed.volume,
+            self.settings,
+            [photo.sha256 for photo in sparse.capture.photos],
+            [image.model_dump_json() for image in sparse.images],
+            sparse.poses,
+            sparse.intrinsics,
+            sparse.frame,
+            [finding.stored() for finding in sparse.findings],
+        )
+
+
+def evaluate_flight(
+    captures: Path | str,
+    plots: Path | str,
+    output: Path | str,
+    settings: EvaluationSettings | None = None,
+    context: Context | None = None,
+    *,
+    plot_id: str | None = None,
+    overwrite: bool = False,
+) -> EvaluationReport:
+    """Map a flight once and evaluate every plot that it shows.
+
+    Args:
+        captures: folder of georeferenced photographs, also of several flights in subfolders, which become one model.
+        plots: file of the plots as polygons, or as points with length and width.
+        output: folder of the result: evaluation.json, plots.csv, traits.csv and, per plot, a folder with cloud.ply,
+            cloud.laz (UTM) and photo.jpg.
+        settings: choices; neither bounds nor refinement.
+        context: None takes the usual cache and one process, and says nothing.
+        plot_id: field of the plots' ids.
+        overwrite: replace an earlier evaluation in ``output``.
+
+    Returns:
+        The report. Plots that failed or are not in the pictures are in it with their error.
+
+    Raises:
+        UsageError: ``output`` exists.
+        InputError: there are no photographs, they have no place on Earth, or the plots lie elsewhere, twice or without
+            an outline.
+        ReconstructionError: the flight does not map.
+        AllFailedError: every plot failed; the report is written all the same.
+    """
+    asked = settings or EvaluationSettings()
+    chosen, spent = asked.reconstruction, Spent.now()
+    limit_threads()
+    captures, plots, output = Path(captures), Path(plots), Path(output)
+    context = replace(context or Context.usual(), seed=chosen.seed)
+    with atomic_folder(output, overwrite=overwrite, marker=EVALUATION_FILE) as folder:
+        file = read_plots(plots, plot_id)
+        for line in file.told:
+            context.progress.note(line)
+        capture = _read(captures, chosen, context)
+        _check_plots(plots, file, capture)
+        with steady_capture(capture, context) as steady:
+            sparse = _placed(steady, chosen, context)
+            sparse = sparse.moved(Similarity(1.0, plot_from_enu(file.plots[0].row_heading_deg), np.zeros(3)))
+            outlines = dict(zip((plot.name for plot in file.plots), _outlines(file, sparse), strict=True))
+            results = _evaluated(sparse, outlines, chosen, folder.absolute(), context)
+        report = evaluation_report(
+            clean_text(captures.absolute().name),
+            results,
+            chosen,
+            reference_sha256=None,
+            refine=False,
+            distances_m=asked.distances_m,
+            spent=spent,
+        )
+        report = write_evaluation(folder, report)
+    if report.failed == len(report.plots):
+        raise AllFailedError(report)
+    return report
+
+
+def _read(folder: Path, settings: ReconstructionSettings, context: Context) -> Capture:
+    """The photographs of a flight or of several, bursts by station, in a frame that has a place on Earth."""
+
+    def skip(place: Path) -> bool:
+        return any((place / name).is_file() for name in (EVALUATION_FILE, REFERENCE_FILE))
+
+    found = find_photographs(folder, skip=skip, progress=context.progress)
+    if not found.photos:
+        raise CaptureError(
+            "there are no usable photographs in this folder, nor below it",
+            path=folder,
+            remedy="Give the folder that holds the photographs of the flight.",
+        )
+    capture = capture_of(found.photos)
+    if capture.origin is None and sum(each.photo.geotag is not None for each in found.photos) >= LEAST_POSITIONS:
+        capture = capture_of(found.photos, without=("poses.csv",))
+    if capture.origin is None:
+        raise MetadataError(
+            "the photographs have no place on Earth, and so none among the plots",
+            path=folder,
+            remedy="Give photographs with GPS tags, a geo.txt beside them, or positions by `fieldkit geotag`.",
+        )
+    return by_station(replace(capture, findings=(*found.findings, *capture.findings)), settings.mask)
+
+
+def _check_plots(path: Path, file: PlotsFile, capture: Capture) -> None:
+    """Refuse plots without an outline, twice the same, and such as are all elsewhere."""
+    source = SourceFrame(capture.metric_source or "", capture.origin, Similarity.identity())
+    rings = [drawn_outline(plot, shape, source) for plot, shape in zip(file.plots, file.shapes, strict=True)]
+    bare = [plot.name for plot, ring in zip(file.plots, rings, strict=True) if ring is None]
+    if bare:
+        raise MetadataError(
+            f"{bare[0]} is a point without length_m and width_m"
+            + (f", and so are {len(bare) - 1} more" if len(bare) > 1 else ""),
+            path=path,
+            remedy="Draw plots as polygons, or give both.",
+        )
+    shapes = np.array([shapely.Polygon(ring) for ring in rings])
+    for one, other in shapely.STRtree(shapes).query(shapes, predicate="intersects").T:
+        shared = shapely.area(shapely.intersection(shapes[one], shapes[other]))
+        if one < other and shared > _SAME * min(shapes[one].area, shapes[other].area):
+            raise MetadataError(
+                f"{file.plots[one].name} and {file.plots[other].name} lie on one another",
+                path=path,
+                remedy="Give every plot a polygon of its own, and each only once.",
+            )
+    known = np.array([p.position[:2] for p in capture.priors.values() if p.position is not None])
+    away_m = float(shapely.distance(shapely.MultiPoint(known), shapes).min())
+    if away_m > _FARTHEST_M:
+        raise MetadataError(
+            f"the plots lie {away_m / 1000:,.1f} km and more from where the photographs were taken",
+            path=path,
+            remedy="Give the plots of this flight, and check their coordinate system.",
+        )
+
+
+def _placed(capture: Capture, settings: ReconstructionSettings, context: Context) -> SparseResult:
+    findings = list(capture.findings)
+    try:
+        sparse, _ = place_photographs(capture, settings, findings, context)
+    except FieldkitError as error:
+        error.findings = tuple(findings)
+        raise
+    if sparse.frame.origin is None:
+        raise ReconstructionError(
+            "the model contradicts the photographs' GPS, so it has no place among the plots",
+            path=capture.folder,
+            registered=sparse.registered,
+            right=sparse.right,
+            remedy="Check the photographs' positions, and that all are of one flight.",
+        )
+    context.progress.note(f"{count(sparse.right, 'photograph counts', 'photographs count', of=len(sparse.images))}")
+    return sparse
+
+
+def _outlines(file: PlotsFile, sparse: SparseResult) -> Iterator[Outline]:
+    """The plots' corners in the plot frame."""
+    source = SourceFrame(sparse.frame.source, sparse.frame.origin, sparse.frame.plot_from_source)
+    for plot, shape in zip(file.plots, file.shapes, strict=True):
+        corners = drawn_outline(plot, shape, source)
+        assert corners is not None
+        yield corners
+
+
+def plot_volume(corners: Outline, points: FloatArray, sparse: SparseResult) -> Volume:
+    """The volume of a plot of a flight: its outline's box and what hangs over it, from below the ground to above the
+    highest of the sparse points (n, 3) there.
+    """
+    low, high = np.min(corners, axis=0) - _BESIDE_M, np.max(corners, axis=0) + _BESIDE_M
+    inside = ((points[:, :2] >= low) & (points[:, :2] <= high)).all(axis=1)
+    own = points[inside] if inside.sum() >= _LEAST_POINTS else points
+    ground = sparse.frame.ground
+    feet = own[:, 2] if ground is None else ground.above(np.array(corners))[:, 2]
+    heights = own[:, 2] - feet.min() if ground is None else ground.heights(own)
+    above = max(0.0, float(np.quantile(heights, _HIGHEST)))
+    top = float(feet.max()) + above + max(_ABOVE_M, _ABOVE * above)
+    return Volume((*low.tolist(), float(feet.min()) - _BELOW_M), (*high.tolist(), top))
+
+
+def _evaluated(
+    sparse: SparseResult,
+    outlines: dict[str, Outline],
+    settings: ReconstructionSettings,
+    folder: Path,
+    context: Context,
+) -> list[PlotEvaluation]:
+    """The plots in order; parallel by plots where there are workers."""
+    points = model_points(sparse.model)
+    well_seen = track_lengths(sparse.model) >= _WELL_SEEN
+    points = points[well_seen] if well_seen.sum() >= _LEAST_POINTS else points
+    jobs: list[_Job] = []
+    results: dict[str, PlotEvaluation] = {}
+    for name, corners in outlines.items():
+        volume = plot_volume(corners, points, sparse)
+        views = views_of(sparse.poses, sparse.intrinsics, volume, MOST_VIEWS)
+        if len(views) < _LEAST_VIEWS:
+            error = CaptureError("is not in the pictures", remedy="Fly over it, or leave it out of the plots.")
+            results[name] = failed_plot(name, error, photographs=len(views))
+        else:
+            jobs.append(_Job(name, corners, PlacedPlot(sparse.of(views), volume), settings, folder))
+    if results:
+        context.progress.note(f"not in the pictures: {', '.join(results)}")
+    weights = [float(len(job.placed.sparse.poses) * np.prod(job.placed.volume.size[:2])) for job in jobs]
+    alone = Context(context.cache, Silent(), seed=context.seed)
+    with context.progress.stage("Plots", len(jobs), weights=weights) as advance:
+        for job, wait in _started(jobs, alone, context):
+            results[job.name] = result = _result(job, wait)
+            said = result.error.message if result.error is not None else count(result.points, "point")
+            context.progress.note(f"{job.name}: {count(result.images, 'photograph')}, {said}")
+            advance(1)
+    return [results[name] for name in outlines]
+
+
+def _started(
+    jobs: Sequence[_Job], alone: Context, context: Context
+) -> Iterator[tuple[_Job, Callable[[], PlotEvaluation]]]:
+    """The jobs, as they are done where there are workers, and what gives their results."""
+    if context.workers == 1 and not context.scheduler:
+        yield from ((job, partial(_plot, job, alone)) for job in jobs)
+        return
+    with context.executor() as executor:
+        futures = {executor.submit(_plot, job, alone): job for job in jobs}
+        yield from ((futures[future], future.result) for future in as_completed(futures))
+
+
+def _result(job: _Job, wait: Callable[[], PlotEvaluation]) -> PlotEvaluation:
+    """A plot's evaluation; one plot must not stop the others."""
+    try:
+        return wait()
+    except (StorageError, NoWorkersError):
+        raise
+    except Exception as error:
+        known = error if isinstance(error, FieldkitError) else unforeseen(error)
+        return failed_plot(job.name, known, photographs=len(job.placed.sparse.poses))
+
+
+def _plot(job: _Job, context: Context) -> PlotEvaluation:
+    """Evaluate a plot and write its folder; both from the cache where they are there."""
+    key, place = job.key, job.folder / job.place
+    kept = context.cache.get("plots", key)
+    if kept is not None:
+        result = PlotEvaluation.model_validate_json(kept.pop(_EVALUATION).tobytes())
+        place.mkdir()
+        for name, data in kept.items():
+            write_atomic(place / name, data.tobytes())
+        return result
+    sparse = job.placed.sparse
+    plot = PlotCapture(
+        sparse.capture,
+        Scoring(None, None, refine=False, distances_m=()),
+        outline=PlotOutline(job.corners),
+        placed=job.placed,
+    )
+    read, photographs = (lambda: plot), len(sparse.poses)
+    result = evaluate_plot(job.name, read, job.folder, job.place, job.settings, context, photographs=photographs)
+    if result.error is None:
+        files = {path.name: path.read_bytes() for path in sorted(place.iterdir())}
+        files[_EVALUATION] = result.model_dump_json().encode()
+        context.cache.put("plots", key, {name: np.frombuffer(data, dtype=np.uint8) for name, data in files.items()})
+    return result
