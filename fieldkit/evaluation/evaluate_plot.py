@@ -181,7 +181,8 @@ def _evaluated(
     of_reference = given.known_plot is not None and found.sparse.frame.ground == given.known_plot.ground
     findings: list[Finding] = []
     with progress.stage("Silhouettes"):
-        shown = outlines(found.sparse, settings.mask)
+        # Beside and behind a plot of a flight stand others, in one outline with it.
+        shown = outlines(found.sparse, settings.mask) if given.placed is None else []
     with progress.stage("Scoring"):
         if reference is not None and scoring.index is not None:
             if scoring.refine:

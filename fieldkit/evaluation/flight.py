@@ -38,6 +38,7 @@ from fieldkit.geometry.geodesy import plot_from_enu
 from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.colmap_model import model_points, track_lengths
 from fieldkit.reconstruction.dense.views import views_of
+from fieldkit.reconstruction.field_ground import FieldGround
 from fieldkit.reconstruction.pipeline import place_photographs
 from fieldkit.reconstruction.result import SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -45,6 +46,7 @@ from fieldkit.reconstruction.steady import steady_capture
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
 from fieldkit.results.fields import clean_text
+from fieldkit.results.frame import Plane
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import Spent
@@ -264,14 +266,13 @@ def _outlines(file: PlotsFile, sparse: SparseResult) -> Iterator[Outline]:
         yield corners
 
 
-def plot_volume(corners: Outline, points: FloatArray, sparse: SparseResult) -> Volume:
+def plot_volume(corners: Outline, points: FloatArray, ground: Plane | None) -> Volume:
     """The volume of a plot of a flight: its outline's box and what hangs over it, from below the ground to above the
     highest of the sparse points (n, 3) there.
     """
     low, high = np.min(corners, axis=0) - _BESIDE_M, np.max(corners, axis=0) + _BESIDE_M
     inside = ((points[:, :2] >= low) & (points[:, :2] <= high)).all(axis=1)
     own = points[inside] if inside.sum() >= _LEAST_POINTS else points
-    ground = sparse.frame.ground
     feet = own[:, 2] if ground is None else ground.above(np.array(corners))[:, 2]
     heights = own[:, 2] - feet.min() if ground is None else ground.heights(own)
     above = max(0.0, float(np.quantile(heights, _HIGHEST)))
@@ -289,17 +290,21 @@ def _evaluated(
     """The plots in order; parallel by plots where there are workers."""
     points = model_points(sparse.model)
     well_seen = track_lengths(sparse.model) >= _WELL_SEEN
+    field = FieldGround.of(points, sparse.poses, well_seen, seed=settings.seed)
     points = points[well_seen] if well_seen.sum() >= _LEAST_POINTS else points
     jobs: list[_Job] = []
     results: dict[str, PlotEvaluation] = {}
     for name, corners in outlines.items():
-        volume = plot_volume(corners, points, sparse)
+        ground, sigma_m = (None if field is None else field.under(np.array(corners))) or (None, 0.0)
+        volume = plot_volume(corners, points, ground)
         views = views_of(sparse.poses, sparse.intrinsics, volume, MOST_VIEWS)
         if len(views) < _LEAST_VIEWS:
             error = CaptureError("is not in the pictures", remedy="Fly over it, or leave it out of the plots.")
             results[name] = failed_plot(name, error, photographs=len(views))
         else:
-            jobs.append(_Job(name, corners, PlacedPlot(sparse.of(views), volume), settings, folder))
+            part = sparse.of(views)
+            part = replace(part, frame=replace(part.frame, ground=ground, ground_sigma_m=sigma_m))
+            jobs.append(_Job(name, corners, PlacedPlot(part, volume), settings, folder))
     if results:
         context.progress.note(f"not in the pictures: {', '.join(results)}")
     weights = [float(len(job.placed.sparse.poses) * np.prod(job.placed.volume.size[:2])) for job in jobs]

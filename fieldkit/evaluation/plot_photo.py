@@ -16,6 +16,7 @@ _ROOM = 0.05
 _MOST_PX = 1600
 """Longer side of the picture."""
 _JPEG_QUALITY = 90
+"""Of 100: leaves' edges stay clean."""
 
 
 def plot_photo(found: Reconstruction, corners: Outline) -> bytes:

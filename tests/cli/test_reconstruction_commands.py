@@ -66,6 +66,25 @@ class TestUsage:
         assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("--reference plot_7", "--reference is of one plot"),
+        ("--bounds 0,0,0,1,1,1", "--bounds is of one plot"),
+        ("--refine", "--refine is of one plot"),
+    ],
+)
+def test_a_flight_over_many_plots_takes_nothing_of_one(
+    arguments: str, message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("photos", "plot_7"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "plots.geojson").touch()
+    assert main(["evaluate", "photos", "--plots", "plots.geojson", "-o", "out", *arguments.split(), "--json"]) == 2
+    assert message in json.loads(capsys.readouterr().out)["error"]["message"]
+
+
 @given(st.text(alphabet="0123456789.,-einfa ", max_size=20))
 def test_any_text_is_a_box_or_a_usage_error(text: str) -> None:
     with suppress(UsageError):

@@ -1,0 +1,106 @@
+"""A plot's part of a mapped flight: its photographs, its volume and its picture."""
+
+import pickle
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from fieldkit.clouds import Cloud
+from fieldkit.evaluation.flight import plot_volume
+from fieldkit.evaluation.plot_photo import plot_photo
+from fieldkit.geometry import Intrinsics, Pose, Similarity
+from fieldkit.geometry.pose import rotation_about_z
+from fieldkit.reconstruction.colmap_model import model_points, model_poses
+from fieldkit.results.finding import Finding
+from fieldkit.results.frame import Plane
+from tests.evaluation.examples import reconstruction
+
+CORNERS = ((1.0, 0.0), (3.0, 0.0), (3.0, 1.5), (1.0, 1.5))
+
+
+def test_a_part_of_a_flight_says_nothing_of_the_others() -> None:
+    whole = replace(
+        reconstruction().sparse,
+        findings=(
+            Finding("notes.txt", "not-an-image", "is a text file", True),
+            Finding("IMG_0002.jpg", "blurred", "is blurred"),
+            Finding("IMG_0005.jpg", "blurred", "is blurred"),
+            Finding("plot 7", "weakly-tied", "hangs together badly"),
+        ),
+    )
+    names = ("IMG_0001.jpg", "IMG_0002.jpg", "IMG_0004.jpg")
+    part = whole.of(names)
+    assert part.capture.names == tuple(part.poses) == tuple(part.intrinsics) == names
+    assert tuple(image.name for image in part.images) == part.capture.groups[0].photos == names
+    assert set(part.capture.priors) == set(names)
+    assert [finding.subject for finding in part.findings] == ["IMG_0002.jpg", "plot 7"]
+    assert part.right == 3
+    back = pickle.loads(pickle.dumps(part))  # as workers get it
+    poses = model_poses(back.model)
+    assert tuple(poses) == names
+    np.testing.assert_allclose(poses[names[1]].center, whole.poses[names[1]].center, atol=1e-12)
+    points = model_points(whole.model)  # each is seen in all photographs
+    np.testing.assert_allclose(np.sort(model_points(back.model), axis=0), np.sort(points, axis=0), atol=1e-12)
+
+
+def test_a_turned_flight_is_the_same_flight() -> None:
+    found = reconstruction().sparse
+    motion = Similarity(1.0, rotation_about_z(0.7), np.array([3.0, -1.0, 0.2]))
+    turned = found.moved(motion)
+    (name, pose), points = next(iter(found.poses.items())), model_points(found.model)
+    camera = found.intrinsics[name]
+    there = camera.project(turned.poses[name].to_camera(model_points(turned.model)))
+    np.testing.assert_allclose(there, camera.project(pose.to_camera(points)), atol=1e-6)
+    np.testing.assert_allclose(turned.frame.ground.heights(model_points(turned.model)), points[:, 2], atol=1e-9)
+    source = found.frame.plot_from_source.inverse().apply(points)
+    np.testing.assert_allclose(turned.frame.plot_from_source.apply(source), motion.apply(points), atol=1e-9)
+
+
+class TestVolume:
+    GROUND = Plane((-0.03, 0.0, np.sqrt(1.0 - 0.03**2)), 0.0, 0.01, 0.9, 0.03)
+    """Rises by 3 % along x."""
+
+    def points(self, high: float) -> np.ndarray:
+        rng = np.random.default_rng(3)
+        return self.GROUND.above(rng.uniform((0.9, 0.0), (3.2, 1.5), (200, 2))) + np.column_stack(
+            [np.zeros((200, 2)), rng.uniform(0.0, high, 200)]
+        )
+
+    def test_holds_the_plot_from_below_its_ground_to_above_its_plants(self) -> None:
+        beyond = self.points(9.0) + np.array([50.0, 0.0, 0.0])
+        volume = plot_volume(CORNERS, np.concatenate([self.points(1.2), beyond]), self.GROUND)
+        np.testing.assert_allclose((volume.lower[:2], volume.upper[:2]), ((0.7, -0.3), (3.3, 1.8)))
+        assert volume.lower[2] < 0.03 - 0.05
+        assert 1.2 + 0.09 < volume.upper[2] < 1.2 + 0.09 + 0.4
+
+    def test_where_no_point_tells_the_height_it_is_that_of_the_field(self) -> None:
+        beyond = self.points(2.0) + np.array([50.0, 0.0, 1.5])
+        assert plot_volume(CORNERS, beyond, self.GROUND).upper[2] > 2.0
+
+
+def test_the_picture_of_a_plot_is_where_it_is_largest(tmp_path: Path) -> None:
+    """A red plot on grey soil, from two heights and from where half of it is out of the picture."""
+    found, camera = reconstruction(), Intrinsics.pinhole(400, 300, 300.0)
+    poses = {"low.png": (2.0, 0.75, 4.0), "high.png": (2.0, 0.75, 8.0), "half.png": (3.6, 0.75, 2.5)}
+    views = {name: Pose.from_yaw_pitch(center, 0.0, -90.0) for name, center in poses.items()}
+    photos = []
+    for name, pose in views.items():
+        image = np.full((300, 400, 3), 90, np.uint8)
+        corners = camera.project(pose.to_camera(np.column_stack([CORNERS, np.zeros(4)])))
+        cv2.fillConvexPoly(image, corners.astype(np.int32), (0, 0, 200))
+        cv2.imwrite(str(tmp_path / name), image)
+        photo = found.sparse.capture.photos[0]
+        photos.append(replace(photo, path=tmp_path / name, name=name, width=400, height=300))
+    sparse = replace(
+        found.sparse,
+        capture=replace(found.sparse.capture, photos=tuple(photos)),
+        poses=views,
+        intrinsics=dict.fromkeys(views, camera),
+    )
+    low = replace(found, sparse=sparse, plants=Cloud(np.array([[2.0, 0.7, 0.05]])))
+    picture = cv2.imdecode(np.frombuffer(plot_photo(low, CORNERS), np.uint8), cv2.IMREAD_COLOR)
+    assert picture.shape[1] == pytest.approx(2.0 / 4.0 * 300.0 * 1.1, abs=8)
+    assert (picture[..., 2] > 150).mean() > 0.75
