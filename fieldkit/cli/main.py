@@ -24,7 +24,7 @@ from fieldkit.version import __version__
 # By stage of the work. A command is the function `command` in fieldkit/cli/<name>.py; one of two words is the function
 # <first>_<second> in fieldkit/cli/<first>.py.
 COMMAND_GROUPS: dict[str, tuple[str, ...]] = {
-    "Plan, once for a field": ("reference", "scene from-reference", "plan"),
+    "Plan, once for a field": ("plots", "reference", "scene from-reference", "plan"),
     "Fly": ("export-mission", "check-mission", "upload"),
     "Check and score, every date": ("geotag", "check", "evaluate"),
     "Many plots and dates, results": (
