@@ -81,6 +81,15 @@ class Canopy:
         height = np.where(self.cover > 0, np.nan_to_num(self.tops), np.float32(0.0))
         return float((self.cover * height).sum(dtype=np.float64)) * self.cell_m**2
 
+    def heights_m(self, *shares: float) -> FloatArray:
+        """Below which such shares of the upper surface lie, over the covered ground; 0 where there is none."""
+        covered = self.cover > 0
+        if not covered.any():
+            return np.zeros(len(shares))
+        return np.quantile(
+            self.tops[covered].astype(np.float64), shares, weights=self.cover[covered], method="inverted_cdf"
+        )
+
 
 def seam_cells(pixel_m: float, swayed_m: float = 0.0) -> float:
     """Width of the seam about leaves, in cells; negative where a cloud lacks their edges.

@@ -25,6 +25,7 @@ from fieldkit.clouds.canopy import (
     with_room_m,
 )
 from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.leaf_area import leaf_area_m2
 from fieldkit.clouds.plants_apart import LEAST_PLANTS, everywhere, find_rows, tell_apart
 from fieldkit.reconstruction import silhouettes
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult
@@ -42,6 +43,10 @@ AREA_ERROR = 0.11
 """Error of an area that nine in ten plots of the benchmark were within, as a share (docs/traits.md)."""
 VOLUME_ERROR = 0.14
 """The same of a volume."""
+LAI_ERROR = 0.16
+"""The same of a leaf area index; of clouds whose leaves sway, too."""
+MOST_LAI_ERROR = 0.20
+"""Error of a leaf area index, as a share, beyond which there is none."""
 LEAST_PHOTOGRAPHS = 9
 """With fewer the errors above do not hold: of a plot of seven photographs the height was off by 0.33 m."""
 MOST_SCALE_DOUBT = 0.10
@@ -80,8 +85,10 @@ _MATCH_AT = (0.3, 0.8)
 """Heights at which places are looked at, as shares of the highest leaf's."""
 _MATCH_SHARE = 0.9
 """Least share of places with partners."""
-_OF_HEIGHT: tuple[Trait, ...] = ("height_m", "canopy_volume_m3")
-_OF_AREA: tuple[Trait, ...] = ("cover_percent", "covered_area_m2", "canopy_volume_m3", "plants", "row_gaps")
+_QUANTILES: Mapping[Trait, float] = {"height_p95_m": 0.95, "height_p99_m": 0.99}
+"""Shares of the canopy's upper surface that lie below a height."""
+_OF_HEIGHT: tuple[Trait, ...] = ("height_m", *_QUANTILES, "canopy_volume_m3")
+_OF_AREA: tuple[Trait, ...] = tuple(trait for trait in TRAITS if trait != "height_m")
 _CODES: Mapping[str, tuple[Trait, ...]] = {
     "few-plant-points": TRAITS,
     PLOTS_TOGETHER: TRAITS,
@@ -129,7 +136,8 @@ def plot_traits(
         shown: the plants' outlines in the photographs; empty where there are no masks.
     """
     corners = outline.corners
-    points = plants.points if corners is None else plants.points[inside_outline(plants.points, corners)]
+    own = plants if corners is None else plants.select(inside_outline(plants.points, corners))
+    points = own.points
     area = None if corners is None else outline_area_m2(corners)
     unknown = _unknown(found, points, outline)
     ground = found.sparse.frame.ground
@@ -148,16 +156,24 @@ def plot_traits(
     cover = None if area is None else min(100.0, 100.0 * covered / area)
     of_height = max(1.0, swayed_m / (SCATTER_OF_HEIGHT_M if shown_m is None else SCATTER_OF_TIPS_M))
     of_area = max(1.0, swayed_m / SCATTER_OF_AREA_M) * max(1.0, found.pixel_m / FITTED_PIXELS_M[1])
+    of_tops = max(1.0, swayed_m / SCATTER_OF_TIPS_M)
     ground_m = NINE_IN_TEN * found.sparse.frame.ground_sigma_m
     frame_m = float(np.hypot(NINE_IN_TEN * doubt * height, ground_m))
     area_error = float(np.hypot(of_area * AREA_ERROR, 2.0 * NINE_IN_TEN * doubt))
+    lai = None if area is None else leaf_area_m2(own, found.pixel_m) / area
+    lai_error = float(np.hypot(max(1.0, found.pixel_m / FITTED_PIXELS_M[1]) * LAI_ERROR, 2.0 * NINE_IN_TEN * doubt))
     volume_error = float(np.hypot(of_area * VOLUME_ERROR, 3.0 * NINE_IN_TEN * doubt))
     values: dict[Trait, tuple[float | None, float]] = {
         "height_m": (max(0.0, height), float(np.hypot(of_height * HEIGHT_ERROR_M, frame_m))),
+        **{
+            trait: (max(0.0, float(top)), float(np.hypot(of_tops * HEIGHT_ERROR_M, frame_m)))
+            for trait, top in zip(_QUANTILES, seen.heights_m(*_QUANTILES.values()), strict=True)
+        },
         # The plot's area has the scale's error only where its outline is measured in the photographs, too.
         "cover_percent": (cover, area_error * (cover or 0.0)),
         "covered_area_m2": (covered, area_error * covered),
         "canopy_volume_m3": (volume, float(np.hypot(volume_error * volume, ground_m * covered))),
+        "lai": (lai, lai_error * (lai or 0.0)),
     }
     known: dict[str, Any] = {}
     each: tuple[PlantEntry, ...] = ()
@@ -170,7 +186,8 @@ def plot_traits(
         each, counts, why = plants_one_by_one(plants, ground, found.sparse.frame, corners, cells, top_seen)
         known, unknown = {**counts}, unknown | why
     for trait, (value, error) in values.items():
-        if trait != "height_m" and value and error >= value:  # shares of what is there: no lower limit is left
+        most = MOST_LAI_ERROR if trait == "lai" else 1.0  # of shares of what is there no lower limit is left
+        if not trait.startswith("height") and value and error >= most * value:
             share = f"its error would be {100 * error / value:.0f} % of it"
             unknown.setdefault(trait, f"{share}, since leaves swayed or pixels are coarse")
         if trait not in unknown:
@@ -261,7 +278,7 @@ def _unknown(found: Reconstruction, points: FloatArray, outline: PlotOutline) ->
         )
         without(TRAITS, reason)
     if outline.corners is None:
-        without(("cover_percent",), outline.reason)
+        without(("cover_percent", "lai"), outline.reason)
     return unknown
 
 

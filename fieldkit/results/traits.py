@@ -15,7 +15,17 @@ from pydantic import Field
 from fieldkit.results.fields import Count, Latitude, Length, Longitude, Share, Strict
 from fieldkit.wording import by_key
 
-Trait = Literal["height_m", "cover_percent", "covered_area_m2", "canopy_volume_m3", "plants", "row_gaps"]
+Trait = Literal[
+    "height_m",
+    "height_p95_m",
+    "height_p99_m",
+    "cover_percent",
+    "covered_area_m2",
+    "canopy_volume_m3",
+    "lai",
+    "plants",
+    "row_gaps",
+]
 TRAITS: tuple[Trait, ...] = get_args(Trait)
 Percent = Annotated[float, Field(ge=0, le=100)]
 
@@ -57,6 +67,33 @@ class TraitsEntry(Strict):
     height_error_below_m: Length | None = None
     """How far below: less, where the cloud alone tells the height, since it may lack tips and adds none; null in files
     of before, whose height_error_m is of both sides."""
+    height_p95_m: Annotated[
+        Length | None,
+        Described(
+            "height, 95 %",
+            "height 95 %",
+            "m",
+            2,
+            "below which 95 % of the canopy is",
+            "Below which 95 % of the canopy's upper surface is, seen from above: of a closed canopy steadier than the "
+            "highest leaf.",
+        ),
+    ] = None
+    """Quantile of the canopy's upper surface above the ground, over the covered area."""
+    height_p95_error_m: Length | None = None
+    height_p99_m: Annotated[
+        Length | None,
+        Described(
+            "height, 99 %",
+            "height 99 %",
+            "m",
+            2,
+            "below which 99 % of the canopy is",
+            "Below which 99 % of the canopy's upper surface is, seen from above.",
+            trend=False,
+        ),
+    ] = None
+    height_p99_error_m: Length | None = None
     cover_percent: Annotated[
         Percent | None,
         Described(
@@ -92,6 +129,19 @@ class TraitsEntry(Strict):
     ] = None
     """Between the ground and the canopy's upper surface, over the covered area."""
     canopy_volume_error_m3: Length | None = None
+    lai: Annotated[
+        Length | None,
+        Described(
+            "leaf area index",
+            "LAI",
+            "",
+            2,
+            "of leaf on each area of plot",
+            "One side of all leaves within the plot's outline, over the plot's area.",
+        ),
+    ] = None
+    """Leaf area index: one side of all leaves within the outline, over its area."""
+    lai_error: Length | None = None
     plants: Annotated[
         Count | None,
         Described(
@@ -157,9 +207,9 @@ COLUMNS = (*VALUES, REASONS)
 
 
 def error_column(trait: Trait, side: str = "error") -> str:
-    """Of a trait's error: ``height_error_m`` of ``height_m``, or ``height_error_below_m``."""
+    """Of a trait's error: ``height_error_m`` of ``height_m``, or ``height_error_below_m``; ``lai_error``."""
     name, _, unit = trait.rpartition("_")
-    return f"{name}_{side}_{unit}"
+    return f"{name}_{side}_{unit}" if name else f"{trait}_{side}"
 
 
 def reasons_in_words(unknown: Mapping[Trait, str], *, labels: bool = False) -> str:

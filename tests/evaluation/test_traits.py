@@ -26,6 +26,7 @@ from tests.evaluation.examples import reconstruction
 
 SETTINGS = ReconstructionSettings()
 COUNTS = {"plants", "row_gaps"}
+OF_HEIGHT = {"height_m", "height_p95_m", "height_p99_m", "canopy_volume_m3"}
 PLOT = PlotOutline(rectangle((-0.2, -0.2), (0.2, 0.2)))
 
 
@@ -65,6 +66,8 @@ class TestValues:
         assert told.cover_percent == pytest.approx(100 * told.covered_area_m2 / 0.16)
         assert told.canopy_volume_m3 == pytest.approx(0.15 * told.covered_area_m2, rel=1e-4)
         assert told.height_error_m == pytest.approx(HEIGHT_ERROR_M, rel=0.01)
+        assert told.height_p95_m == told.height_p99_m == pytest.approx(0.15, abs=1e-6)
+        assert told.lai == pytest.approx(0.01 / 0.16, rel=0.25)  # a small leaf's edges are much of it
         assert told.cover_error_percent is not None
         assert told.cover_error_percent == pytest.approx(AREA_ERROR * told.cover_percent, rel=0.1)
 
@@ -99,6 +102,16 @@ class TestValues:
         assert told.unknown["cover_percent"].startswith("its error would be 1")
         assert told.height_m is not None
 
+    def test_no_trait_depends_on_how_far_beyond_the_plants_the_plot_reaches(self) -> None:
+        tight, wide = (
+            traits(found(), PlotOutline(rectangle((-side, -side), (side, side)))).model_dump(exclude={"unknown"})
+            for side in (0.06, 0.25)
+        )
+        for name in ("height_m", "height_p95_m", "height_p99_m", "covered_area_m2", "canopy_volume_m3"):
+            assert tight[name] == wide[name]
+        for name in ("cover_percent", "lai", "cover_error_percent", "lai_error"):  # shares of the plot
+            assert tight[name] * 0.12**2 == pytest.approx(wide[name] * 0.5**2)
+
     def test_a_doubtful_scale_is_in_the_errors(self) -> None:
         sure, doubtful = traits(found()), traits(found(rms_m=0.08))
         assert doubtful.height_error_m > 1.005 * sure.height_error_m
@@ -116,7 +129,7 @@ class TestValues:
 class TestRefusals:
     def test_without_an_outline_there_is_no_cover_but_an_area(self) -> None:
         told = traits(found(), PlotOutline())
-        assert set(told.unknown) == {"cover_percent", *COUNTS}
+        assert set(told.unknown) == {"cover_percent", "lai", *COUNTS}
         assert "--bounds" in told.unknown["cover_percent"]
         assert told.cover_percent is None
         assert told.covered_area_m2 is not None
@@ -144,17 +157,17 @@ class TestRefusals:
         result = replace(result, sparse=replace(result.sparse, findings=(Finding("p", code, "what is wrong"),)))
         told = traits(result)
         wrong = {trait for trait, why in told.unknown.items() if why == "what is wrong"}
-        assert wrong == {"height_m", "canopy_volume_m3"}
+        assert wrong == OF_HEIGHT
         assert told.covered_area_m2 is not None
 
     def test_ground_too_doubtful_for_so_low_plants(self) -> None:
         told = traits(found(ground_sigma_m=0.02))
-        assert set(told.unknown) == {"height_m", "canopy_volume_m3", *COUNTS}
+        assert set(told.unknown) == {*OF_HEIGHT, *COUNTS}
         assert "± 0.03 m only" in told.unknown["height_m"]
 
     def test_a_plot_that_is_not_wholly_in_the_pictures(self) -> None:
         told = traits(found(), PlotOutline(rectangle((-4.0, -4.0), (4.0, 4.0))))
-        assert set(told.unknown) == {"cover_percent", "covered_area_m2", "canopy_volume_m3", *COUNTS}
+        assert set(told.unknown) == set(TRAITS) - {"height_m"}
         assert "% of the plot is in the picture" in told.unknown["cover_percent"]
         assert told.height_m is not None
 
@@ -169,7 +182,7 @@ class TestRefusals:
     def test_plants_higher_than_the_pictures(self) -> None:
         """What was reconstructed ends where the pictures do: the plants may go on."""
         told = traits(found(leaf(0.85, 0.6)), PlotOutline(rectangle((-0.3, -0.3), (0.3, 0.3))))
-        assert set(told.unknown) >= {"height_m", "canopy_volume_m3"}
+        assert set(told.unknown) >= OF_HEIGHT
         assert "the pictures end" in told.unknown["height_m"]
 
 

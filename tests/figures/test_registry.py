@@ -38,8 +38,10 @@ def test_order_and_keys() -> None:
         "chamfer_m",
         "predicted_chamfer_m",
         "height_m",
+        "height_p95_m",
         "cover_percent",
         "canopy_volume_m3",
+        "lai",
         "plants",
     ]
     assert len({each.label for each in FIGURES.values()}) == len(FIGURES)

@@ -47,12 +47,18 @@ FAILED = failed_plot("[plot] 8", CaptureError("no photographs", remedy="Copy [th
 TRAITS = TraitsEntry(
     height_m=0.81,
     height_error_m=0.03,
+    height_p95_m=0.66,
+    height_p95_error_m=0.03,
+    height_p99_m=0.74,
+    height_p99_error_m=0.03,
     cover_percent=16.0,
     cover_error_percent=1.2,
     covered_area_m2=0.1936,
     covered_area_error_m2=0.0155,
     canopy_volume_m3=0.31,
     canopy_volume_error_m3=0.031,
+    lai=0.42,
+    lai_error=0.07,
     plants=7,
     row_gaps=1,
     plot_area_m2=1.21,
@@ -117,7 +123,7 @@ class TestTables:
             for name, traits, prediction in (("a", TRAITS, told), ("b", None, none), ("c", TRAITS, None))
         ]
         text = shown(evaluation_output(report(*plots, reference=False)), 160)
-        assert "a 0.81 ± 0.03 16.0 ± 1.2 0.194 ± 0.015 0.310 ± 0.031" in text
+        assert "a 0.81 ± 0.03 0.66 ± 0.03 0.74 ± 0.03 16.0 ± 1.2 0.194 ± 0.015 0.310 ± 0.031 0.42 ± 0.07" in text
         assert "b – – – –" in text
         assert "c 0.81 ± 0.03 16.0 ± 1.2 0.194 ± 0.015 0.310 ± 0.031" in text
         assert "12.0 6.00 to 24.0" in text  # millimetres

@@ -1,0 +1,41 @@
+"""Area of the leaves that a cloud shows. Pure functions."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from fieldkit.clouds.cells import voxel_thin
+from fieldkit.clouds.cloud import Cloud
+
+_THIN_M = 0.004
+"""Least edge of the voxels that a cloud is thinned by, metres."""
+_THIN_PIXELS = 1.4
+"""The same in pixels of the depth maps, so that each voxel on a leaf that photographs show has a point."""
+_REACH_VOXELS = 4
+"""Radius within which points are counted, in such voxels: 16 to 20 mm, a third of a maize leaf's width. Depths scatter
+by a quarter of it."""
+_WHOLE = 0.9
+"""Quantile of the counts that stands for a leaf shown whole."""
+_SHOWN = 0.90
+"""What the counts make of a true area: fitted on 2 plots of 3 plants (V6, V10, wind, a ring) and a block at V10
+(docs/traits.md)."""
+_COUNTED = 20_000
+"""About how many points are counted at."""
+
+
+def leaf_area_m2(plants: Cloud, pixel_m: float) -> float:
+    """One side of the leaves, square metres.
+
+    A cloud in which photographs show leaves whole has as many points on every square metre of leaf, once it is thinned:
+    the number of its points over that density is the area. Seams of few points about edges that sway, which widen
+    leaves in counts of voxels (Hosoi & Omasa 2006), add little, and depths that scatter nothing.
+
+    Args:
+        plants: at least one point.
+        pixel_m: what a pixel of the depth maps covers at the plants.
+    """
+    voxel_m = max(_THIN_M, _THIN_PIXELS * pixel_m)
+    points, reach_m = voxel_thin(plants, voxel_m).points, _REACH_VOXELS * voxel_m
+    near = cKDTree(points).query_ball_point(points[:: 1 + len(points) // _COUNTED], reach_m, return_length=True)
+    return float(len(points) * np.pi * reach_m**2 / np.quantile(near, _WHOLE) / _SHOWN)

@@ -1,0 +1,41 @@
+"""Area of leaves whose size is known."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from fieldkit.arrays import FloatArray
+from fieldkit.clouds import Cloud
+from fieldkit.clouds.leaf_area import leaf_area_m2
+
+PIXEL_M = 0.003
+
+
+def layers(lai: float, width: float = 0.07, scatter_m: float = 0.003) -> FloatArray:
+    """Points of leaves 50 cm long over a square metre, at all heights, up to 60° from level, in any direction."""
+    rng = np.random.default_rng(1)
+    leaves = []
+    for _ in range(round(lai / (0.5 * width))):
+        points = rng.uniform(-0.5, 0.5, (round(0.5 * width / PIXEL_M**2), 3)) * (0.5, width, 0.0)
+        points += rng.normal(0.0, scatter_m, points.shape)
+        turn = Rotation.from_euler("yz", (rng.uniform(-60, 60), rng.uniform(0, 360)), degrees=True)
+        leaves.append(turn.apply(points) + rng.uniform((0, 0, 0.5), (1, 1, 2.0)))
+    return np.concatenate(leaves)
+
+
+@pytest.mark.parametrize("lai", [0.5, 2.0, 4.0])
+@pytest.mark.parametrize("scatter_m", [0.001, 0.003, 0.005])
+def test_layers_of_leaves_with_a_known_index(lai: float, scatter_m: float) -> None:
+    assert leaf_area_m2(Cloud(layers(lai, scatter_m=scatter_m)), PIXEL_M) == pytest.approx(lai, rel=0.2)
+
+
+def test_narrow_leaves() -> None:
+    assert leaf_area_m2(Cloud(layers(1.0, width=0.045)), PIXEL_M) == pytest.approx(1.0, rel=0.2)
+
+
+def test_a_seam_of_few_points_adds_little() -> None:
+    """Where leaves sway, each view shows their edges elsewhere."""
+    leaves, rng = layers(1.0), np.random.default_rng(2)
+    seam = leaves[::8] + rng.normal(0.0, 0.01, leaves[::8].shape)
+    alone, with_seam = (leaf_area_m2(Cloud(points), PIXEL_M) for points in (leaves, np.concatenate([leaves, seam])))
+    assert with_seam == pytest.approx(alone, rel=0.15)
