@@ -61,6 +61,7 @@ class Study(StrEnum):
     ROUTES = "routes"
     FUZZ = "fuzz"
     SEASON = "season"
+    TRIALS = "trials"
     FIELD_CHECK = "field-check"
     PLANT_FIGURES = "plant-figures"
     PLANT_COUNTS = "plant-counts"
@@ -96,7 +97,7 @@ def command(
             "--scene",
             metavar="SCENE",
             help="Repeatable; in match-decay and planner: a name or file; all for every one of "
-            "fieldkit's. The tuning scenes where not given. In chosen: a recorded set. In field-check: those held out.",
+            "fieldkit's. The tuning scenes where not given. In chosen: a recorded set. In field-check: those held out. In trials: V10/five-8.",
         ),
     ] = None,
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="In planner and paper.")] = 5,
@@ -147,7 +148,7 @@ def command(
     The engine's studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
     subset-scores and match-decay (quality); the objective's are recorded and proxy; the planner's are simulated,
     transfer and chosen (of recorded sets); those of missions are trips, poses, uploads, routes and fuzz; campaign's
-    are season, field-check, plant-figures, plant-counts, score-prediction, next-visit and report-size; paper's are
+    are season, trials, field-check, plant-figures, plant-counts, score-prediction, next-visit and report-size; paper's are
     tables, pose-noise, image-noise, new-plots and new-traits, all by default. FIELDKIT_DATA names the recorded image
     sets; studies that need them are skipped without it. The result holds results.json, results.md and pictures.
 

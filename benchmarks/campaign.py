@@ -17,6 +17,7 @@ from benchmarks.result import StudyResult
 from benchmarks.score_prediction import run_score_prediction
 from benchmarks.season import PLOTS, run_season
 from benchmarks.suite import run_studies
+from benchmarks.trials import run_trials
 from fieldkit.cache import StageCache
 from fieldkit.runtime.progress import Progress
 
@@ -34,7 +35,7 @@ class CampaignOptions:
     cache: StageCache = field(default_factory=lambda: StageCache(None))
     """The stage cache."""
     scenes: tuple[str, ...] = ()
-    """Of ``field-check``, by default the held-out ones."""
+    """Of ``field-check``, by default the held-out ones; of ``trials`` stages and flights such as V10/five-8."""
     count: int | None = None
     """Captures of ``field-check`` (80), plots of ``season`` (40) and of each scene in ``next-visit`` (1)."""
     width_px: int = 2000
@@ -99,12 +100,18 @@ def _next_visit(options: CampaignOptions, progress: Progress) -> StudyResult:
     return run_next_visit(options.scenes, options.count or 1, progress=progress)
 
 
+def _trials(options: CampaignOptions, progress: Progress) -> StudyResult:
+    with _folder(options, "trials") as folder:
+        return run_trials(options.scenes, work=folder, workers=options.workers, cache=options.cache, progress=progress)
+
+
 def _report_size(options: CampaignOptions, progress: Progress) -> StudyResult:
     return run_report_size(seed=options.seed, progress=progress)
 
 
 STUDIES: dict[str, Callable[[CampaignOptions, Progress], StudyResult]] = {
     "season": _season,
+    "trials": _trials,
     "field-check": _field_check,
     "plant-figures": _plant_figures,
     "plant-counts": _plant_counts,
