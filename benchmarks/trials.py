@@ -215,4 +215,8 @@ def _traits_table(results: Sequence[Judged]) -> ResultTable:
 
     names = tuple(f"{trait}>" for trait in _TRAITS)
     rows: list[tuple[Cell, ...]] = [(found.block, *(cell(found, trait) for trait in _TRAITS)) for found in results]
-    return ResultTable("Errors (RMS) of traits; plots within the stated error of those that have it", ("Block/flight", *names), tuple(rows))
+    return ResultTable(
+        "Errors (RMS) of traits; plots within the stated error of those that have it",
+        ("Block/flight", *names),
+        tuple(rows),
+    )
