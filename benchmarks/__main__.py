@@ -97,7 +97,8 @@ def command(
             "--scene",
             metavar="SCENE",
             help="Repeatable; in match-decay and planner: a name or file; all for every one of "
-            "fieldkit's. The tuning scenes where not given. In chosen: a recorded set. In field-check: those held out. In trials: V10/five-8.",
+            "fieldkit's. The tuning scenes where not given. In chosen: a recorded set. In field-check: those held out. "
+            "In trials: stages and flights such as V10/five-8.",
         ),
     ] = None,
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="In planner and paper.")] = 5,
@@ -148,9 +149,9 @@ def command(
     The engine's studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
     subset-scores and match-decay (quality); the objective's are recorded and proxy; the planner's are simulated,
     transfer and chosen (of recorded sets); those of missions are trips, poses, uploads, routes and fuzz; campaign's
-    are season, trials, field-check, plant-figures, plant-counts, score-prediction, next-visit and report-size; paper's are
-    tables, pose-noise, image-noise, new-plots and new-traits, all by default. FIELDKIT_DATA names the recorded image
-    sets; studies that need them are skipped without it. The result holds results.json, results.md and pictures.
+    are season, trials, field-check, plant-figures, plant-counts, score-prediction, next-visit and report-size; paper's
+    are tables, pose-noise, image-noise, new-plots and new-traits, all by default. FIELDKIT_DATA names the recorded
+    image sets; studies that need them are skipped without it. The result holds results.json, results.md and pictures.
 
     Examples:
         python -m benchmarks engine --only dense -o benchmark-results

@@ -48,6 +48,12 @@ _TRAITS = {
 _RELATIVE = ("canopy_volume_m3", "lai")
 """Traits whose errors are shares of the truth."""
 
+_NOTE = (
+    f"Blocks of {_RANGES} × {_COLUMNS} plots, {1000 * _WIND_M:.0f} mm of wind and wash, positions to 2 cm, angles to "
+    "1°. Errors are root mean squares over the plots that have the trait; of volume and LAI in percent of the truth. "
+    "Within: plots whose truth lies within the stated error."
+)
+
 
 @dataclass(frozen=True)
 class Judged:
@@ -103,11 +109,7 @@ def run_trials(
         "trials",
         "Traits of every plot of a trial by one flight",
         tables=(_photographs_table(results), _traits_table(results)),
-        notes=(
-            f"Blocks of {_RANGES} × {_COLUMNS} plots, {1000 * _WIND_M:.0f} mm of wind and wash, positions to 2 cm and "
-            "angles to 1°. Errors are root mean squares over the plots that have the trait; of volume and LAI in "
-            "percent of the truth. Within: plots whose truth lies within the stated error.",
-        ),
+        notes=(_NOTE,),
         figures={"blocks": [asdict(result) for result in results]},
         wall_s=spent.seconds,
         cpu_s=spent.cpu_seconds,

@@ -7,8 +7,8 @@ as `fit_ground_plane` finds it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -32,8 +32,14 @@ _LAYER_M = 0.04
 """Thickness of layers that are told apart, metres."""
 _NOTICEABLE = 0.3
 """Share of the fullest layer's points from which a lower one is the ground: noise below it is less, leaves more."""
+_STANDS_OUT = 2.0
+"""Times the points of the layer above it, as thick, lie on soil; in leaves it is about once."""
 _ROUNDS = 10
 """Most rounds of leaving out what is no soil."""
+_WELL_KNOWN_M = 0.03
+"""Standard deviation of a ground from which it tells how far another flight is off, metres."""
+_MAD = 1.4826
+"""Factor from the median of absolute deviations to a standard deviation."""
 _UP = np.array([0.0, 0.0, 1.0])
 """Upwards in the plot frame."""
 
@@ -87,9 +93,13 @@ class FieldGround:
                 return None
             design = _design(cells)
             slope = np.linalg.lstsq(design, cells[:, 2], rcond=None)[0]
-            before, soil = soil, np.abs((near - foot)[:, 2] - local @ slope) <= _SOIL_M
+            heights = (near - foot)[:, 2] - local @ slope
+            before, soil = soil, np.abs(heights) <= _SOIL_M
             if np.array_equal(before, soil):
                 break
+        above = (heights > _SOIL_M) & (heights <= 3.0 * _SOIL_M)
+        if soil.sum() < _STANDS_OUT * above.sum():
+            return None
         scatter_m = float(np.sqrt(((cells[:, 2] - design @ slope) ** 2).sum() / (len(cells) - 3)))
         places = _design(corners - middle[: corners.shape[1]])
         covariance = scatter_m**2 * np.linalg.inv(design.T @ design)
@@ -97,6 +107,47 @@ class FieldGround:
         normal = np.array([-slope[0], -slope[1], 1.0]) / np.sqrt(1.0 + slope[0] ** 2 + slope[1] ** 2)
         offset_m = float(normal @ foot + normal[2] * slope[2])
         return Plane(vector(normal), offset_m, scatter_m, float(soil.mean()), _SOIL_M), sigma_m
+
+
+def grounds_under(
+    outlines: Sequence[FloatArray], own: FieldGround | None, bare: FieldGround | None, position_sigma_m: float = 0.0
+) -> list[tuple[Plane, float] | None]:
+    """The ground below each plot, from a flight's own points or from an earlier flight over bare soil.
+
+    Receivers are off by centimetres from flight to flight, in height above all. Where the flight itself knows the
+    ground of plots well, or of alleys beside them, their median difference takes that out.
+
+    Args:
+        outlines: (k, 2) or (k, 3) corners of each plot.
+        own: of the flight.
+        bare: of the earlier one, in the same frame; None without one.
+        position_sigma_m: standard deviation of the height of one flight against the other, where nothing tells it.
+    """
+    known = [None if own is None else own.under(corners) for corners in outlines]
+    if bare is None:
+        return known
+    before = [bare.under(corners) for corners in outlines]
+    off_m = [
+        float(ground[0].heights(_middle_of(corners, earlier[0]))[0])
+        for corners, ground, earlier in zip(outlines, known, before, strict=True)
+        if ground is not None and earlier is not None and ground[1] <= _WELL_KNOWN_M
+    ]
+    lower_m, sigma_m = (float(np.median(off_m)), 0.0) if off_m else (0.0, position_sigma_m)
+    if len(off_m) > 1:
+        sigma_m = float(_MAD * np.median(np.abs(np.array(off_m) - lower_m)) / np.sqrt(len(off_m)))
+    settled: list[tuple[Plane, float] | None] = []
+    for ground, earlier in zip(known, before, strict=True):
+        if earlier is not None:
+            plane, own_sigma_m = earlier
+            earlier = (replace(plane, offset_m=plane.offset_m - lower_m), float(np.hypot(own_sigma_m, sigma_m)))
+        better = ground is not None and (earlier is None or ground[1] <= earlier[1])
+        settled.append(ground if better else earlier)
+    return settled
+
+
+def _middle_of(corners: FloatArray, plane: Plane) -> FloatArray:
+    """(1, 3) the plane's point at the middle of an outline."""
+    return plane.above(corners[:, :2].mean(axis=0, keepdims=True))
 
 
 def _design(points: FloatArray) -> FloatArray:

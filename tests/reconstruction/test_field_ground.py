@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fieldkit.geometry import Pose
-from fieldkit.reconstruction.field_ground import FieldGround
+from fieldkit.reconstruction.field_ground import FieldGround, grounds_under
 
 PLOT = np.array([(2.0, 1.0), (6.0, 1.0), (6.0, 2.5), (2.0, 2.5)])
 """Corners of a plot of 4 × 1.5 m."""
@@ -56,3 +56,23 @@ def test_there_is_no_ground_where_no_soil_was_seen(far_m: float) -> None:
     rng = np.random.default_rng(7)
     places = rng.uniform((-1.0, -2.0), (9.0, 5.5), (3000, 2))
     assert survey(field(places, places, rng)).under(PLOT + far_m) is None
+
+
+def test_an_earlier_flight_over_bare_soil_tells_the_ground_where_its_height_is_off() -> None:
+    rng = np.random.default_rng(8)
+    places = rng.uniform((-1.0, -2.0), (9.0, 5.5), (4000, 2))
+    beside = places[places[:, 0] < 1.0]
+    closed, bare = (
+        survey(field(beside, places, rng)),
+        survey(field(places, places[:1], rng) + np.array([0.0, 0.0, 0.07])),
+    )
+    outlines = [PLOT - np.array([3.5, 0.0]), PLOT + np.array([1.0, 0.0])]
+    assert closed.under(outlines[1]) is None
+    grounds = grounds_under(outlines, closed, bare)
+    assert grounds[1] is not None
+    plane, sigma_m = grounds[1]
+    off_m = float(plane.above(np.array([[5.0, 1.75]]))[0, 2] - 0.03 * 5.0)
+    assert abs(off_m) <= 2.0 * max(sigma_m, 0.01)
+    alone = grounds_under(outlines[1:], None, bare, 0.05)[0]
+    assert alone is not None
+    assert alone[1] > 0.05
