@@ -49,6 +49,7 @@ def command(
     plan: Path | None = None,
     plots: Path | None = None,
     plot_id: PlotIdOption = None,
+    ground: Path | None = None,
     settings: Annotated[EvaluationSettings, SETTINGS],
     ties: TiesOption = None,
     poses: PosesOptions,
@@ -78,6 +79,7 @@ def command(
         reference_frame: Of a cloud that does not say it: EPSG:CODE or metres.
         plan: plan.json that was flown: how the photographs kept to it.
         plots: Plots that the photographs show together: GeoJSON, Shapefile (.shp or .zip), KML or GeoPackage.
+        ground: With --plots: photographs of an earlier flight over the bare soil, for the ground under closed canopies.
 
     Examples:
         fieldkit evaluate flights/ --reference plot_7-reference -o scores
@@ -91,7 +93,10 @@ def command(
     others = {option: value for option, value in others.items() if value}
     if output is None:
         given = [f"--{name.removesuffix('_m')}" for name in type(settings).model_fields if name in own]
-        given += [*others, *(option for option, value in {"--ties": ties, "--plots": plots}.items() if value)]
+        given += [
+            *others,
+            *(option for option, value in {"--ties": ties, "--plots": plots, "--ground": ground}.items() if value),
+        ]
         return _in_campaign(_campaign_folder(campaign, given), captures, run, scheduler, as_json=as_json)
     if campaign is not None:
         raise UsageError("a campaign's results go into its own folder", remedy="Leave -o out, or --campaign.")
@@ -102,8 +107,9 @@ def command(
                 f"{unfit[0]} is of one plot, and --plots of all that a flight shows",
                 remedy=f"Leave {unfit[0]} out, or evaluate each plot's photographs without --plots.",
             )
-    elif plot_id is not None:
-        raise UsageError("--plot-id is a field of --plots", remedy="Give --plots with it.")
+    elif plot_id is not None or ground is not None:
+        option = "--plot-id" if plot_id is not None else "--ground"
+        raise UsageError(f"{option} goes with --plots", remedy="Give --plots with it.")
     settings, found_poses = with_ties(settings, ties), poses.given()
     frame = parse_frame("--reference-frame", reference_frame)
     if frame and reference is None:
@@ -117,7 +123,7 @@ def command(
         try:
             if plots is not None:
                 report = evaluate_flight(
-                    captures, plots, output, settings, context, plot_id=plot_id, overwrite=run.overwrite
+                    captures, plots, output, settings, context, plot_id=plot_id, ground=ground, overwrite=run.overwrite
                 )
             else:
                 report = evaluate(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
@@ -36,9 +37,11 @@ from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.geodesy import plot_from_enu
 from fieldkit.geometry.priors import SourceFrame
+from fieldkit.geometry.similarity import fit_similarity
+from fieldkit.reconstruction.agreement import POSITION_SIGMAS
 from fieldkit.reconstruction.colmap_model import model_points, track_lengths
 from fieldkit.reconstruction.dense.views import views_of
-from fieldkit.reconstruction.field_ground import FieldGround
+from fieldkit.reconstruction.field_ground import FieldGround, grounds_under
 from fieldkit.reconstruction.pipeline import place_photographs
 from fieldkit.reconstruction.result import SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -127,6 +130,7 @@ def evaluate_flight(
     context: Context | None = None,
     *,
     plot_id: str | None = None,
+    ground: Path | str | None = None,
     overwrite: bool = False,
 ) -> EvaluationReport:
     """Map a flight once and evaluate every plot that it shows.
@@ -139,6 +143,7 @@ def evaluate_flight(
         settings: choices; neither bounds nor refinement.
         context: None takes the usual cache and one process, and says nothing.
         plot_id: field of the plots' ids.
+        ground: folder of an earlier flight over the bare soil, whose ground is that below closed canopies.
         overwrite: replace an earlier evaluation in ``output``.
 
     Returns:
@@ -166,7 +171,8 @@ def evaluate_flight(
             sparse = _placed(steady, chosen, context)
             sparse = sparse.moved(Similarity(1.0, plot_from_enu(file.plots[0].row_heading_deg), np.zeros(3)))
             outlines = dict(zip((plot.name for plot in file.plots), _outlines(file, sparse), strict=True))
-            results = _evaluated(sparse, outlines, chosen, folder.absolute(), context)
+            bare = None if ground is None else _placed(_read(Path(ground), chosen, context), chosen, context)
+            results = _evaluated(sparse, bare, outlines, chosen, folder.absolute(), context)
         report = evaluation_report(
             clean_text(captures.absolute().name),
             results,
@@ -280,8 +286,38 @@ def plot_volume(corners: Outline, points: FloatArray, ground: Plane | None) -> V
     return Volume((*low.tolist(), float(feet.min()) - _BELOW_M), (*high.tolist(), top))
 
 
+def _field_ground(sparse: SparseResult, settings: ReconstructionSettings) -> FieldGround | None:
+    points, well_seen = model_points(sparse.model), track_lengths(sparse.model) >= _WELL_SEEN
+    return FieldGround.of(points, sparse.poses, well_seen, seed=settings.seed)
+
+
+def _grounds(
+    sparse: SparseResult, bare: SparseResult | None, outlines: Sequence[Outline], settings: ReconstructionSettings
+) -> list[tuple[Plane, float] | None]:
+    """The ground below each plot and the standard deviation of its height; ``bare`` is of an earlier flight."""
+    corners = [np.array(outline) for outline in outlines]
+    own = _field_ground(sparse, settings)
+    if bare is None:
+        return grounds_under(corners, own, None)
+    bound_m = [flight.frame.bound_m or 0.0 for flight in (sparse, bare)]
+    earlier = _field_ground(bare.moved(motion_onto(bare, sparse)), settings)
+    return grounds_under(corners, own, earlier, math.hypot(*bound_m) / POSITION_SIGMAS)
+
+
+def motion_onto(bare: SparseResult, sparse: SparseResult) -> Similarity:
+    """The rigid motion from the plot frame of one flight into that of another, by their places on Earth."""
+    assert bare.frame.origin is not None
+    assert sparse.frame.origin is not None
+    places = 100.0 * np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
+    latitude, longitude, altitude = bare.frame.origin.to_geodetic(bare.frame.plot_from_source.inverse().apply(places))
+    there = sparse.frame.plot_from_source.apply(sparse.frame.origin.to_local(latitude, longitude, altitude))
+    fitted = fit_similarity(places, there)
+    return Similarity(1.0, fitted.rotation, fitted.translation)
+
+
 def _evaluated(
     sparse: SparseResult,
+    bare: SparseResult | None,
     outlines: dict[str, Outline],
     settings: ReconstructionSettings,
     folder: Path,
@@ -290,12 +326,12 @@ def _evaluated(
     """The plots in order; parallel by plots where there are workers."""
     points = model_points(sparse.model)
     well_seen = track_lengths(sparse.model) >= _WELL_SEEN
-    field = FieldGround.of(points, sparse.poses, well_seen, seed=settings.seed)
+    grounds = _grounds(sparse, bare, list(outlines.values()), settings)
     points = points[well_seen] if well_seen.sum() >= _LEAST_POINTS else points
     jobs: list[_Job] = []
     results: dict[str, PlotEvaluation] = {}
-    for name, corners in outlines.items():
-        ground, sigma_m = (None if field is None else field.under(np.array(corners))) or (None, 0.0)
+    for (name, corners), known in zip(outlines.items(), grounds, strict=True):
+        ground, sigma_m = known or (None, 0.0)
         volume = plot_volume(corners, points, ground)
         views = views_of(sparse.poses, sparse.intrinsics, volume, MOST_VIEWS)
         if len(views) < _LEAST_VIEWS:

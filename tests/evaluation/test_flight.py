@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from fieldkit.clouds import Cloud
-from fieldkit.evaluation.flight import plot_volume
+from fieldkit.evaluation.flight import motion_onto, plot_volume
 from fieldkit.evaluation.plot_photo import plot_photo
 from fieldkit.geometry import Intrinsics, Pose, Similarity
+from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.reconstruction.colmap_model import model_points, model_poses
 from fieldkit.results.finding import Finding
@@ -104,3 +105,16 @@ def test_the_picture_of_a_plot_is_where_it_is_largest(tmp_path: Path) -> None:
     picture = cv2.imdecode(np.frombuffer(plot_photo(low, CORNERS), np.uint8), cv2.IMREAD_COLOR)
     assert picture.shape[1] == pytest.approx(2.0 / 4.0 * 300.0 * 1.1, abs=8)
     assert (picture[..., 2] > 150).mean() > 0.75
+
+
+def test_flights_of_two_days_meet_at_their_places_on_earth() -> None:
+    sparse = reconstruction().sparse
+    here = LocalFrame(52.2960, 10.4370, 81.0, "ellipsoid")
+    latitude, longitude, altitude = here.to_geodetic(np.array([(40.0, -25.0, 1.5)]))
+    there = LocalFrame(float(latitude[0]), float(longitude[0]), float(altitude[0]), "ellipsoid")
+    turn = Similarity(1.0, rotation_about_z(0.3), np.array([0.0, 2.0, 0.0]))
+    today = replace(sparse, frame=replace(sparse.frame, origin=here, plot_from_source=turn))
+    before = replace(sparse, frame=replace(sparse.frame, origin=there, plot_from_source=Similarity.identity()))
+    places = np.array([(0.0, 0.0, 0.0), (3.0, -7.0, 0.4)])
+    expected = turn.apply(places + np.array([40.0, -25.0, 1.5]))
+    np.testing.assert_allclose(motion_onto(before, today).apply(places), expected, atol=1e-4)
