@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 _WORKER_BYTES = 1_600_000_000
 """Memory of a process that reconstructs or evaluates: at most 1.5 GB were measured."""
-
-_UNLIMITED = 1 << 60  # cgroup v1 writes a huge number where v2 writes "max"
 
 
 @dataclass(frozen=True)
@@ -53,56 +50,25 @@ def cgroup_limits(
 ) -> tuple[float | None, int | None]:
     """The least cores and bytes of memory on the way from this process's control groups up to the root; None: no limit.
 
-    Linux alone has them, cgroup v1 and v2.
-    ``proc`` names the process's groups, as in cgroups(7); ``root`` is where the hierarchies are mounted.
+    Linux alone has them; those of version 1 are not read. ``proc`` names the process's groups, as in cgroups(7);
+    ``root`` is where the hierarchy is mounted.
     """
-    try:
-        lines = proc.read_text("utf-8", "replace").splitlines()
-    except OSError:
+    group = next((line[3:] for line in _text(proc).splitlines() if line.startswith("0::")), None)
+    if group is None:
         return None, None
-    cores: list[float] = []
-    memory: list[int] = []
-    for line in lines:
-        _, _, rest = line.partition(":")
-        controllers, _, group = rest.partition(":")
-        for folder in _folders(root, controllers, group):
-            cores += [value for value in (_cores(folder),) if value is not None]
-            memory += [value for value in (_memory(folder),) if value is not None]
-    return min(cores, default=None), min(memory, default=None)
-
-
-def _folders(root: Path, controllers: str, group: str) -> Iterator[Path]:
     # Inside a container the group's path may not exist below the mount; the root is then the container's group.
-    path = PurePosixPath(group)
-    places = [path, *path.parents]
-    for name in controllers.split(",") if controllers else [""]:
-        for place in places:
-            yield root / name / str(place).lstrip("/")
+    folders = [root / str(place).lstrip("/") for place in (PurePosixPath(group), *PurePosixPath(group).parents)]
+    quotas = [_text(folder / "cpu.max").split() for folder in folders]
+    memory = [_text(folder / "memory.max").strip() for folder in folders]
+    cores = [int(quota[0]) / int(quota[1]) for quota in quotas if len(quota) == 2 and quota[0] != "max"]
+    return min(cores, default=None), min((int(most) for most in memory if most.isdecimal()), default=None)
 
 
-def _cores(folder: Path) -> float | None:
-    v2 = _words(folder / "cpu.max")
-    if len(v2) == 2 and v2[0] != "max":
-        return int(v2[0]) / int(v2[1])
-    quota, period = _words(folder / "cpu.cfs_quota_us"), _words(folder / "cpu.cfs_period_us")
-    if quota and period and int(quota[0]) > 0:
-        return int(quota[0]) / int(period[0])
-    return None
-
-
-def _memory(folder: Path) -> int | None:
-    for name in ("memory.max", "memory.limit_in_bytes"):
-        words = _words(folder / name)
-        if words and words[0] != "max" and int(words[0]) < _UNLIMITED:
-            return int(words[0])
-    return None
-
-
-def _words(path: Path) -> list[str]:
+def _text(path: Path) -> str:
     try:
-        return path.read_text("ascii", "replace").split()
+        return path.read_text("utf-8", "replace")
     except OSError:
-        return []
+        return ""
 
 
 def processor_seconds() -> float:

@@ -29,7 +29,6 @@ from fieldkit.sites.reach import RTK_REMEDY, Unreachable, nearest, needs_rtk, on
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.site_obstacles import Canopy, site_obstacles
 from fieldkit.vehicles.vehicle import Vehicle
-from fieldkit.vehicles.wash import WINDY_M, air_speed_mps, sway_m
 
 PLOTS_NEAR = "plots-near"
 """Code of plots so near to each other that stations stand over or behind others."""
@@ -43,10 +42,9 @@ CODES: dict[str, Severity] = {
     "plants-unknown": "warning",  # nobody says where they stand
     "plants-higher": "warning",
     "plants-outgrown": "warning",  # measured on the photographs
-    "plot-size": "warning",  # not all of the plot is photographed
+    "plot-size": "warning",  # the plot reaches beyond the plan's plants
     "row-spacing": "warning",
     "slope-steep": "warning",
-    "slope": "note",
     # The vehicle there.
     "out-of-reach": "error",  # pitch beyond the mount, or too low above the ground; --adjust flies the nearest pose
     "one-photograph": "error",  # two stations are one when they are adjusted
@@ -58,7 +56,6 @@ CODES: dict[str, Severity] = {
     "height": "error",  # of take-off or transit, above the ceiling
     "home": "error",  # the way straight up at home or down at the landing is not clear
     "other-camera": "error",  # the vehicle's sees much more or less than the plan's
-    "wash": "note",  # the rotors move leaves
     "needs-rtk": "warning",  # stations nearer to each other or to plants than the vehicle's GNSS can hold
     # Found while routing (fieldkit.routing.flights).
     "no-way": "error",  # no leg between two stations is clear
@@ -70,13 +67,6 @@ STEEP_PERCENT = 10.0
 """Up to here plans have been tried on slopes (docs/vehicles-and-sites.md)."""
 HIGHER_M = 0.05
 """By which plants may be higher than the plan's: points of plan.json stand for cells of this size."""
-SEEN_SHARE = 0.9
-"""Of a plot, that a plan has to show in three photographs or more."""
-_VIEWS = 3
-"""Number of photographs that a place of a plot has to be in."""
-_GRID = 15
-"""Number of places along each side of a plot."""
-_FAR = 2.0  # times the median distance at which the plan photographs: what is farther is hardly resolved
 _NAMED = 4
 """Most stations that are named."""
 _VIEWS_APART = 1.33
@@ -132,11 +122,7 @@ def fit_report(
             findings += _plants(facts, plot, vehicle.clearance_m)
         elif plot.name not in unfitted:
             findings += fit_plot(facts, plot, vehicle.clearance_m)
-            plants = plants_on(facts, plot)
-            stations = np.array([station.position_m for station in facts.plan.stations])
             findings += other_camera(facts.plan, plot, vehicle)
-            if plants is not None:
-                findings += _wash(stations, plants.points, plot, vehicle)
         advance(1)
     among = {finding.subject for finding in findings if finding.severity == "error"}
     shots, obstacles = place(plans, site), site_obstacles(site, vehicle.clearance_m, plans)
@@ -213,7 +199,7 @@ def fit_plot(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> tuple[Find
         _plants(facts, plot, clearance_m),
         _size(facts, plot),
         _spacing(facts, plot, clearance_m),
-        _slope(facts, plot),
+        _slope(plot),
     )
     return tuple(finding for part in parts for finding in part)
 
@@ -243,25 +229,6 @@ def _view_deg(camera: Intrinsics) -> FloatArray:
     """Of a camera across and up."""
     width, height = camera.width, camera.height
     return np.asarray(np.degrees(2.0 * np.arctan(0.5 * np.array([width, height]) / np.array([camera.fx, camera.fy]))))
-
-
-def _wash(stations: FloatArray, plants: FloatArray, plot: SitePlot, vehicle: Vehicle) -> Iterator[Finding]:
-    """How far the rotors move leaves, where that is too windy a day's motion."""
-    if not len(plants) or not len(stations):
-        return
-    off = stations[:, None] - plants[None]
-    away = np.linalg.norm(off, axis=2)
-    speeds = air_speed_mps(away, vehicle.mass_kg, off[..., 2])
-    moved_m = sway_m(speeds.max(axis=1))
-    too_near = int((moved_m > WINDY_M).sum())
-    if too_near:
-        yield _finding(
-            plot,
-            "wash",
-            f"the rotors of {vehicle.title} move leaves by more than {1000 * WINDY_M:.0f} mm at {too_near} of "
-            f"{len(stations)} stations, the nearest {away.min():.1f} m from plants: as too windy a day does",
-            "Keep farther away: fieldkit plan --vehicle NAME --clearance M.",
-        )
 
 
 def plants_outgrown(plan: Plan, plant_height_m: float) -> Finding | None:
@@ -328,20 +295,17 @@ def _plants(facts: PlanFacts | None, plot: SitePlot, clearance_m: float) -> Iter
 
 
 def _size(facts: PlanFacts, plot: SitePlot) -> Iterator[Finding]:
-    if plot.size_m is None:
+    if plot.size_m is None or facts.box is None:
         return
-    length, width = plot.size_m
-    sizes = f"{length:.1f} × {width:.1f} m"
-    share = _shown(facts, (length, width))
-    extent = None if facts.box is None else facts.box[1] - facts.box[0]
-    told, larger = "" if extent is None else f"; the plan knows plants on {extent[0]:.1f} × {extent[1]:.1f} m", ""
-    if share is not None and share < SEEN_SHARE:
-        larger = f"{share:.0%} of the plot of {sizes} is in {_VIEWS} or more of the plan's photographs{told}"
-    elif share is None and extent is not None and ((length, width) > extent + 2 * BESIDE_M).any():
-        larger = f"the plot of {sizes} reaches beyond the plan's{told}"
-    if larger:
-        remedy = "Plan on a plot of this size; one plan photographs one part of a larger plot."
-        yield _finding(plot, "plot-size", larger, remedy)
+    size, extent = np.array(plot.size_m), facts.box[1] - facts.box[0]
+    if (size > extent + 2 * BESIDE_M).any():
+        yield _finding(
+            plot,
+            "plot-size",
+            f"the plot of {size[0]:.1f} × {size[1]:.1f} m reaches beyond the plants that the plan knows, on "
+            f"{extent[0]:.1f} × {extent[1]:.1f} m",
+            "Plan on a plot of this size; one plan photographs one part of a larger plot.",
+        )
 
 
 def _spacing(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[Finding]:
@@ -368,22 +332,14 @@ def _spacing(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[F
         )
 
 
-def _slope(facts: PlanFacts, plot: SitePlot) -> Iterator[Finding]:
-    along, across = plot.gradient
-    if (along, across) == (0.0, 0.0):
-        return
-    stations = np.array([station.position_m for station in facts.plan.stations], dtype=np.float64)
-    rise = stations[:, 0] * along + stations[:, 1] * across
-    shifted = f"stations are shifted by {rise.min():+.2f} to {rise.max():+.2f} m".replace("-", "−")
+def _slope(plot: SitePlot) -> Iterator[Finding]:
     if plot.slope_percent > STEEP_PERCENT:
         yield _finding(
             plot,
             "slope-steep",
-            f"the ground rises by {plot.slope_percent:.1f} %; plans have been tried to {STEEP_PERCENT:g} %; {shifted}",
+            f"the ground rises by {plot.slope_percent:.1f} %; plans have been tried to {STEEP_PERCENT:g} %",
             "Plan on a plot with this slope.",
         )
-    else:
-        yield _finding(plot, "slope", f"the ground rises by {plot.slope_percent:.1f} %: {shifted}, and pitches turn")
 
 
 def _among(facts: PlanFacts, plants: PlotPlants, clearance_m: float, *, unless: PlotPlants | None = None) -> list[int]:
@@ -400,26 +356,3 @@ def _stations(indices: list[int]) -> str:
     named = ", ".join(str(station_number(index)) for index in indices[:_NAMED])
     more = f" and {len(indices) - _NAMED} more" if len(indices) > _NAMED else ""
     return f"station{'s' if len(indices) > 1 else ''} {named}{more}"
-
-
-def _shown(facts: PlanFacts, size_m: tuple[float, float]) -> float | None:
-    """Share of a plot about the origin that is in `_VIEWS` pictures or more, hiding apart; None without a camera.
-
-    Looked at are places at half the plants' height; those count that are at most twice as far away as the plan's
-    stations are, in the median, from the middle of its plants.
-    """
-    plan, box = facts.plan, facts.box
-    if plan.camera is None:
-        return None
-    camera = plan.camera.without_distortion()
-    height = 0.5 * (facts.top_m or 0.0)
-    xs, ys = (np.linspace(-0.5 * side, 0.5 * side, _GRID) for side in size_m)
-    places = np.array([(x, y, height) for x in xs for y in ys])
-    middle = np.array([0.0, 0.0, height]) if box is None else np.array([*(0.5 * (box[0] + box[1])), height])
-    stations = np.array([station.position_m for station in plan.stations], dtype=np.float64)
-    far = _FAR * float(np.median(np.linalg.norm(stations - middle, axis=1)))
-    counts = np.zeros(len(places), dtype=np.int64)
-    for station in plan.stations:
-        pictured = camera.sees(station.pose.to_camera(places))
-        counts += pictured & (np.linalg.norm(places - np.array(station.position_m), axis=1) <= far)
-    return float((counts >= min(_VIEWS, len(plan.stations))).mean())

@@ -57,8 +57,6 @@ class PlotIds:
     """One for each feature, in their order; text where the file has text or whole numbers."""
     field: str | None
     """That they are from, as the file writes it; None where plots are counted."""
-    passed_over: tuple[str, ...] = ()
-    """Why fields that come earlier in `ID_FIELDS` were not taken, as sentences without a full stop."""
 
     def sentence(self) -> str:
         """For people, who are to see it before the ids are used: ``32 plots, ids from "plot_id": A01 … D08``."""
@@ -67,41 +65,29 @@ class PlotIds:
         plots = count(len(shown), "plot")
         if self.field is None:
             return f"{plots}, counted in the file's order, which has no ids: {named}. --plot-id FIELD takes others"
-        return "; ".join([f'{plots}, ids from "{self.field}": {named}', *self.passed_over])
+        return f'{plots}, ids from "{self.field}": {named}'
 
 
 def plot_ids(features: Sequence[Feature], field: str | None = None) -> PlotIds:
-    """The ids of a file's plots: of the first of `ID_FIELDS` that every plot has and that no two share.
+    """The ids of a file's plots: of the first of `ID_FIELDS` that it has.
 
     Args:
         field: that holds the ids, by its name in the file (case counts only where two differ in nothing else); None
             looks for one.
     """
     fields = list(dict.fromkeys(name for feature in features for name in feature.properties))
-    others = [name for name in fields if name.casefold() not in ID_FIELDS]
-    if field is not None:
-        chosen = field if field in fields else next((n for n in fields if n.casefold() == field.casefold()), None)
-        if chosen is None:
-            raise IdProblem(
-                f'no plot has a field "{field}"', f"--plot-id takes one of the file's fields: {_list(fields)}."
-            )
-        ids = [_id(feature.properties, chosen) for feature in features]
-        if problem := _problem(ids, features, chosen):
-            raise IdProblem(problem, "Correct the file, or give another field with --plot-id.")
-        return PlotIds(tuple(ids), chosen)
-    problems: list[str] = []
-    for name in (n for wanted in ID_FIELDS for n in fields if n.casefold() == wanted):
-        ids = [_id(feature.properties, name) for feature in features]
-        problem = _problem(ids, features, name)
-        if not problem:
-            return PlotIds(tuple(ids), name, tuple(problems))
-        problems.append(problem)
-        if name.casefold() == ID_FIELDS[0]:
-            break  # it can be nothing but the ids: a mistake in them is to be put right, not passed over
-    if problems:
-        more = f", or say with --plot-id which field holds the ids: {_list(others)}" if others else ""
-        raise IdProblem(problems[0], f"Give every plot an id of its own{more}.")
-    return PlotIds(tuple(f"plot-{feature.number}" for feature in features), None)
+    wanted = ID_FIELDS if field is None else (field, field.casefold())
+    chosen = next((name for each in wanted for name in fields if each in (name, name.casefold())), None)
+    if chosen is None:
+        if field is not None:
+            remedy = f"--plot-id takes one of the file's fields: {_list(fields)}."
+            raise IdProblem(f'no plot has a field "{field}"', remedy)
+        return PlotIds(tuple(f"plot-{feature.number}" for feature in features), None)
+    ids = [_id(feature.properties, chosen) for feature in features]
+    if problem := _problem(ids, features, chosen):
+        others = _list([name for name in fields if name != chosen]) or "FIELD"
+        raise IdProblem(problem, f"Give every plot an id of its own, or say which field holds them: --plot-id {others}")
+    return PlotIds(tuple(ids), chosen)
 
 
 def _id(properties: Mapping[str, Any], name: str) -> Any:

@@ -30,17 +30,7 @@ def tree(root: Path, files: dict[str, str]) -> Path:
         ),
         # A container sees its own group at the root, whatever path the process file gives.
         ("0::/docker/abc\n", {"memory.max": "4096\n"}, (None, 4096)),
-        (
-            "4:memory:/job\n3:cpu,cpuacct:/job\n",
-            {
-                "memory/job/memory.limit_in_bytes": "2048\n",
-                "memory/memory.limit_in_bytes": "9223372036854771712\n",
-                "cpu/job/cpu.cfs_quota_us": "400000\n",
-                "cpu/job/cpu.cfs_period_us": "100000\n",
-            },
-            (4.0, 2048),
-        ),
-        ("3:cpu:/\n", {"cpu/cpu.cfs_quota_us": "-1\n", "cpu/cpu.cfs_period_us": "100000\n"}, (None, None)),
+        ("3:cpu:/\n", {"cpu.max": "150000 100000\n"}, (None, None)),
     ],
 )
 def test_cgroup_limits(tmp_path: Path, groups: str, files: dict[str, str], expected: object) -> None:
