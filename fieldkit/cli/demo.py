@@ -37,12 +37,12 @@ def command(output: OutputOption, run: RunOptions, seed: SeedOption = 0, as_json
     from fieldkit.figures.content import Statements
     from fieldkit.figures.style import format_seconds
     from fieldkit.figures.terminal import rendered
-    from fieldkit.report.sections.in_short import demo_blocks, demo_statements, demo_traits
+    from fieldkit.report.sections.in_short import demo_statements, demo_table, demo_traits
 
     end = f"In {format_seconds(demo.seconds)}. Open the report in a browser:"
     first = Statements(demo_statements(demo.compared))
     grown = demo_traits(demo.compared, demo.evaluations)
-    show(rendered([first, *_story(demo), grown, *demo_blocks(demo.compared)]), end, demo.report)
+    show(rendered([first, *_story(demo), grown, demo_table(demo.compared)]), end, demo.report)
 
 
 def _story(demo: Demo) -> Iterator[Paragraph]:

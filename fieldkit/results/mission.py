@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from fieldkit.documents.json_file import read_model
@@ -24,8 +23,6 @@ MISSION_FILE = "mission.json"
 _MAX_BYTES = 128 << 20
 """Largest mission.json that is read, bytes."""
 _AGAIN = "Give the mission.json that `fieldkit export-mission` wrote beside the mission, or export it again."
-FARTHEST_M = 100_000.0
-"""Largest coordinate in a plot's or mission's frame, metres."""
 
 Height = Annotated[float, Field(ge=-20_000, le=20_000)]
 Slope = Annotated[float, Field(ge=-10, le=10)]
@@ -269,14 +266,6 @@ class MissionRecord(Strict):
             for station in flight.stations:
                 if station.plot not in plots:
                     raise ValueError(f"a photograph is of {station.plot}, which is none of the plots")
-        corners: list[tuple[float, float]] = [corner for ring in (*self.inside, *self.outside) for corner in ring]
-        corners += [(plot.origin.latitude_deg, plot.origin.longitude_deg) for plot in everywhere]
-        places = [place for flight in self.flights for place in (*flight.stops, flight.landing)]
-        corners += [(place.latitude_deg, place.longitude_deg) for place in (*places, *self.rally)]
-        table = np.array(corners)
-        away = LocalFrame(self.home.latitude_deg, self.home.longitude_deg).to_local(table[:, 0], table[:, 1], 0.0)
-        if np.abs(away).max() > FARTHEST_M:
-            raise ValueError(f"a place is farther than {FARTHEST_M / 1000:g} km from home")
         return self
 
 

@@ -177,12 +177,12 @@ def turn_cosine(before: Sequence[float], after: Sequence[float]) -> float:
 
 def turn_seconds(from_deg: float | None, to_deg: float, speeds: Speeds) -> float:
     """Of a turn the short way about; of half a turn where the heading before is not known."""
-    return float(turns_s(np.asarray(180.0 if from_deg is None else to_deg - from_deg), speeds))
+    return float(turns_s(180.0 if from_deg is None else to_deg - from_deg, speeds))
 
 
-def turns_s(turns_deg: FloatArray, speeds: Speeds) -> FloatArray:
+def turns_s(turns_deg: ArrayLike, speeds: Speeds) -> FloatArray:
     """Seconds of turns, degrees in either direction, the shorter way around; 0 where there is none."""
-    turns = np.abs(wrapped_deg(turns_deg))
+    turns = np.abs(wrapped_deg(np.asarray(turns_deg, dtype=np.float64)))
     seconds: FloatArray = turns / speeds.yaw_dps + TURN_LAG_S * (turns > 0.0)
     return seconds
 
@@ -264,7 +264,7 @@ def flight_time(legs: Sequence[ArrayLike], turns_deg: Sequence[float], pauses_s:
         pauses_s: sum of all pauses at stops.
     """
     own = np.array([path_time_s(leg, vehicle.speeds) for leg in legs])
-    turning = np.maximum(turn_time_s(turns_deg, vehicle.speeds) - own, 0.0)
+    turning = np.maximum(turns_s(turns_deg, vehicle.speeds) - own, 0.0)
     takeoff = takeoff_s(float(np.asarray(legs[0])[0, 2]), vehicle.speeds)
     landing = landing_s(float(np.asarray(legs[-1])[-1, 2]), vehicle.speeds)
     whole = takeoff + float((own + turning).sum()) + pauses_s + landing
@@ -289,11 +289,6 @@ def path_time_s(points: ArrayLike, speeds: Speeds) -> float:
     """Seconds along places (k, 3), metres, with a stop at each."""
     places = np.asarray(points, dtype=np.float64)
     return float(stretch_time_s(places[:-1], places[1:], speeds).sum())
-
-
-def turn_time_s(turns_deg: ArrayLike, speeds: Speeds) -> FloatArray:
-    """Seconds of turns, degrees in either direction, the shorter way around."""
-    return turns_s(np.asarray(turns_deg, dtype=np.float64), speeds)
 
 
 def takeoff_s(height_m: float, speeds: Speeds) -> float:

@@ -14,7 +14,7 @@ from fieldkit.arrays import FloatArray
 from fieldkit.errors import MissionError
 from fieldkit.results.finding import Refused
 from fieldkit.routing.legs import Legs, legs_between, no_way
-from fieldkit.routing.motion import turn_time_s
+from fieldkit.routing.motion import turns_s
 from fieldkit.routing.obstacles import Obstacles
 from fieldkit.routing.tour import EXACT_PLACES, shortest_paths, shortest_tour
 from fieldkit.vehicles.vehicle import Speeds
@@ -89,7 +89,7 @@ def ways_between(a: Group, b: Group, obstacles: Obstacles, speeds: Speeds, *, le
     starts, stops = np.repeat(a.places, len(b), axis=0), np.tile(b.places, (len(a), 1))
     legs = legs_between(starts, stops, obstacles, speeds, level_m=level_m)
     turns = [[turn_deg(before, after) for after in b.yaw_deg.tolist()] for before in a.yaw_deg.tolist()]
-    turning = turn_time_s(turns, speeds)
+    turning = turns_s(turns, speeds)
     return Ways(legs, np.maximum(legs.time_s.reshape(len(a), len(b)), turning))
 
 

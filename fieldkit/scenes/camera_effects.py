@@ -86,8 +86,6 @@ def photographed(
     intrinsics: Intrinsics,
     effects: CameraEffects,
     rng: np.random.Generator,
-    *,
-    economy: bool = False,
 ) -> ByteArray:
     """The image as the camera would deliver it, before JPEG.
 
@@ -98,7 +96,6 @@ def photographed(
         effects: which effects, how strong.
         rng: of this photograph; every effect draws from it whether it is on or not, so that switching one off leaves
             the others as they were.
-        economy: the tone curve in single precision, at a fraction of its cost: 255 of 10⁹ values round otherwise.
     """
     shift, turn = rng.normal(size=3) * _DRIFT_M_S, rng.normal(size=3) * np.radians(_TURN_DEG_S)
     motion = Motion(shift * effects.exposure_s, turn * effects.exposure_s)
@@ -119,7 +116,7 @@ def photographed(
             raise ValueError("motion blur needs the depth map")
         light = motion_blurred(light, image_motion(depth, intrinsics, motion))
     light *= np.array([gain * balance[0], gain, gain * balance[1]], np.float32)
-    return with_grain((developed if economy else _developed)(light), effects.grain, effects.grain_px, rng)
+    return with_grain(developed(light), effects.grain, effects.grain_px, rng)
 
 
 def image_motion(depth: Float32Array, intrinsics: Intrinsics, motion: Motion) -> Float32Array:
@@ -197,21 +194,8 @@ def _linear(image: ByteArray) -> Float32Array:
     return light
 
 
-def _developed(light: Float32Array) -> ByteArray:
-    grey = np.sqrt(np.clip(light, 0.0, 1.0)) * np.float32(255.0)
-    return np.asarray(np.rint(grey), dtype=np.uint8)
-
-
 def with_noise(image: ByteArray, sigma: float, rng: np.random.Generator) -> ByteArray:
-    """The image (h, w, 3) with noise of ``sigma`` grey levels, the same at every level."""
-    if sigma == 0:
-        return image
-    noisy = image + rng.standard_normal(image.shape, dtype=np.float32) * np.float32(sigma)
-    return np.asarray(np.clip(np.rint(noisy), 0, 255), dtype=np.uint8)
-
-
-def with_tabled_noise(image: ByteArray, sigma: float, rng: np.random.Generator) -> ByteArray:
-    """`with_noise` at a quarter of its cost, with other draws.
+    """The image with noise of ``sigma`` grey levels on each channel of each pixel.
 
     Grey levels are whole numbers, so noise is, too: each value takes one of 65,536 equally likely quantiles of the
     normal distribution, rounded. What lies beyond 4.3 σ, one value in 50,000, is lost.

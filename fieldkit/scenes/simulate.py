@@ -21,7 +21,7 @@ from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_about_z, rotation_from_vector, wrapped_deg
 from fieldkit.results.fields import Length
 from fieldkit.runtime.progress import Progress, Silent
-from fieldkit.scenes.camera_effects import CameraEffects, photographed, with_noise, with_tabled_noise
+from fieldkit.scenes.camera_effects import CameraEffects, photographed, with_noise
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.sway import Motion
 from fieldkit.vocabulary import BURST_INTERVAL_S
@@ -161,8 +161,8 @@ def simulate_capture(
         sidecars: none by default.
         started_at: time of the first photograph; the others' by `Outdoors.time_s`.
         overwrite: replace an existing capture.
-        economy: draw with one sample per pixel and smooth the edges afterwards, and take the sensor's noise from a
-            table: the same look and other pixels at half the cost, for captures that are made by the hundred.
+        economy: draw with one sample per pixel and smooth the edges afterwards: the same look and other pixels at half
+            the cost, for captures that are made by the hundred.
 
     Returns:
         The true poses, one for each photograph.
@@ -191,9 +191,9 @@ def simulate_capture(
             image, depth = renderer.drawn(pose, intrinsics, depth=effects.moves, economy=economy)
             if effects.changes_pixels:
                 shaken = np.random.default_rng([seed, 3, i])
-                image = photographed(image, depth, intrinsics, effects, shaken, economy=economy)
+                image = photographed(image, depth, intrinsics, effects, shaken)
             rng = np.random.default_rng([seed, 2, i])
-            image = (with_tabled_noise if economy else with_noise)(image, noise.image_sigma, rng)
+            image = with_noise(image, noise.image_sigma, rng)
             if i % outdoors.burst == 0:  # what is reported hardly errs otherwise within a burst
                 error = rng.normal(size=6) * reported_sigmas
             position = xmp = None

@@ -84,7 +84,6 @@ def test_names_keep_missions_of_one_folder_apart(tmp_path: Path) -> None:
         ({"colour": 1}, "colour: "),
         ({"flights": []}, "flights: "),
         ({"files": []}, "field.plan is a flight's, and files does not name it"),
-        ({"home": {"latitude_deg": 10.0, "longitude_deg": 6.0}}, "farther than 100 km from home"),
         ({"speed_mps": "2"}, "speed_mps: "),
     ],
 )

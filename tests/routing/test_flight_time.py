@@ -27,7 +27,7 @@ from fieldkit.routing.motion import (
     path_time_s,
     stretch_time_s,
     takeoff_s,
-    turn_time_s,
+    turns_s,
 )
 from fieldkit.vehicles.vehicle import Speeds
 from tests.missions.vehicles import HOME, SITL, item_of, vehicle
@@ -98,7 +98,7 @@ def test_special_stretches() -> None:
     up, down = path_time_s([(0, 0, 0), (0, 0, 10)], SPEEDS), path_time_s([(0, 0, 10), (0, 0, 0)], SPEEDS)
     assert up == pytest.approx(4.0 + 3.5 + ARRIVAL_LAG_S)
     assert down == pytest.approx(10 / 1.5 + 2.5 + ARRIVAL_LAG_S)
-    turns = turn_time_s([90.0, -270.0, 350.0, 720.0], SPEEDS)
+    turns = turns_s([90.0, -270.0, 350.0, 720.0], SPEEDS)
     np.testing.assert_allclose(
         turns, np.array([1.5, 1.5, 1 / 6, 0.0]) + np.array([1, 1, 1, 0]) * TURN_LAG_S, atol=1e-12
     )

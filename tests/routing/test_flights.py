@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from fieldkit.errors import MissionError
 from fieldkit.routing.flights import FileCapacity, Flight, Stop, plan_flights
-from fieldkit.routing.motion import flight_time, landing_s, takeoff_s, turn_time_s
+from fieldkit.routing.motion import flight_time, landing_s, takeoff_s, turns_s
 from fieldkit.routing.obstacles import Obstacles, Volume
 from fieldkit.routing.plot_tours import Costs, split
 from fieldkit.vehicles.vehicle import Battery, Vehicle
@@ -98,7 +98,7 @@ def test_one_plot_is_flown_in_the_best_order() -> None:
     speeds = flown_by.speeds
 
     def seconds(a: tuple[float, ...], b: tuple[float, ...], turn: float, level: float | None) -> float:
-        return max(safe_leg(a, b, obstacles, speeds, level_m=level).time_s, float(turn_time_s(turn, speeds)))
+        return max(safe_leg(a, b, obstacles, speeds, level_m=level).time_s, float(turns_s(turn, speeds)))
 
     table = {
         (i, j): seconds(a.position_m, b.position_m, b.yaw_deg - a.yaw_deg, None)

@@ -31,9 +31,6 @@ from fieldkit.sites.fitted import Stretch
 from fieldkit.vocabulary import DISTANCES_M, MappingName, SearchFidelity
 from fieldkit.vocabulary import Fidelity as DenseFidelity
 
-_LEAST_CAMERAS = 2
-"""Least number of cameras that are evaluated."""
-
 
 @dataclass(frozen=True)
 class Fidelity:
@@ -140,12 +137,6 @@ class ObjectiveSettings:
     tilt and scale the cloud at random; what remains is the shape, which depends on the cameras' places.
     """
 
-    def __post_init__(self) -> None:
-        if self.fidelity not in FIDELITIES:
-            raise UsageError(
-                f"there is no fidelity {self.fidelity!r}", remedy=f"Choose one of {', '.join(FIDELITIES)}."
-            )
-
     @property
     def prior(self) -> PriorMappingSettings:
         """Settings of prior mapping."""
@@ -217,8 +208,6 @@ class Objective:
         self, cameras: Cameras, *, seed: int | None = None, fidelity: SearchFidelity | None = None
     ) -> tuple[Evaluation, Cloud]:
         """As `evaluate`, with the plants' cloud (plot frame); empty if there is none."""
-        if len(cameras) < _LEAST_CAMERAS:
-            raise UsageError(f"an evaluation needs at least two cameras, not {len(cameras)}")
         if self.stretch is not None:
             cameras = cameras.stretched(self.stretch)
         spent, detail = Spent.now(), FIDELITIES[fidelity or self.settings.fidelity]

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
 from fieldkit.arrays import FloatArray, IntArray
-from fieldkit.errors import UsageError
 from fieldkit.geometry import Pose
 from fieldkit.sites.fitted import Stretch
 
@@ -143,11 +142,6 @@ def assign(cameras: Cameras, views: Cameras, distance_m: float) -> IntArray:
     The choice minimises the sum of ‖Δposition‖ + ``distance_m`` · Δangle (of the optical axes, radians) by linear
     assignment (Crouse 2016). ``distance_m``, about that from the cameras to the plants, turns angles into lengths.
     """
-    if len(cameras) > len(views):
-        raise UsageError(
-            f"{len(cameras)} cameras are asked for, but the set has {len(views)} photographs",
-            remedy="Ask for fewer cameras.",
-        )
     angle = np.arccos(np.clip(cameras.forward @ views.forward.T, -1.0, 1.0))
     cost = np.linalg.norm(cameras.positions[:, None] - views.positions[None], axis=2) + distance_m * angle
     chosen: IntArray = linear_sum_assignment(cost)[1].astype(np.int64)

@@ -144,26 +144,10 @@ def _plot(visits: Sequence[Visit], plot: str, anchor: str) -> Details:
 
 
 def _measured(campaign: Campaign) -> Iterator[Block]:
-    """Heights by hand against fieldkit's, and the differences about their bias and limits of agreement."""
+    """Heights by hand against fieldkit's."""
     found = measured_agreement(campaign)
     if found is None or not found.pairs:
         return
-    pairs, said = found.pairs, next(found.sentences())
-    differences = [(0.5 * (pair.height_m + pair.measured_m), pair.difference_m) for pair in pairs]
-    left, right = (bound(x for x, _ in differences) for bound in (min, max))
-    limits = tuple(p for y in found.limits_m or () for p in ((left, y), (right, y), (right, None)))
-    yield Charts(
-        (
-            LineChart(
-                "Heights by fieldkit less those by hand (Bland and Altman)",
-                said,
-                "mean of both, m",
-                "fieldkit less by hand, m",
-                (Curve("a plot on a date", tuple(differences), "dots"), Curve("limits of agreement", limits)),
-                (found.bias_m, "bias"),
-            ),
-        )
-    )
     yield from (Paragraph(sentence) for sentence in found.sentences())
     yield found.table()
 

@@ -67,7 +67,7 @@ def in_short(results: Results, statements: Sequence[Statement], first: Sequence[
         plots = {
             each.folder.name.removeprefix("evaluation-"): each.report.plots for each in results.of(EvaluationReport)
         }
-        tables = [block for demo in demos for block in (demo_traits(demo, plots), *demo_blocks(demo))]
+        tables = [block for demo in demos for block in (demo_traits(demo, plots), demo_table(demo))]
     ordered = sorted(grouped, key=lambda each: each.level != "problem")
     todo: list[Block] = [Statements(tuple(ordered))] if ordered else []
     if step := next_step(results):
@@ -225,11 +225,6 @@ def demo_traits(report: DemoReport, evaluations: Mapping[str, Sequence[PlotEvalu
     return tabulated("Plants, measured and true", rows)
 
 
-def demo_blocks(report: DemoReport) -> tuple[Block, ...]:
-    """A row per plot and judge, and what the figures can and cannot say."""
-    return (_table(report), Paragraph(_claim(report)))
-
-
 def _drawn(report: DemoReport) -> Statement:
     """How planned views compare with the circle in this run, by the true plants."""
     found = [
@@ -246,7 +241,8 @@ def _drawn(report: DemoReport) -> Statement:
     return Statement(_level(min(shares), max(shares)), text)
 
 
-def _table(report: DemoReport) -> Table:
+def demo_table(report: DemoReport) -> Table:
+    """A row per plot and judge, and what the figures can and cannot say."""
     return Table(
         TITLE,
         (
@@ -258,7 +254,8 @@ def _table(report: DemoReport) -> Table:
             Column("photographs used", True, detail=True),
         ),
         tuple(_rows(report)),
-        "Chamfer distances after ICP; smaller is nearer.",
+        "Chamfer distances after ICP, of one flight each: below 5 % nothing can be claimed. The circle is the best of "
+        "75 by the score about each plot's own plants. References are photographs too, so the judges need not agree.",
     )
 
 
@@ -275,19 +272,6 @@ def _rows(report: DemoReport) -> Iterator[tuple[Cell, ...]]:
             share = _share(of_circle, of_plan)
             mark = Mark(_level(share, share), _worth(share))
             yield name, judge, millimetres(of_circle), millimetres(of_plan), mark, used
-
-
-def _claim(report: DemoReport) -> str:
-    off_m, off_deg = report.pose_noise
-    return (
-        f"All of it outdoors: stations missed by {format_length(off_m)} and {off_deg:g}°, leaves that sway by "
-        f"{format_length(report.wind_m)} in the wind and by the wash of {report.vehicle_kg:g} kg. The circle is the "
-        "best of 75 about each plot's own plants by the score, which takes no photograph; the plan was made for plots "
-        "like the first, and is fitted to the plants' height only. "
-        f"Each figure is of one flight: below {100 * _LEVEL:.0f} % nothing can be claimed. The references are "
-        f"photographs too, {format_length(report.reference_to_true_plants_m)} from the true plants: views that share "
-        "their gaps come nearer to them, so the two judges need not agree."
-    )
 
 
 def _share(circle_m: float, planned_m: float) -> float:
