@@ -110,7 +110,7 @@ def check_mission(
     below = {} if site is None else dict(zip(taken, ground_below(site, list(taken.values())).tolist(), strict=True))
     below |= {d.item: above[d.planned.name] for d in matched if d.planned.name in above}
     findings += photograph_findings(flown, vehicle, places, below)
-    findings += burst_findings(flown.photographs, matched, burst, vehicle)
+    findings += burst_findings(flown.photographs, matched, burst)
     findings += _stop_findings(read, vehicle)
     findings += _leg_findings(read, flown, around.obstacles, home)
     usable = vehicle.battery.usable_s

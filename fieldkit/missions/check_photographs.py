@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import groupby, pairwise
+from itertools import groupby
 
 import numpy as np
 
@@ -139,9 +139,7 @@ def usual_burst(photographs: Sequence[Photograph]) -> int:
     return max(Counter(map(len, bursts(photographs))).items(), key=lambda each: (each[1], each[0]), default=(1, 0))[0]
 
 
-def burst_findings(
-    photographs: Sequence[Photograph], matched: Sequence[Deviation], burst: int, vehicle: Vehicle
-) -> Iterator[Finding]:
+def burst_findings(photographs: Sequence[Photograph], matched: Sequence[Deviation], burst: int) -> Iterator[Finding]:
     """Stations with fewer photographs than ``burst``, and photographs that follow sooner than the camera takes."""
     if burst == 1:
         return
@@ -152,11 +150,6 @@ def burst_findings(
             what = f"the station of item {first.item}" if planned is None else planned.name
             message = f"{what} has {len(of_one)} of {burst} photographs"
             yield warning("short-burst", message, first.item, first.station, planned)
-        least_s = vehicle.trigger.exposure_s
-        for before, shot in pairwise(of_one):
-            if (apart_s := before.after_s - shot.after_s) < least_s - _SLACK_S:
-                message = f"taken {apart_s:.1f} s after the one before; the vehicle's profile asks for {least_s:g} s"
-                yield warning("short-interval", message, shot.item, shot.station, planned)
 
 
 def deviations(

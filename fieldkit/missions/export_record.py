@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import Any
 
 from fieldkit.geometry.geodesy import LocalFrame
@@ -22,7 +21,7 @@ from fieldkit.results.mission import (
     MissionVehicle,
 )
 from fieldkit.results.plan import station_number
-from fieldkit.routing.mission import Fence, GeoPoint, Mission, Shot
+from fieldkit.routing.mission import Fence, GeoPoint, Home, Mission, Shot
 from fieldkit.sites.placement import PlotFrame
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.vehicles.vehicle import Vehicle
@@ -111,49 +110,20 @@ def _flight(each: RoutedFlight, file: str) -> MissionFlight:
 
 
 def geojson_bytes(mission: Mission) -> bytes:
-    """A FeatureCollection: home, stations with their poses, legs in the order they are flown, the fence.
+    """A FeatureCollection: stations with their poses, places that are flown through, the way from home, the fence.
 
     Heights stand in the properties: RFC 7946's third coordinate is above the ellipsoid, which missions do not have.
     """
-    above = GeoPoint(mission.home.latitude_deg, mission.home.longitude_deg, mission.takeoff_m)
-    features = [_feature("Point", _lonlat(above), kind="home", height_above_home_m=0.0, amsl_m=mission.home.amsl_m)]
-    taken = 0
+    features = []
     for order, stop in enumerate(mission.stops):
-        height = stop.place.height_m
+        own: dict[str, Any] = {"order": order, "height_above_home_m": stop.place.height_m}
         if isinstance(stop, Shot):
-            burst = {"photographs": [taken + 1, taken + mission.burst]} if mission.burst > 1 else {}
-            taken += mission.burst
-            features.append(
-                _feature(
-                    "Point",
-                    _lonlat(stop.place),
-                    kind="station",
-                    order=order,
-                    plot=stop.plot,
-                    station=station_number(stop.station),
-                    height_above_home_m=height,
-                    yaw_deg=stop.yaw_deg,
-                    pitch_deg=stop.pitch_deg,
-                    **burst,
-                )
-            )
-        else:
-            features.append(_feature("Point", _lonlat(stop.place), kind="via", order=order, height_above_home_m=height))
-    features.append(
-        _feature("Point", _lonlat(mission.landing), kind="landing", height_above_home_m=mission.landing.height_m)
-    )
-    way = [above, *(stop.place for stop in mission.stops), mission.landing]
-    features += [
-        _feature(
-            "LineString",
-            [_lonlat(a), _lonlat(b)],
-            kind="leg",
-            order=k,
-            from_height_m=a.height_m,
-            to_height_m=b.height_m,
-        )
-        for k, (a, b) in enumerate(pairwise(way))
-    ]
+            own |= {"plot": stop.plot, "station": station_number(stop.station)}
+            own |= {"yaw_deg": stop.yaw_deg, "pitch_deg": stop.pitch_deg}
+        kind = "station" if isinstance(stop, Shot) else "via"
+        features.append(_feature("Point", _lonlat(stop.place), kind=kind, **own))
+    way: list[GeoPoint | Home] = [mission.home, *(stop.place for stop in mission.stops), mission.landing]
+    features.append(_feature("LineString", [_lonlat(place) for place in way], kind="way"))
     if mission.fence is not None:
         for kind, polygons in (("fence", mission.fence.inside), ("no-fly", mission.fence.outside)):
             for corners in polygons:
@@ -167,5 +137,5 @@ def _feature(geometry: str, coordinates: Any, **properties: Any) -> dict[str, An
     return {"type": "Feature", "geometry": {"type": geometry, "coordinates": coordinates}, "properties": properties}
 
 
-def _lonlat(place: GeoPoint) -> list[float]:
+def _lonlat(place: GeoPoint | Home) -> list[float]:
     return [round(place.longitude_deg, 9), round(place.latitude_deg, 9)]

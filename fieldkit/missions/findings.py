@@ -10,20 +10,10 @@ from fieldkit.missions.autopilots.execution import Photograph
 from fieldkit.results.finding import Finding, Severity, grouped
 from fieldkit.routing.mission import Shot
 
-_CAUSES = (
-    "empty", "wrong-vehicle", "unknown-item", "other-home", "far-from-home",
-    "no-home", "first-item-lost", "item-rejected", "stops-there", "item-skipped",
-    "too-many-items", "too-few-waypoints", "no-takeoff", "datum", "fence", "leg-no-fly", "leg-fence",
-    "leg-ceiling", "leg-plants", "leg-obstacle", "legs", "too-low", "delay-until", "endurance", "no-photographs",
-    "missing-photo",
-)  # fmt: skip
-"""Codes of what other findings follow from, or what is dangerous; the first matter most."""
-
 
 def ranked(findings: Iterable[Finding]) -> list[list[Finding]]:
-    """Findings by what they say, errors first, and what others follow from before these."""
-    ranks = {code: rank for rank, code in enumerate(_CAUSES)}
-    return sorted(grouped(findings), key=lambda g: (g[0].severity != "error", ranks.get(g[0].code, len(ranks))))
+    """Findings by what they say, errors first."""
+    return sorted(grouped(findings), key=lambda group: group[0].severity != "error")
 
 
 def group_text(group: list[Finding]) -> str:

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fieldkit.arrays import FloatArray
-from fieldkit.errors import MissionError
 from fieldkit.geometry import Intrinsics
 from fieldkit.results.finding import Finding, Refused, Severity
-from fieldkit.results.plan import Plan, Plans, plan_on, station_number
+from fieldkit.results.plan import Plan, Plans, station_number
 from fieldkit.routing.flights import AMONG_NEIGHBOURS, AMONG_PLANTS, Stop, objections
 from fieldkit.routing.mission import Shot
 from fieldkit.routing.obstacles import Obstacles
@@ -25,7 +24,7 @@ from fieldkit.runtime.progress import Advance, ignore
 from fieldkit.sites.fitted import flown_plans
 from fieldkit.sites.placement import PlotFrame, SiteFrame, landing_of, place, stops_of
 from fieldkit.sites.plot_plants import BESIDE_M, HEIGHT_TAKEN, PlanFacts, PlotPlants, facts_of, other_spacing, plants_on
-from fieldkit.sites.reach import RTK_REMEDY, Unreachable, nearest, needs_rtk, one_photograph
+from fieldkit.sites.reach import RTK_REMEDY, Unreachable, nearest, needs_rtk
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.site_obstacles import Canopy, site_obstacles
 from fieldkit.vehicles.vehicle import Vehicle
@@ -34,7 +33,6 @@ PLOTS_NEAR = "plots-near"
 """Code of plots so near to each other that stations stand over or behind others."""
 CODES: dict[str, Severity] = {
     # The plan on the plot.
-    "not-fitted": "error",  # the plots' plants are too different from the plan's, or it does not say where they are
     "plant-height-unknown": "error",
     "plants-too-high": "error",  # stations would stand in plants higher than the plan's
     "rows-elsewhere": "error",  # stations may stand in plants, the rows being elsewhere
@@ -47,7 +45,6 @@ CODES: dict[str, Severity] = {
     "slope-steep": "warning",
     # The vehicle there.
     "out-of-reach": "error",  # pitch beyond the mount, or too low above the ground; --adjust flies the nearest pose
-    "one-photograph": "error",  # two stations are one when they are adjusted
     "among-plants": "error",  # nearer to them than the clearance, or below leaves
     "among-neighbours": "error",  # of another plot
     "plots-too-near": "error",  # the same in one sentence
@@ -115,21 +112,18 @@ def fit_report(
 
     ``advance`` is told of plots that are done with.
     """
-    plans, findings = _flown(plan, site, fit)
-    unfitted = {finding.subject for finding in findings}
+    plans, findings = flown_plans(plan, site.plots, fit), list[Finding]()
     for plot, facts in facts_of(plans, site):
         if facts is None:
             findings += _plants(facts, plot, vehicle.clearance_m)
-        elif plot.name not in unfitted:
+        else:
             findings += fit_plot(facts, plot, vehicle.clearance_m)
             findings += other_camera(facts.plan, plot, vehicle)
         advance(1)
     among = {finding.subject for finding in findings if finding.severity == "error"}
     shots, obstacles = place(plans, site), site_obstacles(site, vehicle.clearance_m, plans)
     changed, problems = nearest(shots, site, vehicle, obstacles if adjust else None)
-    if adjust:
-        findings += one_photograph(shots, changed, site)
-    else:
+    if not adjust:
         findings += [problem.finding for problem in problems]
         changed, problems = shots, ()
     stops = stops_of(changed, site, vehicle)
@@ -174,23 +168,6 @@ def _crowding(
             f"{over} of {len(stops)} stations stand over other plots, whose plants hide {hidden:.0%} of the sight lines"
             f"{near}: plots nearer than {math.ceil(10 * reach_m) / 10:.1f} m need another way of flying",
         )
-
-
-def _flown(plan: Plans, site: Site, fit: bool | None) -> tuple[Plans, list[Finding]]:
-    """The plans as they are flown; unfitted where they cannot be fitted, which is a finding."""
-    try:
-        return flown_plans(plan, site.plots, fit), []
-    except MissionError:
-        assert isinstance(plan, Plan)
-    flown, findings = dict[str, Plan](), []
-    for plot in site.plots:
-        flown[plot.name] = plan
-        try:
-            flown[plot.name] = plan_on(flown_plans(plan, [plot], fit), plot.name)
-        except MissionError as refused:
-            message = refused.message.removeprefix(f"{plot.name}: ")
-            findings.append(_finding(plot, "not-fitted", message, refused.remedy))
-    return flown, findings
 
 
 def fit_plot(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> tuple[Finding, ...]:

@@ -10,17 +10,14 @@ photographed twice: that is an error.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from fieldkit.arrays import FloatArray
-from fieldkit.geometry import Pose
 from fieldkit.results.finding import Finding
-from fieldkit.results.plan import station_number
 from fieldkit.routing.mission import Shot
 from fieldkit.routing.obstacles import TOLERANCE_M as CLEAR_TOLERANCE_M
 from fieldkit.routing.obstacles import Obstacles
@@ -30,13 +27,6 @@ from fieldkit.vehicles.vehicle import Vehicle
 
 TOLERANCE_M = 1e-4
 """Rounding, not leeway: files hold heights to 0.1 mm."""
-
-SAME_M = 0.1
-"""Distance within which two poses may be one photograph, metres: flown ones miss by up to 0.07 m (sim/sitl)."""
-SAME_DEG = 2.0
-"""Angle within which two poses may be one photograph, degrees: flown ones miss by up to 0.85° (sim/sitl)."""
-
-Limit = Literal["pitch", "height", "plants"]
 
 _CENTIMETRES = 100.0
 """Centimetres of a metre."""
@@ -54,8 +44,6 @@ class Unreachable:
 
     shot: Shot
     """As planned."""
-    limits: tuple[Limit, ...]
-    """What is beyond the vehicle; one or more."""
     what: str
     """The same for people, without the station's name."""
     nearest: Shot
@@ -100,43 +88,6 @@ def nearest(
     return tuple(instead.get(id(shot), shot) for shot in shots), problems
 
 
-def one_photograph(before: Sequence[Shot], after: Sequence[Shot], site: Site) -> Iterator[Finding]:
-    """Two stations of a plot that are one photograph when they are adjusted, and were not, as planned."""
-    moved = np.array([a is not b for a, b in zip(before, after, strict=True)], dtype=np.bool_)
-    if not moved.any():
-        return
-    frame = SiteFrame(site.home)
-    planned, points = (frame.points(shot.place for shot in shots) for shots in (before, after))
-    plots: dict[str, list[int]] = {}
-    told: set[tuple[int, int]] = set()
-    for index, shot in enumerate(after):
-        plots.setdefault(shot.plot, []).append(index)
-    for rows in map(np.array, plots.values()):
-        tree = KDTree(points[rows])
-        for row in rows[moved[rows]].tolist():
-            for other in rows[tree.query_ball_point(points[row], SAME_M)].tolist():
-                if other == row or _turn_deg(after[row], after[other]) >= SAME_DEG:
-                    continue
-                was_m, was_deg = _apart(planned[row], planned[other], before[row], before[other])
-                if was_m < SAME_M and was_deg < SAME_DEG:
-                    continue
-                first, second = sorted((row, other))
-                if (first, second) in told:
-                    continue
-                told.add((first, second))
-                now_m, now_deg = _apart(points[row], points[other], after[row], after[other])
-                yield Finding(
-                    after[first].plot,
-                    "one-photograph",
-                    f"it and station {station_number(after[second].station)} become one photograph when they are "
-                    f"adjusted to this vehicle: {now_m:.2f} m and {now_deg:.1f}° apart, {was_m:.2f} m and "
-                    f"{was_deg:.1f}° as planned",
-                    severity="error",
-                    station=after[first].station,
-                    remedy="Plan for this vehicle (fieldkit plan --vehicle), or leave one of the two out of the plan.",
-                )
-
-
 def needs_rtk(stations: FloatArray, near_m: float, vehicle: Vehicle) -> list[str]:
     """Why a vehicle's GNSS does not hold stations (n, 3) against each other, or off plants; nothing with RTK.
 
@@ -160,38 +111,25 @@ def needs_rtk(stations: FloatArray, near_m: float, vehicle: Vehicle) -> list[str
     return [f"needs RTK: {why}" for why in found]
 
 
-def _apart(a: FloatArray, b: FloatArray, one: Shot, other: Shot) -> tuple[float, float]:
-    return float(np.linalg.norm(a - b)), _turn_deg(one, other)
-
-
-def _turn_deg(a: Shot, b: Shot) -> float:
-    """Angle of the rotation from one pose to the other."""
-    one, other = (Pose.from_yaw_pitch(np.zeros(3), shot.yaw_deg, shot.pitch_deg).rotation for shot in (a, b))
-    return math.degrees(math.acos(min(max((float(np.trace(one @ other.T)) - 1.0) / 2.0, -1.0), 1.0)))
-
-
 def _problem(shot: Shot, ground_m: float, plants_m: float, vehicle: Vehicle) -> Unreachable | None:
     above = shot.place.height_m - ground_m
     mount = vehicle.mount
-    pitch, limits, sentences = shot.pitch_deg, list[Limit](), []
+    pitch, height, sentences = shot.pitch_deg, shot.place.height_m, list[str]()
     if not mount.reaches(pitch):
         pitch = mount.nearest_deg(pitch)
-        limits.append("pitch")
         reach = f"is fixed at {pitch:g}°" if mount.kind == "fixed" else f"reaches {mount.range_text}"
         sentences.append(f"pitch {shot.pitch_deg:.4g}°, but the mount of {vehicle.title} {reach}")
     if above < vehicle.min_height_m - TOLERANCE_M:
-        limits.append("height")
+        height = ground_m + vehicle.min_height_m
         sentences.append(
             f"{above:.2f} m above the ground, but {vehicle.title} flies no lower than {vehicle.min_height_m:g} m"
         )
-    height = ground_m + vehicle.min_height_m if "height" in limits else shot.place.height_m
     if shot.place.height_m < plants_m:
-        limits.append("plants")
         sentences.append(f"{plants_m - shot.place.height_m:.2f} m too low over the plants for {vehicle.title}")
         clear_m = plants_m + CLEAR_TOLERANCE_M
         height = max(height, math.ceil(clear_m * _CENTIMETRES - 0.01) / _CENTIMETRES)  # as files hold heights
-    if not limits:
+    if not sentences:
         return None
     nearest = replace(shot, height_m=height, pitch_deg=pitch)
     pose = f"the nearest pose is {height - ground_m:.2f} m above the ground with pitch {pitch:.4g}°"
-    return Unreachable(shot, tuple(limits), f"{'; '.join(sentences)}; {pose}", nearest)
+    return Unreachable(shot, f"{'; '.join(sentences)}; {pose}", nearest)

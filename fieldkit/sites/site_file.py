@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 from pydantic import ValidationError
 
-from fieldkit.documents.mistaken import SWAPPED, look_swapped, nearest, refuse_other
+from fieldkit.documents.mistaken import nearest, refuse_other
 from fieldkit.documents.toml_file import read_versioned, sentence, validated_toml
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.files import named_file
@@ -23,7 +23,7 @@ from fieldkit.routing.mission import Home
 from fieldkit.runtime.shipped import shipped_page
 from fieldkit.sites.plots_file import PLOTS_REMEDY, load_plots, read_plots
 from fieldkit.sites.site import Site, SitePlot
-from fieldkit.sites.vector_files import read_wgs84, wgs84_features
+from fieldkit.sites.vector_files import read_features
 
 FARTHEST_M = 100_000.0
 """From home; what lies farther away is not where it was meant to be."""
@@ -53,7 +53,7 @@ def load_site(
         plots: a file whose plots are flown in place of the site's own, which become their neighbours.
         plot_id: field of the plots file that holds the plots' ids. None takes the site file's ``plot_id`` for the file
             that it names itself, and else looks for one (`plot_ids`).
-        tell: is told where the ids are from, before they are used, and datums of files that are not WGS 84.
+        tell: is told where the ids are from, before they are used, and its datum where that is not WGS 84.
         converted: ``plots`` may hold what the site's own file held, where that is missing, as in a campaign.
     """
     path, tell = Path(path), tell or _nobody
@@ -79,16 +79,13 @@ def load_site(
     for key in ("geofence", "no_fly"):
         if isinstance(document.get(key), str):
             zones = named_file(document[key], path, key, what="site file")
-            document[key] = list(_zones(zones, tell, named=key == "no_fly"))
+            document[key] = list(_zones(zones, named=key == "no_fly"))
     site = validated_toml(Site, document, path, _REMEDY)
     _check_places(site.home, _surroundings(site), path)
     _check_polygons(site, path)
     neighbours = site.neighbours
     if isinstance(beside, str):
-        others = read_plots(named_file(beside, path, "neighbours", what="site file"))
-        neighbours = others.plots
-        for text in others.file.told:
-            tell(text)
+        neighbours = load_plots(named_file(beside, path, "neighbours", what="site file"))
     if own and (isinstance(own, tuple) or isinstance(beside, str)):
         site = _changed(site, path, plots=own if isinstance(own, tuple) else site.plots, neighbours=neighbours)
     if plots is not None:
@@ -146,12 +143,9 @@ def _nobody(text: str) -> None:
     """Listens to nothing."""
 
 
-def _zones(path: Path, tell: Tell, *, named: bool) -> Iterator[Any]:
-    """The polygons of a file as a site file has them inline; ``tell`` is told their datum where it is not WGS 84."""
-    file = read_wgs84(path)
-    for text in file.told:
-        tell(text)
-    for feature in wgs84_features(file.document, path):
+def _zones(path: Path, *, named: bool) -> Iterator[Any]:
+    """The polygons of a file as a site file has them inline."""
+    for feature in read_features(path):
         if feature.kind != "Polygon":
             raise MetadataError(
                 f"feature {feature.number}: is a point, not a polygon", path=path, remedy="Draw the zone as a polygon."
@@ -194,13 +188,12 @@ def _check_places(home: Home, places: Sequence[tuple[str, float, float]], path: 
     if (away <= FARTHEST_M).all():
         return
     first = int(np.argmax(away > FARTHEST_M))
-    name, latitude, longitude = places[first]
-    message = f"{name} lies {away[first] / 1000:,.0f} km from home"
-    remedy = "Check its coordinates and home's."
-    if look_swapped(latitude, longitude, origin, FARTHEST_M):
-        message += f": its {SWAPPED.looks_like}"
-        remedy = SWAPPED.remedy
-    raise MetadataError(message, path=path, remedy=remedy)
+    name = places[first][0]
+    raise MetadataError(
+        f"{name} lies {away[first] / 1000:,.0f} km from home",
+        path=path,
+        remedy="Check its coordinates and home's: latitude comes first in a site file, longitude in GeoJSON.",
+    )
 
 
 def _check_polygons(site: Site, path: Path) -> None:

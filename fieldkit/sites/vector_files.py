@@ -124,8 +124,6 @@ def _for_gdal(data: bytes, path: Path) -> tuple[str, str] | None:
     if data.startswith(b"SQLite format 3\0"):
         return "a GeoPackage", itself
     if data.startswith(b"\x00\x00\x27\x0a") and path.suffix.lower() == ".shp":
-        stem = path.stem.lower()
-        _require_parts({p.suffix.lower() for p in path.parent.iterdir() if p.stem.lower() == stem}, path)
         return "a Shapefile", itself
     if re.search(rb"<(\w+:)?kml\b", data[:4096]):
         return "KML", itself
@@ -141,20 +139,12 @@ def _for_gdal(data: bytes, path: Path) -> tuple[str, str] | None:
     names = [name.lower() for name in members]
     shapes = [name for name in members if name.lower().endswith(".shp")]
     if len(shapes) == 1:
-        stem = shapes[0].lower().removesuffix(".shp")
-        _require_parts({name.removeprefix(stem) for name in names if name.startswith(stem)}, path)
         return "a zipped Shapefile", f"/vsizip/{itself}/{shapes[0]}"
     if not shapes and any(name.endswith(".kml") for name in names) and not any(n.endswith(".wpml") for n in names):
         return "KMZ", itself
     raise MetadataError(
         f"is a zip archive with {len(shapes)} Shapefiles", path=path, remedy="Zip the one with the plots by itself."
     )
-
-
-def _require_parts(suffixes: set[str], path: Path) -> None:
-    """Refuse a Shapefile of which a part is missing."""
-    if missing := [suffix for suffix in _SHAPEFILE if suffix not in suffixes]:
-        raise MetadataError(f"is a Shapefile without its {' and '.join(missing)}", path=path, remedy=_REMEDY)
 
 
 def _converted(path: Path, kind: str, source: str) -> VectorFile:
@@ -217,8 +207,6 @@ def _check_units(places: Any, crs: Any, path: Path) -> None:
     if crs is None:
         raise MetadataError(f"does not say its coordinate reference system; {looks}", path=path, remedy=_CRS)
     if len(places) and crs.is_geographic != degrees:
-        if crs.is_geographic and look_like_degrees(places[:, 1], places[:, 0]):
-            looks = SWAPPED.looks_like
         name = f"{crs.name} ({':'.join(crs.to_authority())})" if crs.to_authority() else crs.name
         raise MetadataError(f"has coordinates that are none in {name}: {looks}", path=path, remedy=_CRS)
 

@@ -128,28 +128,22 @@ def test_bursts_stand_still_where_the_plan_says(tmp_path: Path, vehicle: str, fo
     assert flight.burst is not None
     assert (flight.burst.photographs, flight.burst.interval_s, flight.photographs) == (3, interval_s, 21)
     assert "burst" not in exported[1].files[1].read_text()
-    features = json.loads(done.files[2].read_text())["features"]
-    numbers = [f["properties"]["photographs"] for f in features if f["properties"]["kind"] == "station"]
-    assert numbers == [[first + 1, first + 3] for first in range(0, 21, 3)]
 
 
-def test_a_station_that_lost_photographs_is_named_and_so_are_hasty_ones(tmp_path: Path) -> None:
+def test_a_station_that_lost_photographs_is_named(tmp_path: Path) -> None:
     field, file = site(), tmp_path / "m.plan"
     done = export_mission(planned(), VEHICLE, field, file, MissionSettings(burst=4), picture=False)
     document = json.loads(file.read_text())
     items = document["mission"]["items"]
     shutters = [k for k, item in enumerate(items) if item["command"] == 2000]
-    items[shutters[5] + 1]["params"][0] = 0.3
     del items[shutters[13] : shutters[13] + 2]
     file.write_text(json.dumps(document))
     shots = done.routed.flights[0].mission.shots
     report = check_mission(read_mission(file), VEHICLE, Surroundings(planned=shots, origin=field.home))
     assert report.ok
-    short, hasty = (next(f for f in report.findings if f.code == f"short-{what}") for what in ("burst", "interval"))
+    (short,) = (each for each in report.findings if each.code == "short-burst")
     assert short.message == f"{shots[3].name} has 3 of 4 photographs"
     assert (short.station, short.photograph) == (shots[3].station, 12)
-    assert hasty.message == "taken 0.3 s after the one before; the vehicle's profile asks for 1 s"
-    assert (hasty.station, hasty.photograph) == (shots[1].station, 6)
 
 
 @pytest.mark.parametrize(

@@ -249,7 +249,7 @@ def _zip(*names: str) -> Any:
 @pytest.mark.parametrize(
     ("make", "message", "remedy"),
     [
-        (_plots("plots.shp", without=".prj"), "is a Shapefile without its .prj", "with its .shx, .dbf and .prj"),
+        (_plots("plots.shp", without=".prj"), "does not say its coordinate reference system", "set the layer's CRS"),
         (_plots("plots.gpkg", stated=None), "reference system; metres of a map projection", "set the layer's CRS"),
         (
             _plots("plots.gpkg", stated="EPSG:4326"),

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from fieldkit.results.plan import Plan, Station
 from fieldkit.routing.mission import Home, Shot
 from fieldkit.sites.placement import place
-from fieldkit.sites.reach import nearest, one_photograph, unreachable
+from fieldkit.sites.reach import nearest, unreachable
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.vehicles.vehicle_file import load_vehicle, vehicle_names
 
@@ -31,9 +31,9 @@ def shots_of(*poses: tuple[float, float]) -> tuple[Shot, ...]:
 def test_a_pitch_beyond_the_mount() -> None:
     shots = shots_of((2.0, -30.0), (2.0, 41.0))
     found = unreachable(shots, SITE, load_vehicle("ardupilot-pitch"))
-    assert [(each.shot.name, each.limits) for each in found] == [
-        ("station 2 of low", ("pitch",)),
-        ("station 2 of high", ("pitch",)),
+    assert [each.shot.name for each in found] == [
+        "station 2 of low",
+        "station 2 of high",
     ]
     assert found[0].nearest == replace(shots[1], pitch_deg=30.0)
     assert str(found[0]) == (
@@ -45,41 +45,12 @@ def test_a_pitch_beyond_the_mount() -> None:
 def test_too_low_is_above_the_plots_ground_and_not_above_home() -> None:
     shots = shots_of((0.6, -30.0), (1.0, -30.0))
     found = unreachable(shots, SITE, load_vehicle("ardupilot-pitch"))
-    assert [(each.shot.plot, each.shot.station, each.limits) for each in found] == [
-        ("low", 0, ("height",)),
-        ("high", 0, ("height",)),
+    assert [(each.shot.plot, each.shot.station) for each in found] == [
+        ("low", 0),
+        ("high", 0),
     ]
     assert [each.nearest.place.height_m for each in found] == pytest.approx([-2.0, 3.0])
     assert "0.60 m above the ground, but" in found[0].what
-
-
-def test_stations_that_become_one_photograph_are_named() -> None:
-    """On a fixed mount, two stations at a place that looked down and ahead."""
-    vehicle = load_vehicle("fixed-gimbal")
-    at = [((0.0, 0.0, 2.0), -80.0), ((1.0, 0.0, 2.0), -45.0), ((0.04, 0.0, 2.0), -20.0)]
-
-    def plan(*stations: tuple[tuple[float, float, float], float], yaw_deg: float = 10.0) -> tuple[Shot, ...]:
-        made = tuple(Station(position_m=place, yaw_deg=yaw_deg, pitch_deg=pitch) for place, pitch in stations)
-        return place(Plan(fieldkit="0", stations=made), SITE)
-
-    def told(shots: tuple[Shot, ...]) -> list[str]:
-        return [str(found) for found in one_photograph(shots, nearest(shots, SITE, vehicle)[0], SITE)]
-
-    assert told(plan(*at)) == [
-        f"station 1 of {plot}: it and station 3 become one photograph when they are adjusted to this vehicle: "
-        "0.04 m and 0.0° apart, 0.04 m and 60.0° as planned"
-        for plot in ("low", "high")
-    ]
-    # One of them as planned; and by height alone.
-    one, _ = told(plan(((0.0, 0.0, 2.0), -45.0), ((0.0, 0.02, 2.0), -60.0)))
-    assert one.startswith("station 1 of low: it and station 2 become one photograph")
-    one, _ = told(plan(((0.0, 0.0, 0.2), -45.0), ((0.0, 0.0, 0.7), -45.0)))
-    assert one.endswith("0.00 m and 0.0° apart, 0.50 m and 0.0° as planned")
-    # Apart, or planned so, or looking elsewhere: left alone.
-    assert told(plan(at[0], ((0.12, 0.0, 2.0), -20.0))) == []
-    assert told(plan(((0.0, 0.0, 2.0), -60.0), ((0.0, 0.0, 2.0), -60.0))) == []
-    (a, *_), (b, *_) = plan(at[0]), plan(at[2], yaw_deg=15.0)
-    assert told((a, replace(b, station=1))) == []
 
 
 @given(
