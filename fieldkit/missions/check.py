@@ -34,14 +34,16 @@ from fieldkit.sites.placement import SiteFrame, ground_below, grounds_m, place
 from fieldkit.sites.reach import Unreachable, nearest
 from fieldkit.sites.site import Site
 from fieldkit.sites.site_obstacles import site_obstacles
-from fieldkit.vehicles.vehicle import Mount, Vehicle
+from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from fieldkit.wording import count, listed
 
 _PROFILES: dict[str, str] = {"ardupilot": "ardupilot-pitch", "px4": "px4-gimbal"}
 _NO_LEVEL = "how high above home it is flown is not known everywhere"
-_OF_A_PROFILE = frozenset({"too-low"})
-"""Codes that say nothing without one, beside those that the limits of `_any_vehicle` leave out."""
+_OF_A_PROFILE = frozenset({
+    "too-low", "endurance", "too-many-items", "pitch-limit", "no-settle", "short-settle", "short-delay"
+})  # fmt: skip
+"""Codes of findings that only a profile says."""
 _MOST_LEG_FINDINGS = 50
 """Most findings about legs; the others are counted."""
 _FILM_MM = 43.27
@@ -81,13 +83,7 @@ def check_mission(
         burst: photographs that each station should have; None: as many as most have.
     """
     around = around or Surroundings()
-    planned, grounds, origin, site, unchecked = (
-        around.planned,
-        around.grounds,
-        around.origin,
-        around.site,
-        around.unchecked,
-    )
+    planned, origin, site, unchecked = around.planned, around.origin, around.site, around.unchecked
     if read.home is None and origin is not None:
         read = replace(read, home=origin)
     elif read.home is not None and origin is not None and origin.amsl_m is not None:
@@ -105,7 +101,7 @@ def check_mission(
     home = origin or read.home
     burst = burst or usual_burst(flown.photographs)
     matched = deviations(flown.photographs, planned, home, burst) if planned and home is not None else ()
-    above = {shot.name: ground for shot, ground in zip(planned, grounds, strict=True)} if grounds else {}
+    above = dict(zip((shot.name for shot in planned), around.grounds, strict=False))
     taken = {shot.item: shot.place for shot in flown.photographs if shot.place is not None}
     below = {} if site is None else dict(zip(taken, ground_below(site, list(taken.values())).tolist(), strict=True))
     below |= {d.item: above[d.planned.name] for d in matched if d.planned.name in above}
@@ -261,27 +257,10 @@ def findings_by_dialect(
     if vehicle is not None:
         return {vehicle.dialect: _findings(read, vehicle, site, file)}
     dialects = [name for name in _PROFILES if read.firmware in (None, name)] or list(_PROFILES)
-    return {
-        name: tuple(f for f in _findings(read, _any_vehicle(name), site, file) if f.code not in _OF_A_PROFILE)
-        for name in dialects
-    }
+    found = {name: _findings(read, load_vehicle(_PROFILES[name]), site, file) for name in dialects}
+    return {name: tuple(f for f in findings if f.code not in _OF_A_PROFILE) for name, findings in found.items()}
 
 
 def _findings(read: ReadMission, vehicle: Vehicle, site: Site | None, file: Path | None) -> tuple[Finding, ...]:
     found = check_on_ground(read, vehicle, ground_of(file, site, vehicle.clearance_m)).findings
     return tuple(replace(f, severity="error") if f.code == "plants-unchecked" else f for f in found)
-
-
-def _any_vehicle(dialect: str) -> Vehicle:
-    """A vehicle of an autopilot that has no limits of its own."""
-    known = load_vehicle(_PROFILES[dialect])
-    return known.model_copy(
-        update={
-            "title": "the vehicle",
-            "min_height_m": 0.0,
-            "max_items": None,
-            "mount": Mount(kind="pitch", pitch_deg=(-90.0, 90.0)),
-            "trigger": known.trigger.model_copy(update={"settle_s": 0.0, "exposure_s": 0.0}),
-            "battery": known.battery.model_copy(update={"endurance_s": 1e6, "reserve": 0.0}),
-        }
-    )

@@ -92,8 +92,7 @@ def fitted(plan: Plan, plot: SitePlot) -> Plan:
     if scale.min() < SMALLEST or scale.max() > LARGEST:
         raise MissionError(
             f"{plot.name}: is too different from the plot of the plan: its plants' length, width and height are "
-            f"{scale[0]:.2f}, {scale[1]:.2f} and {scale[2]:.2f} times the plan's"
-            + (": is its plant_height_m in feet?" if 2.6 < scale[2] < 4.1 else ""),
+            f"{scale[0]:.2f}, {scale[1]:.2f} and {scale[2]:.2f} times the plan's",
             remedy="Plan again on a plot like it; --no-fit flies the plan as it is.",
         )
     limits = plan.envelope or PlanEnvelope()

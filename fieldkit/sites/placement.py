@@ -35,20 +35,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fieldkit.arrays import FloatArray
-from fieldkit.errors import MetadataError, MissionError
+from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import LocalFrame, plot_from_enu
 from fieldkit.results.mission import Home, MissionOutline
-from fieldkit.results.plan import Plan, Plans, plan_on, station_number
+from fieldkit.results.plan import Plan, Plans, plan_on
 from fieldkit.routing.flights import Stop
 from fieldkit.routing.legs import Place
 from fieldkit.routing.mission import GeoPoint, Shot
 from fieldkit.sites.site import LEVEL, Gradient, Site, SitePlot
 from fieldkit.vehicles.vehicle import Vehicle
 
-MAX_SHOTS = 100_000
-"""Most photographs of an export."""
-FARTHEST_STATION_M = 10_000.0
-"""From its plot's origin."""
 _NEAR_PLOT_M = 25.0
 """Distance from every plot beyond which the ground is home's, metres."""
 
@@ -202,13 +198,6 @@ def place(plans: Plans, site: Site) -> tuple[Shot, ...]:
     On a level plot pitch is kept: within a plot the plumb line turns by less than 10⁻⁵ degrees a metre. On a slope it
     turns so that the camera looks at the same place of the ground, see above.
     """
-    count = sum(len(plan_on(plans, plot.name).stations) for plot in site.plots)
-    if count > MAX_SHOTS:
-        raise MissionError(
-            f"{count // len(site.plots)} stations on {len(site.plots)} plots are {count} photographs; "
-            f"{MAX_SHOTS} are the most",
-            remedy="Give fewer plots at a time.",
-        )
     shots: list[Shot] = []
     for plot in site.plots:
         shots += _on_plot(plan_on(plans, plot.name), plot.name, PlotFrame.of(site, plot))
@@ -217,13 +206,6 @@ def place(plans: Plans, site: Site) -> tuple[Shot, ...]:
 
 def _on_plot(plan: Plan, name: str, frame: PlotFrame) -> list[Shot]:
     positions = np.array([station.position_m for station in plan.stations], dtype=np.float64)
-    far = ~(np.abs(positions) <= FARTHEST_STATION_M).all(axis=1)
-    if far.any():
-        raise MissionError(
-            f"station {station_number(int(np.argmax(far)))} of the plan is farther than "
-            f"{FARTHEST_STATION_M / 1000:.0f} km from the plot's origin",
-            remedy="Give a plan in the plot frame, in metres.",
-        )
     yaws = [station.yaw_deg for station in plan.stations]
     places = _geo_points(frame.to_geodetic(positions))
     headings = frame.headings(positions, yaws).tolist()

@@ -27,8 +27,7 @@ from fieldkit.results.evaluation import (
 )
 from fieldkit.results.frame import CameraReport
 from fieldkit.results.plan import Plan, station_number
-from fieldkit.results.plan_file import load_plan
-from fieldkit.results.report_files import check_file, file_sha256
+from fieldkit.results.report_files import check_file
 from fieldkit.sites.placement import PlotFrame, SiteFrame
 
 MOST_VIEWS_OF_PLOTS = 4
@@ -148,27 +147,7 @@ def _reference_cloud(sha256: str | None, results: Results) -> tuple[Cloud | None
         return None, f"The reference is not shown: {error}"
 
 
-def _mission_plants(result: Loaded[FlownMission], results: Results) -> list[PointLayer]:
-    """The plants of the plots that are flown: by the report's plans, else by the fitted ones beside the mission."""
-    record, flown = result.report.record, result.report.flight.plots
-    home, known = SiteFrame(record.home), {run.sha256: run.report.plan for run in results.of(PlanRun)}
-    clouds = []
-    for plot in record.plots:
-        plan = known.get(plot.plan.sha256) or _fitted_plan(result.folder / (plot.plan.name or ""), plot.plan.sha256)
-        if plan is not None and plan.plants is not None and plot.name in flown:
-            points = np.array(plan.plants.points_m).reshape(-1, 3)
-            clouds.append(home.to_local(*PlotFrame.recorded(plot).to_geodetic(points)))
-    return _kept_clear(np.concatenate(clouds)) if clouds else []
-
-
-def _fitted_plan(file: Path, sha256: str) -> Plan | None:
-    try:
-        return load_plan(file) if file_sha256(file) == sha256 else None
-    except (FieldkitError, OSError):
-        return None
-
-
-def mission_view(result: Loaded[FlownMission], results: Results) -> NotedView:
+def mission_view(result: Loaded[FlownMission], _: Results) -> NotedView:
     """A mission's way, photographs and limits over the plants it is planned for, in metres about home."""
     record, flight = result.report.record, result.report.flight
     frame = SiteFrame(record.home)
@@ -195,7 +174,7 @@ def mission_view(result: Loaded[FlownMission], results: Results) -> NotedView:
             places.append(PlaceName(plot.name, (x, y, z)))
     return ViewerScene(
         f"{flight.name}: the way and its photographs",
-        _mission_plants(result, results),
+        (),
         (frusta,),
         lines,
         places,

@@ -2,23 +2,16 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from fieldkit.campaign.reading import Campaign
 from fieldkit.errors import MetadataError
-from fieldkit.missions.export_mission import export_mission
-from fieldkit.missions.settings import MissionSettings
 from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results, read_results
 from fieldkit.report.sections.plan import mission_statements
 from fieldkit.report.sections.shown import find_photographs, thumbnails
-from fieldkit.report.sections.views_3d import mission_view
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
-from fieldkit.results.plan_file import save_plan
-from fieldkit.sites.placement import PlotFrame, SiteFrame
-from fieldkit.sites.site_file import load_site
-from tests.missions.test_export import LOW_M, SITES, planned
+from tests.missions.test_export import SITES
 from tests.report.sections.examples import (
     write_campaign,
     write_evaluation,
@@ -109,51 +102,12 @@ def test_a_single_damaged_result_is_its_own_error(tmp_path: Path) -> None:
 
 
 class TestMissions:
-    def test_a_mission_that_was_changed_or_is_gone_is_told(self, tmp_path: Path) -> None:
+    def test_a_mission_that_is_gone_is_told(self, tmp_path: Path) -> None:
         write_mission(tmp_path / "mission")
-        file = tmp_path / "mission" / "field.plan"
-        file.write_text(file.read_text() + " ")
+        (tmp_path / "mission" / "field.plan").unlink()
         (part,) = read_results(tmp_path).of(FlownMission)
-        assert part.report.changed
-        assert "was changed since" in _told(part)
-        file.unlink()
-        (part,) = read_results(tmp_path).of(FlownMission)
-        assert (part.report.changed, part.report.mission_file) == (False, "")
+        assert part.report.mission_file == ""
         assert "only its record is here" in _told(part)
-
-    def test_plants_stand_where_their_plan_is_flown(self, tmp_path: Path) -> None:
-        (tmp_path / "plan").mkdir()
-        save_plan(tmp_path / "plan" / "plan.json", planned(5, height_m=2.0))
-        export_mission(
-            tmp_path / "plan",
-            "ardupilot-pitch",
-            SITES / "example.toml",
-            tmp_path / "mission",
-            MissionSettings(plant_height=LOW_M),
-            plots=HILLSIDE,
-            picture=False,
-        )
-        results = read_results(tmp_path)
-        (part,), (plan,) = results.of(FlownMission), results.of(PlanRun)
-        view = mission_view(part, results)[0]
-        (layer,) = view.points
-        field = load_site(SITES / "example.toml", HILLSIDE)
-        wanted = np.concatenate(
-            [
-                SiteFrame(field.home).to_local(*PlotFrame.of(field, plot).to_geodetic(plan.report.plan.plants.points_m))
-                for plot in field.plots
-            ]
-        )
-        np.testing.assert_allclose(layer.points, wanted, atol=1e-3)
-        (tmp_path / "plan" / "plan.json").rename(part.folder / "low.json")  # as plans that are fitted to plots are kept
-        name = part.report.record.plots[0].plan.name
-        part.file.write_text(part.file.read_text().replace(f'"name": "{name}"', '"name": "low.json"'))
-        save_plan(tmp_path / "plan" / "plan.json", planned(7))  # another one
-        results = read_results(tmp_path)
-        view = mission_view(results.of(FlownMission)[0], results)[0]
-        np.testing.assert_allclose(view.points[0].points, wanted, atol=1e-3)
-        (part.folder / "low.json").unlink()
-        assert mission_view(results.of(FlownMission)[0], results)[0].points == []
 
 
 class TestPhotographs:
