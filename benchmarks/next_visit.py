@@ -29,7 +29,7 @@ from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.library import find_scene
-from fieldkit.scenes.plot_description import GROWTH_STAGES
+from fieldkit.scenes.plot_description import GROWTH_STAGES, MaizeDescription
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise
 from fieldkit.sites.fitted import fitted
@@ -135,6 +135,8 @@ def older(description: SceneDescription) -> SceneDescription:
     """The plot with every plant one growth stage older, except plants at the last stage."""
     plants = tuple(
         replace(plant, stage=GROWTH_STAGES[min(GROWTH_STAGES.index(plant.stage) + 1, len(GROWTH_STAGES) - 1)])
+        if isinstance(plant, MaizeDescription)
+        else plant
         for plant in description.plot.plants
     )
     return replace(description, plot=replace(description.plot, plants=plants))

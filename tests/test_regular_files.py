@@ -32,11 +32,13 @@ from fieldkit.results.mission import load_mission
 from fieldkit.results.plan_file import SETTINGS_FILE, load_plan
 from fieldkit.results.report_files import file_sha256, load_evaluation_report, load_reference_report
 from fieldkit.results.visit import CAMPAIGN_FILE, VISIT_FILE, load_visit
+from fieldkit.scenes.plot_description import MeshPlantDescription
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.sites.plots_file import load_plots
 from fieldkit.sites.site_file import load_site
 from fieldkit.sites.vector_files import read_features
 from fieldkit.vehicles.vehicle_file import load_vehicle
+from fieldkit_sim.mesh_plant import build_mesh_plant
 from fieldkit_sim.standin.recording import read_frames
 from tests.special_files import KINDS, limited, put
 
@@ -65,6 +67,7 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "mission of DJI": ("field.kmz", read_wpml),
     "mission of Litchi": ("field.csv", read_litchi),
     "scene": ("scene.toml", read_scene),
+    "mesh": ("plant.ply", lambda path: build_mesh_plant(MeshPlantDescription(path))),
     "poses": ("poses.csv", read_poses_csv),
     "geotags": ("geo.txt", read_geo_txt),
     "camera": ("camera.toml", read_camera_file),

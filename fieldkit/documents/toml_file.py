@@ -106,7 +106,7 @@ def sentence(error: ValidationError) -> str:
     key = key if len(key) <= 80 else f"{key[:80]}…"
     unknown, table = "is not a key of this format", "should be a table"
     texts = {"extra_forbidden": unknown, "unexpected_keyword_argument": unknown}
-    texts |= dict.fromkeys(("model_type", "dataclass_type"), table)
+    texts |= dict.fromkeys(("model_type", "dataclass_type", "dict_type"), table)
     return validation_sentence(key, problems, texts)
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import field
+from pathlib import Path
 from typing import Annotated, Literal, get_args
 
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 from pydantic.dataclasses import dataclass
 
 from fieldkit.results.fields import STRICT, Count, Length, Share
@@ -13,6 +14,7 @@ from fieldkit.scenes.scene import HAZE, Light
 from fieldkit.vocabulary import Stage
 
 GROWTH_STAGES: tuple[Stage, ...] = get_args(Stage)
+Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 SCATTER_M = 1.25
 """Half the side of the square on which stones and straw lie, metres."""
 SoilKind = Literal["tilled", "crumb", "crusted", "printed"]
@@ -44,7 +46,37 @@ class MaizeDescription:
     markings: Annotated[float, Field(ge=0, le=1.5)] = 0.5
     """How strong blotches, flecks, lesions, dust and grain are on its leaves and stem; 0 for none."""
     kind: Literal["maize"] = "maize"
-    """Species of the plant."""
+    """Tells plants of different kinds apart in scene files."""
+
+
+@dataclass(frozen=True, config=STRICT)
+class MeshPlantDescription:
+    """One plant from a mesh file."""
+
+    file: Path
+    """OBJ, PLY, GLB, glTF or STL."""
+    seed: int = 0
+    """Of the procedural colour, where the file has none."""
+    x_m: float = 0.0
+    """Where its foot stands, plot frame: the middle of its lowest hundredth."""
+    y_m: float = 0.0
+    """Where its foot stands, plot frame: the middle of its lowest hundredth."""
+    yaw_deg: float = 0.0
+    """Turned about the vertical by this, clockwise from above."""
+    scale: PositiveFloat = 1.0
+    """Of all lengths, beside ``unit_m``."""
+    unit_m: PositiveFloat = 1.0
+    """Metres per unit of the file; 0.001 for millimetres."""
+    up: Axis = "z"
+    """The file's axis that points upwards; y in most GLB files."""
+    color: Literal["file", "leaf"] = "file"
+    """"file" keeps the file's texture or colours where it has any, "leaf" paints over them (scans often hold labels in
+    their colours)."""
+    kind: Literal["mesh"] = "mesh"
+    """Tells plants of different kinds apart in scene files."""
+
+
+Plant = MaizeDescription | MeshPlantDescription
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -156,7 +188,7 @@ class TrialDescription:
 class PlotDescription:
     """Everything a scene is built from; the same description gives the same scene."""
 
-    plants: tuple[MaizeDescription, ...]
+    plants: tuple[Annotated[Plant, Field(discriminator="kind")], ...]
     """Each with its seed and place."""
     soil: SoilDescription = field(default_factory=SoilDescription)
     """The ground."""

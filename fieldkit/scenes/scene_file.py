@@ -19,6 +19,7 @@ from fieldkit.errors import MetadataError
 from fieldkit.files import named_file, write_atomic
 from fieldkit.runtime.shipped import shipped_page
 from fieldkit.scenes.description import SceneDescription
+from fieldkit.scenes.plot_description import MeshPlantDescription
 
 _MAX_BYTES = 16 << 20
 """Largest scene file that is read, bytes."""
@@ -36,7 +37,10 @@ def read_scene(path: Path) -> SceneDescription:
     refuse_other(path, "scene file", _REMEDY)
     document = read_versioned(path, "scene file", _REMEDY, _MAX_BYTES)
     if isinstance(plot := document.get("plot"), dict):
-        plot.setdefault("plants", [])
+        plants = plot.setdefault("plants", [])
+        for plant in plants if isinstance(plants, list) else ():
+            if isinstance(plant, dict):
+                plant.setdefault("kind", "mesh" if "file" in plant else "maize")
     description = validated(_ADAPTER, document, path, _REMEDY)
 
     def existing(file: Path, key: str) -> Path:
@@ -77,8 +81,14 @@ def write_scene(path: Path, description: SceneDescription, *, complete: bool = F
 
 def _with_files(description: SceneDescription, change: Callable[[Path, str], Path]) -> SceneDescription:
     """The description with each file that it names changed, given the file and its key."""
+    plants = tuple(
+        replace(plant, file=change(plant.file, f"plot.plants {number}.file"))
+        if isinstance(plant, MeshPlantDescription)
+        else plant
+        for number, plant in enumerate(description.plot.plants, 1)
+    )
     recorded = description.recorded
-    if recorded is None:
-        return description
-    files: dict[str, Any] = {key: change(file, f"recorded.{key}") for key, file in recorded.files.items()}
-    return replace(description, recorded=replace(recorded, **files))
+    if recorded is not None:
+        files: dict[str, Any] = {key: change(file, f"recorded.{key}") for key, file in recorded.files.items()}
+        recorded = replace(recorded, **files)
+    return replace(description, plot=replace(description.plot, plants=plants), recorded=recorded)

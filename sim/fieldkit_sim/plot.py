@@ -10,11 +10,12 @@ import numpy as np
 
 from fieldkit.arrays import FloatArray
 from fieldkit.runtime.progress import Advance, ignore
-from fieldkit.scenes.plot_description import MaizeDescription, PlotDescription
+from fieldkit.scenes.plot_description import MaizeDescription, MeshPlantDescription, Plant, PlotDescription
 from fieldkit.scenes.sampling import NEIGHBOUR_NAME, visible_from
 from fieldkit.scenes.scene import Light, Mesh, Scene
 from fieldkit_sim.faces import grid_faces
 from fieldkit_sim.maize.plant import build_maize
+from fieldkit_sim.mesh_plant import build_mesh_plant
 from fieldkit_sim.soil import build_soil, soil_height
 from fieldkit_sim.weeds import build_weeds
 
@@ -146,13 +147,18 @@ def _plants(
 ) -> list[tuple[Mesh, Material]]:
     """The plot's own plants, and its neighbours as coarse meshes that are no part of the reference; all unlit."""
 
-    def ground_m(plant: MaizeDescription) -> float:
+    def ground_m(plant: Plant) -> float:
         return float(soil_height(plot.soil, np.array([plant.x_m]), np.array([plant.y_m]))[0])
 
     surfaces: list[tuple[Mesh, Material]] = []
     for i, plant in enumerate(plot.plants, 1):
-        mesh = build_maize(plant, ground_m(plant), coarse=form_only, textured=not form_only)
-        surfaces.append((replace(mesh, name=f"plant-{i}"), LEAF if plant.leaves is None else _PLAIN_LEAF))
+        material = LEAF
+        if isinstance(plant, MeshPlantDescription):
+            mesh = build_mesh_plant(plant, ground_m(plant))
+        else:
+            mesh = build_maize(plant, ground_m(plant), coarse=form_only, textured=not form_only)
+            material = LEAF if plant.leaves is None else _PLAIN_LEAF
+        surfaces.append((replace(mesh, name=f"plant-{i}"), material))
         advance(1)
     for i, plant in enumerate(neighbour_plants(plot), 1):
         mesh = build_maize(plant, ground_m(plant), coarse=True, textured=not form_only)

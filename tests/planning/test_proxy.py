@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from fieldkit.captures import read_image
 from fieldkit.clouds import Cloud, write_ply
+from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.errors import SceneError
 from fieldkit.planning.objective.objective import FIDELITIES
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
@@ -18,14 +19,12 @@ from fieldkit.planning.space.plots import Plot
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import Bounds, ReferenceSampling, SceneDescription
-from fieldkit.scenes.plot_description import (
-    WeedsDescription,
-)
+from fieldkit.scenes.plot_description import MeshPlantDescription, PlotDescription, WeedsDescription
 from fieldkit.scenes.recorded import RecordedSurface
 from fieldkit.scenes.sampling import WEED_NAMES
 from fieldkit.scenes.simulate import CaptureNoise, Outdoors
 from tests.planning.conftest import CAMERA
-from tests.scenes.conftest import SMALL_PLOT
+from tests.scenes.conftest import SMALL_PLOT, SMALL_SOIL
 
 SCENE = SceneDescription(SMALL_PLOT, camera=CAMERA, reference=ReferenceSampling(points=10_000))
 
@@ -51,6 +50,24 @@ def same_plants(description: SceneDescription, proxy: Proxy) -> None:
         away = cKDTree(theirs.points).query(ours.points)[0]
         assert np.quantile(away, 0.99) < 0.02
     assert len(plot.obstacles) == len(proxy.plot.obstacles)
+
+
+def test_a_proxy_of_a_mesh(tmp_path: Path) -> None:
+    corners = "".join(f"v {x} {y} {z}\n" for z in (0.02, 0.4) for x, y in ((0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1)))
+    sides = "f 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\nf 5 6 7 8\n"
+    (tmp_path / "box.obj").write_text(corners + sides)
+    plant = MeshPlantDescription(file=tmp_path / "box.obj")
+    description = SceneDescription(PlotDescription((plant,), SMALL_SOIL), reference=ReferenceSampling(points=2_000))
+    proxy = Proxy.from_description(description)
+    assert 1_000 < len(proxy.reference) <= 2_000
+    assert proxy.reference.points[:, 2].max() > 0.2
+    assert 10_000 < len(proxy.surface) <= 20_000
+    assert proxy.surface.points[:, 2].min() > proxy.volume.lower[2]
+    # The same faces: what is nearest to a point of PC_env lies a tenth of a side away at most.
+    assert PointIndex(proxy.surface.points).nearest(proxy.reference.points)[0].max() < 0.01
+    same_plants(description, proxy)
+    index = SimulatedSource(proxy).reference
+    assert (index.cloud, len(index.surface)) == (proxy.reference, len(proxy.surface))
 
 
 def test_a_proxy_of_a_reference_keeps_its_volume(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import Bounds, SceneDescription, build, scene_digest
-from fieldkit.scenes.plot_description import MaizeDescription, PlotDescription, SoilDescription
+from fieldkit.scenes.plot_description import MaizeDescription, MeshPlantDescription, PlotDescription, SoilDescription
 from fieldkit.scenes.recorded import RecordedSurface
 from fieldkit.scenes.scene import Light
 from fieldkit.scenes.scene_file import read_scene, scene_text, write_scene
@@ -98,8 +98,9 @@ def test_anything_else_is_an_error_for_people(document: dict[str, object]) -> No
         ("format = true", "has format True"),
         ("format = 1\nx = 1", "x: is not a key of this format"),
         ("format = 1\n[plot]\nextent = 2", "plot.extent: is not a key of this format"),
-        ("format = 1\n[[plot.plants]]\nseed = 1\n[[plot.plants]]\nseed = 'a'", "plot.plants 2.seed: should be a"),
-        ("format = 1\n[[plot.plants]]\nseed = 1\nkind = 'rye'", "plot.plants 1.kind: input should be 'maize'"),
+        ("format = 1\n[[plot.plants]]\nseed = 1\n[[plot.plants]]\nseed = 'a'", "plot.plants 2.maize.seed: should be a"),
+        ("format = 1\n[[plot.plants]]\nkind = 'rye'", "plot.plants 1: input tag 'rye' found using 'kind' does not"),
+        ("format = 1\n[plot]\nplants = ['maize']", "plot.plants 1: should be a table"),
         ("format = 1\n[camera_effects]\njpeg_quality = 0", "camera_effects.jpeg_quality: input should be greater"),
         ("format = 1\n[plot.soil]\ncore_m = nan", "plot.soil.core_m: input should be a finite number"),
         ("format = 1\n[plot.soil]\nseed = 1979-05-27", "plot.soil.seed: should be a number"),
@@ -111,6 +112,32 @@ def test_errors_name_the_key(text: str, message: str) -> None:
     with pytest.raises(MetadataError, match=re.escape(message)) as caught:
         scene_of(text)
     assert "pydantic" not in str(caught.value)
+
+
+def test_files_lie_in_the_scenes_folder_or_are_named_by_an_absolute_path(tmp_path: Path) -> None:
+    folder = tmp_path / "inside"
+    (folder / "meshes").mkdir(parents=True)
+    for name in ("inside/meshes/a.ply", "outside.ply"):
+        (tmp_path / name).write_text("ply")
+
+    def scene(named: str) -> SceneDescription:
+        (folder / "scene.toml").write_text(f"format = 1\n[[plot.plants]]\nfile = '{named}'\n")
+        return read_scene(folder / "scene.toml")
+
+    for named, file in (("meshes/a.ply", folder / "meshes" / "a.ply"), (f"{tmp_path}/outside.ply",) * 2):
+        (plant,) = scene(named).plot.plants
+        assert isinstance(plant, MeshPlantDescription)
+        assert plant.file == Path(file).resolve()
+    for named, message in (("../outside.ply", "../outside.ply leads out of the scene's"), ("b.ply", "there is no ")):
+        with pytest.raises(MetadataError, match=re.escape(f"plot.plants 1.file: {message}")) as caught:
+            scene(named)
+        assert caught.value.path == folder / "scene.toml"
+    inside = scene("meshes/a.ply")
+    write_scene(folder / "other.toml", inside)
+    assert 'file = "meshes/a.ply"' in (folder / "other.toml").read_text()
+    write_scene(tmp_path / "out" / "scene.toml", inside)
+    for path in (folder / "other.toml", tmp_path / "out" / "scene.toml"):
+        assert read_scene(path).plot == inside.plot
 
 
 def test_a_scene_is_recorded_or_grown() -> None:
