@@ -146,7 +146,7 @@ def _evaluated(job: VisitJob, folder: Path) -> Visit:
             None if placed.plot is None else ComparedPlan(job.plan, placed.plot.source),
         )
 
-    name = plot_file_name(job.plot.name, (*RESERVED, VISIT_FILE))
+    name = plot_file_name(job.plot.name, RESERVED)
     plot = evaluate_plot(
         job.plot.name, given, folder, name, settings, Context(StageCache(job.cache)), photographs=len(job.photos)
     )

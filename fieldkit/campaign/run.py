@@ -97,9 +97,7 @@ def evaluate_campaign(
                 evaluated = _evaluated(folder, todo, context, advance)
         finally:
             sweep(folder)  # of workers that were stopped in the middle
-        campaign = read_campaign(folder)
-        rows = (trait_row(v.plot, v.date, v.traits, v.error) for v in campaign.visits)
-        write_atomic(folder / TRAITS_FILE, traits_csv(rows))
+        campaign = write_traits(folder)
     left_out = (*found.findings, *sorting.left_out)
     return CampaignRun(campaign, len(found.photos), evaluated, tuple(kept), left_out, sorting.findings)
 
@@ -131,6 +129,14 @@ def _visit(job: VisitJob, future: Future[Visit]) -> Visit:
         raise
     except Exception as error:  # one plot must not stop the others
         return failed_visit(job, str(error if isinstance(error, FieldkitError) else unforeseen(error).message))
+
+
+def write_traits(folder: Path) -> Campaign:
+    """Write traits.csv of all visits of a campaign, which is given as it is now."""
+    campaign = read_campaign(folder)
+    rows = (trait_row(v.plot, v.date, v.traits, v.error) for v in campaign.visits)
+    write_atomic(folder / TRAITS_FILE, traits_csv(rows))
+    return campaign
 
 
 @contextmanager

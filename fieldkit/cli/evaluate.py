@@ -50,6 +50,7 @@ def command(
     plots: Path | None = None,
     plot_id: PlotIdOption = None,
     ground: Path | None = None,
+    shared: bool = False,
     settings: Annotated[EvaluationSettings, SETTINGS],
     ties: TiesOption = None,
     poses: PosesOptions,
@@ -78,8 +79,10 @@ def command(
         reference: What `fieldkit reference` wrote, or a cloud (PLY, LAS, LAZ). Without: no distances.
         reference_frame: Of a cloud that does not say it: EPSG:CODE or metres.
         plan: plan.json that was flown: how the photographs kept to it.
+        shared: In a campaign: the photographs are of one flight over its plots, and each counts for every plot that it
+            shows.
         plots: Plots that the photographs show together: GeoJSON, Shapefile (.shp or .zip), KML or GeoPackage.
-        ground: With --plots: photographs of an earlier flight over the bare soil, for the ground under closed canopies.
+        ground: With --plots or --shared: photographs of an earlier flight over the bare soil, for the ground under closed canopies.
 
     Examples:
         fieldkit evaluate flights/ --reference plot_7-reference -o scores
@@ -93,11 +96,13 @@ def command(
     others = {option: value for option, value in others.items() if value}
     if output is None:
         given = [f"--{name.removesuffix('_m')}" for name in type(settings).model_fields if name in own]
-        given += [
-            *others,
-            *(option for option, value in {"--ties": ties, "--plots": plots, "--ground": ground}.items() if value),
-        ]
-        return _in_campaign(_campaign_folder(campaign, given), captures, run, scheduler, as_json=as_json)
+        given += [*others, *(option for option, value in {"--ties": ties, "--plots": plots}.items() if value)]
+        if ground is not None and not shared:
+            given.append("--ground")
+        folder = _campaign_folder(campaign, given)
+        return _in_campaign(folder, captures, run, scheduler, shared=shared, ground=ground, as_json=as_json)
+    if shared:
+        raise UsageError("--shared is of a campaign", remedy="Leave -o out, or give --plots instead.")
     if campaign is not None:
         raise UsageError("a campaign's results go into its own folder", remedy="Leave -o out, or --campaign.")
     if plots is not None:
@@ -167,13 +172,19 @@ def _campaign_folder(campaign: Path | None, given: Sequence[str]) -> Path:
     return folder
 
 
-def _in_campaign(folder: Path, captures: Path, run: RunOptions, scheduler: str, *, as_json: bool) -> int:
+def _in_campaign(
+    folder: Path, captures: Path, run: RunOptions, scheduler: str, *, shared: bool, ground: Path | None, as_json: bool
+) -> int:
     """Evaluate the photographs' visits in a campaign."""
     from fieldkit.campaign.run import evaluate_campaign
+    from fieldkit.campaign.shared import evaluate_shared
 
     computing = run_context(as_json=as_json, workers=run.workers, scheduler=scheduler, no_cache=run.no_cache)
     with computing as context:
-        done = evaluate_campaign(folder, captures, context, overwrite=run.overwrite)
+        if shared:
+            done = evaluate_shared(folder, captures, context, ground=ground)
+        else:
+            done = evaluate_campaign(folder, captures, context, overwrite=run.overwrite)
     if as_json:
         emit_json(
             {

@@ -32,6 +32,7 @@ from fieldkit.results.evaluation import (
     DenseEntry,
     ErrorEntry,
     EvaluationReport,
+    FlightEntry,
     ImageReport,
     PlotEvaluation,
     ReconstructionEntry,
@@ -134,6 +135,18 @@ def evaluation_report(
         plots=tuple(plots),
         **_times(spent),
         files=(),
+    )
+
+
+def flight_entry(sparse: SparseResult) -> FlightEntry:
+    """What became of the photographs of a flight over many plots."""
+    return FlightEntry(
+        images=len(sparse.images),
+        registered=sparse.registered,
+        right=sparse.right,
+        loose=sum(image.counts and not image.stated and image.right is None for image in sparse.images),
+        unregistered=_reasons(sparse.images),
+        pose_rms_m=finite(sparse.frame.rms_m),
     )
 
 

@@ -35,6 +35,7 @@ from fieldkit.results.evaluation import CLOUD_FILE, CorrectionEntry, EvaluationR
 from fieldkit.results.fields import vector
 from fieldkit.results.finding import COARSE_RASTERS, NO_RASTERS, OTHER_PLANTS, POSITIONS_LAG, WEAKLY_TIED, Finding
 from fieldkit.results.report_files import EVALUATION_FILE, describe_files, save_report
+from fieldkit.results.visit import VISIT_FILE
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import Spent
 from fieldkit.runtime.progress import Progress
@@ -43,8 +44,8 @@ from fieldkit.wording import count
 
 PLOTS_FILE = "plots.csv"
 LAZ_FILE = "cloud.laz"
-RESERVED = (EVALUATION_FILE, PLOTS_FILE, TRAITS_FILE)
-"""Names of an evaluation's own files, which no plot's folder has."""
+RESERVED = (EVALUATION_FILE, PLOTS_FILE, TRAITS_FILE, VISIT_FILE)
+"""Names of an evaluation's and of a visit's own files, which no plot's folder has."""
 _DOUBTS = 3.0
 """Standard errors of the scale beyond which a fitted one contradicts it."""
 _OTHER_SHARE = 0.04

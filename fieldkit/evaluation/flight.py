@@ -20,7 +20,7 @@ from fieldkit.captures.selection import capture_of, find_photographs
 from fieldkit.clouds.canopy import Outline
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import CaptureError, FieldkitError, MetadataError, ReconstructionError, StorageError
-from fieldkit.evaluation.conversion import evaluation_report, failed_plot
+from fieldkit.evaluation.conversion import evaluation_report, failed_plot, flight_entry
 from fieldkit.evaluation.evaluate import AllFailedError
 from fieldkit.evaluation.evaluate_plot import (
     RESERVED,
@@ -47,7 +47,7 @@ from fieldkit.reconstruction.result import SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.steady import steady_capture
 from fieldkit.reconstruction.versions import STAGES
-from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
+from fieldkit.results.evaluation import EvaluationReport, FlightEntry, PlotEvaluation
 from fieldkit.results.fields import clean_text
 from fieldkit.results.frame import Plane
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE
@@ -57,13 +57,17 @@ from fieldkit.runtime.progress import Silent
 from fieldkit.runtime.threads import limit_threads
 from fieldkit.runtime.worker import NoWorkersError
 from fieldkit.sites.plot_ids import plot_file_name
-from fieldkit.sites.plots_file import PlotsFile, drawn_outline, read_plots
+from fieldkit.sites.plots_file import drawn_outline, read_plots
+from fieldkit.sites.site import SitePlot
+from fieldkit.sites.vector_files import Ring
 from fieldkit.vocabulary import LEAST_POSITIONS
 from fieldkit.wording import count
 
+DrawnPlot = tuple[SitePlot, Ring | None]
+"""A plot and its polygon (latitude, longitude), or None."""
 MOST_VIEWS = 24
 """Most photographs that a plot is reconstructed from: those that show it best."""
-_LEAST_VIEWS = 2
+LEAST_VIEWS = 2
 """Least number of photographs that show a plot."""
 _BESIDE_M = 0.3
 """Width of what is reconstructed about a plot's outline: leaves hang over it, metres."""
@@ -165,14 +169,8 @@ def evaluate_flight(
         file = read_plots(plots, plot_id)
         for line in file.told:
             context.progress.note(line)
-        capture = _read(captures, chosen, context)
-        _check_plots(plots, file, capture)
-        with steady_capture(capture, context) as steady:
-            sparse = _placed(steady, chosen, context)
-            sparse = sparse.moved(Similarity(1.0, plot_from_enu(file.plots[0].row_heading_deg), np.zeros(3)))
-            outlines = dict(zip((plot.name for plot in file.plots), _outlines(file, sparse), strict=True))
-            bare = None if ground is None else _placed(_read(Path(ground), chosen, context), chosen, context)
-            results = _evaluated(sparse, bare, outlines, chosen, folder.absolute(), context)
+        drawn = list(zip(file.plots, file.shapes, strict=True))
+        results, flight = evaluate_plots(captures, plots, drawn, folder, chosen, context, ground=ground)
         report = evaluation_report(
             clean_text(captures.absolute().name),
             results,
@@ -182,10 +180,41 @@ def evaluate_flight(
             distances_m=asked.distances_m,
             spent=spent,
         )
-        report = write_evaluation(folder, report)
+        report = write_evaluation(folder, report.model_copy(update={"flight": flight}))
     if report.failed == len(report.plots):
         raise AllFailedError(report)
     return report
+
+
+def evaluate_plots(
+    captures: Path,
+    file: Path,
+    plots: Sequence[DrawnPlot],
+    folder: Path,
+    settings: ReconstructionSettings,
+    context: Context,
+    *,
+    ground: Path | str | None = None,
+) -> tuple[list[PlotEvaluation], FlightEntry]:
+    """The plots of a flight, each in a folder of its own below ``folder``, and what became of all photographs.
+
+    Args:
+        file: that the plots are from, for people.
+        ground: as of `evaluate_flight`.
+    """
+    capture = _read(captures, settings, context)
+    _check_plots(file, plots, capture)
+    with steady_capture(capture, context) as steady:
+        sparse = _placed(steady, settings, context)
+        sparse = sparse.moved(Similarity(1.0, plot_from_enu(plots[0][0].row_heading_deg), np.zeros(3)))
+        frame = sparse.frame
+        outlines = _outlines(plots, SourceFrame(frame.source, frame.origin, frame.plot_from_source))
+        flight = flight_entry(sparse)
+        reasons = "".join(f"; {number} {reason}" for reason, number in flight.unregistered.items())
+        counted = count(flight.right, "photograph counts", "photographs count", of=flight.images)
+        context.progress.note(f"{counted}, {flight.loose} of them loosely{reasons}")
+        bare = None if ground is None else _placed(_read(Path(ground), settings, context), settings, context)
+        return _evaluated(sparse, bare, outlines, settings, folder.absolute(), context), flight
 
 
 def _read(folder: Path, settings: ReconstructionSettings, context: Context) -> Capture:
@@ -201,6 +230,13 @@ def _read(folder: Path, settings: ReconstructionSettings, context: Context) -> C
             path=folder,
             remedy="Give the folder that holds the photographs of the flight.",
         )
+    dates = sorted({taken.date().isoformat() for each in found.photos if (taken := each.photo.local_time) is not None})
+    if len(dates) > 1:
+        raise CaptureError(
+            f"the photographs are of {len(dates)} dates, {dates[0]} to {dates[-1]}, and plants grow",
+            path=folder,
+            remedy="Give the flights of one date.",
+        )
     capture = capture_of(found.photos)
     if capture.origin is None and sum(each.photo.geotag is not None for each in found.photos) >= LEAST_POSITIONS:
         capture = capture_of(found.photos, without=("poses.csv",))
@@ -213,11 +249,10 @@ def _read(folder: Path, settings: ReconstructionSettings, context: Context) -> C
     return by_station(replace(capture, findings=(*found.findings, *capture.findings)), settings.mask)
 
 
-def _check_plots(path: Path, file: PlotsFile, capture: Capture) -> None:
+def _check_plots(path: Path, plots: Sequence[DrawnPlot], capture: Capture) -> None:
     """Refuse plots without an outline, twice the same, and such as are all elsewhere."""
-    source = SourceFrame(capture.metric_source or "", capture.origin, Similarity.identity())
-    rings = [drawn_outline(plot, shape, source) for plot, shape in zip(file.plots, file.shapes, strict=True)]
-    bare = [plot.name for plot, ring in zip(file.plots, rings, strict=True) if ring is None]
+    rings = _outlines(plots, SourceFrame(capture.metric_source or "", capture.origin, Similarity.identity()))
+    bare = [plot.name for plot, _ in plots if plot.name not in rings]
     if bare:
         raise MetadataError(
             f"{bare[0]} is a point without length_m and width_m"
@@ -225,12 +260,12 @@ def _check_plots(path: Path, file: PlotsFile, capture: Capture) -> None:
             path=path,
             remedy="Draw plots as polygons, or give both.",
         )
-    shapes = np.array([shapely.Polygon(ring) for ring in rings])
+    names, shapes = list(rings), np.array([shapely.Polygon(ring) for ring in rings.values()])
     for one, other in shapely.STRtree(shapes).query(shapes, predicate="intersects").T:
         shared = shapely.area(shapely.intersection(shapes[one], shapes[other]))
         if one < other and shared > _SAME * min(shapes[one].area, shapes[other].area):
             raise MetadataError(
-                f"{file.plots[one].name} and {file.plots[other].name} lie on one another",
+                f"{names[one]} and {names[other]} lie on one another",
                 path=path,
                 remedy="Give every plot a polygon of its own, and each only once.",
             )
@@ -259,17 +294,13 @@ def _placed(capture: Capture, settings: ReconstructionSettings, context: Context
             right=sparse.right,
             remedy="Check the photographs' positions, and that all are of one flight.",
         )
-    context.progress.note(f"{count(sparse.right, 'photograph counts', 'photographs count', of=len(sparse.images))}")
     return sparse
 
 
-def _outlines(file: PlotsFile, sparse: SparseResult) -> Iterator[Outline]:
-    """The plots' corners in the plot frame."""
-    source = SourceFrame(sparse.frame.source, sparse.frame.origin, sparse.frame.plot_from_source)
-    for plot, shape in zip(file.plots, file.shapes, strict=True):
-        corners = drawn_outline(plot, shape, source)
-        assert corners is not None
-        yield corners
+def _outlines(plots: Sequence[DrawnPlot], source: SourceFrame) -> dict[str, Outline]:
+    """The corners of those with an outline, in the plot frame that a source frame leads into."""
+    corners = {plot.name: drawn_outline(plot, shape, source) for plot, shape in plots}
+    return {name: ring for name, ring in corners.items() if ring is not None}
 
 
 def plot_volume(corners: Outline, points: FloatArray, ground: Plane | None) -> Volume:
@@ -334,7 +365,7 @@ def _evaluated(
         ground, sigma_m = known or (None, 0.0)
         volume = plot_volume(corners, points, ground)
         views = views_of(sparse.poses, sparse.intrinsics, volume, MOST_VIEWS)
-        if len(views) < _LEAST_VIEWS:
+        if len(views) < LEAST_VIEWS:
             error = CaptureError("is not in the pictures", remedy="Fly over it, or leave it out of the plots.")
             results[name] = failed_plot(name, error, photographs=len(views))
         else:

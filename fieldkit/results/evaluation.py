@@ -361,6 +361,21 @@ class PlotEvaluation(ReconstructionEntry):
     """Null where the plot was reconstructed and, with a reference, scored."""
 
 
+class FlightEntry(Strict):
+    """The photographs of a flight over many plots, which were mapped once."""
+
+    images: Count
+    registered: Count
+    right: Count
+    """Those that count, as of a plot."""
+    loose: Count
+    """Those of them that nothing confirms, or whose place is not known well."""
+    unregistered: dict[str, Annotated[int, Field(gt=0)]]
+    """As of a plot."""
+    pose_rms_m: Length | None
+    """As of a plot."""
+
+
 class EvaluationReport(Strict):
     """evaluation.json: captures of one or many plots, scored."""
 
@@ -377,6 +392,8 @@ class EvaluationReport(Strict):
     settings: dict[str, Any]
     """Every choice that changes the result."""
     plots: tuple[PlotEvaluation, ...]
+    flight: FlightEntry | None = None
+    """Null where each plot has photographs of its own."""
     seconds: Seconds
     cpu_seconds: Seconds
     files: tuple[FileEntry, ...]

@@ -8,13 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fieldkit.campaign.reading import read_visits
 from fieldkit.clouds import read_cloud
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.results.plan_file import plan_from_poses, save_plan
 from fieldkit.results.report_files import load_evaluation_report
+from tests.campaign.examples import CAMERA, STATIONS
 from tests.endtoend.commands import CommandLine, differing
 
 ORIGIN = LocalFrame(52.2960, 10.4370, 81.0, "ellipsoid")
 """Of the small plot on Earth."""
+DATE = "2026-06-18"
 WEST, EAST = (-0.28, -0.3, 0.0, 0.3), (0.0, -0.3, 0.28, 0.3)
 """Halves of the small plot as two plots: lowest and highest corner."""
 
@@ -24,7 +28,7 @@ def flight(small_plot: Path, tmp_path: Path) -> Path:
     """The small plot's photographs as two flights of a day, with geographic positions."""
     rows = list(csv.DictReader((small_plot / "poses.csv").read_text("utf-8").splitlines()))
     for name, part in (("morning", rows[:4]), ("noon", rows[4:])):
-        folder = tmp_path / "flight" / name
+        folder = tmp_path / DATE / name
         folder.mkdir(parents=True)
         lines = ["EPSG:4326"]
         for row in part:
@@ -33,7 +37,7 @@ def flight(small_plot: Path, tmp_path: Path) -> Path:
             lines.append(f"{row['image']} {longitude[0]:.10f} {latitude[0]:.10f} {altitude[0]:.4f} 0 0 0 0.003 0.003")
         (folder / "geo.txt").write_text("\n".join(lines) + "\n", "utf-8")
         shutil.copy(small_plot / "camera.toml", folder)
-    return tmp_path / "flight"
+    return tmp_path / DATE
 
 
 def drawn(path: Path, *boxes: tuple[float, float, float, float], heading_deg: float = 90.0) -> str:
@@ -52,11 +56,11 @@ def drawn(path: Path, *boxes: tuple[float, float, float, float], heading_deg: fl
 
 def test_photographs_count_for_every_plot_they_show(line: CommandLine, flight: Path, tmp_path: Path) -> None:
     first = drawn(tmp_path / "first.geojson", WEST, heading_deg=0.0)
-    line.run("evaluate", "flight", "--plots", first, "-o", "first", "--fidelity", "draft")
+    line.run("evaluate", DATE, "--plots", first, "-o", "first", "--fidelity", "draft")
     assert line.entries("plots") == 1
     depth, mapping = line.entries("depth"), line.entries("mapping")
     plots = drawn(tmp_path / "plots.geojson", WEST, (30.0, 0.0, 30.5, 0.4), EAST, heading_deg=0.0)
-    done = line.run("evaluate", "flight", "--plots", plots, "-o", "scores", "--fidelity", "draft", "--json")
+    done = line.run("evaluate", DATE, "--plots", plots, "-o", "scores", "--fidelity", "draft", "--json")
     # What is there is not computed again, whatever other plots there are.
     assert (line.entries("plots"), line.entries("depth"), line.entries("mapping")) == (2, 2 * depth, mapping)
     assert differing(line.folder / "first" / "A", line.folder / "scores" / "A") == []
@@ -76,6 +80,20 @@ def test_photographs_count_for_every_plot_they_show(line: CommandLine, flight: P
         np.testing.assert_array_less(cloud[:, :2].max(axis=0), (y1 + 0.35, -x0 + 0.35))
         assert plot.traits is not None
         assert plot.traits.plot_area_m2 == pytest.approx((x1 - x0) * (y1 - y0), rel=1e-3)
+    assert load_evaluation_report(line.folder / "scores").flight.right == 8
+
+    save_plan(line.folder / "plan.json", plan_from_poses(STATIONS, CAMERA))
+    site = f"format = 1\n[home]\nlatitude_deg = {ORIGIN.latitude_deg}\nlongitude_deg = {ORIGIN.longitude_deg}\n"
+    (line.folder / "site.toml").write_text(site, "utf-8")
+    files = ("--plan", "plan.json", "--site", "site.toml", "--plots", plots, "--fidelity", "draft")
+    line.run("campaign", "init", "season", *files)
+    done = line.run("evaluate", DATE, "--campaign", "season", "--shared", "--json")
+    assert line.entries("plots") == 2  # as evaluated before
+    assert [(visit["plot"], visit["date"]) for visit in done.json["evaluated"]] == [("A", DATE), ("C", DATE)]
+    (visit, _) = read_visits(line.folder / "season")
+    kept = line.folder / "season" / visit.folder
+    assert load_evaluation_report(kept).plots[0].points == west.points
+    assert differing(line.folder / "scores" / "A", kept / "A") == ["overview.png"]
 
 
 @pytest.mark.parametrize(
@@ -99,10 +117,10 @@ def test_points_need_a_size_and_photographs_a_place(line: CommandLine, flight: P
     point = {"type": "Point", "coordinates": [ORIGIN.longitude_deg, ORIGIN.latitude_deg]}
     feature = {"type": "Feature", "properties": {"id": "A", "row_heading_deg": 0.0}, "geometry": point}
     (tmp_path / "points.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}), "utf-8")
-    done = line.run("evaluate", "flight", "--plots", "points.geojson", "-o", "scores", "--json", code=3)
+    done = line.run("evaluate", DATE, "--plots", "points.geojson", "-o", "scores", "--json", code=3)
     assert "A is a point without length_m and width_m" in done.error["message"]
     drawn(tmp_path / "plots.geojson", WEST)
     for file in flight.glob("*/geo.txt"):
         file.unlink()
-    done = line.run("evaluate", "flight", "--plots", "plots.geojson", "-o", "scores", "--json", code=3)
+    done = line.run("evaluate", DATE, "--plots", "plots.geojson", "-o", "scores", "--json", code=3)
     assert "the photographs have no place on Earth" in done.error["message"]
