@@ -82,7 +82,8 @@ def command(
         shared: In a campaign: the photographs are of one flight over its plots, and each counts for every plot that it
             shows.
         plots: Plots that the photographs show together: GeoJSON, Shapefile (.shp or .zip), KML or GeoPackage.
-        ground: With --plots or --shared: photographs of an earlier flight over the bare soil, for the ground under closed canopies.
+        ground: With --plots or --shared: photographs of an earlier flight over the bare soil, for the ground under
+            closed canopies.
 
     Examples:
         fieldkit evaluate flights/ --reference plot_7-reference -o scores
