@@ -39,7 +39,7 @@ from fieldkit.reconstruction.dense.resolution import (
     resolution,
     steps_finer,
 )
-from fieldkit.reconstruction.dense.views import read_mask, view_camera
+from fieldkit.reconstruction.dense.views import Window, read_mask, view_camera, window_of
 from fieldkit.reconstruction.guided import Region
 from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.reconstruction.mapping.blind import nearer_views
@@ -395,7 +395,7 @@ class _Dense:
     def cloud(self) -> tuple[Cloud, float]:
         """The fused cloud of all views that count, and how far their depths scatter (`Stack.scatter_px`)."""
         what, progress, views = "plants" if self.settings.mask != "none" else "scene", self.context.progress, []
-        pixels = sum(size.size[0] * size.size[1] for size in self.sizes.values())
+        pixels = sum((right - left) * (bottom - top) for left, top, right, bottom in self._windows.values())
         matched = pixels * (_SHOWN_BY_MASKS if self.settings.mask != "none" else 1.0)
         memory = MemoryBudget.for_bytes(expected_bytes(pixels, matched), self.context.cache.root)
         with progress.stage(f"Undistortion ({what})", len(self.sizes)) as advance:
@@ -417,6 +417,15 @@ class _Dense:
         shown = outlines(self.sparse, self.settings.mask, _COUNTED_PX, _COUNTED)
         shares = [float(outline.within(self.volume).mean()) for outline in shown]
         return self._sized(steps_finer(shares, [size.size for size in self._sized(0).values()], self.settings.fidelity))
+
+    @cached_property
+    def _windows(self) -> Mapping[str, Window]:
+        """What of each photograph at its working size shows the volume."""
+        sparse = self.sparse
+        return {
+            name: window_of(view_camera(sparse.intrinsics[name], found.size), sparse.poses[name], self.volume)
+            for name, found in self.sizes.items()
+        }
 
     def _sized(self, finer: int) -> Mapping[str, Resolution]:
         sparse, fidelity, metric = self.sparse, self.settings.fidelity, self.sparse.frame.metric
@@ -462,16 +471,17 @@ class _Dense:
     def _view(self, photo: Photo) -> View:
         mask = self.settings.mask
         intrinsics, pose = self.sparse.intrinsics[photo.name], self.sparse.poses[photo.name]
-        size = self.sizes[photo.name].size
+        size, window = self.sizes[photo.name].size, self._windows[photo.name]
         # Where a calibration is held, the same photograph gives the same view in every capture it is part of.
         source = self.sparse.intrinsics_source[self.sparse.capture.group_of(photo.name).key]
         kept = mask != "file" and source in _CALIBRATIONS
-        key = digest("view", STAGES["views"], photo.sha256, intrinsics, size, mask)
+        key = digest("view", STAGES["views"], photo.sha256, intrinsics, size, window, mask)
         arrays = self.context.cache.get("views", key) if kept else None
         if arrays is not None:
-            camera = view_camera(intrinsics, size)
+            camera = view_camera(intrinsics, size, window)
             return View(photo.name, arrays["image"], camera, pose, arrays.get("mask"), arrays.get("inside"))
-        view = prepare_view(photo.name, read_image(photo), intrinsics, pose, size, mask, read_mask(photo, mask))
+        image, mask_image = read_image(photo), read_mask(photo, mask)
+        view = prepare_view(photo.name, image, intrinsics, pose, size, mask, mask_image, window)
         if kept:
             masks = {"mask": view.mask, "inside": view.inside}
             self.context.cache.put(

@@ -22,9 +22,9 @@ STAGES: Mapping[str, int] = MappingProxyType(
         "guided": 2,  # matches between known poses
         "mapping": 18,  # poses, intrinsics, sparse points, what pairs say
         "frame": 2,  # plot frame, ground, volume of interest
-        "views": 4,  # undistorted photographs and masks
+        "views": 5,  # undistorted photographs and masks
         "depth": 6,  # dense stereo
-        "fusion": 6,  # depth maps into one cloud
+        "fusion": 7,  # depth maps into one cloud
         "plants": 1,  # what of the cloud is plant: above the ground, without strays, in the volume
         "scores": 1,  # refinement onto the reference, distances to it
         "figures": 12,  # traits of plants, and what predictions are made from

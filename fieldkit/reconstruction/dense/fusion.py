@@ -17,7 +17,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.arrays import ByteArray, Float32Array, FloatArray, IntArray
+from fieldkit.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from fieldkit.clouds.cells import voxel_thin
 from fieldkit.clouds.cloud import Cloud, concatenate
 from fieldkit.clouds.volume import Volume, crop
@@ -57,6 +57,17 @@ _SCATTER_QUANTILE = 0.75
 """Quantile of the round trips that is the scatter."""
 MOST_OFF = 1.0 / 3.0
 """Share of the masks that may show background at a point's pixel: leaves in the shade, and stems, fall out of masks."""
+PATCH_PX = 64
+"""Most pixels of a scrap, a patch of a depth map at which one view more has to agree: false depths, of leaves that
+look alike, lie in scraps. Fitted on a tuning block of a trial, as those below."""
+FILLING_PATCH_PX = 128
+"""Most pixels of a patch whose depths fill no hole."""
+PATCH_STEP = 0.002
+"""Largest relative difference of neighbouring depths of one patch."""
+_LOG_UNIT = 2e-4
+"""Of the logarithms of depths by which patches are told, as whole numbers."""
+_DEEPEST = 30_000
+"""The largest of these: depths differ by less than a factor of 400."""
 FILLING_AGREEING = 0
 """Number of other views that have to agree for a depth to fill a hole."""
 FILLING_MASKS = 5
@@ -81,9 +92,9 @@ def fuse(
     A depth of view A agrees with view B if its point, projected into B, meets a depth there that differs by less than
     `MAX_RELATIVE_DEPTH`, and that depth's own point, projected back into A, lies within
     `MAX_REPROJECTION_PX`; where leaves sway both are larger (`tolerances`). Depths that cost `MAX_COST` or more count
-    nowhere. The point is the mean of the agreeing depths along A's ray, each seen from A: of a leaf that each view
-    shows elsewhere, its mean place. Its colour is the mean of their pixels' (`inner_colors`), its normal the mean of
-    their normals.
+    nowhere, and at a scrap (`PATCH_PX`) one view more has to agree. The point is the mean of the agreeing depths along
+    A's ray, each seen from A: of a leaf that each view shows elsewhere, its mean place. Its colour is the mean of their
+    pixels' (`inner_colors`), its normal the mean of their normals.
 
     A point is dropped unless, of all views, those that have its depth (within `MAX_RELATIVE_DEPTH`, whatever sways) at
     its pixel are ``min_agreeing`` more than those that see through it. A view does so where all pixels
@@ -91,9 +102,10 @@ def fuse(
     as far behind as may agree. And of the masks that have it in the picture at most `MOST_OFF` may show background.
 
     Depths that no others agree with then fill holes: with masks only, at pixels that are not used up, where no more
-    views see through the point than have it, and every mask, `FILLING_MASKS` at least, shows plants (`Cloud.filled`).
-    ``ground`` is as `Stack.scatter_px` takes it; ``memory`` is for all views' depths once more. The
-    cloud is in the plot frame (metres) with colours and normals, thinned to voxels of one ground sampling distance.
+    views see through the point than have it, and every mask, `FILLING_MASKS` at least, shows plants (`Cloud.filled`);
+    patches of at most `FILLING_PATCH_PX` fill nothing. ``ground`` is as `Stack.scatter_px` takes it; ``memory`` is for
+    all views' depths once more. The cloud is in the plot frame (metres) with colours and normals, thinned to voxels of
+    one ground sampling distance.
     """
     stack = Stack.of(views, depth_maps, volume, memory)
     scatter_px = stack.scatter_px(ground)
@@ -179,12 +191,29 @@ class Stack:
         for rule, (i, near) in product(rules, enumerate(self.neighbors)):
             most = int(np.count_nonzero(self.depths[i]))
             points, origin = np.empty((most, 3)), np.empty((most, 1 + len(near), 3), dtype=np.int32)
-            count = _fuse_view(i, near, *stack, used, *limits, rule[0], points, origin)
+            filling = rule is not rules[0]
+            scraps = _scraps(self.depths[i], FILLING_PATCH_PX if filling else PATCH_PX)
+            least = (rule[0] + scraps * (1 + filling * len(views))).astype(np.int32)
+            count = _fuse_view(i, near, *stack, used, *limits, least, points, origin)
             kept = _in_front(points[:count], *stack, background, *disputes, *rule)
-            filled = np.full(np.count_nonzero(kept), rule is not rules[0]) if len(rules) > 1 else None
+            filled = np.full(np.count_nonzero(kept), filling) if len(rules) > 1 else None
             appearance = _appearance(colors, self.depth_maps, origin[:count][kept])
             parts.append(Cloud(points[:count][kept], *appearance, filled))
         return crop(concatenate(parts), self.volume)
+
+
+def _scraps(depth: Float32Array, most_px: int) -> BoolArray:
+    """Mask (rows, columns) of the depths whose patch has at most so many pixels."""
+    import cv2
+
+    known = depth > 0.0
+    level = np.zeros(depth.shape, dtype=np.int16)
+    if known.any():
+        logs = np.log(depth[known] / np.median(depth[known])) / _LOG_UNIT
+        level[known] = np.clip(logs, -_DEEPEST, _DEEPEST).astype(np.int16)
+    level[~known] = -_DEEPEST - 1
+    cv2.filterSpeckles(level, -_DEEPEST - 1, most_px, PATCH_STEP / _LOG_UNIT)
+    return np.asarray(known & (level == -_DEEPEST - 1), dtype=np.bool_)
 
 
 def _heights(view: View, depth: Float32Array, ground: Plane) -> Float32Array:
@@ -245,10 +274,10 @@ def _to_pixel(cameras, k, x, y, z):
 
 
 @fast_kernel
-def _fuse_view(i, neighbors, depths, cameras, bounds, used, relative, reprojection, needed, points, origin):
+def _fuse_view(i, neighbors, depths, cameras, bounds, used, relative, reprojection, least, points, origin):
     """Write view ``i``'s points, their origins (view, row, column of every agreeing pixel; view −1: none) and ``used``.
 
-    Returns how many points there are.
+    ``least`` (rows, columns) is how many views have to agree. Returns how many points there are.
     """
     count = 0
     slots = origin.shape[1]
@@ -282,7 +311,7 @@ def _fuse_view(i, neighbors, depths, cameras, bounds, used, relative, reprojecti
                 origin[count, k + 1, 2] = c
                 total += depth_i
                 agreeing += 1
-            if agreeing < needed:
+            if agreeing < least[row, column]:
                 continue
             mean = total / (1.0 + agreeing)
             x, y, z = _to_world(cameras, i, float(column), float(row), mean)

@@ -17,6 +17,13 @@ from fieldkit.reconstruction.dense.masks import plant_mask
 from fieldkit.reconstruction.dense.patchmatch import Active
 from fieldkit.vocabulary import Mask
 
+Window = tuple[int, int, int, int]
+"""First column and row, and those after the last, pixels."""
+_AROUND = 0.1
+"""Width of what a view shows about the volume, as a share of the volume's picture: what stands beside and behind it
+has to match something, too."""
+_WINDOW_PX = 64
+"""Step of windows, pixels: a rounding error of a pose must bring no other view."""
 _NEAREST_SHARE = 0.05
 """Least depth of a ray's way through the volume, as a share of its largest: a camera inside it."""
 
@@ -60,8 +67,9 @@ def prepare_view(
     size: tuple[int, int] | None = None,
     mask_kind: Mask = "exg",
     mask_image: NDArray[Any] | None = None,
+    window: Window | None = None,
 ) -> View:
-    """An undistorted view at working size from a photograph.
+    """An undistorted view at working size from a photograph, or from a window of it.
 
     The photograph is first reduced by averaging areas to about the working size, then resampled once (bicubic)
     through the camera's own distortion onto a pinhole camera whose focal lengths and principal point are the
@@ -74,24 +82,29 @@ def prepare_view(
         size: working size (width, height), see `resolution`; the image's own by default.
         mask_kind: `exg`, `none`, or `file` with ``mask_image``.
         mask_image: (h, w), non-zero on the pixels to keep; any size of the photograph's aspect ratio.
+        window: of the undistorted photograph at working size, see `window_of`; all of it by default.
     """
     import cv2
 
     height, width = image_rgb.shape[:2]
     size = size or (width, height)
-    camera = resized(intrinsics, *size)
-    pinhole = camera.without_distortion()
+    camera, window = resized(intrinsics, *size), window or (0, 0, *size)
+    pinhole = view_camera(intrinsics, size, window)
     image = image_rgb if size == (width, height) else cv2.resize(image_rgb, size, interpolation=cv2.INTER_AREA)
     mask_file = None
     if mask_image is not None:
         mask_file = cv2.resize((mask_image > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA) >= 0.5
     inside = None
     if camera.distorted:
-        x, y = undistortion_grid(camera)
+        x, y = undistortion_grid(camera, pinhole)
         image = cv2.remap(image, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         inside = (x >= -0.5) & (y >= -0.5) & (x <= size[0] - 0.5) & (y <= size[1] - 0.5)
         if mask_file is not None:
             mask_file = cv2.remap(mask_file.astype(np.uint8), x, y, cv2.INTER_NEAREST) > 0
+    else:
+        left, top, right, bottom = window
+        image = image[top:bottom, left:right]
+        mask_file = None if mask_file is None else mask_file[top:bottom, left:right]
     image = np.ascontiguousarray(image, dtype=np.uint8)
     mask = plant_mask(image, mask_kind, mask_file)
     if inside is not None and inside.all():
@@ -107,23 +120,42 @@ def read_mask(photo: Photo, kind: Mask) -> ByteArray | None:
     return None if path is None else read_image(path, gray=True)
 
 
-def view_camera(intrinsics: Intrinsics, size: tuple[int, int]) -> Intrinsics:
-    """The camera of the view of this size that `prepare_view` makes."""
-    return resized(intrinsics, *size).without_distortion()
+def view_camera(intrinsics: Intrinsics, size: tuple[int, int], window: Window | None = None) -> Intrinsics:
+    """The camera of the view of this size, or of a window of it, that `prepare_view` makes."""
+    camera = resized(intrinsics, *size).without_distortion()
+    left, top, right, bottom = window or (0, 0, *size)
+    return Intrinsics("PINHOLE", right - left, bottom - top, (camera.fx, camera.fy, camera.cx - left, camera.cy - top))
 
 
-def undistortion_grid(camera: Intrinsics) -> tuple[Float32Array, Float32Array]:
-    """Where each pixel of the undistorted view lies in the distorted one.
+def window_of(camera: Intrinsics, pose: Pose, volume: Volume) -> Window:
+    """Where a photograph without distortion shows a volume and `_AROUND` about it.
+
+    All of it for a camera in or beside the volume, `_WINDOW_PX` at least.
+    """
+    corners, size = pose.to_camera(volume.corners()), np.array([camera.width, camera.height])
+    first, last = np.zeros(2), size
+    if corners[:, 2].min() > _NEAREST_SHARE * corners[:, 2].max():
+        pixels = camera.project(corners)
+        around = _AROUND * np.ptp(pixels, axis=0)
+        first = _WINDOW_PX * np.floor((pixels.min(axis=0) - around) / _WINDOW_PX)
+        last = _WINDOW_PX * np.ceil((pixels.max(axis=0) + around) / _WINDOW_PX)
+        first = np.clip(first, 0, np.maximum(size - _WINDOW_PX, 0))
+        last = np.minimum(np.maximum(last, first + _WINDOW_PX), size)
+    return int(first[0]), int(first[1]), int(last[0]), int(last[1])
+
+
+def undistortion_grid(camera: Intrinsics, pinhole: Intrinsics) -> tuple[Float32Array, Float32Array]:
+    """Where each pixel of an undistorted view, or of a window of it, lies in the distorted one.
 
     Returns:
         x, y: (H, W) float32 pixel indices (the centre of the upper left pixel is (0, 0)), as cv2.remap takes them;
         the camera's own coordinates have it at (0.5, 0.5).
     """
-    columns = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
-    rows = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
+    columns = (np.arange(pinhole.width) + 0.5 - pinhole.cx) / pinhole.fx
+    rows = (np.arange(pinhole.height) + 0.5 - pinhole.cy) / pinhole.fy
     x, y = np.meshgrid(columns, rows)
     pixels = camera.project(np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=1)) - 0.5
-    grid = pixels.astype(np.float32).reshape(camera.height, camera.width, 2)
+    grid = pixels.astype(np.float32).reshape(pinhole.height, pinhole.width, 2)
     return np.ascontiguousarray(grid[..., 0]), np.ascontiguousarray(grid[..., 1])
 
 

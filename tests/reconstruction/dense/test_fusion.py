@@ -219,6 +219,26 @@ def test_a_hole_is_filled_from_one_view_where_all_masks_show_plants(eight, throu
     assert not found_on_the_plane((views[:4], alone[:4])), "with four masks"
 
 
+@pytest.mark.parametrize(("edge_px", "agreeing", "kept"), [(7, 2, False), (7, 3, True), (12, 2, True)])
+def test_a_scrap_takes_one_view_more(eight, edge_px, agreeing, kept):
+    views, maps = eight
+    rows, columns = np.indices(maps[0].depth.shape)
+    squares = (rows % (edge_px + 1) < edge_px) & (columns % (edge_px + 1) < edge_px)
+    torn = [replace(maps[0], depth=np.where(squares, maps[0].depth, np.float32(0.0)))]
+    empty = np.zeros_like(maps[0].depth)
+    full = [m if i < agreeing else replace(m, depth=empty) for i, m in enumerate(maps[1:])]
+    assert found_on_the_plane((views, torn + [replace(m, depth=m.depth * squares) for m in full])) is kept
+
+
+@pytest.mark.parametrize(("edge_px", "filled"), [(10, False), (14, True)])
+def test_a_scrap_fills_no_hole(eight, edge_px, filled):
+    views, maps = disputed(eight, 0)
+    rows, columns = np.indices(maps[0].depth.shape)
+    squares = (rows % (edge_px + 1) < edge_px) & (columns % (edge_px + 1) < edge_px)
+    alone = [replace(m, depth=m.depth * (squares & (i < 1))) for i, m in enumerate(maps)]
+    assert found_on_the_plane((views, alone)) is filled
+
+
 def test_points_outside_the_volume_are_dropped(perfect):
     small = Volume((-0.1, -0.2, -0.1), (0.1, 0.2, 0.1))
     cloud = Stack.of(*perfect, small).agreeing_points()

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.dense import prepare_view
+from fieldkit.reconstruction.dense.views import view_camera, window_of
 
 POSE = Pose(np.eye(3), np.zeros(3))
 CAMERAS = [
@@ -71,3 +73,36 @@ def test_a_photograph_reduced_by_another_program_keeps_its_camera():
     camera = Intrinsics("SIMPLE_RADIAL", 4000, 3000, (3000.0, 2000.0, 1500.0, -0.1))
     view = prepare_view("a", np.zeros((750, 1000, 3), np.uint8), camera, POSE, None, "none")
     assert view.intrinsics.params == (750.0, 750.0, 500.0, 375.0)
+
+
+@pytest.mark.parametrize("camera", CAMERAS, ids=lambda c: c.model)
+def test_a_window_is_a_part_of_the_view(camera):
+    image = np.random.default_rng(0).integers(0, 256, (900, 1201, 3), dtype=np.uint8)
+    mask, window = np.repeat(np.arange(1201)[None] > 300, 900, axis=0), (192, 64, 448, 320)
+    whole, part = (prepare_view("a", image, camera, POSE, (750, 562), "file", mask, w) for w in (None, window))
+    rows, columns = slice(64, 320), slice(192, 448)
+    assert np.array_equal(part.image, whole.image[rows, columns])
+    assert np.array_equal(part.mask, whole.mask[rows, columns])
+    ray = np.array([[-0.3, -0.2, 1.0]])
+    assert part.intrinsics.project(ray)[0] + (192.0, 64.0) == pytest.approx(whole.intrinsics.project(ray)[0])
+
+
+def test_a_window_shows_the_volume_and_no_rounding_error_moves_it():
+    volume, camera = Volume((-0.8, -2.0, 0.0), (0.8, 2.0, 1.5)), Intrinsics.pinhole(4000, 3000, 2950.0)
+    for center, yaw, pitch in (((0.5, 0.3, 8.0), 10.0, -90.0), ((0.0, -5.0, 8.0), 0.0, -60.0)):
+        pose = Pose.from_yaw_pitch(center, yaw, pitch)
+        left, top, right, bottom = window_of(camera, pose, volume)
+        pixels = camera.project(pose.to_camera(volume.corners()))
+        shown = np.clip(pixels, 0, (4000, 3000))
+        assert ((shown >= (left, top)) & (shown <= (right, bottom))).all()
+        assert (right - left) * (bottom - top) < 0.35 * 12e6
+        moved = Pose.from_yaw_pitch(np.add(center, 1e-9), yaw, pitch)
+        assert window_of(camera, moved, volume) == (left, top, right, bottom)
+
+
+def test_a_window_is_the_whole_photograph_from_within_the_volume_and_small_from_elsewhere():
+    volume, camera = Volume((-1.0, -1.0, 0.0), (1.0, 1.0, 2.0)), Intrinsics.pinhole(400, 300, 300.0)
+    assert window_of(camera, Pose.from_yaw_pitch((0.0, 0.0, 1.0), 0.0, -30.0), volume) == (0, 0, 400, 300)
+    away = window_of(camera, Pose.from_yaw_pitch((30.0, 0.0, 8.0), 0.0, -90.0), volume)
+    view = view_camera(camera, (400, 300), away)
+    assert view.width == 64
