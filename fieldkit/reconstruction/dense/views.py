@@ -24,6 +24,8 @@ _AROUND = 0.1
 has to match something, too."""
 _WINDOW_PX = 64
 """Step of windows, pixels: a rounding error of a pose must bring no other view."""
+_LEAST_WINDOW_PX = 640
+"""Least width and height of windows where the photograph has as much, pixels: a coarser level is matched first."""
 _NEAREST_SHARE = 0.05
 """Least depth of a ray's way through the volume, as a share of its largest: a camera inside it."""
 
@@ -130,13 +132,14 @@ def view_camera(intrinsics: Intrinsics, size: tuple[int, int], window: Window | 
 def window_of(camera: Intrinsics, pose: Pose, volume: Volume) -> Window:
     """Where a photograph without distortion shows a volume and `_AROUND` about it.
 
-    All of it for a camera in or beside the volume, `_WINDOW_PX` at least.
+    All of it for a camera in or beside the volume, `_WINDOW_PX` at least where it shows nothing.
     """
     corners, size = pose.to_camera(volume.corners()), np.array([camera.width, camera.height])
     first, last = np.zeros(2), size
     if corners[:, 2].min() > _NEAREST_SHARE * corners[:, 2].max():
         pixels = camera.project(corners)
-        around = _AROUND * np.ptp(pixels, axis=0)
+        extent = np.ptp(pixels, axis=0)
+        around = np.maximum(_AROUND * extent, 0.5 * (_LEAST_WINDOW_PX - extent))
         first = _WINDOW_PX * np.floor((pixels.min(axis=0) - around) / _WINDOW_PX)
         last = _WINDOW_PX * np.ceil((pixels.max(axis=0) + around) / _WINDOW_PX)
         first = np.clip(first, 0, np.maximum(size - _WINDOW_PX, 0))

@@ -100,9 +100,10 @@ def test_a_window_shows_the_volume_and_no_rounding_error_moves_it():
         assert window_of(camera, moved, volume) == (left, top, right, bottom)
 
 
-def test_a_window_is_the_whole_photograph_from_within_the_volume_and_small_from_elsewhere():
+def test_a_window_is_the_whole_photograph_from_within_the_volume_and_far_away_and_small_from_elsewhere():
     volume, camera = Volume((-1.0, -1.0, 0.0), (1.0, 1.0, 2.0)), Intrinsics.pinhole(400, 300, 300.0)
     assert window_of(camera, Pose.from_yaw_pitch((0.0, 0.0, 1.0), 0.0, -30.0), volume) == (0, 0, 400, 300)
+    assert window_of(camera, Pose.from_yaw_pitch((0.0, 0.0, 90.0), 0.0, -90.0), volume) == (0, 0, 400, 300)
     away = window_of(camera, Pose.from_yaw_pitch((30.0, 0.0, 8.0), 0.0, -90.0), volume)
     view = view_camera(camera, (400, 300), away)
     assert view.width == 64
