@@ -28,6 +28,8 @@ _TAKE_OFF_SPREAD_M = 3.0
 """Range of altitudes less heights above take-off within one take-off, metres: barometers drift."""
 _ZERO_AMONG_M = 5.0
 """Median altitude below which a zero among others may be measured, metres."""
+_MIRRORED_SPREAD_M = 20.0
+"""Range below which altitudes of both signs are believed, metres."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ def choose_heights(tags: Mapping[str, GeoTag]) -> Heights:
     else absolute altitudes of one datum.
     """
     findings: list[Finding] = []
-    absolute = _without_zeros(tags, findings)
+    absolute = _signed_alike(_without_zeros(tags, findings), findings)
     relative = _relative(tags)
     if len(absolute) > 1 and not any(absolute.values()):
         return Heights(
@@ -100,6 +102,19 @@ def _without_zeros(tags: Mapping[str, GeoTag], findings: list[Finding]) -> dict[
     message = "every altitude is 0, so none was measured; all photographs are taken to be at one height"
     findings.append(Finding(zeros[0], "altitude-zero", message))
     return altitudes
+
+
+def _signed_alike(altitudes: dict[str, float], findings: list[Finding]) -> dict[str, float]:
+    """Altitudes; none where their signs alone set some apart, for then nothing tells which are right."""
+    below = [n for n, a in altitudes.items() if a < 0]
+    if not 0 < len(below) < len(altitudes):
+        return altitudes
+    values = np.array(list(altitudes.values()))
+    if np.ptp(values) < max(_MIRRORED_SPREAD_M, 4.0 * np.ptp(np.abs(values))):
+        return altitudes
+    message = f"{_photos_have(below)} the altitude of the others with the other sign; none is used"
+    findings.append(Finding(below[0], "altitude-sign", message))
+    return {}
 
 
 def _relative(tags: Mapping[str, GeoTag]) -> dict[str, float]:

@@ -25,15 +25,16 @@ from fieldkit.missions.check_photographs import (
 )
 from fieldkit.missions.files.limits import APPS, LEAST_WAYPOINTS, LONGEST_STAY_S, MOST_WAYPOINTS
 from fieldkit.missions.files.read_mission import ReadMission
+from fieldkit.missions.files.wpml import dji_model
 from fieldkit.missions.findings import Report, error, warning
 from fieldkit.missions.ground import Ground, ground_of
 from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import Fence, GeoPoint, Home, Shot
 from fieldkit.routing.obstacles import Obstacles, Volume
 from fieldkit.sites.placement import SiteFrame, ground_below, grounds_m, place
-from fieldkit.sites.reach import Unreachable, nearest
+from fieldkit.sites.reach import Unreachable, nearest, needs_rtk
 from fieldkit.sites.site import Site
-from fieldkit.sites.site_obstacles import site_obstacles
+from fieldkit.sites.site_obstacles import Canopy, site_obstacles
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from fieldkit.wording import count, listed
@@ -68,6 +69,8 @@ class Surroundings:
     """Of ``planned``, those that the vehicle cannot take and are the nearest poses that it can (`nearest`)."""
     unchecked: Mapping[str, str] | None = None
     """Plots whose plants are not among ``obstacles``, and why; None where no plots are known."""
+    canopy: Canopy | None = None
+    """The plants, in the obstacles' frame."""
     site: Site | None = None
     """Whose plots say where the ground is below other photographs; home's own height without."""
 
@@ -109,6 +112,7 @@ def check_mission(
     findings += burst_findings(flown.photographs, matched, burst)
     findings += _stop_findings(read, vehicle)
     findings += _leg_findings(read, flown, around.obstacles, home)
+    findings += _rtk_findings(flown, home, around.canopy, vehicle)
     usable = vehicle.battery.usable_s
     if flown.seconds > usable:
         message = (
@@ -142,10 +146,20 @@ def check_on_ground(
         origin=site.home,
         moved=moved,
         unchecked=ground.unchecked,
+        canopy=Canopy.of(site, ground.plans),
         site=site,
     )
     report = check_mission(read, vehicle, around, burst=burst)
     return replace(report, findings=(*report.findings, *ground.taken))
+
+
+def _rtk_findings(flown: Execution, home: Home | None, canopy: Canopy | None, vehicle: Vehicle) -> Iterator[Finding]:
+    """What takes RTK: stations nearer to each other or to plants than the vehicle's GNSS holds."""
+    if home is not None:
+        places = _frame(home).points(p.place for p in flown.photographs if p.place and not p.never and not p.moving)
+        stations = places[np.isfinite(places).all(axis=1)]
+        near_m = math.inf if canopy is None else canopy.near_m(stations)
+        yield from (warning("needs-rtk", why) for why in needs_rtk(stations, near_m, vehicle))
 
 
 def _unchecked_findings(unchecked: Mapping[str, str]) -> Iterator[Finding]:
@@ -162,6 +176,21 @@ def _fit(read: ReadMission, vehicle: Vehicle) -> Iterator[Finding]:
         yield error("wrong-vehicle", f"{vehicle.title} does not fly {read.format} files")
     elif read.firmware not in (None, vehicle.dialect):
         yield warning("wrong-vehicle", f"the file was made for {read.firmware}, the vehicle is {vehicle.dialect}")
+    if read.model is not None and vehicle.dialect == "dji":
+        yield from _model_findings(read.model, vehicle)
+
+
+def _model_findings(named: tuple[int | None, ...], vehicle: Vehicle) -> Iterator[Finding]:
+    """Whether a file is for the profile's model and camera, where WPML has numbers for them."""
+    try:
+        known = dji_model(vehicle)
+    except MissionError:
+        return
+    own = (*known.drone, known.payload)
+    if any(number not in (None, mine) for number, mine in zip(named, own, strict=True)):
+        theirs, ours = ("-".join("?" if n is None else str(n) for n in numbers) for numbers in (named, own))
+        message = f"the file is for DJI's model and camera {theirs}, {vehicle.title} is {ours}"
+        yield (error if named[0] not in (None, own[0]) else warning)("wrong-vehicle", message)
 
 
 def _stop_findings(read: ReadMission, vehicle: Vehicle) -> Iterator[Finding]:

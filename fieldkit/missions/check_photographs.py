@@ -140,7 +140,7 @@ def usual_burst(photographs: Sequence[Photograph]) -> int:
 
 
 def burst_findings(photographs: Sequence[Photograph], matched: Sequence[Deviation], burst: int) -> Iterator[Finding]:
-    """Stations with fewer photographs than ``burst``, and photographs that follow sooner than the camera takes."""
+    """Stations with fewer photographs than ``burst``."""
     if burst == 1:
         return
     stations = {found.photograph: found.planned for found in matched}

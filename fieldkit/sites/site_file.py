@@ -23,7 +23,7 @@ from fieldkit.routing.mission import Home
 from fieldkit.runtime.shipped import shipped_page
 from fieldkit.sites.plots_file import PLOTS_REMEDY, load_plots, read_plots
 from fieldkit.sites.site import Site, SitePlot
-from fieldkit.sites.vector_files import read_features
+from fieldkit.sites.vector_files import read_wgs84, wgs84_features
 
 FARTHEST_M = 100_000.0
 """From home; what lies farther away is not where it was meant to be."""
@@ -53,7 +53,7 @@ def load_site(
         plots: a file whose plots are flown in place of the site's own, which become their neighbours.
         plot_id: field of the plots file that holds the plots' ids. None takes the site file's ``plot_id`` for the file
             that it names itself, and else looks for one (`plot_ids`).
-        tell: is told where the ids are from, before they are used, and its datum where that is not WGS 84.
+        tell: is told where the ids are from, before they are used, and datums of files that are not WGS 84.
         converted: ``plots`` may hold what the site's own file held, where that is missing, as in a campaign.
     """
     path, tell = Path(path), tell or _nobody
@@ -79,13 +79,16 @@ def load_site(
     for key in ("geofence", "no_fly"):
         if isinstance(document.get(key), str):
             zones = named_file(document[key], path, key, what="site file")
-            document[key] = list(_zones(zones, named=key == "no_fly"))
+            document[key] = list(_zones(zones, tell, named=key == "no_fly"))
     site = validated_toml(Site, document, path, _REMEDY)
     _check_places(site.home, _surroundings(site), path)
     _check_polygons(site, path)
     neighbours = site.neighbours
     if isinstance(beside, str):
-        neighbours = load_plots(named_file(beside, path, "neighbours", what="site file"))
+        others = read_plots(named_file(beside, path, "neighbours", what="site file"))
+        neighbours = others.plots
+        for text in others.file.told:
+            tell(text)
     if own and (isinstance(own, tuple) or isinstance(beside, str)):
         site = _changed(site, path, plots=own if isinstance(own, tuple) else site.plots, neighbours=neighbours)
     if plots is not None:
@@ -143,9 +146,12 @@ def _nobody(text: str) -> None:
     """Listens to nothing."""
 
 
-def _zones(path: Path, *, named: bool) -> Iterator[Any]:
-    """The polygons of a file as a site file has them inline."""
-    for feature in read_features(path):
+def _zones(path: Path, tell: Tell, *, named: bool) -> Iterator[Any]:
+    """The polygons of a file as a site file has them inline; ``tell`` is told their datum where it is not WGS 84."""
+    file = read_wgs84(path)
+    for text in file.told:
+        tell(text)
+    for feature in wgs84_features(file.document, path):
         if feature.kind != "Polygon":
             raise MetadataError(
                 f"feature {feature.number}: is a point, not a polygon", path=path, remedy="Draw the zone as a polygon."

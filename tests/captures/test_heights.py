@@ -86,6 +86,21 @@ def absolute(*values: float, **more: object) -> dict[str, GeoTag]:
     return {f"{k}.jpg": tag(value, None, **more) for k, value in enumerate(values)}
 
 
+@pytest.mark.parametrize(
+    ("values", "believed"),
+    [
+        ((198.6, -198.5, 198.4), False),
+        ((-3.0, 4.0, 2.0), True),  # a coast
+        ((-30.0, 60.0, 5.0), True),
+        ((-198.0, -197.0), True),
+    ],
+)
+def test_altitudes_that_differ_by_their_sign_alone_are_not_used(values: tuple[float, ...], believed: bool) -> None:
+    chosen = choose_heights(absolute(*values))
+    assert tuple(chosen.heights.values()) == (values if believed else ())
+    assert codes(chosen)[:1] == ([] if believed else ["altitude-sign"])
+
+
 def test_an_altitude_of_zero_among_others_is_none() -> None:
     chosen = choose_heights(absolute(120.0, 0.0, 121.0))
     assert list(chosen.heights) == ["0.jpg", "2.jpg"]

@@ -251,6 +251,29 @@ def test_a_stay_that_litchi_does_not_hold(tmp_path: Path) -> None:
         assert counted(check_mission(read_mission(tmp_path / "long.csv"), vehicle("dji"))) == found
 
 
+@pytest.mark.parametrize(
+    ("title", "expected"),
+    [("DJI Matrice 4E", "error"), ("DJI Mavic 3 Thermal", "warning"), ("a drone without a number", ""), ("M3E", "")],
+)
+def test_the_files_own_model_against_the_profile(tmp_path: Path, title: str, expected: str) -> None:
+    path = tmp_path / "enterprise.kmz"
+    path.write_bytes(mission_bytes("wpml", small_mission(), vehicle("dji", title="DJI Mavic 3 Enterprise")))
+    found = check_mission(read_mission(path), vehicle("dji", title=title)).findings
+    assert [(finding.severity, finding.code) for finding in found] == [(expected, "wrong-vehicle")] * bool(expected)
+
+
+def test_stations_nearer_than_a_receiver_holds_them_need_rtk() -> None:
+    mission = small_mission()
+    first = mission.stops[0]
+    assert isinstance(first, Shot)
+    beside = replace(first, latitude_deg=first.latitude_deg + 2e-6, station=3)
+    read = ReadMission(
+        "plan", items=tuple(render(replace(mission, stops=(*mission.stops, beside)), vehicle())[1:]), home=HOME
+    )
+    for gps_m, expected in ((0.5, 1), (0.02, 0)):
+        assert counted(check_mission(read, vehicle(gps_accuracy_m=gps_m)), "warning")["needs-rtk"] == expected
+
+
 def test_legs_are_tested_along_their_length_not_at_waypoints() -> None:
     mission = small_mission(vias=False)
     items = render(mission, vehicle())[1:]

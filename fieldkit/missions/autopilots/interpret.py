@@ -90,7 +90,8 @@ class _Log:
         ``told``: that is said of all such items together.
         """
         effects = craft.effects(item)
-        if lost:
+        jumps = item.command == Command.DO_JUMP and not told and lost != _REFUSED  # also behind the last NAV item
+        if lost and not jumps:
             self.skipped += [] if told else [(number, lost)]
             return (Shoot(never=lost),) if any(isinstance(effect, Shoot) for effect in effects or ()) else ()
         if effects is None:

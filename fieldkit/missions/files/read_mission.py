@@ -87,6 +87,7 @@ class ReadMission:
     remarks: tuple[Finding, ...] = ()  # what its reader noticed that is no reason to refuse it
     refused: tuple[tuple[int, str], ...] = ()  # nobody can say the photographs of: number, and words that name it
     first_number: int = 1  # of ``items[0]``: 1 behind a home row and in .plan files, whose doJumpId counts from 1
+    model: tuple[int | None, ...] | None = None  # DJI's numbers of the aircraft, its version and its camera
 
     def behind_home(self) -> ReadMission:
         """The same with items that count from 1, as behind the home that an upload puts in front of them."""

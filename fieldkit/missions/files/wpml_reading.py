@@ -83,6 +83,10 @@ def read_wpml(path: Path) -> ReadMission:
         remarks=tuple(reader.remarks),
         refused=tuple(reader.refused),
         first_number=0,
+        model=tuple(
+            _whole(config, f"{name}EnumValue")
+            for name in ("droneInfo/drone", "droneInfo/droneSub", "payloadInfo/payload")
+        ),
     )
 
 

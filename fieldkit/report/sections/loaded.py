@@ -68,6 +68,8 @@ class FlownMission:
     flight: MissionFlight
     mission_file: str
     """Name of the vehicle's file; empty if it is not beside mission.json."""
+    changed: bool
+    """Whether that file differs from the exported one."""
 
 
 @dataclass(frozen=True)
@@ -228,5 +230,11 @@ def _plan_run(folder: Path) -> PlanRun:
 def _flights(file: Path) -> list[FlownMission]:
     """The flights of a mission."""
     record = load_mission(file)
-    there = [flight.file if (file.parent / flight.file).is_file() else "" for flight in record.flights]
-    return [FlownMission(record, flight, name) for flight, name in zip(record.flights, there, strict=True)]
+    sha256 = {entry.name: entry.sha256 for entry in record.files}
+    flights = []
+    for flight in record.flights:
+        beside = file.parent / flight.file
+        there = beside.is_file()
+        changed = there and file_sha256(beside) != sha256[flight.file]
+        flights.append(FlownMission(record, flight, flight.file if there else "", changed))
+    return flights

@@ -213,3 +213,5 @@ def mission_statements(loaded: Loaded[FlownMission], _: Results) -> Iterator[Sta
     if not file:
         told = "only its record is here; the file that the vehicle takes is not beside it."
         yield Statement("fact", f"{mission.flight.name}: {told}")
+    elif mission.changed:
+        yield Statement("note", f"{file} was changed since it was exported; this report is of the file as it was.")

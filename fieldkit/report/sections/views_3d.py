@@ -148,7 +148,7 @@ def _reference_cloud(sha256: str | None, results: Results) -> tuple[Cloud | None
 
 
 def mission_view(result: Loaded[FlownMission], _: Results) -> NotedView:
-    """A mission's way, photographs and limits over the plants it is planned for, in metres about home."""
+    """A mission's way, photographs and limits, in metres about home."""
     record, flight = result.report.record, result.report.flight
     frame = SiteFrame(record.home)
     positions = frame.points(flight.stations)

@@ -35,8 +35,9 @@ def checked(*items: MissionItem) -> Report:
     return check_mission(ReadMission("plan", items=items, home=HOME), vehicle())
 
 
-def test_a_jump_is_refused() -> None:
-    report = checked(TAKEOFF, *SHOT, action(Command.DO_JUMP, 2.0, 2.0), LAND)
+@pytest.mark.parametrize("behind", [(LAND,), ()])
+def test_a_jump_is_refused(behind: tuple[MissionItem, ...]) -> None:
+    report = checked(TAKEOFF, *SHOT, action(Command.DO_JUMP, 2.0, -1.0), *behind)
     (finding,) = (each for each in report.findings if each.severity == "error")
     assert (finding.code, finding.item) == ("unknown-item", 7)
     assert finding.message.startswith("item 7 is DO_JUMP")

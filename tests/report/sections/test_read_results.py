@@ -102,9 +102,13 @@ def test_a_single_damaged_result_is_its_own_error(tmp_path: Path) -> None:
 
 
 class TestMissions:
-    def test_a_mission_that_is_gone_is_told(self, tmp_path: Path) -> None:
+    def test_a_mission_that_was_changed_or_is_gone_is_told(self, tmp_path: Path) -> None:
         write_mission(tmp_path / "mission")
-        (tmp_path / "mission" / "field.plan").unlink()
+        file = tmp_path / "mission" / "field.plan"
+        file.write_text(file.read_text() + " ")
+        (part,) = read_results(tmp_path).of(FlownMission)
+        assert "was changed since" in _told(part)
+        file.unlink()
         (part,) = read_results(tmp_path).of(FlownMission)
         assert part.report.mission_file == ""
         assert "only its record is here" in _told(part)
