@@ -41,7 +41,7 @@ from fieldkit.runtime.progress import Advance, ignore
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.wording import by_key
 
-AMONG_PLANTS, AMONG_NEIGHBOURS = "among-plants", "among-neighbours"
+AMONG_NEIGHBOURS = "among-neighbours"
 """Codes of a stop that is among the plants of its plot or of another, or nearer to them than the clearance."""
 
 Given = TypeVar("Given")
@@ -176,13 +176,13 @@ def _objection(index: int, stop: Stop, obstacles: Obstacles) -> Finding:
     if problem.kind == "plants":
         top = obstacles.plants_top_m(problem.place)
         own = problem.name == stop.plot
-        code = AMONG_PLANTS if own else AMONG_NEIGHBOURS
+        code = "among-plants" if own else AMONG_NEIGHBOURS
         where = (
             f"is {top - up:.2f} m too low over the plants of {problem.name}, which are kept clear of up to {top:.2f} m"
         )
         remedy = "Give --adjust to fly above them: the air below leaves counts as plants, too."
         if own:
-            remedy = "Plan for this vehicle (fieldkit plan --vehicle), or g" + remedy[1:]
+            remedy = f"Plan for this vehicle (fieldkit plan --vehicle), or fit the plan to them (--fit). {remedy}"
     else:
         code, remedy = "in-obstacle", "Move it, or correct the site file."
         where = {

@@ -16,14 +16,14 @@ import numpy as np
 from fieldkit.arrays import FloatArray
 from fieldkit.geometry import Intrinsics
 from fieldkit.results.finding import Finding, Refused, Severity
-from fieldkit.results.plan import Plan, Plans, station_number
-from fieldkit.routing.flights import AMONG_NEIGHBOURS, AMONG_PLANTS, Stop, objections
+from fieldkit.results.plan import Plan, Plans
+from fieldkit.routing.flights import AMONG_NEIGHBOURS, Stop, objections
 from fieldkit.routing.mission import Shot
 from fieldkit.routing.obstacles import Obstacles
 from fieldkit.runtime.progress import Advance, ignore
 from fieldkit.sites.fitted import flown_plans
 from fieldkit.sites.placement import PlotFrame, SiteFrame, landing_of, place, stops_of
-from fieldkit.sites.plot_plants import BESIDE_M, HEIGHT_TAKEN, PlanFacts, PlotPlants, facts_of, other_spacing, plants_on
+from fieldkit.sites.plot_plants import BESIDE_M, HEIGHT_TAKEN, PlanFacts, facts_of, other_spacing, plants_on
 from fieldkit.sites.reach import RTK_REMEDY, Unreachable, nearest, needs_rtk
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.site_obstacles import Canopy, site_obstacles
@@ -34,8 +34,6 @@ PLOTS_NEAR = "plots-near"
 CODES: dict[str, Severity] = {
     # The plan on the plot.
     "plant-height-unknown": "error",
-    "plants-too-high": "error",  # stations would stand in plants higher than the plan's
-    "rows-elsewhere": "error",  # stations may stand in plants, the rows being elsewhere
     HEIGHT_TAKEN: "warning",  # the tallest stated ones and 30 %
     "plants-unknown": "warning",  # nobody says where they stand
     "plants-higher": "warning",
@@ -64,8 +62,6 @@ STEEP_PERCENT = 10.0
 """Up to here plans have been tried on slopes (docs/vehicles-and-sites.md)."""
 HIGHER_M = 0.05
 """By which plants may be higher than the plan's: points of plan.json stand for cells of this size."""
-_NAMED = 4
-"""Most stations that are named."""
 _VIEWS_APART = 1.33
 """Ratio of field widths from which cameras differ."""
 _SIGHTS = 60
@@ -115,12 +111,11 @@ def fit_report(
     plans, findings = flown_plans(plan, site.plots, fit), list[Finding]()
     for plot, facts in facts_of(plans, site):
         if facts is None:
-            findings += _plants(facts, plot, vehicle.clearance_m)
+            findings += _plants(facts, plot)
         else:
-            findings += fit_plot(facts, plot, vehicle.clearance_m)
+            findings += fit_plot(facts, plot)
             findings += other_camera(facts.plan, plot, vehicle)
         advance(1)
-    among = {finding.subject for finding in findings if finding.severity == "error"}
     shots, obstacles = place(plans, site), site_obstacles(site, vehicle.clearance_m, plans)
     changed, problems = nearest(shots, site, vehicle, obstacles if adjust else None)
     if not adjust:
@@ -130,7 +125,7 @@ def fit_report(
     against = objections(
         stops, (0.0, 0.0, 0.0), landing_of(site), obstacles, takeoff_m=site.takeoff_m, transit_m=site.transit_m
     )
-    findings += [each for each in against if each.code != AMONG_PLANTS or each.subject not in among]
+    findings += against
     canopy = Canopy.of(site, plans)
     for plot in site.plots:
         stations = np.array([stop.position_m for stop in stops if stop.plot == plot.name])
@@ -170,14 +165,9 @@ def _crowding(
         )
 
 
-def fit_plot(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> tuple[Finding, ...]:
+def fit_plot(facts: PlanFacts, plot: SitePlot) -> tuple[Finding, ...]:
     """What does not fit of a plan on a plot, or is worth knowing; without the vehicle's limits but its clearance."""
-    parts = (
-        _plants(facts, plot, clearance_m),
-        _size(facts, plot),
-        _spacing(facts, plot, clearance_m),
-        _slope(plot),
-    )
+    parts = (_plants(facts, plot), _size(facts, plot), _spacing(facts, plot), _slope(plot))
     return tuple(finding for part in parts for finding in part)
 
 
@@ -228,7 +218,7 @@ def plants_outgrown(plan: Plan, plant_height_m: float) -> Finding | None:
     )
 
 
-def _plants(facts: PlanFacts | None, plot: SitePlot, clearance_m: float) -> Iterator[Finding]:
+def _plants(facts: PlanFacts | None, plot: SitePlot) -> Iterator[Finding]:
     height, plants = plot.plant_height_m, plants_on(facts, plot)
     top = None if facts is None else facts.top_m
     if height is None:
@@ -252,23 +242,13 @@ def _plants(facts: PlanFacts | None, plot: SitePlot, clearance_m: float) -> Iter
     if facts is None or top is None:
         return
     if height > top + HIGHER_M:
-        before = PlotPlants(facts.points, (), plants.cell_m)
-        lost = _among(facts, PlotPlants(plants.points, (), plants.cell_m), clearance_m, unless=before)
-        higher = f"plants of {height:.2f} m are {height - top:.2f} m higher than the plan's"
-        if lost:
-            yield _finding(
-                plot,
-                "plants-too-high",
-                f"{higher}: {_stations(lost)} would stand in them, or nearer to them than {clearance_m:g} m",
-                "Fit the plan to them with --fit, or plan again on plants of this height.",
-            )
-        else:
-            yield _finding(
-                plot,
-                "plants-higher",
-                f"{higher}; the mission keeps clear of them, but they fill more of the pictures than planned",
-                "Fit the plan to them with --fit, or look at what the photographs show.",
-            )
+        yield _finding(
+            plot,
+            "plants-higher",
+            f"plants of {height:.2f} m are {height - top:.2f} m higher than the plan's; the mission keeps clear of "
+            "them, but they fill more of the pictures than planned",
+            "Fit the plan to them with --fit, or look at what the photographs show.",
+        )
 
 
 def _size(facts: PlanFacts, plot: SitePlot) -> Iterator[Finding]:
@@ -285,28 +265,17 @@ def _size(facts: PlanFacts, plot: SitePlot) -> Iterator[Finding]:
         )
 
 
-def _spacing(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[Finding]:
+def _spacing(facts: PlanFacts, plot: SitePlot) -> Iterator[Finding]:
     wanted, known = plot.row_spacing_m, facts.spacing_m if plot.row_spacing_m is not None else None
     if wanted is None or known is None or not other_spacing(known, wanted):
         return
-    plants = plants_on(facts, plot)
-    assert plants is not None
-    inside = _among(facts, PlotPlants(np.zeros((0, 3)), plants.blocks[:1], plants.cell_m), clearance_m)
-    rows = f"rows are {wanted:.2f} m apart, the plan's {known:.2f} m"
-    if inside:
-        yield _finding(
-            plot,
-            "rows-elsewhere",
-            f"{rows}: {_stations(inside)} may stand among plants, being lower than {clearance_m:g} m over them",
-            "Plan on a plot with these rows, or leave row_spacing_m out where you know that the stations stand clear.",
-        )
-    else:
-        yield _finding(
-            plot,
-            "row-spacing",
-            f"{rows}: what hides what differs; the mission stays above all that the plan's plants cover",
-            "Compare the scores of such plots with those of the plan's spacing.",
-        )
+    yield _finding(
+        plot,
+        "row-spacing",
+        f"rows are {wanted:.2f} m apart, the plan's {known:.2f} m: what hides what differs; the mission stays above "
+        "all that the plan's plants cover",
+        "Compare the scores of such plots with those of the plan's spacing.",
+    )
 
 
 def _slope(plot: SitePlot) -> Iterator[Finding]:
@@ -317,19 +286,3 @@ def _slope(plot: SitePlot) -> Iterator[Finding]:
             f"the ground rises by {plot.slope_percent:.1f} %; plans have been tried to {STEEP_PERCENT:g} %",
             "Plan on a plot with this slope.",
         )
-
-
-def _among(facts: PlanFacts, plants: PlotPlants, clearance_m: float, *, unless: PlotPlants | None = None) -> list[int]:
-    """Indices of stations in the air that plants take, but for those that are in other plants' as well."""
-    stations = np.array([station.position_m for station in facts.plan.stations], dtype=np.float64)
-    found = plants.among(stations, clearance_m)
-    if unless is not None and found.any():
-        found &= ~unless.among(stations, clearance_m)
-    rows: list[int] = np.flatnonzero(found).tolist()
-    return rows
-
-
-def _stations(indices: list[int]) -> str:
-    named = ", ".join(str(station_number(index)) for index in indices[:_NAMED])
-    more = f" and {len(indices) - _NAMED} more" if len(indices) > _NAMED else ""
-    return f"station{'s' if len(indices) > 1 else ''} {named}{more}"

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from fieldkit.arrays import BoolArray, FloatArray
+from fieldkit.arrays import FloatArray
 from fieldkit.errors import MissionError
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan, PlanPlants, Plans
@@ -35,7 +35,6 @@ PlantHeight = float | Literal["unknown"]
 """Metres, for all plots; or "unknown"."""
 _STEP_M = 0.05
 """Step in which plants are made higher, metres."""
-_SHORT_M = BAND_M + 0.02  # by which bands may lie inside the spheres about the points
 _FARTHEST_M = 10_000.0
 """Largest distance of a plant from the plot's origin, metres."""
 _HIGHEST_M = 100.0
@@ -207,20 +206,6 @@ class PlotPlants:
             points = np.column_stack([points[:, :2], points[:, 2] + points[:, :2] @ np.array(slope)])
         rows = tuple((float(x), float(y), float(z)) for x, y, z in points)
         return no_fly_bands(PlanPlants(points_m=rows, cell_m=self.cell_m), clearance_m)
-
-    def among(self, positions: FloatArray, clearance_m: float) -> BoolArray:
-        """(n,) whether places (n, 3), plot frame, lie in the air that plants take: what `bands` surely close."""
-        found = np.zeros(len(positions), dtype=np.bool_)
-        for row, (x, y, z) in enumerate(positions.tolist()):
-            away = (self.points[:, 0] - x) ** 2 + (self.points[:, 1] - y) ** 2
-            under = away < clearance_m**2
-            tops = self.points[under, 2] + np.sqrt(clearance_m**2 - away[under])
-            found[row] = bool((z < tops - _SHORT_M).any())
-        places = shapely.points(positions[:, :2])
-        for block in self.blocks:
-            plan = shapely.box(*block.low, *block.high)
-            found |= (positions[:, 2] < block.top_m + clearance_m) & (shapely.distance(plan, places) < clearance_m)
-        return found
 
 
 def with_plant_height(site: Site, plans: Plans | None, given: PlantHeight | None) -> Site:

@@ -94,7 +94,7 @@ def headed(heading_deg: float | None) -> Plan:
         (
             OVER,
             {"plant_height_m": 1.4},
-            {"plants-too-high": ["error: ", "station 8 would stand in them, or nearer to them than 0.5 m"]},
+            {"plants-higher": ["warning: ", "higher than the plan's"]},
         ),
         (
             BARE,
@@ -108,7 +108,7 @@ def headed(heading_deg: float | None) -> Plan:
         ),
         (IN_ROWS, {"row_spacing_m": 0.78}, {}),
         (IN_ROWS, {"row_spacing_m": 0.5}, {"row-spacing": ["rows are 0.50 m apart, the plan's 0.7"]}),
-        (LOW_IN_ROWS, {"row_spacing_m": 0.5}, {"rows-elsewhere": ["error: ", "may stand among plants"]}),
+        (LOW_IN_ROWS, {"row_spacing_m": 0.5}, {"row-spacing": ["warning: "]}),
         (PLAN, {"slope_percent": 8.0, **UPHILL}, {}),
         (PLAN, {"slope_percent": 14.0, **UPHILL}, {"slope-steep": ["warning: ", "plans have been tried to 10 %"]}),
     ],
@@ -116,7 +116,7 @@ def headed(heading_deg: float | None) -> Plan:
 def test_what_is_found(plan: Plan, plot: dict[str, Any], expected: dict[str, list[str]]) -> None:
     """On a plot whose plants are those of `planned`, unless it says otherwise."""
     (known,) = site_with({"plant_height_m": 0.9, **plot}).plots
-    found = {finding.code: finding for finding in fit_plot(PlanFacts(plan), known, VEHICLE.clearance_m)}
+    found = {finding.code: finding for finding in fit_plot(PlanFacts(plan), known)}
     assert found.keys() == expected.keys()
     for code, words in expected.items():
         text = f"{found[code].severity}: {found[code].message} {found[code].remedy}"
@@ -163,6 +163,12 @@ def test_heights_that_are_given_for_all_plots_or_not_known() -> None:
     assert (
         heights(nobody, {"p0": plan.model_copy(update={"plant_height_m": 1.1})}, "unknown") == [pytest.approx(1.43)] * 2
     )
+
+
+@pytest.mark.parametrize(("plan", "plot"), [(OVER, {"plant_height_m": 1.4}), (LOW_IN_ROWS, {"row_spacing_m": 0.5})])
+def test_stations_in_plants_that_are_higher_or_elsewhere_are_refused(plan: Plan, plot: dict[str, Any]) -> None:
+    found = fit_report(plan, site_with({"plant_height_m": 0.9, **plot}), VEHICLE).findings
+    assert "among-plants" in {each.code for each in found if each.severity == "error"}
 
 
 @settings(max_examples=15)
