@@ -91,7 +91,7 @@ def command(
         return
     held = f"{count(report.items, 'item')}, read back and compared, in {count(report.attempts, 'attempt')}"
     answer(f"The {report.autopilot} holds the new mission whole: {held}.")
-    if read.fence is not None or (place is not None and (place.fence or place.no_fly)):
+    if read.fence.inside or read.fence.outside or (place is not None and (place.fence or place.no_fly)):
         say("note: fence and rally points are not uploaded: set them up with your ground station")
     if findings:
         show_findings(findings, mission)

@@ -225,7 +225,7 @@ def _leg_findings(
         return
     frame = _frame(origin)
     everything = [] if obstacles is None else [obstacles]
-    if read.fence is not None:
+    if read.fence != Fence():
         try:
             everything.append(_fence(read.fence, frame))
         except MissionError as refused:

@@ -199,7 +199,6 @@ def _mission(
         stops += [Via(*astuple(point)) for point in frame.places(np.array(leg.via).reshape(-1, 3))]
         if index is not None:
             stops.append(shots[index])
-    limited = bool(site.fence or site.no_fly or site.ceiling_m is not None)
     (end,) = frame.places(np.array(flight.legs[-1].points[-1:]))
     return Mission(
         name=site.name if count == 1 else f"{site.name}, flight {number} of {count}",
@@ -211,7 +210,7 @@ def _mission(
         settle_s=vehicle.trigger.settle_s,
         exposure_s=vehicle.trigger.exposure_s,
         rally=tuple(GeoPoint(r.latitude_deg, r.longitude_deg, site.transit_m) for r in site.rally),
-        fence=Fence(site.fence, tuple(zone.corners for zone in site.no_fly), site.ceiling_m) if limited else None,
+        fence=Fence(site.fence, tuple(zone.corners for zone in site.no_fly), site.ceiling_m),
     )
 
 

@@ -21,7 +21,7 @@ from fieldkit.results.mission import (
     MissionVehicle,
 )
 from fieldkit.results.plan import station_number
-from fieldkit.routing.mission import Fence, GeoPoint, Home, Mission, Shot
+from fieldkit.routing.mission import GeoPoint, Home, Mission, Shot
 from fieldkit.sites.placement import PlotFrame
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.vehicles.vehicle import Vehicle
@@ -45,7 +45,6 @@ def mission_record(
         contents: of all files that are written, by name.
     """
     mission = routed.flights[0].mission
-    fence = mission.fence or Fence()
     return MissionRecord(
         fieldkit=__version__,
         name=site.name,
@@ -62,9 +61,9 @@ def mission_record(
         neighbours=tuple(_outline(site, plot, routed, vehicle) for plot in site.neighbours),
         obstacles=site.obstacles,
         flights=tuple(_flight(each, name) for each, name in zip(routed.flights, names, strict=True)),
-        inside=fence.inside,
-        outside=fence.outside,
-        ceiling_m=fence.ceiling_m,
+        inside=mission.fence.inside,
+        outside=mission.fence.outside,
+        ceiling_m=mission.fence.ceiling_m,
         rally=mission.rally,
         files=tuple(
             FileEntry(name=name, bytes=len(data), sha256=hashlib.sha256(data).hexdigest())
@@ -124,11 +123,10 @@ def geojson_bytes(mission: Mission) -> bytes:
         features.append(_feature("Point", _lonlat(stop.place), kind=kind, **own))
     way: list[GeoPoint | Home] = [mission.home, *(stop.place for stop in mission.stops), mission.landing]
     features.append(_feature("LineString", [_lonlat(place) for place in way], kind="way"))
-    if mission.fence is not None:
-        for kind, polygons in (("fence", mission.fence.inside), ("no-fly", mission.fence.outside)):
-            for corners in polygons:
-                ring = [[longitude, latitude] for latitude, longitude in (*corners, corners[0])]
-                features.append(_feature("Polygon", [ring], kind=kind))
+    for kind, polygons in (("fence", mission.fence.inside), ("no-fly", mission.fence.outside)):
+        for corners in polygons:
+            ring = [[longitude, latitude] for latitude, longitude in (*corners, corners[0])]
+            features.append(_feature("Polygon", [ring], kind=kind))
     document = {"type": "FeatureCollection", "name": mission.name, "features": features}
     return (json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 

@@ -50,7 +50,7 @@ class Mission:
     """Standing still after it."""
     rally: tuple[GeoPoint, ...] = ()
     """Places to return to in an emergency."""
-    fence: Fence | None = None
+    fence: Fence = Fence()
     """None where there is none."""
     burst: int = 1
     """Photographs at each station."""

@@ -69,12 +69,15 @@ def with_items(change: Any, home: Home | None = HOME, first: int = 1) -> ReadMis
     return ReadMission("plan", tuple(change(items) or items), home=home, firmware="ardupilot", first_number=first)
 
 
+NO_FENCE = Fence()
+
+
 def checked(
     items: Sequence[MissionItem], *, by: Vehicle | None = None, fence: Fence | None = None, **more: Any
 ) -> Report:
     """The check of a mission's items from home."""
     return check_mission(
-        ReadMission("plan", tuple(items), home=HOME, fence=fence), by or vehicle(), Surroundings(**more)
+        ReadMission("plan", tuple(items), home=HOME, fence=fence or Fence()), by or vehicle(), Surroundings(**more)
     )
 
 

@@ -149,7 +149,7 @@ def test_fences_of_all_versions(tmp_path: Path) -> None:
     document = written(small_mission())
     with pytest.raises(MetadataError, match="fence is of version 1"):
         read_of(tmp_path, document | {"geoFence": {"version": 1, "polygon": ring, "breachReturn": [50.8, 6.4]}})
-    assert read_of(tmp_path, document | {"geoFence": {"version": 1, "polygon": []}}).fence is None
+    assert read_of(tmp_path, document | {"geoFence": {"version": 1, "polygon": []}}).fence == Fence()
     with pytest.raises(MetadataError, match="fence is of version 3"):
         read_of(tmp_path, document | {"geoFence": {"version": 3, "polygons": [{"polygon": ring}]}})
     fence = Fence((RING,), (HOLE,))

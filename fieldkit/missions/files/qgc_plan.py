@@ -48,7 +48,7 @@ def plan_bytes(
     home: Home,
     dialect: str,
     cruise_mps: float,
-    fence: Fence | None = None,
+    fence: Fence,
     rally: Sequence[GeoPoint] = (),
 ) -> bytes:
     """A .plan file of items without home.
@@ -99,8 +99,7 @@ def _null(value: float) -> float | None:
     return None if math.isnan(value) else value
 
 
-def _fence_parts(fence: Fence | None) -> dict[str, Any]:
-    fence = fence or Fence()
+def _fence_parts(fence: Fence) -> dict[str, Any]:
     return {
         "version": 2,
         "circles": [],
@@ -187,7 +186,7 @@ def read_plan(path: Path) -> ReadMission:
     try:
         moved = tuple(_mission_item(item, number, ids) for number, item in enumerate(items, 1))
         home = _home(plan.mission.home)
-        fence = None if plan.fence is None else _fence(plan.fence)
+        fence = _fence(plan.fence or _GeoFence())
     except ValueError as wrong:
         raise MetadataError(str(wrong), path=path, remedy=_REMEDY) from wrong
     if home is None:
@@ -240,7 +239,7 @@ def _home(position: list[float | None] | None) -> Home | None:
     return Home(latitude, longitude, altitude or None)
 
 
-def _fence(given: _GeoFence) -> Fence | None:
+def _fence(given: _GeoFence) -> Fence:
     if given.polygons or given.circles or given.polygon:
         if given.version != _FENCE_VERSION:
             raise ValueError(f"its fence is of version {given.version}; version {_FENCE_VERSION} is read")
@@ -252,7 +251,7 @@ def _fence(given: _GeoFence) -> Fence | None:
         rings[part.inclusion].append(tuple(part.polygon[:-1] if closed else part.polygon))
     for each in given.circles:
         rings[each.inclusion].append(_ring(each))
-    return Fence(tuple(rings[True]), tuple(rings[False])) if given.polygons or given.circles else None
+    return Fence(tuple(rings[True]), tuple(rings[False]))
 
 
 def _ring(given: _Circle) -> tuple[tuple[float, float], ...]:

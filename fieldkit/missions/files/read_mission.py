@@ -82,7 +82,7 @@ class ReadMission:
     ends: Ends = Ends()  # of stops
     home: Home | None = None
     firmware: str | None = None  # dialect that the file names
-    fence: Fence | None = None
+    fence: Fence = Fence()
     rally: tuple[GeoPoint, ...] = ()  # on the ground, taken to be as high as home
     remarks: tuple[Finding, ...] = ()  # what its reader noticed that is no reason to refuse it
     refused: tuple[tuple[int, str], ...] = ()  # nobody can say the photographs of: number, and words that name it

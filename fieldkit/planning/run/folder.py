@@ -12,14 +12,15 @@ from typing import TYPE_CHECKING, Annotated, BinaryIO, Literal
 import numpy as np
 from pydantic import Field, JsonValue, ValidationError
 
+from fieldkit.documents.file_bytes import file_bytes
 from fieldkit.documents.json_file import first_problem, read_json_object, validated
-from fieldkit.errors import MetadataError, StorageError, UsageError
+from fieldkit.errors import MetadataError, UsageError
 from fieldkit.files import atomic_folder, lock, storage_errors, write_atomic
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.problem import Trial
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.regular_files import is_other_than_file, open_regular, read_regular
+from fieldkit.regular_files import is_other_than_file, open_regular
 from fieldkit.results.fields import Count, Length
 from fieldkit.results.plan_file import SETTINGS_FILE
 from fieldkit.vocabulary import SearchFidelity
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 LOG_FILE = "evaluations.jsonl"
 _MAX_BYTES = 1 << 20
 """Largest run.json that is read, bytes."""
+_MOST_LOG_BYTES = 1 << 30
+"""Largest log that is read, bytes."""
 _REMEDY = "Give the folder of a run of `fieldkit plan`."
 Stage = Literal["search", "confirmation"]
 Row = tuple[float, float, float, float, float]
@@ -152,12 +155,7 @@ def read_settings(path: Path) -> SearchSettings:
 def read_log(path: Path) -> list[LogEntry]:
     """evaluations.jsonl of a run folder, without a last line that is still being written."""
     log = path / LOG_FILE
-    try:
-        content = read_regular(log)
-    except FileNotFoundError as error:
-        raise MetadataError("there is no such file", path=log, remedy=_REMEDY) from error
-    except OSError as error:
-        raise StorageError(f"cannot be read: {error.strerror}", path=log, remedy=_REMEDY) from error
+    content = file_bytes(log, _REMEDY, _MOST_LOG_BYTES, noun="run")
     return _parsed(log, content[: content.rfind(b"\n") + 1])
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from fieldkit.arrays import ByteArray, Float32Array, FloatArray
 from fieldkit.clouds import Cloud, PointIndex, read_cloud
-from fieldkit.errors import CloudError, FieldkitError
+from fieldkit.errors import FieldkitError
 from fieldkit.figures.content import FrustumLayer, LineLayer, PlaceName, PointLayer, ViewerScene
 from fieldkit.figures.style import format_length
 from fieldkit.files import file_beside
@@ -38,8 +38,6 @@ _WAY, _FENCE, _ZONE = "#d9812b", "#7b61c4", "#d0383f"
 _HALF_VIEW = (0.55, 0.41)  # of an unknown camera
 _LARGEST_SCALE_M = 10.0
 """Largest distance that a scale of colours ends at, metres."""
-_FARTHEST_M = 100_000.0
-"""Distance from the plot's centre beyond which points are not shown, metres."""
 _PLANT_GREEN = (70, 140, 70)
 """RGB of plants' points without colours of their own."""
 
@@ -53,7 +51,7 @@ def reference_view(result: Loaded[ReferenceReport], _: Results) -> NotedView:
     report = result.report
     try:
         names = {entry.name for entry in report.files}
-        cloud = _read(check_file(result.folder, report, SCENE_FILE if SCENE_FILE in names else CLOUD_FILE))
+        cloud = read_cloud(check_file(result.folder, report, SCENE_FILE if SCENE_FILE in names else CLOUD_FILE))
     except (FieldkitError, OSError) as error:
         return None, f"No 3D view: {error}"
     layer = PointLayer("Reference", *_drawn(cloud))
@@ -77,7 +75,7 @@ def plot_view(result: Loaded[EvaluationReport], plot: PlotEvaluation, results: R
     Distances are exact: from every point to the whole other cloud.
     """
     try:
-        cloud = _read(_plot_cloud(result, plot))
+        cloud = read_cloud(_plot_cloud(result, plot))
     except (FieldkitError, OSError) as error:
         return None, f"No 3D view: {error}"
     sha256, distances = result.report.reference_sha256, None
@@ -142,7 +140,7 @@ def _reference_cloud(sha256: str | None, results: Results) -> tuple[Cloud | None
     if reference is None:
         return None, "The reference is not in this folder, so it is not shown."
     try:
-        return _read(check_file(reference.folder, reference.report, CLOUD_FILE)), ""
+        return read_cloud(check_file(reference.folder, reference.report, CLOUD_FILE)), ""
     except (FieldkitError, OSError) as error:
         return None, f"The reference is not shown: {error}"
 
@@ -208,14 +206,6 @@ def _thinned(layer: PointLayer, share: float) -> PointLayer:
         colors=None if layer.colors is None else layer.colors[kept],
         values=None if layer.values is None else layer.values[kept],
     )
-
-
-def _read(path: Path) -> Cloud:
-    """Read a cloud that can be drawn, not one that lies too far from the plot."""
-    cloud = read_cloud(path)
-    if len(cloud) and np.abs(cloud.points).max() > _FARTHEST_M:
-        raise CloudError(f"its points lie more than {_FARTHEST_M / 1000:g} km from the plot's centre", path=path)
-    return cloud
 
 
 def _drawn(cloud: Cloud) -> tuple[Float32Array, ByteArray | None]:

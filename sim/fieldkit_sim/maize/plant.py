@@ -76,6 +76,16 @@ def ear(
     return parts
 
 
+def oval_tube(line: FloatArray, radii: FloatArray, sides: int, strip: Strip, u: FloatArray) -> Part:
+    """A stem along a line (n, 3) with radii and places ``u`` (n,) along its strip; a maize stem is oval."""
+    angle = np.linspace(0, 2 * np.pi, sides + 1)  # the last repeats the first, for the texture's seam
+    ring = np.column_stack([1.10 * np.cos(angle), 0.92 * np.sin(angle), 0 * angle])
+    vertices = (line[:, None] + radii[:, None, None] * ring[None]).reshape(-1, 3)
+    v = strip.first_row + 0.5 + (strip.height - 1) * np.linspace(0, 1, sides + 1)
+    uv = np.stack(np.broadcast_arrays(u[:, None], v[None]), axis=-1).reshape(-1, 2)
+    return vertices, grid_faces(len(line), sides + 1), uv
+
+
 _BLADE_ROWS = 96
 """Texture rows of a leaf."""
 _STEM_ROWS = 128
@@ -135,15 +145,10 @@ def _stem(
     """Stem with its sheaths, and tassel and ear where there are any."""
     strip = strips.take(_STEM_ROWS)
     line, radii = grown.line[::shrink], grown.radii[::shrink]
-    sides = 24 // min(shrink, 3) + 1  # the last repeats the first, for the texture's seam
-    angle = np.linspace(0, 2 * np.pi, sides)
-    ring = np.column_stack([1.10 * np.cos(angle), 0.92 * np.sin(angle), 0 * angle])  # a maize stem is oval
-    vertices = (line[:, None] + radii[:, None, None] * ring[None]).reshape(-1, 3)
     foot, length = float(line[0, 2]), float(line[-1, 2] - line[0, 2])
-    u = 0.002 + 0.996 * (line[:, 2] - foot) / length
-    v = strip.first_row + 0.5 + (strip.height - 1) * np.linspace(0, 1, sides)
-    uv = np.stack(np.broadcast_arrays(u[:, None], v[None]), axis=-1).reshape(-1, 2)
-    parts: list[Part] = [(vertices, grid_faces(len(line), sides), uv)]
+    parts: list[Part] = [
+        oval_tube(line, radii, 24 // min(shrink, 3), strip, 0.002 + 0.996 * (line[:, 2] - foot) / length)
+    ]
     pictures = []
     if textured:
         pictures.append(stem_texture(seed, foot, length, grown.nodes, strip.height, strip.width, markings))

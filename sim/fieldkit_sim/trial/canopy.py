@@ -16,10 +16,10 @@ from fieldkit.arrays import ByteArray, Float32Array, FloatArray
 from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.scene import Mesh
-from fieldkit_sim.faces import grid_faces, vertex_normals
-from fieldkit_sim.maize.architecture import Architecture, grow
+from fieldkit_sim.faces import vertex_normals
+from fieldkit_sim.maize.architecture import grow
 from fieldkit_sim.maize.organs import Leaf, Part, Strip, blade
-from fieldkit_sim.maize.plant import ear, tassel
+from fieldkit_sim.maize.plant import ear, oval_tube, tassel
 from fieldkit_sim.trial.layout import TrialPlant, TrialPlot, Variety
 
 _SHEET = (1024, 3072)
@@ -131,7 +131,9 @@ def _plant(
     rng = np.random.default_rng([plant.seed, 78])
     grown = grow(plant.stage, rng)
     height, width = (sheets.fine * px for px in _LEAF_PX)
-    parts: list[Part] = [_stem(grown, Strip(0, sheets.fine * _STEM_PX, 1, width))]
+    line, radii = grown.line[::_STEM_STEP], grown.radii[::_STEM_STEP]
+    strip = Strip(0, sheets.fine * _STEM_PX, 1, width)
+    parts: list[Part] = [oval_tube(line, radii, _STEM_SIDES, strip, np.linspace(0.002, 0.998, len(line)))]
     flex = [np.zeros(len(parts[0][0]))]
     pictures = [_stem_picture(variety, (sheets.fine * _STEM_PX, width), sheets, rng)]
     rows = len(pictures[0])
@@ -169,17 +171,6 @@ def _of_variety(leaf: Leaf, variety: Variety, rng: np.random.Generator) -> Leaf:
         sweep=leaf.sweep * curl,
         fold=min(leaf.fold * curl, np.radians(70.0)),
     )
-
-
-def _stem(grown: Architecture, strip: Strip) -> Part:
-    line, radii = grown.line[::_STEM_STEP], grown.radii[::_STEM_STEP]
-    angle = np.linspace(0.0, 2.0 * np.pi, _STEM_SIDES + 1)
-    ring = np.column_stack([1.10 * np.cos(angle), 0.92 * np.sin(angle), 0.0 * angle])
-    vertices = (line[:, None] + radii[:, None, None] * ring[None]).reshape(-1, 3)
-    u = np.linspace(0.002, 0.998, len(line))
-    v = strip.first_row + 0.5 + (strip.height - 1) * np.linspace(0.0, 1.0, len(angle))
-    uv = np.stack(np.broadcast_arrays(u[:, None], v[None]), axis=-1).reshape(-1, 2)
-    return vertices, grid_faces(len(line), len(angle)), uv
 
 
 def _stem_picture(variety: Variety, shape: tuple[int, int], sheets: Sheets, rng: np.random.Generator) -> ByteArray:
