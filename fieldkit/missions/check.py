@@ -29,7 +29,7 @@ from fieldkit.missions.files.wpml import dji_model
 from fieldkit.missions.findings import Report, error, warning
 from fieldkit.missions.ground import Ground, ground_of
 from fieldkit.results.finding import Finding
-from fieldkit.routing.mission import Fence, GeoPoint, Home, Shot
+from fieldkit.routing.mission import NO_FENCE, Fence, GeoPoint, Home, Shot
 from fieldkit.routing.obstacles import Obstacles, Volume
 from fieldkit.sites.placement import SiteFrame, ground_below, grounds_m, place
 from fieldkit.sites.reach import Unreachable, nearest, needs_rtk
@@ -225,7 +225,7 @@ def _leg_findings(
         return
     frame = _frame(origin)
     everything = [] if obstacles is None else [obstacles]
-    if read.fence != Fence():
+    if read.fence != NO_FENCE:
         try:
             everything.append(_fence(read.fence, frame))
         except MissionError as refused:

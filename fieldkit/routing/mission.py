@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fieldkit.results.mission import GeoPoint, Home, Shot, Via
 from fieldkit.vocabulary import BURST_INTERVAL_S
 
-__all__ = ["Fence", "GeoPoint", "Home", "Mission", "Shot", "Via"]
+__all__ = ["NO_FENCE", "Fence", "GeoPoint", "Home", "Mission", "Shot", "Via"]
 
 
 def burst_s(photographs: int, exposure_s: float) -> float:
@@ -26,6 +26,9 @@ class Fence:
     """Polygons it keeps out of."""
     ceiling_m: float | None = None
     """Above home, or None."""
+
+
+NO_FENCE = Fence()
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,7 @@ class Mission:
     """Standing still after it."""
     rally: tuple[GeoPoint, ...] = ()
     """Places to return to in an emergency."""
-    fence: Fence = Fence()
+    fence: Fence = NO_FENCE
     """None where there is none."""
     burst: int = 1
     """Photographs at each station."""

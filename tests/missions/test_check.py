@@ -16,7 +16,7 @@ from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.waypoints import waypoints_bytes
 from fieldkit.missions.findings import Finding, Report, error, group_text, ranked
 from fieldkit.missions.items import Command, MissionItem
-from fieldkit.routing.mission import Fence, GeoPoint, Home, Shot
+from fieldkit.routing.mission import NO_FENCE, Fence, GeoPoint, Home, Shot
 from fieldkit.vehicles.vehicle import Battery, Vehicle
 from tests.missions.vehicles import HOME, recorded_items, recorded_mission, small_mission, vehicle
 
@@ -69,15 +69,10 @@ def with_items(change: Any, home: Home | None = HOME, first: int = 1) -> ReadMis
     return ReadMission("plan", tuple(change(items) or items), home=home, firmware="ardupilot", first_number=first)
 
 
-NO_FENCE = Fence()
-
-
-def checked(
-    items: Sequence[MissionItem], *, by: Vehicle | None = None, fence: Fence | None = None, **more: Any
-) -> Report:
+def checked(items: Sequence[MissionItem], *, by: Vehicle | None = None, fence: Fence = NO_FENCE, **more: Any) -> Report:
     """The check of a mission's items from home."""
     return check_mission(
-        ReadMission("plan", tuple(items), home=HOME, fence=fence or Fence()), by or vehicle(), Surroundings(**more)
+        ReadMission("plan", tuple(items), home=HOME, fence=fence), by or vehicle(), Surroundings(**more)
     )
 
 

@@ -25,7 +25,7 @@ from fieldkit.missions.findings import error
 from fieldkit.missions.items import Command, MissionItem, plain_frame
 from fieldkit.results.fields import Latitude, Longitude
 from fieldkit.results.finding import Finding
-from fieldkit.routing.mission import Fence, GeoPoint, Home
+from fieldkit.routing.mission import NO_FENCE, Fence, GeoPoint, Home
 
 _FIRMWARE = {"ardupilot": 3, "px4": 12}
 _DIALECT: dict[int | None, str] = {number: name for name, number in _FIRMWARE.items()}
@@ -48,7 +48,7 @@ def plan_bytes(
     home: Home,
     dialect: str,
     cruise_mps: float,
-    fence: Fence,
+    fence: Fence = NO_FENCE,
     rally: Sequence[GeoPoint] = (),
 ) -> bytes:
     """A .plan file of items without home.

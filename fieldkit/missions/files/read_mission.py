@@ -10,7 +10,7 @@ from fieldkit.missions.autopilots.effects import Effects, Go, ShootOnTheWay
 from fieldkit.missions.findings import error
 from fieldkit.missions.items import Command, Frame, MissionItem, with_jump_moved
 from fieldkit.results.finding import Finding
-from fieldkit.routing.mission import Fence, GeoPoint, Home
+from fieldkit.routing.mission import NO_FENCE, Fence, GeoPoint, Home
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class ReadMission:
     ends: Ends = Ends()  # of stops
     home: Home | None = None
     firmware: str | None = None  # dialect that the file names
-    fence: Fence = Fence()
+    fence: Fence = NO_FENCE
     rally: tuple[GeoPoint, ...] = ()  # on the ground, taken to be as high as home
     remarks: tuple[Finding, ...] = ()  # what its reader noticed that is no reason to refuse it
     refused: tuple[tuple[int, str], ...] = ()  # nobody can say the photographs of: number, and words that name it
