@@ -22,8 +22,16 @@ from fieldkit.evaluation.conversion import failed_plot, plot_evaluation
 from fieldkit.evaluation.plot_photo import PHOTO_FILE, plot_photo
 from fieldkit.evaluation.rasters import Rasters, coarse_place, write_georeferenced, write_rasters
 from fieldkit.evaluation.reference import Reference
-from fieldkit.evaluation.traits import PlotOutline, outline_of, scale_doubt
-from fieldkit.figures.spreadsheets import PLANTS_FILE, TRAITS_FILE, plants_csv, plot_rows, plots_csv, traits_csv
+from fieldkit.evaluation.traits import PlotOutline, outline_of, plot_traits, scale_doubt
+from fieldkit.figures.spreadsheets import (
+    PLANTS_FILE,
+    TRAITS_FILE,
+    plants_csv,
+    plot_rows,
+    plots_csv,
+    rows_csv,
+    traits_csv,
+)
 from fieldkit.figures.style import format_length
 from fieldkit.files import storage_errors, write_atomic
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, reconstruct_placed, with_scene
@@ -35,6 +43,7 @@ from fieldkit.results.evaluation import CLOUD_FILE, CorrectionEntry, EvaluationR
 from fieldkit.results.fields import vector
 from fieldkit.results.finding import COARSE_RASTERS, NO_RASTERS, OTHER_PLANTS, POSITIONS_LAG, WEAKLY_TIED, Finding
 from fieldkit.results.report_files import EVALUATION_FILE, describe_files, save_report
+from fieldkit.results.traits import RowEntry
 from fieldkit.results.visit import VISIT_FILE
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import Spent
@@ -42,9 +51,9 @@ from fieldkit.runtime.progress import Progress
 from fieldkit.runtime.worker import NoWorkersError
 from fieldkit.wording import count
 
-PLOTS_FILE = "plots.csv"
+PLOTS_FILE, ROWS_FILE = "plots.csv", "rows.csv"
 LAZ_FILE = "cloud.laz"
-RESERVED = (EVALUATION_FILE, PLOTS_FILE, TRAITS_FILE, VISIT_FILE)
+RESERVED = (EVALUATION_FILE, PLOTS_FILE, ROWS_FILE, TRAITS_FILE, VISIT_FILE)
 """Names of an evaluation's and of a visit's own files, which no plot's folder has."""
 _DOUBTS = 3.0
 """Standard errors of the scale beyond which a fitted one contradicts it."""
@@ -82,6 +91,8 @@ class PlacedPlot:
     """Of the photographs that show it, bursts made steady, and the ground below it."""
     volume: Volume
     """Of interest."""
+    rows: tuple[Outline, ...] = ()
+    """Outlines of its planted rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +164,11 @@ def write_evaluation(folder: Path, report: EvaluationReport) -> EvaluationReport
     """Write plots.csv, traits.csv and evaluation.json of evaluated plots."""
     write_atomic(folder / PLOTS_FILE, plots_csv(report))
     write_atomic(folder / TRAITS_FILE, traits_csv(plot_rows(report.plots)))
-    report = report.model_copy(update={"files": describe_files(folder, [PLOTS_FILE, TRAITS_FILE])})
+    names = [PLOTS_FILE, TRAITS_FILE]
+    if any(plot.rows for plot in report.plots):
+        write_atomic(folder / ROWS_FILE, rows_csv(report.plots))
+        names.append(ROWS_FILE)
+    report = report.model_copy(update={"files": describe_files(folder, names)})
     save_report(folder / EVALUATION_FILE, report)
     return report
 
@@ -193,7 +208,11 @@ def _evaluated(
         (folder / place).mkdir(parents=True)
         write_cloud(folder / place / CLOUD_FILE, plants)
         names = [CLOUD_FILE]
+        rows: tuple[RowEntry, ...] = ()
         if given.placed is not None:
+            parts = (PlotOutline(row) for row in given.placed.rows)
+            own = plants.measured()
+            rows = tuple(RowEntry(row=k, traits=plot_traits(found, own, part)[0]) for k, part in enumerate(parts, 1))
             names += _write_beside(folder / place, found, outline.corners, progress)
         if isinstance(reference, CloudReference):
             findings += reference.findings
@@ -221,7 +240,7 @@ def _evaluated(
         if plot.plants:
             write_atomic(folder / place / PLANTS_FILE, plants_csv(plot.plants))
             names.append(PLANTS_FILE)
-    plot = plot.model_copy(update={"files": describe_files(folder, [f"{place}/{n}" for n in names])})
+    plot = plot.model_copy(update={"rows": rows, "files": describe_files(folder, [f"{place}/{n}" for n in names])})
     if given.flown is None:
         return plot
     kept = given.flown.adherence(plot, name, given.capture)

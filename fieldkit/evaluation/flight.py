@@ -7,10 +7,12 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import shapely
+import shapely.affinity
 
 from fieldkit.arrays import FloatArray
 from fieldkit.cache import digest
@@ -116,6 +118,7 @@ class _Job:
             self.name,
             self.corners,
             self.placed.volume,
+            self.placed.rows,
             self.settings,
             [photo.sha256 for photo in sparse.capture.photos],
             [image.model_dump_json() for image in sparse.images],
@@ -206,7 +209,8 @@ def evaluate_plots(
     _check_plots(file, plots, capture)
     with steady_capture(capture, context) as steady:
         sparse = _placed(steady, settings, context)
-        sparse = sparse.moved(Similarity(1.0, plot_from_enu(plots[0][0].row_heading_deg), np.zeros(3)))
+        heading_deg = plots[0][0].row_heading_deg
+        sparse = sparse.moved(Similarity(1.0, plot_from_enu(heading_deg), np.zeros(3)))
         frame = sparse.frame
         outlines = _outlines(plots, SourceFrame(frame.source, frame.origin, frame.plot_from_source))
         flight = flight_entry(sparse)
@@ -214,7 +218,8 @@ def evaluate_plots(
         counted = count(flight.right, "photograph counts", "photographs count", of=flight.images)
         context.progress.note(f"{counted}, {flight.loose} of them loosely{reasons}")
         bare = None if ground is None else _placed(_read(Path(ground), settings, context), settings, context)
-        return _evaluated(sparse, bare, outlines, settings, folder.absolute(), context), flight
+        rows = {plot.name: row_outlines(outlines[plot.name], plot, heading_deg) for plot, _ in plots}
+        return _evaluated(sparse, bare, outlines, rows, settings, folder.absolute(), context), flight
 
 
 def _read(folder: Path, settings: ReconstructionSettings, context: Context) -> Capture:
@@ -303,6 +308,25 @@ def _outlines(plots: Sequence[DrawnPlot], source: SourceFrame) -> dict[str, Outl
     return {name: ring for name, ring in corners.items() if ring is not None}
 
 
+def row_outlines(corners: Outline, plot: SitePlot, heading_deg: float) -> tuple[Outline, ...]:
+    """A plot's outline cut along its rows, one part for each, from right to left as one looks along them; empty where
+    the plot has one row, or does not say how far apart they are.
+
+    Args:
+        corners: of the plot, plot frame.
+        heading_deg: compass heading of that frame's x axis.
+    """
+    rows = 0 if plot.size_m is None or not plot.row_spacing_m else round(plot.size_m[1] / plot.row_spacing_m)
+    if rows < 2:
+        return ()
+    turn, whole = heading_deg - plot.row_heading_deg, shapely.Polygon(corners)
+    along = shapely.affinity.rotate(whole, -turn, origin=(0.0, 0.0))
+    left, low, right, high = along.bounds
+    parts = (shapely.box(left, a, right, b) for a, b in pairwise(np.linspace(low, high, rows + 1)))
+    turned = (shapely.affinity.rotate(part.intersection(along), turn, origin=(0.0, 0.0)) for part in parts)
+    return tuple(tuple((float(x), float(y)) for x, y in part.exterior.coords[:-1]) for part in turned)
+
+
 def plot_volume(corners: Outline, points: FloatArray, ground: Plane | None) -> Volume:
     """The volume of a plot of a flight: its outline's box and what hangs over it, from below the ground to above the
     highest of the sparse points (n, 3) there.
@@ -350,6 +374,7 @@ def _evaluated(
     sparse: SparseResult,
     bare: SparseResult | None,
     outlines: dict[str, Outline],
+    rows: dict[str, tuple[Outline, ...]],
     settings: ReconstructionSettings,
     folder: Path,
     context: Context,
@@ -371,7 +396,7 @@ def _evaluated(
         else:
             part = sparse.of(views)
             part = replace(part, frame=replace(part.frame, ground=ground, ground_sigma_m=sigma_m))
-            jobs.append(_Job(name, corners, PlacedPlot(part, volume), settings, folder))
+            jobs.append(_Job(name, corners, PlacedPlot(part, volume, rows[name]), settings, folder))
     if results:
         context.progress.note(f"not in the pictures: {', '.join(results)}")
     weights = [float(len(job.placed.sparse.poses) * np.prod(job.placed.volume.size[:2])) for job in jobs]

@@ -82,6 +82,12 @@ def plot_rows(plots: Iterable[PlotEvaluation]) -> Iterator[Row]:
         yield trait_row(plot.name, plot.date, plot.traits, "" if plot.error is None else plot.error.message)
 
 
+def rows_csv(plots: Iterable[PlotEvaluation]) -> str:
+    """rows.csv as text: the traits of the plots' planted rows."""
+    rows = ([p.name, row.row, *trait_row(p.name, p.date, row.traits)[1:]] for p in plots for row in p.rows)
+    return csv_text((TABLE_COLUMNS[0], "row", *TABLE_COLUMNS[1:]), rows)
+
+
 def traits_csv(rows: Iterable[Row]) -> str:
     """traits.csv as text."""
     return csv_text(TABLE_COLUMNS, rows)

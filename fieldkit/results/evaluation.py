@@ -16,7 +16,7 @@ from fieldkit.geometry import Pose
 from fieldkit.results.fields import Count, Length, Sha256, Share, Strict, Text, Vector, vector
 from fieldkit.results.finding import DOUBTFUL, Finding
 from fieldkit.results.frame import CameraReport, FrameEntry, VolumeEntry
-from fieldkit.results.traits import PlantEntry, TraitsEntry
+from fieldkit.results.traits import PlantEntry, RowEntry, TraitsEntry
 from fieldkit.vocabulary import Fidelity, MappingName, Mask
 
 CLOUD_FILE, SCENE_FILE = "cloud.ply", "scene.ply"
@@ -337,6 +337,8 @@ class PlotEvaluation(ReconstructionEntry):
 
     name: Text
     """Of the plot's folder."""
+    rows: tuple[RowEntry, ...] = ()
+    """One by one, of a plot of a flight that says how far its rows are apart."""
     unregistered: dict[str, Annotated[int, Field(gt=0)]] = {}  # noqa: RUF012 - pydantic copies it
     """Number of images that do not count, by reason (up to its colon; image_reports hold the whole)."""
     chamfer_m: Length | None = None

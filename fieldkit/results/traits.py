@@ -171,6 +171,15 @@ class TraitsEntry(Strict):
         return {**{name: getattr(self, name) for name in VALUES}, REASONS: reasons_in_words(self.unknown)}
 
 
+class RowEntry(Strict):
+    """A planted row of a plot."""
+
+    row: Annotated[int, Field(ge=1)]
+    """From right to left, as one looks along the rows."""
+    traits: TraitsEntry
+    """Of all that stands over its part of the plot, leaves of the rows beside it included."""
+
+
 class PlantEntry(Strict):
     """One plant of a plot (docs/traits.md)."""
 

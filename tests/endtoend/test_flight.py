@@ -47,7 +47,7 @@ def drawn(path: Path, *boxes: tuple[float, float, float, float], heading_deg: fl
         ring = np.array([(x0, y0, 0.0), (x1, y0, 0.0), (x1, y1, 0.0), (x0, y1, 0.0), (x0, y0, 0.0)])
         latitude, longitude, _ = ORIGIN.to_geodetic(ring)
         corners = np.stack([longitude, latitude], axis=1).tolist()
-        properties = {"plot_id": name, "row_heading_deg": heading_deg}
+        properties = {"plot_id": name, "row_heading_deg": heading_deg, "row_spacing_m": 0.14}
         geometry = {"type": "Polygon", "coordinates": [corners]}
         features.append({"type": "Feature", "properties": properties, "geometry": geometry})
     path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), "utf-8")
@@ -80,6 +80,10 @@ def test_photographs_count_for_every_plot_they_show(line: CommandLine, flight: P
         np.testing.assert_array_less(cloud[:, :2].max(axis=0), (y1 + 0.35, -x0 + 0.35))
         assert plot.traits is not None
         assert plot.traits.plot_area_m2 == pytest.approx((x1 - x0) * (y1 - y0), rel=1e-3)
+        assert [row.row for row in plot.rows] == [1, 2]
+        assert plot.rows[1].traits.plot_area_m2 == pytest.approx(0.5 * plot.traits.plot_area_m2)
+    with (line.folder / "scores" / "rows.csv").open(encoding="utf-8") as file:
+        assert [(row["plot"], row["row"]) for row in csv.DictReader(file)] == [(p, r) for p in "AC" for r in "12"]
     assert load_evaluation_report(line.folder / "scores").flight.right == 8
 
     save_plan(line.folder / "plan.json", plan_from_poses(STATIONS, CAMERA))

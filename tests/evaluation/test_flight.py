@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fieldkit.clouds import Cloud
-from fieldkit.evaluation.flight import motion_onto, plot_volume
+from fieldkit.evaluation.flight import motion_onto, plot_volume, row_outlines
 from fieldkit.evaluation.plot_photo import plot_photo
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
@@ -17,6 +17,7 @@ from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.reconstruction.colmap_model import model_points, model_poses
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import Plane
+from fieldkit.sites.site import SitePlot
 from tests.evaluation.examples import reconstruction
 
 CORNERS = ((1.0, 0.0), (3.0, 0.0), (3.0, 1.5), (1.0, 1.5))
@@ -58,6 +59,18 @@ def test_a_turned_flight_is_the_same_flight() -> None:
     np.testing.assert_allclose(turned.frame.ground.heights(model_points(turned.model)), points[:, 2], atol=1e-9)
     source = found.frame.plot_from_source.inverse().apply(points)
     np.testing.assert_allclose(turned.frame.plot_from_source.apply(source), motion.apply(points), atol=1e-9)
+
+
+def test_rows_lie_from_right_to_left_along_the_plots_own_heading() -> None:
+    """In a frame whose x points to 120°, a plot headed 90° is turned by 30°."""
+    ring = np.array([(0.0, 0.0, 0.0), (4.0, 0.0, 0.0), (4.0, 3.0, 0.0), (0.0, 3.0, 0.0)])
+    corners = tuple(map(tuple, (ring @ rotation_about_z(np.radians(30.0)).T)[:, :2].tolist()))
+    plot = SitePlot(latitude_deg=0.0, longitude_deg=0.0, length_m=4.0, width_m=3.0, row_spacing_m=0.74)
+    rows = row_outlines(corners, plot, 120.0)
+    assert len(rows) == 4
+    first = np.column_stack([rows[0], np.zeros(4)]) @ rotation_about_z(np.radians(30.0))
+    np.testing.assert_allclose((first.min(axis=0)[:2], first.max(axis=0)[:2]), ((0.0, 0.0), (4.0, 0.75)), atol=1e-9)
+    assert row_outlines(corners, plot.model_copy(update={"row_spacing_m": None}), 120.0) == ()
 
 
 class TestVolume:
