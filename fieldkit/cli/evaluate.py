@@ -34,7 +34,7 @@ SETTINGS: Panels = {
     },
 }
 
-_OF_ONE_PLOT = {"bounds_m": "--bounds", "refine": "--refine", "distances_m": "--distances", "rasters": "--rasters"}
+_OF_ONE_PLOT = {"bounds_m": "--bounds", "refine": "--refine", "distances_m": "--distances"}
 """Settings that a flight over many plots does not take, and their options."""
 
 

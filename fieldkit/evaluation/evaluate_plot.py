@@ -161,13 +161,12 @@ def unforeseen(error: Exception) -> FieldkitError:
 
 
 def write_evaluation(folder: Path, report: EvaluationReport) -> EvaluationReport:
-    """Write plots.csv, traits.csv and evaluation.json of evaluated plots."""
+    """Write plots.csv, traits.csv and evaluation.json of evaluated plots; other files there are theirs, too."""
     write_atomic(folder / PLOTS_FILE, plots_csv(report))
     write_atomic(folder / TRAITS_FILE, traits_csv(plot_rows(report.plots)))
-    names = [PLOTS_FILE, TRAITS_FILE]
     if any(plot.rows for plot in report.plots):
         write_atomic(folder / ROWS_FILE, rows_csv(report.plots))
-        names.append(ROWS_FILE)
+    names = sorted(path.name for path in folder.iterdir() if path.is_file())
     report = report.model_copy(update={"files": describe_files(folder, names)})
     save_report(folder / EVALUATION_FILE, report)
     return report

@@ -33,6 +33,8 @@ from fieldkit.evaluation.evaluate_plot import (
     unforeseen,
     write_evaluation,
 )
+from fieldkit.evaluation.field import write_field
+from fieldkit.evaluation.rasters import Rasters
 from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.evaluation.traits import PlotOutline
 from fieldkit.files import atomic_folder, write_atomic
@@ -146,7 +148,7 @@ def evaluate_flight(
         captures: folder of georeferenced photographs, also of several flights in subfolders, which become one model.
         plots: file of the plots as polygons, or as points with length and width.
         output: folder of the result: evaluation.json, plots.csv, traits.csv and, per plot, a folder with cloud.ply,
-            cloud.laz (UTM) and photo.jpg.
+            cloud.laz (UTM) and photo.jpg; with rasters what `write_field` makes of the whole field.
         settings: choices; neither bounds nor refinement.
         context: None takes the usual cache and one process, and says nothing.
         plot_id: field of the plots' ids.
@@ -164,7 +166,7 @@ def evaluate_flight(
         AllFailedError: every plot failed; the report is written all the same.
     """
     asked = settings or EvaluationSettings()
-    chosen, spent = asked.reconstruction, Spent.now()
+    chosen, rasters, spent = asked.reconstruction, asked.wanted_rasters, Spent.now()
     limit_threads()
     captures, plots, output = Path(captures), Path(plots), Path(output)
     context = replace(context or Context.usual(), seed=chosen.seed)
@@ -173,7 +175,9 @@ def evaluate_flight(
         for line in file.told:
             context.progress.note(line)
         drawn = list(zip(file.plots, file.shapes, strict=True))
-        results, flight = evaluate_plots(captures, plots, drawn, folder, chosen, context, ground=ground)
+        results, flight = evaluate_plots(
+            captures, plots, drawn, folder, chosen, context, ground=ground, rasters=rasters
+        )
         report = evaluation_report(
             clean_text(captures.absolute().name),
             results,
@@ -198,12 +202,14 @@ def evaluate_plots(
     context: Context,
     *,
     ground: Path | str | None = None,
+    rasters: Rasters | None = None,
 ) -> tuple[list[PlotEvaluation], FlightEntry]:
     """The plots of a flight, each in a folder of its own below ``folder``, and what became of all photographs.
 
     Args:
         file: that the plots are from, for people.
         ground: as of `evaluate_flight`.
+        rasters: of the whole field, to be written into ``folder``.
     """
     capture = _read(captures, settings, context)
     _check_plots(file, plots, capture)
@@ -219,7 +225,10 @@ def evaluate_plots(
         context.progress.note(f"{counted}, {flight.loose} of them loosely{reasons}")
         bare = None if ground is None else _placed(_read(Path(ground), settings, context), settings, context)
         rows = {plot.name: row_outlines(outlines[plot.name], plot, heading_deg) for plot, _ in plots}
-        return _evaluated(sparse, bare, outlines, rows, settings, folder.absolute(), context), flight
+        results = _evaluated(sparse, bare, outlines, rows, settings, folder.absolute(), context)
+        if rasters is not None:
+            write_field(folder, sparse, outlines, results, rasters, context)
+        return results, flight
 
 
 def _read(folder: Path, settings: ReconstructionSettings, context: Context) -> Capture:

@@ -1,18 +1,20 @@
-"""A georeferenced plot in UTM: its clouds as LAZ, and height models of the canopy and the surface as rasters."""
+"""Georeferenced plots in UTM: clouds as LAZ, and height models of the canopy and the surface as rasters."""
 
 from __future__ import annotations
 
 import importlib.util
-import tempfile
+from collections.abc import Iterable
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fieldkit.arrays import Float32Array
+from fieldkit.arrays import Float32Array, FloatArray
 from fieldkit.clouds import Cloud, write_cloud
 from fieldkit.errors import UsageError
+from fieldkit.evaluation.utm import Grid, Projection, optimized
 from fieldkit.files import write_atomic
 from fieldkit.geometry import Similarity
 from fieldkit.reconstruction.agreement import POSITION_SIGMAS
@@ -26,14 +28,20 @@ COARSE_M = 0.3
 """Standard deviation of positions from which they do not say on which plot something lies."""
 LEAST_SAMPLING_M = 0.005
 """Edge of a cell where nobody gives one, or the depth maps' pixel where that is larger."""
-MOST_CELLS = 100_000_000
-"""Most cells of a raster."""
 NODATA = -9999.0
 """Value of a cell without a height."""
 REFUSED_TAG = "height_refused"
 """Of a canopy's raster: why the traits of its plot give no height."""
-_BLOCK = 256
-"""Side of a raster's blocks, cells."""
+_OPTIONS: dict[str, Any] = {
+    "count": 1,
+    "dtype": "float32",
+    "nodata": NODATA,
+    "COMPRESS": "DEFLATE",
+    "PREDICTOR": "FLOATING_POINT",
+}
+"""How heights are written (`optimized`)."""
+_COLORED_PX = 2000
+"""Longer side of the copy of a raster that its colours are chosen by, cells."""
 _CANOPY_COLORS = ("#f7fcb9", "#addd8e", "#41ab5d", "#006837", "#00331b")
 _SURFACE_COLORS = ("#543005", "#bf812d", "#f6e8c3", "#80cdc1", "#003c30")
 
@@ -51,15 +59,15 @@ class Rasters:
 
 @dataclass(frozen=True, eq=False)
 class HeightRaster:
-    """Heights on a grid of a map projection. Row 0 is the northern one."""
+    """Heights on a grid of UTM."""
 
-    west: float
-    north: float
-    """Easting and northing of the outer corner of the first cell, metres; multiples of ``cell_m``."""
-    cell_m: float
+    grid: Grid
     heights: Float32Array
     """(rows, columns), metres; NaN where nothing was seen."""
-    epsg: int
+
+
+HeightRasters = tuple[HeightRaster, HeightRaster]
+"""A canopy above the ground, and its surface above the datum of the frame's origin, on one grid."""
 
 
 def to_utm(cloud: Cloud, frame: MetricFrame) -> tuple[Cloud, int]:
@@ -68,15 +76,9 @@ def to_utm(cloud: Cloud, frame: MetricFrame) -> tuple[Cloud, int]:
     Heights keep the datum of the frame's origin. Normals are turned by the plot frame's rotation only; the meridian
     convergence (under 3° within a zone) is left out of them.
     """
-    from pyproj import Transformer
-
-    if frame.origin is None:
-        raise ValueError("the frame is not georeferenced")
-    epsg = frame.origin.utm_epsg()
-    in_source = cloud.transformed(frame.plot_from_source.inverse())
-    latitude, longitude, altitude = frame.origin.to_geodetic(in_source.points)
-    easting, northing = Transformer.from_crs(4326, epsg, always_xy=True).transform(longitude, latitude)
-    return Cloud(np.stack([easting, northing, altitude], axis=1), in_source.colors, in_source.normals), epsg
+    projection = Projection(frame)
+    turned = cloud.transformed(frame.plot_from_source.inverse())
+    return replace(turned, points=projection.to_utm(cloud.points)), projection.epsg
 
 
 def write_georeferenced(path: Path, cloud: Cloud, frame: MetricFrame, progress: Progress) -> bool:
@@ -106,8 +108,8 @@ def require_rasters(frame: MetricFrame | None = None) -> None:
         )
 
 
-def height_raster(plants: Cloud, scene: Cloud, frame: MetricFrame, cell_m: float, *, canopy: bool) -> HeightRaster:
-    """Heights of a canopy above the ground, or of a surface above the datum of the frame's origin.
+def height_rasters(plants: Cloud, scene: Cloud, frame: MetricFrame, cell_m: float) -> HeightRasters:
+    """Heights of a plot's canopy and surface.
 
     Of plants it is that of the highest point in a cell. Where only ground was seen a canopy has 0; a surface has the
     median of the ground's points, since a cloud of everything has points that float above bare soil.
@@ -115,30 +117,28 @@ def height_raster(plants: Cloud, scene: Cloud, frame: MetricFrame, cell_m: float
     Args:
         plants: above the ground, plot frame; not empty.
         scene: with the ground, plot frame.
-        frame: georeferenced, for a canopy with a ground.
+        frame: georeferenced, with a ground.
+        cell_m: edge of the cells.
     """
-    parts = [to_utm(cloud, frame) for cloud in (plants, scene)]
-    heights = [moved.points[:, 2] for moved, _ in parts]
-    if canopy:
-        if frame.ground is None:
-            raise UsageError("there is no canopy height: no ground was found", remedy="Leave --rasters out.")
-        heights = [frame.ground.heights(plants.points), np.zeros(len(scene))]  # stones and dead leaves are no plants
-    cells = [np.floor(moved.points[:, :2] * (1.0, -1.0) / cell_m).astype(np.int64) for moved, _ in parts]
-    low, high = (edge(np.concatenate(cells), axis=0) for edge in (np.min, np.max))
-    columns, rows = (high - low + 1).tolist()
-    if rows * columns > MOST_CELLS:
-        raise UsageError(
-            f"a raster of {columns} × {rows} cells of {1000 * cell_m:g} mm is too large",
-            remedy="Give larger cells with --gsd.",
-        )
-    grid = np.full(rows * columns, np.nan, dtype=np.float32)
-    for part, share in ((1, 0.5), (0, 1.0)):  # plants stand above the ground, so they are drawn last
-        place = (cells[part] - low) @ np.array([1, columns])
-        order = np.lexsort((heights[part], place))
-        where, first, count = np.unique(place[order], return_index=True, return_counts=True)
-        grid[where] = heights[part][order][first + ((count - 1) * share).astype(int)]
-    west, north = float(low[0]) * cell_m, -float(low[1]) * cell_m
-    return HeightRaster(west, north, cell_m, grid.reshape(rows, columns), parts[0][1])
+    if frame.ground is None:
+        raise UsageError("there is no canopy height: no ground was found", remedy="Leave --rasters out.")
+    (standing, epsg), (everything, _) = (to_utm(cloud, frame) for cloud in (plants, scene))
+    grid = Grid.about(np.concatenate([standing.points, everything.points]), cell_m, epsg)
+    canopy, surface = np.full((2, grid.rows, grid.columns), np.nan, dtype=np.float32)
+    draw(canopy, grid, everything.points, np.zeros(len(scene)))  # stones and dead leaves are no plants
+    draw(surface, grid, everything.points, everything.points[:, 2], 0.5)
+    draw(canopy, grid, standing.points, frame.ground.heights(plants.points))  # plants stand above the ground
+    draw(surface, grid, standing.points, standing.points[:, 2])
+    return HeightRaster(grid, canopy), HeightRaster(grid, surface)
+
+
+def draw(values: Float32Array, grid: Grid, utm: FloatArray, heights: FloatArray, share: float = 1.0) -> None:
+    """Give each cell that has any of some places (n, 3) that quantile of their heights (n,): 1 the highest."""
+    row, column = grid.cells(utm)
+    place = row * grid.columns + column
+    order = np.lexsort((heights, place))
+    where, first, count = np.unique(place[order], return_index=True, return_counts=True)
+    values.reshape(-1)[where] = heights[order][first + ((count - 1) * share).astype(int)]
 
 
 def write_rasters(folder: Path, found: Reconstruction, wanted: Rasters, traits: TraitsEntry | None = None) -> list[str]:
@@ -155,12 +155,51 @@ def write_rasters(folder: Path, found: Reconstruction, wanted: Rasters, traits: 
     if scene is None:
         raise ValueError("rasters need the scene")
     cell_m = wanted.cell_m or max(LEAST_SAMPLING_M, round(found.pixel_m, 3))
+    rasters = height_rasters(found.plants, scene, frame, cell_m)
     refused = "" if traits is None else traits.unknown.get("height_m", "")
-    for file in (CANOPY_FILE, SURFACE_FILE):
-        canopy = file == CANOPY_FILE
-        raster = height_raster(found.plants, scene, frame, cell_m, canopy=canopy)
-        write_raster(folder / file, raster, canopy=canopy, refused=refused if canopy else "")
-    return [name for file in (CANOPY_FILE, SURFACE_FILE) for name in (file, Path(file).with_suffix(".qml").name)]
+    return write_heights(folder, rasters[0].grid, [rasters], refused)
+
+
+def write_heights(folder: Path, grid: Grid, plots: Iterable[HeightRasters], refused: str = "") -> list[str]:
+    """Write the rasters of one or many plots as one Cloud Optimized GeoTIFF each, with QGIS styles; the files' names.
+
+    Float32 metres, nodata −9999, deflate, tiles and overviews (average) within the file. Where plots overlap the
+    highest counts.
+
+    Args:
+        folder: that they are written into.
+        grid: of the files; the plots' lie within.
+        plots: one at a time in memory.
+        refused: why plants may be higher than the canopy's says: the reason that the traits give instead of a height.
+            It goes into the band's description and the tag `REFUSED_TAG`.
+    """
+    require_rasters()
+    names = (CANOPY_FILE, SURFACE_FILE)
+    folder.mkdir(parents=True, exist_ok=True)
+    with ExitStack() as stack:
+        files = [stack.enter_context(optimized(folder / name, grid, **_OPTIONS)) for name in names]
+        for plot in plots:
+            for file, raster in zip(files, plot, strict=True):
+                _lay(file, grid, raster)
+        for name, file in zip(names, files, strict=True):
+            canopy = name == CANOPY_FILE
+            least = f", AT LEAST: {refused}" if refused else ""
+            file.set_band_description(1, f"canopy height, m{least}" if canopy else "surface height, m")
+            file.update_tags(units="metre", **({REFUSED_TAG: refused} if refused and canopy else {}))
+            share = min(1.0, _COLORED_PX / max(file.shape))
+            small = file.read(1, out_shape=tuple(max(1, int(share * side)) for side in file.shape), masked=True)
+            write_style(folder / name, color_span(small.filled(np.nan), canopy=canopy), canopy=canopy)
+    return [name for file in names for name in (file, Path(file).with_suffix(".qml").name)]
+
+
+def _lay(file: Any, grid: Grid, raster: HeightRaster) -> None:
+    """Write the heights of a plot into a file where they are the highest."""
+    from rasterio.windows import Window
+
+    rows, columns = raster.heights.shape
+    window = Window(raster.grid.left - grid.left, raster.grid.top - grid.top, columns, rows)
+    highest = np.fmax(file.read(1, window=window, masked=True).filled(np.nan), raster.heights)
+    file.write(np.where(np.isfinite(highest), highest, np.float32(NODATA)), 1, window=window)
 
 
 def coarse_place(frame: MetricFrame) -> str:
@@ -171,54 +210,11 @@ def coarse_place(frame: MetricFrame) -> str:
     return f"positions are good to {sigma_m:.1f} m only: the rasters may lie that far off, the surface's heights too"
 
 
-def write_raster(path: Path, raster: HeightRaster, *, canopy: bool, refused: str = "") -> None:
-    """Write a Cloud Optimized GeoTIFF, and beside it a QGIS style of the same name with the suffix .qml.
-
-    Float32 metres, nodata −9999, deflate, tiles and overviews (average) within the file.
-
-    Args:
-        refused: why plants may be higher than it says: the reason that the traits give instead of a height. It goes
-            into the band's description and the tag `REFUSED_TAG`.
-    """
-    require_rasters()
-    import rasterio
-    import rasterio.shutil
-
-    values = np.where(np.isfinite(raster.heights), raster.heights, np.float32(NODATA))
-    profile: dict[str, Any] = {
-        "driver": "GTiff",
-        "width": values.shape[1],
-        "height": values.shape[0],
-        "count": 1,
-        "dtype": "float32",
-        "crs": f"EPSG:{raster.epsg}",
-        "nodata": NODATA,
-        "transform": rasterio.Affine(raster.cell_m, 0.0, raster.west, 0.0, -raster.cell_m, raster.north),
-    }
-    with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
-        plain, optimized = str(Path(folder) / "plain.tif"), Path(folder) / path.name
-        with rasterio.open(plain, "w", **profile) as file:
-            file.write(values, 1)
-            least = f", AT LEAST: {refused}" if refused else ""
-            file.set_band_description(1, f"canopy height, m{least}" if canopy else "surface height, m")
-            file.update_tags(units="metre", **({REFUSED_TAG: refused} if refused else {}))
-        rasterio.shutil.copy(
-            plain,
-            str(optimized),
-            driver="COG",
-            COMPRESS="DEFLATE",
-            PREDICTOR="FLOATING_POINT",
-            BLOCKSIZE=str(_BLOCK),
-            OVERVIEWS="IGNORE_EXISTING",
-            OVERVIEW_RESAMPLING="AVERAGE",
-        )
-        write_atomic(path, optimized.read_bytes())
-    write_style(path, color_span(raster.heights, canopy=canopy), canopy=canopy)
-
-
 def color_span(heights: Float32Array, *, canopy: bool) -> tuple[float, float]:
     """Heights between which a raster's colours lie, metres: from 0 to the highest of a canopy, 96 % of a surface's."""
     known = heights[np.isfinite(heights)]
+    if not len(known):
+        return 0.0, 0.0
     low, high = (0.0, known.max()) if canopy else np.quantile(known, [0.02, 0.98])
     return float(low), float(high)
 

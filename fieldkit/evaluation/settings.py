@@ -35,7 +35,7 @@ class EvaluationSettings(Strict):
     """Distances for precision, recall and F-score, metres; 0.002,0.005,0.01,0.02 where not given."""
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     rasters: bool = False
-    """Also write canopy-height.tif and surface.tif (GeoTIFF in UTM, with QGIS styles)."""
+    """Also write canopy-height.tif and surface.tif (GeoTIFF in UTM, with QGIS styles); of many plots orthophoto.tif."""
     gsd_m: Annotated[float | None, Field(gt=0, lt=10)] = None
     """With rasters: edge of their cells, metres; 5 mm or the depth maps' pixel where not given."""
 

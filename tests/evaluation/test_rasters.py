@@ -15,11 +15,11 @@ from fieldkit.evaluation.rasters import (
     HeightRaster,
     Rasters,
     coarse_place,
-    height_raster,
+    height_rasters,
     require_rasters,
     style_text,
     to_utm,
-    write_raster,
+    write_heights,
     write_rasters,
 )
 from fieldkit.geometry import Similarity
@@ -43,24 +43,23 @@ LEAF, SOIL = plate((0.0, 0.0), (0.2, 0.1), 0.3), plate((-0.3, -0.3), (0.3, 0.3),
 def at(raster: HeightRaster, x: float, y: float) -> float:
     """The height at a place of the plot frame."""
     moved, epsg = to_utm(Cloud(np.array([[x, y, 0.0]])), FRAME)
-    assert epsg == raster.epsg
-    east, north, _ = moved.points[0]
-    return float(raster.heights[int((raster.north - north) / CELL_M), int((east - raster.west) / CELL_M)])
+    assert epsg == raster.grid.epsg
+    (row,), (column,) = raster.grid.cells(moved.points)
+    return float(raster.heights[row, column])
 
 
 def test_the_canopy_is_where_the_leaf_is() -> None:
-    raster = height_raster(LEAF, SOIL, FRAME, CELL_M, canopy=True)
+    raster, _ = height_rasters(LEAF, SOIL, FRAME, CELL_M)
     assert at(raster, 0.1, 0.05) == pytest.approx(0.3, abs=1e-6)
     assert at(raster, -0.1, 0.05) == 0.0
     assert at(raster, 0.1, -0.05) == 0.0
     assert np.isnan(raster.heights).any()  # UTM's north is not the plot's: the corners were not seen
     covered = np.count_nonzero(raster.heights > 0.2) * CELL_M**2
     assert covered == pytest.approx(0.02, abs=0.5 * 0.6 * CELL_M + 0.002)  # cells that the edge runs through count
-    assert raster.west / CELL_M == pytest.approx(round(raster.west / CELL_M), abs=1e-4)
 
 
 def test_the_surface_is_above_the_datum() -> None:
-    raster = height_raster(LEAF, SOIL, FRAME, CELL_M, canopy=False)
+    _, raster = height_rasters(LEAF, SOIL, FRAME, CELL_M)
     ground = FRAME.origin.altitude_m + 1.2  # the example's source frame lies 1.2 m below the ground
     assert at(raster, 0.1, 0.05) == pytest.approx(ground + 0.3, abs=1e-3)
     assert at(raster, -0.1, 0.05) == pytest.approx(ground + 0.004, abs=1e-3)
@@ -87,9 +86,9 @@ def test_positions_of_metres_leave_the_plot_where_its_site_has_it(tmp_path: Path
 
 def test_refusals(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(UsageError, match="no ground"):
-        height_raster(LEAF, SOIL, replace(FRAME, ground=None), CELL_M, canopy=True)
+        height_rasters(LEAF, SOIL, replace(FRAME, ground=None), CELL_M)
     with pytest.raises(UsageError, match="too large"):
-        height_raster(LEAF, SOIL, FRAME, 1e-5, canopy=True)
+        height_rasters(LEAF, SOIL, FRAME, 1e-5)
     monkeypatch.setattr("importlib.util.find_spec", lambda name: object())
     with pytest.raises(UsageError, match="no place on Earth"):
         require_rasters(replace(FRAME, origin=None))
@@ -115,15 +114,16 @@ def test_a_style_has_its_colours_in_order() -> None:
 def test_files(tmp_path: Path) -> None:
     """Opened as any program would: the place, the datum, no data, overviews and the layout for the web."""
     rasterio = pytest.importorskip("rasterio")
-    raster = height_raster(LEAF, plate((-3.0, -3.0), (3.0, 3.0), 0.0, 400_000), FRAME, CELL_M, canopy=True)
-    write_raster(tmp_path / CANOPY_FILE, raster, canopy=True)
+    rasters = height_rasters(LEAF, plate((-3.0, -3.0), (3.0, 3.0), 0.0, 400_000), FRAME, CELL_M)
+    raster, _ = rasters
+    write_heights(tmp_path, raster.grid, [rasters])
     with rasterio.open(tmp_path / CANOPY_FILE) as file:
-        assert file.crs.to_epsg() == raster.epsg
+        assert file.crs.to_epsg() == raster.grid.epsg
         assert file.tags(ns="IMAGE_STRUCTURE")["LAYOUT"] == "COG"
         assert file.overviews(1)
         assert file.nodata == -9999.0
         assert file.res == (CELL_M, CELL_M)
-        assert (file.bounds.left, file.bounds.top) == pytest.approx((raster.west, raster.north))
+        assert (file.bounds.left, file.bounds.top) == pytest.approx((raster.grid.west, raster.grid.north))
         np.testing.assert_array_equal(file.read(1, masked=True).filled(np.nan), raster.heights)
         east, north, _ = to_utm(Cloud(np.array([[0.1, 0.05, 0.0]])), FRAME)[0].points[0]
         assert next(file.sample([(east, north)]))[0] == pytest.approx(0.3, abs=1e-6)

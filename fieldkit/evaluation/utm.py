@@ -1,0 +1,191 @@
+"""Between a plot frame and UTM, and Cloud Optimized GeoTIFFs on grids in UTM."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from fieldkit.arrays import BoolArray, FloatArray, IntArray
+from fieldkit.errors import UsageError
+from fieldkit.files import write_atomic
+from fieldkit.reconstruction.result import MetricFrame
+
+MOST_CELLS = 100_000_000
+"""Most cells of a plot's raster."""
+BLOCK = 256
+"""Side of a raster's blocks, cells."""
+_SOUTHERN = 32700
+"""EPSG codes of southern zones are above."""
+
+
+class Projection:
+    """Between the plot frame of a georeferenced result and WGS 84 / UTM, exact (PROJ).
+
+    Heights there are above the datum of the frame's origin. Raises ValueError beyond −80…84° of latitude.
+    """
+
+    def __init__(self, frame: MetricFrame) -> None:
+        from pyproj import Transformer
+
+        if frame.origin is None:
+            raise ValueError("the frame is not georeferenced")
+        origin, self.epsg = frame.origin, frame.origin.utm_epsg()
+        self._motion = frame.plot_from_source
+        south = " +south" if self.epsg > _SOUTHERN else ""
+        self._proj = Transformer.from_pipeline(
+            f"+proj=pipeline +ellps=WGS84 +step +inv +proj=topocentric +lat_0={origin.latitude_deg!r} "
+            f"+lon_0={origin.longitude_deg!r} +h_0={origin.altitude_m!r} +step +inv +proj=cart "
+            f"+step +proj=utm +zone={self.epsg % 100}{south}"
+        )
+
+    def to_utm(self, points: FloatArray) -> FloatArray:
+        """Easting, northing and height of points (..., 3) of the plot frame, metres."""
+        source = self._motion.inverse().apply(points)
+        return np.stack(self._proj.transform(*np.moveaxis(source, -1, 0)), axis=-1)
+
+    def to_plot(self, utm: FloatArray) -> FloatArray:
+        """The way back, (..., 3)."""
+        east, north, height = np.moveaxis(utm, -1, 0)
+        source = self._proj.transform(east, north, height, direction="INVERSE")
+        return self._motion.apply(np.stack(source, axis=-1))
+
+    def shape(self, polygon: shapely.Geometry, z: float) -> shapely.Geometry:
+        """A polygon of the plot frame, at a height there, in UTM."""
+        return shapely.transform(polygon, lambda xy: self.to_utm(np.insert(xy, 2, z, axis=1))[:, :2])
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Square cells in UTM, the first the north-western one. Grids of the same cells fit each other."""
+
+    left: int
+    """Easting of the outer corner of the first cell, cells."""
+    top: int
+    """Northing of the same, cells, southwards."""
+    columns: int
+    rows: int
+    cell_m: float
+    """Edge of a cell, metres."""
+    epsg: int
+
+    @classmethod
+    def about(cls, utm: FloatArray, cell_m: float, epsg: int, *, multiple: int = 1, most: int = MOST_CELLS) -> Grid:
+        """The least grid with a cell for each of some places (n, 2 or more).
+
+        Args:
+            utm: easting, northing, metres.
+            cell_m: edge of the cells.
+            epsg: of the zone.
+            multiple: number of cells of which corner and sides are multiples.
+            most: cells; more are refused (UsageError).
+        """
+        cells = np.floor(utm[:, :2] * (1.0, -1.0) / (multiple * cell_m)).astype(np.int64)
+        left, top = (multiple * cells.min(axis=0)).tolist()
+        columns, rows = (multiple * (np.ptp(cells, axis=0) + 1)).tolist()
+        if rows * columns > most:
+            raise UsageError(
+                f"a raster of {columns} × {rows} cells of {1000 * cell_m:g} mm is too large",
+                remedy="Give larger cells with --gsd.",
+            )
+        return cls(left, top, columns, rows, cell_m, epsg)
+
+    @property
+    def west(self) -> float:
+        """Easting of the outer corner of the first cell, metres."""
+        return self.left * self.cell_m
+
+    @property
+    def north(self) -> float:
+        """Its northing, metres."""
+        return -self.top * self.cell_m
+
+    def transform(self, step: int = 1) -> Any:
+        """From columns and rows of squares of so many cells to easting and northing, as rasterio takes it."""
+        from rasterio import Affine
+
+        return Affine(step * self.cell_m, 0.0, self.west, 0.0, -step * self.cell_m, self.north)
+
+    def cells(self, utm: FloatArray) -> tuple[Any, Any]:
+        """Rows and columns (n,) of the cells of places (n, 2 or more)."""
+        return (
+            np.floor(-utm[:, 1] / self.cell_m).astype(np.int64) - self.top,
+            np.floor(utm[:, 0] / self.cell_m).astype(np.int64) - self.left,
+        )
+
+    def holds(self, utm: FloatArray) -> BoolArray:
+        """(n,) which of some places it has a cell for."""
+        row, column = self.cells(utm)
+        return np.asarray((row >= 0) & (row < self.rows) & (column >= 0) & (column < self.columns))
+
+    def places(self, height: float, step: int = 1, beyond: int = 0) -> FloatArray:
+        """(rows, columns, 3) easting and northing of the middles of squares, and a height.
+
+        Args:
+            height: of all.
+            step: edge of a square, cells; divides the sides.
+            beyond: squares more on each side.
+        """
+        east, south = (
+            (first + step * (np.arange(-beyond, count // step + beyond) + 0.5)) * self.cell_m
+            for first, count in ((self.left, self.columns), (self.top, self.rows))
+        )
+        return np.stack([*np.meshgrid(east, -south), np.full((len(south), len(east)), height)], axis=-1)
+
+    def painted(self, shapes: Sequence[shapely.Geometry], numbers: Sequence[int], step: int = 1) -> IntArray:
+        """(rows, columns) number of the last of some polygons in UTM that a square's middle lies in; 0 in none."""
+        from rasterio import features
+
+        transform, shape = self.transform(step), (self.rows // step, self.columns // step)
+        painted = features.rasterize(zip(shapes, numbers, strict=True), shape, transform=transform, dtype="int32")
+        return np.asarray(painted, dtype=np.int64)
+
+
+@contextmanager
+def optimized(path: Path, grid: Grid, **options: Any) -> Iterator[Any]:
+    """A raster to be written and read by windows (rasterio, "w+"); in the end a Cloud Optimized GeoTIFF.
+
+    Args:
+        path: of the file.
+        grid: its cells.
+        options: how it is written; those in small letters are rasterio's own, as of its ``open``, the others of GDAL's
+            driver COG.
+    """
+    import rasterio
+    import rasterio.shutil
+
+    own = {name: value for name, value in options.items() if name.islower()}
+    with tempfile.TemporaryDirectory(prefix=".raster-", dir=path.parent) as folder:
+        plain, made = str(Path(folder) / "plain.tif"), Path(folder) / path.name
+        profile = {
+            "driver": "GTiff",
+            "width": grid.columns,
+            "height": grid.rows,
+            "crs": f"EPSG:{grid.epsg}",
+            "transform": grid.transform(),
+            "tiled": True,
+            "blockxsize": BLOCK,
+            "blockysize": BLOCK,
+            "sparse_ok": True,
+            "bigtiff": "IF_SAFER",
+        }
+        with rasterio.open(plain, "w+", **profile, **own) as file:
+            yield file
+        rasterio.shutil.copy(
+            plain,
+            str(made),
+            driver="COG",
+            BLOCKSIZE=str(BLOCK),
+            OVERVIEWS="IGNORE_EXISTING",
+            OVERVIEW_RESAMPLING="AVERAGE",
+            BIGTIFF="IF_SAFER",
+            SPARSE_OK="TRUE",
+            **{name: value for name, value in options.items() if name.isupper()},
+        )
+        write_atomic(path, made.read_bytes())
