@@ -107,8 +107,8 @@ def _of_places(ground: Plane, plants: Cloud, poses: Mapping[str, Pose]) -> Itera
     if len(middles):
         message = (
             f"the photographs look at {len(middles)} places, {pdist(middles).min():.1f} m apart and more, as of so "
-            "many plots, and were reconstructed as one; give each plot's --bounds, or let `fieldkit campaign init` "
-            "and `evaluate --campaign` sort them"
+            "many plots, and were reconstructed as one; give the plots' outlines with `fieldkit evaluate --plots`, or "
+            "let `campaign init` and `evaluate --campaign` sort the photographs"
         )
         yield PLOTS_TOGETHER, message
 
