@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -59,6 +59,8 @@ class Canopy:
     """(rows, columns) height of the highest point above the ground; NaN where there is none."""
     cover: Float32Array
     """(rows, columns) share of each cell that lies below plants, without the seam about leaves."""
+    leaf_share: float = 1.0
+    """Of what points cover, the share that lies within the seam of still leaves."""
 
     def within(self, outline: Outline) -> Canopy:
         """The same, with nothing covered beyond an outline; a cell counts where its middle does."""
@@ -68,7 +70,7 @@ class Canopy:
         inside = np.zeros((rows, columns), dtype=np.bool_)
         row, column = np.nonzero(self.cover)
         inside[row, column] = inside_outline(np.column_stack([x[column], y[row]]), outline)
-        return Canopy(self.low, self.cell_m, self.tops, np.where(inside, self.cover, np.float32(0.0)))
+        return replace(self, cover=np.where(inside, self.cover, np.float32(0.0)))
 
     @property
     def covered_m2(self) -> float:
@@ -151,7 +153,9 @@ def canopy(
     over = cv2.morphologyEx(tops, cv2.MORPH_CLOSE, window, borderType=cv2.BORDER_CONSTANT, borderValue=-float("inf"))
     over = np.where(np.isfinite(over), over, cv2.dilate(tops, square))
     tops = np.where(((within > 0) | (cover > 0)) & np.isfinite(over), over, np.float32(np.nan))
-    return Canopy((float(low[0]), float(low[1])), cell, tops, np.where(np.isnan(tops), 0.0, cover).astype(np.float32))
+    cover = np.where(np.isnan(tops), 0.0, cover).astype(np.float32)
+    still, none = (np.clip(within - of, 0.0, 1.0).sum() for of in (seam_cells(pixel_m) * pixel_m / cell, 0.5))
+    return Canopy((float(low[0]), float(low[1])), cell, tops, cover, float(still / none))
 
 
 def with_room_m(top_m: float) -> float:

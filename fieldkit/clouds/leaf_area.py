@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from fieldkit.clouds.canopy import Canopy
 from fieldkit.clouds.cells import voxel_thin
 from fieldkit.clouds.cloud import Cloud
 
@@ -17,25 +18,25 @@ _REACH_VOXELS = 4
 by a quarter of it."""
 _WHOLE = 0.9
 """Quantile of the counts that stands for a leaf shown whole."""
-_SHOWN = 0.90
-"""What the counts make of a true area: fitted on 2 plots of 3 plants (V6, V10, wind, a ring) and a block at V10
-(docs/traits.md)."""
+_SHOWN = 0.80
+"""What counts and seam make of a true area: fitted on plots of a ring and of trials, V4 to R1 (docs/traits.md)."""
 _COUNTED = 20_000
 """About how many points are counted at."""
 
 
-def leaf_area_m2(plants: Cloud, pixel_m: float) -> float:
+def leaf_area_m2(plants: Cloud, seen: Canopy, pixel_m: float) -> float:
     """One side of the leaves, square metres.
 
     A cloud in which photographs show leaves whole has as many points on every square metre of leaf, once it is thinned:
-    the number of its points over that density is the area. Seams of few points about edges that sway, which widen
-    leaves in counts of voxels (Hosoi & Omasa 2006), add little, and depths that scatter nothing.
+    the number of its points over that density is the area, less the seam about leaves. What counts of voxels (Hosoi &
+    Omasa 2006) grow with adds little: few points about edges that sway, and depths that scatter.
 
     Args:
         plants: at least one point.
+        seen: the same from above.
         pixel_m: what a pixel of the depth maps covers at the plants.
     """
     voxel_m = max(_THIN_M, _THIN_PIXELS * pixel_m)
     points, reach_m = voxel_thin(plants, voxel_m).points, _REACH_VOXELS * voxel_m
     near = cKDTree(points).query_ball_point(points[:: 1 + len(points) // _COUNTED], reach_m, return_length=True)
-    return float(len(points) * np.pi * reach_m**2 / np.quantile(near, _WHOLE) / _SHOWN)
+    return float(seen.leaf_share * len(points) * np.pi * reach_m**2 / np.quantile(near, _WHOLE) / _SHOWN)

@@ -43,7 +43,7 @@ AREA_ERROR = 0.11
 """Error of an area that nine in ten plots of the benchmark were within, as a share (docs/traits.md)."""
 VOLUME_ERROR = 0.14
 """The same of a volume."""
-LAI_ERROR = 0.16
+LAI_ERROR = 0.17
 """The same of a leaf area index; of clouds whose leaves sway, too."""
 MOST_LAI_ERROR = 0.20
 """Error of a leaf area index, as a share, beyond which there is none."""
@@ -160,7 +160,7 @@ def plot_traits(
     ground_m = NINE_IN_TEN * found.sparse.frame.ground_sigma_m
     frame_m = float(np.hypot(NINE_IN_TEN * doubt * height, ground_m))
     area_error = float(np.hypot(of_area * AREA_ERROR, 2.0 * NINE_IN_TEN * doubt))
-    lai = None if area is None else leaf_area_m2(own, found.pixel_m) / area
+    lai = None if area is None else leaf_area_m2(own, seen, found.pixel_m) / area
     lai_error = float(np.hypot(max(1.0, found.pixel_m / FITTED_PIXELS_M[1]) * LAI_ERROR, 2.0 * NINE_IN_TEN * doubt))
     volume_error = float(np.hypot(of_area * VOLUME_ERROR, 3.0 * NINE_IN_TEN * doubt))
     values: dict[Trait, tuple[float | None, float]] = {
