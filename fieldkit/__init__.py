@@ -1,7 +1,7 @@
 """fieldkit: reference clouds, capture scores, camera plans and missions of field plots from photographs.
 
-The commands as functions: `build_reference`, `plan`, `export_mission`, `check`, `evaluate`, `compare_evaluations` and
-`write_report`. They are imported when first used, so that ``import fieldkit`` stays light.
+The commands as functions: `build_reference`, `plan`, `export_mission`, `check`, `evaluate`, `evaluate_flight`,
+`compare_evaluations` and `write_report`. They are imported when first used, so that ``import fieldkit`` stays light.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from fieldkit.evaluation.compare import Comparison as Comparison
     from fieldkit.evaluation.compare import compare_evaluations as compare_evaluations
     from fieldkit.evaluation.evaluate import evaluate as evaluate
+    from fieldkit.evaluation.flight import evaluate_flight as evaluate_flight
     from fieldkit.evaluation.reference import build_reference as build_reference
     from fieldkit.evaluation.settings import EvaluationSettings as EvaluationSettings
     from fieldkit.fieldcheck.check import check as check

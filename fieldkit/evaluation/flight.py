@@ -69,7 +69,7 @@ from fieldkit.wording import count
 
 DrawnPlot = tuple[SitePlot, Ring | None]
 """A plot and its polygon (latitude, longitude), or None."""
-MOST_VIEWS = 24
+MOST_VIEWS = 12
 """Most photographs that a plot is reconstructed from: those that show it best."""
 LEAST_VIEWS = 2
 """Least number of photographs that show a plot."""
