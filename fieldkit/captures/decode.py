@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +21,6 @@ _DETAIL_PX = 256
 """Side of the pictures in which two photographs' details are compared, pixels."""
 _SAME_DETAIL = 0.9
 """Least correlation of the details of one photograph in two files."""
-_COMPLAINT = re.compile(r"Corrupt JPEG data|Premature end of JPEG|Inconsistent progression|libpng error")
 _STANDALONE = frozenset({0x01, *range(0xD0, 0xD9)})
 _REDUCED = {
     2: (cv2.IMREAD_REDUCED_COLOR_2, cv2.IMREAD_REDUCED_GRAYSCALE_2),
@@ -74,33 +69,6 @@ def read_image(photo: Photo | Path, *, max_side: int | None = None, gray: bool =
     if not gray:
         image = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
     return np.ascontiguousarray(image, dtype=np.uint8)
-
-
-@contextmanager
-def decoders_complaints() -> Iterator[list[str]]:
-    """What libjpeg and libpng say of damage meanwhile: they write it to the process's stderr and go on.
-
-    What else is written there meanwhile is passed on. Not for two threads at once.
-    """
-    lines: list[str] = []
-    try:
-        usual = os.dup(2)
-    except OSError:  # no stderr
-        yield lines
-        return
-    with tempfile.TemporaryFile() as caught:
-        os.dup2(caught.fileno(), 2)
-        try:
-            yield lines
-        finally:
-            os.dup2(usual, 2)
-            os.close(usual)
-            caught.seek(0)
-            for line in caught.read().decode("utf-8", "replace").splitlines(keepends=True):
-                if _COMPLAINT.search(line):
-                    lines.append(line.strip())
-                else:
-                    os.write(2, line.encode())
 
 
 def _reduction(size: tuple[int, int], max_side: int) -> int:

@@ -12,17 +12,18 @@ import numpy as np
 from fieldkit.arrays import FloatArray
 from fieldkit.captures import Capture, Photo, read_capture
 from fieldkit.captures.bursts import by_station
+from fieldkit.captures.quality import PictureVerdict, judge_pictures
 from fieldkit.errors import CaptureError, UsageError
 from fieldkit.evaluation.adherence import LoggedFlight
 from fieldkit.evaluation.evaluate import find_plots
 from fieldkit.fieldcheck.model import OTHER_PLOT, CheckReport, finding_of
-from fieldkit.fieldcheck.pictures import PictureVerdict, judge_pictures, load_pictures, with_damage
 from fieldkit.fieldcheck.placement import Placed, angles_as_meant, place_tags, read_tags
 from fieldkit.fieldcheck.settings import CheckSettings
 from fieldkit.fieldcheck.ties import TieGraph, find_ties, with_guided_ties
 from fieldkit.fieldcheck.verdicts import judge, tag_pose
 from fieldkit.reconstruction.guided import region_of_interest
 from fieldkit.reconstruction.mapping.view_graph import connected_parts
+from fieldkit.reconstruction.stages import load_pictures
 from fieldkit.reconstruction.steady import quick_sway_px
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan
@@ -160,7 +161,7 @@ def check_capture(
     known = [capture.priors.get(name) for name in capture.names]
     positions = [None if p is None else p.position for p in known]
     graph = find_ties(capture, context, fallback=None if plan is None else plan.camera, positions=positions)
-    looks = with_damage(judge_pictures(capture, pictures), capture, context.cache)
+    looks = judge_pictures(capture, pictures)
     sizes = [max(1, len(photo.burst)) for photo in capture.photos]
     burst, plot_name = int(np.bincount(sizes).argmax()), None if plot is None else plot.name
     report = CheckReport(name, sum(sizes), (), (), plot_name, burst=burst)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fieldkit.arrays import FloatArray
+from fieldkit.captures.quality import PictureVerdict
 from fieldkit.fieldcheck.model import CheckReport, StationCheck, finding_of
-from fieldkit.fieldcheck.pictures import PictureVerdict
 from fieldkit.fieldcheck.placement import Placed, axis_turn_deg
 from fieldkit.fieldcheck.settings import CheckSettings
 from fieldkit.fieldcheck.ties import TieGraph, tie_errors_deg

@@ -11,8 +11,9 @@ import numpy as np
 
 from fieldkit.arrays import FloatArray
 from fieldkit.cache import digest
-from fieldkit.captures import find_mask, quality_findings, read_image
+from fieldkit.captures import find_mask, read_image
 from fieldkit.captures.model import Capture, Photo
+from fieldkit.captures.quality import judge_pictures, quality_findings
 from fieldkit.clouds.cells import voxel_edge_m, without_strays
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
@@ -59,7 +60,7 @@ from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseRe
 from fieldkit.reconstruction.scale import POSITIONS_TOO_COARSE, scale_by_markers, source_of_scale
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.silhouettes import hull_volume, outlines
-from fieldkit.reconstruction.stages import StageTimer, load_quality
+from fieldkit.reconstruction.stages import StageTimer, load_pictures
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.results.evaluation import StageTime
 from fieldkit.results.finding import Finding
@@ -174,8 +175,8 @@ def place_photographs(
     timer = StageTimer(context.progress)
     if settings.mask == "file":
         _require_masks(capture)
-    with timer.stage("Reading photographs"):
-        findings += quality_findings(load_quality(capture, context.cache))
+    with timer.stage("Sharpness and exposure", len(capture.photos)) as advance:
+        findings += quality_findings(judge_pictures(capture, load_pictures(capture.photos, context, advance)))
     sparse, cached = place(capture, settings, findings, replace(context, progress=timer), known_plot)
     if sparse.right < _MIN_DENSE_VIEWS:
         raise _too_few(sparse)

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from fieldkit.arrays import FloatArray
 from fieldkit.cache import StageCache, digest
-from fieldkit.captures import Capture, Photo, Quality, assess_quality, find_mask, measure_photo, read_image
+from fieldkit.captures import Photo, read_image
+from fieldkit.captures.quality import Picture, measure_photo
 from fieldkit.geometry import Intrinsics
 from fieldkit.reconstruction.features import Features, Partners, extract_features, extract_ground_features, is_oblique
 from fieldkit.reconstruction.learned import WORKING_SIDE, LearnedFeatures, extract_learned, match_learned
@@ -23,6 +24,7 @@ from fieldkit.reconstruction.settings import FeatureSettings, VerificationSettin
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.results.evaluation import StageTime
 from fieldkit.runtime.context import Context
+from fieldkit.runtime.executor import map_threads
 from fieldkit.runtime.machine import Spent
 from fieldkit.runtime.progress import Advance, Progress
 
@@ -30,6 +32,8 @@ T = TypeVar("T")
 Arrays = dict[str, np.ndarray]
 RATIO = 0.8
 """Lowe's ratio of blind matching."""
+_AT_ONCE = 4
+"""Number of photographs whose quality is measured at once at most: each takes 0.1 GB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,23 +245,18 @@ def keep_matches(
     return cache.kept("guided", key, lambda: {"matches": compute()})["matches"]
 
 
-def load_quality(capture: Capture, cache: StageCache) -> dict[str, Quality]:
-    """`assess_quality` with each photograph's measurements kept; one with a mask beside it is measured anew."""
+def load_pictures(photos: Sequence[Photo], context: Context, advance: Advance = lambda _: None) -> dict[str, Picture]:
+    """Sharpness and exposure of photographs by name, from the cache where they are there."""
 
-    def measure(photo: Photo) -> Quality:
-        if find_mask(photo.path) is not None:
-            return measure_photo(photo)
+    def load(photo: Photo) -> Picture:
+        key = digest("quality", STAGES["quality"], photo.sha256)
+        arrays = context.cache.kept(
+            "quality", key, lambda: {k: np.asarray(v) for k, v in vars(measure_photo(photo)).items()}
+        )
+        return Picture(**{name: value if value.ndim else value.item() for name, value in arrays.items()})  # type: ignore[arg-type]
 
-        def measured() -> dict[str, np.ndarray]:
-            found = measure_photo(photo)
-            values = [found.sharpness, found.contrast, found.clipped_dark, found.clipped_bright]
-            return {"values": np.array(values), "flags": np.array(found.flags, dtype=np.str_)}
-
-        kept = cache.kept("quality", digest("quality", STAGES["quality"], photo.sha256), measured)
-        sharpness, contrast, dark, bright = (float(v) for v in kept["values"])
-        return Quality(sharpness, contrast, dark, bright, tuple(str(flag) for flag in kept["flags"]))
-
-    return assess_quality(capture, measure=measure)
+    found = map_threads(load, photos, workers=min(context.workers, _AT_ONCE), advance=advance)
+    return {photo.name: each for photo, each in zip(photos, found, strict=True)}
 
 
 class StageTimer:

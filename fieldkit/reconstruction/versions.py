@@ -15,7 +15,7 @@ from types import MappingProxyType
 STAGES: Mapping[str, int] = MappingProxyType(
     {
         "bursts": 1,  # their steady photographs and their sway
-        "quality": 2,  # sharpness, exposure and damage of a photograph
+        "quality": 3,  # sharpness and exposure of a photograph
         "features": 2,
         "learned": 1,  # features and matches of networks, where ties are weak
         "pairs": 1,  # blind matches and their verification
@@ -34,5 +34,5 @@ STAGES: Mapping[str, int] = MappingProxyType(
 )
 """Version by stage, in the order in which they run."""
 
-BESIDE: Mapping[str, int] = MappingProxyType({"match-graph": 1, "field-check-picture": 3, "check-pair": 1})
+BESIDE: Mapping[str, int] = MappingProxyType({"match-graph": 1, "check-pair": 1})
 """The same of what is kept in the cache and no score depends on."""

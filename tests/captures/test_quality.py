@@ -1,101 +1,98 @@
-"""Sharpness and exposure."""
+"""Sharpness and exposure, measured on photographs that are spoilt in known ways."""
 
-import os
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from fieldkit.captures import assess_quality, flag_set, measure_quality, quality_findings, read_capture, read_image
-from fieldkit.captures.decode import decoders_complaints
-from tests.captures.photographs import MakePhoto, texture
-
-
-def gray_texture(seed: int = 0, width: int = 400, height: int = 300) -> np.ndarray:
-    return cv2.cvtColor(np.asarray(texture(seed, width, height)), cv2.COLOR_RGB2GRAY)
-
-
-def motion_blur(gray: np.ndarray, length: int) -> np.ndarray:
-    return cv2.filter2D(gray, -1, np.full((1, length), 1 / length, np.float32))
-
-
-def test_a_larger_copy_of_the_same_picture_is_as_sharp() -> None:
-    large = gray_texture(0, 2048, 1536)
-    small = cv2.resize(large, (1024, 768), interpolation=cv2.INTER_AREA)
-    assert measure_quality(large).sharpness == pytest.approx(measure_quality(small).sharpness, rel=0.01)
-
-
-@pytest.mark.parametrize(
-    ("value", "flags"), [(0, {"empty", "under-exposed"}), (128, {"empty"}), (255, {"empty", "over-exposed"})]
+from fieldkit.captures import CameraGroup, Capture, Photo
+from fieldkit.captures.quality import (
+    DIRECTIONS,
+    blur_ratios,
+    edge_widths,
+    judge_pictures,
+    measure_photo,
+    measure_picture,
+    quality_findings,
 )
-def test_blank_images(value: int, flags: set[str]) -> None:
-    assert set(measure_quality(np.full((90, 120), value, np.uint8)).flags) == flags
 
 
-def test_exposure() -> None:
-    gray = gray_texture().astype(float)
-    dark = measure_quality(np.clip(gray / 10 - 12, 0, 255).astype(np.uint8))
-    bright = measure_quality(np.clip(gray * 1.5 + 110, 0, 255).astype(np.uint8))
-    assert dark.clipped_dark > 0.5
-    assert "under-exposed" in dark.flags
-    assert bright.clipped_bright > 0.5
-    assert "over-exposed" in bright.flags
+def texture(seed: int = 0, contrast: float = 1.0) -> np.ndarray:
+    """Discs of all sizes and greys: edges of every direction, as sharp as area sampling leaves them."""
+    rng = np.random.default_rng(seed)
+    image = np.full((600, 800), 128.0, np.float32)
+    for _ in range(500):
+        center = (int(rng.integers(0, 3200)), int(rng.integers(0, 2400)))
+        cv2.circle(image, center, int(rng.integers(20, 120)), float(rng.uniform(20, 235)), -1, cv2.LINE_AA, 2)
+    image = 128.0 + contrast * (cv2.GaussianBlur(image, (0, 0), 0.7) - 128.0)
+    return np.clip(image + rng.normal(size=image.shape) * 1.5, 0, 255).astype(np.uint8)
 
 
-def test_a_plant_before_black_cloth_is_well_exposed() -> None:
-    gray = np.zeros((300, 400), np.uint8)
-    gray[100:200, 150:250] = gray_texture()[100:200, 150:250]
-    quality = measure_quality(gray)
-    assert quality.clipped_dark > 0.8
-    assert quality.flags == ()
+def defocused(image: np.ndarray, sigma: float) -> np.ndarray:
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma), np.uint8)
 
 
-def test_a_blurred_image_stands_out_from_its_set() -> None:
-    qualities = {str(seed): measure_quality(gray_texture(seed)) for seed in range(5)}
-    qualities["blurred"] = measure_quality(motion_blur(gray_texture(9), 9))
-    qualities["glare"] = measure_quality(np.clip(gray_texture(8).astype(int) + 110, 0, 255).astype(np.uint8))
-    flagged = flag_set(qualities)
-    assert {name: quality.flags for name, quality in flagged.items() if quality.flags} == {
-        "blurred": ("blurred",),
-        "glare": ("over-exposed",),
-    }
-    assert [(finding.subject, finding.code, finding.left_out) for finding in quality_findings(flagged)] == [
-        ("blurred", "blurred", False),
-        ("glare", "over-exposed", False),
-    ]
+def moved(image: np.ndarray, length: int) -> np.ndarray:
+    """Blurred along x."""
+    return cv2.blur(image, (length, 1))
 
 
-def test_cameras_are_judged_apart_and_masks_are_used(photo_file: MakePhoto) -> None:
-    for name in ("a.jpg", "b.jpg", "c.jpg"):
-        photo_file(name)
-    soft = cv2.GaussianBlur(np.asarray(texture(5, 160, 90)), (0, 0), 3)
-    path = photo_file("d.png")
-    cv2.imwrite(str(path), soft)
-    mask = np.zeros((90, 120), np.uint8)
-    mask[:10, :10] = 255
-    cv2.imwrite(str(path.parent / "a.mask.png"), mask)
-    (path.parent / "b.mask.png").write_bytes(b"not a mask")
-    capture = read_capture(path.parent)
-    quality = assess_quality(capture)
-    assert list(quality) == list(capture.names)
-    assert all(quality[name].flags == () for name in ("a.jpg", "b.jpg", "c.jpg"))
-    assert "blurred" not in quality["d.png"].flags or quality["d.png"].sharpness < 3
-    grey = {name: read_image(capture.photo(name), gray=True) for name in ("a.jpg", "c.jpg")}
-    assert quality["a.jpg"] == measure_quality(grey["a.jpg"], mask > 0) != measure_quality(grey["a.jpg"])
-    assert quality["c.jpg"] == measure_quality(grey["c.jpg"]) != measure_quality(grey["c.jpg"], mask > 0)
+def capture_of(count: int) -> Capture:
+    photos = tuple(Photo(Path(f"{k}.jpg"), f"{k}.jpg", 800, 600, "JPEG", f"{k:064x}") for k in range(count))
+    group = CameraGroup("camera", tuple(photo.name for photo in photos), None, "self-calibrated", False)
+    return Capture(Path(), Path(), photos, (group,), (), {})
 
 
-def test_damage_that_the_decoder_reports_is_told_by_file(photo_file: MakePhoto, capfd) -> None:
-    for name in "abcd":
-        path = photo_file(f"{name}.jpg", size=(640, 480))
-    data = bytearray(path.read_bytes())
-    del data[len(data) // 2 : len(data) // 2 + 500]
-    path.write_bytes(bytes(data))
-    assert [(f.subject, f.code) for f in quality_findings(assess_quality(read_capture(path.parent)))] == [
-        ("d.jpg", "damaged")
-    ]
-    capfd.readouterr()
-    with decoders_complaints() as complaints:
-        os.write(2, b"another library's words\nCorrupt JPEG data: 3 extraneous bytes\n")
-    assert complaints == ["Corrupt JPEG data: 3 extraneous bytes"]
-    assert capfd.readouterr().err == "another library's words\n"
+class TestSharpness:
+    @pytest.mark.parametrize("sigma", [1.5, 2.0, 3.0])
+    def test_blur_widens_edges_in_all_directions(self, sigma: float) -> None:
+        sharp = edge_widths(texture())
+        blurred = edge_widths(defocused(texture(), sigma))
+        assert (blurred > 1.25 * sharp).all()
+        assert blurred == pytest.approx(np.sqrt(sharp**2 + sigma**2), rel=0.25)
+
+    def test_motion_widens_edges_across_its_way_only(self) -> None:
+        ratio = edge_widths(moved(texture(), 9)) / edge_widths(texture())
+        along, across = ratio[[0, DIRECTIONS - 1]], ratio[[DIRECTIONS // 2 - 1, DIRECTIONS // 2]]
+        assert (along > 1.5).all()
+        assert (across < 1.25).all()
+
+    def test_the_blurred_one_stands_out_of_a_set_of_which_two_in_five_are(self) -> None:
+        widths = [edge_widths(texture(seed)) for seed in range(3)]
+        widths += [edge_widths(moved(texture(seed), 7)) for seed in (3, 4)]
+        worst = [float(ratio.max()) for ratio in blur_ratios(widths)]
+        assert max(worst[:3]) < 1.25 < min(worst[3:])
+
+
+class TestPictures:
+    @pytest.mark.parametrize(
+        ("change", "problem"),
+        [
+            (lambda i: i, ""),
+            (lambda i: cv2.GaussianBlur(i, (0, 0), 2.0), "blurred"),
+            (lambda i: (i * 0.35).astype(np.uint8), "too-dark"),
+            (lambda i: np.clip(i.astype(float) * 2.5, 0, 255).astype(np.uint8), "too-bright"),
+            (lambda i: np.full_like(i, 120), "empty"),
+        ],
+    )
+    def test_one_spoilt_photograph_of_five(self, change: object, problem: str) -> None:
+        images = {f"{k}.jpg": texture(k) for k in range(5)}
+        images["2.jpg"] = change(images["2.jpg"])
+        capture = capture_of(5)
+        found = judge_pictures(capture, {n: measure_picture(i) for n, i in images.items()})
+        assert {n: v.problem for n, v in found.items()} == {n: problem if n == "2.jpg" else "" for n in images}
+
+    def test_a_capture_out_of_focus_is_blurred_without_a_sharp_one_to_compare(self) -> None:
+        pictures = {f"{k}.jpg": measure_picture(defocused(texture(k), 2.5)) for k in range(4)}
+        found = judge_pictures(capture_of(4), pictures)
+        assert {v.problem for v in found.values()} == {"blurred"}
+
+    def test_a_file_without_pixels_is_unreadable(self, tmp_path: Path) -> None:
+        (tmp_path / "a.jpg").write_bytes(b"\xff\xd8\xff")
+        pictures = {f"{k}.jpg": measure_picture(texture(k)) for k in range(4)}
+        pictures["3.jpg"] = measure_photo(Photo(tmp_path / "a.jpg", "a.jpg", 800, 600, "JPEG", "0" * 64))
+        found = quality_findings(judge_pictures(capture_of(4), pictures))
+        assert [(finding.subject, finding.code, finding.left_out) for finding in found] == [
+            ("3.jpg", "unreadable", False)
+        ]
